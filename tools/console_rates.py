@@ -1,7 +1,7 @@
-"""Rates of the console on a virtual screen: frames per second of its window and of its images.
+"""Frame rates of the console on a virtual screen: of its window and of its images.
 
-``python -m tools.console_rates`` opens a window of 1280x800 on a camera of 640x400, lets it fly, and prints both rates
-and the time of each. The goals on two llvmpipe cores are 30 and 20 per second. It needs a quiet machine.
+``python -m tools.console_rates`` opens a window of 1280x800 with a camera of 640x400, flies a scenario, and prints both
+rates and the time of each step. The goals on two llvmpipe cores are 30 and 20 per second. Run it on an idle machine.
 """
 
 from __future__ import annotations

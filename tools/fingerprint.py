@@ -1,8 +1,8 @@
-"""The golden manifest: hashes of Flyaround's outputs, to compare two states of the code.
+"""Golden manifest: hashes of Flyaround's outputs, to compare two states of the code.
 
-Scenes in black and white and in colour, with and without the savings of the software path; labelled data sets, a stereo
-pair and an imported mesh among them; a replayed script of the console; poses of the estimator. All but the script goes
-through the command line, in this process: `python -m tools.fingerprint all -o before.json`, then in the other state
+It hashes scenes in mono and RGB, with and without the shortcuts of the software path; labelled data sets, including a
+stereo pair and an imported mesh; a replayed console script; poses of the estimator. All parts but the console script
+run through the command line in this process: `python -m tools.fingerprint all -o before.json`, then in the other state
 `python -m tools.fingerprint all --against before.json`.
 """
 
@@ -43,7 +43,7 @@ SCENES = {
     "close-1024": ("tango-close-3m", SQUARE),
     "blur": ("tango-earth-10m-1024", {"exposure_s = 0.0009": "exposure_s = 0.02"}),
 }
-"""Built-in scenarios and what is replaced in their text."""
+"""Built-in scenarios and the replacements in their text."""
 BANDS: dict[str, tuple[str, ...]] = {"mono": (), "rgb": ("--rgb",)}
 PATHS = {"plain": False, "software": True}
 CAPTURES = {
@@ -61,7 +61,7 @@ MESHES = {
 POSES = {"tango": ("eval-earth", 64), "soyuz-ms": ("eval-black", 32), "dragon": ("eval-black", 32)}
 ANSWER = ("accepted", "reason", "q_camera_from_target_wxyz", "t_camera_from_target_m", "confidence")
 NOT_HASHED = ("software", "machine", "run")
-"""Sections of a card or record that describe its origin."""
+"""Sections of a card or record that describe how the file was made."""
 STEP_MS = 40  # step of the console's clock
 
 
@@ -83,7 +83,7 @@ def digest(content: bytes) -> str:
 
 
 def files_of(folder: Path, part: str) -> dict[str, str]:
-    """Hash every file of a folder; JSON documents without the sections that describe their origin."""
+    """Hash every file of a folder; JSON documents without the sections of `NOT_HASHED`."""
     found = {}
     for path in sorted(p for p in folder.rglob("*") if p.is_file() and ".lock" not in p.name):
         content = path.read_bytes()
@@ -100,7 +100,7 @@ def _without_origin(value: object) -> object:
 
 
 def scenes(folder: Path) -> dict[str, str]:
-    """Hash raw numbers, truth, mask and label layers of the eight scenes, in both bands and on both paths."""
+    """Hash raw numbers, truth, mask and label layers of the scenes, in both bands and on both paths."""
     defaults = Renderer.__init__.__kwdefaults__
     for name, (scenario, changes) in SCENES.items():
         text = _changed(run("scenarios", "--show", scenario), changes)
@@ -118,13 +118,13 @@ def scenes(folder: Path) -> dict[str, str]:
 def _changed(text: str, changes: dict[str, str]) -> str:
     for old, new in changes.items():
         if old not in text:
-            sys.exit(f"there is no line {old} to change in:\n{text}")
+            sys.exit(f"the text has no line {old} to replace:\n{text}")
         text = text.replace(old, new, 1)
     return text
 
 
 def frames(folder: Path) -> dict[str, str]:
-    """Hash every file of small data sets, of a stereo pair's and of an imported mesh's."""
+    """Hash every file of small data sets, one of a stereo pair and one of an imported mesh among them."""
     stereo = folder / "stereo.toml"
     stereo.write_text(run("scenarios", "--show", "tango-flyaround") + STEREO, encoding="utf-8")
     captures = {**CAPTURES, "stereo": (str(stereo), "-n", "2", "--labels", "all")}
@@ -140,7 +140,7 @@ def frames(folder: Path) -> dict[str, str]:
 
 
 def console(_folder: Path) -> dict[str, str]:
-    """Hash the flight of the console's recorded script of version 0.1, step by step."""
+    """Hash the flight of the console script recorded with version 0.1, step by step."""
     v01 = DATA / "v0.1"
     session, table = FlightSession.of(load_scenario(v01 / "session.toml")), command_table()
     replayed = Console(session, Feed(NoRenderer()), options_of(session), table)
@@ -160,7 +160,7 @@ def console(_folder: Path) -> dict[str, str]:
 
 
 def poses(kept: Path) -> dict[str, str]:
-    """Hash the estimator's answers, without times, on 128 images that are made once and kept in a folder."""
+    """Hash the estimator's answers, without times, on 128 images that are rendered once and kept in a folder."""
     found = {}
     for target, (recipe, n) in POSES.items():
         data = kept / target
@@ -179,13 +179,13 @@ PARTS = {"scenes": scenes, "frames": frames, "console": console}
 
 
 def main() -> int:
-    """Make the hashes; with ``--against`` list the differences, and exit 1 if there are any."""
+    """Compute the hashes; with ``--against`` list the differences, and return 1 if there are any."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("part", choices=(*PARTS, "poses", "all"))
     parser.add_argument("-o", "--output", type=Path)
     parser.add_argument("--against", type=Path)
     parser.add_argument(
-        "--images", type=Path, default=Path("out/fingerprint"), help="where the 128 images are kept"
+        "--images", type=Path, default=Path("out/fingerprint"), help="folder of the 128 images"
     )
     choice = parser.parse_args()
     found: dict[str, str] = {}

@@ -1,8 +1,9 @@
-"""Tests a stranger's first steps: the wheel in an empty home, without a compiler, on a machine of few resources.
+"""Test of a new user's first steps: the wheel in an empty home, without a compiler, on a machine of few resources.
 
 `python -m tools.first_run [PYTHON]` builds the wheel, installs it for another user without write access, and runs the
-first commands with 64 MB of shared memory. It needs root, and drops its privileges before a command runs, and a PYTHON
-that others may read (default: this one). The limit of a minute for the first image holds on a quiet machine.
+first commands with 64 MB of shared memory. It must be started as root; it drops its privileges before each command.
+PYTHON (default: this interpreter) must be readable by other users. The limit of one minute for the first image holds on
+an idle machine.
 """
 
 from __future__ import annotations
@@ -46,11 +47,11 @@ class Step:
     seconds : float
         Its duration.
     processor_s : float
-        Processor time of all processes.
+        Wall time.
     cache_bytes : int
-        Size of the cache after it.
+        Size of the cache after the command.
     problem : str
-        Reason of its failure, or empty.
+        Reason for its failure, or empty.
     """
 
     command: str
@@ -61,7 +62,7 @@ class Step:
 
 
 def installed(python: str, folder: Path) -> Path:
-    """Return the program of a fresh environment with the wheel, which only its owner may change."""
+    """Return the program of a new virtual environment with the wheel that only its owner may change."""
     subprocess.run(
         [sys.executable, "-m", "build", "--wheel", "--no-isolation", "--outdir", folder / "dist", ROOT],
         check=True,
@@ -106,9 +107,9 @@ def first_steps(program: Path, home: Path) -> list[Step]:
         kept = json.loads(run_as_nobody(program, ["cache", "--json"], home).stdout)["size_bytes"]
         problem = (done.stderr.strip().splitlines() or ["no word"])[-1] if done.returncode else ""
         if not steps and seconds > MAX_FIRST_PICTURE_S:
-            problem = problem or f"later than {MAX_FIRST_PICTURE_S:.0f} s"
+            problem = problem or f"took more than {MAX_FIRST_PICTURE_S:.0f} s"
         if kept > MAX_CACHE_BYTES:
-            problem = problem or f"the cache is over {MAX_CACHE_BYTES / 1e6:.0f} MB"
+            problem = problem or f"the cache exceeds {MAX_CACHE_BYTES / 1e6:.0f} MB"
         steps.append(Step(command, seconds, processor_s, kept, problem))
     return steps
 
@@ -121,7 +122,7 @@ def _processor_s() -> float:
 def main() -> int:
     """Print time and cache size of each command; return 1 if one failed."""
     if os.geteuid() != 0:
-        print("the first run is another user's: run this as root, in a container for example")
+        print("the test runs commands as another user: start it as root, for example in a container")
         return 2
     with TemporaryDirectory() as name:
         folder = Path(name)
@@ -132,8 +133,8 @@ def main() -> int:
         steps = first_steps(installed([*sys.argv, sys.executable][1], folder), home)
     for step in steps:
         print(
-            f"{step.seconds:7.1f} s, {step.processor_s:6.1f} s of processors, cache {step.cache_bytes / 1e6:4.0f} MB: "
-            f"flyaround {step.command}  {step.problem}"
+            f"{step.seconds:7.1f} s, {step.processor_s:6.1f} s of processor time, "
+            f"cache {step.cache_bytes / 1e6:4.0f} MB: flyaround {step.command}  {step.problem}"
         )
     return int(any(step.problem for step in steps))
 

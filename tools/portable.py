@@ -1,8 +1,8 @@
-"""The fast suite's numerical tests as on other processors: one factor changed at a time, then the worst combination.
+"""Run the numerical tests as on other processors: change one factor at a time, then the worst combination.
 
-``python tools/portable.py [FACTOR ...]``; ``PYTEST_ADDOPTS`` is passed to the tests, ``JOBS`` is the number of files at
-once. A separate process first shows that each factor has an effect: an environment variable that a library ignores
-would prove nothing. Factors that this machine's processor does not support are reported and omitted.
+``python tools/portable.py [FACTOR ...]`` passes ``PYTEST_ADDOPTS`` to the tests; ``JOBS`` is the number of test files
+that run concurrently. A separate process first verifies that each factor has an effect, because a library may ignore an
+environment variable. Factors that this machine's processor does not support are reported and omitted.
 """
 
 from __future__ import annotations
@@ -21,9 +21,7 @@ _DRAWN = re.compile(r"^pytestmark = .*mark\.gl", re.MULTILINE)
 
 
 def _simulator(*, drawn: bool) -> tuple[str, ...]:
-    """Return the files of the simulator's and the tools' tests that draw (marked ``gl`` as a whole), or those that
-    do not.
-    """
+    """Return the simulator's and the tools' test files marked ``gl`` as a whole, or all others."""
     files = [*ROOT.glob("tests/simulator/**/test_*.py"), *ROOT.glob("tests/tools/**/test_*.py")]
     found = [p for p in files if bool(_DRAWN.search(p.read_text(encoding="utf-8"))) is drawn]
     return tuple(sorted(p.relative_to(ROOT).as_posix() for p in found))
@@ -71,7 +69,7 @@ class Factor:
     environment : dict of str to str
         Variables that set it.
     shown : str
-        Program that fails unless they have an effect.
+        Program that fails unless the variables have an effect.
     tests : tuple of str, optional
         Files of tests to run.
     needs : tuple of str, optional
@@ -86,7 +84,7 @@ class Factor:
 
 
 def _blas(core: str, *needs: str) -> Factor:
-    # of cores with the same 64-bit code it reports the oldest
+    # among cores with the same 64-bit code OpenBLAS reports the oldest
     told = "Katmai" if core == "Prescott" else core
     return Factor(
         f"blas-{core.lower()}",
@@ -158,19 +156,21 @@ def _files(patterns: tuple[str, ...]) -> list[str]:
 
 
 def _shown(factor: Factor, environment: dict[str, str]) -> str:
-    """Return the reason why the factor does not hold in an environment; empty if it does."""
+    """Return the reason why a factor has no effect in an environment; empty if it has one."""
     command = [sys.executable, "-c", factor.shown]
     done = subprocess.run(command, env=environment, cwd=ROOT, capture_output=True, text=True, check=False)
-    return "" if done.returncode == 0 else (done.stderr.strip().splitlines() or ["ended without a word"])[-1]
+    return (
+        "" if done.returncode == 0 else (done.stderr.strip().splitlines() or ["ended without a message"])[-1]
+    )
 
 
 def run(factor: Factor) -> str:
     """Return ``passed`` or the failures; the tests' output goes to the terminal."""
     environment = {**os.environ, **factor.environment}
     if why := _shown(factor, environment):
-        return f"does not act: {why}"
+        return f"has no effect: {why}"
     if not _shown(factor, dict(os.environ)):
-        return "left out: this machine is so anyhow, see make test"
+        return "omitted: this machine already has this property, see make test"
     files = ("-n", os.environ.get("JOBS", "2"), "--dist", "loadfile", *_files(factor.tests))
     command = [sys.executable, "-m", "pytest", "-q", "-m", "not slow", *files]
     done = subprocess.run(command, env=environment, cwd=ROOT, check=False)
@@ -190,7 +190,7 @@ def main() -> int:
         missing = _missing(factor)
         start = time.monotonic()
         print(f"\n== {factor.name}: {factor.environment}", flush=True)
-        said = f"left out: this processor has no {', '.join(missing)}" if missing else run(factor)
+        said = f"omitted: this processor has no {', '.join(missing)}" if missing else run(factor)
         results.append((factor.name, said, time.monotonic() - start))
     print()
     for name, said, seconds in results:

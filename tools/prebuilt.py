@@ -1,4 +1,4 @@
-"""Makes ``assets/prebuilt``: the cache entries that would take longest at a first start of the standard scenes.
+"""Make ``assets/prebuilt``: the cache entries that take longest to compute at the first start of the standard scenes.
 
 `python -m tools.prebuilt` renames an entry if only the source of its maker has changed, and replaces it if its output
 has changed.
@@ -36,7 +36,7 @@ _LEVEL = 22  # zstd level of the smallest files
 
 
 def made() -> Iterator[tuple[str, bytes]]:
-    """Yield names and contents of the files; each is made anew, from the shipped versions of the others."""
+    """Yield names and contents of the files; each is computed anew from the shipped versions of the others."""
     yield from _kept(lambda: [air_tables(bands, 100e3) for bands in ("mono", "rgb")], "*.npy").items()
     target = load_target(TARGET)
     yield from _kept(lambda: prepared(target), "*.npy").items()
@@ -66,11 +66,11 @@ def _kept(make: Callable[[], object], pattern: str) -> dict[str, bytes]:
 
 
 def agree(name: str, one: bytes, other: bytes) -> bool:
-    """Return True if two files agree to the rounding of different processors."""
+    """Return True if two files agree within the rounding errors of different processors."""
     a, b = (np.load(io.BytesIO(data)) for data in (one, other))
     if name.startswith("geometry"):
         pairs = zip(_arrays(unpack_geometry(a)), _arrays(unpack_geometry(b)), strict=True)
-        # a micrometre, and a millionth of a unit normal
+        # a micrometre, and 1e-6 of a unit normal
         return all(x.shape == y.shape and np.allclose(x, y, rtol=1e-5, atol=1e-6) for x, y in pairs)
     if a.shape != b.shape or a.dtype != b.dtype:
         return False
@@ -93,11 +93,11 @@ def _arrays(node: object) -> Iterator[NDArray[np.generic]]:
 
 
 def main() -> None:
-    """Write new and changed files, and remove those that are not used any more."""
+    """Write new and changed files, and remove those that are no longer used."""
     FOLDER.mkdir(exist_ok=True)
     # the checksum detects a flipped bit
     compressor = zstandard.ZstdCompressor(level=_LEVEL, write_checksum=True)
-    # a name is a kind and a hash of inputs and sources
+    # file names are a kind and a hash of inputs and sources
     old = {file.name.rpartition("-")[0]: file for file in FOLDER.glob(f"*{SUFFIX}")}
     wanted = set()
     for name, data in made():

@@ -32,5 +32,5 @@ def test_fifty_bugs_have_names_of_their_own():
 
 def test_text_that_stands_twice_is_refused():
     bug = PlantedBug(name="a", file="b.py", old="x", new="y", wrong="c", first=())
-    with pytest.raises(ValueError, match="stands 2 times"):
+    with pytest.raises(ValueError, match="occurs 2 times"):
         bug.planted("x + x")

@@ -19,7 +19,7 @@ def portable(monkeypatch):
 def test_a_factor_that_does_not_act_is_no_pass(portable):
     factor = portable.factors()[0]
     told = portable.run(replace(factor, shown="raise SystemExit('runs as ever')", tests=()))
-    assert told == "does not act: runs as ever"
+    assert told == "has no effect: runs as ever"
 
 
 def test_every_factor_finds_its_tests(portable):

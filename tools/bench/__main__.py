@@ -21,14 +21,14 @@ from tools.bench.fixed_cost import bench_fixed_cost
 from tools.bench.scaling import bench_scaling
 from tools.bench.throughput import THROUGHPUT_SCENES, bench_throughput
 
-app = typer.Typer(help="Time what drawing costs, over everything it depends on.")
+app = typer.Typer(help="Measure the cost of rendering a frame.")
 Gpu = Annotated[int | None, typer.Option("--gpu", help="EGL device to draw on.")]
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON.")]
 
 
 @app.command()
 def scaling(*, gpu: Gpu = None, as_json: AsJson = False) -> None:
-    """Time frames of increasing numbers of pixels, and of triangles up to a million."""
+    """Measure the cost of a frame by its number of pixels and by the number of triangles, up to a million."""
     with progress_bar("bench", quiet=as_json) as progress:
         scaling_result = bench_scaling(device_index=gpu, progress=progress)
     if as_json:
@@ -74,14 +74,16 @@ def fixed(*, gpu: Gpu = None, as_json: AsJson = False) -> None:
 @app.command()
 def combinations(
     *,
-    scenario: Annotated[list[str] | None, typer.Option("--scene", help="Only these scenarios.")] = None,
+    scenario: Annotated[
+        list[str] | None, typer.Option("--scene", help="Only this scenario (repeatable).")
+    ] = None,
     page: Annotated[Path | None, typer.Option(help="Also write the tables to this Markdown file.")] = None,
     gpu: Gpu = None,
     as_json: AsJson = False,
 ) -> None:
     """Time every built-in scenario x camera x mono and RGB, with labels and capture; takes half an hour."""
     if page is not None and not page.parent.is_dir():
-        raise UserError(f"--page {page}: its folder does not exist; make it first")
+        raise UserError(f"--page {page}: the folder does not exist")
     scenarios = tuple(scenario or ())
     with progress_bar("bench", quiet=as_json) as progress:
         machine, costs = bench_combinations(scenarios, device_index=gpu, progress=progress)
@@ -125,12 +127,12 @@ def combinations(
 @app.command()
 def throughput(
     *,
-    processes: Annotated[int, typer.Argument(min=1, max=64, help="At most so many processes draw at once.")],
-    scene: Annotated[list[str] | None, typer.Option(help="Only these scenes (repeat the option).")] = None,
+    processes: Annotated[int, typer.Argument(min=1, max=64, help="Maximum number of concurrent processes.")],
+    scene: Annotated[list[str] | None, typer.Option(help="Only this scene (repeatable).")] = None,
     gpu: Gpu = None,
     as_json: AsJson = False,
 ) -> None:
-    """Measure the frame rate of 1, 2, 4 ... processes that draw at the same time."""
+    """Measure the frame rate of 1, 2, 4 ... concurrent processes."""
     scenes = tuple(scene or ())
     check_scenes(scenes)
     with progress_bar("bench", quiet=as_json) as progress:

@@ -1,4 +1,4 @@
-"""Time per frame of every built-in scenario through every built-in camera, in one band and in three."""
+"""Time per frame of every built-in scenario through every built-in camera, monochrome and RGB."""
 
 from __future__ import annotations
 
@@ -45,14 +45,14 @@ _BANDS: tuple[Bands, ...] = ("mono", "rgb")
 
 @dataclass(frozen=True, kw_only=True)
 class CombinationCost:
-    """Medians of one combination [ms per frame], without the start of processes.
+    """Median times of one combination [ms per frame], without the start-up of processes.
 
     Parameters
     ----------
     bands : str
         ``mono`` or ``rgb``.
     variant : str
-        Other difference from the scenario: ``sensor NAME``, ``bits N``, ``target NAME``; empty for none.
+        Difference from the scenario besides the camera: ``sensor NAME``, ``bits N``, ``target NAME``; empty for none.
     frame_ms : float
         Render, read-back and sensor; no labels.
     labels_ms : float
@@ -79,7 +79,7 @@ class CombinationCost:
 
 @dataclass(frozen=True, kw_only=True)
 class Goal:
-    """A ratio or a time with its limit."""
+    """A measured ratio or time and its limit."""
 
     name: str
     measured: float
@@ -135,7 +135,7 @@ def bench_combinations(
 
 
 def goals_of(costs: tuple[CombinationCost, ...]) -> tuple[Goal, ...]:
-    """Return the goals whose combinations were timed, each with its worst one; ratios are between times of this run."""
+    """Return the goals whose combinations were timed, each at its worst combination of this run."""
     by_key = {(c.scenario, c.camera, c.bands, c.variant): c for c in costs}
     base = by_key.get((BASE, PINHOLE, "mono", ""))
     if base is None:
@@ -148,7 +148,7 @@ def goals_of(costs: tuple[CombinationCost, ...]) -> tuple[Goal, ...]:
         what: str = "frame_ms",
         **beside: str,
     ) -> Iterator[Goal]:
-        """Return the worst ratio of the selected ones to the combination that differs by ``beside``."""
+        """Return the worst ratio of a selected combination to the one that differs from it by ``beside``."""
         measured = []
         for c in costs:
             key = {k: getattr(c, k) for k in ("scenario", "camera", "bands", "variant")} | beside
@@ -242,7 +242,7 @@ def _flown(scenario: Scenario, n_frames: int) -> Plan:
 def _varied(scenario: Scenario, variant: str) -> Scenario:
     what, _, value = variant.partition(" ")
     if what == "target":
-        # at the distance at which it is as large in the image
+        # at the distance at which the target is as large in the image
         ratio = _reach_m(value) / _reach_m(scenario.target)
         x, y, z = (float(ratio * part) for part in scenario.chaser.state_lvlh(0.0, 0.0)[0])
         chaser = Hold(position_lvlh_m=(x, y, z))

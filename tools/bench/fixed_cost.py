@@ -1,7 +1,7 @@
-"""Cost of a frame that does not depend on its pixels: what a GPU waits for.
+"""Cost of a frame that does not depend on its pixels: the processor time that a GPU waits for.
 
-Frames are drawn by the passes that a GPU has. A software driver transforms vertices on the calling thread, in the calls
-that draw; a GPU does not, so the time of these calls is stated apart.
+Frames are drawn by the passes that a GPU uses. A software driver transforms vertices on the calling thread, inside the
+draw calls; a GPU does not, so the time of these calls is stated separately.
 """
 
 from __future__ import annotations
@@ -36,12 +36,16 @@ class FixedCost:
     ----------
     labels : bool
         Whether the frame has labels.
-    thread_ms, least_thread_ms : float
-        Median and least processor time of the calling thread [ms].
+    thread_ms : float
+        Median processor time of the calling thread [ms].
+    least_thread_ms : float
+        Minimum processor time of the calling thread [ms].
     draw_calls_ms : float
-        Mean processor time of that thread inside the driver's drawing calls [ms].
-    python_calls, all_calls : int
-        Calls a frame of Python functions, and of these and built-in functions together.
+        Mean processor time of the calling thread inside the driver's draw calls [ms].
+    python_calls : int
+        Calls of Python functions per frame.
+    all_calls : int
+        Calls of Python and built-in functions per frame.
     """
 
     labels: bool

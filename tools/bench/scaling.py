@@ -30,9 +30,9 @@ PIXEL_SCENE, TRIANGLE_SCENE = "tango-earth-10m", "tango-space-10m"
 
 @dataclass(frozen=True, kw_only=True)
 class Cost:
-    """Cost of one frame at one size [ms]: processor time of all threads, and wall time; the least of several.
+    """Cost of one frame at one size [ms]: processor time of all threads, and wall time; the minimum of several frames.
 
-    ``first_ms`` is that of the first frame, which makes the mesh's tables and uploads it.
+    ``first_ms`` is the time of the first frame, which builds and uploads the mesh's tables.
     """
 
     pixels: int
@@ -44,7 +44,7 @@ class Cost:
 
 @dataclass(frozen=True, kw_only=True)
 class Scaling:
-    """Costs, and the exponents by which they grow between neighbouring sizes: 1 is linear.
+    """Costs of one frame by size, and exponents of their growth between neighbouring sizes: 1 is linear.
 
     Parameters
     ----------
@@ -70,7 +70,7 @@ def bench_scaling(
     scales: tuple[float, ...] = SCALES,
     progress: Callable[[int, int], None] = lambda _done, _of: None,
 ) -> Scaling:
-    """Measure both, frame by frame in one process, with the sensor and without labels."""
+    """Measure the costs by pixels and by triangles in one process, with the sensor model and without labels."""
     total = len(scales) + len(triangles)
     by_pixels, by_triangles = [], []
     with Renderer(device_index=device_index) as renderer:
@@ -96,7 +96,7 @@ def bench_scaling(
 
 
 def dimpled_sphere(triangles: int) -> Target:
-    """Return a craft of about that many triangles: a smooth sphere of 0.5 m with dimples."""
+    """Return a target of about ``triangles`` triangles: a smooth sphere of 0.5 m with dimples."""
     rings = max(round((triangles / 4) ** 0.5), 4)
     around = 2 * rings
     polar, azimuth = (
@@ -149,5 +149,5 @@ def _cost(renderer: Renderer, scene: SceneState, target: Target) -> Cost:
 
 
 def _powers(costs: list[tuple[int, float]]) -> tuple[float, ...]:
-    """Return the exponent by which the second number grows with the first, between neighbours."""
+    """Return the exponents by which the second number grows with the first, between neighbouring entries."""
     return tuple(float(np.log(b[1] / a[1]) / np.log(b[0] / a[0])) for a, b in pairwise(costs))

@@ -1,4 +1,4 @@
-"""Frame rate of several processes that render at the same time, because one process hardly loads a GPU."""
+"""Frame rate of several processes that render concurrently, because one process hardly loads a GPU."""
 
 from __future__ import annotations
 
@@ -40,9 +40,9 @@ _START_TIMEOUT_S = 240.0
 
 @dataclass(frozen=True, kw_only=True)
 class Throughput:
-    """Rate at which ``processes`` with a renderer each draw, read back and develop together [frames/s].
+    """Total rate at which ``processes``, each with a renderer, draw, read back and develop frames [frames/s].
 
-    ``reference_ms`` is the time of a reference pass of the scene's size in a process alone, measured just before.
+    ``reference_ms`` is the time of a reference pass at the scene's size in a single process, measured just before.
     """
 
     name: str
@@ -61,7 +61,7 @@ def bench_throughput(
     seconds: float = SECONDS,
     progress: Callable[[int, int], None] = lambda _done, _of: None,
 ) -> tuple[BenchMachine, tuple[Throughput, ...]]:
-    """Let 1, 2, 4 and so on up to ``most`` processes take frames of a scene for some seconds, without labels.
+    """Measure the frame rate of 1, 2, 4 ... up to ``most`` concurrent processes, without labels.
 
     Raises
     ------
@@ -128,7 +128,7 @@ def _next(messages: Queue[float], running: list[multiprocessing.context.SpawnPro
     end = time.monotonic() + _START_TIMEOUT_S
     while messages.empty():
         if any(one.exitcode not in {None, 0} for one in running) or time.monotonic() > end:
-            raise RuntimeError("a process that draws for the bench ended or did not begin; see its message")
+            raise RuntimeError("a benchmark process ended early or did not start; see its message")
         time.sleep(0.02)
     return messages.get()
 
@@ -141,7 +141,7 @@ def _take_frames(
     messages: Queue[float],
     begin: Event,
 ) -> None:
-    """Run in one of ``processes``: report that it is ready, then its frame rate."""
+    """Measure the frame rate of one of ``processes`` concurrent processes."""
     keep_freed_memory()
     share_processors(processes)
     plan, scenes = bench_views(name, _DIFFERENT)

@@ -1,1 +1,1 @@
-"""Comparison of boards with the host: an emulated board, and the agreement of two runs."""
+"""Comparison of boards with the host: runs on an emulated board, and the agreement of two runs."""

@@ -1,8 +1,8 @@
-"""Command ``python -m tools.boards``: starts an emulated board, tests it, and writes a board's row of the table.
+"""Command ``python -m tools.boards``: start an emulated board, test it, and write a board's row of the table.
 
 ``prove`` (`make board-qemu`) sends the same images to the host's own estimator and to an emulated board over each of
-its lines; ``start`` leaves a board running for another host; ``service`` checks the unit against its documentation;
-``compare`` makes a row from two ledgers.
+its lines; ``start`` leaves a board running for another host; ``service`` checks the systemd unit against its
+documentation; ``compare`` writes a row from two ledgers.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ log = logging.getLogger(__name__)
 
 
 def main() -> int:
-    """Return the exit code: 0; 1 if a board does not agree with the host; 2 if an error prevents the comparison."""
+    """Return the exit code: 0; 1 if a board disagrees with the host; 2 if an error prevents the comparison."""
     logging.basicConfig(level=logging.INFO, format="%(message)s")
     options = _options()
     try:
@@ -56,9 +56,9 @@ def prove(options: argparse.Namespace) -> int:
         scenario = scenario_of(line, folder)
         log.info("%s: drawing %d pictures", line.text, options.n)
         pictures(scenario, options.n, folder / "pictures")
-        log.info("the host's estimator on them")
+        log.info("running the host's estimator on them")
         here = run_here(scenario, folder / "pictures", options.n, folder)
-        log.info("the emulated board's: it starts, and takes seconds for each picture")
+        log.info("running the emulated board: it needs seconds for each picture")
         with served_board(image, line, folder) as (_, url):
             run_host(scenario, folder / "pictures", options.n, url, folder / "board")
         runs.append(compare_runs(here, folder / "board", processor, system, line.text))
@@ -68,12 +68,12 @@ def prove(options: argparse.Namespace) -> int:
 
 def start(options: argparse.Namespace) -> int:
     """Start a board that runs until Ctrl-C, and print the commands for it."""
-    log.info("the board starts: half a minute or more")
+    log.info("starting the board: half a minute or more")
     with (
         TemporaryDirectory() as name,
         served_board(board_image(), LINES[options.line], Path(name)) as (board, url),
     ):
-        log.info("it is ready for hosts, until Ctrl-C:")
+        log.info("the board accepts hosts until Ctrl-C:")
         print(f"flyaround hil host {SCENARIO} -n 5 --timeout 300 --silence 120 --listen '{url}'")
         try:
             board.process.wait()
@@ -83,7 +83,7 @@ def start(options: argparse.Namespace) -> int:
 
 
 def service(options: argparse.Namespace) -> int:
-    """Check the statements of docs/hil_board.md on the service under the emulated board's systemd."""
+    """Check the statements of docs/hil_board.md about the service under the emulated board's systemd."""
     empty_folder(options.output)
     lines = check_service(board_image(), options.output)
     print(*lines, sep="\n")
@@ -100,21 +100,21 @@ def compare(options: argparse.Namespace) -> int:
 def _options() -> argparse.Namespace:
     parser = argparse.ArgumentParser(prog="python -m tools.boards", description=__doc__)
     commands = parser.add_subparsers(dest="command", required=True)
-    command = commands.add_parser("prove", help="the loop over each line of the emulated board")
+    command = commands.add_parser("prove", help="run the loop over each line of the emulated board")
     command.add_argument("-o", "--output", type=Path, default=Path("out/boards"), help="new or empty folder")
-    command.add_argument("-n", type=int, default=60, help="pictures for each line (60)")
+    command.add_argument("-n", type=int, default=60, help="images per line (default: 60)")
     command.add_argument("--lines", nargs="+", choices=LINES, default=list(LINES))
-    command = commands.add_parser("start", help="an emulated board that stays on")
+    command = commands.add_parser("start", help="start an emulated board until Ctrl-C")
     command.add_argument("--line", choices=LINES, default="net")
-    command = commands.add_parser("service", help="the service under the emulated board's systemd")
+    command = commands.add_parser("service", help="test the service under the emulated board's systemd")
     command.add_argument(
         "-o", "--output", type=Path, default=Path("out/board-service"), help="new or empty folder"
     )
-    command = commands.add_parser("compare", help="a row of the table in docs/validation/boards.md")
-    command.add_argument("host", type=Path, help="ledger of the pictures on the host's estimator")
-    command.add_argument("board", type=Path, help="ledger of the same pictures on the board")
+    command = commands.add_parser("compare", help="print a row of the table in docs/validation/boards.md")
+    command.add_argument("host", type=Path, help="ledger of the host's estimator")
+    command.add_argument("board", type=Path, help="ledger of the board, for the same images")
     for what in ("processor", "system", "link"):
-        command.add_argument(f"--{what}", required=True, help="as the table should say it")
+        command.add_argument(f"--{what}", required=True, help="text for the table")
     return parser.parse_args()
 
 

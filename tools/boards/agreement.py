@@ -1,4 +1,4 @@
-"""Agreement of two runs on the same images: the estimator on the host, and the same one on a board."""
+"""Agreement of two runs on the same images: by the host's estimator and by the same estimator on a board."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
     from pathlib import Path
 
-# requirements on a board: share of frames with the same decision, and distance of poses that both accept
+# requirements on a board: share of frames with the same decision, and difference of poses that both accept
 SHARE, NEAR_DEG, NEAR_M = 0.95, 0.1, 0.010
 
 
 @dataclass(frozen=True, kw_only=True)
 class Agreement:
-    """A board's run compared with the host's.
+    """Comparison of a board's run with the host's run on the same frames.
 
     Parameters
     ----------
@@ -35,11 +35,15 @@ class Agreement:
     accepted : int
         Number of poses that both accepted.
     near : int
-        Number of those within ``NEAR_DEG`` and ``NEAR_M`` of each other.
-    largest_deg, largest_m : float
-        Largest differences of poses that both accepted.
-    estimator_ms_p50, estimator_ms_p95 : float
-        Time from the start of the estimator to its end, on the board.
+        Number of poses that both accepted and that differ by at most ``NEAR_DEG`` and ``NEAR_M``.
+    largest_deg : float
+        Maximum attitude difference of the poses that both accepted [deg].
+    largest_m : float
+        Maximum position difference of the poses that both accepted [m].
+    estimator_ms_p50 : float
+        Median run time of the estimator on the board [ms].
+    estimator_ms_p95 : float
+        95th percentile of the estimator's run time on the board [ms].
     """
 
     frames: int
@@ -53,7 +57,7 @@ class Agreement:
 
     @property
     def holds(self) -> bool:
-        """True if the board counts as equivalent to the host's estimator."""
+        """True if the board counts as equivalent to the host."""
         return self.accepted > 0 and self.same >= SHARE * self.frames and self.near >= SHARE * self.accepted
 
 
@@ -63,11 +67,11 @@ def agreement(host: Sequence[FrameRecord], board: Sequence[FrameRecord]) -> Agre
     Raises
     ------
     UserError
-        If the runs are not of the same frames.
+        If the runs do not have the same frames.
     """
     answers = {row.frame_id: row for row in board}
     if sorted(answers) != sorted(row.frame_id for row in host) or not host:
-        raise UserError("the two runs are not of the same frames: give both the same pictures and -n")
+        raise UserError("the two runs do not have the same frames: give both the same images and -n")
     same, differences = 0, []
     for row in host:
         other = answers[row.frame_id]
@@ -97,18 +101,22 @@ def agreement(host: Sequence[FrameRecord], board: Sequence[FrameRecord]) -> Agre
 
 @dataclass(frozen=True, kw_only=True)
 class BoardRun:
-    """A run as a row of the table of boards.
+    """Agreement of one run as a row of the table of boards.
 
     Parameters
     ----------
-    processor, system : str
-        Their usual names.
+    processor : str
+        Common name of the processor.
+    system : str
+        Common name of the operating system.
     link : str
         Connection that carried the frames.
-    python, opencv : str
-        Versions that the board reported.
+    python : str
+        Python version that the board reported.
+    opencv : str
+        OpenCV version that the board reported.
     kernels : str
-        Native or numpy.
+        ``native`` or ``numpy``.
     """
 
     processor: str
@@ -193,6 +201,6 @@ def _told(folder: Path) -> dict[str, str]:
     match = re.search(r"Python (\S+), OpenCV (\S+), (\w+)$", report)
     if match is None:
         raise UserError(
-            f"the board of {folder} says of itself {report!r}: its bundle is older; write it anew"
+            f"the board of {folder} reports {report!r}, the form of an older bundle; write the bundle anew"
         )
     return dict(zip(("python", "opencv", "kernels"), match.groups(), strict=True))

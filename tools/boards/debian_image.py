@@ -1,7 +1,7 @@
 """Debian for the emulated board, installed without root privileges in the user's cache folder.
 
 `debootstrap` fetches and verifies the packages, which are only unpacked. Their installation scripts are aarch64 code
-and would take half an hour in QEMU; the little that the board needs of them is done here: users, links, units.
+and would take half an hour in QEMU; the users, links and units that the board needs of them are created here.
 """
 
 from __future__ import annotations
@@ -76,7 +76,7 @@ WantedBy=multi-user.target
 """
 
 FILES = {
-    "etc/machine-id": "b0a2d000000000000000000000000025\n",  # an empty one would ask at the first start
+    "etc/machine-id": "b0a2d000000000000000000000000025\n",  # an empty file would start an interactive setup
     "etc/hostname": "emulated-board\n",
     "etc/fstab": "",
     "etc/systemd/network/ether.network": NETWORK,
@@ -100,7 +100,7 @@ LINKS = {
 
 @dataclass(frozen=True)
 class BoardImage:
-    """Files from which QEMU starts: kernel, initial file system, disk."""
+    """Files that QEMU starts from: kernel, initial file system, disk."""
 
     folder: Path
 
@@ -121,7 +121,7 @@ class BoardImage:
 
 
 def image_name() -> str:
-    """Return the name of the image in the cache; it depends on the recipe and on the versions of NumPy and OpenCV."""
+    """Return the name of the image in the cache; it depends on the recipe and the versions of NumPy and OpenCV."""
     return entry_name(
         "board-qemu",
         (board_image, write_initramfs),
@@ -135,7 +135,7 @@ def image_name() -> str:
 
 
 def board_image() -> BoardImage:
-    """Return the image, from the cache if complete; otherwise it is made in a minute or two.
+    """Return the image, from the cache if complete; otherwise make it in a minute or two.
 
     Raises
     ------
@@ -156,7 +156,7 @@ def board_image() -> BoardImage:
 
 
 def is_whole(image: BoardImage) -> bool:
-    """Return True if all files of an image exist unchanged."""
+    """Return True if all files of an image exist and are unchanged."""
     try:
         return bool(msgspec.json.decode(_manifest(image.folder).read_bytes()) == _hashes(image))
     except (OSError, msgspec.DecodeError):
@@ -169,7 +169,7 @@ def missing_programs() -> None:
     Raises
     ------
     UserError
-        If one is missing; the message names the packages to install.
+        If a program is missing; the message names the packages to install.
     """
     packages = sorted(package for program, package in PROGRAMS.items() if _found(program) is None)
     if packages:
@@ -237,7 +237,7 @@ def _make(work: Path) -> None:
 
 def _unpack(package: Path, folder: Path) -> None:
     folder.mkdir(exist_ok=True)
-    # a folder that is a link to another is kept: /bin is /usr/bin
+    # keep a folder that is a symbolic link to another: /bin is /usr/bin
     script = 'dpkg-deb --fsys-tarfile "$0" | tar -x --keep-directory-symlink --no-same-owner -p -C "$1"'
     _run(["bash", "-o", "pipefail", "-c", script, str(package), str(folder)], folder.with_suffix(".log"))
 
@@ -268,7 +268,7 @@ def _run(command: list[str], log: Path) -> None:
     Raises
     ------
     UserError
-        If it fails; the message has the last lines of its output.
+        If the program fails; the message has the last lines of its output.
     """
     environment = os.environ | {"PATH": os.environ.get("PATH", "") + ":/usr/sbin:/sbin"}
     with log.open("ab") as out:

@@ -1,4 +1,4 @@
-"""QEMU as a board: its command line, the job that it runs, and its two lines to the host."""
+"""QEMU as a board: its command line, its job, and its two lines to the host."""
 
 from __future__ import annotations
 
@@ -26,14 +26,14 @@ CPU = "cortex-a72"
 def qemu_command(image: BoardImage, job: Path) -> list[str]:
     """Return the command line of an emulated board; changes to its disk are discarded at the end.
 
-    Its first serial port (a PL011, ``/dev/ttyAMA0`` on the board) is a pseudo-terminal of this machine, which QEMU
-    names on standard output; its console, another device, is standard output. The host's loopback is 10.0.2.2 on the
-    board, and nothing reaches the board from outside.
+    The first serial port (a PL011, ``/dev/ttyAMA0`` on the board) is a pseudo-terminal of this machine, whose name QEMU
+    prints on standard output; the console is another device, connected to standard output. The host's loopback address
+    is 10.0.2.2 on the board, and no connection to the board can be opened from outside.
 
     Parameters
     ----------
     job : Path
-        Tar archive that the board unpacks, and whose ``run`` it executes.
+        Tar archive that the board unpacks and whose ``run`` it executes.
     """
     return [
         *("qemu-system-aarch64", "-M", "virt", "-cpu", CPU, "-smp", "1", "-m", "1024", "-accel", "tcg"),
@@ -58,7 +58,7 @@ def qemu_command(image: BoardImage, job: Path) -> list[str]:
 
 @dataclass(frozen=True)
 class EmulatedBoard:
-    """A running board: its console output, and the device of this machine to which its serial port is connected."""
+    """A running board: its console output, and the device of this machine that its serial port is connected to."""
 
     process: subprocess.Popen[bytes]
     console: Path
@@ -74,14 +74,14 @@ class EmulatedBoard:
         Raises
         ------
         UserError
-            If they do not appear in time, or the board ends before.
+            If they do not appear in time, or the board ends before they appear.
         """
         end_s = time.monotonic() + timeout_s
         while words not in self.said():
             if self.process.poll() is not None or time.monotonic() > end_s:
                 last = " / ".join(self.said().split("\n")[-8:])
                 raise UserError(
-                    f"the emulated board has not said {words!r} within {timeout_s:g} s: {self.console} ends with {last}"
+                    f"the emulated board did not print {words!r} in {timeout_s:g} s: {self.console} ends with {last}"
                 )
             time.sleep(0.2)
         return self.said()
@@ -94,7 +94,7 @@ def emulated_board(image: BoardImage, files: Mapping[str, bytes], folder: Path) 
     Parameters
     ----------
     files : mapping of str to bytes
-        Files of the job by name, with the shell script ``run``, which runs as root.
+        Files of the job by name, among them the shell script ``run``, which runs as root.
     folder : Path
         Folder for the job and the console's output.
 
@@ -127,5 +127,5 @@ def emulated_board(image: BoardImage, files: Mapping[str, bytes], folder: Path) 
 
 
 def _drive(name: str, path: Path, option: str) -> str:
-    # a comma in a value is doubled
+    # a comma in a value must be doubled
     return f"if=none,id={name},format=raw,{option},file={str(path).replace(',', ',,')}"

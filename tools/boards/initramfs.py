@@ -1,4 +1,4 @@
-"""Initial file system of Linux: busybox, drivers of QEMU's devices, one script."""
+"""Initial file system of Linux: busybox, drivers of QEMU's devices and one script."""
 
 from __future__ import annotations
 
@@ -52,17 +52,17 @@ def write_initramfs(path: Path, kernel_modules: Path, busybox: Path) -> None:
 
 
 def loading_order(modules: dict[str, bytes], wanted: Iterable[str]) -> list[str]:
-    """Return the names of the wanted modules and their dependencies, each after those it needs.
+    """Return the names of the wanted modules and their dependencies, each after its own dependencies.
 
     Parameters
     ----------
     modules : dict of str to bytes
-        Contents of the files, by name with underscores; a missing one is not built into the kernel either.
+        Contents of the files, by name with underscores.
 
     Raises
     ------
     FileNotFoundError
-        If one of them is missing.
+        If a module is missing.
     """
     order: list[str] = []
 
@@ -70,7 +70,7 @@ def loading_order(modules: dict[str, bytes], wanted: Iterable[str]) -> list[str]
         if name in order:
             return
         if name not in modules:
-            raise FileNotFoundError(f"the kernel's package has no driver {name}")
+            raise FileNotFoundError(f"the kernel package has no driver {name}")
         match = re.search(rb"\0depends=([^\0]*)\0", modules[name])
         for needed in match[1].decode().split(",") if match else ():
             if needed:
@@ -83,7 +83,7 @@ def loading_order(modules: dict[str, bytes], wanted: Iterable[str]) -> list[str]
 
 
 def cpio(files: Sequence[tuple[str, int, bytes]]) -> bytes:
-    """Return an archive of the ``newc`` form, from (path, mode, content), owned by root."""
+    """Return an archive in the ``newc`` format, from (path, mode, content), owned by root."""
     out = bytearray()
     for number, (name, mode, content) in enumerate([*files, ("TRAILER!!!", 0, b"")], start=1):
         fields = (number, mode, 0, 0, 1, 0, len(content), 0, 0, 0, 0, len(name) + 1, 0)

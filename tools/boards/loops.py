@@ -1,4 +1,4 @@
-"""Runs on the same images: by the host's own estimator, and by an emulated board over each of its lines."""
+"""Runs on the same images: by the host's own estimator and by an emulated board over each of its lines."""
 
 from __future__ import annotations
 
@@ -27,17 +27,17 @@ if TYPE_CHECKING:
     from tools.boards.debian_image import BoardImage
 
 SCENARIO, TARGET = "tango-flyaround", "tango"
-# QEMU carries one or a few bytes per turn of its threads: 88 kB/s on a quiet machine, 6 on a busy one
+# QEMU carries a few bytes per scheduling turn of its threads: 88 kB/s on an idle machine, 6 kB/s on a busy one
 UART_BAUD = 38_400
 
-# an estimate takes some forty times as long as on the host, the first frame longer
+# an estimate takes about forty times as long as on the host, the first frame longer
 BOARD_WATCHDOG_S, ANSWER_S, READY_S = 600.0, 300.0, 1200.0
-# and holds the interpreter for seconds, in which the board does not answer
+# the estimator holds the interpreter for seconds, during which the board does not answer
 SILENT_S = 120.0
 
 READY = "the board is ready"
 
-# the unit as shipped, identified by its first lines
+# the unit as shipped, recognised by its first lines
 RUN = """\
 set -eu
 useradd --system --no-create-home --shell /usr/sbin/nologin flyaround
@@ -53,18 +53,18 @@ exec journalctl --follow --output=cat --unit=flyaround-board
 
 @dataclass(frozen=True)
 class BoardLine:
-    """A line between host and emulated board.
+    """Connection between the host and an emulated board.
 
     Parameters
     ----------
     name : str
         Name on the command line.
     text : str
-        Name for people.
+        Title for reports.
     scenario : str
-        Scenario whose images are sent over it.
+        Scenario whose images are sent.
     binning : int
-        Width and height of a binned pixel, so that the line carries an image in seconds.
+        Width and height of a binned pixel: the line carries a binned image in seconds.
     """
 
     name: str
@@ -89,7 +89,7 @@ def served_board(image: BoardImage, line: BoardLine, folder: Path) -> Iterator[t
     Raises
     ------
     UserError
-        If it does not start.
+        If the board does not start.
     """
     port = free_port()
     url = f"tcp://10.0.2.2:{port}" if line.name == "net" else f"serial:///dev/ttyAMA0?baud={UART_BAUD}"
@@ -118,18 +118,18 @@ def scenario_of(line: BoardLine, folder: Path) -> str:
 
 
 def pictures(scenario: str, n: int, folder: Path) -> None:
-    """Render a flight's images, the same for every board.
+    """Render a flight's images, identical for every board.
 
     Raises
     ------
     UserError
-        If they cannot be drawn.
+        If the images cannot be rendered.
     """
     _flyaround(["capture", scenario, "-n", str(n), "-o", str(folder)], folder.with_suffix(".log"))
 
 
 def run_host(scenario: str, images: Path, n: int, url: str, log: Path, wait_s: float = READY_S) -> None:
-    """Send the images to the board that connects to ``url``, and keep the ledger.
+    """Send the images to the board that connects to ``url``, and write the ledger.
 
     Raises
     ------
@@ -177,7 +177,7 @@ def run_here(scenario: str, images: Path, n: int, folder: Path) -> Path:
 
 
 def emulated_processor() -> tuple[str, str]:
-    """Return processor and system of the emulated board, as written in the table."""
+    """Return the names of processor and system of the emulated board for the table."""
     version = subprocess.run(
         ["qemu-system-aarch64", "--version"], capture_output=True, text=True, check=True
     ).stdout

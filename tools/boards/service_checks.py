@@ -1,4 +1,4 @@
-"""Checks of the service of `--systemd-unit` under an emulated board's systemd, against docs/hil_board.md."""
+"""Checks of the service written by `--systemd-unit` under an emulated board's systemd, against docs/hil_board.md."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def check_service(image: BoardImage, folder: Path) -> list[str]:
     )
     with emulated_board(image, {"run": script.encode(), "board.pyz": bundle.read_bytes()}, folder) as board:
         board.wait_for(HOST_WANTED, MAX_S)
-        # it ends when its board disappears
+        # the host ends when its board disappears
         with contextlib.suppress(UserError):
             run_host(
                 SCENARIO, folder / "pictures", 1, f"tcp://127.0.0.1:{port}", folder / "host", wait_s=60.0
@@ -47,5 +47,5 @@ def check_service(image: BoardImage, folder: Path) -> list[str]:
     lines = [line for line in output.split("\n") if line.startswith(("holds:", "FAILS:"))]
     return [
         *lines,
-        ("holds:" if has_watchdog else "FAILS:") + " and the host hears why its frame is declined",
+        ("holds:" if has_watchdog else "FAILS:") + " the host receives the reason why its frame is declined",
     ]

@@ -1,4 +1,4 @@
-"""Make the maps of assets/earth that are derived from other maps there: `python -m tools.cook`.
+"""Make the maps of assets/earth that are derived from other maps: `python -m tools.cook`.
 
 Run it after a change of the day map, of the clouds or of the coast (`tools.cook.coast`).
 """

@@ -3,7 +3,7 @@
     python -m tools.cook.coast ne_10m_land.shp ne_10m_lakes.shp -o assets/earth/coast_sdf_8640x4320.png
 
 Both are in the public domain: https://www.naturalearthdata.com/downloads/10m-physical-vectors/. A lake that is dry in
-the day map stays land.
+the day map counts as land.
 """
 
 from __future__ import annotations
@@ -35,8 +35,8 @@ SUBPIXELS = 4
 COUNTS_PER_PIXEL = 16  # eight per forty-eighth of a degree
 _REACH_PX = 9  # distance from the coast beyond which the map is saturated
 _BAND_ROWS = 120  # rows of the map processed at once
-_SHORE_PX = 2.0  # pixels of the day map: nearer to its shore a lake is mixed with land
-_FLAT_RED, _FLAT_RED_TO_GREEN = 100, 1.1  # counts of 255 of a dry salt lake; muddy ones are darker or greener
+_SHORE_PX = 2.0  # pixels of the day map: a lake's pixels nearer to its shore are mixed with land
+_FLAT_RED, _FLAT_RED_TO_GREEN = 100, 1.1  # of 255 counts, a dry salt lake; muddy lakes are darker or greener
 _POLYGON = 5  # shape type (ESRI Shapefile Technical Description, 1998)
 
 
@@ -67,10 +67,12 @@ class Outlines:
 
     Parameters
     ----------
-    row, column : (N,) array
-        Column: the first whose centre lies east of the crossing.
+    row : (N,) array
+        Row of the crossing.
+    column : (N,) array
+        First column whose centre lies east of the crossing.
     turn : (N,) array
-        1 where a ring that runs clockwise begins, -1 where it ends.
+        Change of the winding number: 1 where a clockwise ring begins, -1 where it ends.
     """
 
     row: NDArray[np.int64]
@@ -78,7 +80,7 @@ class Outlines:
     turn: NDArray[np.int8]
 
     def filled(self, rows: range, width: int) -> NDArray[np.bool_]:
-        """Return (R, width), True inside: where the winding number is not zero, so that polygons may overlap."""
+        """Return (R, width), True inside: where the winding number is not zero, because polygons may overlap."""
         own = slice(*np.searchsorted(self.row, (rows.start, rows.stop)))
         turns = np.zeros((len(rows), width + 1), np.int8)
         np.add.at(turns, (self.row[own] - rows.start, self.column[own]), self.turn[own])
@@ -99,7 +101,7 @@ def outlines(rings: Iterable[Points], width: int, height: int) -> Outlines:
     slope = (x1 - x0)[edge] / (y1 - y0)[edge]
     column = np.ceil(x0[edge] + (row + 0.5 - y0[edge]) * slope - 0.5).clip(0, width).astype(int)
     order = np.argsort(row, kind="stable")
-    turn = np.where(y1 < y0, 1, -1).astype(np.int8)[edge]  # clockwise: north on its western side
+    turn = np.where(y1 < y0, 1, -1).astype(np.int8)[edge]  # clockwise: northwards on the western side
     return Outlines(row[order], column[order], turn[order])
 
 
@@ -109,7 +111,7 @@ def signed_distance(land: NDArray[np.bool_]) -> NDArray[np.float32]:
         cv2.distanceTransform(side.astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
         for side in (land, ~land)
     )
-    # the coast is half a pixel before the nearest centre of the other side
+    # the coast is half a pixel closer than the nearest centre of the other side
     return np.asarray(np.where(land, within - 0.5, 0.5 - without), np.float32)
 
 
@@ -134,8 +136,10 @@ def coast_map(
 
     Parameters
     ----------
-    land, lakes : bytes
-        Shapefiles; a lake is cut out of the land.
+    land : bytes
+        Shapefile of land polygons.
+    lakes : bytes
+        Shapefile of lake polygons, which are subtracted from the land.
     day_bgr : ByteArray
         Day map of the Earth, in which dry lakes are detected.
     """

@@ -1,6 +1,6 @@
-"""Make the maps of ocean colour: reflectance of shallow and turbid water above that of the open ocean.
+"""Make the maps of ocean colour: reflectance of shallow and turbid water above the open ocean's.
 
-They show banks, reefs, river plumes and silted lakes; a mask tells where they are.
+They show banks, reefs, river plumes and silted lakes; a mask marks the cells with such water.
 """
 
 from __future__ import annotations
@@ -20,27 +20,27 @@ if TYPE_CHECKING:
 
     Sources = tuple[ByteArray, ByteArray]
 
-# exponent that maps reflectance to 8 bits: nearly linear, unlike the land's, which compresses dark values
+# exponent of the mapping of reflectance to 8 bits: nearly linear; the land's exponent compresses dark values
 _POWER = 1.2
-_DEEP = (2.0, 5.0, 20.0)  # colour of the open ocean in the map: red, green, blue
-_NOTHING = 2.5  # counts above it that are only artefacts of the image's compression
-_ICE = 60.0  # counts in every channel from which a texel is floating ice
-_OFFSHORE = 24  # counts of the coast's distance (7 km): nearer texels are mixed with land
-_ASHORE = 7  # texels over which offshore values are extended to the shore
-_NOTICED = 0.01  # reflectance from which a cell of the screen is tested for such water
+_DEEP = (2.0, 5.0, 20.0)  # open ocean in the day map: red, green, blue [counts]
+_MIN_EXCESS = 2.5  # counts above the open ocean; lower excess is an artefact of the image's compression
+_ICE = 60.0  # counts in every channel from which a texel counts as floating ice
+_MIN_COAST_COUNTS = 24  # counts of the coast's distance (7 km): nearer texels are mixed with land
+_SHORE_TEXELS = 7  # texels over which offshore values are extended to the shore
+_MIN_REFLECTANCE = 0.01  # reflectance from which a cell of the mask contains such water
 
 
 def make_ocean_colour(bands: int, mask: BoolArray, sources: Sources) -> ByteArray:
-    """Return (2016, 4032) or (2016, 4032, 3) square roots of the reflectance over the open ocean's, over ``SCALE``.
+    """Return (2016, 4032) or (2016, 4032, 3): square root of the reflectance above the open ocean's over ``SCALE``.
 
     Parameters
     ----------
     mask : BoolArray
-        (360, 720) of `make_mask`.
+        (360, 720) mask of `make_mask`.
     sources : Sources
-        `day_and_coast`.
+        Maps of `day_and_coast`.
     """
-    # outside the mask no cell is tested, so the map is zero there
+    # cells outside the mask are not rendered, so the map is zero there
     core = cv2.erode(mask.astype(np.float32), np.ones((3, 3)))
     share = cv2.resize(core, (WIDTH, HEIGHT), interpolation=cv2.INTER_LINEAR)
     day, coast = sources
@@ -49,26 +49,26 @@ def make_ocean_colour(bands: int, mask: BoolArray, sources: Sources) -> ByteArra
 
 
 def day_and_coast() -> Sources:
-    """Return (2016, 4032, 3) red, green, blue and (2016, 4032) distance to the coast, from the maps."""
+    """Return (2016, 4032, 3) red, green, blue and (2016, 4032) distance to the coast, from the day and coast maps."""
     return day_map((WIDTH, HEIGHT))[..., ::-1], decode_map(COAST, cv2.IMREAD_GRAYSCALE, (WIDTH, HEIGHT))
 
 
 def _excess_over_open_ocean(day: ByteArray, coast: ByteArray) -> Float32Array:
-    """Return (2016, 4032, 3) the map's 8 bits minus those of the open ocean, scaled to 0..1."""
+    """Return (2016, 4032, 3) the map's 8 bits minus the open ocean's, scaled to 0..1."""
     bright = day.astype(np.float32)
-    over = np.clip(bright - (np.array(_DEEP, np.float32) + np.float32(_NOTHING)), 0, None)
-    over *= np.float32(1 / (255 - _NOTHING))
+    over = np.clip(bright - (np.array(_DEEP, np.float32) + np.float32(_MIN_EXCESS)), 0, None)
+    over *= np.float32(1 / (255 - _MIN_EXCESS))
     red, green, blue = cv2.split(bright)
-    sea = ((coast < 128 - _OFFSHORE) & (cv2.min(cv2.min(red, green), blue) < _ICE)).astype(np.float32)
-    # at the shore, and under ice, use the water farther out
-    weight = cv2.blur(sea, (_ASHORE, _ASHORE))
-    carried = cv2.blur(over * sea[..., None], (_ASHORE, _ASHORE))
+    sea = ((coast < 128 - _MIN_COAST_COUNTS) & (cv2.min(cv2.min(red, green), blue) < _ICE)).astype(np.float32)
+    # at the shore and under ice, use the water farther out
+    weight = cv2.blur(sea, (_SHORE_TEXELS, _SHORE_TEXELS))
+    carried = cv2.blur(over * sea[..., None], (_SHORE_TEXELS, _SHORE_TEXELS))
     carried *= ((weight > 0) / np.maximum(weight, 1e-3))[..., None].astype(np.float32)
     return np.where(sea[..., None] > 0, over, carried)
 
 
 def _reflectance(over: Float32Array) -> Float32Array:
-    """Return the reflectance over the open ocean's, divided by ``SCALE``, from `_excess_over_open_ocean`."""
+    """Return the reflectance above the open ocean's divided by ``SCALE``, from `_excess_over_open_ocean`."""
     return np.asarray(cv2.pow(over, _POWER), np.float32)
 
 
@@ -77,15 +77,13 @@ def _bytes(values: NDArray[np.float32]) -> ByteArray:
 
 
 def make_mask(sources: Sources) -> ByteArray:
-    """Return (360, 720), 255 where the water is noticeably brighter than the open ocean, and half a degree around
-    it.
-    """
+    """Return (360, 720): 255 within half a degree of water that is noticeably brighter than the open ocean."""
     day, coast = sources
     over = _excess_over_open_ocean(day, coast)
-    bright = SCALE * _reflectance(over).max(axis=2) > _NOTICED
-    # rows and columns are not a multiple of whole texels: each half degree uses all that it touches
+    bright = SCALE * _reflectance(over).max(axis=2) > _MIN_REFLECTANCE
+    # rows and columns are not multiples of whole texels: each half degree uses every texel that it touches
     is_bright = np.zeros((360, 720), np.uint8)
-    row, column = np.nonzero(bright & (coast < 128 - _OFFSHORE))
+    row, column = np.nonzero(bright & (coast < 128 - _MIN_COAST_COUNTS))
     is_bright[row * 360 // HEIGHT, column * 720 // WIDTH] = 255
     wrapped = np.pad(is_bright, ((1, 1), (1, 1)), mode="wrap")
     return np.asarray(cv2.dilate(wrapped, np.ones((3, 3), np.uint8))[1:-1, 1:-1], np.uint8)

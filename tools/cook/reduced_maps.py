@@ -1,4 +1,4 @@
-"""Make the maps that are reduced from the packed maps of the Earth: the land of the monthly maps, and the albedo."""
+"""Make the maps that are reduced from the packed maps of the Earth: land mask of the monthly maps, and albedo."""
 
 from __future__ import annotations
 
@@ -27,21 +27,23 @@ def land_of_months(packed: ByteArray) -> ByteArray:
     Parameters
     ----------
     packed : ByteArray
-        (H, W, 4) texture of one band, of `packed_maps`.
+        (H, W, 4) texture of one band from `packed_maps`.
     """
     coast = cv2.resize(packed[..., 3], (WIDTH, HEIGHT), interpolation=cv2.INTER_AREA)
     return np.where(coast > 128 + 4, 255, 0).astype(np.uint8)
 
 
 def make_albedo(packed: ByteArray, *, clouds: bool) -> Float32Array:
-    """Return (2, 64, 128): albedo, and its derivative by the albedo of the sea.
+    """Return (2, 64, 128): albedo, and its derivative with respect to the albedo of the sea.
 
     Parameters
     ----------
     packed : ByteArray
-        Texture as of `land_of_months`.
+        (H, W, 4) texture of one band from `packed_maps`.
+    clouds : bool
+        Whether the albedo includes the clouds.
     """
-    # every fourth texel suffices for cells of 3 degrees
+    # every fourth texel is enough for cells of 3 degrees
     part = np.asarray(packed[::4, ::4], np.float32) / 255
     land = part[..., 3] > 0.5
     ground = np.where(land, part[..., 0] ** 2, SEA_ALBEDO)

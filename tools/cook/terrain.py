@@ -1,9 +1,8 @@
-"""Make the terrain detail below the texels of the maps in `high`: one periodic land of ridges and wadis, cut by rivers.
+"""Make the terrain detail below the texels of the maps in `high`: one periodic tile of ridges and dry valleys.
 
-Where rivers have eroded for long, height rises along each by area^-0.45 (Flint's law), and every point drains along its
-cheapest path: the shortest path over a land whose steps have costs. Shortest paths are computed, the costs are set from
-the drainage areas that they collect, and after a few iterations both agree (optimal channel networks: Rinaldo et al.
-1992).
+In land that rivers have eroded for long, height rises along each river by area^-0.45 (Flint's law), and water from
+every point drains along its path of least cost, where the costs follow from the drainage areas. Shortest paths and
+costs are therefore computed in turn until both agree (optimal channel networks: Rinaldo et al. 1992).
 """
 
 from __future__ import annotations
@@ -22,18 +21,18 @@ if TYPE_CHECKING:
 
 SIZE = 1024
 _COARSE = 512
-_TURNS = 3  # iterations until cost and areas agree, on the coarse grid
-_CONCAVITY = 0.45  # Flint's exponent: how slopes fall with the area above (Whipple & Tucker 1999)
-_SLOPE = 0.24  # root mean square slope: desert mountains over 400 m
-_PLAINS = 0.05  # share of the tile to which everything drains
+_TURNS = 3  # iterations until costs and areas agree, on the coarse grid
+_CONCAVITY = 0.45  # Flint's exponent: decrease of slope with upstream area (Whipple & Tucker 1999)
+_SLOPE = 0.24  # root mean square slope of desert mountains over 400 m
+_PLAINS = 0.05  # share of the tile that is plain, into which the rest drains
 _SEED = 20260320
 
 
 def make_terrain_detail() -> ByteArray:
     """Return the tile, (SIZE, SIZE, 4).
 
-    Channels: 0.5 + slope / (2 TERRAIN_SLOPE_MAX) along u and v; 0.5 + brightness of the rock, mean 0, standard
-    deviation 0.2; the share of gravel and sand, brighter than rock, on the floors of valleys.
+    Channels: ``0.5 + slope / (2 TERRAIN_SLOPE_MAX)`` along u and v; 0.5 + brightness of the rock, of mean 0 and
+    standard deviation 0.2; share of gravel and sand, brighter than rock, on valley floors.
     """
     rng = np.random.default_rng(_SEED)
     base = _spectral_noise(rng, _COARSE, 2.0, -1.7)
@@ -42,17 +41,17 @@ def make_terrain_detail() -> ByteArray:
         0.55 * _spectral_noise(rng, _COARSE, 4.0, -1.0) + 0.35 * rng.standard_normal(base.shape)
     )
     _, area = drainage(plains, hardness, _TURNS)
-    # the same land on the fine grid, with the channels of the coarse one
+    # the same land on the fine grid, starting from the channels of the coarse grid
     fine = _upsampled(hardness) * np.exp(0.4 * rng.standard_normal((SIZE, SIZE)))
     fine_area = np.exp(_upsampled(np.log(area)))
     height, area = drainage(_upsampled(plains.astype(float)) > 0.5, fine, 0, fine_area)
     height = _blurred(height, 1.1)
     slopes = [0.5 * (np.roll(height, -1, axis) - np.roll(height, 1, axis)) for axis in (1, 0)]
     steep = _SLOPE / np.sqrt(np.mean(slopes[0] ** 2 + slopes[1] ** 2))
-    # gravel and sand are as wide as the stream is large
+    # the band of gravel and sand widens with the stream
     floor = sum(_blurred(np.clip(np.log(area) - k, 0.0, 1.0), 0.6 * 1.5**k) for k in (3, 4, 5, 6))
     floor = np.clip(floor + _blurred(_upsampled(plains.astype(float)), 1.5), 0.0, 1.0)
-    # ridges are bare and dark, washed-down material is pale; rock units differ
+    # ridges are bare and dark, deposits are pale; rock units differ in brightness
     crest = _blurred(height, 10.0) - _blurred(height, 1.5)
     units = _steps(rng, 1.6 * _spectral_noise(rng, SIZE, 2.0, -1.8))
     rock = crest / crest.std() + 0.45 * units / units.std() + 0.3 * _spectral_noise(rng, SIZE, 20.0, -0.9)
@@ -69,13 +68,13 @@ def drainage(
     Parameters
     ----------
     outlets : BoolArray
-        (N, N) True where water ends, at height 0.
+        (N, N) array, True at outlets, whose height is 0.
     hardness : (N, N) array
-        Cost of a step where a single texel drains.
+        Cost of a step at a point that drains only itself.
     turns : int
         Iterations after the first.
     area : (N, N) array, optional
-        Initial drainage area, if known.
+        Initial drainage area [texels].
     """
     for _ in range(turns + 1):
         height, down = _least_cost_paths(hardness if area is None else hardness * area**-_CONCAVITY, outlets)
@@ -100,9 +99,9 @@ def _least_cost_paths(cost: FloatArray, outlets: BoolArray) -> tuple[FloatArray,
 
 
 def _drainage_areas(down: IntArray) -> FloatArray:
-    """Return the drainage area of each point [texels], itself included, by the next point down of each."""
+    """Return the drainage area of each point, itself included [texels], from the next point downstream of each."""
     far, hops = down, (down != np.arange(len(down))).astype(int)
-    # doubling: each iteration adds as many hops as before
+    # path doubling: each iteration doubles the hops
     while hops[far].any():
         hops = hops + hops[far]
         far = far[far]
@@ -115,7 +114,7 @@ def _drainage_areas(down: IntArray) -> FloatArray:
 
 
 def _steps(rng: np.random.Generator, x: FloatArray) -> FloatArray:
-    """Return a random number for each unit of x, with a transition over a tenth of a unit."""
+    """Return a random number for each unit interval of x, with a transition over a tenth of a unit."""
     values = rng.standard_normal(64)
     whole = np.floor(x)
     share = np.clip(10 * (x - whole), 0.0, 1.0)
@@ -124,7 +123,7 @@ def _steps(rng: np.random.Generator, x: FloatArray) -> FloatArray:
 
 
 def _spectral_noise(rng: np.random.Generator, size: int, low: float, power: float) -> FloatArray:
-    """Return periodic Gaussian noise of a power spectrum from ``low`` cycles per tile up, with standard deviation 1."""
+    """Return periodic unit-variance Gaussian noise with a power-law spectrum above ``low`` cycles per tile."""
     f = np.hypot(np.fft.fftfreq(size)[:, None], np.fft.rfftfreq(size)[None, :])
     f[0, 0] = 1
     noise = np.fft.irfft2(
@@ -134,12 +133,12 @@ def _spectral_noise(rng: np.random.Generator, size: int, low: float, power: floa
 
 
 def _upsampled(image: FloatArray) -> FloatArray:
-    """Return the fine periodic grid of a coarse one."""
+    """Return a coarse periodic grid interpolated to the fine one."""
     pad, factor = 4, SIZE // _COARSE
     large = cv2.resize(np.pad(image, pad, mode="wrap"), None, fx=factor, fy=factor)
     return np.asarray(large[pad * factor : -pad * factor, pad * factor : -pad * factor])
 
 
 def _blurred(image: FloatArray, sigma: float) -> FloatArray:
-    """Return the periodic blur of an image."""
+    """Return an image blurred with periodic boundaries."""
     return np.asarray(cv2.GaussianBlur(np.pad(image, 24, mode="wrap"), (0, 0), sigma)[24:-24, 24:-24])

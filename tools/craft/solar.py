@@ -19,10 +19,14 @@ class CellField:
 
     Parameters
     ----------
-    columns, rows : int
-        Numbers of cells along x and y.
-    pitch_x_m, pitch_y_m : float
-        Distance between centres.
+    columns : int
+        Number of cells along x.
+    rows : int
+        Number of cells along y.
+    pitch_x_m : float
+        Distance between centres of neighbouring cells along x.
+    pitch_y_m : float
+        Distance between centres of neighbouring cells along y.
     gap_m : float, optional
         Free space between two cells.
     clip_m : float, optional
@@ -91,8 +95,10 @@ def panel(
 
     Parameters
     ----------
-    board, cell : str
-        Materials.
+    board : str
+        Material of the board.
+    cell : str
+        Material of the cells.
     busbar_m : float, optional
         Width of the ribbons on the cells; 0 for none.
     """

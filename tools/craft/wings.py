@@ -149,26 +149,30 @@ MIRROR_X = np.diag([-1.0, 1.0, 1.0])
 
 @dataclass(frozen=True, kw_only=True)
 class SideWings:
-    """Two wings and where they are mounted.
+    """A pair of wings and their mounting.
 
     Parameters
     ----------
     wing : Wing
-        Dimensions of one.
+        Dimensions of one wing.
     root_m : float
-        X of the yoke's foot.
+        X coordinate of the yoke's root.
     z_m : float
-        Height of the long axis.
+        Z coordinate of the wing's long axis.
     spread : float
-        Width of the yoke's fork, of the chord.
+        Width of the yoke's fork as a share of the chord.
     section_m : float
-        Of the yoke's bars.
+        Side of the square section of the yoke's bars.
     ribs : int
-        Stiffeners across the back of each panel.
+        Number of stiffeners across the back of each panel.
     rib_m : float
-        Their depth.
-    cells, panels, back : str
-        Names of materials.
+        Depth of the stiffeners.
+    cells : str
+        Material of the cells.
+    panels : str
+        Material of the panels' cell side.
+    back : str
+        Material of the panels' back.
     """
 
     wing: Wing

@@ -1,1 +1,1 @@
-"""Makes the pages and images of docs/ that the software itself generates."""
+"""Generators of the pages and images of docs/ that the software itself makes."""

@@ -1,4 +1,4 @@
-"""The figure of captured images with the craft's axes in docs/datasets.md, after figure 1 of the data-set paper.
+"""Figure of captured images with the craft's axes in docs/datasets.md, after figure 1 of the data-set paper.
 
 python -m tools.docs.axes_picture docs/images/datasets/axes.jpg
 """
@@ -20,7 +20,7 @@ from flyaround.simulator.reports.pictures import write_jpeg
 
 SEED, WIDTH_PX = 4, 640
 SAMPLES = {"paper-dragon": 33, "paper-soyuz": 19, "paper-tianzhou": 8, "paper-change6": 6}
-"""Sample of each recipe that shows its craft near, whole and lit."""
+"""Sample of each recipe in which the craft is near, completely visible and sunlit."""
 
 
 def main() -> None:

@@ -1,4 +1,4 @@
-"""Makes the two montages of docs/camera.md: the effect of each noise term and lens property on one image."""
+"""Montages of docs/camera.md: the effect of each noise term and lens property on one image."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def detector(**changes: Any) -> Sensor:  # noqa: ANN401 - any field of the detec
 
 
 def backlit(scene: SceneState) -> SceneState:
-    """Return the same scene with the Sun 25 degrees off the boresight, up and to the right."""
+    """Return the scene with the Sun 25 degrees off the boresight, up and to the right."""
     towards = np.array([0.35, -0.25, 1.0]) / np.linalg.norm([0.35, -0.25, 1.0])
     r_sun = matrix_from_quat(scene.q_camera_from_eci_wxyz).T @ towards * 1.496e11
     return replace(scene, r_sun_eci_m=vec3(r_sun))
@@ -105,7 +105,7 @@ def main() -> None:
             t = exposure * light if sensor.detector is not None else 9e-4
             one = replace(scene, sensor=sensor, exposure_s=t, optics=Optics(f_number=2.8))
             image = digitise_scene(one, expose_scene(one, radiance))[y, x]
-            # few digital numbers are shown over the range that they occupy
+            # a coarse scale is shown over the range of its digital numbers
             bits = float(np.log2(21)) if words.startswith("20 digital") else sensor.bits
             tiles.append(tile(image, bits, words))
         cv2.imwrite(str(folder / "camera_noise.jpg"), grid(tiles, 4), [cv2.IMWRITE_JPEG_QUALITY, 43])

@@ -1,8 +1,8 @@
-"""Makes the image of docs/hil_closed_loop.md, an approach in its corridor with its errors, and prints the forecast.
+"""Plot for docs/hil_closed_loop.md: an approach in its corridor and its errors; prints the attitude forecast.
 
     python -m tools.docs.closed_loop LEDGER -o docs/images
 
-LEDGER is a folder of ``hil host --closed-loop --log``; the forecast is flown anew, without images.
+LEDGER is a folder of ``hil host --closed-loop --log``; the forecast is simulated anew, without images.
 """
 
 from __future__ import annotations
@@ -35,12 +35,12 @@ def read_steps(folder: Path) -> dict[str, list[str]]:
 
 
 def numbers(column: list[str]) -> np.ndarray:
-    """Return a column with gaps as NaN."""
+    """Return a column as floats, empty cells as NaN."""
     return np.array([float(cell) if cell else np.nan for cell in column])
 
 
 def approach_picture(steps: dict[str, list[str]]) -> Figure:
-    """Plot the approach with the corridor and the sphere, and the errors along it."""
+    """Plot the approach with the corridor and the keep-out sphere, and the errors along it."""
     figure, (way, position, attitude) = figure_with_axes(1, 3, 3.6, width=13, widths=(1.2, 1, 1))
     along, radial, across = (numbers(steps[f"{name}_m"]) for name in ("along_track", "radial", "cross_track"))
     out = np.linspace(0, 19, 2)
@@ -70,7 +70,7 @@ def approach_picture(steps: dict[str, list[str]]) -> Figure:
 
 
 def two_curves(ax: Axes, t: np.ndarray, error: np.ndarray, sigma: np.ndarray, what: str) -> None:
-    """Plot an error of the estimate and the largest sigma of the filter."""
+    """Plot an error of the estimate and the maximum sigma of the filter."""
     ax.plot(t, error, color=BLUE, label="error")
     ax.plot(t, sigma, color=DIM, lw=1, label="sigma")
     ax.set(xlabel="time [s]", ylabel=what, yscale="log")
@@ -78,7 +78,7 @@ def two_curves(ax: Axes, t: np.ndarray, error: np.ndarray, sigma: np.ndarray, wh
 
 
 def forecasts() -> list[tuple[str, Forecasts]]:
-    """Return the errors over the horizon, for each target's motion."""
+    """Return the forecast errors over the horizon, for each motion of the target."""
     return [
         (name, fly_forecasts(plan_flight(load_scenario(scenario), n=1), runs=RUNS, horizon_s=HORIZON_S))
         for name, scenario in SCENARIOS.items()
@@ -86,14 +86,14 @@ def forecasts() -> list[tuple[str, Forecasts]]:
 
 
 def save(figure: Figure, path: Path) -> None:
-    """Save as JPEG, which is smaller."""
+    """Save as JPEG, which is smaller than PNG."""
     data = BytesIO()
     figure.savefig(data, format="jpeg", dpi=110, pil_kwargs={"quality": 88})
     path.write_bytes(data.getvalue())
 
 
 def main() -> None:
-    """Write the image and print the forecast's table."""
+    """Write the plot and print the table of forecast errors."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("ledger", type=Path)
     parser.add_argument("-o", "--out", type=Path, required=True)

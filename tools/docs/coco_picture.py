@@ -1,4 +1,4 @@
-"""Picture of the annotations in a COCO export, drawn from its files alone: python -m tools.docs.coco_picture."""
+"""Picture of the annotations in a COCO export, drawn from its files only: python -m tools.docs.coco_picture."""
 
 import json
 import tempfile
@@ -31,24 +31,24 @@ SHIFT = 4  # OpenCV draws to 1/16 px
 
 
 def annotations(folder: Path, name: str) -> dict[str, Any]:
-    """Return a list of annotations."""
+    """Return a list of the annotation file."""
     return dict(json.loads((folder / "annotations" / f"{name}.json").read_text()))
 
 
 def fixed(points: Any) -> Any:  # noqa: ANN401 - a list of numbers of a file
-    """Return points at pixel corners as OpenCV draws them, with integers at pixel centres."""
+    """Return points in pixels as fixed-point integers, shifted from pixel corners to OpenCV's pixel centres."""
     return np.rint((np.reshape(points, (-1, 1, 2)) - 0.5) * 2**SHIFT).astype(np.int32)
 
 
 def decoded(runs: dict[str, Any]) -> ByteArray:
-    """Return the mask of run lengths."""
+    """Return the mask of a run-length encoding."""
     values = np.arange(len(runs["counts"])) % 2
     flat = np.repeat(values, runs["counts"]).astype(np.uint8)
     return flat.reshape(runs["size"][::-1]).T
 
 
 def main() -> None:
-    """Draw two tiles: outline, box and keypoints by v; parts by class."""
+    """Draw two tiles: outline, bounding box and keypoints by visibility ``v``; parts by class."""
     with tempfile.TemporaryDirectory() as place:
         folder = Path(place) / "set"
         plan = fa.plan_recipe("inspection", 1, seed=SEED, target="soyuz-ms", bands="rgb")
@@ -75,7 +75,7 @@ def main() -> None:
 
 
 def cropped(left: ByteArray, right: ByteArray, one: dict[str, Any]) -> list[ByteArray]:
-    """Return both images cropped around the craft, in the tiles' shape."""
+    """Return both images cropped around the craft, in the shape of a tile."""
     x, y, w, h = one["bbox"]
     height, width = left.shape[:2]
     tall = min(max(h + 2 * MARGIN_PX, (w + 2 * MARGIN_PX) * TILE[1] / TILE[0]), height)

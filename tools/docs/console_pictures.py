@@ -1,4 +1,4 @@
-"""Pictures of the console for its page, drawn off screen: ``python -m tools.docs.console_pictures [NAME ...]``."""
+"""Pictures of the console for its documentation, rendered off screen: ``python -m tools.docs.console_pictures``."""
 
 from __future__ import annotations
 
@@ -23,11 +23,11 @@ PICTURES = {
     ),
     "console-capture": ("tango-flyaround", "1 layout.capture;2 capture.start 40;40"),
 }
-"""Scenario and script of each picture of the whole window; the picture is taken after the last line's time [s]."""
+"""Scenario and script of each picture of the whole window; the picture is taken at the last time of the script [s]."""
 
 
 def main() -> None:
-    """Take the pictures that are named, or all."""
+    """Take the named pictures, or all."""
     for name in sys.argv[1:] or PICTURES:
         _whole_window(name, *PICTURES[name])
 

@@ -1,7 +1,7 @@
-"""List of the figures in the documents, and statements that occur twice: ``python -m tools.docs.figures``.
+"""List the figures in the documents, and statements that occur twice: ``python -m tools.docs.figures``.
 
-A figure is a number with a unit. Two statements of different pages with nearly the same words, but other numbers of the
-same unit, contradict each other or were measured twice; with the same numbers, one of them should be a link.
+A figure is a number with a unit. Two statements on different pages with nearly the same words but different numbers of
+the same unit contradict each other or were measured twice; with the same numbers, one should be replaced by a link.
 """
 
 import argparse
@@ -17,7 +17,7 @@ LEFT_OUT = ("lab", "adr", "images")
 MIN_WORDS = 6
 """Statements with fewer words are too short to compare."""
 ALIKE = 0.4
-"""Share of common words above which two statements are about the same thing (Jaccard index)."""
+"""Jaccard index of the words above which two statements have the same subject."""
 _UNITS = (
     r"ms|us|ns|s|min|h|Hz|fps|MB|GB|kB|KiB|MiB|GiB|px|DN|deg|arcsec|mm|cm|m|km|m/s|cm/s|mm/s|rad/s|deg/s|kg|N|W|V"
     r"|%|dB|ppm|frames a second|frames per second|times"
@@ -64,7 +64,7 @@ class Statement:
     figures : frozenset of tuple of str
         Numbers with their units.
     words : frozenset of str
-        Words that are not common ones.
+        Words that are not among the most common ones.
     """
 
     page: Path
@@ -74,7 +74,7 @@ class Statement:
 
 
 def statements(page: Path, text: str) -> list[Statement]:
-    """Return the statements of a page that have figures; code blocks are ignored."""
+    """Return the statements of a page that have figures, without code blocks."""
     text = re.sub(r"```.*?```", "\n\n", text, flags=re.DOTALL)
     found = []
     for part in _SENTENCE.split(text):
@@ -93,7 +93,7 @@ def all_statements(docs: Path = DOCS) -> list[Statement]:
 
 
 def repeated(found: Sequence[Statement]) -> Iterable[tuple[Statement, Statement]]:
-    """Yield pairs of statements of different pages about the same thing, with figures of a common unit."""
+    """Yield pairs of statements of different pages with the same subject and figures of a common unit."""
     long = [s for s in found if len(s.words) >= MIN_WORDS]
     for k, a in enumerate(long):
         for b in long[k + 1 :]:
@@ -104,7 +104,7 @@ def repeated(found: Sequence[Statement]) -> Iterable[tuple[Statement, Statement]
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Print the figures by page, or the statements that occur twice; return 1 if some of these disagree."""
+    """Print the figures by page, or the statements that occur twice; return 1 if two of these contradict each other."""
     parser = argparse.ArgumentParser(prog="python -m tools.docs.figures", description=__doc__)
     parser.add_argument("--all", action="store_true", help="print every figure with its statement")
     options = parser.parse_args(arguments)

@@ -1,4 +1,4 @@
-"""Make docs/gallery.md and its images with our own software: python -m tools.docs.gallery."""
+"""Make docs/gallery.md and its images by rendering: python -m tools.docs.gallery."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -61,18 +61,18 @@ def above(
 
 
 def radiance(renderer: fa.Renderer, scene: fa.SceneState, target: str = "tango") -> np.ndarray:
-    """Return the linear RGB radiance of a scene, in units in which sunlit white is grey."""
+    """Return the linear RGB radiance of a scene, scaled so that a sunlit white surface is grey."""
     bands = renderer.render(scene, fa.load_target(target)).radiance * sunlight_balance("rgb")
     return np.asarray(np.maximum(bands @ np.transpose(SRGB_FROM_BANDS), 0.0))
 
 
 def film(light: np.ndarray, brightest: float, contrast: float = 0.45) -> np.ndarray:
-    """Return an sRGB image with the tone curve of photographic film: paler, with a shoulder, a toe and a little grain.
+    """Return an sRGB image with the tone curve of photographic film: low contrast, a shoulder, a toe and fine grain.
 
     Parameters
     ----------
     contrast : float, optional
-        Share of the curve that is steep in the middle.
+        Contrast of the middle of the curve.
     """
     y = light * (0.8 / brightest)
     y = np.where(y < 0.8, y, 0.8 + 0.2 * (1 - np.exp(-(y - 0.8) / 0.2)))
@@ -84,12 +84,12 @@ def film(light: np.ndarray, brightest: float, contrast: float = 0.45) -> np.ndar
 
 
 def exposed(light: np.ndarray, share: float, stops: float = 0.0) -> np.ndarray:
-    """Return an image exposed so that the given share lies below the shoulder, or some stops brighter."""
+    """Return an image exposed so that ``share`` of its pixels lie below the shoulder, or brighter by ``stops``."""
     return film(light, float(np.quantile(light[light > 0], share)) * 2.0**-stops)
 
 
 def glare(light: np.ndarray) -> np.ndarray:
-    """Return the image of a good lens at full aperture: a core of 0.7 pixels, halos of a twentieth of the light."""
+    """Return the image of a good lens at full aperture: a core of 0.7 pixels and halos of 5 % of the light."""
     shares = {0.7: 0.95, 4.0: 0.03, 16.0: 0.014, 64.0: 0.006}
     return np.asarray(sum(w * cv2.GaussianBlur(light, (0, 0), s) for s, w in shares.items()))
 
@@ -135,7 +135,7 @@ def eclipse_entry(renderer: fa.Renderer) -> np.ndarray:
     epoch, latitude, height_km = "2026-03-20T12:00:00Z", 10.0, 420.0
     now = Instant.from_utc(epoch)
     sun = matrix_from_quat(q_itrs_from_eci(now)) @ sun_eci_m(now.tt1, now.tt2).reshape(3)
-    # the Sun's ray passes 16 km above the ground here; in the afternoon, so that it sets in the west
+    # the Sun's ray passes 16 km above the ground; in the afternoon, because the view is to the west
     dip = -np.arccos((6371.0 + 16.0) / (6371.0 + height_km))
     longitudes = np.arange(60.0, 150.0, 0.02)
     heights = np.array(
@@ -151,7 +151,7 @@ def eclipse_entry(renderer: fa.Renderer) -> np.ndarray:
     scene = scene_with_pose(scene, target, Pose.of("camera", "target", turn, np.array([-0.7, 0.25, 5.6])), 0)
     light = radiance(renderer, scene)
     white = float(np.quantile(light, 0.985))
-    # the Sun's disc is a hundred thousand times as bright as the limb; the lens spreads what the full wells can hold
+    # the Sun's disc is 1e5 times as bright as the limb; the lens spreads at most the full well
 
     well = 2000 * white / np.maximum(light.max(axis=2, keepdims=True), 2000 * white)
     return film(glare(light * well), white)
@@ -163,12 +163,12 @@ def moonrise(renderer: fa.Renderer) -> np.ndarray:
     now = Instant.from_utc(epoch)
     moon = matrix_from_quat(q_itrs_from_eci(now)) @ moon_eci_m(now.tt1, now.tt2).reshape(3)
     best, place = 9.0, (0.0, 0.0, 420.0)
-    # at this longitude it is a little above the horizon, 19.8 degrees below the level
+    # at this longitude the Moon is just above the horizon, which lies 19.8 degrees below the horizontal
     for longitude in np.arange(-180.0, 180.0, 0.25):
         r, enu = place_itrs_m(15.0, float(longitude), 420.0)
         to_moon = (moon - r) / np.linalg.norm(moon - r)
         height = np.degrees(np.arcsin(enu[2] @ to_moon))
-        rising = enu[0] @ to_moon > 0  # in the afternoon, before it is full
+        rising = enu[0] @ to_moon > 0  # afternoon, before full Moon
         if rising and abs(height + 19.15) < best:
             best, place = abs(height + 19.15), (15.0, float(longitude), 420.0)
     return exposed(radiance(renderer, above(epoch, place, 2.2, look_at="moon")), 0.97)
@@ -208,10 +208,10 @@ def earthrise(renderer: fa.Renderer) -> np.ndarray:
     side = np.cross(to_earth, np.cross(sun, to_earth))
     side = -np.cross(to_earth, np.array([0.0, 0.0, 1.0])) if np.linalg.norm(side) < 0.1 else side
     up = side / np.linalg.norm(side)
-    # up is towards the Sun's side; the Earth is 3 degrees above the Moon's horizon, 19.9 below the level
+    # up is towards the Sun; the Earth is 3 degrees above the Moon's horizon, 19.9 degrees below the horizontal
     up = up - (up @ to_earth) * to_earth
     up /= np.linalg.norm(up)
-    # a low Sun, so that the craters have shadows
+    # a low Sun, for shadows in the craters
     turn = np.radians(72.0)
     up = np.cos(turn) * up + np.sin(turn) * np.cross(to_earth, up)
     tilt = np.radians(-16.5)
@@ -250,7 +250,7 @@ PICTURES: tuple[tuple[str, Picture, str], ...] = (
 
 
 def write_jpeg(path: Path, rgb: np.ndarray) -> None:
-    """Write an image in the best quality that fits into a number of bytes."""
+    """Write an image at the highest quality whose size is within `LARGEST_BYTES`."""
     image = np.ascontiguousarray(rgb[..., ::-1])
     for quality in (JPEG, 70, 55, 40):
         data = cv2.imencode(".jpg", image, [cv2.IMWRITE_JPEG_QUALITY, quality])[1].tobytes()
@@ -260,7 +260,7 @@ def write_jpeg(path: Path, rgb: np.ndarray) -> None:
 
 
 def main(names: list[str] | None = None) -> None:
-    """Draw, write and describe every image, or the named ones."""
+    """Render and write every image, or the named ones, and the page."""
     folder = DOCS / "images" / "gallery"
     folder.mkdir(parents=True, exist_ok=True)
     lines = [

@@ -1,6 +1,6 @@
 """Test vectors of the protocol: packets as bytes and as fields, for other decoders.
 
-``python -m tools.docs.link_vectors > docs/hil_vectors.json`` writes them anew, and with ``--session``
+``python -m tools.docs.link_vectors > docs/hil_vectors.json`` writes them, and with ``--session``
 ``docs/hil_session.txt``.
 """
 
@@ -155,7 +155,7 @@ EXAMPLES: list[tuple[str, Message]] = [
 
 
 _HOST_STEP, _BOARD_STEP = 1_000_000, 5_000_000
-# four by two pixels; the session id is the host's choice
+# four by two pixels; the host chooses the session id
 _PIXELS = bytes([0, 16, 32, 48, 64, 80, 96, 255])
 _SMALL = {**_CAMERA, "width_px": 4, "height_px": 2, "cx_px": 1.5, "cy_px": 0.5}
 SESSION: list[tuple[str, Message]] = [
@@ -199,7 +199,7 @@ SESSION: list[tuple[str, Message]] = [
     ("board", Credit(0, 1)),
     ("host", Bye("the run is over")),
 ]
-"""One session in lockstep on one frame, as docs/hil_session.txt shows it."""
+"""One session in lockstep on one frame, the content of docs/hil_session.txt."""
 
 
 def session_packets() -> list[tuple[str, Message, bytes]]:
@@ -216,7 +216,7 @@ def session_packets() -> list[tuple[str, Message, bytes]]:
 
 
 def session_text() -> str:
-    """Return the bytes of the session as text; more than three zeros in a row as ``00*N``."""
+    """Return the bytes of the session as text; runs of more than three zero bytes are written ``00*N``."""
     lines = []
     for side, message, data in session_packets():
         lines.append(f"{side}: {message.TYPE.name}, {len(data)} bytes")
@@ -236,7 +236,7 @@ def _plain(value: Any) -> Any:  # noqa: ANN401 - a dataclass field
 
 
 def vectors() -> dict[str, Any]:
-    """Return the document: packets in hexadecimal with their fields, as they are on TCP and on a serial line."""
+    """Return the document: packets in hexadecimal with their fields, as sent over TCP and over a serial line."""
     entries = []
     for sequence, (name, message) in enumerate(EXAMPLES):
         data = encode_packet(Packet(message.TYPE, message.encode(), SESSION_ID, sequence))

@@ -1,4 +1,4 @@
-"""Make the image of the README with our own software: python -m tools.docs.pictures."""
+"""Render the image of the README: python -m tools.docs.pictures."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -12,7 +12,7 @@ IMAGES = Path(__file__).parents[2] / "docs" / "images"
 
 
 def main() -> None:
-    """Draw Tango before the Earth, without the detector's noise and developed as a photograph."""
+    """Render Tango in front of the Earth, without detector noise and with a photographic tone curve."""
     plan = fa.plan_flight(fa.load_scenario("tango-close-3m"), times=(0.0,), bands="rgb")
     with fa.Renderer() as renderer:
         light = radiance(renderer, replace(plan.scene(0), quality="high"))

@@ -1,4 +1,4 @@
-"""The small images of the console's scenario chooser: ``python -m tools.docs.scenario_pictures``."""
+"""Thumbnails of the console's scenario chooser: ``python -m tools.docs.scenario_pictures``."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ WIDTH_PX, JPEG_QUALITY = 240, 82
 MIDDLE = 0.4
 """Share of the flight after which the image is taken."""
 OTHERWISE = {"tango-eclipse-pass": 0.05}
-"""Scenarios that show more at another time."""
+"""Scenarios with another share of the flight, at which they show more."""
 
 
 def main() -> None:
-    """Write an image of each built-in scenario next to its file."""
+    """Write a thumbnail of each built-in scenario next to its file."""
     with Renderer() as renderer:
         for name in list_scenarios():
             scenario = load_scenario(name)

@@ -1,4 +1,4 @@
-"""docs/targets.md and its images, one of each built-in craft: `python -m tools.docs.targets`."""
+"""Make docs/targets.md and its images, one of each built-in craft: `python -m tools.docs.targets`."""
 
 from __future__ import annotations
 

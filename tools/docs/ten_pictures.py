@@ -1,7 +1,7 @@
-"""Ten images that most tell a drawing from a photograph: python -m tools.docs.ten_pictures FOLDER.
+"""Ten images in which differences from a photograph are easiest to see: python -m tools.docs.ten_pictures FOLDER.
 
-Run them before and after a change of the renderer. Radiance of the preset ``high``, one tone curve, no noise. Five of
-them are scenes of the gallery, whose images docs/validation/ten_pictures.md shows.
+Render them before and after a change of the renderer. They show radiance at the preset ``high`` with one tone curve and
+no noise. Five of them are scenes of the gallery, whose images docs/validation/ten_pictures.md shows.
 """
 
 from __future__ import annotations
@@ -41,9 +41,9 @@ def craft_before(
     name: str,
     turn: tuple[float, float, float],
     distance_m: float,
-    **sky: Any,  # noqa: ANN401 - handed on
+    **sky: Any,  # noqa: ANN401 - arguments of `above`
 ) -> np.ndarray:
-    """Return a craft in the afternoon Sun before the sky or the ground that ``sky`` looks at."""
+    """Return a craft in the afternoon Sun in front of the sky or ground given by ``sky``."""
     target = fa.load_target(name)
     scene = above("2026-06-20T15:30:00Z", PLACE, 40.0, **sky)
     scene = replace(scene, target=TargetRef(name=target.name, sha256=target.sha256))
@@ -66,7 +66,7 @@ def foil(renderer: fa.Renderer) -> np.ndarray:
 
 
 def clouds(renderer: fa.Renderer) -> np.ndarray:
-    """Return a craft at 3 m before clouds."""
+    """Return a craft at 3 m in front of clouds."""
     return craft_before(renderer, "tango", (2.2, -0.5, 0.4), 3.0, azimuth_deg=200.0, off_nadir_deg=35.0)
 
 
@@ -77,7 +77,7 @@ def geostationary(renderer: fa.Renderer) -> np.ndarray:
 
 
 def night_silhouette(renderer: fa.Renderer) -> np.ndarray:
-    """Return a craft in the Earth's shadow before city lights."""
+    """Return a craft in the Earth's shadow in front of city lights."""
     target = fa.load_target("tango")
     scene = above("2026-11-09T22:30:00Z", (44.0, 8.0, 420.0), 50.0, azimuth_deg=60.0, off_nadir_deg=40.0)
     q = quat_normalize(quat_from_rotvec(np.array([2.3, 0.5, 0.4])))
@@ -100,7 +100,7 @@ TEN: tuple[tuple[str, Picture], ...] = (
 
 
 def main(folder: str, *names: str) -> None:
-    """Draw all of them, or those that are named."""
+    """Render all images, or the named ones."""
     place = Path(folder)
     place.mkdir(parents=True, exist_ok=True)
     with fa.Renderer() as renderer:

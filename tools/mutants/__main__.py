@@ -1,7 +1,7 @@
-"""``python -m tools.mutants``: judges a seeded sample of cosmic-ray's mutants and records them in its session file.
+"""``python -m tools.mutants``: judge a seeded sample of cosmic-ray's mutants and record them in its session file.
 
-``cr-report --surviving-only --show-diff SESSION`` prints those that no test noticed. An interrupted session continues;
-a session of older sources must be deleted by hand.
+``cr-report --surviving-only --show-diff SESSION`` prints the mutants that no test detected. An interrupted session
+continues; delete the session of an older version of the sources by hand.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from cosmic_ray.tools.survival_rate import survival_rate
 from cosmic_ray.work_db import use_db
 from cosmic_ray.work_item import TestOutcome, WorkerOutcome, WorkItem, WorkResult
 
-from tools.mutants.judge import NOTICED, Case, Verdict, copies, failing, judge, mirrored, say
+from tools.mutants.judge import DETECTED, Case, Verdict, copies, failing, judge, mirrored, say
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -39,27 +39,27 @@ SCOPE = (
     "hil/host",
     "hil/evaluate",
 )
-LOOKS = ("evaluation_page.py", "evaluation_plots.py", "failure_tiles.py", "report_plots.py")
+PAGES_AND_PLOTS = ("evaluation_page.py", "evaluation_plots.py", "failure_tiles.py", "report_plots.py")
 """Files whose pages and plots no fast test can judge."""
 # unions in type hints and decorators that save time: their mutants survive without meaning
 LEFT_OUT = ("BitOr", "RemoveDecorator")
 
 
 def files(root: Path, only: Sequence[str] = ()) -> list[str]:
-    """Return the files that are mutated, relative to the root, in order.
+    """Return the files to mutate, relative to the root, in order.
 
     Parameters
     ----------
     only : sequence of str
-        Prefixes of paths; by default all files.
+        Prefixes of paths; empty for all files.
     """
-    found = [p for folder in SCOPE for p in (root / folder).rglob("*.py") if p.name not in LOOKS]
+    found = [p for folder in SCOPE for p in (root / folder).rglob("*.py") if p.name not in PAGES_AND_PLOTS]
     names = sorted(path.relative_to(root).as_posix() for path in found)
     return [name for name in names if name.startswith(tuple(only) or "")]
 
 
 def draw(root: Path, names: Sequence[str], n: int, seed: int) -> list[WorkItem]:
-    """Draw mutants: a file by its number of lines, one of its mutable lines, and one mutation of it."""
+    """Draw mutants: a file in proportion to its number of lines, one of its mutable lines, and a mutation."""
     chance = random.Random(seed)
     sources = {name: (root / name).read_text(encoding="utf-8") for name in names}
     weights = [source.count("\n") for source in sources.values()]
@@ -100,7 +100,7 @@ def _mutants(file: Path, root: Path, source: str) -> dict[int, list[WorkItem]]:
 
 
 def case_of(root: Path, item: WorkItem) -> Case:
-    """Return a mutant for the judge, with the tests named after its file before those of its folder."""
+    """Return a mutant as a case for the judge: the tests named after its file come first, then those of its folder."""
     spec = item.mutations[0]
     path = spec.module_path
     source = path.read_text(encoding="utf-8")
@@ -113,14 +113,17 @@ def case_of(root: Path, item: WorkItem) -> Case:
 
 
 def main() -> int:
-    """Run the program; see `--help`."""
+    """Judge the mutants and return the exit code: 1 if too few are detected."""
     parser = argparse.ArgumentParser(prog="python -m tools.mutants", description=__doc__)
-    parser.add_argument("-n", type=int, default=200, help="how many mutants")
+    parser.add_argument("-n", type=int, default=200, help="number of mutants (default: 200)")
     parser.add_argument("--seed", type=int, default=22)
-    parser.add_argument("--only", nargs="*", default=(), help="beginnings of paths; all folders unless given")
-    parser.add_argument("--at-once", type=int, default=2, help="mutants judged side by side")
+    parser.add_argument("--only", nargs="*", default=(), help="prefixes of paths (default: all folders)")
+    parser.add_argument("--at-once", type=int, default=2, help="mutants judged concurrently")
     parser.add_argument(
-        "--least", type=float, default=0.8, help="share to be noticed, else the exit code is 1"
+        "--least",
+        type=float,
+        default=0.8,
+        help="minimum share of detected mutants; the exit code is 1 below it",
     )
     parser.add_argument(
         "-o", type=Path, default=Path("out/mutants.sqlite"), help="session file of cosmic-ray"
@@ -134,7 +137,7 @@ def main() -> int:
         waiting = {case_of(root, item): item.job_id for item in db.pending_work_items}
 
         def keep(case: Case, verdict: Verdict) -> None:
-            outcome = TestOutcome.KILLED if verdict.word in NOTICED else TestOutcome.SURVIVED
+            outcome = TestOutcome.KILLED if verdict.word in DETECTED else TestOutcome.SURVIVED
             diff = "\n".join(
                 unified_diff(case.before.splitlines(), case.after.splitlines(), lineterm="", n=0)
             )
@@ -148,7 +151,7 @@ def main() -> int:
             if result.output.partition(" ")[2] in wrong:
                 db.set_result(item.job_id, evolve(result, test_outcome=TestOutcome.SURVIVED))
         share = 1 - survival_rate(db) / 100
-    say(f"{share:.0%} noticed; cr-report --surviving-only --show-diff {given.o} prints the others")
+    say(f"{share:.0%} detected; cr-report --surviving-only --show-diff {given.o} prints the survivors")
     return 0 if share >= given.least else 1
 
 

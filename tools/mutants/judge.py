@@ -1,4 +1,4 @@
-"""Judge of planted bugs: writes one at a time into a copy of the tree and runs the tests that may notice it."""
+"""Judge of planted bugs: write one at a time into a copy of the tree and run the tests that may detect it."""
 
 from __future__ import annotations
 
@@ -19,9 +19,11 @@ from platformdirs import user_cache_path
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Sequence
 
-NOTICED = {"killed", "timeout"}
+DETECTED = {"killed", "timeout"}
 TEST_S, CASE_S = 300.0, 3600.0  # wall-clock limits of one test, and of all tests of one bug
-RESIDENT_BYTES = 12 << 30  # a limit of the address space would stop programs under AddressSanitizer
+RESIDENT_BYTES = (
+    12 << 30
+)  # resident memory, because a limit of the address space stops programs under AddressSanitizer
 _FAILED = re.compile(r"^(?:FAILED|ERROR) (.+?)(?: - .*)?$", re.MULTILINE)
 _OPTIONS = ("-q", "-p", "no:cacheprovider", "--tb=short", "-m", "not slow", "-o", "timeout_method=thread")
 
@@ -36,8 +38,10 @@ class Case:
         Name shown next to the verdict.
     file : str
         Path relative to the root.
-    before, after : str
-        Text of the file without and with the bug.
+    before : str
+        Text of the file without the bug.
+    after : str
+        Text of the file with the bug.
     tests : tuple of str
         Files and folders of tests, the most relevant first.
     """
@@ -51,7 +55,7 @@ class Case:
 
 @dataclass(frozen=True)
 class Verdict:
-    """The tests' answer to one bug.
+    """Result of the tests for one bug.
 
     Parameters
     ----------
@@ -59,9 +63,9 @@ class Verdict:
         ``killed``, ``timeout`` (also for memory), ``survived``, ``not covered``, or ``invalid`` for a shader that
         does not compile.
     test : str
-        First test that failed, if one did.
+        First test that failed; empty if none.
     seconds : float
-        Wall-clock time.
+        Wall-clock time of the tests.
     """
 
     word: str
@@ -71,12 +75,12 @@ class Verdict:
 
 @dataclass
 class Copy:
-    """A copy of the tree in which bugs are planted, with the files that its tests leave behind.
+    """A copy of the tree in which bugs are planted, with the files that its tests create.
 
     Parameters
     ----------
     folder : Path
-        Folder of ``tree``, ``cache`` and ``temporary``.
+        Folder with subfolders ``tree``, ``cache`` and ``temporary``.
     cache : Path
         Warm cache from which each run starts.
     """
@@ -91,7 +95,7 @@ class Copy:
         return self.folder / "tree"
 
     def make(self, root: Path) -> None:
-        """Copy the files that git tracks, and those that it does not ignore."""
+        """Copy the files that git tracks, and untracked files that it does not ignore."""
         listed = subprocess.run(
             ["git", "ls-files", "-z", "--cached", "--others", "--exclude-standard"],
             cwd=root,
@@ -104,14 +108,14 @@ class Copy:
                 shutil.copy2(root / name, self.tree / name, follow_symlinks=False)
 
     def write(self, file: str, text: str) -> None:
-        """Replace a file's text, with a new modification time, so that nothing compiled before is reused."""
+        """Replace a file's text and set a new modification time, so that nothing compiled before is reused."""
         path = self.tree / file
         path.write_text(text, encoding="utf-8")
         self._stamp += 1
         os.utime(path, (1_000_000_000 + self._stamp, 1_000_000_000 + self._stamp))
 
     def start(self, tests: Sequence[str], *options: str) -> Run:
-        """Run tests with a fresh link to the warm cache, because a bug may have written into it."""
+        """Run tests with fresh links to the warm cache, because a bug may have written into it."""
         for name in ("cache", "temporary"):
             shutil.rmtree(self.folder / name, ignore_errors=True)
         shutil.copytree(self.cache, self.folder / "cache", copy_function=os.link, symlinks=True)
@@ -138,14 +142,14 @@ class Copy:
 
 @dataclass
 class Run:
-    """Running tests, in a session of their own."""
+    """Running tests, in a separate session of processes."""
 
     process: subprocess.Popen[bytes]
     log: Path
     began: float = field(default_factory=time.monotonic)
 
     def stop(self) -> None:
-        """End the tests and the processes that they started."""
+        """Kill the tests and the processes that they started."""
         with contextlib.suppress(ProcessLookupError):
             os.killpg(self.process.pid, signal.SIGKILL)
         self.process.wait()
@@ -156,7 +160,7 @@ class Run:
         Raises
         ------
         RuntimeError
-            If the tests were killed from outside.
+            If the tests were killed by another process.
         """
         code, seconds = self.process.poll(), time.monotonic() - self.began
         if code is None and seconds < CASE_S and self._resident_bytes() < RESIDENT_BYTES:
@@ -168,12 +172,12 @@ class Run:
         if code is None or "+ Timeout +" in text:
             word = "timeout"
         elif code == -signal.SIGKILL:
-            raise RuntimeError("the tests were killed from outside: start again")
+            raise RuntimeError("the tests were killed by another process: start again")
         elif "GLSL Compiler failed" in text:
             word = "invalid"
         elif code < 0:
             word, name = "killed", f"signal {-code}"
-        elif "ERROR collecting" in text:  # its file cannot even be imported
+        elif "ERROR collecting" in text:  # the test file cannot be imported
             word = "killed"
         else:
             word = {0: "survived", 4: "not covered", 5: "not covered"}.get(code, "killed")
@@ -192,7 +196,7 @@ def copies(root: Path, n: int) -> Iterator[list[Copy]]:
     os.nice(10)
     cache = Path(os.environ.get("FLYAROUND_CACHE_DIR") or user_cache_path("flyaround"))
     cache.mkdir(parents=True, exist_ok=True)
-    # links to the cache must stay on its disk
+    # hard links to the cache must stay on its disk
     folder = cache.parent / f"flyaround-planted-{os.getpid()}"
     try:
         warm = folder / "cache"
@@ -206,18 +210,18 @@ def copies(root: Path, n: int) -> Iterator[list[Copy]]:
 
 
 def _link(source: str, to: str) -> None:
-    """Link a file of the user's cache, which other processes may remove meanwhile."""
+    """Link a file of the user's cache, which other processes may remove at any time."""
     with contextlib.suppress(FileNotFoundError):
         os.link(source, to)
 
 
 def judge(cases: Iterable[Case], copies: Sequence[Copy], heard: Callable[[Case, Verdict], None]) -> None:
-    """Judge every case, one in each copy at a time; however this ends, no test keeps running.
+    """Judge every case, one at a time in each copy; no test keeps running when this returns or raises.
 
     Parameters
     ----------
     heard : callable
-        Function that is called with each verdict.
+        Function called with each verdict.
     """
     waiting = iter(cases)
     busy: list[tuple[Copy, Case, Run]] = []
@@ -250,8 +254,8 @@ def judge(cases: Iterable[Case], copies: Sequence[Copy], heard: Callable[[Case, 
 
 
 def failing(copy: Copy, verdicts: Iterable[Verdict]) -> set[str]:
-    """Return those tests that noticed a bug and also fail without one, in an unchanged copy."""
-    blamed = sorted({v.test for v in verdicts if v.word in NOTICED and v.test.startswith("tests/")})
+    """Return the tests that detected a bug and also fail without one, in an unchanged copy."""
+    blamed = sorted({v.test for v in verdicts if v.word in DETECTED and v.test.startswith("tests/")})
     if not blamed:
         return set()
     run = copy.start(blamed)
@@ -270,6 +274,6 @@ def mirrored(file: str) -> str:
 
 
 def say(text: str) -> None:
-    """Print with the time."""
+    """Print a line with the time of day."""
     sys.stdout.write(f"{time.strftime('%H:%M:%S')} {text}\n")
     sys.stdout.flush()

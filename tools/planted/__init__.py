@@ -1,1 +1,1 @@
-"""Bugs of physics, labels and messages, chosen by hand; each is planted in a copy of the tree and tested there."""
+"""Hand-written bugs of physics, labels and messages; each is planted in a copy of the tree and tested there."""

@@ -1,4 +1,4 @@
-"""``python -m tools.planted [NAME...]``: plants the bugs of ``bugs.toml`` and reports which ones the tests notice."""
+"""``python -m tools.planted [NAME...]``: plant the bugs of ``bugs.toml`` and report which ones the tests detect."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import msgspec
 
-from tools.mutants.judge import NOTICED, Case, Verdict, copies, failing, judge, mirrored, say
+from tools.mutants.judge import DETECTED, Case, Verdict, copies, failing, judge, mirrored, say
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -24,12 +24,14 @@ class PlantedBug(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
     ----------
     file : str
         Path relative to the root.
-    old, new : str
-        Text that occurs once in the file, and its replacement.
+    old : str
+        Text that occurs once in the file.
+    new : str
+        Replacement of ``old``.
     wrong : str
         Effect on a user, in one sentence.
     first : tuple of str
-        Files and folders of tests that run before the wider ones.
+        Files and folders of tests that run before the others.
     """
 
     name: str
@@ -45,11 +47,11 @@ class PlantedBug(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
         Raises
         ------
         ValueError
-            If the old text is not there, or more than once.
+            If the old text does not occur exactly once.
         """
         count = source.count(self.old)
         if count != 1:
-            raise ValueError(f"bug {self.name}: its old text stands {count} times in {self.file}")
+            raise ValueError(f"bug {self.name}: its old text occurs {count} times in {self.file}")
         return source.replace(self.old, self.new)
 
 
@@ -66,18 +68,21 @@ def case_of(root: Path, bug: PlantedBug, tests: Iterable[str]) -> Case:
 
 
 def main() -> int:
-    """Run the program; see `--help`."""
+    """Judge the bugs and return the exit code: 1 if too few are detected."""
     parser = argparse.ArgumentParser(prog="python -m tools.planted", description=__doc__)
-    parser.add_argument("names", nargs="*", metavar="NAME", help="of bugs; all unless given")
-    parser.add_argument("--at-once", type=int, default=2, help="bugs judged side by side")
-    parser.add_argument("--narrow", action="store_true", help="run each bug's first tests alone")
+    parser.add_argument("names", nargs="*", metavar="NAME", help="names of bugs (default: all)")
+    parser.add_argument("--at-once", type=int, default=2, help="bugs judged concurrently")
+    parser.add_argument("--narrow", action="store_true", help="run only each bug's first tests")
     parser.add_argument(
-        "--least", type=float, default=0.85, help="share to be noticed; below it the exit code is 1"
+        "--least",
+        type=float,
+        default=0.85,
+        help="minimum share of detected bugs; the exit code is 1 below it",
     )
     told = parser.parse_args()
     bugs = {bug.name: bug for bug in read_bugs() if not told.names or bug.name in told.names}
     if unknown := set(told.names) - set(bugs):
-        parser.error(f"no bug is called {', '.join(sorted(unknown))}")
+        parser.error(f"no bug has the name {', '.join(sorted(unknown))}")
     root, started, verdicts = Path.cwd(), time.monotonic(), dict[str, Verdict]()
 
     def heard(case: Case, verdict: Verdict) -> None:
@@ -85,15 +90,15 @@ def main() -> int:
 
     with copies(root, told.at_once) as made:
         judge((case_of(root, bug, bug.first) for bug in bugs.values()), made, heard)
-        left = [bugs[name] for name, verdict in verdicts.items() if verdict.word not in NOTICED]
+        left = [bugs[name] for name, verdict in verdicts.items() if verdict.word not in DETECTED]
         if not told.narrow:
             judge((case_of(root, bug, [mirrored(bug.file)]) for bug in left), made, heard)
         wrong = failing(made[0], verdicts.values())
-    missed = [n for n, v in verdicts.items() if v.word not in NOTICED or v.test in wrong]
+    missed = [n for n, v in verdicts.items() if v.word not in DETECTED or v.test in wrong]
     for name in missed:
         say(f"unnoticed: {name}: {bugs[name].wrong}")
     share = 1 - len(missed) / len(bugs)
-    say(f"{len(bugs) - len(missed)} of {len(bugs)} noticed, {share:.0%}, {time.monotonic() - started:.0f} s")
+    say(f"{len(bugs) - len(missed)} of {len(bugs)} detected, {share:.0%}, {time.monotonic() - started:.0f} s")
     return 0 if share >= told.least else 1
 
 

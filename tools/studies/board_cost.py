@@ -1,9 +1,9 @@
-"""Time and memory of the estimator over a data set, in a process with a board's packages only.
+"""Measure time and memory of the estimator over a data set, in a process with a board's packages only.
 
     python -m tools.studies.board_cost SET --target tango
 
-Processor time, one thread: of accepted frames, of the others, and of each stage; peak memory of the process, including
-Python, numpy and OpenCV (Linux).
+Printed are processor times on one thread, of accepted frames, of the others and of each stage, and the peak memory of
+the process including Python, numpy and OpenCV (Linux).
 """
 
 from __future__ import annotations
@@ -53,10 +53,12 @@ print(json.dumps({"rows": rows, "bare": bare, "ready": ready, "peak": memory("Vm
 
 
 def main() -> None:
-    """Run the process over a data set, and print the figures."""
+    """Run the board process over a data set and print its time and memory."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n", maxsplit=1)[0])
     parser.add_argument("dataset", type=Path)
-    parser.add_argument("--target", default=None, help="the estimator's model (default: the set's own)")
+    parser.add_argument(
+        "--target", default=None, help="model of the estimator (default: the data set's target)"
+    )
     parser.add_argument("-n", type=int, default=30, help="frames")
     options = parser.parse_args()
     card = read_card(options.dataset)
@@ -92,9 +94,9 @@ def main() -> None:
         stages[name] = float(np.mean([r["stages"].get(name, 0.0) for r in rows if r["accepted"]] or [0.0]))
     for name, ms in sorted(stages.items(), key=lambda s: -s[1]):
         if ms >= 1:
-            print(f"  {name}: {ms:.0f} ms of a frame that is accepted")
+            print(f"  {name}: {ms:.0f} ms per accepted frame")
     print(
-        f"memory: {figures['bare']:.0f} MB imported, {figures['ready']:.0f} prepared, {figures['peak']:.0f} at most"
+        f"memory: {figures['bare']:.0f} MB after imports, {figures['ready']:.0f} prepared, {figures['peak']:.0f} peak"
     )
 
 

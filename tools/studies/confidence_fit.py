@@ -1,11 +1,11 @@
-"""Fit the weights of the confidence on data sets: which answers of ``hybrid`` are right, by the evidence for them.
+"""Fit the weights of the confidence on data sets: the probability that an answer of ``hybrid`` is right.
 
     python -m tools.studies.confidence_fit collect SET... -o EVIDENCE.json
     python -m tools.studies.confidence_fit fit EVIDENCE.json...
 
 ``collect`` runs the estimator on every feasible frame. ``fit`` prints the weights of a ridge logistic regression for
-``decide/confidence.py``, the acceptance at each threshold by ten-fold cross-validation over frames, and the factor of
-the covariance by which 95 % of the right answers lie inside their bound. Test both on other data sets.
+``decide/confidence.py``, the acceptance at each threshold by ten-fold cross-validation over frames, and the covariance
+factor with which 95 % of the right answers lie inside their bound. Test both on other data sets.
 
 """
 
@@ -32,7 +32,7 @@ from flyaround.simulator.targets.library import load_target
 
 Array = np.ndarray[Any, Any]
 
-# Penalty on the squares of standardised weights, and folds of the cross-validation.
+# Penalty on squared standardised weights, and number of cross-validation folds.
 RIDGE, FOLDS = 0.5, 10
 
 # Upper 5 % point of the chi-square distribution with six degrees of freedom.
@@ -40,7 +40,7 @@ CHI2_95 = 12.592
 
 
 def collected(folder: Path, target: str | None) -> list[dict[str, Any]]:
-    """Return one row for each feasible frame: the terms of its evidence, and True if its answer is right."""
+    """Return one row for each feasible frame: the terms of its evidence, and whether its answer is right."""
     card = read_card(folder)
     camera = CameraIntrinsics.from_dict(msgspec.to_builtins(card.camera))
     estimator = PoseEstimator(board_model(load_target(target or card.target.name)), camera)
@@ -90,7 +90,7 @@ def _error(truth: Any, result: Any) -> list[float]:  # noqa: ANN401 - a record a
 
 
 def fitted(X: Array, y: Array) -> Array:
-    """Return (1 + M,) bias and weights of a ridge logistic regression on rows (N, M)."""
+    """Return (1 + M,) bias and weights of a ridge logistic regression on (N, M) rows."""
     mean, spread = X.mean(axis=0), np.maximum(X.std(axis=0), 1e-6)
     Z = (X - mean) / spread
 
@@ -104,12 +104,12 @@ def fitted(X: Array, y: Array) -> Array:
 
 
 def main() -> None:
-    """Collect evidence, or fit on it."""
+    """Collect evidence, or fit the weights to it."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n", maxsplit=1)[0])
     commands = parser.add_subparsers(dest="command", required=True)
     collect = commands.add_parser("collect", help="run the estimator on data sets")
     collect.add_argument("sets", nargs="+", type=Path)
-    collect.add_argument("--target", help="model of the estimator instead of the set's own")
+    collect.add_argument("--target", help="model of the estimator (default: the data set's target)")
     collect.add_argument("-o", "--output", required=True, type=Path)
     fit = commands.add_parser("fit", help="fit the weights")
     fit.add_argument("evidence", nargs="+", type=Path)
@@ -131,7 +131,7 @@ def main() -> None:
     for bar in (0.8, 0.85, 0.9, 0.93, 0.95, 0.97):
         taken = p >= bar
         each = ", ".join(f"{s} {taken[[n == s for n in names]].mean():.2f}" for s in dict.fromkeys(names))
-        print(f"bar {bar}: accepted {taken.sum()} of {len(rows)}, wrong {(taken & ~y).sum()}; {each}")
+        print(f"threshold {bar}: accepted {taken.sum()} of {len(rows)}, wrong {(taken & ~y).sum()}; {each}")
     for s in dict.fromkeys(names):
         own = [r for r in rows if r["set"] == s and r["right"] and r.get("covariance") is not None]
         squared = np.array([np.array(r["error"]) @ np.linalg.solve(r["covariance"], r["error"]) for r in own])

@@ -1,9 +1,9 @@
-"""Closed loops on drawn images without a link: the board's estimator runs in this process, and its errors are recorded.
+"""Closed loops on rendered images without a link: the estimator runs in this process, and its errors are recorded.
 
     python -m tools.studies.drawn_loop OUT --seeds 9000-9007 --pose truth --any-view   # on the truth
     python -m tools.studies.drawn_loop OUT --seeds 7000-7004               # on the estimator's poses
 
-Each flight writes ``OUT/SCENARIO-SEED.npz``: its outcome, and the time, true pose and measured pose of every image.
+Each flight writes ``OUT/SCENARIO-SEED.npz``: its outcome, and time, true pose and measured pose of every image.
 """
 
 from __future__ import annotations
@@ -42,16 +42,16 @@ SCENARIOS = ("tango-vbar-closed-loop", "tango-vbar-closed-loop-tumble")
 
 
 class DrawnPoses(LatePoses):
-    """A pose source that renders its view and runs the estimator; every answer is recorded.
+    """A pose source that renders an image and runs the estimator on it; every answer is recorded.
 
     Parameters
     ----------
     plan : Plan
-        Plan whose scenes are drawn.
+        Plan of the flight.
     draw : FrameProducer
-        Frame producer.
+        Renderer of frames.
     estimator : Estimator
-        Estimator of the board.
+        The board's estimator.
     """
 
     def __init__(self, plan: Plan, draw: FrameProducer[Frame], estimator: Estimator) -> None:
@@ -61,7 +61,7 @@ class DrawnPoses(LatePoses):
         self.answers: list[tuple[bool, np.ndarray, np.ndarray, np.ndarray]] = []
 
     def expose(self, snapshot: Snapshot) -> None:
-        """Draw and estimate an image, and record the answer."""
+        """Render an image, estimate its pose and record the answer."""
         self._draw.submit(
             FrameRequest(scene=scene_flown(self._plan, snapshot, len(self.looks)), labels=False)
         )
@@ -79,7 +79,7 @@ class DrawnPoses(LatePoses):
 
 
 def planned(scenario: str, seed: int, *, any_view: bool) -> Plan:
-    """Return the plan of a flight; with ``any_view`` its target starts at a random attitude."""
+    """Return the plan of a flight; with ``any_view`` the target starts at a random attitude."""
     flown = load_scenario(scenario)
     if any_view:
         q = np.random.default_rng([seed, 2]).standard_normal(4)
@@ -89,13 +89,13 @@ def planned(scenario: str, seed: int, *, any_view: bool) -> Plan:
 
 
 def replace_attitude(scenario: Scenario, q_wxyz: tuple[float, ...]) -> Scenario:
-    """Return the scenario with another attitude of the target at the start."""
+    """Return the scenario with another initial attitude of the target."""
     attitude = msgspec.structs.replace(scenario.attitude, q_wxyz=q_wxyz, euler_deg=None)
     return msgspec.structs.replace(scenario, attitude=attitude)
 
 
 def fly(plan: Plan, draw: FrameProducer[Frame], pose: str) -> tuple[ClosedLoopResult, DrawnPoses]:
-    """Fly one flight; with ``pose`` "truth" it flies on the truth, and the estimator only observes."""
+    """Simulate one flight; with ``pose`` "truth" the loop uses the true poses, and the estimator only records."""
     intrinsics = CameraIntrinsics.from_dict(msgspec.to_builtins(plan.camera))
     drawn = DrawnPoses(plan, draw, make_estimator(board_model(plan.target), intrinsics))
     true = TruePoses(PoseNoise(), LATENCY_S)
@@ -109,7 +109,7 @@ def fly(plan: Plan, draw: FrameProducer[Frame], pose: str) -> tuple[ClosedLoopRe
 
 
 def write(path: Path, result: ClosedLoopResult, drawn: DrawnPoses) -> None:
-    """Write a flight as arrays: steps of the loop, images and their answers."""
+    """Write a flight as arrays: steps of the loop, images and answers."""
     steps, looks = result.steps, drawn.looks
     nothing = np.full(12, np.nan)
     accepted, q, t, covariance = zip(*drawn.answers, strict=True)
@@ -144,13 +144,13 @@ def write(path: Path, result: ClosedLoopResult, drawn: DrawnPoses) -> None:
 
 
 def seeds_of(text: str) -> range:
-    """Parse FIRST-LAST."""
+    """Parse ``FIRST-LAST``."""
     first, last = (int(x) for x in text.split("-"))
     return range(first, last + 1)
 
 
 def main() -> None:
-    """Fly the requested flights; one whose file exists is skipped."""
+    """Simulate the requested flights except those whose file exists."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("out", type=Path)
     parser.add_argument("--seeds", default="9000-9003", help="FIRST-LAST")

@@ -1,11 +1,11 @@
-"""The results of docs/hil_closed_loop.md: how many flights arrive, and whether the filter's sigma is right.
+"""Results of docs/hil_closed_loop.md: share of flights that arrive, and consistency of the filter's covariance.
 
     python -m tools.studies.loop_figures --seeds 3000-3049   # on noisy poses and on the truth, without images
     python -m tools.studies.loop_figures --drawn OUT         # flights of tools.studies.drawn_loop
 
-It prints a table in Markdown. NEES is that of the twelve states of the covariance: position and velocity of the chaser,
-attitude and rate of the target, without the biases of the poses; its mean is over flights and over times from the 20th
-period on.
+The table is printed in Markdown. NEES is computed over the twelve states of the covariance: position and velocity of
+the chaser, attitude and rate of the target, without the biases of the poses; it is averaged over flights and over times
+from the 20th period on.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ HEAD = (
 
 @dataclass(frozen=True, eq=False)
 class Flight:
-    """Results of one flight: ``nees`` by period, NaN without an estimate."""
+    """Results of one flight; ``nees`` by period, NaN without an estimate."""
 
     outcome: str
     error_m: float
@@ -47,13 +47,13 @@ class Flight:
 
     @property
     def arrived(self) -> bool:
-        """True if the flight met the requirements of the hold point, and entered the sphere in the corridor only."""
+        """True if the flight meets the hold point's requirements and enters the sphere only inside the corridor."""
         near = self.error_m <= 0.2 and self.error_deg <= 2.0
         return self.outcome == "arrived" and near and self.violations == 0
 
 
 def flown(scenario: str, seeds: Sequence[int], pose: Literal["noisy", "truth"]) -> list[Flight]:
-    """Return flights without images."""
+    """Return flights on noisy or true poses, without images."""
     plan = planned(scenario, 0, any_view=False)
     results = [fly_without_pictures(plan, ClosedLoopConfig(seed=seed), pose) for seed in seeds]
     return [
@@ -70,7 +70,7 @@ def flown(scenario: str, seeds: Sequence[int], pose: Literal["noisy", "truth"]) 
 
 
 def drawn(paths: Sequence[Path]) -> list[Flight]:
-    """Return the flights of `tools.studies.drawn_loop`."""
+    """Return the flights recorded by `tools.studies.drawn_loop`."""
     flights = []
     for path in paths:
         with np.load(path) as file:
@@ -84,7 +84,7 @@ def drawn(paths: Sequence[Path]) -> list[Flight]:
 
 
 def row(name: str, flights: Sequence[Flight]) -> str:
-    """Return a line of the table."""
+    """Return a row of the table."""
     arrived = [f for f in flights if f.arrived]
     low, high = wilson_interval(len(arrived), len(flights)) or (0.0, 1.0)
     there = arrived or flights

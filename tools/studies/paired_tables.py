@@ -1,4 +1,4 @@
-"""Tables of the studies in Markdown: shares with intervals, paired counts, mean errors in both units."""
+"""Tables of the studies in Markdown: shares with intervals, paired counts, mean errors in degrees and radians."""
 
 from __future__ import annotations
 
@@ -19,23 +19,23 @@ if TYPE_CHECKING:
     from flyaround.hil.evaluate.pose_errors import FrameScore
     from flyaround.hil.evaluate.result_rows import EvaluatedFrame
 
-# a pose within this angle of the truth is coarsely right
+# attitude error below which a pose is coarsely right
 RIGHT_DEG = 10.0
 
 
 def mcnemar(n_gained: int, n_lost: int) -> float:
-    """Return the exact two-sided probability of so uneven a split of the frames that two methods answer differently.
+    """Return the exact two-sided probability of an at least as uneven split of discordant frames.
 
     References
     ----------
-    McNemar (1947), Psychometrika 12: under equal success each of them falls to either side with one half.
+    McNemar (1947), Psychometrika 12: under equal success rates, each discordant frame favours either method with 1/2.
     """
     return float(binomtest(n_gained, n_gained + n_lost).pvalue) if n_gained + n_lost else 1.0
 
 
 def paired(rows: Sequence[EvaluatedFrame], first: str, other: str) -> tuple[int, int, float]:
-    """Return the feasible frames that ``other`` gets right (coarse) and ``first`` does not, the reverse, and
-    ``mcnemar``.
+    """Return the feasible frames that only ``other`` gets coarsely right, those that only ``first`` does, and the
+    p-value of `mcnemar`.
     """
     right = {(r.method, r.frame): r.record.coarse for r in rows if r.record.feasible}
     both = [k for method, k in right if method == first and (other, k) in right]
@@ -45,7 +45,7 @@ def paired(rows: Sequence[EvaluatedFrame], first: str, other: str) -> tuple[int,
 
 
 def table(rows: Sequence[tuple[str, MethodMetrics]], differ: Sequence[str] = ()) -> str:
-    """Return the metrics of each row in Markdown; ``differ`` is a last column, by row."""
+    """Return the metrics of each row in Markdown; ``differ`` is the last column, by row."""
     head = (
         "| | coarse | fine | available | false of accepted | median E_R deg, E_T mm (all) | "
         "mean E_T mm accepted (all) | failures |"
@@ -100,7 +100,7 @@ def write_into_page(page: Path, part: str, name: str, text: str) -> None:
     Raises
     ------
     UserError
-        If the page has no such place.
+        If the page lacks these lines.
     """
     before = page.read_text(encoding="utf-8")
     place = re.compile(rf"(<!-- study {re.escape(part)} {re.escape(name)} -->\n).*?(<!-- end -->)", re.DOTALL)

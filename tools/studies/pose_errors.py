@@ -1,10 +1,10 @@
-"""The statistics behind `hil.navigation.measurement.PoseNoise`: sizes of pose errors, and their correlation in time.
+"""Statistics behind `hil.navigation.measurement.PoseNoise`: sizes of pose errors and their correlation in time.
 
     python -m tools.studies.drawn_loop OUT --seeds 9000-9006 --pose truth --any-view
     python -m tools.studies.pose_errors OUT
 
-It prints two tables in Markdown. An error counts as wrong if one of its parts is beyond five sigma, where sigma is
-computed without the wrong ones; a filter's gate excludes those.
+The two tables are printed in Markdown. An error counts as wrong if one of its parts exceeds five sigma, where sigma is
+computed without the wrong errors, because a filter's gate excludes those.
 """
 
 from __future__ import annotations
@@ -30,13 +30,15 @@ class FlightErrors:
 
     Parameters
     ----------
-    t_s, range_m : (n,) array
-        Time and range.
+    t_s : (n,) array
+        Time since the start of the flight.
+    range_m : (n,) array
+        Range of the target.
     turn_rad : (n,) array
-        Rotation of the target in the camera so far.
+        Rotation of the target in the camera frame since the start.
     errors : (n, 6) array
-        Errors along camera axes, right, down, forward [m], rotation about the same [rad]; NaN where no pose is
-        accepted.
+        Position errors along the camera axes right, down, forward [m] and rotation errors about them [rad]; NaN
+        where no pose is accepted.
     """
 
     t_s: np.ndarray
@@ -59,7 +61,7 @@ def read_flight(path: Path) -> FlightErrors:
 
 
 def normalised(flights: list[FlightErrors]) -> list[np.ndarray]:
-    """Return the errors over the sigma of their range, wrong ones as NaN."""
+    """Return the errors divided by the sigma of their range, wrong errors as NaN."""
     shares = [f.errors / np.column_stack([*[f.range_m] * 3, *[np.ones(len(f.range_m))] * 3]) for f in flights]
     every = np.vstack(shares)
     sigma = 1.4826 * np.nanmedian(np.abs(every), axis=0)
@@ -74,7 +76,7 @@ def normalised(flights: list[FlightErrors]) -> list[np.ndarray]:
 
 
 def by_range(flights: list[FlightErrors], kept: list[np.ndarray]) -> str:
-    """RMS of each part of the errors by range, without the wrong ones."""
+    """Return the RMS of each part of the errors by range, without wrong errors."""
     ranges = np.concatenate([f.range_m for f in flights])
     errors = np.vstack([f.errors for f in flights])
     right = np.isfinite(np.vstack(kept)[:, 0])
@@ -91,12 +93,12 @@ def by_range(flights: list[FlightErrors], kept: list[np.ndarray]) -> str:
         )
     accepted = np.isfinite(errors[:, 0])
     wrong = 1 - right.sum() / accepted.sum()
-    lines.append(f"\nOf {len(errors)} pictures {accepted.mean():.1%} accepted, of those {wrong:.1%} wrong.")
+    lines.append(f"\nOf {len(errors)} images {accepted.mean():.1%} accepted, of those {wrong:.1%} wrong.")
     return "\n".join(lines)
 
 
 def by_lag(flights: list[FlightErrors], kept: list[np.ndarray]) -> str:
-    """Return the autocorrelation of the normalised errors over the lag, with all parts combined."""
+    """Return the autocorrelation of the normalised errors over the lag, averaged over all parts."""
     head = " | ".join(str(lag) for lag in LAGS_S)
     lines = [f"| lag [s] | {head} |", "|---" * (len(LAGS_S) + 1) + "|"]
     turning = [f.turn_rad[-1] / f.t_s[-1] > np.radians(0.5) for f in flights]

@@ -1,20 +1,20 @@
-"""Stage at which `hybrid` loses a pose: each image of a data set is judged stage by stage against the truth.
+"""Stage at which `hybrid` loses a pose: every stage on each image of a data set is compared with the truth.
 
-    python -m tools.studies.pose_stages SET            # a table in Markdown, a line an image
+    python -m tools.studies.pose_stages SET            # a table in Markdown, a row per image
     python -m tools.studies.pose_stages SET --limit 10
 
-A data set is a folder that `flyaround capture` or `flyaround convert` wrote.
+A data set is a folder written by `flyaround capture` or `flyaround convert`.
 
-| column | what it says |
+| column | meaning |
 |---|---|
-| region | the share of the true box in the best region, and that region's area over the box's |
+| region | share of the true bounding box in the best region, and area of that region divided by the box's |
 | edges | share of the visible wireframe with an edge under it at the true pose |
-| place | error of the learned proposal's nearest place [diameters of the craft's sphere], its size over the true one |
-| proposed | the nearest attitude of all hypotheses of the first round [deg], and its number in the list |
-| stays | error to which the true pose, moved by 3 deg and 4 % of the range, is refined [deg, % of the range] |
-| score | of the true pose refined, and of the pose that was returned, on the same patch |
+| place | error of the learned proposal's best location [diameters of the craft's sphere]; its size over the true one |
+| proposed | attitude error of the best hypothesis of the first round [deg], and its number in the list |
+| stays | error after refinement from the true pose moved by 3 deg and 4 % of the range [deg, % of the range] |
+| score | score of the refined true pose, and of the returned pose, on the same patch |
 | returned | error [deg, % of the range], confidence, and whether it is accepted |
-| lost at | the first stage that had lost it |
+| lost at | first stage whose result no longer includes the pose |
 """
 
 from __future__ import annotations
@@ -56,10 +56,10 @@ if TYPE_CHECKING:
 
 Array = np.ndarray[Any, Any]
 
-# share from which edges suffice, largest error of a hypothesis, and of a place's position and size
+# minimum share of edges; maximum errors of a hypothesis [deg, share of the range] and of a location and its size
 EDGES, NEAR_DEG, NEAR_SHARE, OFF, RATIO = 0.3, 10.0, 0.1, 0.15, 1.2
 
-# a start near the truth: rotation [rad] about an axis across the line of sight, and factor of the range
+# initial pose near the truth: rotation about an axis across the line of sight, and factor of the range
 TURN_RAD, FARTHER = float(np.radians(3.0)), 1.04
 
 EDGES_PX = 360
@@ -67,7 +67,7 @@ EDGES_PX = 360
 
 @dataclass(frozen=True)
 class StageRow:
-    """One image, stage by stage; the columns are those of the module."""
+    """Results of the stages on one image; the columns are those of the module's table."""
 
     frame: int
     range_m: float
@@ -94,7 +94,7 @@ class StageRow:
 
     @property
     def lost_at(self) -> str:
-        """The first stage that had lost the pose."""
+        """First stage that lost the pose."""
         if self.right:
             return "" if self.accepted else "acceptance"
         if self.held < 0.5 and self.off > OFF:
@@ -108,7 +108,7 @@ class StageRow:
         return "selection" if self.returned_score >= self.true_score else "search"
 
     def cells(self) -> list[str]:
-        """Return a line of the table."""
+        """Return the cells of the table's row."""
         return [
             str(self.frame),
             f"{self.range_m:.1f}",
@@ -141,7 +141,7 @@ HEAD = (
 def stage_row(
     estimator: PoseEstimator, image: NDArray[Any], q: Array, t: Array, frame_index: int = 0
 ) -> StageRow:
-    """Judge one image stage by stage.
+    """Compare every stage on one image with the truth.
 
     Parameters
     ----------
@@ -203,7 +203,7 @@ def stage_row(
 
 
 def _holds(region: Region, box: tuple[int, int, int, int]) -> tuple[float, float]:
-    """Return the share of a box that a region holds, and its area over the box's."""
+    """Return the share of a box inside a region, and the region's area divided by the box's."""
     x0, y0, x1, y1 = box
     wide = max(min(region.x1, x1) - max(region.x0, x0), 0.0)
     high = max(min(region.y1, y1) - max(region.y0, y0), 0.0)
@@ -212,7 +212,7 @@ def _holds(region: Region, box: tuple[int, int, int, int]) -> tuple[float, float
 
 
 def _beside(estimator: PoseEstimator, place: LearnedProposal, q: Array, t: Array) -> tuple[float, float]:
-    """Return the distance of a place from the truth [diameters] and the ratio of the sizes."""
+    """Return the distance of a location from the truth [diameters] and the ratio of the sizes."""
     target = estimator.target
     centre = t + quat.matrix(q) @ target.centre_m
     distance, f = float(np.linalg.norm(centre)), 0.5 * (target.camera.fx_px + target.camera.fy_px)
@@ -222,7 +222,7 @@ def _beside(estimator: PoseEstimator, place: LearnedProposal, q: Array, t: Array
 
 
 def _refined(image: PreparedImage, source: Source, q: Array, t: Array) -> tuple[Hypothesis, float]:
-    """Return a pose near the truth after full refinement, and the better score of that and of the refined truth."""
+    """Return a pose near the truth after refinement, and the higher score of it and the refined truth."""
     target, frame = image.setup.target, image.frame
     patch = cut_patch(target, frame, target_box(target, q, t), CLOSE_PX)
     beside = quat.turned(q, np.array([TURN_RAD, 0.0, 0.0]))
@@ -247,10 +247,10 @@ def _score_at(
 
 
 def main() -> None:
-    """Judge the images of one data set."""
+    """Run the study on the images of one data set."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n", maxsplit=1)[0])
     parser.add_argument("dataset", type=Path)
-    parser.add_argument("--limit", type=int, default=None, help="frames, from the first on")
+    parser.add_argument("--limit", type=int, default=None, help="number of frames, from the first")
     options = parser.parse_args()
     card = read_card(options.dataset)
     model = board_model(load_target(card.target.name))

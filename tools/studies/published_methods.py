@@ -1,4 +1,4 @@
-"""The studies of docs/svd_results.md: methods, solvers, streams, a wrong model, a wrong exposure.
+"""Studies of docs/svd_results.md: methods, solvers, streams, a wrong model, a wrong exposure.
 
 ``python -m tools.studies.published_methods SET REPORTS --parts methods --feasible 30`` prints tables in Markdown.
 """
@@ -33,19 +33,19 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
 
-# the thesis's version draws as few points of a figure as a solver needs; the published one gives it all of them,
+# the thesis's version samples as few points of a figure as a solver needs; the published one gives it all of them,
 # although P3P and AP3P cannot use the fourth
 FEW = tuple(MethodChoice("svd-thesis", s) for s in ("p3p", *(s for s in SOLVERS if s != "p3p")))
 ALL = tuple(MethodChoice("svd-2018", s) for s in SOLVERS if s not in ("p3p", "ap3p"))
 
-# the method's own two streams are the first of ``FEW``
+# the streams of the method itself are the first choice of ``FEW``
 STREAMS = tuple(
     MethodChoice("svd-thesis", None, k)
     for k in (("wge",), ("sh",), ("lsd",), ("wge", "sh", "lsd"), ("wge", "sh", "harris"))
 )
 PUBLISHED = (*FEW, *ALL, *STREAMS)
 
-# number of waves that make up the shift of a wrong model
+# number of waves whose sum is the displacement of a wrong model
 WAVES = 60
 
 BEST = MethodChoice(HYBRID)
@@ -56,12 +56,12 @@ EXPOSURE_FACTORS = (0.25, 4.0)
 
 
 def wrong_model(model: BoardModel, sigma_m: float, seed: int = 7) -> BoardModel:
-    """Return a model distorted at random, by ``sigma_m`` along each axis: wireframe, hiding mesh and drawn faces alike.
+    """Return a model distorted at random, by ``sigma_m`` along each axis: wireframe, occluding mesh and rendered faces.
 
     Notes
     -----
-    The shift is a smooth random field that varies over a quarter of the model's radius, so that adjacent parts stay
-    joined and the small faces of a subdivided large one stay nearly plane.
+    The displacement is a smooth random field that varies over a quarter of the model's radius: adjacent parts stay
+    joined, and the small faces of a subdivided large one stay nearly coplanar.
     """
     rng = np.random.default_rng(seed)
     waves = rng.normal(0.0, 4.0 / model.radius_m, (3, WAVES, 3))
@@ -77,7 +77,7 @@ def wrong_model(model: BoardModel, sigma_m: float, seed: int = 7) -> BoardModel:
     if faces is not None:
         corners = moved(faces.corners)
         normals = np.cross(corners[:, 2] - corners[:, 0], corners[:, 3] - corners[:, 1])
-        # three corners: the last one is repeated
+        # a triangle repeats its last corner
         flat = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
         normals = np.where((normals * faces.normals).sum(axis=1, keepdims=True) > 0, normals, flat)
         size = np.linalg.norm(normals, axis=1, keepdims=True)
@@ -94,7 +94,7 @@ def wrong_model(model: BoardModel, sigma_m: float, seed: int = 7) -> BoardModel:
 
 
 def expose(folder: Path, out: Path, factor: float, frames: Sequence[int] | None = None) -> Path:
-    """Return the same frames, all or some, rendered with ``factor`` times the exposure; labels are the same."""
+    """Return a data set of the same frames, or ``frames`` of them, rendered with ``factor`` times the exposure."""
     card = read_card(folder)
     asked = range(card.n_frames) if frames is None else frames
     missing = [k for k in asked if is_whole(folder, k) and not is_whole(out, k)]
@@ -109,7 +109,7 @@ def expose(folder: Path, out: Path, factor: float, frames: Sequence[int] | None 
             frame = take_frame(renderer, scene, target)
             if frame.truth is None:
                 raise RuntimeError("a labelled frame needs its truth")
-            # a frame's feasibility is that at the right exposure
+            # feasibility is that of the frame at the right exposure
             same = msgspec.structs.replace(
                 frame.truth, feasible=truth.feasible, infeasible_reason=truth.infeasible_reason
             )
@@ -130,20 +130,20 @@ def feasible_frames(folder: Path, most: int) -> list[int]:
 
 
 class Study:
-    """The parts of the studies on one data set.
+    """Parts of the studies on one data set.
 
     Parameters
     ----------
     folder : Path
         Folder of the data set.
     reports : Path
-        Folder of the evaluations; existing ones are continued.
+        Folder of the evaluations; existing evaluations are continued.
     feasible : int or None
-        Number of feasible frames to use alone; None for all frames.
+        Number of feasible frames to use; None for all frames.
     workers : int
         Number of processes.
     evaluate : bool
-        True to evaluate missing frames; otherwise tables use the frames that every method has answered.
+        True to evaluate missing frames; otherwise the tables use the frames that every method has answered.
     """
 
     def __init__(
@@ -169,7 +169,7 @@ class Study:
         of: Path | None = None,
         model: BoardModel | None = None,
     ) -> list[EvaluatedFrame]:
-        """Return the rows of an evaluation, for the frames that all its methods have answered."""
+        """Return the rows of an evaluation for the frames that all its methods have answered."""
         place = self.reports / name
         if self.evaluate:
             place.mkdir(parents=True, exist_ok=True)
@@ -187,12 +187,12 @@ class Study:
 
     def published(self, choices: Sequence[MethodChoice], first: MethodChoice) -> str:
         """Return a table of variants of the published methods, with paired counts against one of them."""
-        # every method answers a frame before the next one, so that an interrupted evaluation can be compared
+        # all methods answer a frame before the next one, so that an interrupted evaluation can be compared
         rows = self.rows("published", PUBLISHED)
         return compared(rows, [c.label for c in choices], first.label)
 
     def methods(self) -> str:
-        """Return the three methods; the published ones on as many frames as were evaluated."""
+        """Return the table of three methods; the published ones on the frames that were evaluated."""
         return compared(
             [*self.rows("methods", METHODS), *self.rows(HYBRID, [BEST])],
             [*(c.label for c in METHODS), BEST.label],
@@ -200,14 +200,14 @@ class Study:
         )
 
     def units(self) -> str:
-        """Return the thesis's mean errors in both units."""
+        """Return the thesis's mean errors in degrees and radians."""
         rows = self.rows("methods", METHODS)
         return units_table(
             [(c.label, [r.record for r in rows if r.method == c.label]) for c in METHODS[::-1]]
         )
 
     def bent(self) -> str:
-        """Return the best method with a wrong model."""
+        """Return the best method with a distorted model."""
         found = {"exact": self.rows(HYBRID, [BEST])}
         for sigma in MODEL_ERRORS_M:
             wrong = wrong_model(self.model, sigma)
@@ -225,7 +225,7 @@ class Study:
 
 
 def compared(rows: Sequence[EvaluatedFrame], labels: Sequence[str], first: str) -> str:
-    """Return a table of some methods, with frames gained and lost against the first."""
+    """Return a table of some methods, with frames gained and lost relative to the first."""
     present = [label for label in labels if any(r.method == label for r in rows)]
     metrics = [(label, method_metrics(label, [r for r in rows if r.method == label])) for label in present]
     differ = []
@@ -236,7 +236,7 @@ def compared(rows: Sequence[EvaluatedFrame], labels: Sequence[str], first: str) 
 
 
 def together(by_condition: dict[str, list[EvaluatedFrame]]) -> str:
-    """Return a table of one method under several conditions, for the frames that it has answered under all of them."""
+    """Return a table of one method under several conditions, for the frames answered under all of them."""
     common = set.intersection(*({r.frame for r in rows} for rows in by_condition.values()))
     first, *_ = by_condition
     rows = [
@@ -249,22 +249,22 @@ def together(by_condition: dict[str, list[EvaluatedFrame]]) -> str:
 
 
 def main() -> int:
-    """Run parts of the studies from the command line."""
+    """Run the chosen parts of the studies."""
     parser = argparse.ArgumentParser(prog="tools.studies.published_methods", description=__doc__)
     parser.add_argument("set", type=Path, help="a data set written by capture")
-    parser.add_argument("reports", type=Path, help="folder of the reports, gone on with when it exists")
+    parser.add_argument("reports", type=Path, help="folder of the reports; an existing one is continued")
     parser.add_argument(
         "--parts",
         default="methods",
-        help="with commas: methods,units,solvers,streams,model,exposure",
+        help="comma-separated: methods,units,solvers,streams,model,exposure",
     )
     parser.add_argument("--workers", type=int, default=1)
-    parser.add_argument("--feasible", type=int, help="the first so many feasible frames alone")
-    parser.add_argument("--tables", action="store_true", help="evaluate nothing: tables of what is there")
+    parser.add_argument("--feasible", type=int, help="use only the first N feasible frames")
+    parser.add_argument("--tables", action="store_true", help="print tables of existing evaluations only")
     parser.add_argument(
         "--page",
         type=Path,
-        help="a page whose tables (<!-- study PART SCENARIO -->) are replaced; others are skipped",
+        help="page whose tables (<!-- study PART SCENARIO -->) are replaced; missing ones are skipped",
     )
     options = parser.parse_args()
     study = Study(
@@ -276,7 +276,7 @@ def main() -> int:
     )
     for part in options.parts.split(","):
         if part not in study.parts:
-            parser.error(f"unknown part {part!r}: choose from {', '.join(study.parts)}")
+            parser.error(f"unknown part {part!r}: known parts are {', '.join(study.parts)}")
     for part in options.parts.split(","):
         text = study.parts[part]()
         sys.stdout.write(f"### {part}: {study.name}\n\n{text}\n\n")

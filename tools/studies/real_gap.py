@@ -1,26 +1,26 @@
-"""Differences between images of a real mock-up and rendered ones: one cause is replaced at a time.
+"""Differences between images of a real mock-up and renderings, with one cause replaced at a time.
 
-    python -m tools.studies.real_gap FOLDER -o OUT                      # FOLDER: images and test.json in SPEED's form
+    python -m tools.studies.real_gap FOLDER -o OUT                      # FOLDER: images and test.json in SPEED's format
     python -m tools.studies.real_gap FOLDER -o OUT --page docs/validation/real.md
 
-Each image gets a rendered twin: the craft at its pose under light fitted to it, with the mock-up's surfaces and the
-recipe's lens and noise. Then one property of the twin is replaced by another of ours, or by the image's own:
+Each image gets a rendered twin: the craft at its pose under light fitted to the image, with the mock-up's surfaces and
+the recipe's lens and noise. Then one property of the twin is replaced by another, or by that of the image:
 
-| row | what is swapped |
+| row | replacement |
 |---|---|
-| light: one box | the boxes that were fitted for the strongest of them alone |
-| light: of the recipe | for those of a frame of the recipe `lightbox` |
-| light: theirs, smooth | the brightness over some 24 px and more for the image's |
-| material: flight | the mock-up's surfaces for the flight model's |
-| lens: sharp | blur and glow for none |
-| lens: soft | for twice the blur and three times the glow |
-| noise: none | the detector's noise for none |
-| background: theirs | what lies outside the craft for the image's, noise and screen and stray light |
-| inside: theirs | what lies inside for the image's: all but the background |
-| model: bent | the estimator's model for one bent at random, 8 mm along each axis |
+| light: one box | only the strongest of the fitted boxes |
+| light: of the recipe | the boxes of a frame of the recipe `lightbox` |
+| light: theirs, smooth | the image's brightness, smoothed over 24 px |
+| material: flight | the flight model's surfaces |
+| lens: sharp | no blur and no glow |
+| lens: soft | twice the blur and three times the glow |
+| noise: none | no detector noise |
+| background: theirs | the image's pixels outside the craft: noise, screen and stray light |
+| inside: theirs | the image's pixels inside the craft |
+| model: bent | the estimator's model distorted at random, 8 mm along each axis |
 
-NCC is computed between the silhouette's pixels and the image; the estimator is given `tango` and never the truth.
-Nothing of the images is saved.
+NCC is computed between the silhouette's pixels and the image; the estimator receives the model `tango`, not the truth.
+No part of the images is saved.
 """
 
 from __future__ import annotations
@@ -66,16 +66,16 @@ if TYPE_CHECKING:
 MOCKUP, FLIGHT = "tango-mockup", "tango"
 BENT_M, SMOOTH_PX, SEED = 0.008, 24.0, 29601
 
-# light above black of an image below which its ratio to ours is meaningless [DN]
+# light above black of an image below which its ratio to the rendering is meaningless [DN]
 MIN_DN = 4.0
 
-# columns of a picture of failures [px]
+# width of the columns in the picture of failures [px]
 SHOWN_PX = 420
 
 
 @dataclass(frozen=True, eq=False)
 class SwapRow:
-    """One image of a row: its similarity to the real one, and the estimator's result on it."""
+    """Similarity of one image of a row to the real one, and the estimator's result on it."""
 
     ncc: float
     deg: float
@@ -92,7 +92,7 @@ class SwapRow:
 
 @dataclass(frozen=True, eq=False)
 class Twin:
-    """A twin of an image: the scene that renders it, and the silhouette."""
+    """Twin of an image: the scene that renders it, the rendering and the silhouette."""
 
     reference: Reference
     scene: SceneState
@@ -110,7 +110,7 @@ def drawn(renderer: Renderer, scene: SceneState, target: Target) -> ByteArray:
 
 
 def twin_of(renderer: Renderer, reference: Reference, target: Target) -> Twin:
-    """Return the craft at an image's pose under the light fitted to it."""
+    """Return the craft at an image's pose under the light fitted to the image."""
     basis = light_basis(renderer, reference, target)
     light = fit_light(basis)
     scene = replace(_with_black(basis.scene, light.black_dn), lights=light.lights)
@@ -129,7 +129,7 @@ def _with_black(scene: SceneState, black_dn: float) -> SceneState:
 def swaps(
     renderer: Renderer, twin: Twin, mockup: Target, flight: Target, number: int
 ) -> dict[str, ByteArray]:
-    """Return the twin with one thing replaced, by the row's name."""
+    """Return the twin with one property replaced, by the name of the row."""
     scene, seen = twin.scene, twin.reference.image
     strongest = max(scene.area_lights, key=lambda one: one.radiance_w_m2_sr)
     detector = scene.sensor.detector
@@ -162,7 +162,7 @@ def swaps(
 
 
 def _recipe_lights(scene: SceneState, number: int) -> tuple[Any, ...]:
-    """Return the boxes of a frame of the recipe, placed around its craft."""
+    """Return the light boxes of a frame of the recipe, around its craft."""
     plan = plan_recipe(RECIPE, number + 1, seed=SEED)
     other = plan.scene(number)
     shift = np.asarray(scene.t_camera_from_target_m) - np.asarray(other.t_camera_from_target_m)
@@ -173,7 +173,7 @@ def _recipe_lights(scene: SceneState, number: int) -> tuple[Any, ...]:
 
 
 def _soft(on: BoolArray) -> np.ndarray[Any, Any]:
-    """Return the share of the craft in each pixel, slightly widened by the lens."""
+    """Return the coverage of each pixel by the craft, blurred slightly as by the lens."""
     wide = cv2.dilate(on.astype(np.uint8), np.ones((7, 7), np.uint8))
     return cv2.GaussianBlur(wide.astype(np.float32), (0, 0), 1.5)
 
@@ -183,7 +183,7 @@ def _laid(inside: ByteArray, outside: ByteArray, share: np.ndarray[Any, Any]) ->
 
 
 def _with_their_light(seen: ByteArray, ours: ByteArray, plain: ByteArray, on: BoolArray) -> ByteArray:
-    """Return our image, scaled to the brightness of the real one over many pixels, with its own detail and noise."""
+    """Return the rendering scaled to the real image's brightness over many pixels, with its own detail and noise."""
     black = float(np.percentile(plain[~on], 20)) if (~on).any() else 0.0
     their_black = float(np.percentile(seen[~on], 20)) if (~on).any() else 0.0
     weight = on.astype(np.float32)
@@ -217,7 +217,7 @@ def swap_row(estimator: PoseEstimator, image: ByteArray, twin: Twin) -> tuple[Sw
 
 
 def table(rows: dict[str, Sequence[SwapRow]]) -> str:
-    """Return a line for each replacement, in Markdown."""
+    """Return a row for each replacement, in Markdown."""
     lines = [
         "| picture | NCC | right (95 %) | median error of the right ones | explained | accepted, wrong |",
         "|---|---|---|---|---|---|",
@@ -243,7 +243,7 @@ def table(rows: dict[str, Sequence[SwapRow]]) -> str:
 def failures_picture(
     renderer: Renderer, lost: Sequence[tuple[Twin, PoseResult]], target: Target
 ) -> ByteArray | None:
-    """Return our rendering at the true pose next to that at the returned one, a line for each failure."""
+    """Return the rendering at the true pose next to that at the returned pose, one row per failure."""
     lines = []
     for twin, result in lost:
         q, t = result.q_camera_from_target_wxyz, result.t_camera_from_target_m
@@ -268,7 +268,7 @@ def failures_picture(
 
 
 def _window(image: ByteArray, x: int, y: int, size: int) -> ByteArray:
-    """Return a square of the image, moved inside it, at the displayed size."""
+    """Return a square window of the image, moved inside its borders, at the displayed size."""
     height, width = image.shape
     x, y = min(max(x, 0), max(width - size, 0)), min(max(y, 0), max(height - size, 0))
     padded = cv2.copyMakeBorder(image, size, size, size, size, cv2.BORDER_CONSTANT, value=0)
@@ -278,12 +278,12 @@ def _window(image: ByteArray, x: int, y: int, size: int) -> ByteArray:
 
 
 def main() -> None:
-    """Measure the images of a folder and their twins."""
+    """Run the study on the images of a folder."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n", maxsplit=1)[0])
     parser.add_argument("folder", type=Path)
     parser.add_argument("-o", "--output", required=True, type=Path)
     parser.add_argument("--camera", default="speedplus")
-    parser.add_argument("-n", type=int, default=1000, help="pictures at most")
+    parser.add_argument("-n", type=int, default=1000, help="maximum number of images")
     parser.add_argument("--page", type=Path, default=None, help="page with a place for the table")
     options = parser.parse_args()
     options.output.mkdir(parents=True, exist_ok=True)

@@ -1,9 +1,9 @@
-"""Gain of each saving of the software path: the bench scenes with all of them, and with one switched off, alternately.
+"""Gain of each shortcut of the software path: bench scenes with all of them and with one disabled, alternately.
 
-`python -m tools.studies.savings [NAME...]` renders with all savings and without each named one, and prints the
-additional processor time per frame [ms], scene by scene, their sum, and the largest difference of the images.
+`python -m tools.studies.savings [NAME...]` renders with all shortcuts and without each named one, and prints the
+additional processor time per frame [ms] by scene, the sum, and the maximum difference of the images.
 `python -m tools.studies.savings --start [NAME...]` does so for the first start of a process, with an empty cache [s].
-Results, and the savings that were removed: docs/lab/2026-11-savings.md.
+Results, and shortcuts that were removed: docs/lab/2026-11-savings.md.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ _EARTH, _BLOCK = smooth_earth.SmoothEarthPass, UniformBlock
 
 
 def _changed(owner: object, name: str, after: Any) -> tuple[object, str, object]:  # noqa: ANN401
-    """Wrap a function of an owner so that another function receives its result and arguments."""
+    """Return a patch of a function whose result and arguments are passed to ``after``."""
     before = vars(owner)[name]
     return owner, name, lambda *a, **k: after(before(*a, **k), *a)
 
@@ -119,7 +119,7 @@ P.frame = lambda self, *, target=True, first=False: frame(self, target=target)
 _ONE_STRIP = (
     "from flyaround.simulator.celestial import earth_maps as maps; maps._STRIPS = [slice(0, maps.HEIGHT)]"
 )
-# set before any file is read, once all modules that draw are imported
+# executed before any file is read, after the import of all rendering modules
 START_WITHOUT = {
     "prebuilt cache": (_NOTHING_SHIPPED, ""),
     "strips": (_ONE_STRIP, ""),
@@ -131,7 +131,7 @@ START_WITHOUT = {
 
 @contextmanager
 def without(name: str) -> Iterator[None]:
-    """Switch a saving off within the block."""
+    """Disable a shortcut inside the block."""
     with ExitStack() as stack:
         for owner, attribute, value in WITHOUT.get(name, []):
             stack.callback(setattr, owner, attribute, vars(owner)[attribute])
@@ -140,12 +140,12 @@ def without(name: str) -> Iterator[None]:
 
 
 def least_ms(laps: Sequence[float]) -> float:
-    """Return the mean of the smallest third, because other programs disturb the caches."""
+    """Return the mean of the smallest third of the times, because other programs disturb the caches."""
     return float(np.sort(laps)[: max(len(laps) // 3, 1)].mean())
 
 
 def scene_costs(renderers: dict[str, Renderer], scene: str) -> dict[str, tuple[float, int]]:
-    """Return the time of a frame of a scene [ms], and the difference of its image from the first renderer's [DN]."""
+    """Return the time per frame of a scene [ms] and the maximum difference from the first renderer's image [DN]."""
     plan, views = bench_views(scene, TURNS + WARM_UP)
     laps: dict[str, list[float]] = {name: [] for name in renderers}
     off = dict.fromkeys(renderers, 0)
@@ -177,7 +177,7 @@ def frames(names: Sequence[str]) -> None:
 
 
 def starts(names: Sequence[str]) -> None:
-    """Print the table of a first start: the least of several, measured alternately."""
+    """Print the table of a first start: the minimum of several, measured alternately."""
     found: dict[str, list[float]] = {name: [] for name in ("all", *names)}
     for _ in range(STARTS):
         for name, taken in found.items():

@@ -1,15 +1,15 @@
-"""Train the keypoint network's trunk and the heads of the built-in craft, all at once.
+"""Train the keypoint network's trunk together with the heads of all built-in craft.
 
     python -m tools.train.keypoint_trunk draw VIEWS --workers 2
     python -m tools.train.keypoint_trunk fit VIEWS STATE --minutes 180 --assistants 1
     python -m tools.train.keypoint_trunk write STATE
 
-``draw`` goes on where it was stopped, and so does ``fit``. ``fit`` begins with the shipped weights, or with ``--anew``
-from nothing; ``write`` puts the running mean of the weights into the package.
+``draw`` and ``fit`` continue where they were interrupted. ``fit`` starts from the shipped weights, or with ``--anew``
+from random ones; ``write`` writes the running mean of the weights into the package.
 
-One process trains on one thread, for two threads wait for each other (docs/lab/2026-11-keypoint-network.md); another
-makes samples; assistants add gradients of further batches, at weights that are at most a step old, from whatever time
-of the processor is left.
+One process trains on one thread, because two threads wait for each other (docs/lab/2026-11-keypoint-network.md).
+Another process makes samples; assistants compute gradients of further batches at the lowest priority, at weights that
+are at most one step old.
 """
 
 from __future__ import annotations
@@ -47,12 +47,12 @@ if TYPE_CHECKING:
 
     from torch import Tensor
 
-    # Names of the craft of a batch with the number of their samples, in order, and the batch.
+    # (craft name, number of samples) in the order of the batch, and the batch
     Samples = tuple[list[tuple[str, int]], Batch]
 
 WEIGHTS = Path(__file__).parents[2] / "hil/board/hybrid/propose/keypoints/weights"
 
-# Views of each craft; Tango is drawn in both of its paints.
+# Number of rendered views of each craft; Tango is rendered with both of its paints.
 VIEWS = {
     "tango": 3200,
     "dragon": 1400,
@@ -64,26 +64,26 @@ VIEWS = {
 }
 PAINTS = {"tango": ("tango", "tango-mockup")}
 
-# Samples of a step, of these of other craft than Tango, and of one of them; share of a new training on easy samples.
+# Samples of a batch; of other craft than Tango; of one other craft; share of a new training with easy samples.
 BATCH, OTHERS, PER_CRAFT, EASY_SHARE = 64, 40, 8, 0.2
 
-# Chances of samples of Tango, which laboratories have, and of other craft.
+# Shares of samples of Tango, for which laboratory images exist, and of other craft.
 LABORATORY = replace(HARD, earth=0.75)
 ORBIT = replace(LABORATORY, orbit=0.65)
 
-# Largest rate of a training that begins with the shipped weights.
+# Maximum learning rate of a training that starts from the shipped weights.
 RATE_AGAIN = 8e-4
 
 CHECKPOINT_S = 120.0
 
 
 def drawing(folder: Path, name: str) -> Drawing:
-    """Return what is drawn of a craft."""
+    """Return the drawing of a craft's views."""
     return Drawing(folder / name, PAINTS.get(name, (name,)), VIEWS[name], 30117)
 
 
 def make_batches(folder: Path, seed: int, easy: Any, queue: Queue[Samples]) -> None:  # noqa: ANN401 - a shared flag
-    """Put batches into a queue for ever."""
+    """Put batches into a queue until the process is killed."""
     cv2.setNumThreads(1)
     rng = np.random.default_rng(seed)
     views, earths = {}, {}
@@ -109,16 +109,18 @@ def make_batches(folder: Path, seed: int, easy: Any, queue: Queue[Samples]) -> N
 
 @dataclass(frozen=True)
 class Shared:
-    """Weights that assistants read, and the sums of gradients, times samples, that they add to.
+    """Weights that the worker processes read and gradients that they accumulate, in shared memory.
 
     Parameters
     ----------
-    weights, gradients : list of tensor
-        In shared memory.
+    weights : list of tensor
+        Weights of the network.
+    gradients : list of tensor
+        Sums of gradients, each weighted by its number of samples.
     samples : object
-        Shared integer How many samples the sums are of.
+        Shared integer: number of samples in the sums.
     lock : object
-        Lock Of the sums.
+        Lock that protects the sums.
     """
 
     weights: list[Tensor]
@@ -127,14 +129,14 @@ class Shared:
     lock: Any
 
     @staticmethod
-    def of(weights: list[Tensor], context: Any) -> Shared:  # noqa: ANN401 - of multiprocessing
-        """Return the shared memory for these weights."""
+    def of(weights: list[Tensor], context: Any) -> Shared:  # noqa: ANN401 - a multiprocessing context
+        """Return shared memory initialised with the weights."""
         copies = [w.detach().clone(memory_format=torch.contiguous_format).share_memory_() for w in weights]
         sums = [torch.zeros_like(w).share_memory_() for w in copies]
         return Shared(copies, sums, context.Value("l", 0, lock=False), context.Lock())
 
     def add(self, weights: list[Tensor], samples: int) -> None:
-        """Add the gradients of a batch."""
+        """Add the gradients of a batch of ``samples`` samples."""
         with self.lock, torch.no_grad():
             for w, total in zip(weights, self.gradients, strict=True):
                 if w.grad is not None:
@@ -142,7 +144,7 @@ class Shared:
             self.samples.value += samples
 
     def take(self, weights: list[Tensor], samples: int) -> None:
-        """Make gradients of a batch the mean with those added since the last step."""
+        """Average the gradients of a batch with those that assistants added since the last step."""
         with self.lock, torch.no_grad():
             more = self.samples.value
             if not more:
@@ -155,7 +157,7 @@ class Shared:
 
 
 def assist(shared: Shared, queue: Queue[Samples]) -> None:
-    """Add gradients to the training's for ever, at the lowest priority."""
+    """Compute and add gradients until the process is killed, at the lowest priority."""
     os.nice(19)
     torch.set_num_threads(1)
     network = KeypointNetworks()
@@ -179,7 +181,7 @@ class KeypointNetworks(nn.Module):  # type: ignore[misc]
         self.heads = nn.ModuleDict({name: Head() for name in VIEWS})
 
     def load_shipped(self, samples: Batch) -> None:
-        """Take the weights of the package; ``samples`` give the normalisations their first statistics."""
+        """Load the package's weights; ``samples`` initialise the running statistics of the normalisation layers."""
         trunk = unfold(from_onnx(trunk_bytes()), torch.from_numpy(samples.inputs).float())
         self.trunk.load_state_dict(trunk.state_dict())
         for name, head in self.heads.items():
@@ -190,7 +192,7 @@ class KeypointNetworks(nn.Module):  # type: ignore[misc]
 
 
 def train(folder: Path, state: Path, minutes: float, assistants: int, *, anew: bool) -> None:
-    """Train until ``minutes`` in all are spent."""
+    """Train until the total training time reaches ``minutes``."""
     torch.set_num_threads(1)
     torch.manual_seed(0)
     context = multiprocessing.get_context("spawn")
@@ -242,7 +244,7 @@ def train(folder: Path, state: Path, minutes: float, assistants: int, *, anew: b
 
 
 def write(state: Path) -> None:
-    """Write the running means into the package."""
+    """Write the running means of the weights into the package."""
     mean = torch.load(state, weights_only=True)["mean"]
     trunk = Trunk()
     trunk.load_state_dict({k[len("trunk.") :]: v for k, v in mean.items() if k.startswith("trunk.")})
@@ -258,7 +260,7 @@ def write(state: Path) -> None:
 
 
 def _loss(networks: KeypointNetworks, samples: Samples) -> tuple[Tensor, Tensor]:
-    """Return the keypoints' cross-entropy and the whole loss of a batch."""
+    """Return the cross-entropy of the keypoints and the total loss of a batch."""
     sizes, batch = samples
     x = torch.from_numpy(batch.inputs).float().contiguous(memory_format=torch.channels_last)
     made, first = [], 0
@@ -299,10 +301,10 @@ def _save(
 
 
 def main() -> None:
-    """Run one of the three steps."""
+    """Run the chosen step."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n", maxsplit=1)[0])
     commands = parser.add_subparsers(dest="command", required=True)
-    draw = commands.add_parser("draw", help="draw the views of all craft")
+    draw = commands.add_parser("draw", help="render the views of all craft")
     draw.add_argument("views", type=Path)
     draw.add_argument("--workers", type=int, default=2)
     fitted = commands.add_parser("fit", help="train")
@@ -310,7 +312,7 @@ def main() -> None:
     fitted.add_argument("state", type=Path)
     fitted.add_argument("--minutes", type=float, default=180.0)
     fitted.add_argument("--assistants", type=int, default=1)
-    fitted.add_argument("--anew", action="store_true", help="begin from nothing")
+    fitted.add_argument("--anew", action="store_true", help="start from random weights")
     written = commands.add_parser("write", help="write the weights into the package")
     written.add_argument("state", type=Path)
     given = parser.parse_args()

@@ -1,9 +1,9 @@
-"""Trains the saliency of the target on labelled data sets: features of cells inside and outside of its mask.
+"""Train the saliency of the target on labelled data sets: features of image cells inside and outside its mask.
 
     python -m tools.train.saliency DIR... -o hil/board/hybrid/propose/saliency.npz
 
 The shipped weights were trained on frames of ``eval-earth`` (seed 4201, and frames 40 to 149 of seed 4102) and a few of
-``eval-black``, each once unchanged and once mirrored, with other exposure and more noise.
+``eval-black``, each once unchanged and once mirrored, with changed exposure and more noise.
 """
 
 from __future__ import annotations
@@ -29,17 +29,17 @@ if TYPE_CHECKING:
 
 HIDDEN, EPOCHS, BATCH = 24, 30, 512
 
-# cells drawn from one frame: on the craft, anywhere else, and just beside it
+# cells sampled from one frame: on the craft, anywhere else, and adjacent to the craft
 ON, OFF, BESIDE = 150, 450, 100
 
 
 def cells(folder: Path, rng: np.random.Generator, *, varied: bool) -> Iterator[tuple[FloatArray, FloatArray]]:
-    """Yield features (N, F) and truth (N,) of cells of every frame of a data set.
+    """Yield features (N, F) and labels (N,) of cells of every frame of a data set.
 
     Parameters
     ----------
     varied : bool
-        True to change exposure, noise and side of each frame at random.
+        True to mirror each frame and change its exposure and noise at random.
     """
     for k in range(read_card(folder).n_frames):
         if not is_whole(folder, k):
@@ -65,7 +65,7 @@ def cells(folder: Path, rng: np.random.Generator, *, varied: bool) -> Iterator[t
 
 
 def train(x: FloatArray, y: FloatArray, seed: int = 0) -> dict[str, FloatArray]:
-    """Train two layers by Adam (Kingma & Ba 2015) on the cross-entropy, with dropout of the features."""
+    """Train two layers by Adam (Kingma & Ba 2015) on the cross-entropy, with dropout of features."""
     rng = np.random.default_rng(seed)
     mean, scale = x.mean(axis=0), x.std(axis=0) + 1e-6
     z = (x - mean) / scale
@@ -104,7 +104,7 @@ def train(x: FloatArray, y: FloatArray, seed: int = 0) -> dict[str, FloatArray]:
 
 
 def main() -> None:
-    """Read data sets, train, write the weights."""
+    """Read data sets, train and write the weights."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n", maxsplit=1)[0])
     parser.add_argument("folders", nargs="+", type=Path)
     parser.add_argument("-o", "--output", required=True, type=Path)

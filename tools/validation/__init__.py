@@ -1,1 +1,1 @@
-"""Validation: comparisons with analytic results and with independent programs. Nothing here is needed to simulate."""
+"""Validation against analytic results and independent programs. It is not part of the simulator."""

@@ -1,4 +1,4 @@
-"""A minimal scene for validation: a target in front of the camera, the Sun in a given direction, nothing else."""
+"""Minimal scene for validation: a target in front of the camera and the Sun in a given direction, nothing else."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def bare_target(parts: list[Part], materials: list[Material]) -> Target:
 
 
 def flat_plate(name: str, x: tuple[float, float], y: tuple[float, float], z: float) -> Part:
-    """Return a rectangle that looks along -z."""
+    """Return a rectangle with normal -z at depth ``z``."""
     corners = np.array([(x[0], y[0], z), (x[0], y[1], z), (x[1], y[1], z), (x[1], y[0], z)], np.float32)
     return Part(
         name=name,
@@ -88,7 +88,7 @@ def bare_scene(
     sunlit: bool = True,
     quality: Quality = "default",
 ) -> SceneState:
-    """Return the scene of a target at a pose in the camera's frame, lit from a direction in it."""
+    """Return the scene of a target at a pose in the camera frame, sunlit from a direction in that frame."""
     ref = TargetRef(name=target.name, sha256=target.sha256)
     scene = scene_above(
         "2026-03-20T12:00:00Z",

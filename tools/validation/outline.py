@@ -1,8 +1,8 @@
-"""A target's outline against an image of the real craft: ``python -m tools.validation.outline PICTURE --side=+x``.
+"""Compare a target's outline with a photograph of the craft: ``python -m tools.validation.outline PICTURE --side=+x``.
 
-Pose and focal length are fitted to the image's outline; the remaining difference is the model's: the overlap of the two
-filled outlines (intersection over union) and the distance between them. The image's outline comes from a JSON file of
-polygons traced by hand (``--outline``), or from its brightness in front of a black sky.
+Pose and focal length are fitted to the photograph's outline; the residual is the model's error: intersection over union
+of the two filled outlines, and the distance between them. The photograph's outline comes from a JSON file of polygons
+traced by hand (``--outline``), or from its brightness in front of a black sky.
 """
 
 from __future__ import annotations
@@ -36,21 +36,21 @@ SIDES = {
     "+z": ((1, 0, 0), (0, -1, 0), (0, 0, -1)),
     "-z": ((1, 0, 0), (0, 1, 0), (0, 0, 1)),
 }
-"""Initial camera axes (right, down, forward) in the target's: upright as in Tango's public images."""
+"""Initial camera axes (right, down, forward) in the target frame: upright as in Tango's public images."""
 TILTS_RAD = tuple(itertools.product((-0.06, 0.0, 0.06), repeat=2))
 START_RANGES = (6.0,)
 """Initial ranges in widths of the craft."""
 STEP = np.array([0.015, 0.015, 0.005, 0.003, 0.003, 0.05, 0.005])
-"""Steps of the derivatives: rotations [rad], shifts in widths of the craft, log range at the same size, log size."""
+"""Steps of the derivatives: rotations [rad], shifts in widths of the craft, log range at constant size, log size."""
 ROBUST_PX = (12.0, 4.0, 1.5)
-"""Distances beyond which a point hardly counts, so that missing parts do not bias the fit; decreasing."""
+"""Distances beyond which a point has little weight, decreasing, so that missing parts do not bias the fit."""
 POINTS = 500
 POLISH = 200
-"""Evaluations of the overlap itself at the end."""
+"""Evaluations of the overlap in the final optimisation."""
 FILL_SHIFT = 4
 BLUR_PX = 1.2
 MIN_AREA_PX = 40
-"""Least area of a bright region that counts as craft in front of a black sky, after the blur."""
+"""Minimum area of a bright region that counts as craft in front of a black sky, after the blur."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -74,16 +74,16 @@ class _Mesh:
 
 
 def fit_outline(reference: ByteArray, target: Target, side: str, coarse: Target | None = None) -> Fit:
-    """Fit pose and focal length of a pinhole with its axis in the image's middle, and measure the residual.
+    """Fit pose and focal length of a pinhole camera with central principal point, and measure the residual.
 
     Parameters
     ----------
     reference : ByteArray
-        (H, W) the craft's filled outline, nonzero inside.
+        (H, W) filled outline of the craft, nonzero inside.
     side : str
-        Axis from which the camera looks at first.
+        Axis from which the camera initially looks.
     coarse : Target, optional
-        Model of fewer triangles for the fit.
+        Model with fewer triangles for the fit.
 
     Raises
     ------
@@ -129,7 +129,7 @@ def fit_outline(reference: ByteArray, target: Target, side: str, coarse: Target 
 
 
 def filled(mask: ByteArray) -> ByteArray:
-    """Return the mask without holes, because a hand-drawn outline is the outer one."""
+    """Return the mask without holes, because a hand-traced outline is the outer one."""
     outlines, _ = cv2.findContours(mask, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
     out = np.zeros_like(mask)
     cv2.drawContours(out, outlines, -1, 1, cv2.FILLED)
@@ -149,7 +149,7 @@ def _width_m(mesh: _Mesh) -> float:
 
 
 def _start(reference: ByteArray, mesh: _Mesh, side: str, range_widths: float) -> FloatArray:
-    """Return parameters that look straight at the side from a few widths away, at the outline's size and place."""
+    """Return initial parameters: view along the side's axis, at the outline's size and position."""
     seen = mesh.positions_m @ np.array(SIDES[side], float).T / _width_m(mesh)
     middle = (seen.min(axis=0) + seen.max(axis=0)) / 2
     v, u = np.nonzero(reference)
@@ -173,7 +173,7 @@ def _drawn(shape: tuple[int, ...], mesh: _Mesh, side: str, x: FloatArray, shrink
     uv = (seen[:, :2] / np.maximum(seen[:, 2:], 1e-3) * focal + middle + 0.5) / shrink - 0.5
     image = np.zeros((shape[0] // shrink, shape[1] // shrink), np.uint8)
     corners = np.rint(np.clip(uv, -1e4, 1e4) * 2**FILL_SHIFT).astype(np.int32)[mesh.triangles]
-    # the front-facing half of the triangles covers everything
+    # the front-facing triangles cover the silhouette
     a, b = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
     for triangle in corners[a[:, 0] * b[:, 1] < a[:, 1] * b[:, 0]]:
         cv2.fillConvexPoly(image, triangle, 1, cv2.LINE_8, FILL_SHIFT)
@@ -181,7 +181,7 @@ def _drawn(shape: tuple[int, ...], mesh: _Mesh, side: str, x: FloatArray, shrink
 
 
 def _distances(reference: ByteArray, mesh: _Mesh, side: str, x: FloatArray, shrink: int) -> FloatArray:
-    """Return the distance of points of the reference's outline to the model's [px of the image], positive inside."""
+    """Return the distances of the reference's outline points to the model's outline [image px], positive inside."""
     outlines, _ = cv2.findContours(reference, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
     points = np.concatenate([o[:, 0] for o in outlines]).astype(float)
     points = points[np.linspace(0, len(points) - 1, POINTS).astype(int)]
@@ -192,7 +192,7 @@ def _distances(reference: ByteArray, mesh: _Mesh, side: str, x: FloatArray, shri
     values = cv2.remap(
         signed, at[None, :, 0], at[None, :, 1], cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE
     )[0]
-    # the reference's contour passes through its outermost pixels, whose centres are half a pixel inside
+    # the reference's contour passes through the centres of its outermost pixels, half a pixel inside
     return np.asarray(values.astype(float) * shrink - 0.5)
 
 
@@ -214,7 +214,7 @@ def _misfit(r: FloatArray, robust_px: float) -> float:
 def _descend(
     reference: ByteArray, mesh: _Mesh, side: str, x: FloatArray, steps: int, shrink: int, robust_px: float
 ) -> FloatArray:
-    """Minimise the distances by Gauss-Newton, with weights that suppress missing parts of the model (Cauchy)."""
+    """Minimise the distances by Gauss-Newton with Cauchy weights, which suppress missing parts of the model."""
     damping = 1e-2
     r = _distances(reference, mesh, side, x, shrink)
     for _ in range(steps):
@@ -264,7 +264,7 @@ def read_picture(path: Path, outline: Path | None, threshold_dn: float) -> tuple
 
 
 def overlay(image: ByteArray, fit: Fit) -> ByteArray:
-    """Return the image (BGR) with its outline in yellow and the model's in red."""
+    """Return the image (BGR) with its own outline in yellow and the model's in red."""
     canvas = cv2.cvtColor(image, cv2.COLOR_GRAY2BGR)
     for mask, colour in ((fit.reference, (0, 255, 255)), (fit.model, (0, 0, 255))):
         found, _ = cv2.findContours(mask, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
@@ -273,14 +273,14 @@ def overlay(image: ByteArray, fit: Fit) -> ByteArray:
 
 
 def main(argv: list[str] | None = None) -> int:
-    """Fit one image, print the result, write the overlay; return 2 for a user's mistake."""
+    """Fit one image, print the result and write the overlay; return 2 for a user error."""
     parser = argparse.ArgumentParser(prog="python -m tools.validation.outline", description=__doc__)
     parser.add_argument("picture", type=Path)
-    parser.add_argument("--side", choices=SIDES, default="+z", help="axis that the camera looks from")
+    parser.add_argument("--side", choices=SIDES, default="+z", help="axis from which the camera looks")
     parser.add_argument("--target", default="tango")
     parser.add_argument("--outline", type=Path, help="JSON list of polygons in pixels, traced by hand")
-    parser.add_argument("--threshold", type=float, default=30.0, help="brighter than this is craft [DN]")
-    parser.add_argument("-o", "--overlay", type=Path, help="picture with both outlines")
+    parser.add_argument("--threshold", type=float, default=30.0, help="minimum brightness of the craft [DN]")
+    parser.add_argument("-o", "--overlay", type=Path, help="image with both outlines")
     given = parser.parse_args(argv)
     try:
         image, reference = read_picture(given.picture, given.outline, given.threshold)

@@ -1,4 +1,4 @@
-"""Rows of the accuracy page: quantity, reference, goal and measurement."""
+"""Rows of an accuracy page: quantity, reference, goal and measurement."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ class Row:
     Attributes
     ----------
     asked : bool, optional
-        False for a figure without a goal of its own, reported next to another row's.
+        False for a figure without its own goal, reported next to that of another row.
     """
 
     what: str
@@ -39,7 +39,7 @@ class Row:
 
     @property
     def passed(self) -> bool:
-        """True if the goal is reached, or not requested here."""
+        """True if the goal is reached, or not required here."""
         return self.met or not self.asked
 
     @property
@@ -51,7 +51,7 @@ class Row:
 
 
 def arcsec(a: FloatArray, b: FloatArray) -> FloatArray:
-    """Return the angles between (..., 3) directions [arcsec], accurate for small ones."""
+    """Return the angles between (..., 3) directions [arcsec], accurate for small angles."""
     sine = np.linalg.norm(np.cross(a, b), axis=-1)
     return np.asarray(np.degrees(np.arctan2(sine, np.sum(a * b, axis=-1))) * 3600)
 
@@ -62,7 +62,7 @@ def read_table(path: Path) -> FloatArray:
     Raises
     ------
     UserError
-         If it is missing.
+        If the file is missing.
     """
     require_reference(path)
     return np.genfromtxt(path, delimiter=",", skip_header=1)
@@ -74,9 +74,9 @@ def require_reference(path: Path) -> None:
     Raises
     ------
     UserError
-         If it is missing.
+        If the file is missing.
     """
     if not path.is_file():
         raise UserError(
-            f"there is no reference output {path}: run from the root of a checkout, or name --reference"
+            f"there is no reference output {path}: run from the root of a checkout, or give --reference"
         )

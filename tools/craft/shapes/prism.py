@@ -154,13 +154,17 @@ def prism(
     Parameters
     ----------
     outline : (K, 2) array
-        Polygon [m], either way round.
-    holes : sequence of (L, 2) array, optional
-        Polygons inside it.
+        Polygon in plane coordinates [m], of either orientation.
     thickness_m : float
-        Distance between the two caps; the first lies in the plane itself.
-    u, v : array, optional
-        Orthonormal axes of the plane. Walls are smooth where the outline turns gently.
+        Distance between the two caps; the first cap lies in the plane.
+    holes : sequence of (L, 2) array, optional
+        Polygons inside the outline [m].
+    origin_m : (3,) array, optional
+        Origin of the plane coordinates.
+    u : (3,) array, optional
+        First axis of the plane, of unit length.
+    v : (3,) array, optional
+        Second axis of the plane, of unit length, perpendicular to ``u``.
     """
     rim = _oriented(outline, 1.0)
     inner = [_oriented(h, -1.0) for h in holes]

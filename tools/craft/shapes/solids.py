@@ -22,8 +22,10 @@ def box(lo_m: ArrayLike, hi_m: ArrayLike, bevel_m: float = 0.0) -> Mesh:
 
     Parameters
     ----------
-    lo_m, hi_m : (3,) array
-        Opposite corners.
+    lo_m : (3,) array
+        Corner of minimum coordinates.
+    hi_m : (3,) array
+        Corner of maximum coordinates.
     bevel_m : float, optional
         Length that the chamfer takes from each face.
     """

@@ -81,10 +81,14 @@ class TangoDimensions:
 
     Parameters
     ----------
-    columns, rows : int
-        Cells of each of the panel's two fields.
-    antenna_roots, antenna_tips : tuple of Vec3
-        One pair per rod antenna.
+    columns : int
+        Number of cell columns in each of the panel's two fields.
+    rows : int
+        Number of cell rows in each of the panel's two fields.
+    antenna_roots : tuple of Vec3
+        Root of each rod antenna.
+    antenna_tips : tuple of Vec3
+        Tip of each rod antenna.
     antenna_collar_m : float
         From the root to the thick part.
     """

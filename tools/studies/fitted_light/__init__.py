@@ -1,1 +1,1 @@
-"""Light, and materials, fitted to images of a craft whose poses are known: `python -m tools.studies.fitted_light`."""
+"""Light and materials fitted to images of a craft with known poses: `python -m tools.studies.fitted_light`."""

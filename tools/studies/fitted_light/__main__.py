@@ -1,4 +1,4 @@
-"""Writes a page and fit.json about a folder's images and renderings at their poses, under light fitted to each."""
+"""Write a page and fit.json that compare a folder's images with renderings at their poses under fitted light."""
 
 from __future__ import annotations
 
@@ -21,15 +21,17 @@ if TYPE_CHECKING:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Fit the light of each image and write the page; return 2 with one sentence if an image cannot be used."""
+    """Fit the light of each image and write the page; return 2 after a one-sentence message if an image is unusable."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("folder", type=Path)
-    parser.add_argument("--poses", required=True, type=Path, help="SPEED's list of poses")
+    parser.add_argument("--poses", required=True, type=Path, help="poses of the images in SPEED's format")
     parser.add_argument("-o", "--output", required=True, type=Path, help="new or empty folder")
-    parser.add_argument("-n", type=int, default=16, help="pictures at most, evenly over the folder")
+    parser.add_argument("-n", type=int, default=16, help="maximum number of images, evenly over the folder")
     parser.add_argument("--target", default="tango")
     parser.add_argument("--camera", default="speed")
-    parser.add_argument("--fit-materials", action="store_true", help="on every second picture")
+    parser.add_argument(
+        "--fit-materials", action="store_true", help="also fit the materials, on every second image"
+    )
     options = parser.parse_args(arguments)
     try:
         camera, target = load_camera(options.camera), load_target(options.target)

@@ -1,7 +1,8 @@
-"""The light of an image whose pose is known: boxes around the craft, with radiances by least squares.
+"""Estimation of the light in an image of known pose: boxes around the craft, their radiances by least squares.
 
-Light is additive, so the craft is rendered once under each of many boxes, at a small size; their radiances are the
-non-negative weights whose sum is nearest to the image. Where the image is clipped, the sum must only be clipped too.
+Light is additive: the craft is rendered under each of many boxes at a small size, and the radiances are the
+non-negative weights for which the sum is nearest to the image. Where the image is clipped, the sum is only required to
+be clipped.
 """
 
 from __future__ import annotations
@@ -38,8 +39,8 @@ CANDIDATES = 48
 DISTANCE_M, SIDE_M = 2.5, 1.0
 CLIPPED_DN = 245.0
 _UNIT = 1000.0  # radiance with which candidates are rendered [W m-2 sr-1]
-_ACROSS_PX = 260  # size of the craft in the small images
-_ROUNDS = 8  # rounds of excluding clipped pixels
+_ACROSS_PX = 260  # width of the craft in the small images
+_ROUNDS = 8  # iterations of the exclusion of clipped pixels
 _MIN_SHARE = 0.02  # share of an image's light below which a box is omitted
 _ALTERNATIONS = 4
 _FACTORS = (0.2, 5.0)
@@ -48,18 +49,18 @@ _MIN_PIXELS = 30
 
 @dataclass(frozen=True, eq=False)
 class LightBasis:
-    """A reduced image, and the craft under each candidate box.
+    """A reduced image, and the craft rendered under each candidate box.
 
     Parameters
     ----------
     scene : SceneState
         Scene at full size, without lights.
     lights : tuple of AreaLight
-        (K) boxes of radiance `_UNIT`.
+        (K,) boxes of radiance `_UNIT`.
     drawn : (K, P) array
-        Digital numbers above black of the craft's pixels.
+        Digital numbers above black of the craft's pixels under each box.
     seen : (P,) array
-        Those of the image.
+        Digital numbers above black of the image at these pixels.
     material : IntArray
         (P,) index into the target's materials.
     inner : BoolArray
@@ -84,15 +85,15 @@ class FittedLight:
 
 
 def scene_at_pose(reference: Reference, target: Target) -> SceneState:
-    """Return the laboratory's scene with the craft at a reference's pose, without light, in the reference's camera.
+    """Return the laboratory scene with the craft at a reference's pose, without lights, in the reference's camera.
 
     Raises
     ------
     UserError
-        If the pose of the image is not known.
+        If the pose of the image is unknown.
     """
     if reference.pose is None:
-        raise UserError(f"{reference.path}: its pose is not known; give the list of poses with --poses")
+        raise UserError(f"{reference.path}: its pose is unknown; give the file of poses with --poses")
     scene = plan_recipe(RECIPE, 1, target=target.name).scene(0)
     environment = msgspec.structs.replace(scene.environment, earth=False, atmosphere=False)
     scene = replace(scene, camera=reference.camera, environment=environment, lights=msgspec.UNSET)
@@ -100,7 +101,7 @@ def scene_at_pose(reference: Reference, target: Target) -> SceneState:
 
 
 def dn_per_radiance(scene: SceneState) -> float:
-    """Return the digital numbers above black of a unit of radiance [DN W-1 m2 sr]."""
+    """Return the digital numbers above black per unit of radiance [DN W-1 m2 sr]."""
     sensor, detector = scene.sensor, scene.sensor.detector
     signal = float(expose(np.ones((9, 9), np.float32), sensor, scene.exposure_s, optics=scene.optics)[4, 4])
     return signal * (2**sensor.bits - 1 if detector is None else sensor.saturation_e / detector.gain_e_per_dn)
@@ -109,7 +110,7 @@ def dn_per_radiance(scene: SceneState) -> float:
 def candidate_lights(
     scene: SceneState, count: int = CANDIDATES, distance_m: float = DISTANCE_M, side_m: float = SIDE_M
 ) -> list[AreaLight]:
-    """Return boxes all around the craft, even in solid angle, camera axes."""
+    """Return boxes around the craft, uniform in solid angle, camera axes."""
     k = np.arange(count) + 0.5
     z, turn = 1 - 2 * k / count, k * np.pi * (3 - np.sqrt(5))
     ring = np.sqrt(1 - z * z)
@@ -129,7 +130,7 @@ def candidate_lights(
 def light_basis(
     renderer: Renderer, reference: Reference, target: Target, lights: Sequence[AreaLight] | None = None
 ) -> LightBasis:
-    """Draw the craft of a reference under each of the lights, the candidates unless given."""
+    """Render the craft of a reference under each of ``lights``, by default the candidates."""
     scene = scene_at_pose(reference, target)
     lights = candidate_lights(scene) if lights is None else lights
     roi, binning = _window(scene, target)
@@ -137,7 +138,7 @@ def light_basis(
     small = replace(scene, camera=read_part(scene.camera, roi, binning, str(reference.path)), quality="draft")
     parts = renderer.surfaces(small, target, layers=True).parts
     if parts is None or not parts.any():
-        raise UserError(f"{reference.path}: the craft is not in the picture at its pose; check --poses")
+        raise UserError(f"{reference.path}: the craft is outside the image at its pose; check --poses")
     on = parts > 0
     names = [m.name for m in target.materials]
     of_part = np.array([0, *(names.index(p.material) for p in target.parts)])
@@ -156,7 +157,7 @@ def light_basis(
 
 
 def _window(scene: SceneState, target: Target) -> tuple[tuple[int, int, int, int], int]:
-    """Return the part of the image around the craft, and the binning for the fit."""
+    """Return the window of the image around the craft, and the binning for the fit."""
     c = scene.camera
     box = amodal_box(scene, target)
     if box is None:
@@ -176,9 +177,9 @@ def fit_light(basis: LightBasis, factors: FloatArray | None = None, most: int = 
     Parameters
     ----------
     factors : (M,) array, optional
-        Brightness of each material relative to the target's.
+        Factor of each material's brightness relative to the target's.
     most : int, optional
-        Largest number of boxes.
+        Maximum number of boxes.
     """
     scale = np.ones(len(basis.seen)) if factors is None else factors[basis.material]
     columns = np.arange(len(basis.lights))
@@ -200,7 +201,7 @@ def fit_light(basis: LightBasis, factors: FloatArray | None = None, most: int = 
 
 
 def _weights(drawn: FloatArray, seen: FloatArray) -> tuple[FloatArray, float]:
-    """Return non-negative weights (K,) of rows (K, P), and a constant, that fit the data (P,) where not clipped."""
+    """Return non-negative weights (K,) of rows (K, P), and a constant, that fit the unclipped data (P,)."""
     design = np.vstack([drawn, np.ones(len(seen))])
     normal = design @ design.T
     ridge = 1e-6 * np.trace(normal) / len(normal) * np.eye(len(normal))
@@ -214,10 +215,10 @@ def _weights(drawn: FloatArray, seen: FloatArray) -> tuple[FloatArray, float]:
 
 
 def fit_materials(bases: Sequence[LightBasis], target: Target) -> FloatArray:
-    """Return the (M,) factors of the materials' brightness over several images, fitted in turns with their light.
+    """Return (M,) brightness factors of the materials over several images, fitted in turn with the images' light.
 
 
-    The material with the most informative pixels has a factor of one, because the light's radiance sets the common
+    The factor of the material with the most informative pixels is one, because the light's radiance sets the common
     scale.
     """
     count = len(target.materials)
@@ -247,11 +248,11 @@ def _candidate(light: AreaLight) -> AreaLight:
 
 
 def repainted(target: Target, factors: FloatArray) -> Target:
-    """Return the target with its materials brighter by factors (M,), no colour above 1."""
+    """Return the target with its materials' colours multiplied by factors (M,), at most 1."""
     materials = tuple(
         replace(m, base_color=vec3(np.minimum(np.asarray(m.base_color) * f, 1.0)))
         for m, f in zip(target.materials, factors, strict=True)
     )
-    # a target of another look needs another hash: a renderer caches targets by the hash of their file
+    # a changed target needs another hash: the renderer caches targets by their file's hash
     digest = hashlib.sha256(target.sha256.encode() + np.asarray(factors, float).tobytes()).hexdigest()
     return replace(target, materials=materials, sha256=digest)

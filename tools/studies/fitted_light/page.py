@@ -1,4 +1,4 @@
-"""The page of images next to renderings under fitted light: each craft twice, and the measurements."""
+"""Page of images next to renderings under fitted light: the craft in both, and the measurements."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ ABOUT = (
 def write_fitted(
     folder: Path, pairs: Sequence[FittedPair], materials: Mapping[str, float], title: str
 ) -> dict[str, Any]:
-    """Write ``index.html``, its images and ``fit.json`` into an empty folder; return the content of the JSON file."""
+    """Write ``index.html``, its images and ``fit.json`` into an empty folder; return the content of ``fit.json``."""
     document: dict[str, Any] = {
         "schema": "flyaround.light_fit",
         "version": 1,
@@ -58,7 +58,7 @@ def write_fitted(
 
 
 def fit_row(d: Mapping[str, Any]) -> list[str]:
-    """Return the results of an image under `HEAD`, from its document."""
+    """Return the cells of an image under `HEAD`, from its document."""
     r, o = d["reference"], d["ours"]
     off = "no edge" if d["outline_px"] is None else f"{d['outline_px']:.1f}"
     name = d["picture"] + (" (materials fitted on it)" if d["materials_fitted_on_it"] else "")

@@ -1,4 +1,4 @@
-"""Images of a craft whose pose is known next to renderings at the same pose, under light fitted to each."""
+"""Images of a craft with known pose next to renderings at the same pose, under fitted light."""
 
 from __future__ import annotations
 
@@ -31,12 +31,10 @@ if TYPE_CHECKING:
     from tools.studies.fitted_light.fit import FittedLight, LightBasis
 
 CLIPPED_DN = 250
-SHAPE_WITHIN = 0.01  # largest difference of the aspect ratios of a picture and its camera
+SHAPE_WITHIN = 0.01  # maximum difference of the aspect ratios of an image and its camera
 _BLOCK_PX = 16
 _SSIM_SIGMA_PX, _SSIM_SIDE_PX = 1.5, 11
-_EDGE_DN_PX = (
-    2.0  # gradient of the blurred picture that counts as an edge of theirs: a third of a dark craft's outline
-)
+_EDGE_DN_PX = 2.0  # gradient of the blurred image that counts as an edge: a third of a dark craft's outline
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -45,9 +43,11 @@ class CraftLook:
 
     Parameters
     ----------
-    dark_dn, noise_dn : float
-        Mean of the darkest tenth of all blocks of 16 x 16 pixels, and the deviation inside them: second differences
-        are unreliable where compression has smoothed the noise.
+    dark_dn : float
+        Mean of the darkest tenth of all blocks of 16 x 16 pixels.
+    noise_dn : float
+        Standard deviation inside these blocks: second differences are unreliable where compression has smoothed the
+        noise.
     clipped : float
         Share of the pixels inside the craft's convex hull at 250 DN or above.
     """
@@ -59,18 +59,20 @@ class CraftLook:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class FittedPair:
-    """An image and the rendering at its pose.
+    """A real image and the rendering at its pose.
 
     Parameters
     ----------
     image : ByteArray
         Rendering.
     window : tuple of int
-        X0, y0, x1, y1 of the craft's box.
-    ncc, ssim : float
-        Correlation and structural similarity inside the silhouette.
+        Bounding box ``x0, y0, x1, y1`` of the craft [pixels].
+    ncc : float
+        Normalised cross-correlation inside the silhouette.
+    ssim : float
+        Structural similarity inside the silhouette.
     gradient_moved_dn : float
-        Earth mover's distance of the histograms of gradients inside it [DN per pixel].
+        Earth mover's distance of the gradient histograms inside the silhouette [DN per pixel].
     outline_px : float or None
         Median distance from the visible outline of the rendering to the nearest edge of the image; None without
         outline.
@@ -91,7 +93,7 @@ class FittedPair:
     fitted_on: bool
 
     def document(self) -> dict[str, Any]:
-        """Return the figures as a JSON-able object."""
+        """Return the figures as a JSON document."""
         looks = {
             side: {
                 "dark_dn": round(l.dark_dn, 1),
@@ -120,21 +122,21 @@ def fit_pictures(
     materials: bool = False,
     progress: Callable[[int, int], None] | None = None,
 ) -> tuple[list[FittedPair], dict[str, float]]:
-    """Fit the light of every reference, render it under that light, and measure both.
+    """Fit the light of every reference, render its pose under that light, and measure both images.
 
     Parameters
     ----------
     materials : bool, optional
-        True to fit the brightness of the materials too, on every second image, and use it in all.
+        True to fit the brightness of the materials too, on every second image, and to use it in all images.
 
     Returns
     -------
-    the pairs, and the factor of each material by name, empty where none was fitted.
+    Pairs of images, and the factor of each material by name, empty without ``materials``.
 
     Raises
     ------
     UserError
-        If the pose of an image is not known, or the craft is not in it.
+        If the pose of an image is unknown, or the craft is not in the image.
     """
     steps = 2 * len(references)
     bases = []
@@ -177,7 +179,7 @@ def _pair(
     drawn = renderer.render(scene, target, labels=True)
     image = np.asarray(digitise_scene(scene, expose_scene(scene, drawn.radiance)), np.uint8)
     if drawn.coverage is None:
-        raise RuntimeError("the picture was asked for with labels")
+        raise RuntimeError("the frame was rendered without labels")
     on = drawn.coverage > 0.5
     rows, columns = np.flatnonzero(on.any(axis=1)), np.flatnonzero(on.any(axis=0))
     hull = np.zeros(on.shape, np.uint8)
@@ -241,11 +243,11 @@ def structural_similarity(a: ByteArray, b: ByteArray) -> np.typing.NDArray[np.fl
 
 
 def _outline_px(theirs: ByteArray, ours: ByteArray, on: BoolArray) -> float | None:
-    """Return the median distance from the rendering's gradient ridges along the outline to those of the image [px]."""
+    """Return the median distance from the rendering's gradient ridges along the outline to the image's ridges [px]."""
     solid, near = np.asarray(on, np.uint8), np.ones((5, 5), np.uint8)
     along = cv2.dilate(solid, near) > cv2.erode(solid, near)
     ridge, edge = _ridges(theirs), _ridges(ours) & along
-    # at the picture's border the craft is cut off
+    # the craft may be cut off at the border of the image
     edge[[0, 1, -2, -1]] = edge[:, [0, 1, -2, -1]] = False
     if not ridge.any() or not edge.any():
         return None
@@ -265,18 +267,18 @@ def check_pictures(references: Sequence[Reference], camera: Camera) -> None:
     Raises
     ------
     UserError
-        If one has no pose, is in colour, or has another aspect ratio than the camera.
+        If an image has no pose, is in colour, or has another aspect ratio than the camera.
     """
     without = [one.path.name for one in references if one.pose is None]
     if without:
-        raise UserError(f"{len(without)} of {len(references)} pictures have no pose, {without[0]} for one")
+        raise UserError(f"{len(without)} of {len(references)} images have no pose, for example {without[0]}")
     for path in (one.path for one in references):
         image = read_picture(path)
         height, width = image.shape[:2]
         if abs(width * camera.height_px / (height * camera.width_px) - 1) > SHAPE_WITHIN:
             raise UserError(
-                f"picture {path} is {width} x {height} pixels, which is not the shape of the camera's "
-                f"{camera.width_px} x {camera.height_px}; give the camera that took it with --camera"
+                f"image {path} is {width} x {height} pixels, another aspect ratio than the camera's "
+                f"{camera.width_px} x {camera.height_px}; name the image's camera with --camera"
             )
         if is_coloured(image):
-            raise UserError(f"picture {path} is in colour, and light is fitted to grey ones")
+            raise UserError(f"image {path} is in colour; light is fitted to monochrome images only")

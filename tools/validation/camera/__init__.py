@@ -1,1 +1,1 @@
-"""The camera, measured like a real one. `python -m tools.validation.camera` writes the page."""
+"""Measurement of the simulated camera like a real one; `python -m tools.validation.camera` writes the page."""

@@ -1,4 +1,4 @@
-"""Writes docs/validation/camera.md: ``python -m tools.validation.camera``."""
+"""Write docs/validation/camera.md: ``python -m tools.validation.camera``."""
 
 import sys
 

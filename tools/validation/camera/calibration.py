@@ -1,4 +1,4 @@
-"""Calibrates the simulated camera like a real one: OpenCV, and twenty images of a board."""
+"""Calibration of the simulated camera like a real one: by OpenCV, from twenty images of a chessboard."""
 
 from __future__ import annotations
 
@@ -45,18 +45,18 @@ LENSES: dict[str, Camera] = {
 
 @dataclass(frozen=True, eq=False)
 class Calibration:
-    """Result of a calibration, with the truth.
+    """Result of a calibration, and the true parameters.
 
     Parameters
     ----------
     names : tuple of str
-        (K,) parameters; sigma as the calibration reports it.
-    true : array
-        (K,) parameters; sigma as the calibration reports it.
-    found : array
-        (K,) parameters; sigma as the calibration reports it.
-    sigma : array
-        (K,) parameters; sigma as the calibration reports it.
+        Names of the K parameters.
+    true : (K,) array
+        True parameters.
+    found : (K,) array
+        Calibrated parameters.
+    sigma : (K,) array
+        Standard deviations that the calibration reports.
     rms_px : float
         Reprojection error.
     corners : int
@@ -73,12 +73,12 @@ class Calibration:
 
     @property
     def deviation(self) -> FloatArray:
-        """(K,) error in sigmas."""
+        """(K,) errors divided by sigma."""
         return (self.found - self.true) / self.sigma
 
 
 def calibrate(renderer: Renderer, lens: str, *, boards: int = BOARDS, seed: int = 1) -> Calibration:
-    """Render a board twenty times through a lens and let OpenCV calibrate it."""
+    """Render a chessboard in ``boards`` poses through a lens and calibrate the lens with OpenCV."""
     camera = LENSES[lens]
     found = [corners(image) for image in pictures(renderer, camera, boards, seed)]
     views = [(points, pixels) for points, pixels in found if len(points) >= 20]
@@ -91,7 +91,7 @@ def calibrate(renderer: Renderer, lens: str, *, boards: int = BOARDS, seed: int 
 
 
 def pictures(renderer: Renderer, camera: Camera, count: int, seed: int) -> list[ByteArray]:
-    """Return 8-bit images of the chessboard all over the image, with 0.7 px of blur and half a number of noise."""
+    """Return 8-bit images of the chessboard all over the field of view, with 0.7 px of blur and noise of 0.5 DN."""
     plan = replace(plan_recipe("calibration-chessboard", count, seed=seed, quality="high"), camera=camera)
     sensor = replace(sensor_preset("ideal"), blur_sigma_px=0.7, gaussian_variance=(0.5 / 255) ** 2)
     images = []
@@ -118,7 +118,7 @@ def corners(image: ByteArray) -> tuple[FloatArray, FloatArray]:
 
 
 def _spacing_px(points: FloatArray, pixels: FloatArray) -> float:
-    """Return the smallest distance on the image between corners that are neighbours on the board."""
+    """Return the minimum image distance between corners that are neighbours on the board."""
     apart = np.linalg.norm(points[:, None] - points[None], axis=-1)
     step = apart[apart > 1e-9].min()
     a, b = np.nonzero((apart > 1e-9) & (apart < 1.01 * step))
@@ -148,7 +148,7 @@ def _fisheye(
     # OpenCV 4 has these constants in its fisheye module, OpenCV 5 with the others
     home = cv2.fisheye if hasattr(cv2.fisheye, "CALIB_FIX_SKEW") else cv2
     flags = home.CALIB_RECOMPUTE_EXTRINSIC + home.CALIB_FIX_SKEW + home.CALIB_USE_INTRINSIC_GUESS
-    # a first guess as a person has one: the focal length of the data sheet
+    # initial guess from the focal length of a data sheet
     middle = (camera.width_px - 1) / 2, (camera.height_px - 1) / 2
     guess = np.array([[0.95 * camera.fx_px, 0, middle[0]], [0, 0.95 * camera.fx_px, middle[1]], [0, 0, 1.0]])
     _, K, d, turns, moves = cv2.fisheye.calibrate(

@@ -1,4 +1,4 @@
-"""Counts drawn by the simulated detector against their exact distributions, by chi-square."""
+"""Chi-square tests of counts sampled by the simulated detector against their exact distributions."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _REACH = 9.0  # standard deviations on either side over which the distributions 
 
 
 def chi_square(counts: NDArray[np.int_], expected: FloatArray) -> tuple[float, int, float]:
-    """Return the statistic, degrees of freedom and p-value; neighbouring bins are joined until each expects 20."""
+    """Return the statistic, degrees of freedom and p-value; neighbouring bins are merged until each expects 20."""
     ends = []
     total = 0.0
     for k, value in enumerate(expected):
@@ -32,14 +32,14 @@ def chi_square(counts: NDArray[np.int_], expected: FloatArray) -> tuple[float, i
         if total >= MIN_EXPECTED:
             ends.append(k + 1)
             total = 0.0
-    starts = np.array([0, *ends[:-1]])  # the last bin takes the rest
+    starts = np.array([0, *ends[:-1]])  # the last bin takes the remainder
     observed, ideal = np.add.reduceat(counts, starts), np.add.reduceat(expected, starts)
     statistic = float(((observed - ideal) ** 2 / ideal).sum())
     return statistic, len(starts) - 1, float(chi2.sf(statistic, len(starts) - 1))
 
 
 def electron_chance(mean_e: float, *, seed: int = 3) -> tuple[float, int, float]:
-    """Test 1e5 drawn electron counts against the Poisson distribution."""
+    """Test 1e5 sampled electron counts against the Poisson distribution."""
     source = bit_source(seed, round(mean_e * 10))
     drawn = poisson(np.full(SHAPE, mean_e, np.float32), source).astype(int).ravel()
     top = int(mean_e + _REACH * np.sqrt(mean_e) + _REACH)
@@ -49,7 +49,7 @@ def electron_chance(mean_e: float, *, seed: int = 3) -> tuple[float, int, float]
 
 
 def reading_chance(sensor: Sensor, mean_e: float, *, seed: int = 3) -> tuple[float, int, float]:
-    """Test 1e5 digital numbers against photons, full well, read noise and converter, without fixed pattern."""
+    """Test 1e5 digital numbers against photons, full well, read noise and converter, without fixed-pattern noise."""
     signal = np.full(SHAPE, mean_e / sensor.saturation_e, np.float32)
     drawn = detect(signal, sensor, seed, 0, 0.0).astype(int).ravel()
     expected = SAMPLES * reading_law(sensor, mean_e)
@@ -71,7 +71,7 @@ def reading_law(sensor: Sensor, mean_e: float) -> FloatArray:
     reach_dn = _REACH * d.read_noise_per_pixel_e / d.gain_e_per_dn + 2
     full = 2**sensor.bits - 1
     first, last = np.clip((middle_dn + np.array([-1, 1]) * reach_dn).astype(int), 0, full)
-    # the probability of a number of at most k, for every k between
+    # cumulative probability of each number between first and last
     edges_e = (np.arange(first, last) + 0.5 - d.black_level_dn) * d.gain_e_per_dn
     below = weight @ norm.cdf((edges_e - charge[:, None]) / d.read_noise_per_pixel_e)
     law = np.zeros(full + 1)

@@ -1,4 +1,4 @@
-"""Measures the simulated detector by EMVA 1288, from its digital numbers alone.
+"""Measurement of the simulated detector by EMVA 1288, from its digital numbers alone.
 
 References
 ----------
@@ -28,7 +28,7 @@ FRAMES = 40
 
 @dataclass(frozen=True)
 class Measured:
-    """A measured quantity: its name and unit, the detector's parameter, the measurement."""
+    """A measured quantity: its name and unit, the true parameter of the detector, and the measurement."""
 
     name: str
     given: float
@@ -44,7 +44,7 @@ def measure(name: str, *, seed: int = 5) -> list[Measured]:
     """Return the gain, read noise, PRNU, DSNU and dark current of a built-in detector."""
     base = sensor_preset(name)
     detector = _detector(base)
-    # the standard measures the array without defects
+    # the standard excludes defect pixels
     sensor = replace(
         base, detector=replace(detector, hot_pixel_share=0.0, dead_pixel_share=0.0, column_noise_e=0.0)
     )
@@ -71,7 +71,7 @@ def measure(name: str, *, seed: int = 5) -> list[Measured]:
 
 
 def without_nonuniformity(sensor: Sensor) -> Sensor:
-    """Return the sensor with equal pixels and lines, with photon noise and each pixel's read noise only."""
+    """Return the sensor with identical pixels and lines, with photon noise and read noise of the pixels only."""
     d = replace(
         _detector(sensor),
         prnu=0.0,
@@ -88,8 +88,8 @@ def without_nonuniformity(sensor: Sensor) -> Sensor:
 def photon_transfer(sensor: Sensor, seed: int) -> tuple[float, float]:
     """Return the system gain [DN e-1] and read noise [e] from pairs of flat images (section 6.6 and 6.7).
 
-    The temporal variance of a level is half that of a pair's difference. Its slope over the mean, up to 70 % of
-    saturation, is the gain; its value in the dark is the read noise plus a twelfth for the rounding.
+    The temporal variance of a level is half the variance of a pair's difference. Its slope over the mean, up to 70 % of
+    saturation, is the gain; its value in the dark is the read noise plus the quantisation variance of 1/12.
     """
     mean, variance = [], []
     for k, share in enumerate(np.linspace(0.0, 0.7, 15)):
@@ -109,16 +109,16 @@ READOUT_MODES = ("raw mosaic", "three planes, white balanced", "interpolated mos
 def measure_colours(name: str, *, way: str, seed: int = 5, levels: int = COLOUR_LEVELS) -> list[Measured]:
     """Return the system gain of each channel of a built-in detector with a colour filter [DN e-1], from a white plate.
 
-    The expected value is the converter's gain times the channel's white balance. Electrons are those that the pixel
-    collects: interpolated sums of neighbours have less noise than one pixel of the same mean, so the channel's mean
-    over the raw pixels' electrons is measured, not its photon transfer.
+    The expected value is the converter's gain times the channel's white balance. Interpolated sums of neighbours have
+    less noise than one pixel of the same mean, so for them the channel's mean divided by the raw pixels' electrons is
+    measured, not the photon transfer.
 
     Parameters
     ----------
     way : str
         One of ``READOUT_MODES``.
     levels : int, optional
-        Number of brightnesses of the plate.
+        Number of brightness levels of the plate.
     """
     base = without_nonuniformity(sensor_preset(name))
     raw, planes = way == READOUT_MODES[0], way == READOUT_MODES[1]
@@ -126,7 +126,7 @@ def measure_colours(name: str, *, way: str, seed: int = 5, levels: int = COLOUR_
     sensor = replace(base, detector=detector)
     sunlight = sunlight_balance("rgb")
     balance = np.ones(3) if raw else white_balance(sensor, Optics(), sunlight)
-    # signal of the channels from a white plate in sunlight, the brightest of them at up to 70 % of saturation
+    # signal of the channels from a white plate in sunlight, the brightest at up to 70 % of saturation
     electrons = 1 / white_balance(sensor, Optics(), sunlight)
     shares = np.linspace(0, 0.7, levels)[:, None] * electrons / electrons.max()
     mean, variance = np.zeros((len(shares), 3)), np.zeros((len(shares), 3))
@@ -144,7 +144,7 @@ def measure_colours(name: str, *, way: str, seed: int = 5, levels: int = COLOUR_
         if way == READOUT_MODES[2]:
             found = float(np.polyfit(shares[:, c] * sensor.saturation_e, mean[:, c], 1)[0])
         else:
-            # without the dark level, whose few digital numbers a factor near one does not change
+            # without the dark level, whose few digital numbers do not change with a factor near one
             found = float(np.polyfit(mean[1:, c], variance[1:, c], 1)[0])
         out.append(Measured(f"{colour} [DN/e]", float(balance[c] / detector.gain_e_per_dn), found))
     return out

@@ -1,4 +1,4 @@
-"""Measures the modulation transfer function of a slanted edge, computed or rendered, after ISO 12233."""
+"""Measurement of the modulation transfer function from a computed or rendered slanted edge, after ISO 12233."""
 
 from __future__ import annotations
 
@@ -39,16 +39,18 @@ CASES: dict[str, tuple[Sensor, Optics]] = {
 
 
 def edge() -> FloatArray:
-    """Return a bright half plane whose edge is 5 degrees off the columns; each pixel holds its covered share."""
+    """Return a bright half plane whose edge is inclined by 5 degrees; each pixel is its covered share."""
     fine = 64
     y = np.arange(SIZE)[:, None] + ((np.arange(fine) + 0.5) / fine - 0.5)
-    position = SIZE / 2 + SLANT * (y - SIZE / 2)  # (H, fine): where the edge crosses each fine row
+    position = SIZE / 2 + SLANT * (
+        y - SIZE / 2
+    )  # (H, fine): position at which the edge crosses each fine row
     x = np.arange(SIZE)
     return np.clip(x[None, :, None] + 0.5 - position[:, None, :], 0, 1).mean(axis=2)
 
 
 def drawn_edge(renderer: Renderer, quality: Quality = "high") -> FloatArray:
-    """Return the same half plane as rendered: a sunlit plate that covers the image to the right of the edge."""
+    """Return the rendering of the same half plane: a sunlit plate that covers the image to the right of the edge."""
     z_m, focal_px = 10.0, 2.0 * SIZE
     far = SIZE * z_m / focal_px
     plate = flat_plate("plate", (0.0, far), (-far, far), 0.0)
@@ -63,9 +65,9 @@ def drawn_edge(renderer: Renderer, quality: Quality = "high") -> FloatArray:
 
 
 def measured_mtf(image: FloatArray, frequency: FloatArray) -> FloatArray:
-    """Return the MTF across a nearly upright edge at frequencies [cycles per pixel], including that of the pixel.
+    """Return the MTF across a nearly vertical edge at frequencies [cycles per pixel], including the pixel's MTF.
 
-    The edge is detected in the image: a straight line through each row's centroid of slope.
+    The edge is detected in the image: a straight line through the centroids of each row's gradient.
 
     References
     ----------
@@ -93,18 +95,18 @@ def measured_mtf(image: FloatArray, frequency: FloatArray) -> FloatArray:
     spike *= np.hanning(len(spike) + 2)[1:-1]
     at = (np.arange(len(spike)) - np.argmax(np.abs(spike))) / BINS
     transfer = np.abs(np.exp(-2j * np.pi * np.outer(frequency, at)) @ spike)
-    # undo the attenuation by the bins and their difference
+    # compensate for the attenuation by the bins and by their difference
     transfer /= np.abs(spike.sum()) * np.sinc(frequency / BINS) ** 2
     return np.asarray(transfer)
 
 
 def compare(case: str, picture: FloatArray | None = None) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return the measured MTF, the optics' MTF times the pixel's, and that of the applied blur times the pixel's.
+    """Return the measured MTF, the product of optics' and pixel's MTF, and that of the applied blur's and pixel's MTF.
 
     Parameters
     ----------
     picture : array, optional
-        Image of the edge; by default a computed one.
+        Image of the edge; by default computed.
     """
     sensor, optics = CASES[case]
     sharp = edge() if picture is None else picture

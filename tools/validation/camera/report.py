@@ -1,7 +1,7 @@
-"""The camera, proved: ``python -m tools.validation.camera`` measures it as one measures a real one.
+"""Measurement of the simulated camera: ``python -m tools.validation.camera`` writes the page.
 
-Calibration by OpenCV from images of a board, the detector by EMVA 1288, photon noise by chi-square, the transfer
-function from a slanted edge.
+It has a calibration by OpenCV from images of a chessboard, the detector by EMVA 1288, photon noise by chi-square tests,
+and the transfer function from a slanted edge.
 """
 
 from __future__ import annotations
@@ -143,7 +143,7 @@ def detector(seed: int) -> Section:
 
 
 def photons(seed: int) -> Section:
-    """Compare electron counts with the Poisson law, and digital numbers with the detector's."""
+    """Compare electron counts with the Poisson distribution, and digital numbers with the detector's distribution."""
     lines = [
         "## Photon noise",
         "",
@@ -197,10 +197,10 @@ def transfer(renderer: Renderer) -> Section:
 
 
 def main(arguments: list[str] | None = None, say: Callable[[str], None] = print) -> int:
-    """Measure, print and write the page; 0 when every goal is met."""
+    """Measure, print and write the page; return 0 if every goal is met."""
     parser = argparse.ArgumentParser(description="Measure the simulated camera.")
     parser.add_argument("-o", "--output", type=Path, default=PAGE, help="page to write")
-    parser.add_argument("--seed", type=int, default=1, help="of all random numbers: boards, noise")
+    parser.add_argument("--seed", type=int, default=1, help="seed of all random numbers")
     options = parser.parse_args(arguments)
     with Renderer() as renderer:
         first, good = calibration(renderer, options.seed)

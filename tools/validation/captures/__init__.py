@@ -1,1 +1,1 @@
-"""Captures of every recipe in every format for learning, by the command itself: checked, read back, timed."""
+"""Captures of every recipe in every export format by the command itself: checked, read back and timed."""

@@ -1,4 +1,4 @@
-"""Captures every recipe and reads it back: ``python -m tools.validation.captures``."""
+"""Capture every recipe and read it back: ``python -m tools.validation.captures``."""
 
 import sys
 

@@ -1,4 +1,4 @@
-"""Data sets read back from foreign formats, by their usual libraries where there are any.
+"""Data sets read back from export formats, by the usual library of the format where one exists.
 
 Each reader yields the differences of one format from the native layout, one sentence per frame.
 """
@@ -24,11 +24,11 @@ if TYPE_CHECKING:
     Frames = dict[int, LabelledFrame]
 
 SHORT = {"": "train", "train": "train", "validation": "val", "test": "test"}
-_JPEG_DN = 2.0  # largest mean difference due to lossy compression, after smoothing
+_JPEG_DN = 2.0  # maximum mean difference due to lossy compression, after smoothing
 
 
 def read_back(folder: Path, name: str) -> list[str]:
-    """Return the errors in one format of a data set, against the native layout; empty if there are none."""
+    """Return the errors of one export format against the native layout; empty if there are none."""
     frames = {frame.number: frame for frame in open_dataset(folder)}
     found = dict(_READERS[name](folder / name, frames))
     wrong = [f"{name}, frame {k}: {what}" for k, what in found.items() if what]
@@ -63,12 +63,12 @@ def _speed(root: Path, frames: Frames) -> Iterator[tuple[int, str]]:
 
 
 def _smooth(image: Any) -> Any:  # noqa: ANN401 - an array
-    """Smooth an image, which leaves the part of colour noise that JPEG keeps."""
+    """Smooth an image, because JPEG keeps the low frequencies of colour noise only."""
     return cv2.blur(image.astype(np.float32), (5, 5))
 
 
 def _bop(root: Path, frames: Frames) -> Iterator[tuple[int, str]]:
-    """Yield errors in BOP by its page, docs/bop_datasets_format.md of bop_toolkit."""
+    """Yield errors of a BOP export against its specification, docs/bop_datasets_format.md of bop_toolkit."""
     for split in _splits(frames):
         scene = root / SHORT[split] / "000000"
         gt, info, cameras = (
@@ -121,7 +121,7 @@ def _coco(root: Path, frames: Frames) -> Iterator[tuple[int, str]]:
 
 
 def _yolo(root: Path, frames: Frames) -> Iterator[tuple[int, str]]:
-    """Yield errors in YOLO by its page, docs.ultralytics.com/datasets/pose."""
+    """Yield errors of a YOLO export against its specification, docs.ultralytics.com/datasets/pose."""
     for split in _splits(frames):
         for path in sorted((root / "labels" / SHORT[split]).glob("*.txt")):
             frame = frames[int(path.stem)]

@@ -1,4 +1,4 @@
-"""``capture`` of each recipe with six formats and two processes, ``check``, every format read back; a table."""
+"""``capture`` of each recipe with six export formats and two processes, then ``check`` and reading back; a table."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _REFUSED = re.compile(r"format (\w+) cannot hold this data set: (.*)", re.DOTALL
 
 
 def flyaround(*words: str) -> subprocess.CompletedProcess[str]:
-    """Run a command of the package."""
+    """Run a command of Flyaround."""
     environment = os.environ | {"HF_HUB_OFFLINE": "1", "COLUMNS": "10000"}
     return subprocess.run(
         [sys.executable, "-m", "flyaround", *words],
@@ -48,7 +48,7 @@ def prove(recipe: str, n: int, workers: int, width_px: int | None, out: Path) ->
         lacks = _REFUSED.search(" ".join(done.stderr.split()))
         if done.returncode != 2 or lacks is None:
             break
-        # reported before anything is drawn; no file remains
+        # reported before rendering starts; no file remains
         refused[lacks[1]] = lacks[2]
         formats.remove(lacks[1])
     found: dict[str, Any] = {"recipe": recipe, "n": n, "refused": refused, "capture_rc": done.returncode}
@@ -73,7 +73,7 @@ def prove(recipe: str, n: int, workers: int, width_px: int | None, out: Path) ->
 
 
 def _small_camera(recipe: str, width_px: int, out: Path) -> list[str]:
-    """Return the options for fewer pixels at the same field of view; none for several data sets, which differ."""
+    """Return options for fewer pixels at the same field of view; empty for recipes of several data sets."""
     if load_recipe(recipe).members:
         return []
     camera = plan_recipe(recipe, 1).camera
@@ -91,9 +91,9 @@ def main() -> int:
     """Test all recipes, or the named ones; return 1 if there is an error."""
     parser = argparse.ArgumentParser(prog="python -m tools.validation.captures", description=__doc__)
     parser.add_argument("-n", type=int, default=40, help="images of each recipe")
-    parser.add_argument("--recipe", action="append", help="this one alone; may be given again")
+    parser.add_argument("--recipe", action="append", help="only this recipe (repeatable)")
     parser.add_argument("--workers", type=int, default=2)
-    parser.add_argument("--width", type=int, help="columns of the images (default: the recipe's own)")
+    parser.add_argument("--width", type=int, help="width of the images (default: the recipe's)")
     parser.add_argument("-o", "--output", type=Path, default=Path("out/captures"))
     options = parser.parse_args()
     options.output.mkdir(parents=True, exist_ok=True)

@@ -1,1 +1,1 @@
-"""Labels of images of every recipe against rays through each pixel of the exported mesh, by an independent program."""
+"""Labels of every recipe's images compared with an independent ray cast of the exported mesh."""

@@ -1,4 +1,4 @@
-"""Draws images of every recipe and tests their labels: ``python -m tools.validation.datasets``."""
+"""Render images of every recipe and test their labels: ``python -m tools.validation.datasets``."""
 
 import sys
 

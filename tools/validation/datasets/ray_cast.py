@@ -1,7 +1,7 @@
-"""A ray through every pixel, cast on the exported mesh: trimesh reads the .glb, Embree casts, OpenCV applies the lens.
+"""Ray cast of the exported mesh through every pixel: trimesh reads the .glb, Embree casts, OpenCV applies the lens.
 
 
-No code is shared with drawing or labelling: the file is the exported one; pose, camera and label images are those of
+No code is shared with rendering or labelling: the mesh is the exported file; pose, camera and label images are those of
 the record.
 """
 
@@ -26,11 +26,11 @@ if TYPE_CHECKING:
     from flyaround.simulator.targets.model import Target
 
 _TURNED_BACK = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
-"""From a glTF viewer's y up to the model's z up."""
+"""Rotation from glTF's y up to the model's z up."""
 
-# A raster rounds corners to 1/256 px, so rays slightly off the centre may differ at outlines, cracks and thinner rods.
-# If the ray at a pixel's centre disagrees, rays on three rings are cast; if those disagree too, the raster is repeated
-# there in integers (most rays miss faces thinner than its steps).
+# A raster rounds corners to 1/256 px, so a ray through the pixel's centre may differ at outlines, cracks and thin rods.
+# If it differs, rays on three rings around the centre are cast; if those differ too, rasterisation is repeated for that
+# pixel in integers, because most rays miss faces thinner than 1/256 px.
 _RINGS_PX = (0.03, 0.1, 0.5)
 _DIRECTIONS = 12
 _COPLANAR_M = 2e-3  # a decal and the surface below it
@@ -39,7 +39,7 @@ _NEAR_M = 1e-3
 
 @dataclass(frozen=True)
 class Disagreement:
-    """Disagreement of ray casting with a frame's labels, in pixels.
+    """Disagreement of ray casting with a frame's labels [pixels].
 
     Parameters
     ----------
@@ -47,8 +47,10 @@ class Disagreement:
         Pixels of the mask.
     n_rays : int
         Pixels tested.
-    mask, parts : int
-        Pixels whose label neither a ray near them nor the rounding of a raster explains.
+    mask : int
+        Pixels whose mask label neither a ray near the pixel's centre nor raster rounding explains.
+    parts : int
+        Pixels whose part label neither a ray near the pixel's centre nor raster rounding explains.
     twice : int
         Pixels in the visible masks of two parts, in the mask and in no part, or in a part and not in the mask.
     """
@@ -61,12 +63,12 @@ class Disagreement:
 
 
 class ExportedMesh:
-    """An exported target, prepared for rays.
+    """An exported target, prepared for ray casting.
 
     Parameters
     ----------
     target : Target
-        Target to write to a .glb in memory, which trimesh reads.
+        Target to write to a .glb file in memory, which trimesh reads.
     """
 
     def __init__(self, target: Target) -> None:
@@ -77,7 +79,7 @@ class ExportedMesh:
             faces.append(mesh.faces + first)
             parts.append(np.full(len(mesh.faces), number))
             first += len(mesh.vertices)
-        # every node is a child of one root, which rotates z up to y up: the meshes' own coordinates are the model's
+        # every node is a child of one root, which rotates z up to y up: mesh coordinates are the model's coordinates
         _check_root(scene)
         self.n_parts = len(parts)
         self._parts = np.concatenate(parts)
@@ -85,13 +87,13 @@ class ExportedMesh:
         self._rays = RayMeshIntersector(self._mesh)
 
     def first_parts(self, truth: Truth, pixels_px: NDArray[Any]) -> NDArray[Any]:
-        """Return the number of the part that the ray through each pixel (K, 2) hits first; 0 for none."""
+        """Return the part hit first by the ray through each pixel (K, 2); 0 for none."""
         origins, ways = _rays(truth, pixels_px)
         hit = self._rays.intersects_first(origins, ways)
         return np.where(hit >= 0, self._parts[hit], 0)
 
     def near_parts(self, truth: Truth, pixel_px: NDArray[Any]) -> set[int]:
-        """Return the parts that the ray through one pixel hits first, or within a decal's height behind; 0 for none."""
+        """Return the parts hit first by the ray through one pixel, or within a decal's height behind; 0 for none."""
         origins, ways = _rays(truth, pixel_px[None])
         places, _, triangles = self._rays.intersects_location(origins, ways, multiple_hits=True)
         if not len(places):
@@ -100,7 +102,7 @@ class ExportedMesh:
         return set(self._parts[triangles[far <= far.min() + _COPLANAR_M]].tolist())
 
     def rounded_parts(self, truth: Truth, pixel_px: NDArray[Any]) -> set[int]:
-        """Return the parts that a raster may show at one pixel, 0 for none; with a lens, at the undistorted place."""
+        """Return the parts that a raster may show at one pixel, 0 for none; with a lens, at its undistorted place."""
         R, t_m, K = _rotation(truth), np.array(truth.t_camera_from_target_m), _matrix(truth)
         depth_m = self._mesh.vertices @ R[2] + t_m[2]
         ahead = np.all(depth_m[self._mesh.faces] > _NEAR_M, axis=1)
@@ -113,11 +115,11 @@ class ExportedMesh:
         return shown_parts(at[faces] - plain_px, depth_m[faces], self._parts[ahead], _COPLANAR_M, lens=lens)
 
 
-def _check_root(scene: Any) -> None:  # noqa: ANN401 - trimesh's own
+def _check_root(scene: Any) -> None:  # noqa: ANN401 - a scene of trimesh
     name = scene.graph.nodes_geometry[0]
     turn = scene.graph.get(name)[0]
     if not np.allclose(_TURNED_BACK @ turn[:3, :3], np.eye(3), atol=1e-6) or np.any(turn[:3, 3]):
-        raise RuntimeError("the exported file's root is not the turn from z up to y up")
+        raise RuntimeError("the exported file's root is not the rotation from z up to y up")
 
 
 def _matrix(truth: Truth) -> NDArray[Any]:
@@ -137,9 +139,9 @@ def _rotation(truth: Truth) -> NDArray[Any]:
 
 
 def _rays(truth: Truth, pixels_px: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]]:
-    """Return origins and directions in the model's frame."""
+    """Return origins and directions of the rays in the model frame."""
     R = _rotation(truth)
-    ways = np.insert(_without_lens(truth, pixels_px), 2, 1.0, axis=1) @ R  # rows times R: by its transpose
+    ways = np.insert(_without_lens(truth, pixels_px), 2, 1.0, axis=1) @ R  # R transposed, times columns
     ways /= np.linalg.norm(ways, axis=1, keepdims=True)
     return np.broadcast_to(-R.T @ np.array(truth.t_camera_from_target_m), ways.shape), ways
 
@@ -158,7 +160,7 @@ def _without_lens(truth: Truth, pixels_px: NDArray[Any]) -> NDArray[Any]:
 def compare(
     truth: Truth, mask: NDArray[np.uint8], parts: NDArray[np.uint16], mesh: ExportedMesh
 ) -> Disagreement:
-    """Compare every pixel of the image around the craft with the rays."""
+    """Compare every pixel around the craft with the ray cast."""
     height, width = mask.shape
     near = np.argwhere(cv2.dilate(((mask > 0) | (parts > 0)).astype(np.uint8), np.ones((17, 17), np.uint8)))
     every = np.argwhere(np.ones((height, width), bool))[:: max(height * width // 20_000, 1)]
@@ -176,7 +178,7 @@ def compare(
         for p, part in zip(asked[other], labelled[other], strict=True)
         if not _shows(truth, mesh, p, int(part))
     ]
-    # a mask of each part, as formats of several objects have them
+    # a mask of each part, as in formats with several objects
     times = sum((parts == k).astype(np.uint8) for k in range(1, mesh.n_parts + 1))
     twice = int(np.count_nonzero(times != (mask > 0)))
     return Disagreement(int(np.count_nonzero(mask)), len(asked), len(wrong_mask), len(wrong_parts), twice)
@@ -189,14 +191,14 @@ def _about(pixel: NDArray[Any]) -> NDArray[Any]:
 
 
 def _is_seen(truth: Truth, mesh: ExportedMesh, pixel: NDArray[Any], on: bool) -> bool:  # noqa: FBT001 - the label
-    """Return True if a ray near a pixel's centre agrees with its mask, or raster rounding explains the difference."""
+    """Return True if a ray near a pixel's centre agrees with the mask, or raster rounding explains the difference."""
     if np.any((mesh.first_parts(truth, _about(pixel)) > 0) == on):
         return True
     return any((part > 0) == on for part in mesh.rounded_parts(truth, pixel))
 
 
 def _shows(truth: Truth, mesh: ExportedMesh, pixel: NDArray[Any], part: int) -> bool:
-    """Return True if the ray at or near a pixel hits a part first or just behind the first, or rounding may show it."""
+    """Return True if a ray at or near a pixel hits a part first or just behind the first, or rounding may show it."""
     if part in mesh.near_parts(truth, pixel.astype(float)) or np.any(
         mesh.first_parts(truth, _about(pixel)) == part
     ):

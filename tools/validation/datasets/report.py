@@ -1,4 +1,4 @@
-"""Small images of every recipe, each tested by `check` and by rays on the exported mesh; a table of the results."""
+"""Small images of every recipe, each tested by `check` and by ray casting the exported mesh; a table of the results."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from flyaround.simulator.recipes.plan import RecipePlan
     from flyaround.simulator.targets.model import Target
 
-# layers for the poses of several crafts, each tested under its own name
+# label layers; poses of several craft are tested by name
 _LABELS = ("parts", "amodal", "clean")
 
 
@@ -37,7 +37,7 @@ def recipes() -> list[str]:
 
 
 def small_plan(name: str, n: int, seed: int, width_px: int, camera: str | None = None) -> RecipePlan:
-    """Return the recipe's plan, or by another camera, with its field of view on fewer pixels."""
+    """Return a recipe's plan, optionally with another camera, at fewer pixels and the same field of view."""
     plan = plan_recipe(name, n, seed=seed, camera=camera)
     return replace(plan, camera=plan.camera.resized(min(width_px, plan.camera.width_px)))
 
@@ -45,7 +45,7 @@ def small_plan(name: str, n: int, seed: int, width_px: int, camera: str | None =
 def prove(
     name: str, n: int, seed: int, width_px: int, first: int = 0, camera: str | None = None
 ) -> Iterator[dict[str, Any]]:
-    """Yield the findings for each image of a recipe, from number ``first`` on, by its own camera or another."""
+    """Yield the findings for each image of a recipe from number ``first``, with its own camera or another."""
     plan = small_plan(name, n, seed, width_px, camera)
     card = capture_card(plan, ("native",), _LABELS, None, ())
     with open_frames(whole_frame, first=plan.scene(first), target=plan.target) as producer:
@@ -74,15 +74,15 @@ def _exported(target: Target) -> ExportedMesh:
 
 
 def main() -> int:
-    """Prove as many images as requested; return 1 if a label is wrong."""
+    """Test as many images as requested; return 1 if a label is wrong."""
     parser = argparse.ArgumentParser(prog="python -m tools.validation.datasets", description=__doc__)
     parser.add_argument("-n", type=int, default=400, help="images of each recipe")
-    parser.add_argument("--recipe", action="append", help="this one alone; may be given again")
+    parser.add_argument("--recipe", action="append", help="only this recipe (repeatable)")
     parser.add_argument("--seed", type=int, default=2026)
     parser.add_argument("--camera", help="name or file of a camera to use instead of each recipe's own")
-    parser.add_argument("--width", type=int, default=384, help="columns of the images")
+    parser.add_argument("--width", type=int, default=384, help="width of the images")
     parser.add_argument(
-        "--at-once", type=int, default=25, help="images of a recipe before the next one's turn"
+        "--at-once", type=int, default=25, help="images of a recipe before the next recipe continues"
     )
     parser.add_argument("-o", "--output", type=Path, default=Path("out/datasets/found.jsonl"))
     options = parser.parse_args()
@@ -106,7 +106,7 @@ def main() -> int:
 
 
 def _done(path: Path, seed: int, camera: str | None) -> dict[str, int]:
-    """Return the images of each recipe that were proven before."""
+    """Return the number of images of each recipe that were tested before."""
     done: dict[str, int] = defaultdict(int)
     for row in _rows(path):
         if (row["seed"], row.get("camera")) == (seed, camera):
@@ -121,7 +121,7 @@ def _rows(path: Path) -> list[dict[str, Any]]:
 
 
 def tell(path: Path) -> int:
-    """Print a table of all that was found; 1 if a label is wrong."""
+    """Print a table of all results; return 1 if a label is wrong."""
     rows = _rows(path)
     total: dict[str, list[int]] = defaultdict(lambda: [0] * 6)
     for row in rows:

@@ -1,1 +1,1 @@
-"""The world against theory and independent programs. `python -m tools.validation.dynamics` writes the page."""
+"""Validation of the world's dynamics; `python -m tools.validation.dynamics` writes the page."""

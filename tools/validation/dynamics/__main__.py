@@ -1,4 +1,4 @@
-"""Writes docs/validation/dynamics.md: ``python -m tools.validation.dynamics``."""
+"""Write docs/validation/dynamics.md: ``python -m tools.validation.dynamics``."""
 
 import sys
 

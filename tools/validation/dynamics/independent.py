@@ -1,4 +1,4 @@
-"""The world against independent programs, whose raw outputs and generators are in ``tests/reference``."""
+"""Comparison of the world with independent programs, whose raw outputs and generators are in ``tests/reference``."""
 
 from __future__ import annotations
 
@@ -31,16 +31,16 @@ if TYPE_CHECKING:
 EARTH_EPOCH = "2025-03-21T06:00:00Z"
 MOON_EPOCH = "2024-06-06T05:00:00Z"
 EARTH_ORBIT_S, MOON_ORBIT_S = 6_100.0, 7_700.0
-"""A little more than a revolution, to the next row of the reference."""
+"""Slightly more than one revolution, up to the next row of the reference."""
 
 
 def independent(reference: Path) -> list[Row]:
-    """Return all rows of comparisons with other programs.
+    """Return all comparisons with other programs.
 
     Raises
     ------
     UserError
-         If the reference outputs are missing.
+        If the reference outputs are missing.
     """
     return [
         *against_basilisk(reference),
@@ -101,7 +101,7 @@ def _day(
 
 
 def against_skyfield(reference: Path) -> list[Row]:
-    """Compare the apparent Sun and Moon from 2000 to 2050, and the Earth's orientation where UT1 is measured."""
+    """Compare the apparent Sun and Moon from 2000 to 2050, and the Earth's orientation where UT1 is known."""
     table = read_table(reference / "skyfield.csv")
     jd = table[:, 0]
     turned = []
@@ -126,7 +126,7 @@ def against_skyfield(reference: Path) -> list[Row]:
 
 
 def against_astropy(reference: Path) -> Row:
-    """Compare GCRS to ITRS, with polar motion and UT1 from the same table."""
+    """Compare the rotation from GCRS to ITRS, with polar motion and UT1 from the same table."""
     path = reference / "astropy.csv"
     require_reference(path)
     worst = 0.0
@@ -140,7 +140,7 @@ def against_astropy(reference: Path) -> Row:
 
 
 def against_sgp4() -> list[Row]:
-    """Compare TLE: Vallado's verification cases, included in the package ``sgp4``, up to 30 days from their epochs."""
+    """Compare TLE propagation with Vallado's verification cases in the package ``sgp4``, up to 30 days from epoch."""
     folder = files("sgp4")
     lines = [
         line[:69]
@@ -157,7 +157,7 @@ def against_sgp4() -> list[Row]:
                 epoch = _instant_of_utc(satellite.jdsatepoch, days)
                 r, v = state_from_tle(line1, line2, epoch)
             except UserError:
-                # a few cases must fail: decayed, or more than a month from the epoch
+                # cases that must fail: decayed, or more than a month from the epoch
                 continue
             R = R_eci_from_teme(epoch)
             position = max(position, float(np.linalg.norm(R.T @ r - np.array(state[:3]) * 1e3)))
@@ -176,7 +176,7 @@ def _instant_of_utc(utc1: float, utc2: float) -> Instant:
 
 
 def _published(text: str) -> dict[int, list[list[float]]]:
-    """Return the minutes, position [km] and velocity [km s-1] by satellite."""
+    """Return minutes, position [km] and velocity [km s-1] by satellite."""
     states: dict[int, list[list[float]]] = {}
     current: list[list[float]] = []
     for line in text.splitlines():

@@ -1,4 +1,4 @@
-"""Conservation laws and theoretical predictions, tested on the world's own propagators."""
+"""Tests of the world's propagators against conservation laws and closed solutions."""
 
 from __future__ import annotations
 
@@ -22,12 +22,12 @@ if TYPE_CHECKING:
 
 
 def physics() -> list[Row]:
-    """Return all rows."""
+    """Return all rows of conservation laws and closed solutions."""
     return [*conservation(), *tumbles(), *linear_models()]
 
 
 def conservation() -> list[Row]:
-    """Test energy and momentum where the model conserves them."""
+    """Test energy and angular momentum where the model conserves them."""
     r, v = state_from_elements(
         Elements(semi_major_axis_m=6978e3, eccentricity=0.01, inclination_rad=1.7, raan_rad=0.4)
     )
@@ -36,7 +36,7 @@ def conservation() -> list[Row]:
     for gravity, name in ((Gravity(j2=0.0), "two-body"), (Gravity(), "two-body + J2")):
         track = propagate(r, v, DAY_S, gravity)
         energy = [float(v @ v) / 2 + gravity.potential(r) for r, v in map(track, times)]
-        # the field is symmetric about the pole: that component of the momentum is conserved in both models
+        # the field is symmetric about the pole, so the polar component of angular momentum is conserved in both models
         momentum = [float(np.cross(r, v)[2]) for r, v in map(track, times)]
         for what, values in (("energy", energy), ("axial momentum", momentum)):
             rows.append(
@@ -52,7 +52,7 @@ def conservation() -> list[Row]:
 
 
 def tumbles() -> list[Row]:
-    """Test that a free tumble conserves energy and momentum; an axisymmetric one has Euler's closed solution."""
+    """Test that free rotation conserves energy and momentum; for an axisymmetric body, test Euler's solution."""
     J = np.diag([2.5, 2.7, 3.9])
     track = propagate_attitude([1, 0, 0, 0], [0.03, -0.02, 0.01], J, DAY_S)
     states = [track(float(t)) for t in np.linspace(0.0, DAY_S, 400)]
@@ -91,10 +91,10 @@ def tumbles() -> list[Row]:
 
 
 def axisymmetric_errors(span_s: float = 3600.0) -> tuple[float, float]:
-    """Return the largest error of rate [rad s-1] and attitude [rad] of a body with two equal moments.
+    """Return the maximum error of rate [rad s-1] and attitude [rad] of a body with two equal moments of inertia.
 
-    In the body, the rate precesses about its axis; in space, the body rotates about the momentum at ``L / J1``, and
-    about its own axis at the difference.
+    In the body frame, the rate precesses about the symmetry axis; in the inertial frame, the body rotates about the
+    angular momentum at ``L / J1`` and about its axis at the difference of the two rates.
 
     References
     ----------
@@ -119,7 +119,7 @@ def axisymmetric_errors(span_s: float = 3600.0) -> tuple[float, float]:
 
 
 def _turn(rate_rad_s: FloatArray, t_s: float) -> FloatArray:
-    """Return the (3, 3) rotation at a constant rate for a time (Rodrigues)."""
+    """Return the (3, 3) rotation by a constant rate over a time (Rodrigues' formula)."""
     angle = float(np.linalg.norm(rate_rad_s)) * t_s
     if angle == 0.0:
         return np.eye(3)
@@ -129,7 +129,7 @@ def _turn(rate_rad_s: FloatArray, t_s: float) -> FloatArray:
 
 
 def linear_models() -> list[Row]:
-    """Measure how the linear models' error grows with the distance; its exponent should be 2."""
+    """Measure how the linear models' error grows with distance; its exponent should be 2."""
     rows = []
     round_earth = Gravity(j2=0.0)
     for name, e in (("Clohessy-Wiltshire, circle", 0.0), ("Yamanaka-Ankersen, e = 0.4", 0.4)):

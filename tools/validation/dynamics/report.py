@@ -1,6 +1,6 @@
-"""The measured accuracy of the world: ``python -m tools.validation.dynamics`` writes the table.
+"""Accuracy of the world: ``python -m tools.validation.dynamics`` measures it and writes the table.
 
-It compares with the raw outputs of independent programs in ``tests/reference``, so it runs from a checkout.
+It reads the raw outputs of independent programs from ``tests/reference``, so it runs from a checkout only.
 """
 
 from __future__ import annotations
@@ -22,18 +22,18 @@ PAGE = Path("docs/validation/dynamics.md")
 
 
 def measure(reference: Path) -> list[Row]:
-    """Return all rows.
+    """Return all rows of the table.
 
     Raises
     ------
     UserError
-         If the reference outputs are missing.
+        If the reference outputs are missing.
     """
     return [*independent(reference), *physics()]
 
 
 def page(rows: list[Row]) -> str:
-    """Return the table as a page."""
+    """Return the page with the table."""
     lines = [
         "# Accuracy of the world",
         "",

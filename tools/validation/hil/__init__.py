@@ -1,1 +1,1 @@
-"""Measurement of the bridge's latencies in docs/validation/hil.md. Not in the wheel."""
+"""Measurement of the link's latencies for docs/validation/hil.md; not part of the wheel."""

@@ -1,7 +1,7 @@
-"""Measurement of the camera's constant latency: 300 stored images in a loop at 30 Hz, for docs/validation/hil.md.
+"""Measure the camera's constant latency with 300 stored images in a loop at 30 Hz, for docs/validation/hil.md.
 
-``make proof-latency SECONDS=600``: exit 1 if a goal is missed. With ``--saturate`` images come faster than the line can
-carry them, and the round trip of clock requests in the meantime is judged.
+``make proof-latency SECONDS=600`` returns 1 if a goal is missed. With ``--saturate`` images come faster than the link
+can carry them, and the round-trip time of clock requests during that load is judged.
 """
 
 from __future__ import annotations
@@ -22,15 +22,15 @@ EDGES_MS = (0.0, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.
 
 
 def main() -> int:
-    """Run, print the figures and judge them."""
+    """Run the measurement, print the figures and judge them."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--seconds", type=float, default=60.0)
     parser.add_argument("--rate", type=float, default=30.0)
     parser.add_argument("--latency", type=float, default=0.05)
     parser.add_argument("--size", type=int, default=1024)
     parser.add_argument("--pictures", type=int, default=300)
-    parser.add_argument("--log", type=Path, default=None, help="keep the ledger and its report here")
-    parser.add_argument("--saturate", action="store_true", help="500 Hz, no latency: the line is never free")
+    parser.add_argument("--log", type=Path, default=None, help="folder for the ledger and its report")
+    parser.add_argument("--saturate", action="store_true", help="500 Hz, no latency: the link is always busy")
     given = parser.parse_args()
     if given.saturate:
         given.rate, given.latency = 500.0, 0.0

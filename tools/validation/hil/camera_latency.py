@@ -1,7 +1,7 @@
-"""Timing of the host's camera: images in a loop, at a constant latency, to a board that answers immediately.
+"""Timing of the host's camera: images in a loop, at constant latency, to a board that answers immediately.
 
-Each image has its frame number and time in a corner (`flyaround.hil.corner_code`); the board reads it back, so that
-pixels and ledger are compared in every frame.
+Frame number and time are encoded in a corner of each image (`flyaround.hil.corner_code`); the board decodes them, so
+that pixels and ledger are compared in every frame.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ EXPOSURE_S = 0.01
 
 
 class CodeReader:
-    """A board's estimator that only reads the code, and reports it as its reason."""
+    """Estimator of a board that only decodes the corner code and reports it as its reason."""
 
     accepted, confidence = True, 1.0
     q_camera_from_target_wxyz = (1.0, 0.0, 0.0, 0.0)
@@ -49,7 +49,7 @@ class CodeReader:
         self.reason = ""
 
     def estimate(self, image: NDArray[np.uint8]) -> CodeReader:
-        """Read the corner."""
+        """Decode the corner of an image."""
         code = read_code(image, PLACE)
         self.reason = "no code" if code is None else f"{code.frame_id} {code.time_ns}"
         return self
@@ -57,16 +57,16 @@ class CodeReader:
 
 @dataclass(frozen=True, kw_only=True)
 class LatencyResult:
-    """Result of a run.
+    """Result of a latency measurement.
 
     Parameters
     ----------
     handover_error_ms : array
-        Size of (handed over - end of exposure - latency) of each frame.
+        Absolute value of (handed over - end of exposure - latency) of each frame.
     on_board_ms : array
-        Time at which the board has the whole frame, after end of exposure and latency, by the clock offset.
+        Time from end of exposure plus latency until the board has the whole frame, by the clock offset.
     codes_agree : int
-        Number of frames whose code, read from the pixels, equals the ledger's number and time.
+        Number of frames whose decoded code equals the ledger's number and time.
     """
 
     summary: LedgerSummary
@@ -77,20 +77,20 @@ class LatencyResult:
 
 
 def drawn_pictures(n: int, width_px: int, height_px: int, seed: int = 1) -> Pictures:
-    """Return images of noise with a moving brighter square, as incompressible as a sensor's."""
+    """Return images of noise with a moving brighter square, as incompressible as a sensor's images."""
     rng = np.random.default_rng(seed)
     base = rng.normal(60, 8, (height_px + n, width_px)).clip(0, 255).astype(np.uint8)
     return [np.ascontiguousarray(base[k : k + height_px]) for k in range(n)]
 
 
 def looped_frames(pictures: Pictures, n_frames: int, rate_hz: float) -> Iterator[Frame]:
-    """Yield frames of the images in a loop, each with its number and time in a corner."""
+    """Yield frames of the images in a loop, with number and time in a corner."""
     scene = plan_recipe("eval-black", 1).scene(0)
     height, width = pictures[0].shape
     camera = replace(scene.camera, width_px=width, height_px=height)
     start_ns = nanoseconds_utc(scene.epoch_utc)
     for k in range(n_frames):
-        # whole microseconds, as in a frame's epoch
+        # whole microseconds, like a frame's epoch
         time_us = (start_ns + round(1e9 * k / rate_hz)) // 1000
         epoch = datetime.fromtimestamp(time_us // 1_000_000, UTC).replace(microsecond=time_us % 1_000_000)
         at = replace(
@@ -119,7 +119,7 @@ def measure_latency(
     latency_s: float = 0.05,
     log_dir: Path | None = None,
 ) -> LatencyResult:
-    """Run host, link and board, each in its own process, over loopback TCP."""
+    """Run host, link and board, each in a separate process, over loopback TCP."""
     rows: list[FrameRecord] = []
     boards: list[Any] = []
 
@@ -138,7 +138,7 @@ def measure_latency(
     boards[0].join(10.0)
     rows.sort(key=lambda row: row.frame_id)
     agree = sum(row.reason == f"{row.frame_id} {nanoseconds_utc(row.epoch_utc)}" for row in rows)
-    # sending begins at send_lag after the frame was due, and the board has the whole frame uplink later
+    # the send starts ``send_lag`` after the frame was due, and the board has the whole frame ``uplink`` later
     on_board = [
         row.send_lag_ms + row.uplink_ms
         for row in rows

@@ -1,1 +1,1 @@
-"""Labels of random frames, tested by other methods. `python -m tools.validation.labels` writes the page."""
+"""Tests of the labels of random frames by other methods; `python -m tools.validation.labels` writes the page."""

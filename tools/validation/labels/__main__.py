@@ -1,4 +1,4 @@
-"""Checks random frames, and writes docs/validation/labels.md with --page: ``python -m tools.validation.labels``."""
+"""Check random frames, and with --page write docs/validation/labels.md: ``python -m tools.validation.labels``."""
 
 import sys
 

@@ -1,4 +1,4 @@
-"""Faults injected into one label of a frame, with consistent record and hashes, to test the check itself."""
+"""Faults injected into one label of a frame, with consistent record and hashes, to test the label check itself."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 ENOUGH_PX = 400
-"""A craft of fewer pixels can be so thin that the neighbour of a label is correct too."""
+"""A craft of fewer pixels can be so thin that a neighbouring label is correct too."""
 
 
 def inject_fault(kind: str, frame: Frame) -> Frame | None:
-    """Return a copy of a frame with one wrong label; None if the frame lacks the label, or is too small to decide."""
+    """Return a copy of a frame with one wrong label; None if the frame lacks the label or is too small to tell."""
     if frame.mask is None or frame.truth is None or np.count_nonzero(frame.mask) < ENOUGH_PX:
         return None
     return FAULTS[kind](frame)
@@ -50,7 +50,7 @@ def _layer(name: str, change: Callable[[NDArray[Any]], NDArray[Any]]) -> Callabl
 
 
 def _shifted_mask(frame: Frame) -> Frame | None:
-    """Return the mask, box and hash moved by four pixels, without the layers that would reveal it immediately."""
+    """Return the frame with mask, box and hash moved by four pixels, without the layers that would reveal it."""
     if frame.mask is None or frame.truth is None:
         return None
     mask = np.roll(frame.mask, 4, axis=1)
@@ -112,7 +112,7 @@ def _moved_box_3d(record: dict[str, Any]) -> bool:
 
 
 def _moved_edge(record: dict[str, Any]) -> bool:
-    """Move an edge in images of an ideal lens; for others the projection is unknown beyond the image."""
+    """Move an edge, only in images of an ideal lens: with distortion, projection is undefined outside the image."""
     usable = bool(record["wireframe"]) and record["camera"]["distortion"]["model"] == "none"
     if usable:
         record["wireframe"][0]["ends_px"][1][0] += 0.01
@@ -120,7 +120,7 @@ def _moved_edge(record: dict[str, Any]) -> bool:
 
 
 def _called_saturated(record: dict[str, Any]) -> bool:
-    """Mark keypoints as saturated in frames with a clean twin, which reveals it."""
+    """Mark keypoints as saturated, only in frames with a noise-free twin, which reveals the fault."""
     seen = [k for k in record["keypoints"] if k["state"] == "visible"]
     usable = bool(seen) and "clean" in record["layers"] and record["scene"]["bands"] == "mono"
     detector = record["scene"]["sensor"]["detector"]
@@ -131,7 +131,7 @@ def _called_saturated(record: dict[str, Any]) -> bool:
 
 
 def _tilted(normals: NDArray[Any]) -> NDArray[Any]:
-    """Return normals tilted by some 17 degrees; mirroring would not change a flat board that faces the camera."""
+    """Return normals tilted by about 17 degrees; mirroring would not change a flat board that faces the camera."""
     n = normals.astype(float)
     length = np.linalg.norm(n, axis=-1, keepdims=True)
     n = n + np.array([0.3, 0.0, 0.0]) * length
@@ -139,7 +139,7 @@ def _tilted(normals: NDArray[Any]) -> NDArray[Any]:
 
 
 def _offset(clean: NDArray[Any]) -> NDArray[Any]:
-    """Return the layer brighter by a sixth of the scale if that fits, otherwise darker."""
+    """Return the layer brighter by a sixth of full scale, or darker where that clips."""
     step = 40 if clean.dtype == np.uint8 else 640
     return np.where(clean > np.median(clean), clean - np.minimum(clean, step), clean + step).astype(
         clean.dtype

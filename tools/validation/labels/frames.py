@@ -1,4 +1,4 @@
-"""Random scenes for testing labels: any target, lens, detector, light and motion, a function of (seed, k)."""
+"""Random scenes for testing labels: any target, lens, detector, lighting and motion, as a function of (seed, k)."""
 
 from __future__ import annotations
 
@@ -42,10 +42,10 @@ def cached_target(name: str) -> Target:
 
 
 def random_frame(seed: int, k: int) -> tuple[SceneState, LabelRequest]:
-    """Return the scene and request of frame k."""
+    """Return the scene and label request of frame k."""
     rng = np.random.Generator(np.random.SFC64(np.random.SeedSequence(seed, spawn_key=(k, 0x7AB))))
     names = list_targets()
-    # nearly all at the lowest level of detail: fewer triangles, the same labelling
+    # mostly the lowest level of detail: fewer triangles, the same labelling code
     level = "@low" if rng.random() < 0.97 else ""
     target = cached_target(names[int(rng.integers(len(names)))] + level)
     camera = _camera(rng)
@@ -85,7 +85,7 @@ def random_frame(seed: int, k: int) -> tuple[SceneState, LabelRequest]:
 
 
 def _camera(rng: Generator) -> Camera:
-    """Return a camera of 8 to 70 degrees, perhaps with distortion, its axis off centre, its pixels not square."""
+    """Return a camera of 8 to 70 degrees, at random with distortion, off-centre principal point, non-square pixels."""
     for _ in range(100):
         width, height = int(rng.integers(64, 161)), int(rng.integers(48, 129))
         f = width / 2 / np.tan(np.radians(rng.uniform(8, 70)) / 2)
@@ -107,11 +107,11 @@ def _camera(rng: Generator) -> Camera:
         )
         if camera_problem(camera) is None:
             return camera
-    raise RuntimeError("no usable lens in a hundred draws")
+    raise RuntimeError("no usable lens in a hundred random draws")
 
 
 def _range_m(rng: Generator, target: Target, camera: Camera) -> tuple[float, float]:
-    """Return limits of the range at which the craft spans 0.1 to 1.6 image heights, with the camera outside of it."""
+    """Return the limits of the range at which the craft spans 0.1 to 1.6 image heights with the camera outside it."""
     radius = float(max(np.linalg.norm(p.positions_m, axis=1).max() for p in target.parts))
     size = 10 ** rng.uniform(-1, 0.2)
     z = max(2 * radius * camera.fy_px / (size * camera.height_px), 1.3 * radius)
@@ -119,7 +119,7 @@ def _range_m(rng: Generator, target: Target, camera: Camera) -> tuple[float, flo
 
 
 def _off_centre(rng: Generator, scene: SceneState) -> SceneState:
-    """Return the scene; in every third one the craft is moved across the image's edge."""
+    """Return the scene; in every third one the craft is moved across the image border."""
     if rng.random() > 1 / 3:
         return scene
     c, t = scene.camera, np.asarray(scene.t_camera_from_target_m)
@@ -135,7 +135,7 @@ def _off_centre(rng: Generator, scene: SceneState) -> SceneState:
 
 
 def _in_other_light(rng: Generator, scene: SceneState) -> SceneState:
-    """Return the scene; in every tenth one the Sun is in any direction, also behind the Earth."""
+    """Return the scene; in every tenth one the Sun is in a random direction, possibly behind the Earth."""
     if rng.random() > 0.1:
         return scene
     d = rng.standard_normal(3)
@@ -159,7 +159,7 @@ def _moving(rng: Generator, scene: SceneState) -> SceneState:
 
 
 def _velocity(scene: SceneState, spin: np.ndarray, drift: np.ndarray) -> np.ndarray:
-    """Return the velocity of the model's origin, camera frame: that of the centre of mass plus the rotation [m s-1]."""
+    """Return the velocity of the model's origin: that of the centre of mass plus rotation, camera frame [m s-1]."""
     R_ce = matrix_from_quat(scene.q_camera_from_eci_wxyz)
     R_ct = matrix_from_quat(scene.q_camera_from_target_wxyz)
     com = R_ce @ np.subtract(scene.r_target_eci_m, scene.r_camera_eci_m)
@@ -168,7 +168,7 @@ def _velocity(scene: SceneState, spin: np.ndarray, drift: np.ndarray) -> np.ndar
 
 
 def _shutter(rng: Generator) -> Shutter:
-    """Return a shutter, usually global; one in thirty rolls."""
+    """Return a shutter: rolling with probability 1/30, otherwise global."""
     if rng.random() < 1 / 30:
         return Shutter(kind="rolling", readout_s=float(rng.uniform(0.01, 0.5)))
     return Shutter()

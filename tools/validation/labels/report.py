@@ -1,11 +1,11 @@
-"""Random frames over all targets, cameras and lighting, each label tested: how many are wrong.
+"""Test of every label of random frames over all targets, cameras and lighting.
 
     python -m tools.validation.labels -n 1000 --seed 1 --results results.jsonl
 
-Frame k is a function of (seed, k). Two processes draw and check; the results file grows by a line per frame, and an
-interrupted run continues. Every tenth frame is checked from its files, the others as drawn; in one of five a label is
-corrupted if the craft is large enough to decide, and must be detected. After a correction, ``--again`` tests the frames
-again that were wrong; the page names the commits of the results.
+Frame k is a function of (seed, k). Two processes render and check; the results file grows by a line per frame, and an
+interrupted run continues. Every tenth frame is checked from its files, the others in memory. In every fifth frame one
+label is corrupted if the craft is large enough, and the check must detect it. After a correction, ``--again`` repeats
+frames with errors; the page names the commits of the results.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ SPOILT_EVERY = 5
 
 
 def check_one(renderer: Renderer, seed: int, k: int) -> dict[str, Any]:
-    """Draw frame k, check it, and return the result."""
+    """Render frame k, check it, and return the result."""
     scene, request = random_frame(seed, k)
     target = cached_target(scene.target.name)
     start = time.process_time()
@@ -82,13 +82,13 @@ def check_one(renderer: Renderer, seed: int, k: int) -> dict[str, Any]:
 
 def _check(k: int, frame: Frame, card: DatasetCard) -> list[str]:
     if frame.truth is None or frame.mask is None:
-        raise RuntimeError("a frame to check needs its labels")
+        raise RuntimeError("the frame was rendered without labels")
     target = cached_target(frame.scene.target.name)
     return check_frame(k, frame.truth, frame.image, frame.mask, card, target, frame.layers)
 
 
 def _through_files(folder: Path, frame: Frame) -> Frame:
-    """Return the frame as read from disk."""
+    """Return the frame as written to and read from disk."""
     (folder / "images").mkdir()
     k = frame.scene.frame_index
     write_frame(folder, k, frame)
@@ -107,7 +107,7 @@ def _through_files(folder: Path, frame: Frame) -> Frame:
 
 
 def dataset_card(renderer: Renderer, frame: Frame, seed: int) -> DatasetCard:
-    """Return the card that a data set of such frames would have."""
+    """Return the card of a data set of such frames."""
     target, info = cached_target(frame.scene.target.name), renderer.info
     return DatasetCard(
         scenario_name="random frames",
@@ -133,19 +133,19 @@ def _work(seed: int, wanted: list[int], results: multiprocessing.Queue[dict[str,
         for k in wanted:
             try:
                 results.put(check_one(renderer, seed, k))
-            except Exception as error:  # noqa: BLE001 - a frame that fails is a finding, and the others go on
+            except Exception as error:  # noqa: BLE001 - a frame that fails is a result, and the others continue
                 results.put({"k": k, "faults": [f"{type(error).__name__}: {error}"]})
 
 
 def run(seed: int, wanted: list[int], workers: int) -> Iterator[dict[str, Any]]:
-    """Yield results of frames as they arrive.
+    """Yield results in order of arrival.
 
     Raises
     ------
     RuntimeError
-         If a process died before its frames were done.
+        If a process died before its frames were checked.
     """
-    # images this small are drawn fastest without threads
+    # images this small render fastest without threads
     os.environ.setdefault("LP_NUM_THREADS", "0")
     context = multiprocessing.get_context("spawn")
     results: multiprocessing.Queue[dict[str, Any]] = context.Queue()
@@ -162,13 +162,13 @@ def run(seed: int, wanted: list[int], workers: int) -> Iterator[dict[str, Any]]:
             left -= 1
         except queue.Empty:
             if any(process.exitcode for process in processes):
-                raise RuntimeError(f"a drawing process died with {left} frames to go") from None
+                raise RuntimeError(f"a rendering process died with {left} frames left") from None
     for process in processes:
         process.join()
 
 
 def _commit() -> str:
-    """Return the commit of this checkout, with a + if files differ from it."""
+    """Return the commit of this checkout, followed by + if files were changed."""
     try:
         run_git = partial(
             subprocess.run, cwd=Path(__file__).parent, capture_output=True, text=True, check=True
@@ -213,7 +213,7 @@ def summary(lines: list[dict[str, Any]]) -> dict[str, Any]:
 
 
 def page(results: dict[str, Any], seed: int) -> str:
-    """Return the summary as a page."""
+    """Return the page with the summary."""
     command = f"python -m tools.validation.labels -n {results['frames']} --seed {seed} --page"
     spoilt, missed = results["spoilt"], sum(results["spoilt_and_missed"].values())
     lines = [
@@ -245,16 +245,18 @@ def _counts(counter: dict[str, int]) -> str:
 
 
 def main() -> int:
-    """Run from the command line; the exit code is 1 if a label is wrong or a corrupted one passes."""
+    """Run the test and return the exit code: 1 if a label is wrong or a corrupted one is not detected."""
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("-n", type=int, default=200, help="frames")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--workers", type=int, default=2)
-    parser.add_argument("--results", type=Path, default=RESULTS, help=f"one line a frame ({RESULTS})")
-    parser.add_argument("--page", action="store_true", help=f"write {PAGE} from the results that there are")
-    parser.add_argument("--again", action="store_true", help="take frames that were wrong once more")
+    parser.add_argument(
+        "--results", type=Path, default=RESULTS, help=f"one line per frame (default: {RESULTS})"
+    )
+    parser.add_argument("--page", action="store_true", help=f"write {PAGE} from the existing results")
+    parser.add_argument("--again", action="store_true", help="repeat frames with wrong labels")
     options = parser.parse_args()
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(143))  # end the worker processes with this one
     lines: list[dict[str, Any]] = []

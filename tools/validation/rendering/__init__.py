@@ -1,1 +1,1 @@
-"""Images against integrals, published figures and a path tracer: `python -m tools.validation.rendering`."""
+"""Validation of rendering against integrals, published figures and a path tracer."""

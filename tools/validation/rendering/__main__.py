@@ -1,4 +1,4 @@
-"""Writes docs/validation/rendering.md: ``python -m tools.validation.rendering``."""
+"""Write docs/validation/rendering.md: ``python -m tools.validation.rendering``."""
 
 import sys
 

@@ -1,4 +1,4 @@
-"""Rows of the rendering page about the air: its radiances against a solver of the whole transfer equation."""
+"""Rows of the rendering page on the atmosphere: radiances against a solver of the full radiative transfer equation."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 REFERENCE = Path("tests/reference/disort.csv")
 GROUNDS, SUNS_DEG = (0.0, 0.3, 0.8), (30.0, 60.0, 75.0)
 VIEWS_DEG, AZIMUTHS_DEG = (10.0, 25.0, 40.0, 55.0, 66.0), (0.0, 90.0, 180.0)
-FLAT_RADIUS_M = 6.4e8  # the solver's air is plane
+FLAT_RADIUS_M = 6.4e8  # the solver's atmosphere is plane-parallel
 NOTES = """
 Relative differences from PythonicDISORT 1.8 (Ho 2024, J. Open Source Softw. 9, 6442; 32 streams, delta-M and
 Nakajima-Tanaka corrections), over ground of albedo 0, 0.3 and 0.8, the Sun 30, 60 and 75 deg and the view 10 to 66
@@ -40,18 +40,20 @@ ahead, over black ground.
 
 
 def flat_air(bands: Bands) -> Atmosphere:
-    """Return the Earth's air over ground that hardly bends."""
+    """Return the Earth's atmosphere over a nearly flat ground."""
     return replace(earth_atmosphere(bands), radius_m=FLAT_RADIUS_M)
 
 
 @dataclass(frozen=True, eq=False)
 class Light:
-    """Light over the Sun's irradiance; last axis panchromatic, red, green, blue.
+    """Light divided by the Sun's irradiance; last axis panchromatic, red, green, blue.
 
     Parameters
     ----------
-    up, down : (grounds, Suns, views, azimuths, 4) array
-        Radiance at the top, and of the sky from the ground [sr-1].
+    up : (grounds, Suns, views, azimuths, 4) array
+        Upward radiance at the top of the atmosphere [sr-1].
+    down : (grounds, Suns, views, azimuths, 4) array
+        Radiance of the sky at the ground [sr-1].
     ground : (grounds, Suns, 4) array
         Irradiance of level ground [1].
     """
@@ -62,7 +64,7 @@ class Light:
 
 
 def solver_light() -> Light:
-    """Return the solver's, as it is kept."""
+    """Return the stored light of the solver."""
     with REFERENCE.open(newline="") as file:
         rows = list(csv.reader(file))[1:]
 
@@ -75,7 +77,7 @@ def solver_light() -> Light:
 
 
 def our_light() -> Light:
-    """Return ours, in double precision."""
+    """Return the light of our model, in double precision."""
     both: list[list[FloatArray]] = [[], [], []]
     for bands in ("mono", "rgb"):
         air = flat_air(bands)
@@ -92,7 +94,7 @@ def our_light() -> Light:
 def _light(
     air: Atmosphere, table: MultipleScattering, ground: float, sun_deg: float
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return the upward and downward radiance (views, azimuths, n), irradiance of the ground (n,)."""
+    """Return upward and downward radiance (views, azimuths, n) and irradiance of the ground (n,)."""
     sun = np.array([-np.sin(np.radians(sun_deg)), 0.0, np.cos(np.radians(sun_deg))])
     view, azimuth = np.meshgrid(np.radians(VIEWS_DEG), np.radians(AZIMUTHS_DEG), indexing="ij")
     up = np.stack([np.sin(view) * np.cos(azimuth), np.sin(view) * np.sin(azimuth), np.cos(view)], axis=-1)
@@ -104,7 +106,7 @@ def _light(
         along = foot @ way
         reach = np.sqrt(along**2 + air.top_m**2 - foot @ foot) - along
         leaves, through = _seen(air, table, foot + (reach + 1.0) * way, -way, sun)
-        # light that goes the way of an azimuth comes from the other side
+        # light that travels towards an azimuth comes from the opposite side
         sky, _ = _seen(air, table, foot, way * (-1, -1, 1), sun)
         out.append((leaves + through * falling * ground / np.pi, sky))
     leaves, sky = np.moveaxis(np.reshape(out, (*view.shape, 2, -1)), 2, 0)
@@ -114,14 +116,14 @@ def _light(
 def _seen(
     air: Atmosphere, table: MultipleScattering, start: FloatArray, ray: FloatArray, sun: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Return the radiance (n,) of the air along a ray over the Sun's irradiance, and transmittance (n,)."""
+    """Return the radiance (n,) of the air along a ray over the Sun's irradiance, and its transmittance (n,)."""
     path, cosine = path_light(air, start, ray[None], sun, steps=32, multiple=table), np.asarray(ray @ sun)
     light = path.rayleigh * rayleigh_phase(cosine) + path.mie * mie_phase(cosine, air.mie_g) + path.multiple
     return light[0], path.transmittance[0]
 
 
-def rows(renderer: Renderer | None = None) -> list[Row]:  # noqa: ARG001 - physics; that pictures have it is another row
-    """Return every comparison, measured now."""
+def rows(renderer: Renderer | None = None) -> list[Row]:  # noqa: ARG001 - the physics alone; another row covers the rendering
+    """Measure and return every comparison."""
     ours, solver = our_light(), solver_light()
     up, down, ground = (getattr(ours, n) / getattr(solver, n) - 1 for n in ("up", "down", "ground"))
     measured = [

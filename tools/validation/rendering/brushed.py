@@ -1,4 +1,4 @@
-"""Rows of the rendering page about brushed metal: its lobe against an integral, and in a white furnace."""
+"""Rows of the rendering page on brushed metal: its lobe against an integral, and a white furnace."""
 
 from __future__ import annotations
 
@@ -29,13 +29,13 @@ def rows(renderer: Renderer) -> list[Row]:
 
 
 def sphere_row(renderer: Renderer) -> Row:
-    """Return the largest error over a brushed sphere's lit face, relative to its maximum; the Sun's disc is summed."""
-    # enough pixels that the radiance at a pixel's centre equals the rendered mean over its area
+    """Return the maximum error over a brushed sphere's lit face relative to its maximum, the Sun's disc integrated."""
+    # enough pixels that the radiance at a pixel's centre equals the mean over its area
     drawn = draw_lit_ball(renderer, BRUSHED, 160, 40, quality="high")
     n = drawn.normals
     across = np.cross(n, np.asarray(BRUSHED.grain))
     across /= np.linalg.norm(across, axis=1, keepdims=True)
-    frame = np.stack([across, np.cross(n, across), n], axis=1)  # (K, 3, 3) to the face's own axes
+    frame = np.stack([across, np.cross(n, across), n], axis=1)  # (K, 3, 3) to the axes of the face
     view = np.einsum("kij,kj->ki", frame, drawn.views)
     f0 = BRUSHED.base_color[0]
     again = 1 + f0 * (1 / _single_albedo(view) - 1)
@@ -46,16 +46,16 @@ def sphere_row(renderer: Renderer) -> Row:
         what="Radiance of a brushed metal sphere under the Sun's disc",
         against="numeric integration",
         unit="1",
-        goal=0.03,  # a fit conserves the light between microfacets, with fine sampling: it concerns the lobe
+        goal=0.03,  # fine sampling resolves the lobe, and a fit conserves the light between microfacets
         measured=float(error),
     )
 
 
 def furnace_row(renderer: Renderer) -> Row:
-    """Return the largest deviation from one of the sunlight that a white brushed plate returns, summed over the Sun.
+    """Return the maximum deviation from one of the light reflected by a white brushed plate, integrated over the Sun.
 
-    By reciprocity, what a plate emits in one direction, over every direction of the Sun, is what it returns of a beam
-    from there.
+    By reciprocity, the radiance in one direction, integrated over all directions of the Sun, equals the total
+    reflection of a beam from that direction.
     """
     white = Material(
         name="m", base_color=(1.0,) * 3, metallic=1.0, roughness=0.45, anisotropy=0.6, grain=(1.0, 0.3, 0)
@@ -80,14 +80,14 @@ def furnace_row(renderer: Renderer) -> Row:
 
 
 def _widths() -> tuple[float, float]:
-    """Return the alpha across the grain and along it: KHR_materials_anisotropy."""
+    """Return alpha across and along the grain: KHR_materials_anisotropy."""
     alpha = BRUSHED.roughness**2
     return alpha + (1 - alpha) * BRUSHED.anisotropy**2, alpha
 
 
 def _once(v: FloatArray, light: FloatArray, f0: float) -> FloatArray:
-    """Return the (K,) radiance over irradiance of the single bounce; directions in the face's axes (across, along,
-    normal).
+    """Return the (K,) radiance of the single bounce over irradiance; directions in the axes of the face (across,
+    along, normal).
     """
     a, b = _widths()
     h = v + light
@@ -113,7 +113,7 @@ def _masking(v: FloatArray, light: FloatArray) -> FloatArray:
 
 
 def _single_albedo(v: FloatArray) -> FloatArray:
-    """Return the (K,) share of uniform light that a white brushed mirror returns once, by sampling its normals."""
+    """Return the (K,) share of uniform light that a white brushed mirror reflects once, by sampling normals."""
     a, b = _widths()
     i = np.arange(_SAMPLES) + 0.5
     u, turn = i / _SAMPLES, 2 * np.pi * ((i * 0.6180339887498949) % 1)

@@ -1,4 +1,4 @@
-"""Rows of the rendering page about colour: three bands against complete spectra, and the colours that the eye sees."""
+"""Rows of the rendering page on colour: three bands against complete spectra, and perceived colours."""
 
 from __future__ import annotations
 
@@ -31,8 +31,8 @@ if TYPE_CHECKING:
 NM = np.arange(405.0, 700.0, 10.0)
 HEIGHTS_M = 1e3 * np.array([1.0, 3.0, 5.0, 8.0, 10.0, 12.0, 15.0, 18.0, 20.0, 25.0, 30.0, 40.0])
 SUNS_DEG = ((80, 0), (60, 90), (30, 90), (10, 180), (5, 0), (2, 0), (0, 0), (-3, 0))
-"""Elevation at the tangent point, and azimuth from the line of sight."""
-# absorption of a centimetre of ozone: Leckner (1978), in Bird & Riordan (1986), table 1
+"""Elevation of the Sun at the tangent point, and azimuth from the line of sight."""
+# absorption by 1 cm of ozone: Leckner (1978), in Bird & Riordan (1986), table 1
 OZONE_NM = (
     400,
     430,
@@ -57,7 +57,7 @@ OZONE_NM = (
     690,
     710,
 )
-# thousandths
+# unit: 1e-3
 OZONE_PER_CM = (
     0,
     0,
@@ -82,7 +82,7 @@ OZONE_PER_CM = (
     28,
     18,
 )
-# reflectance at 400, 450, 500, 550, 600, 650 and 700 nm of a white plate, sand, soil, leaves and the sea, rounded
+# rounded reflectance at 400, 450, 500, 550, 600, 650 and 700 nm: white plate, sand, soil, leaves, sea
 GROUNDS = np.array(
     [
         [1, 1, 1, 1, 1, 1, 1],
@@ -92,7 +92,7 @@ GROUNDS = np.array(
         [0.05, 0.045, 0.03, 0.012, 0.004, 0.003, 0.002],
     ]
 )
-# pigments absorb below an edge: its wavelength and width [nm], reflectance on either side
+# pigments absorb below an edge: wavelength and width [nm] of the edge, reflectance on either side
 PAINTS = (
     (610.0, 12.0, 0.05, 0.7),
     (575.0, 15.0, 0.05, 0.7),
@@ -101,11 +101,11 @@ PAINTS = (
     (500.0, 12.0, 0.45, 0.05),
 )
 LAMPS_K = (2000.0, 4000.0)
-"""Black bodies of a colour like that of sodium and white lamps."""
+"""Temperatures of black bodies with the colours of sodium and white lamps."""
 MAN_MADE = len(PAINTS) + len(LAMPS_K)
 MAN_MADE_WEIGHT = 2.0
-"""Largest integer weight of these few among a hundred limbs that leaves the limbs within their goal."""
-# CIE 1931: Wyman, Sloan & Shirley (2013), J. Comput. Graph. Tech. 2(2): height, middle [nm], widths below and above
+"""Maximum integer weight of these few colours among about a hundred limbs that keeps the limbs within their goal."""
+# CIE 1931 by Wyman, Sloan & Shirley (2013), J. Comput. Graph. Tech. 2(2): height, middle [nm], widths below and above
 LOBES = (
     ((1.056, 599.8, 37.9, 31.0), (0.362, 442.0, 16.0, 26.7), (-0.065, 501.1, 20.4, 26.2)),
     ((0.821, 568.8, 46.9, 40.5), (0.286, 530.9, 16.3, 31.1)),
@@ -123,7 +123,7 @@ limbs, sand, soil, leaves, sea, paints and lamps (these count double). It keeps 
 
 @dataclass(frozen=True, eq=False)
 class Colours:
-    """Light (K, 3) over that of a white plate in sunlight: in our bands, in exact ones, and as linear sRGB."""
+    """Light (K, 3) over a white plate's in sunlight: in our bands, in exact bands, and as linear sRGB."""
 
     ours: FloatArray
     exact: FloatArray
@@ -145,7 +145,7 @@ def limbs(air: Atmosphere) -> FloatArray:
 
 
 def colours() -> Colours:
-    """Return the light of limbs, then of surfaces and lamps (whose bands are exact)."""
+    """Return the light of limbs, then of surfaces and lamps, whose bands are exact."""
     bands, own = earth_atmosphere("rgb"), EARTH.air or BodyAir(rayleigh_m_um4=0.0, rayleigh_height_m=1.0)
     um, (a, b) = NM * 1e-3, own.rayleigh_dispersion_um
     aerosol = own.aerosol_m * (um / 0.55) ** -own.aerosol_exponent
@@ -182,7 +182,7 @@ def _lobe(height: float, middle: float, below: float, above: float) -> FloatArra
 
 
 def fitted(light: Colours) -> FloatArray:
-    """Return the (3, 3) matrix of the least squares, relative to each colour's brightness, which keeps white."""
+    """Return the (3, 3) least-squares matrix that preserves white, with errors relative to each colour's brightness."""
     weight = 1 / np.maximum(light.exact.sum(axis=1, keepdims=True), 1e-2)
     weight[-MAN_MADE:] *= MAN_MADE_WEIGHT
     red_green = (light.exact[:, :2] - light.exact[:, 2:]) * weight
@@ -190,7 +190,7 @@ def fitted(light: Colours) -> FloatArray:
     return np.column_stack([ab, 1 - ab.sum(axis=1)])
 
 
-def rows(renderer: Renderer | None = None) -> list[Row]:  # noqa: ARG001 - colour; that pictures have it is another row
+def rows(renderer: Renderer | None = None) -> list[Row]:  # noqa: ARG001 - colour science alone; another row covers the rendering
     """Measure and return every comparison."""
     light = colours()
     brightness = light.exact.sum(axis=1, keepdims=True)

@@ -1,4 +1,4 @@
-"""Rows of the rendering page about the spacecraft: surfaces, shadows, edges and skylight against exact integrals."""
+"""Rows of the rendering page on spacecraft: surfaces, shadows, edges and skylight against exact integrals."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 SUN_RAD = SUN_RADIUS_M / AU_M
 EDGE_ANGLES_DEG = tuple(2.5 * k for k in range(-36, 36))
 EDGE_CAMERA = square_camera(128, 600.0)
-# with the axis far off the image's middle, where the plate is: distortion bends its edges there
+# principal point far off the image's middle, where the plate is: distortion bends its edges there
 _LENS = replace(square_camera(128, 150.0), cx_px=-20.0, cy_px=0.0)
 EDGE_CAMERAS = {
     "": EDGE_CAMERA,
@@ -43,11 +43,11 @@ EDGE_CAMERAS = {
     ),
     " through a fisheye": replace(_LENS, distortion=Distortion("kannala_brandt", (0.03, -0.01, 0.002, 0.0))),
 }
-# step of depth between neighbouring pixels, relative to a plane, at which one part ends in front of another
+# depth step between neighbouring pixels, relative to a plane, at which one part ends in front of another
 STEP_M = 0.01
-MITSUBA_SKY_W_M2_SR = 30.0  # a uniform sky, as bright as a sunlit Earth
-# rotation vector of Tango [rad] and direction to the Sun, camera frame: panel, bottom and a side; and samples per pixel
-# of Sun and sky for a noise below 0.5 %: the side is mostly in shade
+MITSUBA_SKY_W_M2_SR = 30.0  # uniform sky, as bright as a sunlit Earth
+# rotation vector of Tango [rad] and direction to the Sun, camera frame, for panel, bottom and a side; samples per pixel
+# of Sun and sky for noise below 0.5 %: the side is mostly in shadow
 MITSUBA_VIEWS = (
     ((2.4, 0.3, 0.2), (-1.0, -0.6, -0.9), 2560, 2560),
     ((0.4, 0.2, 0.1), (0.8, -0.5, -0.6), 2560, 2560),
@@ -75,14 +75,14 @@ def rows(renderer: Renderer) -> list[Row]:
     Raises
     ------
     UserError
-         If Mitsuba is missing: a page without its rows would look complete.
+        If Mitsuba is missing: a page without its rows would look complete.
     """
     load()
     return [*quick_rows(renderer), *edge_rows(renderer), *mitsuba_rows(renderer)]
 
 
 def quick_rows(renderer: Renderer) -> list[Row]:
-    """Return the surfaces, penumbra, furnace, Earth-shine, brushed metal and the chaser's lamp."""
+    """Return rows of surfaces, penumbra, furnace, earthshine, brushed metal and the chaser's lamp."""
     matt = Material(name="m", base_color=(0.5, 0.5, 0.5), roughness=1.0)
     metal = Material(name="m", base_color=(0.9, 0.9, 0.9), metallic=1.0, roughness=0.3)
     return [
@@ -97,12 +97,12 @@ def quick_rows(renderer: Renderer) -> list[Row]:
 
 
 def edge_rows(renderer: Renderer) -> list[Row]:
-    """Return the edges of every slope in both presets."""
+    """Return rows of edges of every slope, for both presets."""
     return [*_edges(renderer, "default", 0.04, 0.1), *_edges(renderer, "high", 0.02, 0.05)]
 
 
 def _sphere(renderer: Renderer, what: str, material: Material) -> Row:
-    """Return the largest error over a sphere's lit face, relative to the highest radiance; the Sun's disc is summed."""
+    """Return the maximum error over a sphere's lit face relative to its maximum, the Sun's disc integrated."""
     drawn = draw_lit_ball(renderer, material, 128, 100)
     exact = np.mean([_gltf(material, drawn.normals, drawn.views, d) for d in drawn.sun], axis=0)
     exact *= drawn.irradiance_w_m2
@@ -135,7 +135,7 @@ def _gltf(material: Material, n: FloatArray, v: FloatArray, light: FloatArray) -
 
 
 def _directional_albedo(roughness: float, n_v: FloatArray) -> FloatArray:
-    """Return the (N,) share of uniform light that a white rough mirror reflects once, by sampling its normals."""
+    """Return the (N,) share of uniform light that a white rough mirror reflects in one bounce, by sampling normals."""
     nodes, count = np.linspace(0.02, 1, 40), 20_000
     i = np.arange(count) + 0.5
     u, turn, alpha2 = i / count, 2 * np.pi * ((i * 0.6180339887498949) % 1), roughness**4
@@ -156,7 +156,7 @@ def _directional_albedo(roughness: float, n_v: FloatArray) -> FloatArray:
 
 
 def penumbra_row(renderer: Renderer) -> Row:
-    """Return the light across the shadow of a straight edge 0.4 m above a wall, as rms error over the penumbra."""
+    """Return the rms error over the penumbra of a straight edge 0.4 m above a wall."""
     height, size = 0.4, 96
     target = bare_target(
         [
@@ -165,7 +165,7 @@ def penumbra_row(renderer: Renderer) -> Row:
         ],
         [Material(name="m", base_color=(0.5, 0.5, 0.5), roughness=1.0)],
     )
-    # a slanted Sun, so that the blind does not hide its own shadow
+    # a slanted Sun, because the blind would otherwise cover its own shadow
     slope, turn = 0.5, 0.2
     camera = square_camera(size, 20_000.0)
     edge_x = -slope * height
@@ -181,12 +181,12 @@ def penumbra_row(renderer: Renderer) -> Row:
     y, x = np.mgrid[:size, :size]
     across = ((x - camera.cx_px) * np.cos(turn) + (y - camera.cy_px) * np.sin(turn)) * 5.0 / camera.fx_px
     lit = image[across < -0.009].mean()
-    # share of a disc beyond a chord, at the angle from its centre; the Sun moves along x
+    # share of a disc beyond a chord, by the chord's angle from the centre; the Sun moves along x
     towards = np.asarray(scene.sun_direction_camera)
     angle = across * towards[2] ** 2 / height / SUN_RAD
     bounded = np.clip(angle, -1, 1)
     exact = 0.5 - (np.arcsin(bounded) + bounded * np.sqrt(1 - bounded**2)) / np.pi
-    # means along the edge, whose slope covers every phase of the map's texels
+    # means along the edge, whose slope covers every phase of the shadow map's texels
     bins = np.round(angle / 0.1).astype(int)
     error = [(image / lit - exact)[bins == k].mean() for k in range(-12, 13)]
     return Row(
@@ -199,7 +199,7 @@ def penumbra_row(renderer: Renderer) -> Row:
 
 
 def _furnace(renderer: Renderer) -> Row:
-    """Return the largest deviation from the sky's radiance of white spheres under a uniform sky."""
+    """Return the maximum deviation of white spheres from the radiance of a uniform sky."""
     worst = 0.0
     for metallic, roughness in ((1.0, 0.1), (1.0, 0.5), (1.0, 1.0), (0.0, 0.5)):
         white = Material(name="m", base_color=(1.0, 1.0, 1.0), metallic=metallic, roughness=roughness)
@@ -211,7 +211,7 @@ def _furnace(renderer: Renderer) -> Row:
 
 
 def _even_earth() -> Row:
-    """Return the largest relative error of irradiance on plates of every direction 500 km over a uniform Earth."""
+    """Return the maximum relative error of irradiance on plates of every direction 500 km over a uniform Earth."""
     rim = float(np.sqrt(1 - (6371.0 / 6871.0) ** 2))
     directions = spherical_fibonacci(50_000, rim)
     angle = 2 * np.pi * (1 - rim) / len(directions)
@@ -234,8 +234,8 @@ def edge_errors(
     angles_deg: ArrayLike = EDGE_ANGLES_DEG,
     camera: Camera = EDGE_CAMERA,
 ) -> FloatArray:
-    """Return the edge position of a plate by coverage, in every row or column that it crosses, minus OpenCV's [px]."""
-    size = EDGE_CAMERA.fx_px / camera.fx_px  # size of the plate: about the same in the image
+    """Return a plate's edge position by coverage minus OpenCV's, in every row or column that the edge crosses [px]."""
+    size = EDGE_CAMERA.fx_px / camera.fx_px  # size of the plate, constant in the image
     middle = 5 * camera.unproject(np.array([(camera.width_px - 1) / 2, (camera.height_px - 1) / 2]))
     place = (middle[0] + 0.0137 * size, middle[1] + 0.0071 * size, 5.0)
     target = bare_target(
@@ -274,7 +274,7 @@ def _edges(renderer: Renderer, quality: Quality, rms_px: float, largest_px: floa
         errors = edge_errors(renderer, quality, camera=camera)
         values = (
             ("rms", rms_px, np.sqrt(np.mean(errors**2))),
-            # a sample between two pieces of a distorted edge may count for the wrong one
+            # a sample between two segments of a distorted edge may be counted for the wrong one
             ("largest", 0.2 if lens and quality == "default" else largest_px, np.abs(errors).max()),
         )
         rows += [
@@ -291,7 +291,7 @@ def _edges(renderer: Renderer, quality: Quality, rms_px: float, largest_px: floa
 
 
 def _beside_steps(depth_m: FloatArray) -> BoolArray:
-    """Return the (H, W) pixels on either side of a step of depth."""
+    """Return (H, W) True for pixels on either side of a depth step."""
     bend = np.zeros(depth_m.shape)
     for axis in (0, 1):
         across = np.abs(np.roll(depth_m, 1, axis) - 2 * depth_m + np.roll(depth_m, -1, axis))
@@ -305,9 +305,9 @@ def mitsuba_rows(renderer: Renderer, most_spp: int = 4096) -> list[Row]:
     Parameters
     ----------
     most_spp : int, optional
-        Largest number of samples per pixel for each of Sun and sky.
+        Maximum number of samples per pixel for each of Sun and sky.
     """
-    # busbars and films of cells are our shader's own; below a coat of nine tenths it follows glTF
+    # busbars and films of cells exist in our shader only; below a coat of 0.9 it follows glTF
     target = load_target("tango")
     plain = tuple(replace(m, clearcoat=0.9) if has_films(m) else m for m in target.materials)
     digest = sha256(repr(plain).encode() + target.sha256.encode()).hexdigest()

@@ -1,4 +1,4 @@
-"""Rows of the rendering page about Earth, air, Moon, Sun and stars: our images against published figures."""
+"""Rows of the rendering page on Earth, air, Moon, Sun and stars: rendered images against published figures."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ if TYPE_CHECKING:
     from flyaround.simulator.scene.state import SceneState
 
 SIZE, FIELD_RAD = 128, 0.046
-WIDE = 300e3  # height from which the whole Earth is seen [km]
+WIDE = 300e3  # height from which the whole Earth is visible [km]
 PHASES_DEG = (5.0, 30.0, 60.0, 90.0, 120.0, 150.0)
 NOTES = """
 Full Earth: two thirds of the spherical albedo of 0.295 +- 0.008 (Penttila et al. 2022, Front. Remote Sens. 3,
@@ -94,7 +94,7 @@ def _earth(renderer: Renderer) -> list[Row]:
     light = [earth_disc(renderer, phase) for phase in PHASES_DEG]
     angle = np.radians([0.0, *PHASES_DEG, 180.0])
     fine = np.linspace(0, np.pi, 361)
-    # logarithms are nearly linear between the phases
+    # the logarithm is nearly linear between the phases
     curve = np.exp(np.interp(fine, angle, np.log([light[0], *light, light[-1] / 4])))
     bond = 2 * np.trapezoid(curve * np.sin(fine), fine)
     return [
@@ -157,14 +157,14 @@ def _air(renderer: Renderer) -> list[Row]:
 
 
 def _limb_profile() -> tuple[FloatArray, FloatArray]:
-    """Return the blue radiance over irradiance by tangent height [m], the Sun 60 deg from that point's zenith."""
+    """Return the blue radiance over irradiance by tangent height [m], with the Sun 60 deg from that point's zenith."""
     air = earth_atmosphere("rgb")
     table = MultipleScattering(np.asarray(air_tables("rgb", 100e3).multiple, float), 100e3)
     height = np.linspace(1e3, 80e3, 159)
     camera = np.array([-np.sqrt((air.radius_m + 700e3) ** 2 - air.radius_m**2), 0.0, air.radius_m])
     foot = np.stack([np.zeros_like(height), np.zeros_like(height), air.radius_m + height], axis=1)
     rays = foot - camera
-    # perpendicular at the foot only for h = 0: the ray's perigee is within 0.1 km of it
+    # perpendicular to the vertical at the tangent point only for h = 0: the ray's lowest point is within 0.1 km of it
     rays /= np.linalg.norm(rays, axis=1, keepdims=True)
     sun = np.array([0.0, np.sin(np.radians(60)), np.cos(np.radians(60))])
     light = path_light(air, camera, rays, sun, steps=96, multiple=table)
@@ -175,7 +175,7 @@ def _limb_profile() -> tuple[FloatArray, FloatArray]:
 
 
 def _twin_db(renderer: Renderer, bands: Bands, hour: int) -> float:
-    """Return the PSNR of the drawn air beyond the limb [dB]."""
+    """Return the PSNR of the rendered air beyond the limb against its double-precision twin [dB]."""
     world = msgspec.structs.replace(NOTHING, earth=True, atmosphere=True)
     camera = Camera(width_px=SIZE, height_px=SIZE, fx_px=300.0, fy_px=300.0, cx_px=63.5, cy_px=63.5)
     ref = TargetRef(name="tango", sha256=load_target("tango").sha256)
@@ -280,7 +280,7 @@ def _sun_and_stars(renderer: Renderer) -> list[Row]:
     rim = image[middle, image[middle] > 0]
     darkening = rim[2] / rim.max()
     vega = star_irradiance_w_m2(np.array([0.09]), np.array([0.0]), "mono")[0, 0]
-    # half light of a low orbit's sunset, where refraction flattens it
+    # half of the light in a low orbit's sunset, where refraction flattens the disc
     heights = np.linspace(0, 80e3, 161)
     light = [
         sunlight_past_earth(np.array([-2.5e6, 0, EARTH_RADIUS_M + h]), np.array([AU_M, 0, 0]), "mono")[0]

@@ -1,4 +1,4 @@
-"""Row of the rendering page about the chaser's lamp: the light of every beam on a matt plate."""
+"""Row of the rendering page on the chaser's lamp: the light of every beam on a matt plate."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ if TYPE_CHECKING:
 
 
 def rows(renderer: Renderer) -> list[Row]:
-    """Return the largest relative error of the irradiance on a slanted Lambert plate, over beams and an offset lamp."""
-    # a metal would be black here: a base colour alone, without a specular part, is a rough plate minus its gloss
+    """Return the maximum relative error of irradiance on a slanted Lambert plate, over beams and an offset lamp."""
+    # a metal is black without its specular part: the diffuse part is a rough plate's light minus its gloss
     matt = Material(name="m", base_color=(0.5, 0.5, 0.5), roughness=1.0)
     black = replace(matt, base_color=(0.0, 0.0, 0.0))
     plate = flat_plate("plate", (-1.5, 1.5), (-1.5, 1.5), 0.0)
@@ -38,7 +38,7 @@ def rows(renderer: Renderer) -> list[Row]:
         places = rays * (n[2] * 4.0 / (rays @ n))[..., None]
         normals = np.broadcast_to(n, places.shape)
         exact = lamp.irradiance_w_m2(places.reshape(-1, 3), normals.reshape(-1, 3), "mono").reshape(x.shape)
-        # both have the same gloss, so that the difference is the diffuse part, minus the Fresnel reflection
+        # both plates have the same gloss, so the difference is the diffuse part minus the Fresnel reflection
         half = (places / -np.linalg.norm(places, axis=-1, keepdims=True)) + _unit(
             np.asarray(lamp.offset_m) - places
         )

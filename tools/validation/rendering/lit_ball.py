@@ -1,4 +1,4 @@
-"""A smooth ball in sunlight as rendered, with everything that an integral of its radiance needs."""
+"""A smooth ball in sunlight as rendered, with everything needed to integrate its radiance."""
 
 from __future__ import annotations
 
@@ -19,22 +19,24 @@ if TYPE_CHECKING:
     from flyaround.simulator.targets.model import Material
 
 _RADIUS_M, _RANGE_M = 0.5, 5.0
-# cosines: nearer to the terminator and the limb, facets and shadow texels dominate
+# cosines; nearer to the terminator and the limb, facets and shadow texels dominate
 _LIT, _FACING = 0.06, 0.15
 
 
 @dataclass(frozen=True, eq=False)
 class LitBall:
-    """Pixels of the ball's lit face, camera frame.
+    """Pixels of the ball's sunlit face.
 
     Parameters
     ----------
-    normals, views : (K, 3) array
-        Unit vectors, outwards and towards the camera.
+    normals : (K, 3) array
+        Outward unit normals, camera frame.
+    views : (K, 3) array
+        Unit vectors towards the camera, camera frame.
     sun : (D, 3) array
-        Directions to points of the Sun's disc, of equal weight.
+        Unit vectors to points of the Sun's disc of equal weight, camera frame.
     irradiance_w_m2 : float
-        Irradiance of sunlight, perpendicular to it.
+        Solar irradiance on a surface perpendicular to the sunlight.
     radiance : Float32Array
         (K,) rendered radiance [W m-2 sr-1].
     """
@@ -49,7 +51,7 @@ class LitBall:
 def draw_lit_ball(
     renderer: Renderer, material: Material, size_px: int, points_of_sun: int, *, quality: Quality = "default"
 ) -> LitBall:
-    """Return a ball of one material in an image of ``size_px`` squared."""
+    """Return a rendered ball of one material in an image of ``size_px`` squared."""
     target, camera = bare_target([ball(_RADIUS_M)], [material]), square_camera(size_px, 3.75 * size_px)
     scene = bare_scene(target, camera, (0, 0, _RANGE_M), sun_camera=(0.5, -0.3, -0.8), quality=quality)
     seen = renderer.render(scene, target, labels=True)

@@ -1,4 +1,4 @@
-"""Tango path traced by Mitsuba 3: the same mesh, materials, Sun, uniform sky and camera, as an independent image.
+"""Tango path-traced by Mitsuba 3 as an independent image: the same mesh, materials, Sun, uniform sky and camera.
 
 Needs the extra ``[validation]``, and a newer libLLVM for Mitsuba's LLVM back end than many systems have.
 
@@ -36,8 +36,8 @@ SUN_POINTS = 32
 DEPTH = 6
 SAMPLES_PER_PASS = 64
 OLDEST_LLVM = 17
-# Mitsuba offsets rays from a surface by 9e-5 of (1 + the largest coordinate): in metres about a camera 6 m away that is
-# 0.6 mm, which moves shadows and opens gaps. Its world is therefore centred on the craft, in centimetres.
+# Mitsuba offsets rays from a surface by 9e-5 of (1 + maximum coordinate): in metres, with the camera 6 m away, that is
+# 0.6 mm, which moves shadows and opens gaps. The scene is therefore centred on the craft, in centimetres.
 UNITS_PER_M = 100.0
 
 
@@ -47,8 +47,10 @@ class Difference:
 
     Parameters
     ----------
-    median, p95 : float
-        Relative difference of radiance on the target's inner pixels.
+    median : float
+        Median relative difference of radiance on the target's inner pixels.
+    p95 : float
+        95th percentile of that difference.
     flip : float
         Mean HDR-FLIP over the whole image, 0..1, at 67 pixels per degree; NaN without its evaluator.
     """
@@ -64,7 +66,7 @@ def difference(ours: FloatArray, theirs: FloatArray, inner: FloatArray) -> Diffe
     Parameters
     ----------
     inner : array
-        Pixels wholly on the target. Those below 2 % of the brightest are excluded from the relative difference.
+        Pixels wholly on the target. Those below 2 % of the maximum are excluded from the relative difference.
 
     References
     ----------
@@ -80,18 +82,18 @@ def _flip(ours: FloatArray, theirs: FloatArray) -> float:
         import flip_evaluator  # noqa: PLC0415 - an extra
     except ImportError:
         return float("nan")
-    # its exposures span the reference's light; the scale itself does not matter
+    # FLIP's exposures span the light of the reference; the scale itself does not matter
     pictures = [np.repeat(np.maximum(x, 0)[..., None], 3, axis=2).astype(np.float32) for x in (theirs, ours)]
     return float(flip_evaluator.evaluate(*pictures, "HDR", inputsRGB=False, applyMagma=False)[1])
 
 
-def load() -> Any:  # noqa: ANN401 - a module without types
-    """Return Mitsuba with its LLVM back end; ``DRJIT_LIBLLVM_PATH`` is set to the newest libLLVM if it is not set.
+def load() -> Any:  # noqa: ANN401 - an untyped module
+    """Return Mitsuba with its LLVM back end; unless ``DRJIT_LIBLLVM_PATH`` is set, it is set to the newest libLLVM.
 
     Raises
     ------
     UserError
-         If it is not installed, or finds no usable LLVM.
+        If Mitsuba is not installed, or no LLVM is usable.
     """
     try:
         import mitsuba  # noqa: PLC0415 - an extra
@@ -100,11 +102,11 @@ def load() -> Any:  # noqa: ANN401 - a module without types
     if "DRJIT_LIBLLVM_PATH" not in os.environ:
         found = sorted((int(m[1]), str(p)) for p in Path("/usr/lib").glob("*/libLLVM*.so*")
                        if (m := re.match(r"libLLVM[-.a-z]*(\d+)", p.name)))  # fmt: skip
-        # it ends the process on 15 and 16 instead of raising
+        # Mitsuba ends the process with LLVM 15 and 16 instead of raising
         if not found or found[-1][0] < OLDEST_LLVM:
             raise UserError(
-                f"Mitsuba needs LLVM {OLDEST_LLVM} or newer: apt install libllvm19, or name a libLLVM.so in "
-                "DRJIT_LIBLLVM_PATH"
+                f"Mitsuba needs LLVM {OLDEST_LLVM} or newer: apt install libllvm19, or set "
+                "DRJIT_LIBLLVM_PATH to a libLLVM.so"
             )
         os.environ["DRJIT_LIBLLVM_PATH"] = found[-1][1]
     try:
@@ -136,16 +138,21 @@ class Traced:
 def path_trace(scene: SceneState, target: Target, sky_w_m2_sr: float, sun_spp: int, sky_spp: int) -> Traced:
     """Return the radiance under the scene's Sun and a uniform sky.
 
-
-    Sun and sky are traced separately and added: one sampler that had to choose between 33 lights would be noisier.
-    Results are kept in the cache folder: 1000 samples of an image of 320 pixels take a minute of a processor.
+    Sun and sky are traced separately and added: one sampler that chooses between 33 lights is noisier. Results are
+    cached in the cache folder: 1000 samples of an image of 320 pixels take a minute on one processor core.
 
     Parameters
     ----------
     scene : SceneState
         Scene of a square monochrome camera without distortion.
-    sun_spp, sky_spp : int
-        Samples per pixel, in passes of `SAMPLES_PER_PASS`.
+    target : Target
+        Target to render.
+    sky_w_m2_sr : float
+        Radiance of the sky.
+    sun_spp : int
+        Samples per pixel of sunlight, in passes of `SAMPLES_PER_PASS`.
+    sky_spp : int
+        Samples per pixel of the sky, in passes of `SAMPLES_PER_PASS`.
     """
     lights: list[tuple[dict[str, Any], int]] = []
     if sky_w_m2_sr > 0:
@@ -162,7 +169,7 @@ def path_trace(scene: SceneState, target: Target, sky_w_m2_sr: float, sun_spp: i
 
 
 def _key(scene: SceneState, target: Target, light: dict[str, Any], spp: int) -> str:
-    """Return the file name of the path-traced image of one light."""
+    """Return the file name of the path-traced image for one light."""
     camera = scene.camera
     place = (scene.q_camera_from_target_wxyz, scene.t_camera_from_target_m, camera.width_px, camera.fx_px)
     samples = DEPTH, SAMPLES_PER_PASS
@@ -173,7 +180,7 @@ def _traced(scene: SceneState, target: Target, light: dict[str, Any], spp: int) 
     """Return the (2, H, W) radiance under one light, and its variance from the spread of its passes."""
     mi = load()
     _register(mi)
-    passes = max(2, -(-spp // SAMPLES_PER_PASS))  # all samples of a pass are in memory at once
+    passes = max(2, -(-spp // SAMPLES_PER_PASS))  # all samples of a pass are in memory together
     total = np.zeros((2, scene.camera.height_px, scene.camera.width_px))
     with TemporaryDirectory() as folder:
         meshes = _meshes(mi, scene, target, Path(folder))
@@ -211,7 +218,7 @@ def _empty_world(mi: Any, scene: SceneState) -> dict[str, Any]:  # noqa: ANN401
 
 
 def _meshes(mi: Any, scene: SceneState, target: Target, folder: Path) -> dict[str, Any]:  # noqa: ANN401
-    """Return the craft along the camera's axes about its own origin, one mesh per material."""
+    """Return the craft in camera axes about its own origin, one mesh per material."""
     R = matrix_from_quat(scene.q_camera_from_target_wxyz)
     meshes: dict[str, Any] = {}
     for material in target.materials:
@@ -226,7 +233,7 @@ def _meshes(mi: Any, scene: SceneState, target: Target, folder: Path) -> dict[st
 
 
 def _suns(scene: SceneState) -> dict[str, Any]:
-    """Return the Sun's disc as points distributed evenly over it."""
+    """Return the Sun's disc as evenly distributed points."""
     sun = np.asarray(scene.sun_direction_camera)
     x = np.cross(sun, [0.0, 0.0, 1.0] if abs(sun[2]) < 0.9 else [1.0, 0.0, 0.0])
     x = x / np.linalg.norm(x)
@@ -269,7 +276,7 @@ def _write_ply(mi: Any, path: Path, pieces: list[tuple[Any, Any, Any]]) -> None:
 
 
 def _register(mi: Any) -> None:  # noqa: ANN401
-    """Register materials of glTF 2.0 with KHR_materials_clearcoat, written from their specifications."""
+    """Register materials of glTF 2.0 with KHR_materials_clearcoat, written from the specifications."""
     import drjit as dr  # noqa: PLC0415 - comes with Mitsuba
 
     class Gltf(mi.BSDF):  # type: ignore[misc]
@@ -304,10 +311,10 @@ def _register(mi: Any) -> None:  # noqa: ANN401
             return dr.select((wi.z > 1e-4) & (wo.z > 1e-4), value * wo.z, 0)
 
         def _shares(self, wi: Any) -> Any:  # noqa: ANN401
-            """Return the shares of samples for the matt, glossy and coat lobes: their reflectances for this view."""
+            """Return the shares of samples for the matt, glossy and coat lobes: their reflectances in this view."""
             fifth = dr.clip(1 - wi.z, 0, 1) ** 5
             gloss, coat = self.f0 + (1 - self.f0) * fifth, self.coat * (0.04 + 0.96 * fifth)
-            # a rough lobe meets flatter facets than the mean one, so that it is never omitted
+            # microfacets of a rough lobe are flatter than the mean one, so the lobe is never omitted
             parts = [
                 self.base * (1 - self.metallic) * (1 - gloss) * (1 - coat),
                 (gloss + 0.003) * (1 - coat),

@@ -1,4 +1,4 @@
-"""The measured radiometry of images: ``python -m tools.validation.rendering`` writes the table.
+"""Radiometry of rendered images: ``python -m tools.validation.rendering`` measures it and writes the table.
 
 Each module of ``PARTS`` yields rows by its function ``rows(renderer)``.
 """
@@ -53,7 +53,7 @@ PARTS: tuple[Part, ...] = (
 
 
 def page(tables: list[tuple[str, list[Row], str]], driver: str) -> str:
-    """Return the tables as a page."""
+    """Return the page with the tables."""
     lines = [
         "# Radiance of the picture",
         "",

@@ -1,4 +1,4 @@
-"""Rows of the rendering page about the limb's position, a star's photons, the Sun's penumbra and moonlight."""
+"""Rows of the rendering page on the limb's position, a star's photons, the Sun's penumbra and moonlight."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ rays that meet the ellipsoid, summed along the limb's normal.
 
 @dataclass(frozen=True, eq=False)
 class LimbError:
-    """Error of the drawn limb against that of the ellipsoid.
+    """Error of the rendered limb against the ellipsoid.
 
     Parameters
     ----------
@@ -56,7 +56,7 @@ class LimbError:
     columns_px : (K,) array
         Offset in each column of pixels.
     share_rms : float
-        Error of the limb's pixels.
+        RMS error of the covered share of the limb's pixels.
     """
 
     offset_px: float
@@ -70,7 +70,7 @@ def rows(renderer: Renderer) -> list[Row]:
 
 
 def limb_rows(renderer: Renderer) -> list[Row]:
-    """Return the Earth's limb, in three directions of the image."""
+    """Return rows of the Earth's limb in three directions of the image."""
     limbs = np.concatenate([limb_error(renderer, roll).columns_px for roll in (0.0, 17.0, 45.0)])
     return [
         Row(
@@ -88,7 +88,7 @@ def limb_rows(renderer: Renderer) -> list[Row]:
 
 
 def light_rows(renderer: Renderer) -> list[Row]:
-    """Return a star's photons, the Sun's penumbra and the Moon's light on the ground."""
+    """Return rows of a star's photons, the Sun's penumbra and the Moon's light on the ground."""
     drawn, counted = star_electrons(renderer)
     return [
         Row(
@@ -124,7 +124,7 @@ def _empty(
     off_nadir_deg: float = 0.0,
     look_at: str = "earth",
 ) -> SceneState:
-    """Return a scene in one band without spacecraft; parameters as in `scene_above`."""
+    """Return a monochrome scene without spacecraft; parameters as in `scene_above`."""
     return scene_above(
         epoch,
         place,
@@ -145,9 +145,9 @@ def _draw(renderer: Renderer, scene: SceneState, **changes: bool) -> FloatArray:
 
 
 def limb_error(renderer: Renderer, roll_deg: float, size: int = 120, focal_px: float = 9000.0) -> LimbError:
-    """Return the Sun half set behind the limb of 700 km over 40 N, against the area counted by rays."""
+    """Return the error for the Sun half set behind the limb, 700 km over 40 N, against coverage counted by rays."""
     low, high = 60.0, 170.0
-    for _ in range(24):  # the longitude of sunset by bisection
+    for _ in range(24):  # longitude of sunset by bisection
         longitude = (low + high) / 2
         place = (40.0, longitude, 700.0)
         scene = _empty("2026-03-20T12:00:00Z", place, square_camera(size, focal_px), look_at="sun")
@@ -162,7 +162,7 @@ def limb_error(renderer: Renderer, roll_deg: float, size: int = 120, focal_px: f
     exact = _ground_share(scene, size, focal_px)
     wrong = np.where(disc, hidden - exact, 0.0)
     edge = disc & (exact > 0) & (exact < 1)
-    # columns whose whole limb is in front of the disc
+    # columns in which the whole limb is in front of the disc
     limb = (exact > 0) & (exact < 1)
     columns = edge.any(axis=0) & ~(limb & ~disc).any(axis=0)
     row, column = np.nonzero(edge)
@@ -199,7 +199,7 @@ def _ground_share(scene: SceneState, size: int, focal_px: float, rays: int = 48)
 
 
 def star_electrons(renderer: Renderer) -> tuple[float, float]:
-    """Return the electrons of Vega in a drawn image, and those computed from its photons."""
+    """Return the electrons of Vega in a rendered image, and those computed from its flux."""
     pitch, focal, number, exposure, efficiency = 5.86e-6, 17.6e-3, 2.0, 0.5, 0.5
     scene = _empty("2026-03-20T12:00:00Z", (0.0, 0.0, 700.0), square_camera(96, focal / pitch))
     field = stars(scene.epoch_utc, "mono")
@@ -227,7 +227,7 @@ def star_electrons(renderer: Renderer) -> tuple[float, float]:
 
 
 def penumbra_difference(points: int = 400) -> float:
-    """Return the largest difference of the Sun's visible share over eleven places of equatorial and polar penumbras."""
+    """Return the maximum difference of the Sun's visible share at eleven points of equatorial and polar penumbras."""
     grid = (np.arange(points) + 0.5) / points * 2 - 1
     y, z = (v.ravel() for v in np.meshgrid(grid, grid))
     disc = np.stack([np.zeros_like(y), y, z], axis=-1)[y * y + z * z < 1] * SUN_RADIUS_M
@@ -237,7 +237,7 @@ def penumbra_difference(points: int = 400) -> float:
     for up in (np.array([0.0, 1.0, 0.0]), np.array([0.0, 0.0, 1.0])):
         for height in 1 / float(sphere @ up) + np.linspace(-9e3, 9e3, 11):
             r = np.array([-2e6, 0.0, 0.0]) + height * up
-            # in units of the ellipsoid's axes it is a unit sphere
+            # in units of its axes the ellipsoid is a unit sphere
             d, q = (sun + disc - r) * sphere, r * sphere
             d /= np.linalg.norm(d, axis=-1, keepdims=True)
             open_sky = np.linalg.norm(q - (d @ q)[:, None] * d, axis=-1) > 1
@@ -246,7 +246,7 @@ def penumbra_difference(points: int = 400) -> float:
 
 
 def moonlight_difference(renderer: Renderer) -> float:
-    """Return the largest relative difference of a moonlit night from a scaled day over the same ground."""
+    """Return the maximum relative difference of a moonlit night from a scaled day over the same ground."""
     world = msgspec.structs.replace(NOTHING, earth=True, clouds=True, ocean_glint=True, moon=True)
     camera = square_camera(96, 140.0)
     day = _empty("2026-06-20T08:30:00Z", (38.0, 24.0, 420.0), camera, world, 40.0, 30.0)

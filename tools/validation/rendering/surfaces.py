@@ -1,4 +1,4 @@
-"""Rows of the rendering page about the Earth's surfaces from above the air: daylit kinds, and city lights."""
+"""Rows of the rendering page on the Earth's surfaces above the air: daylit kinds, and city lights."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ et al. 2017) around large cities, 50 km wide, clear and moonless; no table of su
 
 @dataclass(frozen=True)
 class Kind:
-    """A kind of surface: its position, and its reflectance above the air at `SUN_DEG`."""
+    """A kind of surface: its position, and its reflectance above the atmosphere at `SUN_DEG`."""
 
     name: str
     place: tuple[float, float]
@@ -70,11 +70,11 @@ CITIES = {
     "New York": (40.75, -73.95),
     "Cairo": (30.05, 31.25),
 }
-"""Latitude and longitude [deg]."""
+"""Latitude and longitude of cities [deg]."""
 
 
 def camera(width_km: float, size_px: int = SIZE_PX) -> Camera:
-    """Return a square camera that sees ``width_km`` of the ground below it."""
+    """Return a square camera whose image covers ``width_km`` of the ground below it."""
     f, middle = size_px * _HEIGHT_KM / width_km, (size_px - 1) / 2
     return Camera(width_px=size_px, height_px=size_px, fx_px=f, fy_px=f, cx_px=middle, cy_px=middle)
 
@@ -89,7 +89,7 @@ def scene_under(
     bands: Bands = "mono",
     quality: Quality = "default",
 ) -> SceneState:
-    """Return the view straight down on a place, the Sun in its south-east ``sun_deg`` from the zenith."""
+    """Return the nadir view of a place, with the Sun in the south-east ``sun_deg`` from its zenith."""
     ref = TargetRef(name="tango", sha256=load_target("tango").sha256)
     scene = scene_above(
         epoch,
@@ -109,7 +109,7 @@ def scene_under(
 def reflectance(
     renderer: Renderer, kind: Kind, sun_deg: float, *, bands: Bands = "mono", quality: Quality = "default"
 ) -> list[float]:
-    """Return the mean reflectance of a kind of surface from above the air, per band."""
+    """Return the mean reflectance of a kind of surface above the atmosphere, per band."""
     scene = scene_under(kind.place, kind.epoch, sun_deg, kind.environment, bands=bands, quality=quality)
     light = np.asarray(renderer.render(scene, load_target("tango")).radiance, float).reshape(SIZE_PX**2, -1)
     falling = sun_irradiance_w_m2(bands, AU_M) * np.cos(np.radians(sun_deg))
@@ -119,7 +119,7 @@ def reflectance(
 def city_radiance(
     renderer: Renderer, place: tuple[float, float], width_km: float = 50.0, *, quality: Quality = "default"
 ) -> float:
-    """Return the mean radiance around a city by night [nW cm-2 sr-1]."""
+    """Return the mean radiance around a city at night [nW cm-2 sr-1]."""
     scene = scene_under(place, "2026-08-15T00:00:00Z", 150.0, _CLEAR, width_km=width_km, quality=quality)
     return float(np.mean(renderer.render(scene, load_target("tango")).radiance)) * 1e5
 
