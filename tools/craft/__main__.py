@@ -54,7 +54,7 @@ BUILDERS: dict[str, Callable[[Detail], Target]] = {
     "tianzhou": build_tianzhou,
 }
 
-# Higher levels of zstd make these files no smaller.
+# higher levels of zstd do not make these files smaller
 _ZSTD_LEVEL = 19
 
 
@@ -72,7 +72,7 @@ def main() -> None:
     parser.add_argument("names", nargs="*", help=f"craft: {', '.join(BUILDERS)} (default: all)")
     names = parser.parse_args().names or list(BUILDERS)
     if unknown := set(names) - set(BUILDERS):
-        parser.error(f"no craft is called {', '.join(sorted(unknown))}: choose from {', '.join(BUILDERS)}")
+        parser.error(f"no craft has the name {', '.join(sorted(unknown))}: choose from {', '.join(BUILDERS)}")
     # the checksum detects a damaged name or mass, which the target's own hash does not cover
     compressor = zstandard.ZstdCompressor(level=_ZSTD_LEVEL, write_checksum=True)
     FOLDER.mkdir(exist_ok=True)

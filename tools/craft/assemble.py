@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class Piece:
-    """A mesh with the name and the material it will have, and the texture coordinates (N, 2) of its vertices."""
+    """A mesh with its part name, its material, and the texture coordinates (N, 2) of its vertices."""
 
     name: str
     material: str
@@ -100,7 +100,7 @@ def assemble(
 
 
 def gathered(pieces: Sequence[Piece]) -> list[Piece]:
-    """Return the pieces, with those of one name and material joined, in order of first appearance.
+    """Return the pieces, merged by name, in order of first appearance.
 
     Raises
     ------

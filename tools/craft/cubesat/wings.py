@@ -1,4 +1,4 @@
-"""A CubeSat's pair of wings, hinged panels in one plane, and what labels take from them."""
+"""A CubeSat's pair of wings, hinged panels in one plane, and their labels."""
 
 from __future__ import annotations
 
@@ -18,20 +18,20 @@ from tools.craft.shapes.solids import box
 
 @dataclass(frozen=True, kw_only=True)
 class Wings:
-    """Wings along +-x whose cells look to +y.
+    """A pair of wings along +-x with cells on their +y side.
 
     Parameters
     ----------
     root_x_m : float
-        Hinge line from the middle.
+        Distance of the hinge line from the centre.
     y_m : float
-        Plane of the cells' side.
+        Y coordinate of the cells' plane.
     panels : int
-        On each side.
+        Number of panels of each wing.
     size_m : tuple of float
-        Of a panel, x and z.
+        Size of a panel along x and z.
     gap_m : float
-        Before each panel.
+        Gap before each panel.
     """
 
     root_x_m: float
