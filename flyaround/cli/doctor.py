@@ -46,7 +46,21 @@ def doctor(as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] 
 
 @dataclass(frozen=True)
 class Finding:
-    """One line of the report."""
+    """State of one part of the machine.
+
+    Parameters
+    ----------
+    part : str
+        Name of the part.
+    ok : bool
+        True if the part is usable.
+    required : bool
+        True if Flyaround does not work without the part.
+    found : str
+        Version or state that was detected.
+    advice : str
+        How to install the part; empty if it is usable.
+    """
 
     part: str
     ok: bool
@@ -76,10 +90,10 @@ def _opengl() -> Finding:
 
 
 def _rays() -> Finding:
-    there = embree_is_here()
-    ray_caster = "Embree" if there else "a grid in numpy"
+    installed = embree_is_here()
+    ray_caster = "Embree" if installed else "a grid in numpy"
     advice = "the first picture of a new target takes a minute longer: pip install embreex"
-    return Finding("rays for baked light", there, False, ray_caster, "" if there else advice)
+    return Finding("rays for baked light", installed, False, ray_caster, "" if installed else advice)
 
 
 def _library() -> Finding:
@@ -112,10 +126,14 @@ def _optional() -> list[Finding]:
         ("serial", "serial lines (pyserial)", "pip install pyserial"),
         ("zstandard", "compression (zstandard)", "pip install zstandard"),
     ):
-        there = importlib.util.find_spec(module) is not None
-        rows.append(Finding(part, there, False, "there" if there else "missing", "" if there else advice))
+        installed = importlib.util.find_spec(module) is not None
+        rows.append(
+            Finding(
+                part, installed, False, "installed" if installed else "missing", "" if installed else advice
+            )
+        )
     for program, use in (("Xvfb", "tests of the window"), ("gcc", "the C decoder test")):
-        there = shutil.which(program) is not None
-        advice = "" if there else f"needed for {use} only: apt-get install {program.lower()}"
-        rows.append(Finding(program, there, False, "there" if there else "missing", advice))
+        installed = shutil.which(program) is not None
+        advice = "" if installed else f"needed for {use} only: apt-get install {program.lower()}"
+        rows.append(Finding(program, installed, False, "installed" if installed else "missing", advice))
     return rows

@@ -52,7 +52,7 @@ if TYPE_CHECKING:
     from flyaround.simulator.scenario.scenario import Scenario
 
 # Exit code if no pose was accepted, or the board left.
-NO_ANSWERS = 3
+EXIT_NO_ANSWERS = 3
 
 
 @with_run_options
@@ -237,7 +237,7 @@ def _exit_unless_answered(
     else:
         return
     if not allow_none:
-        raise typer.Exit(NO_ANSWERS)
+        raise typer.Exit(EXIT_NO_ANSWERS)
 
 
 def _exit_unless_arrived(summary: LedgerSummary) -> None:

@@ -35,15 +35,19 @@ def with_run_options(command: Callable[..., None], kind: type[Run] | None = None
     kind = signature.parameters["run"].annotation if kind is None else kind
     fields = {field.name: field for field in run_fields(kind)}
 
-    def called(**values: Any) -> None:  # noqa: ANN401 - option values
+    def wrapper(**values: Any) -> None:  # noqa: ANN401 - option values
         run = make_run(kind, {name: values[name] for name in fields})
         command(run=run, **{p.name: values[p.name] for p in own})
 
     parameters = [*map(_parameter, fields.values()), *own, _run_parameter(kind, fields)]
-    called.__doc__, called.__name__, called.__module__ = command.__doc__, command.__name__, command.__module__
-    called.__annotations__ = {p.name: p.annotation for p in parameters}
-    vars(called)["__signature__"] = signature.replace(parameters=parameters)
-    return called
+    wrapper.__doc__, wrapper.__name__, wrapper.__module__ = (
+        command.__doc__,
+        command.__name__,
+        command.__module__,
+    )
+    wrapper.__annotations__ = {p.name: p.annotation for p in parameters}
+    vars(wrapper)["__signature__"] = signature.replace(parameters=parameters)
+    return wrapper
 
 
 def make_run(kind: type[_R], values: Mapping[str, Any]) -> _R:

@@ -1,6 +1,6 @@
 """Literal text on the terminal, without Rich's mark-up (square brackets, `:names:`), and a progress bar.
 
-Names from files may hold anything: control characters are printed as escapes.
+Names from files may contain control characters, which are printed as escapes.
 """
 
 from __future__ import annotations
@@ -19,12 +19,14 @@ if TYPE_CHECKING:
     from rich.segment import Segment
 
 # C0 and C1 controls, marks that reverse the text direction, and surrogates of undecodable bytes
-_OBEYED = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u061c\u200e\u200f\u2028-\u202e\u2066-\u2069\ud800-\udfff]")
+_CONTROL_CHARACTERS = re.compile(
+    "[\x00-\x08\x0b-\x1f\x7f-\x9f\u061c\u200e\u200f\u2028-\u202e\u2066-\u2069\ud800-\udfff]"
+)
 
 
-def visible(text: str) -> str:
+def escape_control_characters(text: str) -> str:
     """Return a text with control characters as Python escapes, except tabs and line ends."""
-    return _OBEYED.sub(lambda found: found[0].encode("unicode_escape").decode(), text)
+    return _CONTROL_CHARACTERS.sub(lambda found: found[0].encode("unicode_escape").decode(), text)
 
 
 class VisibleConsole(Console):
@@ -33,7 +35,9 @@ class VisibleConsole(Console):
     def render(self, renderable: RenderableType, options: ConsoleOptions | None = None) -> Iterable[Segment]:
         """Render the segments of a text, table or bar."""
         for segment in super().render(renderable, options):
-            yield segment if segment.control else segment._replace(text=visible(segment.text))
+            yield (
+                segment if segment.control else segment._replace(text=escape_control_characters(segment.text))
+            )
 
 
 def terminal(*, stderr: bool = False) -> Console:
@@ -81,10 +85,10 @@ def progress_bar(what: str, *, quiet: bool = False) -> Iterator[Callable[[int, i
 
 def with_literal_help(command: Any) -> Any:  # noqa: ANN401 - click's commands, groups and parameters
     """Return a command whose help pages show square brackets literally: ``[kg]``, ``'flyaround[gui]'``."""
-    for thing in (command, *command.params):
-        text = getattr(thing, "help", None)
+    for node in (command, *command.params):
+        text = getattr(node, "help", None)
         if text:
-            thing.help = escape(text)
+            node.help = escape(text)
     for inner in getattr(command, "commands", {}).values():
         with_literal_help(inner)
     return command

@@ -9,7 +9,7 @@ from msgspec import Meta
 
 from flyaround.hil.host.camera_endpoint.registers import RATE_HZ
 from flyaround.runs.document import NOT_RECORDED, Only, Run
-from flyaround.runs.fields import File, FlightSeed, Flown
+from flyaround.runs.fields import File, FlightSeed, ScenarioArgument
 
 _OF_ANSWERS = "--log and --key concern a board's answers: also give --answers tcp://127.0.0.1:5602"
 
@@ -21,7 +21,7 @@ class CameraRun(Run, frozen=True, kw_only=True, tag="flyaround.run.hil-camera"):
         Only("log", "answers", None, _OF_ANSWERS),
         Only("key", "answers", None, _OF_ANSWERS),
     )
-    scenario: Flown
+    scenario: ScenarioArgument
     interface: Annotated[str, typer.Option(help="Network interface of the camera, such as eth1 or lo.")]
     allow: Annotated[
         tuple[str, ...],

@@ -8,7 +8,7 @@ import typer
 from msgspec import Meta
 
 from flyaround.runs.document import NOT_RECORDED, Only, Run
-from flyaround.runs.fields import AutoExposed, Count, Curve, File, Gpu, Labels, Preset, Seed, World
+from flyaround.runs.fields import AutoExposureOption, Count, Curve, File, Gpu, Labels, Preset, Seed, World
 from flyaround.simulator.dataset.formats.registry import writable
 from flyaround.simulator.runtime.sections import Section
 
@@ -27,7 +27,7 @@ class CapturedPictures(Section, frozen=True, kw_only=True):
     ] = None
     rgb: Annotated[bool, typer.Option("--rgb", help="Colour images instead of the scenario's bands.")] = False
     encoding: Curve = None
-    auto_exposure: AutoExposed = False
+    auto_exposure: AutoExposureOption = False
     quality: Preset = None
     environment: World = None
     camera: Annotated[

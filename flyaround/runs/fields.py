@@ -18,7 +18,7 @@ Count = Annotated[int, Meta(ge=1)]
 AnySeed = Annotated[int, Meta(ge=0)]
 Duration = Annotated[float, Meta(ge=0)]
 
-Flown = Annotated[str, typer.Argument(help="Built-in name or TOML file.")]
+ScenarioArgument = Annotated[str, typer.Argument(help="Built-in name or TOML file.")]
 Seed = Annotated[AnySeed | None, typer.Option(help="Seed of every random choice (default: the scenario's).")]
 FlightSeed = Annotated[AnySeed | None, typer.Option(help="Seed (default: the scenario's).")]
 Labels = Annotated[
@@ -35,11 +35,11 @@ Curve = Annotated[
         help="Transfer function of the image: linear, srgb or gamma (default: the scenario's; srgb for 8-bit colour)."
     ),
 ]
-AutoExposed = Annotated[
+AutoExposureOption = Annotated[
     bool,
     typer.Option(
         "--auto-exposure",
-        help="Use automatic exposure, if the scenario does not already.",
+        help="Use automatic exposure even if the scenario does not.",
     ),
 ]
 Preset = Annotated[Quality | None, typer.Option(help="draft, default or high.")]

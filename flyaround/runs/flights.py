@@ -7,13 +7,13 @@ from typing import Annotated
 import typer
 
 from flyaround.runs.document import NOT_RECORDED, Run
-from flyaround.runs.fields import File, Flown
+from flyaround.runs.fields import File, ScenarioArgument
 
 
 class FlyRun(Run, frozen=True, kw_only=True, tag="flyaround.run.fly"):
     """Options of ``flyaround fly``: write the states of a flight."""
 
-    scenario: Flown
+    scenario: ScenarioArgument
     output: Annotated[
         File,
         typer.Option("--output", "-o", help="New or empty folder for states.csv and scenario.json."),

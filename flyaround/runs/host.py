@@ -10,7 +10,7 @@ from msgspec import Meta
 from flyaround.hil.host.link_process.ipc import Compression, PixelFormatName
 from flyaround.hil.link.session import SILENCE_S
 from flyaround.runs.document import NOT_RECORDED, Only, Run
-from flyaround.runs.fields import Count, Duration, File, FlightSeed, Flown
+from flyaround.runs.fields import Count, Duration, File, FlightSeed, ScenarioArgument
 from flyaround.simulator.runtime.sections import Section
 
 POSE_S, CONNECT_S = 30.0, 60.0
@@ -247,7 +247,7 @@ class HostRun(Run, frozen=True, kw_only=True, tag="flyaround.run.hil-host"):
             "a closed loop renders the flown states: leave out --from or --closed-loop",
         ),
     )
-    scenario: Flown
+    scenario: ScenarioArgument
     seed: FlightSeed = None
     line: Line = Line()
     pictures: SentPictures = SentPictures()

@@ -72,12 +72,14 @@ class ImportRun(Run, frozen=True, kw_only=True, tag="flyaround.run.targets-add")
             help="A mesh: .glb .gltf .obj .stl, with the extra meshes also .ply .off .dae .3mf .step."
         ),
     ]
-    name: Annotated[str | None, typer.Option(help="Name of the target (default: the file's).")] = None
+    name: Annotated[str | None, typer.Option(help="Name of the target (default: the file name).")] = None
     replace: Annotated[
         bool, typer.Option("--replace", help="Overwrite a target of this name."), NOT_RECORDED
     ] = False
     sheet: Annotated[
-        bool, typer.Option("--sheet/--no-sheet", help="Render a contact sheet next to it."), NOT_RECORDED
+        bool,
+        typer.Option("--sheet/--no-sheet", help="Render a contact sheet next to the target."),
+        NOT_RECORDED,
     ] = True
     frame: MeshFrame = MeshFrame()
     surface: Surface = Surface()

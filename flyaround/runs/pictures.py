@@ -7,7 +7,7 @@ from typing import Annotated, ClassVar
 import typer
 
 from flyaround.runs.document import NOT_RECORDED, Only, Run
-from flyaround.runs.fields import AutoExposed, Curve, File, Gpu, Labels, Preset, Seed, World
+from flyaround.runs.fields import AutoExposureOption, Curve, File, Gpu, Labels, Preset, Seed, World
 
 
 class RenderRun(Run, frozen=True, kw_only=True, tag="flyaround.run.render"):
@@ -63,7 +63,7 @@ class RenderRun(Run, frozen=True, kw_only=True, tag="flyaround.run.render"):
     ] = None
     rgb: Annotated[bool, typer.Option("--rgb", help="Colour image instead of the scenario's bands.")] = False
     encoding: Curve = None
-    auto_exposure: AutoExposed = False
+    auto_exposure: AutoExposureOption = False
     quality: Preset = None
     environment: World = None
     labels: Labels = None

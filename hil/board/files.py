@@ -14,14 +14,14 @@ from typing import Dict, Union
 import numpy as np
 
 
-def read_bounded(path: Union[str, Path], most_bytes: int) -> bytes:
+def read_bounded(path: Union[str, Path], max_bytes: int) -> bytes:
     """Read a file. Pipes and devices are refused, because they may block or never end.
 
     Parameters
     ----------
     path : str or Path
         Path of the file.
-    most_bytes : int
+    max_bytes : int
         Largest size that is read [bytes].
 
     Raises
@@ -38,33 +38,33 @@ def read_bounded(path: Union[str, Path], most_bytes: int) -> bytes:
         status = os.fstat(handle)
         if not stat.S_ISREG(status.st_mode):
             raise OSError(errno.EINVAL, "it is no regular file", str(path))
-        if status.st_size > most_bytes:
-            raise OSError(errno.EFBIG, f"it holds more than {most_bytes // 10**6} MB", str(path))
+        if status.st_size > max_bytes:
+            raise OSError(errno.EFBIG, f"it holds more than {max_bytes // 10**6} MB", str(path))
         with os.fdopen(handle, "rb", closefd=False) as file:
             return file.read(status.st_size)
     finally:
         os.close(handle)
 
 
-def unpack_arrays(data: bytes, most_bytes: int) -> Dict[str, np.ndarray]:
+def unpack_arrays(data: bytes, max_bytes: int) -> Dict[str, np.ndarray]:
     """Return the arrays of an ``.npz`` file by name.
 
     Parameters
     ----------
     data : bytes
         Contents of the file.
-    most_bytes : int
+    max_bytes : int
         Largest total size of the unpacked arrays [bytes], checked before unpacking.
 
     Raises
     ------
     ValueError
-        If the data are not a valid ``.npz`` file, or unpack to more than ``most_bytes``.
+        If the data are not a valid ``.npz`` file, or unpack to more than ``max_bytes``.
     """
     try:
         with zipfile.ZipFile(io.BytesIO(data)) as members:
-            if sum(member.file_size for member in members.infolist()) > most_bytes:
-                raise ValueError(f"it unpacks to more than {most_bytes // 10**6} MB")
+            if sum(member.file_size for member in members.infolist()) > max_bytes:
+                raise ValueError(f"it unpacks to more than {max_bytes // 10**6} MB")
         with np.load(io.BytesIO(data), allow_pickle=False) as arrays:
             return {name: np.asarray(arrays[name]) for name in arrays.files}
     except (

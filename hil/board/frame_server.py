@@ -114,13 +114,15 @@ class FrameServer:
         self._patience = FIRST_REPLY_FACTOR
         self._frames = self._accepted = 0
         self._goodbye = self._hung = False
-        self._ended = "the host went away"
-        self._watchdog_said = f"the watchdog stopped the estimator, which took longer than {watchdog_s:g} s"
+        self._end_reason = "the host went away"
+        self._watchdog_message = (
+            f"the watchdog stopped the estimator, which took longer than {watchdog_s:g} s"
+        )
         self._stop, self._over = threading.Event(), threading.Event()
         # the frame being processed and its start; whichever thread clears it under the lock sends the answer
         self._answering = threading.Lock()
         self._in_work: Optional[_Arrival] = None
-        self._begun_ns = 0
+        self._start_ns = 0
         self._receiver = threading.Thread(target=self._receive, name="link receiver", daemon=True)
         # daemon: a frame being processed must not delay the exit of the program
         self._worker = threading.Thread(target=self._estimate, name="estimator", daemon=True)
@@ -143,7 +145,7 @@ class FrameServer:
             self._frames,
             self._accepted,
             self._goodbye and not self._hung,
-            f"{self._watchdog_said if self._hung else self._ended} after {self._frames} frames",
+            f"{self._watchdog_message if self._hung else self._end_reason} after {self._frames} frames",
             self._hung,
             self._worker.is_alive(),
         )
@@ -154,7 +156,7 @@ class FrameServer:
         with self._answering:
             if self._in_work is None:
                 return -math.inf
-            return (now_ns() - self._begun_ns) * 1e-9 - self._watchdog_s
+            return (now_ns() - self._start_ns) * 1e-9 - self._watchdog_s
 
     def _watch(self) -> None:
         """Decline the frame on which the estimator hangs, and end the session."""
@@ -165,7 +167,7 @@ class FrameServer:
         if arrival is None:
             return  # the estimator returned in the meantime
         frame_id = arrival.header.frame_id
-        sentence = self._watchdog_said
+        sentence = self._watchdog_message
         logger.warning("frame %d: %s", frame_id, sentence)
         self._hung = True
         declined = PoseMessage(
@@ -173,7 +175,7 @@ class FrameServer:
             accepted=False,
             reason=sentence,
             receive_ns=arrival.receive_ns,
-            start_ns=self._begun_ns,
+            start_ns=self._start_ns,
             end_ns=now_ns(),
         )
         try:
@@ -191,8 +193,8 @@ class FrameServer:
                 if arrival is None or self._stop.is_set():
                     return
                 with self._answering:
-                    self._in_work, self._begun_ns = arrival, now_ns()
-                pose = self._answer(arrival, self._begun_ns)
+                    self._in_work, self._start_ns = arrival, now_ns()
+                pose = self._answer(arrival, self._start_ns)
                 with self._answering:
                     if self._in_work is not arrival or self._stop.is_set():
                         return  # the watchdog answered already, or the session is over
@@ -241,15 +243,17 @@ class FrameServer:
                     self._mistaken(mistake)
                 except PacketError as error:
                     self._damaged(error)
-                self._report_lost()
+                self._report_lost_frames()
                 stats = self._link.stats
                 if stats.received - stats.stale != last_received:
                     last_received, last_received_ns = stats.received - stats.stale, now_ns()
                 elif now_ns() - last_received_ns > (patience_s := self._silence_s * self._patience) * 1e9:
-                    self._ended = f"the host said nothing for {patience_s:g} s: it hangs, or the line is cut"
+                    self._end_reason = (
+                        f"the host said nothing for {patience_s:g} s: it hangs, or the line is cut"
+                    )
                     return
         except LinkClosed as error:
-            self._ended = f"the host went away without a goodbye ({error})"
+            self._end_reason = f"the host went away without a goodbye ({error})"
         finally:
             self._over.set()
 
@@ -273,10 +277,10 @@ class FrameServer:
         elif isinstance(message, TimeSyncReply):
             self._patience = 1.0
         elif isinstance(message, Bye):
-            self._goodbye, self._ended = True, f"the host ended the session ({message.reason})"
+            self._goodbye, self._end_reason = True, f"the host ended the session ({message.reason})"
             return False
         elif isinstance(message, ErrorMessage) and message.code != ErrorCode.CORRUPT:
-            self._ended = f"the host ended the session: {message.text}"
+            self._end_reason = f"the host ended the session: {message.text}"
             return False
         return True
 
@@ -314,7 +318,7 @@ class FrameServer:
                 "%s%s", sentence, " (further ones are not logged)" if self._logged == MAX_LOGGED else ""
             )
 
-    def _report_lost(self) -> None:
+    def _report_lost_frames(self) -> None:
         for frame_id in self._assembler.lost():
             text = f"frame {frame_id} lost a packet on the line"
             self._say(ErrorMessage(ErrorCode.INCOMPLETE, text, frame_id))

@@ -78,16 +78,16 @@ class BoardPoses:
 
     def __init__(self, noise: PoseNoise, link: PoseLink | None) -> None:
         self._noise = noise
-        self._looks: dict[int, Snapshot] = {}
+        self._snapshots: dict[int, Snapshot] = {}
         self._queue = PoseQueue(link)
 
     def note(self, frame: int, snapshot: Snapshot) -> None:
         """Store the time and camera attitude of an image until its pose arrives."""
-        self._looks[frame] = snapshot
+        self._snapshots[frame] = snapshot
 
     def take(self, row: FrameRecord) -> None:
         """Queue the pose of an image, if the board accepted it."""
-        snapshot = self._looks.pop(row.frame_id, None)
+        snapshot = self._snapshots.pop(row.frame_id, None)
         if snapshot is None or row.outcome != ACCEPTED or row.q_wxyz is None or row.t_m is None:
             return
         q, t = np.array(row.q_wxyz), np.array(row.t_m)

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from flyaround.simulator.scene.state import SceneState
 
 # Largest size of cached decoded images [bytes]; others are decoded again in each round
-KEPT_BYTES = 1 << 30
+MAX_CACHED_BYTES = 1 << 30
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,15 +68,15 @@ def frames_of_folder(plan: Plan, folder: Path) -> Iterator[Frame]:
     """
     paths = pictures_in(folder)
     cache: dict[int, StoredPicture] = {}
-    kept_bytes = 0
+    cached_bytes = 0
     for k in range(plan.n_frames):
         j = k % len(paths)
         picture = cache.get(j)
         if picture is None:
             picture = _read(paths[j])
-            if kept_bytes + picture.image.nbytes <= KEPT_BYTES:
+            if cached_bytes + picture.image.nbytes <= MAX_CACHED_BYTES:
                 cache[j] = picture
-                kept_bytes += picture.image.nbytes
+                cached_bytes += picture.image.nbytes
         yield _frame(plan.scene(k), picture)
 
 

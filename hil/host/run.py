@@ -169,14 +169,15 @@ def deferred_signals() -> Iterator[None]:
     if threading.current_thread() is not threading.main_thread():
         yield  # only the main thread receives signals
         return
-    came: list[int] = []
+    received: list[int] = []
     before = {
-        number: signal.signal(number, lambda number, _frame: came.append(number)) for number in END_SIGNALS
+        number: signal.signal(number, lambda number, _frame: received.append(number))
+        for number in END_SIGNALS
     }
     try:
         yield
     finally:
         for number, handler in before.items():
             signal.signal(number, handler or signal.SIG_DFL)
-    if came and sys.exc_info()[0] is None:
-        signal.raise_signal(signal.Signals(came[0]))
+    if received and sys.exc_info()[0] is None:
+        signal.raise_signal(signal.Signals(received[0]))

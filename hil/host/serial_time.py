@@ -65,12 +65,12 @@ def serial_advice(
     text = f"{frame} takes {took_s:.3g} s on a line of {baud} baud"
     if packed:
         text += f", about {took_s / ZSTD_NOISY:.2g} s with zstd for a noisy image"
-    least_s = took_s / ZSTD_NOISY if packed else took_s
-    if least_s > link.timeout_s:
+    min_s = took_s / ZSTD_NOISY if packed else took_s
+    if min_s > link.timeout_s:
         text += f": longer than the {link.timeout_s:g} s time-out of a pose, so that frames are dropped (--timeout)"
-    elif every_s is not None and least_s > every_s:
+    elif every_s is not None and min_s > every_s:
         text += f": longer than the {every_s:g} s frame interval, so that some frames are never sent"
-    elif least_s < MIN_ADVICE_S:
+    elif min_s < MIN_ADVICE_S:
         return text
     helps = ["a smaller read-out (roi_px or binning under [sensor]) or camera", "a faster line or a network"]
     if not packed:

@@ -146,8 +146,8 @@ class HostHandshake:
     def __init__(self, key: bytes, clock: Callable[[], float] = time.monotonic) -> None:
         self._key, self._clock = key, clock
         self._nonces: Optional[bytes] = None
-        self._asks = 0
-        self._answered_s = -REPEAT_S
+        self._n_requests = 0
+        self._last_answer_s = -REPEAT_S
         self.seal: Optional[Seal] = None
 
     def take(self, packet: Packet) -> Optional[Packet]:
@@ -174,18 +174,18 @@ class HostHandshake:
                 self._nonces = None
                 raise LinkClosed("it has another key")
             if self.seal is None or self._nonces != self._of_seal:
-                self._asks = 0
+                self._n_requests = 0
                 self.seal, self._of_seal = Seal(self._key, self._nonces, is_host=True), self._nonces
         return None
 
     def _challenge(self, board_nonce: bytes) -> Packet:
-        self._asks += 1
+        self._n_requests += 1
         now_s = self._clock()
-        if self.seal is not None and now_s - self._answered_s < REPEAT_S / 2:
+        if self.seal is not None and now_s - self._last_answer_s < REPEAT_S / 2:
             raise UnsealedPacket("a request for a proof comes too soon after another one")
-        if self.seal is None and self._asks > MAX_REQUESTS:
+        if self.seal is None and self._n_requests > MAX_REQUESTS:
             raise LinkClosed("it sends requests without a proof")
-        self._answered_s = now_s
+        self._last_answer_s = now_s
         if self._nonces is None or self._nonces[:NONCE_BYTES] != board_nonce:
             self._nonces = board_nonce + os.urandom(NONCE_BYTES)
         answer = self._nonces[NONCE_BYTES:] + _proof(self._key, "flyaround host", self._nonces)

@@ -133,7 +133,7 @@ class Link:
         self.stats = LinkStats()
         self._lock = threading.Lock()
         self._sequence = 0
-        self._heard_session = 0
+        self._peer_session = 0
         self.last_sequence: Optional[int] = None
         self.yielded = False
         """True if the last `recv` returned after ``MAX_IGNORED`` ignored packets: more may be buffered, so the caller
@@ -189,7 +189,7 @@ class Link:
         # HELLO opens a session, HELLO_ACK settles its id, ERROR may precede either
         opening = packet.type in (PacketType.HELLO, PacketType.HELLO_ACK, PacketType.ERROR)
         if not opening and packet.session_id != self.session_id:
-            if self._heard_session != self.session_id:
+            if self._peer_session != self.session_id:
                 self.stats.stale += 1  # from an earlier session on the same serial line
             else:
                 about = f"{packet.type.name} of session {packet.session_id:#x}"
@@ -198,7 +198,7 @@ class Link:
         if packet.type not in self.accepts:
             self.stats.add_mistake("a packet at the wrong time", packet.type.name)
             return False
-        self._heard_session = packet.session_id
+        self._peer_session = packet.session_id
         return True
 
     def close(self, reason: Optional[str] = None) -> None:

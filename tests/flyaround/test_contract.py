@@ -20,7 +20,7 @@ import typer
 
 from flyaround.__main__ import run
 from flyaround.cli.app import app
-from flyaround.cli.hil_host import NO_ANSWERS
+from flyaround.cli.hil_host import EXIT_NO_ANSWERS
 from flyaround.hil.host.ledger.frames_csv import LedgerWriter
 from flyaround.schemas import all_schemas
 from flyaround.simulator.bench.scenes import BenchMachine, SceneCost
@@ -107,7 +107,7 @@ def test_exit_codes(tmp_path):
     assert run(["check", str(tmp_path)]) == codes["user_mistake"]
     assert run(["render", "no-such-scenario", "-o", str(tmp_path / "x.png")]) == codes["user_mistake"]
     assert run(["fly", "--no-such-option"]) == codes["user_mistake"]
-    assert codes["no_answers"] == NO_ANSWERS
+    assert codes["no_answers"] == EXIT_NO_ANSWERS
     for sent, code in (("SIGINT", codes["interrupted"]), ("SIGTERM", codes["terminated"])):
         # what runs in the background is started with Ctrl-C ignored
         stop = (

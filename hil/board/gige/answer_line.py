@@ -93,7 +93,7 @@ class AnswerLine:
         self._listener.join(2.0)
 
     def _listen(self) -> None:
-        heard_ns = now_ns()
+        last_received_ns = now_ns()
         while not self._stop.is_set() and not self.ended:
             try:
                 message = self._link.recv(CHECK_INTERVAL_S)
@@ -104,13 +104,13 @@ class AnswerLine:
                 self.ended = self.ended or f"the host went away without a goodbye ({error})"
                 return
             if message is not None:
-                heard_ns = now_ns()
-            elif now_ns() - heard_ns > self._silence_ns:
+                last_received_ns = now_ns()
+            elif now_ns() - last_received_ns > self._silence_ns:
                 self.ended = f"the host said nothing for {self._silence_ns * 1e-9:g} s"
             if isinstance(message, TimeSyncRequest):
                 try:
                     # the reply must not list received images: the host would count those still being processed as lost
-                    self._link.send(answer_time_sync(message, heard_ns))
+                    self._link.send(answer_time_sync(message, last_received_ns))
                 except LinkClosed:
                     continue  # the next recv reports the reason
             elif isinstance(message, Bye):

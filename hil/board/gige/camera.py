@@ -21,7 +21,7 @@ MONO16_CODES = (0x01100005, 0x01100025)  # Mono12, Mono14
 GREY_CODES = (*(int(f) for f in PixelFormat if f.channels == 1), *MONO16_CODES)
 N_BUFFERS = 8
 # Number of packets ignored without a complete image above which the stream restarts; other programs cause a few.
-DEAF_PACKETS = 64
+MAX_IGNORED_PACKETS = 64
 POP_US = 100_000
 # Largest 16-bit block identifier; the next one is 1.
 MAX_BLOCK_ID = 0xFFFF
@@ -113,11 +113,11 @@ class GigeCamera:
         self._stream: Optional[int] = None
         self._reader: Optional[threading.Thread] = None
         self._stop = threading.Event()
-        self._there = threading.Condition()
+        self._frame_available = threading.Condition()
         self._newest: Optional[CameraFrame] = None
         self._arrived = 0
-        self._deaf_starts = 0
-        self._heard = False  # True once a complete image has arrived
+        self._restarts = 0
+        self._has_image = False  # True once a complete image has arrived
         self._count = _BlockCount()
         self.damaged = 0
         """Number of frames discarded because of missing packets."""
@@ -175,7 +175,7 @@ class GigeCamera:
         self.stop()
         arv = self._aravis
         try:
-            if not self._settings.packet_socket or self._deaf_starts > 1:
+            if not self._settings.packet_socket or self._restarts > 1:
                 arv("arv_camera_gv_set_stream_options", self._camera, NO_PACKET_SOCKET)
             payload = arv("arv_camera_get_payload", self._camera)
             if not 0 < payload <= MAX_PAYLOAD_BYTES:
@@ -187,7 +187,7 @@ class GigeCamera:
             for _ in range(N_BUFFERS):
                 arv("arv_stream_push_buffer", self._stream, arv("arv_buffer_new_allocate", payload))
             self._stop.clear()
-            self._newest, self._arrived, self._heard, self._count = None, 0, False, _BlockCount()
+            self._newest, self._arrived, self._has_image, self._count = None, 0, False, _BlockCount()
             self._reader = threading.Thread(target=self._read, args=(self._stream,), daemon=True)
             self._reader.start()
             arv("arv_camera_start_acquisition", self._camera)
@@ -196,7 +196,7 @@ class GigeCamera:
             raise LinkError(f"camera {self._address} does not stream: {error}") from error
 
     @property
-    def deaf(self) -> bool:
+    def is_discarding(self) -> bool:
         """True if the stream discards the camera's packets and must be restarted.
 
         Until its filter is set, a packet socket also receives packets of other programs, which Aravis parses as image
@@ -204,14 +204,16 @@ class GigeCamera:
         blocks up to that number as late and drops them.
         """
         return (
-            self._stream is not None and not self._heard and self._counted("n_ignored_packets") > DEAF_PACKETS
+            self._stream is not None
+            and not self._has_image
+            and self._statistic("n_ignored_packets") > MAX_IGNORED_PACKETS
         )
 
-    def mend(self) -> bool:
-        """Restart the stream if it is `deaf`, the second time without a packet socket. Return True if restarted."""
-        if not self.deaf:
+    def restart_if_discarding(self) -> bool:
+        """Restart the stream if `is_discarding`, the second time without a packet socket. Return True if restarted."""
+        if not self.is_discarding:
             return False
-        self._deaf_starts += 1
+        self._restarts += 1
         self.start()
         return True
 
@@ -230,8 +232,8 @@ class GigeCamera:
 
     def frame(self, timeout_s: float) -> Optional[CameraFrame]:
         """Return the newest complete frame not returned before, or None after ``timeout_s``."""
-        with self._there:
-            self._there.wait_for(lambda: self._newest is not None, timeout_s)
+        with self._frame_available:
+            self._frame_available.wait_for(lambda: self._newest is not None, timeout_s)
             buffer, self._newest = self._newest, None
             skipped, self._arrived = self._arrived - 1, 0
             return None if buffer is None else replace(buffer, skipped=skipped)
@@ -331,14 +333,14 @@ class GigeCamera:
                 continue
             frame = self._frame_of(buffer) if arv("arv_buffer_get_status", buffer) == SUCCESS else None
             arv("arv_stream_push_buffer", stream, buffer)
-            with self._there:
+            with self._frame_available:
                 if frame is None:
                     self.damaged += 1
                     continue
-                self._heard = True
+                self._has_image = True
                 self._newest = frame
                 self._arrived += 1
-                self._there.notify()
+                self._frame_available.notify()
 
     def _frame_of(self, buffer: int) -> Optional[CameraFrame]:
         arv, at_ns = self._aravis, now_ns()
@@ -354,7 +356,7 @@ class GigeCamera:
         stamp = arv("arv_buffer_get_timestamp", buffer)
         return CameraFrame(number, image, (x, y, width, height), stamp, at_ns)
 
-    def _counted(self, name: str) -> int:
+    def _statistic(self, name: str) -> int:
         """Return a statistics counter of the stream by its name in Aravis."""
         return int(self._aravis("arv_stream_get_info_uint64_by_name", self._stream, name.encode()))
 
@@ -409,8 +411,8 @@ def grey_image(data: bytes, width_px: int, height_px: int, code: int) -> Optiona
     """
     if code not in GREY_CODES or width_px < 1 or height_px < 1:
         return None
-    lies_as = PixelFormat.Mono16 if code in MONO16_CODES else PixelFormat(code)
-    size = pixels_bytes(width_px, height_px, lies_as)
+    layout = PixelFormat.Mono16 if code in MONO16_CODES else PixelFormat(code)
+    size = pixels_bytes(width_px, height_px, layout)
     if len(data) < size:
         return None
-    return np.ascontiguousarray(unpack_pixels(data[:size], width_px, height_px, lies_as))
+    return np.ascontiguousarray(unpack_pixels(data[:size], width_px, height_px, layout))

@@ -137,7 +137,7 @@ class _Session:
 
     def run(self) -> BoardSummary:
         # before the stream starts, because preparing an estimator may take seconds
-        self._look_through(self._device.roi_px)
+        self._prepare_estimator(self._device.roi_px)
         self._device.start()
         restarts = 0
         most = math.inf if self._options.most_frames is None else self._options.most_frames
@@ -168,7 +168,7 @@ class _Session:
         device, triggered = self._device, self._options.settings.software_trigger
         damaged, until_ns = -1, now_ns() + round(1e9 * self._options.dark_s)
         while now_ns() < until_ns and not (self._line is not None and self._line.ended):
-            if device.mend():
+            if device.restart_if_discarding():
                 logger.warning("packets of other programs disturbed the start of the stream: restarted it")
                 damaged = -1
             if triggered and damaged != device.damaged:  # the image of the last trigger was damaged
@@ -181,7 +181,7 @@ class _Session:
 
     def _answer(self, frame: CameraFrame) -> None:
         if frame.roi_px != self._roi_px or self._estimator is None:
-            self._look_through(frame.roi_px)
+            self._prepare_estimator(frame.roi_px)
         assert self._estimator is not None  # noqa: S101 - _use_region made it
         if self._first_ns is None:
             self._first_ns = frame.camera_time_ns
@@ -201,7 +201,7 @@ class _Session:
         if self._poses is not None:
             self._poses.add(frame, pose)
 
-    def _look_through(self, roi_px: Tuple[int, int, int, int]) -> None:
+    def _prepare_estimator(self, roi_px: Tuple[int, int, int, int]) -> None:
         """Prepare an estimator for a region of the detector."""
         try:
             self._estimator, self._roi_px = self._make(camera_of_part(self._camera, roi_px)), roi_px

@@ -11,8 +11,8 @@ from flyaround.hil.board.hybrid.image.noise import (
     black_level,
     coarse_noise,
     has_flat_floor,
+    integer_median,
     noise_sigma,
-    whole_median,
 )
 from flyaround.hil.board.hybrid.image.observation import Observation
 from flyaround.hil.board.hybrid.image.regime import Regime
@@ -49,7 +49,7 @@ def prepare(setup: SearchSetup, frame: Observation) -> PreparedImage:
     regions, busy, frame.likely = propose_regions(reduced, edges, frame.noise / REDUCTION)
     if busy < MAX_BUSY_SHARE:
         # reduced pixels are rounded to integers
-        frame.background = whole_median(reduced.astype(np.int32))
+        frame.background = integer_median(reduced.astype(np.int32))
     frame.black = _black_level(frame, reduced, busy, smoothed=smoothed)
     regime = Regime.of(frame.black, trained=setup.learned is not None)
     frame.count("regions", len(regions))

@@ -146,11 +146,11 @@ def _parse(name: str, arrays: Dict[str, Array]) -> NetworkFile:
     if not isinstance(sheet, dict) or sheet.get("schema") != SCHEMA or sheet.get("version") != VERSION:
         raise ValueError(f"its metadata is not {SCHEMA} version {VERSION}")
     camera = NetworkCamera(
-        _whole(sheet, "width_px", *SIDE_PX),
-        _whole(sheet, "height_px", *SIDE_PX),
+        _read_integer(sheet, "width_px", *SIDE_PX),
+        _read_integer(sheet, "height_px", *SIDE_PX),
         _real(sheet, "f_px", 1.0, 1e5),
     )
-    classes, architecture = _whole(sheet, "classes", *CLASSES), _text(sheet, "architecture")
+    classes, architecture = _read_integer(sheet, "classes", *CLASSES), _text(sheet, "architecture")
     if architecture not in ARCHITECTURES:
         raise ValueError(f"its architecture is {architecture!r}, allowed: {', '.join(ARCHITECTURES)}")
     for key, (shape, _) in (
@@ -185,7 +185,7 @@ def _check_weights(arrays: Dict[str, Array], key: str, shape: Tuple[int, ...]) -
         raise ValueError(f"its {key} holds values that are not finite")
 
 
-def _whole(sheet: Dict[str, Any], key: str, low: int, high: int) -> int:
+def _read_integer(sheet: Dict[str, Any], key: str, low: int, high: int) -> int:
     value = sheet[key]
     if type(value) is not int or not low <= value <= high:
         raise ValueError(f"its {key} is {str(value)[:40]}, allowed: {low} to {high}")

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from flyaround.hil.host.camera_endpoint.gvsp import Block, ReadoutRegion, StreamFormat, pixels_of
 from flyaround.hil.host.camera_endpoint.messages import ImageRequest, ImageResult, PictureOutcome
-from flyaround.hil.host.camera_endpoint.registers import CONTINUOUS, SINGLE_FRAME, TICKS_PER_S, Place
+from flyaround.hil.host.camera_endpoint.registers import CONTINUOUS, SINGLE_FRAME, TICKS_PER_S, Register
 from flyaround.hil.host.frame_record import FrameRecord, FrameTimes
 
 if TYPE_CHECKING:
@@ -24,7 +24,7 @@ class _Due:
     """Requested frame, with the controller's settings at the time of the request."""
 
     request_id: int
-    asked_ns: int
+    request_ns: int
     timestamp_ns: int
     exposure_s: float
     region: ReadoutRegion
@@ -63,16 +63,16 @@ class Acquisition:
     def start(self) -> None:
         """Start acquiring in the current mode, unless already running."""
         registers = self._registers
-        registers[Place.ACQUISITION_START] = 0
+        registers[Register.ACQUISITION_START] = 0
         if registers.acquiring:
             return
-        mode = registers[Place.ACQUISITION_MODE]
+        mode = registers[Register.ACQUISITION_MODE]
         self._frames_left = (
             None
             if mode == CONTINUOUS
             else 1
             if mode == SINGLE_FRAME
-            else registers[Place.ACQUISITION_FRAME_COUNT]
+            else registers[Register.ACQUISITION_FRAME_COUNT]
         )
         registers.acquiring = True
         self._number = self._block_id = self._sent = 0
@@ -97,18 +97,18 @@ class Acquisition:
 
     def trigger(self) -> None:
         """Request one frame by software trigger, if acquisition is running."""
-        self._registers[Place.TRIGGER_SOFTWARE] = 0
+        self._registers[Register.TRIGGER_SOFTWARE] = 0
         self.triggered = self._registers.acquiring
 
     def control_timestamp(self) -> None:
         """Latch the time stamp into its registers, or reset it, as written by the controller."""
-        if self._registers[Place.TIMESTAMP_CONTROL] == 1:
+        if self._registers[Register.TIMESTAMP_CONTROL] == 1:
             self._origin_ns = time.monotonic_ns()
         else:
             now = time.monotonic_ns() - self._origin_ns
-            self._registers[Place.TIMESTAMP_HIGH] = now >> 32
-            self._registers[Place.TIMESTAMP_LOW] = now
-        self._registers[Place.TIMESTAMP_CONTROL] = 0
+            self._registers[Register.TIMESTAMP_HIGH] = now >> 32
+            self._registers[Register.TIMESTAMP_LOW] = now
+        self._registers[Register.TIMESTAMP_CONTROL] = 0
 
     # --- frames -----------------------------------------------------------------------------
 
@@ -117,14 +117,15 @@ class Acquisition:
         """True if the next frame may be requested: none is in progress and, in trigger mode, a trigger was received."""
         if not self._registers.acquiring or self._due is not None or not self._stream.has_room:
             return False
-        return self.triggered or not self._registers[Place.TRIGGER_MODE]
+        return self.triggered or not self._registers[Register.TRIGGER_MODE]
 
     @property
     def _interval_s(self) -> float:
         """Interval between frames, at least the exposure time [s]."""
         registers = self._registers
         return max(
-            1 / registers.number(Place.ACQUISITION_FRAME_RATE), 1e-6 * registers.number(Place.EXPOSURE_TIME)
+            1 / registers.number(Register.ACQUISITION_FRAME_RATE),
+            1e-6 * registers.number(Register.EXPOSURE_TIME),
         )
 
     def request_frame(self, now_s: float) -> None:
@@ -132,18 +133,18 @@ class Acquisition:
         registers = self._registers
         if not self.wants_frame or now_s < self.next_s:
             return
-        if registers[Place.TRIGGER_MODE]:
+        if registers[Register.TRIGGER_MODE]:
             self.next_s = now_s
         else:
             # keep the frame rate if possible; frames missed by a slow renderer are skipped
             self.next_s = max(self.next_s + self._interval_s, now_s)
         self.triggered = False
         self._request_id += 1
-        asked_ns, exposure_s = time.monotonic_ns(), 1e-6 * registers.number(Place.EXPOSURE_TIME)
+        request_ns, exposure_s = time.monotonic_ns(), 1e-6 * registers.number(Register.EXPOSURE_TIME)
         self._due = _Due(
             self._request_id,
-            asked_ns,
-            asked_ns - self._origin_ns,
+            request_ns,
+            request_ns - self._origin_ns,
             exposure_s,
             registers.region,
             registers.pixel_format,
@@ -154,7 +155,7 @@ class Acquisition:
                 number=self._number,
                 t_s=now_s - self._started_s,
                 exposure_s=exposure_s,
-                gain_db=registers.number(Place.GAIN),
+                gain_db=registers.number(Register.GAIN),
             )
         )
         self._number += 1
@@ -171,7 +172,7 @@ class Acquisition:
         """Monotonic time from which the image may be sent, the end of its exposure [s]; None without an image."""
         if self._exposed is None or self._due is None:
             return None
-        return self._due.asked_ns * 1e-9 + self._due.exposure_s
+        return self._due.request_ns * 1e-9 + self._due.exposure_s
 
     def send_exposed(self, now_s: float, to: tuple[str, int] | None) -> None:
         """Send the image, once its exposure is over, to the controller's stream address ``to``, if set."""
@@ -201,11 +202,11 @@ class Acquisition:
             pixel_format=due.pixel_format,
             region=due.region,
             data=pixels_of(result.image, self._registers.terms.bits, due.region, due.pixel_format),
-            packet_bytes=registers[Place.STREAM_PACKET_BYTES] & 0xFFFF,
+            packet_bytes=registers[Register.STREAM_PACKET_BYTES] & 0xFFFF,
         )
-        delay_s = registers[Place.STREAM_PACKET_DELAY] / TICKS_PER_S
+        delay_s = registers[Register.STREAM_PACKET_DELAY] / TICKS_PER_S
         self._stream.start(block, to, time.monotonic(), interval_s=self._interval_s, delay_s=delay_s)
-        registers[Place.FRAMES_SENT] = registers[Place.FRAMES_SENT] + 1
+        registers[Register.FRAMES_SENT] = registers[Register.FRAMES_SENT] + 1
         if self.answers is not None:
             self.answers.sent(_record(due), self._sent)
         self._sent += 1
@@ -215,7 +216,7 @@ class Acquisition:
 def _record(due: _Due) -> FrameRecord:
     """Return the record of an image that is being sent; the render process adds time and epoch of its scene."""
     now_ns = time.monotonic_ns()
-    latency_s = (now_ns - due.asked_ns) * 1e-9 - due.exposure_s
+    latency_s = (now_ns - due.request_ns) * 1e-9 - due.exposure_s
     return FrameRecord(
         frame_id=due.request_id,
         epoch_utc="",

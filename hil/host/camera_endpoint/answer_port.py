@@ -88,11 +88,11 @@ class AnswerPort:
         self._board.sync_clock()
         if self._board.link is not None and (self._board.unread or self._board.link.transport in ready):
             self._board.listen()
-        greeting = None if self._board.link is not None else self._pending.hear(ready)
+        greeting = None if self._board.link is not None else self._pending.receive_hello(ready)
         if self._listener in ready:
             greeting = self._accept() or greeting
         if greeting is not None and self._board.begin(*greeting):
-            self._pending.turn_away(BUSY)
+            self._pending.refuse_all(BUSY)
             self._board.listen()
 
     def sent(self, record: FrameRecord, number: int) -> None:
@@ -121,7 +121,7 @@ class AnswerPort:
         """Say goodbye, and drop images without an answer; return True if a board was connected."""
         connected = self._board.link is not None
         self._in_flight.lose(STOPPED)
-        self._pending.turn_away(STOPPED)
+        self._pending.refuse_all(STOPPED)
         self._board.end(STOPPED, goodbye=True)
         self._listener.close()
         return connected
@@ -136,7 +136,7 @@ class AnswerPort:
             refuse(Link(transport), ErrorCode.BUSY, BUSY)
             return None
         self._pending.add(transport)
-        return self._pending.hear([transport])
+        return self._pending.receive_hello([transport])
 
     def _report_outcome(self, record: FrameRecord) -> None:
         self._report(replace(record, frame_id=self._requests.pop(record.frame_id)))

@@ -30,7 +30,7 @@ from flyaround.hil.host.camera_endpoint.registers import (
     DO_NOT_FRAGMENT,
     EXCLUSIVE,
     FIRE_TEST_PACKET,
-    Place,
+    Register,
     Registers,
 )
 from flyaround.hil.host.camera_endpoint.stream_channel import StreamChannel
@@ -112,15 +112,15 @@ class CameraEndpoint:
         self._acquisition = Acquisition(self._registers, self._stream, pipe.send)
         self._acquisition.answers = self._answers
         self._controller: Peer | None = None
-        self._heard_s = 0.0
+        self._last_command_s = 0.0
         self._last: tuple[float, Peer, bytes, bytes] | None = None
-        self._strangers: set[str] = set()
+        self._foreign_addresses: set[str] = set()
         self._after = {
-            Place.STREAM_PACKET_BYTES: self._packet_size_written,
-            Place.TIMESTAMP_CONTROL: self._acquisition.control_timestamp,
-            Place.ACQUISITION_START: self._acquisition.start,
-            Place.ACQUISITION_STOP: self._acquisition_stop_written,
-            Place.TRIGGER_SOFTWARE: self._acquisition.trigger,
+            Register.STREAM_PACKET_BYTES: self._packet_size_written,
+            Register.TIMESTAMP_CONTROL: self._acquisition.control_timestamp,
+            Register.ACQUISITION_START: self._acquisition.start,
+            Register.ACQUISITION_STOP: self._acquisition_stop_written,
+            Register.TRIGGER_SOFTWARE: self._acquisition.trigger,
         }
 
     @property
@@ -155,7 +155,7 @@ class CameraEndpoint:
         ready = select.select(sources, [], [], self._sleep_s())[0]
         for sock in self._sockets:
             if sock in ready:
-                self._hear(sock)
+                self._receive_commands(sock)
         if self._pipe in ready:
             message = self._pipe.recv()
             if isinstance(message, Stop):
@@ -165,7 +165,10 @@ class CameraEndpoint:
         if self._answers is not None:
             self._answers.step(ready)
         now = time.monotonic()
-        if self._controller is not None and now > self._heard_s + self._registers[Place.HEARTBEAT_MS] * 1e-3:
+        if (
+            self._controller is not None
+            and now > self._last_command_s + self._registers[Register.HEARTBEAT_MS] * 1e-3
+        ):
             self._release(f"controller {self._controller[0]} sent no heartbeat: control was released")
         self._acquisition.send_exposed(now, self._receiver)
         self._acquisition.request_frame(now)
@@ -177,7 +180,7 @@ class CameraEndpoint:
         if self._stream.due_s is not None:
             times.append(self._stream.due_s)
         if self._controller is not None:
-            times.append(self._heard_s + self._registers[Place.HEARTBEAT_MS] * 1e-3)
+            times.append(self._last_command_s + self._registers[Register.HEARTBEAT_MS] * 1e-3)
         if self._acquisition.wants_frame:
             times.append(self._acquisition.next_s)
         if self._acquisition.read_out_s is not None:
@@ -188,7 +191,7 @@ class CameraEndpoint:
 
     # --- commands ---------------------------------------------------------------------------
 
-    def _hear(self, sock: socket.socket) -> None:
+    def _receive_commands(self, sock: socket.socket) -> None:
         for _ in range(MAX_COMMANDS):
             try:
                 datagram, peer = sock.recvfrom(gvcp.MAX_BYTES + 1)
@@ -204,7 +207,7 @@ class CameraEndpoint:
     def answer(self, datagram: bytes, peer: Peer) -> bytes | None:
         """Return the acknowledgement of a datagram, or None if it must not be answered."""
         if peer[0] not in self._config.allowed:
-            self._note_stranger(peer[0])
+            self._report_foreign_address(peer[0])
             return None
         request = gvcp.parse_request(datagram)
         if request is None:
@@ -213,7 +216,7 @@ class CameraEndpoint:
             return gvcp.acknowledge(request, self._registers.discovery)
         now = time.monotonic()
         if peer == self._controller:
-            self._heard_s = now
+            self._last_command_s = now
         if (
             self._last is not None
             and self._last[1:3] == (peer, datagram)
@@ -265,17 +268,17 @@ class CameraEndpoint:
                 self._write(address, int.from_bytes(data, "big"), peer)
             else:
                 self._check_controls(peer)
-                if address <= Place.CONTROL_PRIVILEGE < address + len(
+                if address <= Register.CONTROL_PRIVILEGE < address + len(
                     data
-                ) or address <= Place.STREAM_ADDRESS < (address + len(data)):
+                ) or address <= Register.STREAM_ADDRESS < (address + len(data)):
                     raise RefusedError(Status.ACCESS_DENIED)  # these must be written one by one
-                for place in registers.write(address, data):
-                    self._written(place)
+                for register in registers.write(address, data):
+                    self._written(register)
             return struct.pack(">HH", 0, len(data))
         raise RefusedError(Status.NOT_IMPLEMENTED)
 
     def _check_may_read(self, peer: Peer) -> None:
-        exclusive = self._registers[Place.CONTROL_PRIVILEGE] & EXCLUSIVE
+        exclusive = self._registers[Register.CONTROL_PRIVILEGE] & EXCLUSIVE
         if self._controller not in {None, peer} and exclusive:
             raise RefusedError(Status.ACCESS_DENIED)
 
@@ -284,7 +287,7 @@ class CameraEndpoint:
             raise RefusedError(Status.ACCESS_DENIED)
 
     def _write(self, address: int, value: int, peer: Peer) -> None:
-        if address == Place.CONTROL_PRIVILEGE:
+        if address == Register.CONTROL_PRIVILEGE:
             if self._controller not in {None, peer}:
                 self._note(f"{peer[0]} was refused control, which {self._controller_name} has")
                 raise RefusedError(Status.ACCESS_DENIED)
@@ -295,15 +298,15 @@ class CameraEndpoint:
                 self._release(f"controller {peer[0]} released control")
             return
         self._check_controls(peer)
-        if address == Place.STREAM_ADDRESS and value not in {
+        if address == Register.STREAM_ADDRESS and value not in {
             0,
             int.from_bytes(socket.inet_aton(peer[0]), "big"),
         }:
             raise RefusedError(Status.INVALID_PARAMETER)  # images are sent only to the controller
         self._written(self._registers.write_register(address, value))
 
-    def _written(self, place: Place) -> None:
-        action = self._after.get(place)
+    def _written(self, register: Register) -> None:
+        action = self._after.get(register)
         if action is not None:
             action()
 
@@ -316,27 +319,27 @@ class CameraEndpoint:
     def _claim(self, peer: Peer) -> None:
         if self._controller is None:
             self._note(f"{peer[0]} controls the camera")
-        self._controller, self._heard_s = peer, time.monotonic()
-        self._registers[Place.CONTROLLER_PORT] = peer[1]
-        self._registers[Place.CONTROLLER_ADDRESS] = int.from_bytes(socket.inet_aton(peer[0]), "big")
+        self._controller, self._last_command_s = peer, time.monotonic()
+        self._registers[Register.CONTROLLER_PORT] = peer[1]
+        self._registers[Register.CONTROLLER_ADDRESS] = int.from_bytes(socket.inet_aton(peer[0]), "big")
 
     def _release(self, sentence: str) -> None:
         self._acquisition.stop()
         self._controller = None
-        for place in (
-            Place.CONTROL_PRIVILEGE,
-            Place.CONTROLLER_PORT,
-            Place.CONTROLLER_ADDRESS,
-            Place.STREAM_PORT,
-            Place.STREAM_ADDRESS,
-            Place.TRANSPORT_LOCKED,
+        for register in (
+            Register.CONTROL_PRIVILEGE,
+            Register.CONTROLLER_PORT,
+            Register.CONTROLLER_ADDRESS,
+            Register.STREAM_PORT,
+            Register.STREAM_ADDRESS,
+            Register.TRANSPORT_LOCKED,
         ):
-            self._registers[place] = 0
+            self._registers[register] = 0
         self._note(sentence)
 
-    def _note_stranger(self, address: str) -> None:
-        if address not in self._strangers and len(self._strangers) < MAX_REPORTED_ADDRESSES:
-            self._strangers.add(address)
+    def _report_foreign_address(self, address: str) -> None:
+        if address not in self._foreign_addresses and len(self._foreign_addresses) < MAX_REPORTED_ADDRESSES:
+            self._foreign_addresses.add(address)
             self._note(f"{address} is not an allowed controller: ignored")
 
     def _note(self, sentence: str) -> None:
@@ -345,10 +348,10 @@ class CameraEndpoint:
     # --- what follows a written register ----------------------------------------------------
 
     def _packet_size_written(self) -> None:
-        value = self._registers[Place.STREAM_PACKET_BYTES]
+        value = self._registers[Register.STREAM_PACKET_BYTES]
         to = self._receiver
         if value & FIRE_TEST_PACKET:
-            self._registers[Place.STREAM_PACKET_BYTES] = value & ~FIRE_TEST_PACKET
+            self._registers[Register.STREAM_PACKET_BYTES] = value & ~FIRE_TEST_PACKET
             if to is not None:
                 self._stream.send_test_packet(to, value & 0xFFFF)
         self._stream.set_fragments(allowed=not value & DO_NOT_FRAGMENT)
@@ -356,13 +359,13 @@ class CameraEndpoint:
     @property
     def _receiver(self) -> Peer | None:
         """Destination of images: the controller, once it has set a port."""
-        port = self._registers[Place.STREAM_PORT]
-        if self._controller is None or not port or not self._registers[Place.STREAM_ADDRESS]:
+        port = self._registers[Register.STREAM_PORT]
+        if self._controller is None or not port or not self._registers[Register.STREAM_ADDRESS]:
             return None
         return self._controller[0], port
 
     def _acquisition_stop_written(self) -> None:
-        self._registers[Place.ACQUISITION_STOP] = 0
+        self._registers[Register.ACQUISITION_STOP] = 0
         self._acquisition.stop()
 
     def _report_outcome(self, record: FrameRecord) -> None:

@@ -19,7 +19,7 @@ from flyaround.hil.host.camera_endpoint.registers import (
     PACKET_BYTES,
     RATE_HZ,
     TICKS_PER_S,
-    Place,
+    Register,
 )
 from flyaround.simulator.errors import UserError
 from flyaround.simulator.runtime.untrusted_files import read_regular
@@ -109,7 +109,7 @@ def _check_description(path: Path, text: bytes) -> None:
 
 
 def write_xml(terms: CameraTerms) -> bytes:
-    """Return the GenICam description of this camera's registers in `Place`."""
+    """Return the GenICam description of this camera's registers in `Register`."""
     nodes: list[str] = []
     categories: dict[str, list[str]] = {}
 
@@ -120,24 +120,24 @@ def write_xml(terms: CameraTerms) -> bytes:
     def integer(
         category: str,
         name: str,
-        place: Place,
+        register: Register,
         limits: tuple[object, object] | None = None,
         access: str = "RW",
         increment: int = 1,
     ) -> None:
         feature(category, name, _integer(name, limits, increment))
-        nodes.append(_register(name, place, access))
+        nodes.append(_register(name, register, access))
 
-    def number(category: str, name: str, place: Place, limits: tuple[float, float], unit: str) -> None:
+    def number(category: str, name: str, register: Register, limits: tuple[float, float], unit: str) -> None:
         feature(
             category,
             name,
             f'<Float Name="{name}"><pValue>{name}Reg</pValue><Min>{limits[0]:g}</Min><Max>{limits[1]:g}</Max>'
             f"<Unit>{unit}</Unit></Float>",
         )
-        nodes.append(_register(name, place, "RW", "FloatReg"))
+        nodes.append(_register(name, register, "RW", "FloatReg"))
 
-    def choice(category: str, name: str, place: Place, entries: dict[str, int]) -> None:
+    def choice(category: str, name: str, register: Register, entries: dict[str, int]) -> None:
         listed = "".join(
             f'<EnumEntry Name="{entry}"><Value>{value}</Value></EnumEntry>'
             for entry, value in entries.items()
@@ -145,15 +145,15 @@ def write_xml(terms: CameraTerms) -> bytes:
         feature(
             category, name, f'<Enumeration Name="{name}">{listed}<pValue>{name}Reg</pValue></Enumeration>'
         )
-        nodes.append(_register(name, place, "RW"))
+        nodes.append(_register(name, register, "RW"))
 
-    def command(category: str, name: str, place: Place) -> None:
+    def command(category: str, name: str, register: Register) -> None:
         feature(
             category,
             name,
             f'<Command Name="{name}"><pValue>{name}Reg</pValue><CommandValue>1</CommandValue></Command>',
         )
-        nodes.append(_register(name, place, "RW"))
+        nodes.append(_register(name, register, "RW"))
 
     def text(category: str, name: str, address: int, size: int, access: str = "RO") -> None:
         feature(
@@ -170,10 +170,10 @@ def write_xml(terms: CameraTerms) -> bytes:
     text("DeviceControl", "DeviceID", 0xD8, 16)
     text("DeviceControl", "DeviceUserID", 0xE8, 16, "RW")
 
-    integer("ImageFormatControl", "SensorWidth", Place.SENSOR_WIDTH, access="RO")
-    integer("ImageFormatControl", "SensorHeight", Place.SENSOR_HEIGHT, access="RO")
+    integer("ImageFormatControl", "SensorWidth", Register.SENSOR_WIDTH, access="RO")
+    integer("ImageFormatControl", "SensorHeight", Register.SENSOR_HEIGHT, access="RO")
     for side, across in (("Width", "X"), ("Height", "Y")):
-        offset, size = Place[f"OFFSET_{across}"], Place[side.upper()]
+        offset, size = Register[f"OFFSET_{across}"], Register[side.upper()]
         feature(
             "ImageFormatControl",
             f"{side}Max",
@@ -185,51 +185,51 @@ def write_xml(terms: CameraTerms) -> bytes:
     choice(
         "ImageFormatControl",
         "PixelFormat",
-        Place.PIXEL_FORMAT,
+        Register.PIXEL_FORMAT,
         {f.name: int(f) for f in formats_of(terms.bits)},
     )
 
     modes = {"Continuous": 0, "SingleFrame": 1, "MultiFrame": 2}
-    choice("AcquisitionControl", "AcquisitionMode", Place.ACQUISITION_MODE, modes)
-    command("AcquisitionControl", "AcquisitionStart", Place.ACQUISITION_START)
-    command("AcquisitionControl", "AcquisitionStop", Place.ACQUISITION_STOP)
-    integer("AcquisitionControl", "AcquisitionFrameCount", Place.ACQUISITION_FRAME_COUNT, (1, 0xFFFF))
-    number("AcquisitionControl", "AcquisitionFrameRate", Place.ACQUISITION_FRAME_RATE, RATE_HZ, "Hz")
+    choice("AcquisitionControl", "AcquisitionMode", Register.ACQUISITION_MODE, modes)
+    command("AcquisitionControl", "AcquisitionStart", Register.ACQUISITION_START)
+    command("AcquisitionControl", "AcquisitionStop", Register.ACQUISITION_STOP)
+    integer("AcquisitionControl", "AcquisitionFrameCount", Register.ACQUISITION_FRAME_COUNT, (1, 0xFFFF))
+    number("AcquisitionControl", "AcquisitionFrameRate", Register.ACQUISITION_FRAME_RATE, RATE_HZ, "Hz")
     feature(
         "AcquisitionControl",
         "TriggerSelector",
         '<Enumeration Name="TriggerSelector"><EnumEntry Name="FrameStart"><Value>0</Value></EnumEntry>'
         "<Value>0</Value></Enumeration>",
     )
-    choice("AcquisitionControl", "TriggerMode", Place.TRIGGER_MODE, {"Off": 0, "On": 1})
-    choice("AcquisitionControl", "TriggerSource", Place.TRIGGER_SOURCE, {"Software": 0})
-    command("AcquisitionControl", "TriggerSoftware", Place.TRIGGER_SOFTWARE)
-    number("AcquisitionControl", "ExposureTime", Place.EXPOSURE_TIME, EXPOSURE_US, "us")
-    number("AnalogControl", "Gain", Place.GAIN, GAIN_DB, "dB")
+    choice("AcquisitionControl", "TriggerMode", Register.TRIGGER_MODE, {"Off": 0, "On": 1})
+    choice("AcquisitionControl", "TriggerSource", Register.TRIGGER_SOURCE, {"Software": 0})
+    command("AcquisitionControl", "TriggerSoftware", Register.TRIGGER_SOFTWARE)
+    number("AcquisitionControl", "ExposureTime", Register.EXPOSURE_TIME, EXPOSURE_US, "us")
+    number("AnalogControl", "Gain", Register.GAIN, GAIN_DB, "dB")
 
-    integer("TransportLayerControl", "PayloadSize", Place.PAYLOAD_SIZE, access="RO")
-    integer("TransportLayerControl", "TLParamsLocked", Place.TRANSPORT_LOCKED, (0, 1))
-    integer("TransportLayerControl", "GevSCPHostPort", Place.STREAM_PORT, (0, 0xFFFF))
+    integer("TransportLayerControl", "PayloadSize", Register.PAYLOAD_SIZE, access="RO")
+    integer("TransportLayerControl", "TLParamsLocked", Register.TRANSPORT_LOCKED, (0, 1))
+    integer("TransportLayerControl", "GevSCPHostPort", Register.STREAM_PORT, (0, 0xFFFF))
     feature(
         "TransportLayerControl",
         "GevSCPSPacketSize",
         _integer("GevSCPSPacketSize", PACKET_BYTES, 4)
-        + _bits("GevSCPSPacketSize", Place.STREAM_PACKET_BYTES, 31, 16),
+        + _bits("GevSCPSPacketSize", Register.STREAM_PACKET_BYTES, 31, 16),
     )
     for name, bit in (("GevSCPSFireTestPacket", 0), ("GevSCPSDoNotFragment", 1)):
         feature(
             "TransportLayerControl",
             name,
             f'<Boolean Name="{name}"><pValue>{name}Reg</pValue></Boolean>'
-            + _bits(name, Place.STREAM_PACKET_BYTES, bit, bit),
+            + _bits(name, Register.STREAM_PACKET_BYTES, bit, bit),
         )
-    integer("TransportLayerControl", "GevSCPD", Place.STREAM_PACKET_DELAY, (0, TICKS_PER_S // 1000))
-    integer("TransportLayerControl", "GevSCDA", Place.STREAM_ADDRESS, (0, 0xFFFFFFFF))
-    integer("TransportLayerControl", "GevStreamChannelCount", Place.N_STREAM_CHANNELS, access="RO")
-    integer("TransportLayerControl", "GevHeartbeatTimeout", Place.HEARTBEAT_MS, HEARTBEAT_MS)
+    integer("TransportLayerControl", "GevSCPD", Register.STREAM_PACKET_DELAY, (0, TICKS_PER_S // 1000))
+    integer("TransportLayerControl", "GevSCDA", Register.STREAM_ADDRESS, (0, 0xFFFFFFFF))
+    integer("TransportLayerControl", "GevStreamChannelCount", Register.N_STREAM_CHANNELS, access="RO")
+    integer("TransportLayerControl", "GevHeartbeatTimeout", Register.HEARTBEAT_MS, HEARTBEAT_MS)
     privileges = {"OpenAccess": 0, "ExclusiveAccess": 1, "ControlAccess": 2}
-    choice("TransportLayerControl", "GevCCP", Place.CONTROL_PRIVILEGE, privileges)
-    integer("TransportLayerControl", "GevTimestampTickFrequency", Place.TICKS_LOW, access="RO")
+    choice("TransportLayerControl", "GevCCP", Register.CONTROL_PRIVILEGE, privileges)
+    integer("TransportLayerControl", "GevTimestampTickFrequency", Register.TICKS_LOW, access="RO")
 
     groups = "".join(
         f'<Category Name="{name}">' + "".join(f"<pFeature>{f}</pFeature>" for f in features) + "</Category>"
@@ -259,20 +259,20 @@ def _integer(name: str, limits: tuple[object, object] | None, increment: int) ->
     return f'<Integer Name="{name}"><pValue>{name}Reg</pValue>{within}</Integer>'
 
 
-def _register(name: str, place: Place, access: str, kind: str = "IntReg") -> str:
+def _register(name: str, register: Register, access: str, kind: str = "IntReg") -> str:
     sign = "<Sign>Unsigned</Sign>" if kind == "IntReg" else ""
     return (
-        f'<{kind} Name="{name}Reg"><Address>0x{int(place):X}</Address><Length>4</Length>'
+        f'<{kind} Name="{name}Reg"><Address>0x{int(register):X}</Address><Length>4</Length>'
         f"<AccessMode>{access}</AccessMode><pPort>Device</pPort><Cachable>NoCache</Cachable>{sign}"
         f"<Endianess>BigEndian</Endianess></{kind}>"
     )
 
 
-def _bits(name: str, place: Place, lowest: int, highest: int) -> str:
+def _bits(name: str, register: Register, lowest: int, highest: int) -> str:
     """Return the XML of some bits of a register, counted from the most significant bit (big-endian)."""
     which = f"<Bit>{lowest}</Bit>" if lowest == highest else f"<LSB>{lowest}</LSB><MSB>{highest}</MSB>"
     return (
-        f'<MaskedIntReg Name="{name}Reg"><Address>0x{int(place):X}</Address><Length>4</Length>'
+        f'<MaskedIntReg Name="{name}Reg"><Address>0x{int(register):X}</Address><Length>4</Length>'
         f"<AccessMode>RW</AccessMode><pPort>Device</pPort><Cachable>NoCache</Cachable>{which}"
         "<Sign>Unsigned</Sign><Endianess>BigEndian</Endianess></MaskedIntReg>"
     )

@@ -34,7 +34,7 @@ CONTINUOUS, SINGLE_FRAME, MULTI_FRAME = 0, 1, 2
 FIRE_TEST_PACKET, DO_NOT_FRAGMENT = 1 << 31, 1 << 30
 
 
-class Place(IntEnum):
+class Register(IntEnum):
     """Addresses of four-byte registers."""
 
     VERSION = 0x0000
@@ -89,7 +89,7 @@ DISCOVERY_BYTES = 0xF8
 USER_NAME, USER_NAME_BYTES = 0x00E8, 16
 XML_URL, URL_BYTES = 0x0200, 512
 _BLOCKS = ((0x0000, 0x0B20), (0x0D00, 0x0040), (0xA000, 0x0050))
-_STREAM_SETTINGS = (Place.WIDTH, Place.HEIGHT, Place.PIXEL_FORMAT, Place.STREAM_PACKET_BYTES)
+_STREAM_SETTINGS = (Register.WIDTH, Register.HEIGHT, Register.PIXEL_FORMAT, Register.STREAM_PACKET_BYTES)
 # Supported: concatenation, write memory, packet resend, serial number, user-defined name
 _CAPABILITY = 1 << 0 | 1 << 1 | 1 << 2 | 1 << 30 | 1 << 31
 
@@ -144,32 +144,32 @@ class Registers:
         self._blocks = [(start, bytearray(size)) for start, size in _BLOCKS]
         mac = interface.mac
         values = {
-            Place.VERSION: 1 << 16,
-            Place.DEVICE_MODE: 0x80000001,
-            Place.MAC_HIGH: int.from_bytes(mac[:2], "big"),
-            Place.MAC_LOW: int.from_bytes(mac[2:], "big"),
-            Place.IP_OPTIONS: 1,
-            Place.IP_CONFIGURATION: 1,
-            Place.IP_ADDRESS: int(ipaddress.IPv4Address(interface.address)),
-            Place.IP_MASK: int(ipaddress.IPv4Address(interface.mask)),
-            Place.N_INTERFACES: 1,
-            Place.N_STREAM_CHANNELS: 1,
-            Place.CAPABILITY: _CAPABILITY,
-            Place.HEARTBEAT_MS: 3000,
-            Place.TICKS_LOW: TICKS_PER_S,
-            Place.STREAM_PACKET_BYTES: min(1500, interface.mtu) & ~3,
-            Place.STREAM_SOURCE_PORT: source_port,
-            Place.SENSOR_WIDTH: terms.width_px,
-            Place.SENSOR_HEIGHT: terms.height_px,
-            Place.WIDTH: terms.width_px,
-            Place.HEIGHT: terms.height_px,
-            Place.PIXEL_FORMAT: int(self.formats[0]),
-            Place.ACQUISITION_FRAME_COUNT: 1,
+            Register.VERSION: 1 << 16,
+            Register.DEVICE_MODE: 0x80000001,
+            Register.MAC_HIGH: int.from_bytes(mac[:2], "big"),
+            Register.MAC_LOW: int.from_bytes(mac[2:], "big"),
+            Register.IP_OPTIONS: 1,
+            Register.IP_CONFIGURATION: 1,
+            Register.IP_ADDRESS: int(ipaddress.IPv4Address(interface.address)),
+            Register.IP_MASK: int(ipaddress.IPv4Address(interface.mask)),
+            Register.N_INTERFACES: 1,
+            Register.N_STREAM_CHANNELS: 1,
+            Register.CAPABILITY: _CAPABILITY,
+            Register.HEARTBEAT_MS: 3000,
+            Register.TICKS_LOW: TICKS_PER_S,
+            Register.STREAM_PACKET_BYTES: min(1500, interface.mtu) & ~3,
+            Register.STREAM_SOURCE_PORT: source_port,
+            Register.SENSOR_WIDTH: terms.width_px,
+            Register.SENSOR_HEIGHT: terms.height_px,
+            Register.WIDTH: terms.width_px,
+            Register.HEIGHT: terms.height_px,
+            Register.PIXEL_FORMAT: int(self.formats[0]),
+            Register.ACQUISITION_FRAME_COUNT: 1,
         }
-        for place, value in values.items():
-            self[place] = value
-        self._set_number(Place.ACQUISITION_FRAME_RATE, terms.rate_hz)
-        self._set_number(Place.EXPOSURE_TIME, min(max(terms.exposure_us, EXPOSURE_US[0]), EXPOSURE_US[1]))
+        for register, value in values.items():
+            self[register] = value
+        self._set_number(Register.ACQUISITION_FRAME_RATE, terms.rate_hz)
+        self._set_number(Register.EXPOSURE_TIME, min(max(terms.exposure_us, EXPOSURE_US[0]), EXPOSURE_US[1]))
         for address, text, size in (
             (0x0048, "Flyaround", 32),
             (0x0068, "Simulated camera", 32),
@@ -182,41 +182,44 @@ class Registers:
         self._set_payload_size()
         self._checks = self._make_checks()
 
-    # --- what the camera reads of itself ----------------------------------------------------
+    # --- access by the camera ---------------------------------------------------------------
 
-    def __getitem__(self, place: Place) -> int:
+    def __getitem__(self, register: Register) -> int:
         """Return the value of a register."""
-        block, at = self._find(place, 4)
+        block, at = self._find(register, 4)
         (value,) = struct.unpack_from(">I", block, at)
         return int(value)
 
-    def __setitem__(self, place: Place, value: int) -> None:
-        block, at = self._find(place, 4)
+    def __setitem__(self, register: Register, value: int) -> None:
+        block, at = self._find(register, 4)
         assert isinstance(block, bytearray)  # noqa: S101 - the XML is not a register
         struct.pack_into(">I", block, at, value & 0xFFFFFFFF)
 
-    def number(self, place: Place) -> float:
+    def number(self, register: Register) -> float:
         """Return the value of a register that holds a float."""
-        return _as_float(self[place])
+        return _as_float(self[register])
 
     @property
     def region(self) -> ReadoutRegion:
         """Region of the detector that is read."""
         return ReadoutRegion(
-            x=self[Place.OFFSET_X], y=self[Place.OFFSET_Y], width=self[Place.WIDTH], height=self[Place.HEIGHT]
+            x=self[Register.OFFSET_X],
+            y=self[Register.OFFSET_Y],
+            width=self[Register.WIDTH],
+            height=self[Register.HEIGHT],
         )
 
     @property
     def pixel_format(self) -> StreamFormat:
         """Pixel format of the stream."""
-        return StreamFormat(self[Place.PIXEL_FORMAT])
+        return StreamFormat(self[Register.PIXEL_FORMAT])
 
     @property
     def discovery(self) -> bytes:
         """Contents of the answer to a discovery: the first registers."""
         return self.read(0, DISCOVERY_BYTES)
 
-    # --- what a controller does -------------------------------------------------------------
+    # --- access by a controller -------------------------------------------------------------
 
     def read(self, address: int, count: int) -> bytes:
         """Return bytes at an address, both multiples of four.
@@ -224,7 +227,7 @@ class Registers:
         Raises
         ------
         RefusedError
-            If they are not aligned, or there is no such register.
+            If address or count is not aligned, or the span is not in one block.
         """
         if address % 4 or count % 4:
             raise RefusedError(Status.BAD_ALIGNMENT)
@@ -233,7 +236,7 @@ class Registers:
         block, at = self._find(address, count)
         return bytes(block[at : at + count])
 
-    def write(self, address: int, data: bytes) -> list[Place]:
+    def write(self, address: int, data: bytes) -> list[Register]:
         """Write values, and return the registers that were written.
 
         Raises
@@ -256,13 +259,13 @@ class Registers:
             written.append(self.write_register(address + offset, value))
         return written
 
-    def write_register(self, address: int, value: int) -> Place:
+    def write_register(self, address: int, value: int) -> Register:
         """Write one value, and return its register.
 
         Raises
         ------
         RefusedError
-            See `write`.
+            As for `write`.
         """
         if address % 4:
             raise RefusedError(Status.BAD_ALIGNMENT)
@@ -270,46 +273,46 @@ class Registers:
         check = self._checks.get(address)
         if check is None:
             raise RefusedError(Status.WRITE_PROTECT)
-        place = Place(address)
-        if self.acquiring and place in _STREAM_SETTINGS:
+        register = Register(address)
+        if self.acquiring and register in _STREAM_SETTINGS:
             raise RefusedError(Status.BUSY)
         if not check(value):
             raise RefusedError(Status.INVALID_PARAMETER)
-        self[place] = value
+        self[register] = value
         self._set_payload_size()
-        return place
+        return register
 
     def _make_checks(self) -> dict[int, Callable[[int], bool]]:
         """Return the checks of writable registers; all others are read-only."""
         terms = self.terms
         return {
-            Place.HEARTBEAT_MS: lambda v: HEARTBEAT_MS[0] <= v <= HEARTBEAT_MS[1],
-            Place.TIMESTAMP_CONTROL: lambda v: v in {1, 2},
-            Place.CONTROL_PRIVILEGE: lambda v: v in {0, EXCLUSIVE, CONTROL, EXCLUSIVE | CONTROL},
-            Place.STREAM_PORT: lambda v: v <= 0xFFFF,
-            Place.STREAM_PACKET_BYTES: lambda v: (
+            Register.HEARTBEAT_MS: lambda v: HEARTBEAT_MS[0] <= v <= HEARTBEAT_MS[1],
+            Register.TIMESTAMP_CONTROL: lambda v: v in {1, 2},
+            Register.CONTROL_PRIVILEGE: lambda v: v in {0, EXCLUSIVE, CONTROL, EXCLUSIVE | CONTROL},
+            Register.STREAM_PORT: lambda v: v <= 0xFFFF,
+            Register.STREAM_PACKET_BYTES: lambda v: (
                 PACKET_BYTES[0] <= v & 0xFFFF <= PACKET_BYTES[1] and not v & 0x3FFF0000
             ),
-            Place.STREAM_PACKET_DELAY: lambda v: v <= TICKS_PER_S // 1000,
-            Place.STREAM_ADDRESS: lambda v: (
+            Register.STREAM_PACKET_DELAY: lambda v: v <= TICKS_PER_S // 1000,
+            Register.STREAM_ADDRESS: lambda v: (
                 v <= 0xFFFFFFFF
             ),  # the endpoint compares it with its controller's address
-            Place.OFFSET_X: lambda v: v + self[Place.WIDTH] <= terms.width_px,
-            Place.OFFSET_Y: lambda v: v + self[Place.HEIGHT] <= terms.height_px,
-            Place.WIDTH: lambda v: MIN_SIDE_PX <= v <= terms.width_px - self[Place.OFFSET_X],
-            Place.HEIGHT: lambda v: MIN_SIDE_PX <= v <= terms.height_px - self[Place.OFFSET_Y],
-            Place.PIXEL_FORMAT: lambda v: v in self.formats,
-            Place.ACQUISITION_MODE: lambda v: v in {CONTINUOUS, SINGLE_FRAME, MULTI_FRAME},
-            Place.ACQUISITION_START: lambda v: v == 1,
-            Place.ACQUISITION_STOP: lambda v: v == 1,
-            Place.ACQUISITION_FRAME_COUNT: lambda v: 1 <= v <= 0xFFFF,
-            Place.ACQUISITION_FRAME_RATE: lambda v: _within(v, RATE_HZ),
-            Place.TRIGGER_MODE: lambda v: v in {0, 1},
-            Place.TRIGGER_SOURCE: lambda v: v == 0,
-            Place.TRIGGER_SOFTWARE: lambda v: v == 1,
-            Place.EXPOSURE_TIME: lambda v: _within(v, EXPOSURE_US),
-            Place.GAIN: lambda v: _within(v, GAIN_DB),
-            Place.TRANSPORT_LOCKED: lambda v: v in {0, 1},
+            Register.OFFSET_X: lambda v: v + self[Register.WIDTH] <= terms.width_px,
+            Register.OFFSET_Y: lambda v: v + self[Register.HEIGHT] <= terms.height_px,
+            Register.WIDTH: lambda v: MIN_SIDE_PX <= v <= terms.width_px - self[Register.OFFSET_X],
+            Register.HEIGHT: lambda v: MIN_SIDE_PX <= v <= terms.height_px - self[Register.OFFSET_Y],
+            Register.PIXEL_FORMAT: lambda v: v in self.formats,
+            Register.ACQUISITION_MODE: lambda v: v in {CONTINUOUS, SINGLE_FRAME, MULTI_FRAME},
+            Register.ACQUISITION_START: lambda v: v == 1,
+            Register.ACQUISITION_STOP: lambda v: v == 1,
+            Register.ACQUISITION_FRAME_COUNT: lambda v: 1 <= v <= 0xFFFF,
+            Register.ACQUISITION_FRAME_RATE: lambda v: _within(v, RATE_HZ),
+            Register.TRIGGER_MODE: lambda v: v in {0, 1},
+            Register.TRIGGER_SOURCE: lambda v: v == 0,
+            Register.TRIGGER_SOFTWARE: lambda v: v == 1,
+            Register.EXPOSURE_TIME: lambda v: _within(v, EXPOSURE_US),
+            Register.GAIN: lambda v: _within(v, GAIN_DB),
+            Register.TRANSPORT_LOCKED: lambda v: v in {0, 1},
         }
 
     def _find(self, address: int, count: int) -> tuple[bytearray | bytes, int]:
@@ -324,12 +327,12 @@ class Registers:
         raw = text.encode("utf-8")[: size - 1].decode("utf-8", "ignore").encode()
         self._blocks[0][1][address : address + size] = raw.ljust(size, b"\0")
 
-    def _set_number(self, place: Place, value: float) -> None:
-        self[place] = int.from_bytes(struct.pack(">f", value), "big")
+    def _set_number(self, register: Register, value: float) -> None:
+        self[register] = int.from_bytes(struct.pack(">f", value), "big")
 
     def _set_payload_size(self) -> None:
         r = self.region
-        self[Place.PAYLOAD_SIZE] = self.pixel_format.payload_bytes(r.width * r.height)
+        self[Register.PAYLOAD_SIZE] = self.pixel_format.payload_bytes(r.width * r.height)
 
 
 def _as_float(value: int) -> float:

@@ -155,7 +155,7 @@ class _Pump:
         self._last_due_ns = 0
         self._line_free_ns = 0
         self._jitter_ns = 0
-        self._held: tuple[int, Packet] | None = None
+        self._held_packet: tuple[int, Packet] | None = None
         self._first_board_ns: int | None = None
 
     def run(self) -> None:
@@ -220,14 +220,14 @@ class _Pump:
                 swapped = swapped or isinstance(fault, Reorder)
         due_ns = max(due_ns, self._last_due_ns)
         self._last_due_ns = due_ns
-        if swapped and self._held is None:
-            self._held = (at_ns, packet)
+        if swapped and self._held_packet is None:
+            self._held_packet = (at_ns, packet)
             return
         for _ in range(copies):
             self._due.append((due_ns, packet, damaged))
-        if self._held is not None:
-            self._due.append((due_ns, self._held[1], False))
-            self._held = None
+        if self._held_packet is not None:
+            self._due.append((due_ns, self._held_packet[1], False))
+            self._held_packet = None
 
     def _acts(self, fault: LineFault) -> bool:
         direction = getattr(fault, "direction", None)
@@ -270,9 +270,9 @@ class _Pump:
 
     def _send_due(self) -> None:
         at_ns = now_ns()
-        if self._held is not None and at_ns - self._held[0] > HOLD_S * 1e9:
-            self._due.append((at_ns, self._held[1], False))
-            self._held = None
+        if self._held_packet is not None and at_ns - self._held_packet[0] > HOLD_S * 1e9:
+            self._due.append((at_ns, self._held_packet[1], False))
+            self._held_packet = None
         while self._due and self._due[0][0] <= at_ns:
             _, packet, damaged = self._due.pop(0)
             if damaged:

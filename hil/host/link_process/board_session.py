@@ -66,7 +66,7 @@ SYNC_EVERY_NS = 250_000_000
 # Advance of a clock request [ns]: before a frame the line is free, and the request waits behind nothing
 SYNC_ADVANCE_NS = 200_000_000
 # Delay before a silent board is asked for its newest frame, and interval of repetitions [ns]
-ASK_DELAY_NS, ASK_INTERVAL_NS = 20_000_000, 100_000_000
+CLOCK_REQUEST_DELAY_NS, CLOCK_REQUEST_INTERVAL_NS = 20_000_000, 100_000_000
 # Number of stored round trips, for more than an hour, and largest plausible one [ns]
 MAX_TRIPS, MAX_TRIP_NS = 20_000, 10**12
 # A board answers clock requests once its estimator is ready; frames are sent after this time-out at the latest [ns]
@@ -98,13 +98,13 @@ class BoardSession:
         self.ack: HelloAck | None = None
         self.unread = False  # the board has sent more than was read
         self.next_sync_ns = 0
-        self._asked_ns = 0
+        self._clock_request_ns = 0
         self.counts = LinkTotals()
         self._mistakes = 0
         self._up: BoardUp | None = None  # greeted, but not yet announced
         self._clock = ClockFilter()
         self._trips_ns: deque[int] = deque(maxlen=MAX_TRIPS)
-        self._heard_ns = 0
+        self._last_received_ns = 0
         self._beats = (
             False  # True if the board requests the time itself, which shows that it is alive while it works
         )
@@ -137,7 +137,7 @@ class BoardSession:
             try:
                 message = self.link.recv(0.0)
                 if message is not None:
-                    self._heard_ns = now_ns()
+                    self._last_received_ns = now_ns()
             except VersionMismatch as error:
                 refuse(self.link, ErrorCode.VERSION, str(error))
                 self.leave(str(error))
@@ -329,9 +329,9 @@ class BoardSession:
         sent_ns = self._in_flight.last_sent_ns
         if sent_ns is None:
             return
-        due_ns = sent_ns + ASK_DELAY_NS
-        if self._asked_ns >= due_ns:
-            due_ns = self._asked_ns + ASK_INTERVAL_NS
+        due_ns = sent_ns + CLOCK_REQUEST_DELAY_NS
+        if self._clock_request_ns >= due_ns:
+            due_ns = self._clock_request_ns + CLOCK_REQUEST_INTERVAL_NS
         self.next_sync_ns = min(self.next_sync_ns, due_ns)
 
     def sync_before_frame(self) -> None:
@@ -343,21 +343,21 @@ class BoardSession:
             If the line is closed.
         """
         if self.link is not None and self._up is None and now_ns() >= self.next_sync_ns - SYNC_ADVANCE_NS:
-            self._ask(self.link)
+            self._request_clock(self.link)
 
     def sync_clock(self) -> None:
         """Request the board's clock and newest frame, if due."""
         if self.link is not None and self.ack is not None and now_ns() >= self.next_sync_ns:
             self._announce()  # a board that never answers clock requests may still answer frames
             try:
-                self._ask(self.link)
+                self._request_clock(self.link)
             except LinkClosed as error:
                 self.leave(str(error))
 
-    def _ask(self, link: Link) -> None:
-        self._asked_ns = now_ns()
-        self.next_sync_ns = self._asked_ns + SYNC_EVERY_NS
-        link.send(TimeSyncRequest(self._asked_ns))
+    def _request_clock(self, link: Link) -> None:
+        self._clock_request_ns = now_ns()
+        self.next_sync_ns = self._clock_request_ns + SYNC_EVERY_NS
+        link.send(TimeSyncRequest(self._clock_request_ns))
 
     def check_silence(self) -> None:
         """Close the session of a board that used to request the time but is now silent.
@@ -367,7 +367,7 @@ class BoardSession:
         """
         if self.link is None or not self._beats or self.unread:
             return
-        if now_ns() - self._heard_ns > self._config.silence_s * 1e9:
+        if now_ns() - self._last_received_ns > self._config.silence_s * 1e9:
             self.leave(f"the board was silent for {self._config.silence_s:g} s: the line is cut, or it hangs")
 
 

@@ -26,12 +26,12 @@ class PendingLinks:
 
     Parameters
     ----------
-    gone : callable
+    on_close : callable
         Called with the reason for each connection that was closed.
     """
 
-    def __init__(self, gone: Callable[[str], None]) -> None:
-        self._gone = gone
+    def __init__(self, on_close: Callable[[str], None]) -> None:
+        self._on_close = on_close
         self._links: list[tuple[Link, int]] = []  # each with its time-out for HELLO
 
     def __len__(self) -> int:
@@ -57,7 +57,7 @@ class PendingLinks:
             )
         self._links.append((Link(transport, accepts=HOST_BEFORE_HELLO), now_ns() + HELLO_TIMEOUT_NS))
 
-    def hear(self, ready: Collection[Any]) -> tuple[Link, Hello] | None:
+    def receive_hello(self, ready: Collection[Any]) -> tuple[Link, Hello] | None:
         """Return the first of the ``ready`` connections that sends HELLO, with the message. It is no longer pending."""
         for link, _ in list(self._links):
             if link.transport in ready and (hello := self._hello(link)) is not None:
@@ -71,7 +71,7 @@ class PendingLinks:
             if at_ns >= deadline:
                 self._drop(link, "it sent nothing that the link protocol knows")
 
-    def turn_away(self, sentence: str) -> None:
+    def refuse_all(self, sentence: str) -> None:
         """Close all connections, with a message."""
         for link, _ in self._links:
             refuse(link, ErrorCode.BUSY, sentence)
@@ -102,12 +102,12 @@ class PendingLinks:
     def _refuse(self, link: Link, code: ErrorCode, sentence: str) -> None:
         self._remove(link)
         refuse(link, code, sentence)
-        self._gone(sentence)
+        self._on_close(sentence)
 
     def _drop(self, link: Link, reason: str) -> None:
         self._remove(link)
         link.transport.close()
-        self._gone(reason)
+        self._on_close(reason)
 
     def _remove(self, link: Link) -> None:
         self._links = [pair for pair in self._links if pair[0] is not link]

@@ -108,7 +108,7 @@ class LinkServer:
             self._board.check_silence()
             if self._pipe in ready:
                 self._take_commands()
-            self._hear_pending(ready)
+            self._receive_pending(ready)
             if self._listener in ready:
                 self._accept()
             if self._truth is not None:
@@ -327,21 +327,21 @@ class LinkServer:
             refuse(Link(transport), ErrorCode.BUSY, BUSY)
             return
         self._pending.add(transport)
-        self._hear_pending([transport])
+        self._receive_pending([transport])
 
-    def _hear_pending(self, ready: Collection[Any]) -> None:
+    def _receive_pending(self, ready: Collection[Any]) -> None:
         if self._board.link is not None:
             return
-        greeting = self._pending.hear(ready)
+        greeting = self._pending.receive_hello(ready)
         if greeting is None:
             return
         if self._board.begin(*greeting):
-            self._pending.turn_away(BUSY)
+            self._pending.refuse_all(BUSY)
             self._board.listen()
 
     def _shut(self) -> None:
         died = self._reason is RUN_DIED
-        self._pending.turn_away(self._reason)
+        self._pending.refuse_all(self._reason)
         self._board.end(self._reason, goodbye=not died)
         self._listener.close()
         if self._truth is not None:

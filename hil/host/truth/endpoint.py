@@ -32,11 +32,11 @@ class _Client:
         self.backlog = bytearray()
         self.lagging_since_ns: int | None = None
         self.sequence = 0
-        self.heard = b""  # last bytes received, in which a packet's magic number may begin
-        self.said_all = False  # the peer closed its sending side: it disconnected, or only receives
+        self.tail = b""  # last bytes received, in which a packet's magic number may begin
+        self.peer_closed = False  # the peer closed its sending side: it disconnected, or only receives
         self.framing = LengthFraming()
         self.handshake: HostHandshake | None = None
-        self.since_ns = now_ns()
+        self.connected_ns = now_ns()
 
     def send(self) -> None:
         """Send as much of the queue as the socket accepts without blocking.
@@ -67,15 +67,15 @@ class _Client:
             data = self.sock.recv(4096)
         except BlockingIOError:
             return False
-        self.said_all = self.said_all or not data
+        self.peer_closed = self.peer_closed or not data
         if self.handshake is not None:
-            self._hear_proof(data, self.handshake)
+            self._receive_proof(data, self.handshake)
             return False
-        is_link_packet = MAGIC in self.heard + data
-        self.heard = (self.heard + data)[-len(MAGIC) + 1 :]
+        is_link_packet = MAGIC in self.tail + data
+        self.tail = (self.tail + data)[-len(MAGIC) + 1 :]
         return is_link_packet
 
-    def _hear_proof(self, data: bytes, handshake: HostHandshake) -> None:
+    def _receive_proof(self, data: bytes, handshake: HostHandshake) -> None:
         self.framing.feed(data)
         while True:
             try:
@@ -167,7 +167,7 @@ class TruthEndpoint:
                     self._refuse(client, ErrorCode.OTHER, sentence)
                     continue
                 client.send()
-                if not client.is_known and now_ns() - client.since_ns >= PROOF_NS:
+                if not client.is_known and now_ns() - client.connected_ns >= PROOF_NS:
                     self._refuse(
                         client,
                         ErrorCode.OTHER,
@@ -177,9 +177,9 @@ class TruthEndpoint:
             except OSError:
                 self._drop(client)
                 continue
-            since_ns = client.lagging_since_ns
-            if since_ns is not None and (
-                len(client.backlog) > MAX_BACKLOG_BYTES or now_ns() - since_ns >= MAX_LAG_NS
+            connected_ns = client.lagging_since_ns
+            if connected_ns is not None and (
+                len(client.backlog) > MAX_BACKLOG_BYTES or now_ns() - connected_ns >= MAX_LAG_NS
             ):
                 self._drop(client)
 
@@ -213,11 +213,11 @@ class TruthEndpoint:
         if len(self._clients) < MAX_CLIENTS:
             return
         self.flush()
-        for client in [client for client in self._clients if client.said_all]:
+        for client in [client for client in self._clients if client.peer_closed]:
             self._drop(client)
-        strangers = [client for client in self._clients if not client.is_known]
-        if len(self._clients) >= MAX_CLIENTS and strangers:
-            self._drop(strangers[0])
+        unauthenticated = [client for client in self._clients if not client.is_known]
+        if len(self._clients) >= MAX_CLIENTS and unauthenticated:
+            self._drop(unauthenticated[0])
 
     def _refuse(self, client: _Client, code: ErrorCode, sentence: str) -> None:
         """Send an error message to a client and disconnect it."""

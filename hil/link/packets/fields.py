@@ -80,12 +80,12 @@ def pack_json(value: Dict[str, Any]) -> bytes:
         raise PacketError(f"a JSON payload cannot be written: {error}") from error
 
 
-def unpack_json(data: bytes, most_bytes: int) -> Dict[str, Any]:
+def unpack_json(data: bytes, max_bytes: int) -> Dict[str, Any]:
     """Decode a JSON object; its size and depth are checked first.
 
     Parameters
     ----------
-    most_bytes : int
+    max_bytes : int
         Largest accepted size; nesting deeper than ``MAX_JSON_DEPTH`` is refused as well.
 
     Raises
@@ -93,8 +93,8 @@ def unpack_json(data: bytes, most_bytes: int) -> Dict[str, Any]:
     PacketError
         If the bytes are not such an object.
     """
-    if len(data) > most_bytes:
-        raise PacketError(f"a JSON payload of {len(data)} bytes is refused: at most {most_bytes} are read")
+    if len(data) > max_bytes:
+        raise PacketError(f"a JSON payload of {len(data)} bytes is refused: at most {max_bytes} are read")
     if _deeper_than(data, MAX_JSON_DEPTH):
         raise PacketError(f"a JSON payload nested deeper than {MAX_JSON_DEPTH} levels is refused")
     try:

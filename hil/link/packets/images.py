@@ -35,15 +35,13 @@ def array_bytes(width_px: int, height_px: int, pixel_format: PixelFormat) -> int
     return width_px * height_px * pixel_format.channels * (2 if pixel_format.in_words else 1)
 
 
-def most_encoded_bytes(width_px: int, height_px: int, pixel_format: PixelFormat, encoding: Encoding) -> int:
+def max_encoded_bytes(width_px: int, height_px: int, pixel_format: PixelFormat, encoding: Encoding) -> int:
     """Return the largest valid size of an encoded image [bytes]."""
     raw = pixels_bytes(width_px, height_px, pixel_format)
     if encoding == Encoding.RAW:
         return raw
     if encoding == Encoding.PNG:
-        return png.most_bytes(
-            width_px, height_px, pixel_format.channels * (2 if pixel_format.in_words else 1)
-        )
+        return png.max_bytes(width_px, height_px, pixel_format.channels * (2 if pixel_format.in_words else 1))
     # upper bound of zstd's expansion on incompressible data
     return raw + raw // 128 + 1024
 
@@ -104,7 +102,7 @@ def check_header(header: FrameHeader, terms: HelloAck) -> None:
         )
     if header.encoding not in (terms.encoding, Encoding.RAW):
         raise ProtocolMistake(f"frame {header.frame_id} has an encoding that was not agreed", header.frame_id)
-    most = most_encoded_bytes(header.width_px, header.height_px, header.pixel_format, header.encoding)
+    most = max_encoded_bytes(header.width_px, header.height_px, header.pixel_format, header.encoding)
     if not 0 < header.total_bytes <= most:
         raise ProtocolMistake(
             f"frame {header.frame_id} announces {header.total_bytes} bytes but its pixels need at most {most}",
@@ -202,12 +200,12 @@ class FrameAssembler:
         self._terms = terms
         self._header: Optional[FrameHeader] = None
         self._data = bytearray()
-        self._seen = bytearray()  # one flag per received chunk
+        self._received = bytearray()  # one flag per received chunk
         self._missing = 0  # number of chunks still missing
         self._chunk_bytes = 0  # size of all chunks but the last; 0 before the first
-        self._last_lost: Optional[int] = None
-        self._last_whole: Optional[int] = None
-        self._lost: List[int] = []
+        self._last_lost_id: Optional[int] = None
+        self._last_complete_id: Optional[int] = None
+        self._lost_ids: List[int] = []
 
     @property
     def frame_id(self) -> Optional[int]:
@@ -216,15 +214,15 @@ class FrameAssembler:
 
     def header(self, header: FrameHeader) -> None:
         """Start a new frame; an incomplete one is lost. A repeated header changes nothing."""
-        if header == self._header or header.frame_id == self._last_whole:
+        if header == self._header or header.frame_id == self._last_complete_id:
             return
         self.abandon()
-        self._last_lost = header.frame_id  # the exception reports a refused header; its chunks are ignored
+        self._last_lost_id = header.frame_id  # the exception reports a refused header; its chunks are ignored
         self._check(header)
-        self._last_lost = None
+        self._last_lost_id = None
         self._header = header
         self._data = bytearray(header.total_bytes)
-        self._seen = bytearray(header.chunk_count)
+        self._received = bytearray(header.chunk_count)
         self._missing, self._chunk_bytes = header.chunk_count, 0
 
     def chunk(self, chunk: FrameChunk) -> Optional[Tuple[FrameHeader, Image]]:
@@ -239,22 +237,22 @@ class FrameAssembler:
             If the frame is complete but not an image.
         """
         header = self._header
-        if chunk.frame_id == self._last_whole:
+        if chunk.frame_id == self._last_complete_id:
             return None  # received twice
         if header is None or chunk.frame_id != header.frame_id:
             self._lose(chunk.frame_id)  # its header was lost
             return None
         if not self._fits(chunk, header):
             # the exception reports it; the rest of this frame is ignored
-            self._last_lost, self._header, self._data = header.frame_id, None, bytearray()
+            self._last_lost_id, self._header, self._data = header.frame_id, None, bytearray()
             raise ProtocolMistake(
                 f"frame {header.frame_id}: chunk {chunk.index} of {header.chunk_count} has {len(chunk.data)} bytes at"
                 f" {chunk.offset}, with which the chunks do not cover {header.total_bytes} bytes",
                 header.frame_id,
             )
         self._data[chunk.offset : chunk.offset + len(chunk.data)] = chunk.data
-        if not self._seen[chunk.index]:
-            self._seen[chunk.index] = 1
+        if not self._received[chunk.index]:
+            self._received[chunk.index] = 1
             self._missing -= 1
         if self._missing:
             return None
@@ -264,7 +262,7 @@ class FrameAssembler:
         except PacketError:
             self._lose(header.frame_id)
             raise
-        self._last_whole = header.frame_id
+        self._last_complete_id = header.frame_id
         return header, image
 
     def _fits(self, chunk: FrameChunk, header: FrameHeader) -> bool:
@@ -294,11 +292,11 @@ class FrameAssembler:
     @property
     def has_lost(self) -> bool:
         """True if ``lost`` has frames to return."""
-        return bool(self._lost)
+        return bool(self._lost_ids)
 
     def lost(self) -> List[int]:
         """Return the frames lost since the last call, each once."""
-        lost, self._lost = self._lost, []
+        lost, self._lost_ids = self._lost_ids, []
         return lost
 
     def _check(self, header: FrameHeader) -> None:
@@ -315,6 +313,6 @@ class FrameAssembler:
 
     def _lose(self, frame_id: int) -> None:
         # called for every chunk of a frame without a header: report the frame once
-        if frame_id != self._last_lost:
-            self._last_lost = frame_id
-            self._lost.append(frame_id)
+        if frame_id != self._last_lost_id:
+            self._last_lost_id = frame_id
+            self._lost_ids.append(frame_id)

@@ -48,19 +48,19 @@ def encode(image: np.ndarray, level: int = 1) -> bytes:
     return SIGNATURE + b"".join(_chunk(kind, data) for kind, data in parts)
 
 
-def most_bytes(width_px: int, height_px: int, bytes_per_pixel: int) -> int:
-    """Return the largest size of a PNG that `encode` writes; deflate stores incompressible data."""
+def max_bytes(width_px: int, height_px: int, bytes_per_pixel: int) -> int:
+    """Return the maximum size of a PNG from `encode`, reached by incompressible data, which deflate stores."""
     raw = height_px * (1 + width_px * bytes_per_pixel)
     return raw + raw // 128 + 1024
 
 
 def decode(data: Bytes, width_px: int, height_px: int, dtype: np.dtype, channels: int) -> np.ndarray:
-    """Decode an image of known size and type; no larger one is ever unpacked.
+    """Decode an image of known size and type, without unpacking more data than that.
 
     Raises
     ------
     PacketError
-        If the file is damaged, of another size or kind, interlaced, or uses another filter.
+        If the file is damaged, has another size or type, is interlaced, or uses another filter.
     """
     step = channels * dtype.itemsize
     expected = (width_px, height_px, 8 * dtype.itemsize, _RGB if channels == 3 else _GREY, 0, 0, 0)

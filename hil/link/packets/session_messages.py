@@ -231,15 +231,15 @@ class TimeSyncReply:
 
     def encode(self) -> bytes:
         """Return the payload bytes."""
-        tells = self.newest_frame is not None
+        has_newest = self.newest_frame is not None
         newest = NO_FRAME if self.newest_frame is None else self.newest_frame
-        return self.LAYOUT.pack(self.asked_ns, self.received_ns, self.sent_ns, newest, tells)
+        return self.LAYOUT.pack(self.asked_ns, self.received_ns, self.sent_ns, newest, has_newest)
 
     @classmethod
     def decode(cls, data: bytes) -> TimeSyncReply:
         """Return the message of a payload."""
-        asked_ns, received, sent, newest, tells = unpack_fixed(cls.LAYOUT, data, "TIME_SYNC_REPLY")
-        return cls(asked_ns, received, sent, newest if tells else None)
+        asked_ns, received, sent, newest, has_newest = unpack_fixed(cls.LAYOUT, data, "TIME_SYNC_REPLY")
+        return cls(asked_ns, received, sent, newest if has_newest else None)
 
 
 @dataclass(frozen=True)

@@ -194,10 +194,10 @@ class TcpListener:
         except OSError as error:
             if error.errno not in EXHAUSTED:
                 return None  # a network error of that one connection, see accept(2)
-            self._turn_away()
+            self._refuse_connection()
             return None
 
-    def _turn_away(self) -> None:
+    def _refuse_connection(self) -> None:
         """Accept and close one pending connection using the reserved file descriptor.
 
         Without this the listening socket would stay readable, and the caller's loop would spin.

@@ -212,18 +212,18 @@ class _HeadTraining:
         self._trunk = trunk.to(memory_format=torch.channels_last)
         self._views, self._earths, self._seed = views, earths, seed
         self._head = Head()
-        self._kept_back = min(HELD_OUT_VIEWS, len(views.lit) // 5)
+        self._n_held_out = min(HELD_OUT_VIEWS, len(views.lit) // 5)
         self._adam = torch.optim.AdamW(
             self._head.parameters(), lr=fit.LEARNING_RATE, weight_decay=fit.WEIGHT_DECAY
         )
         self.mean = {k: v.clone() for k, v in self._head.state_dict().items()}
-        self._steps, self._spent_s = 0, 0.0
+        self._steps, self._elapsed_s = 0, 0.0
 
     def run(self, budget: Budget, workers: int, state: Path, report: Report) -> int:
         """Train, resuming from the checkpoint ``state`` if it exists; return the total number of steps."""
         self._restore(state)
         cv2.setNumThreads(1)
-        began = time.monotonic() - self._spent_s
+        began = time.monotonic() - self._elapsed_s
         with ThreadPoolExecutor(workers) as pool:
             ahead = [pool.submit(self._batch, self._steps + k) for k in range(2 * workers)]
             while (done := budget.done(began, self._steps)) < 1:
@@ -232,9 +232,9 @@ class _HeadTraining:
                 loss = self._step(batch, done)
                 self._steps += 1
                 if self._steps % CHECKPOINT_STEPS == 0:
-                    self._spent_s = time.monotonic() - began
+                    self._elapsed_s = time.monotonic() - began
                     self._save(state)
-                    left = (1 - done) / max(done, 1e-9) * self._spent_s / 60
+                    left = (1 - done) / max(done, 1e-9) * self._elapsed_s / 60
                     report(done, f"{self._steps} steps, loss {loss:.2f}, {left:.0f} min left")
         return self._steps
 
@@ -244,8 +244,8 @@ class _HeadTraining:
         rng = np.random.default_rng([self._seed, 2])
         centres = ((torch.arange(BINS) + 0.5) * BIN_WIDTH - HALF_RANGE).numpy()
         errors, noticed = [], []
-        for first in range(0, self._kept_back, BATCH):
-            which = np.arange(first, min(first + BATCH, self._kept_back))
+        for first in range(0, self._n_held_out, BATCH):
+            which = np.arange(first, min(first + BATCH, self._n_held_out))
             batch = sample(self._views, self._earths, which, rng)
             with torch.no_grad():
                 logits, whole = self._head(self._trunk(torch.from_numpy(batch.inputs).float()))
@@ -260,7 +260,7 @@ class _HeadTraining:
     def _batch(self, step: int) -> Batch:
         """Return the batch of a step, which depends only on the seed and the step."""
         rng = np.random.default_rng([self._seed, 1, step])
-        which = rng.integers(self._kept_back, len(self._views.lit), BATCH)
+        which = rng.integers(self._n_held_out, len(self._views.lit), BATCH)
         return sample(self._views, self._earths, which, rng)
 
     def _step(self, batch: Batch, done: float) -> float:
@@ -294,7 +294,7 @@ class _HeadTraining:
             "mean": self.mean,
             "adam": self._adam.state_dict(),
             "steps": self._steps,
-            "spent_s": self._spent_s,
+            "spent_s": self._elapsed_s,
         }
         torch.save(state, data)
         write_atomic(path, data.getvalue())
@@ -306,7 +306,7 @@ class _HeadTraining:
             state = torch.load(path, weights_only=True)
             self._head.load_state_dict(state["head"])
             self._adam.load_state_dict(state["adam"])
-            self.mean, self._steps, self._spent_s = state["mean"], state["steps"], state["spent_s"]
+            self.mean, self._steps, self._elapsed_s = state["mean"], state["steps"], state["spent_s"]
         except (
             RuntimeError,
             KeyError,

@@ -44,7 +44,7 @@ VIEW_PX, FILL_SHARE = 160, 0.97
 LIGHTS, SUNS, MAX_LIGHT_ANGLE_RAD = 6, 3, float(np.radians(125.0))
 
 # Area lights: side of a box and of a lamp, and distance from the target [radii]; half angle of a lamp [deg].
-BOX_RADII, LAMP_RADII, AWAY_RADII, LAMP_DEG = (0.4, 2.3), (0.1, 0.33), (1.3, 5.2), (12.0, 40.0)
+BOX_RADII, LAMP_RADII, DISTANCE_RADII, LAMP_DEG = (0.4, 2.3), (0.1, 0.33), (1.3, 5.2), (12.0, 40.0)
 
 SUN_M, SUN_W_M2 = 1.5e11, 1361.0
 
@@ -213,7 +213,7 @@ def _lit_by_lamp(
 ) -> SceneState:
     """Return the scene lit only by an area light in a direction of the camera frame, seen from the target."""
     origin = np.asarray(scene.t_camera_from_target_m)
-    distance_m = radius_m * float(rng.uniform(*AWAY_RADII))
+    distance_m = radius_m * float(rng.uniform(*DISTANCE_RADII))
     width, height = radius_m * rng.uniform(*(LAMP_RADII if lamp else BOX_RADII), size=2)
     light = AreaLight(
         position_m=vec3(origin + distance_m * direction),

@@ -210,7 +210,7 @@ def test_a_stream_that_begins_among_other_packets_is_begun_anew(endpoint, camera
             until = time.monotonic() + 5.0
             frame = None
             while frame is None and time.monotonic() < until:
-                mended += device.mend()
+                mended += device.restart_if_discarding()
                 frame = device.frame(0.05)
             assert frame is not None
             # thirty come in a second, and a busy machine may take two

@@ -190,7 +190,7 @@ def pending_links():
         return Link(clients[-1])
 
     yield links, client, gone
-    links.turn_away("the test is over")
+    links.refuse_all("the test is over")
     for one in clients:
         one.close()
     listener.close()
@@ -206,12 +206,12 @@ def test_the_first_to_say_hello_is_the_board_whoever_came_before():
         silent, talks, late = client(), client(), client()
         talks.send(Bye("no hello"))
         talks.transport._write(b"GET / HTTP/1.1\r\n\r\n" * 4)
-        assert links.hear(ready(links)) is None
+        assert links.receive_hello(ready(links)) is None
         late.send(Hello(board="mine"))
-        link, hello = links.hear(ready(links))
+        link, hello = links.receive_hello(ready(links))
         assert hello.board == "mine"
         assert len(links) == 2
-        links.turn_away("another board is connected")
+        links.refuse_all("another board is connected")
         assert silent.recv(5.0) == ErrorMessage(ErrorCode.BUSY, "another board is connected")
         assert gone == []
         link.transport.close()
@@ -238,7 +238,7 @@ def test_a_hello_that_cannot_be_read_is_refused_with_a_sentence():
         one = client()
         bad = Hello(board="x").encode()[:-1]
         one.transport.send_packet(Packet(PacketType.HELLO, bad))
-        assert links.hear(ready(links)) is None
+        assert links.receive_hello(ready(links)) is None
         assert one.recv(5.0) == ErrorMessage(ErrorCode.FORMAT, "a HELLO payload has 199 bytes, expected 200")
         assert len(links) == 0
         assert "199 bytes" in gone[0]

@@ -253,7 +253,9 @@ def test_what_goes_of_a_bias_is_replaced_by_what_nobody_knows():
     known = estimate_at_rest(mixed @ mixed.T)
     none_known = estimate_at_rest(np.eye(18))
     for kept in (1.0, 0.7, 0.2, 0.0):
-        np.testing.assert_allclose(none_known.with_decayed_bias(kept).joint_covariance, np.eye(18), atol=1e-12)
+        np.testing.assert_allclose(
+            none_known.with_decayed_bias(kept).joint_covariance, np.eye(18), atol=1e-12
+        )
     once, twice = known.with_decayed_bias(0.42), known.with_decayed_bias(0.7).with_decayed_bias(0.6)
     np.testing.assert_allclose(once.joint_covariance, twice.joint_covariance, atol=1e-12)
     np.testing.assert_allclose(once.pose_bias, twice.pose_bias)

@@ -118,11 +118,11 @@ def _mask_medians(image: Array, step: int, full_scale: float) -> Tuple[float, in
     absolute = _mask_response(a)
     total = a[:, 0] + a[:, 1] + a[:, 2]
     total = total[:, :-2] + total[:, 1:-1] + total[:, 2:]
-    overall = whole_median(absolute)
+    overall = integer_median(absolute)
     inside = total > 9 * (4 * (overall / 6.0 * 1.4826) + 0.02 * full_scale)
     inside &= total < 9 * 0.85 * full_scale
     number = int(np.count_nonzero(inside))
-    return overall, number, whole_median(absolute[inside]) if number else 0.0
+    return overall, number, integer_median(absolute[inside]) if number else 0.0
 
 
 def clipped_noise(image: Array) -> float:
@@ -158,7 +158,7 @@ def _mask_response(a: Array) -> Array:
     return np.abs(col[:, :-2] - 2 * col[:, 1:-1] + col[:, 2:])
 
 
-def whole_median(values: Array) -> float:
+def integer_median(values: Array) -> float:
     """Return the median of non-negative integers; small ones are counted, which is five times faster than sorting."""
     if int(values.max()) > MAX_COUNTED_VALUE:
         return float(np.median(values))

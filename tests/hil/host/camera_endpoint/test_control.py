@@ -16,7 +16,7 @@ from flyaround.hil.host.camera_endpoint.endpoint import CameraEndpoint
 from flyaround.hil.host.camera_endpoint.genicam_xml import OWN_NAME
 from flyaround.hil.host.camera_endpoint.gvsp import StreamFormat
 from flyaround.hil.host.camera_endpoint.messages import ImageResult, Note
-from flyaround.hil.host.camera_endpoint.registers import XML_ADDRESS, XML_URL, Place
+from flyaround.hil.host.camera_endpoint.registers import XML_ADDRESS, XML_URL, Register
 
 
 @pytest.fixture
@@ -68,18 +68,18 @@ def test_discovery_and_description(endpoint):
 
 def test_one_controller(endpoint):
     camera, pipe = endpoint
-    assert write(camera, Place.WIDTH, 64) == gvcp.Status.ACCESS_DENIED
-    assert write(camera, Place.CONTROL_PRIVILEGE, 2) == 0
-    assert write(camera, Place.WIDTH, 64) == 0
-    assert write(camera, Place.CONTROL_PRIVILEGE, 2, OTHER) == gvcp.Status.ACCESS_DENIED
-    assert write(camera, Place.WIDTH, 32, OTHER) == gvcp.Status.ACCESS_DENIED
-    read = command(0x80, struct.pack(">I", Place.WIDTH))
+    assert write(camera, Register.WIDTH, 64) == gvcp.Status.ACCESS_DENIED
+    assert write(camera, Register.CONTROL_PRIVILEGE, 2) == 0
+    assert write(camera, Register.WIDTH, 64) == 0
+    assert write(camera, Register.CONTROL_PRIVILEGE, 2, OTHER) == gvcp.Status.ACCESS_DENIED
+    assert write(camera, Register.WIDTH, 32, OTHER) == gvcp.Status.ACCESS_DENIED
+    read = command(0x80, struct.pack(">I", Register.WIDTH))
     assert struct.unpack(">I", camera.answer(read, OTHER)[8:]) == (64,)
-    assert write(camera, Place.CONTROL_PRIVILEGE, 0) == 0
-    assert write(camera, Place.CONTROL_PRIVILEGE, 1, OTHER) == 0
+    assert write(camera, Register.CONTROL_PRIVILEGE, 0) == 0
+    assert write(camera, Register.CONTROL_PRIVILEGE, 1, OTHER) == 0
     # exclusive: others may not even read
     assert (
-        status(camera.answer(command(0x80, struct.pack(">I", Place.WIDTH)), PEER))
+        status(camera.answer(command(0x80, struct.pack(">I", Register.WIDTH)), PEER))
         == gvcp.Status.ACCESS_DENIED
     )
     said = [pipe.recv().sentence for _ in range(4)]
@@ -88,31 +88,31 @@ def test_one_controller(endpoint):
 
 def test_control_ends_with_the_heartbeat(endpoint):
     camera, pipe = endpoint
-    assert write(camera, Place.CONTROL_PRIVILEGE, 2) == 0
-    assert write(camera, Place.HEARTBEAT_MS, 500) == 0
-    assert write(camera, Place.STREAM_PORT, 4000) == 0
-    camera._heard_s -= 1.0
+    assert write(camera, Register.CONTROL_PRIVILEGE, 2) == 0
+    assert write(camera, Register.HEARTBEAT_MS, 500) == 0
+    assert write(camera, Register.STREAM_PORT, 4000) == 0
+    camera._last_command_s -= 1.0
     camera.step()
-    assert camera._registers[Place.STREAM_PORT] == 0
-    assert write(camera, Place.CONTROL_PRIVILEGE, 2, OTHER) == 0
+    assert camera._registers[Register.STREAM_PORT] == 0
+    assert write(camera, Register.CONTROL_PRIVILEGE, 2, OTHER) == 0
     assert "said nothing" in [pipe.recv().sentence for _ in range(2)][1]
 
 
 def test_settings_reach_the_next_picture(endpoint):
     camera, pipe = endpoint
-    write(camera, Place.CONTROL_PRIVILEGE, 2)
+    write(camera, Register.CONTROL_PRIVILEGE, 2)
     for place, value in (
-        (Place.EXPOSURE_TIME, as_float(2500.0)),
-        (Place.GAIN, as_float(6.0)),
-        (Place.TRIGGER_MODE, 1),
-        (Place.ACQUISITION_START, 1),
+        (Register.EXPOSURE_TIME, as_float(2500.0)),
+        (Register.GAIN, as_float(6.0)),
+        (Register.TRIGGER_MODE, 1),
+        (Register.ACQUISITION_START, 1),
     ):
         assert write(camera, place, value) == 0
     camera.step()
     assert isinstance(pipe.recv(), Note)
     assert not pipe.poll()  # it waits for its trigger
-    assert write(camera, Place.WIDTH, 32) == gvcp.Status.BUSY
-    assert write(camera, Place.TRIGGER_SOFTWARE, 1) == 0
+    assert write(camera, Register.WIDTH, 32) == gvcp.Status.BUSY
+    assert write(camera, Register.TRIGGER_SOFTWARE, 1) == 0
     camera.step()
     wanted = pipe.recv()
     assert wanted.exposure_s == pytest.approx(2.5e-3)
@@ -124,13 +124,13 @@ def test_no_picture_leaves_before_its_exposure_is_over(endpoint):
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as receiver:
         receiver.bind(("127.0.0.1", 0))
         receiver.settimeout(5.0)
-        write(camera, Place.CONTROL_PRIVILEGE, 2)
+        write(camera, Register.CONTROL_PRIVILEGE, 2)
         here = int.from_bytes(socket.inet_aton("127.0.0.1"), "big")
         for place, value in (
-            (Place.STREAM_PORT, receiver.getsockname()[1]),
-            (Place.STREAM_ADDRESS, here),
-            (Place.EXPOSURE_TIME, as_float(2e5)),
-            (Place.ACQUISITION_START, 1),
+            (Register.STREAM_PORT, receiver.getsockname()[1]),
+            (Register.STREAM_ADDRESS, here),
+            (Register.EXPOSURE_TIME, as_float(2e5)),
+            (Register.ACQUISITION_START, 1),
         ):
             assert write(camera, place, value) == 0
         begun_s = time.monotonic()
@@ -138,7 +138,7 @@ def test_no_picture_leaves_before_its_exposure_is_over(endpoint):
         assert isinstance(pipe.recv(), Note)
         wanted = pipe.recv()
         pipe.send(ImageResult(wanted.request_id, np.zeros(SIZE, np.uint8)))
-        while camera._registers[Place.FRAMES_SENT] == 0:
+        while camera._registers[Register.FRAMES_SENT] == 0:
             camera.step()
         assert time.monotonic() - begun_s >= 0.19
         camera.step()
@@ -147,10 +147,10 @@ def test_no_picture_leaves_before_its_exposure_is_over(endpoint):
 
 def test_repeated_command_is_carried_out_once(endpoint):
     camera, _ = endpoint
-    write(camera, Place.CONTROL_PRIVILEGE, 2)
-    for place in (Place.TRIGGER_MODE, Place.ACQUISITION_START):
+    write(camera, Register.CONTROL_PRIVILEGE, 2)
+    for place in (Register.TRIGGER_MODE, Register.ACQUISITION_START):
         write(camera, place, 1)
-    trigger = command(0x82, struct.pack(">II", Place.TRIGGER_SOFTWARE, 1))
+    trigger = command(0x82, struct.pack(">II", Register.TRIGGER_SOFTWARE, 1))
     first = camera.answer(trigger, PEER)
     camera._acquisition.triggered = False
     assert camera.answer(trigger, PEER) == first
@@ -159,23 +159,23 @@ def test_repeated_command_is_carried_out_once(endpoint):
 
 def test_what_is_refused(endpoint):
     camera, _ = endpoint
-    write(camera, Place.CONTROL_PRIVILEGE, 2)
+    write(camera, Register.CONTROL_PRIVILEGE, 2)
     for place, value, refusal in (
-        (Place.WIDTH, 8, gvcp.Status.INVALID_PARAMETER),
-        (Place.WIDTH, SIZE[1] + 1, gvcp.Status.INVALID_PARAMETER),
-        (Place.OFFSET_X, 1, gvcp.Status.INVALID_PARAMETER),
-        (Place.PIXEL_FORMAT, StreamFormat.Mono16, gvcp.Status.INVALID_PARAMETER),
-        (Place.EXPOSURE_TIME, as_float(float("nan")), gvcp.Status.INVALID_PARAMETER),
-        (Place.EXPOSURE_TIME, as_float(-1.0), gvcp.Status.INVALID_PARAMETER),
-        (Place.GAIN, as_float(float("inf")), gvcp.Status.INVALID_PARAMETER),
-        (Place.STREAM_PACKET_BYTES, 10, gvcp.Status.INVALID_PARAMETER),
-        (Place.STREAM_PACKET_BYTES, 1 << 31 | 20000, gvcp.Status.INVALID_PARAMETER),
-        (Place.SENSOR_WIDTH, 64, gvcp.Status.WRITE_PROTECT),
+        (Register.WIDTH, 8, gvcp.Status.INVALID_PARAMETER),
+        (Register.WIDTH, SIZE[1] + 1, gvcp.Status.INVALID_PARAMETER),
+        (Register.OFFSET_X, 1, gvcp.Status.INVALID_PARAMETER),
+        (Register.PIXEL_FORMAT, StreamFormat.Mono16, gvcp.Status.INVALID_PARAMETER),
+        (Register.EXPOSURE_TIME, as_float(float("nan")), gvcp.Status.INVALID_PARAMETER),
+        (Register.EXPOSURE_TIME, as_float(-1.0), gvcp.Status.INVALID_PARAMETER),
+        (Register.GAIN, as_float(float("inf")), gvcp.Status.INVALID_PARAMETER),
+        (Register.STREAM_PACKET_BYTES, 10, gvcp.Status.INVALID_PARAMETER),
+        (Register.STREAM_PACKET_BYTES, 1 << 31 | 20000, gvcp.Status.INVALID_PARAMETER),
+        (Register.SENSOR_WIDTH, 64, gvcp.Status.WRITE_PROTECT),
         (0x0006, 64, gvcp.Status.BAD_ALIGNMENT),
         (0xFFFFFFFC, 1, gvcp.Status.INVALID_ADDRESS),
         (XML_ADDRESS, 1, gvcp.Status.WRITE_PROTECT),
         # pictures are sent to the controller and to no third machine
-        (Place.STREAM_ADDRESS, 0xC0000201, gvcp.Status.INVALID_PARAMETER),
+        (Register.STREAM_ADDRESS, 0xC0000201, gvcp.Status.INVALID_PARAMETER),
     ):
         assert write(camera, place, value) == refusal, (place, value)
     for payload, refusal in (
@@ -187,7 +187,7 @@ def test_what_is_refused(endpoint):
         (b"", gvcp.Status.INVALID_HEADER),
     ):
         assert status(camera.answer(command(0x84, payload), PEER)) == refusal, payload
-    across = struct.pack(">I2I", Place.CONTROL_PRIVILEGE, 2, 0)
+    across = struct.pack(">I2I", Register.CONTROL_PRIVILEGE, 2, 0)
     assert status(camera.answer(command(0x86, across), PEER)) == gvcp.Status.ACCESS_DENIED
     assert status(camera.answer(command(0x1234), PEER)) == gvcp.Status.NOT_IMPLEMENTED
 
@@ -205,7 +205,7 @@ def test_strangers_are_not_answered(endpoint):
 
 def test_hostile_packets_take_no_memory(endpoint):
     camera, pipe = endpoint
-    write(camera, Place.CONTROL_PRIVILEGE, 2)
+    write(camera, Register.CONTROL_PRIVILEGE, 2)
     rng = random.Random(5)
     numbers = (0x0002, 0x0040, 0x0080, 0x0082, 0x0084, 0x0086, 0x0004, 0xFFFF)
     tracemalloc.start()
@@ -215,7 +215,8 @@ def test_hostile_packets_take_no_memory(endpoint):
             payload = rng.randbytes(rng.randrange(0, 560))
             if rng.random() < 0.5:  # addresses near real ones
                 payload = (
-                    struct.pack(">I", rng.choice(list(Place)) + rng.randrange(-8, 8) & 0xFFFFFFFF) + payload
+                    struct.pack(">I", rng.choice(list(Register)) + rng.randrange(-8, 8) & 0xFFFFFFFF)
+                    + payload
                 )
             datagram = bytearray(command(rng.choice(numbers), payload, flags=rng.randrange(256)))
             if rng.random() < 0.3:
