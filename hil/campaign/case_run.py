@@ -36,7 +36,7 @@ from flyaround.hil.host.pose_link import PoseLink
 from flyaround.hil.host.report import TRACE_JSON, write_report
 from flyaround.hil.host.run import RunConfig
 from flyaround.hil.link.security import read_key
-from flyaround.hil.link.session import SILENCE_TIMEOUT_S as LINK_SILENCE_S
+from flyaround.hil.link.session import SILENCE_S as LINK_SILENCE_S
 from flyaround.hil.navigation.closed_loop import ClosedLoopConfig
 from flyaround.simulator.errors import UserError
 from flyaround.simulator.runtime.files import write_document

@@ -249,4 +249,6 @@ def test_a_quantity_without_a_value_meets_nothing_and_says_what_it_is(comparison
     requirement = Requirement(name="on time", quantity="e2e_ms_p99", comparison=comparison, limit=100.0)
     missed = Verdict.of(requirement, value)
     assert (missed.passed, missed.value, missed.margin) == (False, None, None)
-    assert missed.sentence.startswith("on time: e2e_ms_p99 has no value (frame out to pose back, ")
+    assert missed.sentence.startswith(
+        "on time: e2e_ms_p99 has no value (time from sending a frame to receiving its pose, "
+    )

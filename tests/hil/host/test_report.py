@@ -167,9 +167,9 @@ def test_no_ledger_is_one_sentence(tmp_path):
     ("body", "said"),
     [
         (b"\xff\xfe,\n", "utf-8"),
-        (b"3,2026-01-01T00:00:00Z,0.1,0.01,accepted\n", f"it has not {len(COLUMNS)} fields"),
+        (b"3,2026-01-01T00:00:00Z,0.1,0.01,accepted\n", f"it does not have {len(COLUMNS)} fields"),
         (b"x" * 200_000 + b"\n", "field limit"),
-        (b"three" + b"," * (len(COLUMNS) - 1) + b"\n", "outcome '' is none"),
+        (b"three" + b"," * (len(COLUMNS) - 1) + b"\n", "outcome '' is invalid"),
         (b"three,,,,declined" + b"," * (len(COLUMNS) - 5) + b"\n", "invalid literal"),
     ],
     ids=["not text", "short", "endless", "no outcome", "no number"],

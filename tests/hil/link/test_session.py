@@ -79,7 +79,9 @@ def test_the_pixel_format_is_the_first_that_both_take():
     grey = Hello(pixel_formats=format_mask([PixelFormat.Mono8, PixelFormat.Mono16]))
     wanted = (PixelFormat.Mono12p, PixelFormat.Mono16)
     assert answer_hello(grey, TERMS, pixel_formats=wanted).pixel_format is PixelFormat.Mono16
-    with pytest.raises(FormatRefused, match="takes pixels as Mono8, Mono16 and the host sends RGB8: choose"):
+    with pytest.raises(
+        FormatRefused, match="accepts pixels as Mono8, Mono16 but the host sends RGB8: choose"
+    ):
         answer_hello(grey, TERMS, pixel_formats=[PixelFormat.RGB8])
 
 
@@ -88,11 +90,11 @@ def test_the_pixel_format_is_the_first_that_both_take():
     [
         (
             Hello(model_name="cygnus"),
-            r"model of 'cygnus' but the host flies 'tango': start the board with --target",
+            r"model of 'cygnus' but the host's target is 'tango': start the board with --target",
         ),
         (
             Hello(model_name="tango", model_sha256="cd" * 32),
-            r"\(cdcdcdcdcdcd\) is not the one .*copy it to the board",
+            r"\(cdcdcdcdcdcd\) differs from the host.*copy it to the board",
         ),
     ],
 )
@@ -117,7 +119,7 @@ def test_version_mismatch_is_one_sentence_at_the_board():
     board, host = virtual_pair()
     host.send_packet(Packet(PacketType.BYE, Bye("later protocol").encode(), version=9))
     with pytest.raises(
-        LinkError, match="speaks link protocol 9 and this one 2: install the same version"
+        LinkError, match="uses link protocol 9, this one 2: install the same version"
     ) as caught:
         greet_host(Link(board), Hello(), 5.0)
     assert "\n" not in str(caught.value)

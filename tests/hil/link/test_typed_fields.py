@@ -59,7 +59,7 @@ def test_broken_fields_are_refused_in_a_sentence(message, tail, words):
         (HEADER, field(2, b"\7"), "transfer function of pixels 7"),
         (POSE, field(3, bytes(80)), "80 bytes, expected 84"),
         (POSE, field(3, struct.pack("<21f", -1.0, *[0.0] * 20)), "a negative variance"),
-        (POSE, field(3, struct.pack("<21f", *[0.0] * 20, float("inf"))), "not finite"),
+        (POSE, field(3, struct.pack("<21f", *[0.0] * 20, float("inf"))), "non-finite"),
     ],
 )
 def test_values_that_mean_nothing_are_refused(message, tail, words):

@@ -132,9 +132,9 @@ def test_a_library_that_was_changed_or_taken_away_is_not_loaded(folder: Path) ->
     if platform.machine() == "x86_64":
         # a checkout that was installed without zig has those of other processors not
         others = ", ".join(sorted(path.stem for path in folder.glob("*.so"))) or "none"
-        assert f"no compiled library for linux-x86_64 (there are: {others})" in refusal()
+        assert f"no compiled library for linux-x86_64 (available: {others})" in refusal()
     shutil.rmtree(folder)
-    assert "there are: none" in refusal()
+    assert "available: none" in refusal()
 
 
 def test_a_library_of_another_platform_is_refused(folder: Path) -> None:
@@ -169,7 +169,7 @@ def test_an_unknown_processor_is_told_which_there_are(
     monkeypatch.setattr(library.platform, "machine", lambda: machine)
     sentence = refusal()
     assert says in sentence
-    assert "there are: linux-" in sentence
+    assert "available: linux-" in sentence
 
 
 @pytest.mark.parametrize("machine", ["armv7l", "armv8l", "aarch64"])
@@ -283,7 +283,7 @@ def test_the_default_method_is_refused_without_a_library_and_the_published_ones_
         assert run([*given, *more]) == 2
         told = capsys.readouterr().err
         assert told.startswith("flyaround: the estimator has no compiled library for ")
-        assert "(there are: none)" in told
+        assert "(available: none)" in told
         assert "svd-2018 and svd-thesis (--method) need no library" in told
         assert len(told.splitlines()) == 1
     for more in (
