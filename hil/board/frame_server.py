@@ -129,7 +129,7 @@ class FrameServer:
 
     def run(self) -> BoardSummary:
         """Serve frames until the session ends."""
-        self._link.transport.be_patient(self._silence_s)
+        self._link.transport.set_silence_limit(self._silence_s)
         self._receiver.start()
         self._worker.start()
         try:

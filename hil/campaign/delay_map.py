@@ -153,11 +153,11 @@ class _Map:
         s = self._settings
         latencies = list(s.latencies_s)
         cells = self._fly(_grid(latencies, s))
-        while len(latencies) < len(s.latencies_s) + EXTENSIONS and self._half_at(cells, latencies[-1]):
+        while len(latencies) < len(s.latencies_s) + EXTENSIONS and self._is_above_half(cells, latencies[-1]):
             step = latencies[-1] - latencies[-2] if len(latencies) > 1 else latencies[-1]
             latencies.append(round(latencies[-1] + step, 6))
             cells |= self._fly(_grid(latencies[-1:], s))
-        refined = self._refined(cells, latencies)
+        refined = self._refine_half_latency(cells, latencies)
         half = []
         for drops in s.drops:
             for jitter_s in s.jitters_s:
@@ -170,15 +170,15 @@ class _Map:
             extended=tuple(latencies[len(s.latencies_s) :]),
             cells=tuple(cells[c] for c in sorted(cells, key=_order)),
             refined=tuple(refined[c] for c in sorted(refined, key=_order)),
-            checked=self._checked(list(cells.values())),
+            checked=self._verify(list(cells.values())),
         )
 
     def _fly(self, cells: Iterable[Cell]) -> dict[Cell, CellResult]:
         """Return the results of some cells, flown after all earlier ones."""
-        target_share = list(cells)
-        self._tasks += self._flights(target_share, self._settings.flights)
-        counted = self._counted(FLIGHTS_CSV, "flights", self._tasks)
-        return {cell: counted[cell] for cell in target_share}
+        new_cells = list(cells)
+        self._tasks += self._flights(new_cells, self._settings.flights)
+        results = self._simulate(FLIGHTS_CSV, "flights", self._tasks)
+        return {cell: results[cell] for cell in new_cells}
 
     def _flights(
         self, cells: Iterable[Cell], n: int, board_command: tuple[str, ...] | None = None
@@ -190,11 +190,14 @@ class _Map:
             for k in range(n)
         ]
 
-    def _counted(self, table: str, what: str, tasks: Sequence[MapFlight]) -> dict[Cell, CellResult]:
+    def _simulate(self, table: str, what: str, tasks: Sequence[MapFlight]) -> dict[Cell, CellResult]:
         """Fly the flights missing in a table, and return the results of all its cells."""
         progress = partial(self._progress, what)
-        flown = fly_cells(self._folder / table, tasks, self._workers, progress)
-        n, good = Counter(cell for cell, _ in flown), Counter(cell for cell, success in flown if success)
+        outcomes = fly_cells(self._folder / table, tasks, self._workers, progress)
+        n, good = (
+            Counter(cell for cell, _ in outcomes),
+            Counter(cell for cell, success in outcomes if success),
+        )
         results = {}
         for cell, flights in n.items():
             low, high = wilson_interval(good[cell], flights) or (0.0, 1.0)
@@ -207,11 +210,13 @@ class _Map:
             )
         return results
 
-    def _half_at(self, cells: dict[Cell, CellResult], latency_s: float) -> bool:
+    def _is_above_half(self, cells: dict[Cell, CellResult], latency_s: float) -> bool:
         """Return True if more than half still succeed for some jitter and loss rate."""
         return any(r.share > 0.5 for cell, r in cells.items() if cell.latency_s == latency_s)
 
-    def _refined(self, cells: dict[Cell, CellResult], latencies: Sequence[float]) -> dict[Cell, CellResult]:
+    def _refine_half_latency(
+        self, cells: dict[Cell, CellResult], latencies: Sequence[float]
+    ) -> dict[Cell, CellResult]:
         """Refine the 50 % latency by bisection between its two neighbours."""
         s = self._settings
         refined: dict[Cell, CellResult] = {}
@@ -229,12 +234,12 @@ class _Map:
                 high = cell.latency_s
         return refined
 
-    def _checked(self, cells: Sequence[CellResult]) -> tuple[CheckedCell, ...]:
+    def _verify(self, cells: Sequence[CellResult]) -> tuple[CheckedCell, ...]:
         """Verify some cells with rendered images and a board."""
         s = self._settings
         selected = {Cell(r.latency_s, r.jitter_s, r.drops): r for r in select_cells(cells, s.check)}
         tasks = self._flights(selected, s.check_flights, self._board_command)
-        drawn = self._counted(CHECKS_CSV, "drawn flights", tasks) if tasks else {}
+        drawn = self._simulate(CHECKS_CSV, "drawn flights", tasks) if tasks else {}
         return tuple(
             CheckedCell(without_pictures=r, drawn=again, agree=again.low <= r.high and r.low <= again.high)
             for r, again in ((selected[cell], again) for cell, again in drawn.items())

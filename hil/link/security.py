@@ -236,9 +236,9 @@ class HostTransport:
                     )
                 raise LinkClosed("it did not prove that it has the host's key: start it with --key FILE")
 
-    def be_patient(self, silence_s: float) -> None:
+    def set_silence_limit(self, silence_s: float) -> None:
         """Set the silence after which the other side is considered lost."""
-        self._line.be_patient(silence_s)
+        self._line.set_silence_limit(silence_s)
 
     def fileno(self) -> int:
         """Return the file descriptor to wait on."""
@@ -277,9 +277,9 @@ class BoardTransport:
             if packet.type is not PacketType.AUTH_CHALLENGE:
                 return self._seal.open(packet)
 
-    def be_patient(self, silence_s: float) -> None:
+    def set_silence_limit(self, silence_s: float) -> None:
         """Set the silence after which the other side is considered lost."""
-        self._line.be_patient(silence_s)
+        self._line.set_silence_limit(silence_s)
 
     def fileno(self) -> int:
         """Return the file descriptor to wait on."""

@@ -42,7 +42,7 @@ class PoseErrors:
     def __init__(self, noise: PoseNoise, rng: Generator) -> None:
         self._noise, self._rng = noise, rng
         self._bias = rng.standard_normal(6)
-        self._before: tuple[FloatArray, FloatArray] | None = None
+        self._previous: tuple[FloatArray, FloatArray] | None = None
 
     def draw(self, snapshot: Snapshot) -> PoseMeasurement | None:
         """Return the pose of a snapshot with random errors; None if no pose is accepted.
@@ -51,22 +51,22 @@ class PoseErrors:
         """
         q, t = snapshot.pose()
         # always draw the same numbers, so that runs differ only by their seed
-        fresh, other = self._rng.standard_normal((2, 6))
-        is_there, is_wrong = self._rng.random(2) < (self._noise.available, self._noise.wrong)
-        anywhere = self._rng.standard_normal(6)
-        if self._before is not None:
-            turn = float(np.linalg.norm(rotvec_between(self._before[0], q)))
-            ratio = float(np.linalg.norm(t) / np.linalg.norm(self._before[1]))
-            correlation = self._noise.memory.kept(turn, ratio)
-            self._bias = correlation * self._bias + np.sqrt(1.0 - correlation * correlation) * fresh
-        self._before = q, t
-        if not is_there:
+        innovation, new_noise = self._rng.standard_normal((2, 6))
+        is_accepted, is_wrong = self._rng.random(2) < (self._noise.available, self._noise.wrong)
+        gross_error = self._rng.standard_normal(6)
+        if self._previous is not None:
+            angle_rad = float(np.linalg.norm(rotvec_between(self._previous[0], q)))
+            ratio = float(np.linalg.norm(t) / np.linalg.norm(self._previous[1]))
+            correlation = self._noise.memory.kept(angle_rad, ratio)
+            self._bias = correlation * self._bias + np.sqrt(1.0 - correlation * correlation) * innovation
+        self._previous = q, t
+        if not is_accepted:
             return None
         pose = self._noise.measured(snapshot.t_s, q, t, snapshot.q_camera_from_eci_wxyz)
         new = pose.new_errors()
-        error = pose.remembered_errors() @ self._bias + np.linalg.cholesky(new @ new.T) @ other
+        error = pose.remembered_errors() @ self._bias + np.linalg.cholesky(new @ new.T) @ new_noise
         if is_wrong:
-            error = np.concatenate([0.1 * np.linalg.norm(t) * anywhere[:3], 2.0 * anywhere[3:]])
+            error = np.concatenate([0.1 * np.linalg.norm(t) * gross_error[:3], 2.0 * gross_error[3:]])
         return self._noise.measured(
             snapshot.t_s,
             quat_multiply(q, quat_from_rotvec(error[3:])),

@@ -19,9 +19,12 @@ BURST = 8
 MAX_BURSTS = 4
 """Largest number of consecutive bursts for catching up, before commands are processed again."""
 MAX_GAP_S = 1e-4
+"""Maximum time between packets, so that small images do not take half an interval."""
 SHARE_OF_INTERVAL = 0.5
-MAX_KEPT_BYTES = 64 << 20
-MAX_KEPT_BLOCKS = 8
+"""Share of the frame interval over which the packets of a block are spread."""
+MAX_STORED_BYTES = 64 << 20
+MAX_STORED_BLOCKS = 8
+"""Limits of the blocks stored for resending."""
 MAX_RESENT = 2048
 """Largest number of packets resent per request."""
 RESENT_PER_PACKET = 2
@@ -46,7 +49,7 @@ class StreamChannel:
         self._socket.settimeout(0.05)
         self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, 4 << 20)
         self._loss_share, self._random = loss_share, random.Random(seed)
-        self._kept: OrderedDict[int, Block] = OrderedDict()
+        self._sent_blocks: OrderedDict[int, Block] = OrderedDict()
         self._block: Block | None = None
         self._waiting: tuple[Block, tuple[str, int], float] | None = None
         self._number = 0
@@ -55,7 +58,7 @@ class StreamChannel:
         self._resent: dict[int, int] = {}
         self._allowance = 0
         """Number of packets that may be resent: as many as were sent, so that requests cannot multiply the traffic."""
-        self.packets_sent = self.packets_resent = self.packets_left_out = 0
+        self.packets_sent = self.packets_resent = self.packets_dropped = 0
 
     @property
     def source_port(self) -> int:
@@ -93,19 +96,19 @@ class StreamChannel:
     def _begin(self, block: Block, to: tuple[str, int], gap_s: float, now_s: float) -> None:
         self._block, self._number, self._to = block, 0, to
         self._gap_s, self._due_s = gap_s, now_s
-        self._kept[block.block_id] = block
-        while len(self._kept) > 1 and (
-            len(self._kept) > MAX_KEPT_BLOCKS
-            or sum(len(b.data) for b in self._kept.values()) > MAX_KEPT_BYTES
+        self._sent_blocks[block.block_id] = block
+        while len(self._sent_blocks) > 1 and (
+            len(self._sent_blocks) > MAX_STORED_BLOCKS
+            or sum(len(b.data) for b in self._sent_blocks.values()) > MAX_STORED_BYTES
         ):
-            self._kept.popitem(last=False)
-        self._resent = {block_id: n for block_id, n in self._resent.items() if block_id in self._kept}
+            self._sent_blocks.popitem(last=False)
+        self._resent = {block_id: n for block_id, n in self._resent.items() if block_id in self._sent_blocks}
         self._allowance = min(self._allowance, RESENT_PER_PACKET * block.n_packets)
 
     def stop(self) -> None:
         """Stop sending, and discard packets kept for resending."""
         self._block = self._waiting = self._to = None
-        self._kept.clear()
+        self._sent_blocks.clear()
 
     def step(self, now_s: float) -> None:
         """Send the packets that are due."""
@@ -133,15 +136,15 @@ class StreamChannel:
         to = self._to
         if to is None or request.channel != 0:
             return
-        block = self._kept.get(request.block_id)
+        block = self._sent_blocks.get(request.block_id)
         if block is None:
             self._send(unavailable(request.block_id, request.first), to)
             return
         last = min(request.last, block.n_packets - 1, request.first + MAX_RESENT - 1)
         if block is self._block:  # packets not yet sent are still to come
             last = min(last, self._number - 1)
-        spent = self._resent.get(request.block_id, 0)
-        budget = min(RESENT_PER_PACKET * block.n_packets - spent, self._allowance)
+        resent = self._resent.get(request.block_id, 0)
+        budget = min(RESENT_PER_PACKET * block.n_packets - resent, self._allowance)
         for number in range(request.first, min(last, request.first + budget - 1) + 1):
             self._send(block.packet(number, RESENT), to)
             self.packets_resent += 1
@@ -163,13 +166,12 @@ class StreamChannel:
 
     def _send(self, packet: bytes, to: tuple[str, int]) -> None:
         if self._loss_share and self._random.random() < self._loss_share:
-            self.packets_left_out += 1
+            self.packets_dropped += 1
             return
         try:
             self._socket.sendto(packet, to)
-        except (
-            OSError
-        ):  # too long for the line, no route, a full queue: to the receiver, each is a lost packet
-            self.packets_left_out += 1
+        except OSError:
+            # too long for the line, no route, or a full queue: the receiver sees a lost packet
+            self.packets_dropped += 1
         else:
             self.packets_sent += 1

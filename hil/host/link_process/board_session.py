@@ -226,7 +226,7 @@ class BoardSession:
             self.next_sync_ns = now_ns() + SYNC_TIMEOUT_NS
             self.counts = msgspec.structs.replace(self.counts, sessions=self.counts.sessions + 1)
         self.ack = ack
-        link.transport.be_patient(self._config.silence_s)
+        link.transport.set_silence_limit(self._config.silence_s)
         self._send(BoardGreeted())
         try:
             link.send(ack)

@@ -46,7 +46,7 @@ class Transport(Protocol):
     def recv_packet(self, timeout_s: float) -> Optional[Packet]:
         """Return the next packet, or None after ``timeout_s``; raise PacketError for damage, LinkClosed at the end."""
 
-    def be_patient(self, silence_s: float) -> None:
+    def set_silence_limit(self, silence_s: float) -> None:
         """Set the silence after which the other side is considered lost; keep-alives adapt to it."""
 
     def fileno(self) -> int:
@@ -85,7 +85,7 @@ class StreamTransport(ABC):
         self._framing = framing
         self._closed = False
 
-    def be_patient(self, silence_s: float) -> None:  # noqa: B027 - optional
+    def set_silence_limit(self, silence_s: float) -> None:  # noqa: B027 - optional
         """Set the silence after which the other side is considered lost."""
 
     def send_packet(self, packet: Packet) -> None:

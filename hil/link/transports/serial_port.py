@@ -106,7 +106,7 @@ class _SharedPort:
         self.send_packet = port.send_packet
         self.send_damaged = port.send_damaged
         self.recv_packet = port.recv_packet
-        self.be_patient = port.be_patient
+        self.set_silence_limit = port.set_silence_limit
         self.fileno = port.fileno
 
     def close(self) -> None:

@@ -62,9 +62,9 @@ class TcpTransport(StreamTransport):
         keep_alive(sock)
         self._sock = sock
         self._send_stall_s, self._send_packet_s = send_stall_s, send_packet_s
-        self.be_patient(0.0)
+        self.set_silence_limit(0.0)
 
-    def be_patient(self, silence_s: float) -> None:
+    def set_silence_limit(self, silence_s: float) -> None:
         """Set the silence after which a peer is considered lost, if longer than the default."""
         silence_s = min(silence_s, MAX_TIMEOUT_S)
         self._send_stall_s = max(self._send_stall_s, silence_s)

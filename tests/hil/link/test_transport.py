@@ -44,7 +44,7 @@ def test_a_slow_peer_is_waited_for_as_long_as_the_session_says():
     client = socket.create_connection(server.getsockname())
     peer, _ = server.accept()
     a = TcpTransport(client, "tcp://test", send_stall_s=0.2)
-    a.be_patient(20.0)
+    a.set_silence_limit(20.0)
 
     def read_late():
         time.sleep(0.6)
