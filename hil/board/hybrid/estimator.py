@@ -1,7 +1,7 @@
-"""The method ``hybrid``: an image in, a pose with its confidence out.
+"""The method ``hybrid``: estimates a pose and its confidence from one image.
 
-Every function takes a frozen state and returns the next (``search_states``): prepare -> propose -> choose -> check ->
-answer. A round is a proposal with all that follows it; ``PoseEstimator.initialise`` says which rounds there are.
+Every function takes a frozen state and returns the next one (``search_states``): prepare -> propose -> choose -> check
+-> answer. A round runs from a proposal to an answer; ``PoseEstimator.initialise`` defines the sequence of rounds.
 """
 
 from __future__ import annotations
@@ -48,17 +48,17 @@ from flyaround.hil.board.hybrid.search_states import Choice, PreparedImage, Prop
 from flyaround.hil.board.method_names import HYBRID
 from flyaround.hil.board.svd.wireframe_groups import model_triads
 
-# Most regions given to the network, and most places that it returns before a texture and before empty space.
+# Maximum number of regions passed to the network, and of locations it returns in front of a texture and of empty space.
 NETWORK_REGIONS, TEXTURED_PLACES, EMPTY_PLACES = 5, 2, 1
 
-# Logit of the presence score from which only the network's first region is searched by edges.
+# Logit of the presence score above which only the network's first region is searched by edges.
 PRESENT_LOGIT = 2.0
 
-# Largest deficit of a pose's log-likelihood by the network before the pose is dropped. Right poses had at most 2.7
+# Maximum deficit of a pose's log-likelihood by the network; correct poses are far below it
 # (docs/lab/2026-11-keypoint-network.md).
 MAX_NETWORK_DEFICIT = 5.0
 
-# Most regions searched by edges before a texture and before empty space.
+# Maximum number of regions searched by edges in front of a texture and of empty space.
 TEXTURED_REGIONS, EMPTY_REGIONS = 2, 3
 
 
@@ -66,7 +66,7 @@ TEXTURED_REGIONS, EMPTY_REGIONS = 2, 3
 
 
 def propose_learned(image: PreparedImage) -> Proposals:
-    """Propose poses of the most likely places, by the keypoint network (Park, Sharma & D'Amico 2019)."""
+    """Propose poses at the most likely locations by the keypoint network (Park, Sharma & D'Amico 2019)."""
     frame, places = image.frame, []
     if image.setup.learned is not None:
         keep = TEXTURED_PLACES if frame.background < 0 else EMPTY_PLACES
@@ -80,7 +80,7 @@ def propose_learned(image: PreparedImage) -> Proposals:
 
 
 def propose_again(first: Proposals, learned: LearnedProposer) -> Proposals:
-    """Propose poses from further inferences on the places of the first round, and keep those of the first round."""
+    """Propose poses from further inferences at the locations of the first round, in addition to its hypotheses."""
     image, target, frame = first.image, first.image.setup.target, first.image.frame
     places = [
         learned.look_again(frame.image, frame.noise, place, image.reduced, frame.black)
@@ -92,7 +92,7 @@ def propose_again(first: Proposals, learned: LearnedProposer) -> Proposals:
 
 
 def propose_by_edges(image: PreparedImage, places: Sequence[LearnedProposal]) -> Proposals:
-    """Propose poses of perceptual groups and of viewpoint templates, aligned on the edges of each region."""
+    """Propose poses from perceptual groups and viewpoint templates, aligned on the edges of each region."""
     target, frame = image.setup.target, image.frame
     # where the network detects the craft, edges may still find attitudes that it does not propose
     detected = [place.source for place in places if place.craft > PRESENT_LOGIT]
@@ -126,7 +126,7 @@ def rank(proposals: Proposals) -> Proposals:
 
 
 def choose(proposals: Proposals) -> Choice:
-    """Refine the hypotheses and choose among them: by the whole image if the target has faces, else by edges."""
+    """Refine the hypotheses and choose one: by the whole image if the target has faces, otherwise by edges."""
     if proposals.image.setup.has_faces:
         return _choose_by_image(proposals)
     target, frame = proposals.image.setup.target, proposals.image.frame
@@ -141,17 +141,17 @@ def _choose_by_image(proposals: Proposals) -> Choice:
     image, thorough = proposals.image, proposals.thorough
     target, frame, regime = image.setup.target, image.frame, image.regime
     prior = _prior(proposals)
-    # the best of each region on a small patch of it
+    # the best hypotheses of each region, on a small patch of it
     aligned = refine_coarsely(target, frame, regime, proposals.hypotheses, thorough=thorough)
     aligned = without_unlikely(aligned, prior)
     _keep_poses(frame, "coarse_alignment", aligned)
     frame.mark("coarse_alignment")
-    # the leaders, the winner's near-symmetries and its tilts on one patch of the target
+    # the best hypotheses, and near-symmetries and tilts of the first one, on one patch of the target
     patch, aligned = refine_close_up(target, frame, aligned, thorough=thorough)
     aligned = without_unlikely(aligned, prior)
     _keep_poses(frame, "close_alignment", aligned)
     frame.mark("close_alignment")
-    # those refined to their ends on the whole image
+    # hypotheses refined to convergence on the full resolution
     selection = select_by_image(target, frame, regime, patch, aligned, thorough=thorough)
     _keep_poses(frame, "final_alignment", selection.ends)
     frame.mark("final_alignment")
@@ -159,9 +159,9 @@ def _choose_by_image(proposals: Proposals) -> Choice:
 
 
 def without_unlikely(hypotheses: List[Hypothesis], prior: Optional[Prior]) -> List[Hypothesis]:
-    """Return the hypotheses without those that are far less likely by the keypoint network than another.
+    """Return the hypotheses except those that the keypoint network considers far less likely than another.
 
-    In the light of lamps a view of the wrong side explains an image nearly as well as one of the right side.
+    Under lamps a view of the wrong side explains an image nearly as well as a view of the right side.
     """
     if prior is None or len(hypotheses) < 2:
         return hypotheses
@@ -177,13 +177,13 @@ def _keep_poses(frame: Observation, stage: str, hypotheses: Sequence[Hypothesis]
 
 
 def check(choice: Choice) -> Choice:
-    """Compare the selected pose with its symmetries, where confidence was not fitted on the target."""
+    """Compare the selected pose with its symmetries, unless the confidence was fitted on this target."""
     setup, frame = choice.image.setup, choice.image.frame
     if setup.has_faces and not setup.calibrated and setup.target.round:
         choice = replace(choice, selection=check_axial_symmetry(setup.target, frame, choice.selection))
         frame.mark("axial_symmetry")
     if setup.has_faces and not setup.calibrated and setup.has_symmetries:
-        # a few small parts distinguish the half turns of a round target
+        # only a few small parts distinguish half turns of a round target
         selection = check_discrete_symmetry(setup.target, frame, choice.selection, _prior(choice.proposals))
         choice = replace(choice, selection=selection)
         frame.mark("discrete_symmetry")
@@ -197,7 +197,7 @@ def _prior(proposals: Proposals) -> Optional[Prior]:
 
 
 def _evidence(choice: Choice) -> Evidence:
-    """Return the evidence of the selection with the terms of the network and of the target's calibration."""
+    """Return the evidence of the selection, completed by terms of the network and the calibration."""
     image, best = choice.image, choice.selection.best
     learned, places = image.setup.learned, choice.proposals.places
     return replace(
@@ -214,17 +214,17 @@ def _evidence(choice: Choice) -> Evidence:
 
 
 def answer(choice: Choice, first: Optional[PoseResult]) -> PoseResult:
-    """Polish the selected pose and decide on it; return the most confident answer of all rounds.
+    """Refine the selected pose further and decide on it; return the most confident answer of all rounds.
 
     Parameters
     ----------
     first : PoseResult, optional
-        The answer of the rounds before.
+        Answer of the previous rounds.
     """
     setup, frame, selection = choice.image.setup, choice.image.frame, choice.selection
     pose = selection.best.pose
     if setup.has_faces:
-        # the last steps change the pose but not the evidence for it
+        # the last steps change the pose but not its evidence
         pose = settle(setup.target, frame, selection.close, selection.best)
         frame.mark("settling")
     evidence = _evidence(choice)
@@ -235,12 +235,12 @@ def answer(choice: Choice, first: Optional[PoseResult]) -> PoseResult:
     if evidence.score is not None:
         pose = replace(pose, covariance=scaled_covariance(evidence, pose))
     result = decided(frame, pose, evidence, selection.alternatives, setup.accept_at)
-    # scores are not comparable because the rounds use different patches of the image
+    # scores of different rounds are not comparable, because they use different patches
     return result if first is None or result.confidence > first.confidence else first
 
 
 class PoseEstimator(Estimator):
-    """Estimator of a target's pose from single images, without state between them.
+    """Estimator of a target's pose from single images; it keeps no state between images.
 
     Parameters
     ----------
@@ -254,14 +254,14 @@ class PoseEstimator(Estimator):
     Raises
     ------
     KernelError
-        If the compiled library cannot be used here.
+        If no compiled library is usable on this machine.
     """
 
     method = HYBRID
     takes_sun = True
 
     def __init__(self, model: BoardModel, camera: CameraIntrinsics, accept_at: float = ACCEPT_AT) -> None:
-        # loaded now, so that the first frame does not wait
+        # loaded now, so that the first frame is not delayed
         library()
         super().__init__(model, camera)
         self.target = PreparedTarget.prepare(model, camera)
@@ -281,7 +281,7 @@ class PoseEstimator(Estimator):
         """Return the pose in one image, without a prior."""
         image = prepare(self.setup, frame)
         first, result = _round(propose_learned(image), None)
-        # a search by edges would double the time for hardly more right poses
+        # a search by edges would double the time and find hardly any further correct poses
         if image.setup.learned is not None and result is not None and not result.accepted:
             _, result = _round(propose_again(first, image.setup.learned), result)
         if result is None:
@@ -295,7 +295,7 @@ class PoseEstimator(Estimator):
 
 
 def _round(proposals: Proposals, before: Optional[PoseResult]) -> Tuple[Proposals, Optional[PoseResult]]:
-    """Return the ranked proposals and the answer of all rounds, which is the earlier one if there are no proposals."""
+    """Return the ranked proposals and the answer of all rounds; ``before`` is returned if there are no proposals."""
     if not proposals.hypotheses:
         return proposals, before
     proposals = rank(proposals)

@@ -1,6 +1,6 @@
-"""Roll check of round targets: compares the selected pose with poses rotated a few degrees about the symmetry axis.
+"""Check of the roll angle of round targets: compares the pose with poses rotated about the symmetry axis.
 
-The outline of a round target hardly changes with roll, so its windows and panels must decide.
+The silhouette of a round target hardly changes with roll, so only windows and panels determine the roll.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ Array = np.ndarray
 # Iteratively reweighted least squares of the axis: iterations, and lower bound of the residuals [share of the radius].
 IRLS_ITERATIONS, MIN_RESIDUAL = 10, 0.01
 
-# Most rounds. A round that finds a better pose is followed by another round from there.
+# Maximum number of rounds; each starts from the better pose found by the previous one.
 ROUNDS = 3
 
 # Rotations about the axis to evaluate [rad]. They are fine because refinement seldom corrects a roll error of 7 deg.
@@ -37,14 +37,16 @@ def axis(model: BoardModel) -> Tuple[Array, Array]:
 
     Returns
     -------
-    along : (3,) unit vector.
-    through : (3,) point on the axis [m].
+    along : (3,) array
+        Unit vector along the axis, target frame.
+    through : (3,) array
+        Point on the axis, target frame [m].
     """
     assert model.outlines is not None  # noqa: S101 - it is round
     gentle = curved(model)
     points, normals = model.outlines.points_m[gentle], model.outlines.normals[gentle]
     along = np.linalg.eigh(normals.T @ normals)[1][:, 0]
-    # the line along each normal of a surface of revolution meets the axis; residuals of fins and pods are down-weighted
+    # the normals of a surface of revolution intersect the axis; residuals of fins and pods get little weight
     side = np.cross(along, normals)
     beside, weight = np.sum(side * points, axis=1), np.ones(len(points))
     for _ in range(IRLS_ITERATIONS):
@@ -57,8 +59,8 @@ def axis(model: BoardModel) -> Tuple[Array, Array]:
 def check_axial_symmetry(target: PreparedTarget, frame: Observation, selection: Selection) -> Selection:
     """Return the selection, or a better one whose pose is rotated about the symmetry axis.
 
-    Windows and panels on a round wall cause local optima a few degrees of roll apart, too close to each other to be
-    treated as ambiguous. The correct roll scores higher even before refinement.
+    Windows and panels on a round wall cause local optima a few degrees of roll apart, too close to each other to count
+    as ambiguous. The correct roll has a higher score even before refinement.
     """
     for _ in range(ROUNDS):
         other = _better_turn(target, frame, selection)
@@ -69,7 +71,7 @@ def check_axial_symmetry(target: PreparedTarget, frame: Observation, selection: 
 
 
 def _better_turn(target: PreparedTarget, frame: Observation, selection: Selection) -> Optional[Selection]:
-    """Refine the best of the rotated poses and return the new selection, or None if its score is no better."""
+    """Refine the best of the rotated poses and return the new selection; None if its score is no better."""
     end, patch = selection.best, selection.close
     along, through = axis(target.model)
     middle = quat.matrix(end.q) @ through + end.t

@@ -25,37 +25,37 @@ WEIGHTS = (1.0, -0.91, 5.48, 11.32, 1.65, -0.275, -1.64, -2.42, -23.0, 0.336, -0
 # Saturated share of the craft above which the confidence falls, because a saturated surface shows no detail.
 MAX_SATURATED_SHARE = 0.3
 
-# Clipping of the network's terms: largest deficit of its log-likelihood, and largest logit of the presence score.
+# Limits of the network's terms: maximum deficit of its log-likelihood, and maximum logit of the presence score.
 NETWORK_DEFICIT, NETWORK_SURE = 12.0, 10.0
 
-# Least margin by which a pose must lead the best distinct one: by edges alone, and by the whole image.
+# Minimum score margin over the best distinct pose: by edges only, and by the whole image.
 MIN_MARGIN, MIN_IMAGE_MARGIN = 0.015, 0.005
 
-# Craft that the confidence was fitted on. Others are accepted more strictly. Their margin must be this share of the
-# score, because half turns of round bodies differ by 4 % of it; and their logit is reduced, as that of a craft without
-# a network is.
+# Craft on which the confidence was fitted. Others are accepted more strictly: their margin must be at least
+# UNCALIBRATED_MARGIN of the score, because half turns of round bodies differ by 4 % of it, and their logit is reduced,
+# as is the logit of a craft without a network.
 CALIBRATED_CRAFT = ("tango", "tango-mockup")
 UNCALIBRATED_MARGIN, UNCALIBRATED_PENALTY, NO_NETWORK_PENALTY = 0.1, 3.0, 2.0
 
-# Explained share of the craft's area below which a decline gives that as its reason.
+# Explained share of the craft's area below which the reason of a declined pose is the unexplained image.
 MIN_EXPLAINED_AREA = 0.3
 
-# Factor on the covariance at a reference size, and the power by which it grows with the size [px]. Errors of the model
-# are a fixed share of the craft, so that they matter more for a large craft than the noise does.
+# Factor of the covariance at a reference size, and the power by which the factor grows with the size [px]. Model errors
+# are a fixed share of the craft's size, so for a large craft they exceed the effect of noise.
 COVARIANCE_FACTOR, COVARIANCE_SIZE_PX, COVARIANCE_POWER = 0.32, 400.0, 1.2
 
-# Standard deviations added by lamps, because a mock-up differs from its model: rotation [rad], and position over range
-# (tools/studies/confidence_fit.py).
+# Standard deviations added under lamps, because a mock-up differs from its model: rotation [rad], and position over
+# range (tools/studies/confidence_fit.py).
 LAMPS_SIGMA_RAD, LAMPS_SIGMA_SHARE = 0.014, 0.010
 
-# The same for uncalibrated craft, whose surfaces and rotations about their axes are determined less well.
+# Standard deviations added for uncalibrated craft, whose surfaces and roll angles are less well determined.
 UNCALIBRATED_SIGMA_RAD, UNCALIBRATED_SIGMA_SHARE = 0.010, 0.005
 
-# Least number of edge samples of any decision. Of a decision by edges alone: least share of the model's length with an
-# edge, before empty space and before a texture, and least share of the samples with one.
+# Minimum number of edge samples of any decision. For a decision by edges only: minimum share of the model's length with
+# an edge, in front of empty space and of a texture, and minimum share of samples with an edge.
 MIN_EDGES, MIN_DRAWN, MIN_DRAWN_TEXTURED, MIN_FOUND = 25, 0.35, 0.5, 0.3
 
-# Least diameter of the target's bounding sphere [px]: a smaller one fits any pose.
+# Minimum diameter of the target's bounding sphere [px]: a smaller image fits any pose.
 MIN_SIZE_PX = 70.0
 
 
@@ -72,13 +72,13 @@ class Evidence:
     outside : float
         Share of the lit pixels outside the model's silhouette.
     margin : float
-        Score of the pose less that of the best distinct one.
+        Score of the pose minus that of the best distinct pose.
     found : float
         Share of the visible samples with a sub-pixel edge.
     tight : float
-        Share of the visible samples with a sub-pixel edge very near.
+        Share of the visible samples whose sub-pixel edge is very close.
     rms_px : float
-        RMS residual of these samples [px].
+        RMS residual of the samples with a sub-pixel edge [px].
     sigma_rad : float
         Predicted one-sigma error of the attitude [rad].
     sigma_share : float
@@ -90,12 +90,12 @@ class Evidence:
     empty : bool
         True if the background is empty space.
     score : float, optional
-        Share of the image explained by the rendered target, see ``photometric.explained``; None of a decision by edges
-        alone.
+        Share of the image explained by the rendered target, see ``photometric.explained``; None for a decision by edges
+        only.
     likeness : float, optional
         Correlation of the rendered target with the image, see ``photometric.likeness``.
     covered : float
-        The score on the target's own pixels, see ``photometric.likeness``.
+        Score restricted to the target's own pixels, see ``photometric.likeness``.
     calibrated : bool
         True if the confidence was fitted on this target.
     has_network : bool
@@ -103,9 +103,9 @@ class Evidence:
     burnt : float
         Saturated share of the target's pixels.
     regime : Regime
-        Light of the image.
+        Illumination regime of the image.
     network : float
-        Log-likelihood of the pose by the network, relative to that of its best pose.
+        Log-likelihood of the pose by the network, relative to the maximum over poses.
     craft : float
         Logit of the network's presence score.
     """
@@ -136,8 +136,8 @@ class Evidence:
 def confidence(e: Evidence) -> float:
     """Return the estimated probability that a pose is right within 5 degrees and 5 % of the range.
 
-    For a target without faces it is a logistic fit on rendered frames before black space
-    (docs/lab/2026-11-estimator.md). Terms without a weight (drawn, explained) bound the decision instead.
+    For a target without faces it is a logistic fit on rendered frames in front of empty space
+    (docs/lab/2026-11-estimator.md). Terms without a weight (drawn, explained) have thresholds in `decide` instead.
     """
     if e.score is not None:
         return image_confidence(e, e.score)
@@ -145,7 +145,7 @@ def confidence(e: Evidence) -> float:
     z -= 22.0 * min(e.sigma_rad, 1.0) + 95.0 * min(e.sigma_share, 1.0) + 84.0 * min(e.outside, 0.3)
     # few samples can agree by chance
     z -= 0.1 * max(0, 50 - e.edges)
-    # the weights were fitted before empty space, where lit pixels outside the silhouette disprove a pose
+    # the weights were fitted in front of empty space, where lit pixels outside the silhouette contradict a pose
     z -= 0.0 if e.empty else 1.5
     return float(1.0 / (1.0 + np.exp(-np.clip(z, -30, 30))))
 
@@ -160,13 +160,12 @@ def image_confidence(e: Evidence, score: float) -> float:
 def terms(e: Evidence, score: float) -> Array:
     """Return the (11,) regressors of the confidence.
 
-    They do not depend on the scale of the image, the size of the target or the noise, except through the predicted
-    errors.
+    They do not depend on image scale, target size or noise, except through the predicted errors.
     """
     unlike = 1.0 - (0.0 if e.likeness is None else e.likeness)
     return np.array(
         [
-            # relative margin to the best other attitude
+            # margin over the best distinct pose relative to the score
             min(max(e.margin / max(score, 0.02), 0.0), 1.0),
             # likeness, and explained share of the target's area
             np.log(min(max(unlike, 0.003), 1.0)),
@@ -177,7 +176,7 @@ def terms(e: Evidence, score: float) -> Array:
             # predicted errors
             np.log(max(e.sigma_rad, 1e-4)),
             np.log(max(e.sigma_share, 1e-5)),
-            # before empty space any pose explains more
+            # in front of empty space any pose explains more
             float(e.empty),
             # a saturated surface shows no detail
             max(e.burnt - MAX_SATURATED_SHARE, 0.0),
@@ -189,7 +188,7 @@ def terms(e: Evidence, score: float) -> Array:
 
 
 def scaled_covariance(e: Evidence, pose: PoseFit) -> Array:
-    """Return the (6, 6) covariance of a pose that was scored by the whole image: rotation [rad], position [m]."""
+    """Return the (6, 6) covariance of a pose scored by the whole image: rotation [rad], position [m]."""
     scale = COVARIANCE_FACTOR * (max(e.size_px, MIN_SIZE_PX) / COVARIANCE_SIZE_PX) ** COVARIANCE_POWER
     covariance = scale * pose.covariance
     range_m = float(np.linalg.norm(pose.t))
@@ -203,7 +202,7 @@ def scaled_covariance(e: Evidence, pose: PoseFit) -> Array:
 
 
 def min_margin(e: Evidence) -> float:
-    """Return the margin below which another pose explains the image as well."""
+    """Return the margin below which another pose explains the image equally well."""
     if e.score is None:
         return MIN_MARGIN
     return MIN_IMAGE_MARGIN if e.calibrated else max(MIN_IMAGE_MARGIN, UNCALIBRATED_MARGIN * e.score)
@@ -232,7 +231,7 @@ def decided(
     alternatives: Tuple[Alternative, ...],
     accept_at: float = ACCEPT_AT,
 ) -> PoseResult:
-    """Return the estimator's result for a pose: accepted if its evidence suffices."""
+    """Return the estimator's result for a pose, accepted if its evidence is sufficient."""
     reason = decide(evidence, accept_at)
     frame.mark("decision")
     return PoseResult(

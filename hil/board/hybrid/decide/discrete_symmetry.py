@@ -1,4 +1,4 @@
-"""Check of discrete symmetries: a refined pose against its near-symmetries, by small parts on a finer image."""
+"""Check of discrete symmetries: compares a refined pose with its near-symmetries by small parts on a finer image."""
 
 from __future__ import annotations
 
@@ -23,14 +23,14 @@ from flyaround.hil.board.hybrid.refine.shadows import LitView, search_sun, sharp
 
 Array = np.ndarray
 
-# Longest side of the patch that they are compared on [px], and side of the shadow map [px].
+# Longest side of the patch on which the poses are compared [px], and side of the shadow map [px].
 PATCH_PX, SHADOW_MAP_PX = 350, 480
 
-# Least difference of two drawings at a pixel [sigma], error of a drawing as a share of its brightness, and blurs [px].
+# Minimum difference of two renderings at a pixel [sigma], rendering error as a share of brightness, and blurs [px].
 MIN_CONTRAST, MODEL_ERROR, BLURS = 3.0, 0.3, (1.0, 2.0)
 
-# Log-likelihood ratio of two poses per unit of score, of preference and of the network's log-likelihood, which counts
-# at most this much. A logistic fit on pairs of poses of Soyuz, Tianzhou and Chang'e-6 (seed 9310).
+# Weights of score, preference and the network's log-likelihood in the log-likelihood ratio of two poses, and limit of
+# the network's log-likelihood. A logistic fit on pairs of poses of Soyuz, Tianzhou and Chang'e-6 (seed 9310).
 SCORE_WEIGHT, PREFERENCE_WEIGHT, PRIOR_WEIGHT, MAX_PRIOR = 12.0, 2.5, 1.4, 4.0
 
 # Score margin per unit of log-likelihood ratio: acceptance needs a ratio of 2.5 (held-out half of the same pairs).
@@ -47,11 +47,11 @@ class TurnedEnd:
     Parameters
     ----------
     end : Hypothesis
-        The pose.
+        Refined pose.
     drawn : LitView
-        It on the finer patch.
+        Rendering of the pose on the finer patch.
     log_prior : float
-        Its log-likelihood by the network, zero without one.
+        Log-likelihood of the pose by the network; zero without a network.
     """
 
     end: Hypothesis
@@ -62,10 +62,10 @@ class TurnedEnd:
 def check_discrete_symmetry(
     target: PreparedTarget, frame: Observation, selection: Selection, prior: Optional[Prior] = None
 ) -> Selection:
-    """Compare a selection with its pose turned by each near-symmetry, all refined, and return the most likely one.
+    """Compare a selected pose with its rotations by each near-symmetry, all refined, and return the most likely one.
 
-    The evidence is the score of each pose, the pixels of a finer patch in which the drawings differ (an antenna or
-    sensors make up a hundredth of the score), and the log-likelihood of the network.
+    The evidence combines the score of each pose, the pixels of a finer patch in which the renderings differ (an antenna
+    or sensors make up a hundredth of the score), and the network's log-likelihood.
 
     Parameters
     ----------
@@ -74,7 +74,7 @@ def check_discrete_symmetry(
     frame : Observation
         Image with its noise and background.
     selection : Selection
-        The selection to check.
+        Selection to check.
     prior : callable, optional
         Log-likelihood of a pose by the network.
     """
@@ -90,12 +90,12 @@ def check_discrete_symmetry(
     leads = _leads(twins, finer)
     k = int(leads.argmax())
     best, clear = twins[k].end, float(leads[k])
-    # its near-symmetries were compared here and are no rivals
+    # near-symmetries of the best pose were compared above and are no competitors
     turned = [quat.multiply(best.q, s) for s in symmetries]
     others = [h for h in selection.ranked if all(quat.angle_rad(h.q, w) > DISTINCT_RAD for w in turned)]
     new = select(target, patch, others, [best])
     behind = clear * max(best.score, 0.0) * MARGIN_OF_LIKELIHOOD
-    # poses refined before, at another turn about the axis for example, are still rivals
+    # other refined poses, for example at another roll angle, remain competitors
     rivals = [
         best.score - e.score
         for e in selection.ends
@@ -108,7 +108,7 @@ def check_discrete_symmetry(
 
 
 def _leads(twins: List[TurnedEnd], patch: ImagePatch) -> Array:
-    """Return the log-likelihood ratio (N,) of each pose to the most likely other one, of at least two."""
+    """Return the log-likelihood ratio (N,) of each pose to the most likely of the others; at least two poses."""
     most = max([1e-6, *(w.end.score for w in twins)])
     alone = [SCORE_WEIGHT * w.end.score / most + PRIOR_WEIGHT * max(w.log_prior, -MAX_PRIOR) for w in twins]
     leads = np.full((len(twins), len(twins)), np.inf)
@@ -120,10 +120,10 @@ def _leads(twins: List[TurnedEnd], patch: ImagePatch) -> Array:
 
 
 def preference(best: LitView, other: LitView, patch: ImagePatch) -> float:
-    """Return how clearly the image shows one drawing rather than another, -1 to 1, by the pixels in which they differ.
+    """Return how clearly the image prefers one rendering to another, -1 to 1, from the pixels in which they differ.
 
-    A matched filter: position of the image between the two drawings along their difference. What both leave
-    unexplained cancels.
+    It is a matched filter: position of the image between the two renderings along their difference. Residuals common to
+    both cancel.
     """
     a, b = (patch.response.of(blurred(d.shading.picture, OPTICS_PX / patch.factor))[0] for d in (best, other))
     out = []
@@ -139,14 +139,14 @@ def preference(best: LitView, other: LitView, patch: ImagePatch) -> float:
 
 
 def _box(target: PreparedTarget, ends: List[Hypothesis]) -> Box:
-    """Return the box that holds the target at every pose."""
+    """Return the box that encloses the target at every pose."""
     boxes = np.array([target_box(target, e.q, e.t) for e in ends])
     (x0, y0), (x1, y1) = boxes[:, :2].min(axis=0), boxes[:, 2:].max(axis=0)
     return int(x0), int(y0), int(x1), int(y1)
 
 
 def _drawn(target: PreparedTarget, patch: ImagePatch, end: Hypothesis, prior: Optional[Prior]) -> TurnedEnd:
-    """Return a pose drawn on a finer patch with sharp shadows."""
+    """Return a pose rendered on a finer patch with sharp shadows."""
     q, t = end.q, end.t
     view = sharpen_shadows(target, patch, q, t, search_sun(target, patch, q, t), SHADOW_MAP_PX)
     return TurnedEnd(end, view, 0.0 if prior is None else prior(q, t))

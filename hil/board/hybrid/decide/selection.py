@@ -1,4 +1,4 @@
-"""Hypothesis selection: the best refined pose, its rivals, and the evidence for the decision."""
+"""Hypothesis selection: the best refined pose, competing hypotheses, and the evidence for the decision."""
 
 from __future__ import annotations
 
@@ -26,23 +26,23 @@ from flyaround.hil.board.hybrid.refine.final import MAX_ROUNDS, refine_to_end
 from flyaround.hil.board.hybrid.refine.photometric import burnt_share, likeness, photo_draw
 from flyaround.hil.board.hybrid.refine.shadows import search_sun
 
-# Most hypotheses that are refined, and their least share of the best score; the same in a second round.
+# Maximum number of refined hypotheses, and their minimum share of the best score; then the same in a second round.
 MAX_ENDS, END_SHARE = 2, 0.85
 THOROUGH_ENDS, THOROUGH_SHARE = 3, 0.75
 
-# Rounds of refinement in the light of lamps.
+# Maximum number of alignments under lamps.
 LAMPS_ROUNDS = 3
 
-# Most rivals that are refined as well because they seem to explain as much as the winner.
+# Maximum number of competitors that are also refined because they explain about as much as the best hypothesis.
 MAX_TIES = 2
 
-# Score from which no other pose near the best one is refined.
+# Score above which no other hypothesis close to the best one is refined.
 CLEAR_SCORE = 0.27
 
-# A rival behind by this share of the best score is not searched for a better Sun.
+# Deficit, as a share of the best score, above which no better Sun is searched for a competitor.
 MAX_DEFICIT = 0.5
 
-# Weight of a sharp sub-pixel fit against the total support, among near poses.
+# Weight of the share of samples with a very close sub-pixel edge against total support, among close poses.
 TIGHT_WEIGHT = 0.5
 
 
@@ -53,19 +53,19 @@ class Selection:
     Parameters
     ----------
     best : Hypothesis
-        The selected one, refined.
+        Selected hypothesis, refined.
     evidence : Evidence
-        Input of the decision on it.
+        Evidence for the decision on it.
     alternatives : tuple of Alternative
         Distinct other poses.
     patch : ImagePatch, optional
-        Patch that all were scored on; None of a selection by edges.
+        Patch on which all hypotheses were scored; None for a selection by edges.
     ranked : tuple of Hypothesis
-        Every hypothesis that was aligned there, the best first.
+        Hypotheses aligned on the patch, best first.
     ends : tuple of Hypothesis
-        Those that were refined.
+        Refined hypotheses.
     rival : Hypothesis, optional
-        The best other hypothesis that was not refined.
+        Best competitor that was not refined.
     """
 
     best: Hypothesis
@@ -78,7 +78,7 @@ class Selection:
 
     @property
     def close(self) -> ImagePatch:
-        """Patch that poses were scored on, of a selection by the image."""
+        """Patch on which poses were scored, for a selection by the whole image."""
         assert self.patch is not None  # noqa: S101 - a selection by edges has no such checks
         return self.patch
 
@@ -92,7 +92,7 @@ def select_by_image(
     *,
     thorough: bool = False,
 ) -> Selection:
-    """Refine the best hypotheses, and select among them.
+    """Refine the best hypotheses and select among them.
 
     Parameters
     ----------
@@ -101,28 +101,28 @@ def select_by_image(
     frame : Observation
         Image with its noise and background.
     regime : Regime
-        Its light.
+        Illumination regime of the image.
     patch : ImagePatch
-        Patch of the target, of ``refine_close_up``.
+        Patch of the target from ``refine_close_up``.
     ranked : list of Hypothesis
-        Hypotheses aligned on it, the best first.
+        Hypotheses aligned on the patch, best first.
     thorough : bool
         Refine more of them.
     """
-    # scores of poses that have not converged do not rank them: refinement decides
+    # scores before convergence do not rank hypotheses, so the best ones are refined first
     ends: List[Hypothesis] = []
     rounds = LAMPS_ROUNDS if regime is Regime.LAMPS else MAX_ROUNDS
     most, lead = (THOROUGH_ENDS, THOROUGH_SHARE) if thorough else (MAX_ENDS, END_SHARE)
     for h in ranked[:most]:
         if h.score <= lead * ranked[0].score and h is not ranked[0]:
             continue
-        # near poses converge to one: refine both only if a small gain decides about acceptance
+        # close poses converge to the same optimum: refine both only if a small gain may decide on acceptance
         starts = [e.origin for e in ends]
         if ends and len(without_duplicates([*starts, h])) == len(ends) and ends[0].score > CLEAR_SCORE:
             continue
         ends.append(refine_to_end(target, frame, patch, h, rounds))
     selection = select(target, patch, ranked, ends, thorough=thorough)
-    # a rival that has not converged may converge to the winner, or fall behind
+    # a competitor that has not converged may converge to the best pose, or fall behind
     for _ in range(MAX_TIES):
         rival = selection.rival
         if rival is None or selection.evidence.margin >= min_margin(selection.evidence):
@@ -142,20 +142,20 @@ def select(
     *,
     thorough: bool = False,
 ) -> Selection:
-    """Select the best refined hypothesis, and collect the evidence for the decision on it.
+    """Select the best refined hypothesis and collect the evidence for the decision on it.
 
     Parameters
     ----------
     target : PreparedTarget
         Target with its precomputed tables.
     patch : ImagePatch
-        Patch that all were scored on.
+        Patch on which all hypotheses were scored.
     ranked : list of Hypothesis
-        Every hypothesis that was aligned there, the best first.
+        Hypotheses aligned on the patch, best first.
     ends : list of Hypothesis
-        Those that were refined, at least one.
+        Refined hypotheses, at least one.
     thorough : bool
-        True if the hypotheses come from many places and from all round the winner.
+        True if the hypotheses come from many locations and include variants of the best one.
     """
     best = max(ends, key=lambda e: _merit(target, patch, e))
     pose, field = best.pose, best.source.field
@@ -163,18 +163,18 @@ def select(
     there = [e.origin for e in ends if same_end(e.pose, pose)]
     margin = here = max(start.score for start in there)
     rivals = [h for h in ranked if differs(h.q, h.t, pose.q, pose.t)]
-    # a start that converged to the winner is no rival; but if the only start was far away, among few hypotheses, the
-    # convergence may be accidental
+    # a hypothesis that converged to the best pose is no competitor; but if the only one started far away, among few
+    # hypotheses, its convergence may be accidental
     if thorough or not all(differs(start.q, start.t, pose.q, pose.t) for start in there):
         rivals = [h for h in rivals if not was_refined(h, ends)]
     rival = max(rivals, key=lambda h: h.score, default=None)
     if rival is not None:
         explains = rival.score
-        # with the shadows of a better Sun it explains more; searched only if that may matter
+        # shadows of a better Sun may raise the competitor's score; searched only if that may matter
         if here - explains < MAX_DEFICIT * here:
             explains = search_sun(target, patch, rival.q, rival.t, seen=rival.seen).score
         margin -= max(explains, 0.0)
-    # two refined poses need not be far apart to be two answers
+    # two refined poses may be distinct optima even if they are close
     for other in ends:
         if not same_end(other.pose, pose):
             margin = min(margin, best.score - other.score)
@@ -187,7 +187,7 @@ def select(
 
 
 def _view(target: PreparedTarget, patch: ImagePatch, end: Hypothesis) -> Shading:
-    """Return the drawing of a refined pose on a patch, the stored one if there is one."""
+    """Return the rendering of a refined pose on a patch, cached if available."""
     if end.view is not None:
         return end.view
     return photo_draw(end.q, end.t, faces_of(target), patch, target.camera.pinhole, end.sun)
@@ -196,7 +196,7 @@ def _view(target: PreparedTarget, patch: ImagePatch, end: Hypothesis) -> Shading
 def _merit(target: PreparedTarget, patch: ImagePatch, end: Hypothesis) -> float:
     """Return the merit of a refined pose: its score times its likeness.
 
-    Any drawing that covers a bright object explains much of the image; its likeness shows whether it is the target.
+    Any rendering that covers a bright object explains much of the image; likeness shows whether that is the target.
     """
     return end.score * max(likeness(_view(target, patch, end), patch)[0], 0.0)
 
@@ -211,21 +211,21 @@ def select_by_edges(target: PreparedTarget, found: List[Hypothesis], refined: Li
     found : list of Hypothesis
         Hypotheses of every region.
     refined : list of Hypothesis
-        The best of them, refined by ``refine_on_edges``.
+        Best hypotheses, refined by ``refine_on_edges``.
     """
-    # distinct poses are compared by their whole support, near ones by their sub-pixel fit
+    # distinct poses are compared by total support, close ones by their sub-pixel fit
     top = max(refined, key=lambda h: h.score)
     near = [h for h in refined if not differs(h.q, h.t, top.q, top.t)]
     best = max(near, key=lambda h: h.score + TIGHT_WEIGHT * (0.0 if h.edge_fit is None else h.edge_fit.tight))
     rivals = [h.score for h in (*found, *refined) if differs(h.q, h.t, best.q, best.t)]
-    # the best pose of this neighbourhood against the best of any other
+    # the best pose near the optimum against the best distinct one
     margin = top.score - max(rivals, default=0.0)
     others = alternatives([(h.q, h.t, h.score) for h in (*found, *refined)], best.q, best.t)
     return Selection(best, edge_evidence(target, best, margin), others)
 
 
 def image_evidence(target: PreparedTarget, best: Hypothesis, s: Support, margin: float) -> Evidence:
-    """Return the evidence of a hypothesis that was judged by the whole image; ``s`` is its support by edges."""
+    """Return the evidence for a hypothesis scored by the whole image; ``s`` is its edge support."""
     turn, shift = _sigmas(best.pose)
     return Evidence(
         drawn=s.drawn,
@@ -245,7 +245,7 @@ def image_evidence(target: PreparedTarget, best: Hypothesis, s: Support, margin:
 
 
 def edge_evidence(target: PreparedTarget, best: Hypothesis, margin: float) -> Evidence:
-    """Return the evidence of a hypothesis that was refined on sub-pixel edges."""
+    """Return the evidence for a hypothesis refined on sub-pixel edges."""
     fit, s = best.edge_fit, best.support
     assert fit is not None  # noqa: S101 - it was refined on edges
     return replace(
@@ -259,11 +259,11 @@ def edge_evidence(target: PreparedTarget, best: Hypothesis, margin: float) -> Ev
 
 
 def _sigmas(pose: PoseFit) -> Tuple[float, float]:
-    """Return one-sigma errors along the worst determined directions: attitude [rad], and position over range."""
+    """Return one-sigma errors along the least determined directions: attitude [rad], and position over range."""
     shift = largest_sigma(pose.covariance[3:, 3:])
     return largest_sigma(pose.covariance[:3, :3]), shift / float(np.linalg.norm(pose.t))
 
 
 def _size_px(target: PreparedTarget, pose: PoseFit) -> float:
-    """Return the diameter of the target's bounding sphere on the image [px]."""
+    """Return the diameter of the target's bounding sphere in the image [px]."""
     return 2 * target.radius_m * target.camera.fx_px / max(float(pose.t[2]), 1e-3)

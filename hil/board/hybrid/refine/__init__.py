@@ -1,1 +1,1 @@
-"""Refinement of hypotheses on edges or on all pixels. Accepts nothing."""
+"""Refinement of hypotheses on edges or on all pixels; the decision to accept a pose is in ``decide``."""

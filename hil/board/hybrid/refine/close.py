@@ -16,17 +16,17 @@ from flyaround.hil.board.hybrid.model.prepared_target import PreparedTarget
 from flyaround.hil.board.hybrid.propose.variants import near_symmetries, over_its_image, tilts
 from flyaround.hil.board.hybrid.refine.parallel import Pruning, draw, draw_shadows, refine_in_parallel
 
-# Most hypotheses that are compared with the best one, in the first round and in the second.
+# Maximum number of hypotheses that are compared with the best one, in the first and in the second round.
 MAX_RIVALS, THOROUGH_RIVALS = 3, 7
 
-# Least share of the best score at which a near-symmetry is aligned, and least overlap of boxes at the same place.
+# Minimum share of the best score at which a near-symmetry is aligned, and minimum overlap of boxes at one location.
 SYMMETRY_SHARE, MIN_OVERLAP = 0.6, 0.5
 
-# Longest side of the patch [px], blur and pruning of each step (see ``coarse.COARSE_PRUNINGS``).
+# Longest side of the patch [px], and blur and pruning of each step (see ``coarse.COARSE_PRUNINGS``).
 CLOSE_PX, CLOSE_BLURS = 120, (1.2, 0.6)
 CLOSE_PRUNINGS = (Pruning(0.65, 0.07), Pruning(0.85, 0.07))
 
-# The same for tilts, which start far from their minima.
+# Blurs and prunings for tilts, which start far from their optima.
 TILT_BLURS = (2.0, 2.0, 2.0, 1.2, 0.6)
 TILT_PRUNINGS = (Pruning(-9.0, 0.0), Pruning(-9.0, 0.03), Pruning(-9.0, 0.05), *CLOSE_PRUNINGS)
 
@@ -34,7 +34,7 @@ TILT_PRUNINGS = (Pruning(-9.0, 0.0), Pruning(-9.0, 0.03), Pruning(-9.0, 0.05), *
 def refine_close_up(
     target: PreparedTarget, frame: Observation, leaders: List[Hypothesis], *, thorough: bool = False
 ) -> Tuple[ImagePatch, List[Hypothesis]]:
-    """Return the patch around the best hypothesis, and hypotheses and near-symmetries aligned on it, the best first.
+    """Return the patch around the best hypothesis, and hypotheses and near-symmetries aligned on it, best first.
 
     Parameters
     ----------
@@ -43,10 +43,10 @@ def refine_close_up(
     frame : Observation
         Image with its noise and background.
     leaders : list of Hypothesis
-        Hypotheses of ``refine_coarsely``, the best first, at least one.
+        Hypotheses from ``refine_coarsely``, best first, at least one.
     thorough : bool
-        Align more of them, every near-symmetry, and tilts of the best one, all with their shadows, because the first
-        round may have ended in a local minimum.
+        Align more hypotheses, every near-symmetry and tilts of the best one, all with shadows, because the first round
+        may have ended in a local optimum.
     """
     first = leaders[0].at(leaders[0].q, leaders[0].t)
     box = target_box(target, first.q, first.t)
@@ -62,13 +62,13 @@ def refine_close_up(
         others = [o for o in others if o.source.region == first.source.region][:MAX_RIVALS]
     patch = cut_patch(target, frame, box, CLOSE_PX)
     drawn = [draw(target, patch, h) for h in (first, *others)]
-    # near-symmetries that are hypotheses already need no second alignment
+    # a near-symmetry that is already among the hypotheses is not aligned twice
     twins = [
         draw(target, patch, twin)
         for twin in over_its_image(target, patch, near_symmetries(target, [first]), first)
         if all(quat.angle_rad(twin.q, o.q) > SPREAD_RAD for o in (first, *others))
     ]
-    # before a texture a few degrees cost most of the score: every near-symmetry is aligned
+    # in front of a texture an error of a few degrees costs most of the score: every near-symmetry is aligned
     every = thorough or frame.background < 0
     drawn += [twin for twin in twins if every or twin.score > SYMMETRY_SHARE * drawn[0].score]
     drawn = [draw_shadows(target, patch, h) for h in drawn]
@@ -92,16 +92,16 @@ def refine_tilts(
     blurs: Tuple[float, ...],
     prunings: Tuple[Pruning, ...],
 ) -> List[Hypothesis]:
-    """Return tilts of a pose, aligned with their shadows, the best first."""
+    """Return tilts of a pose, aligned with shadows, best first."""
     about = [draw_shadows(target, patch, draw(target, patch, h)) for h in tilts(target, held)]
     return refine_in_parallel(target, patch, about, blurs, prunings)
 
 
 def refine_symmetries(target: PreparedTarget, patch: ImagePatch, held: Hypothesis) -> List[Hypothesis]:
-    """Return near-symmetries of a nearly converged pose, aligned with their shadows, the best first.
+    """Return near-symmetries of a nearly converged pose, aligned with shadows, best first.
 
-    Near-symmetries of a pose that has not converged are a few degrees off, which before a texture costs most of the
-    score.
+    Near-symmetries of a pose that has not converged are a few degrees off, which in front of a texture costs most of
+    the score.
     """
     variants = over_its_image(target, patch, near_symmetries(target, [held]), held)
     drawn = [draw_shadows(target, patch, draw(target, patch, h)) for h in variants]
@@ -109,7 +109,7 @@ def refine_symmetries(target: PreparedTarget, patch: ImagePatch, held: Hypothesi
 
 
 def _overlap(a: Box, b: Box) -> float:
-    """Return the area that two boxes share over that of the smaller one."""
+    """Return the intersection area of two boxes divided by the area of the smaller one."""
     wide, high = min(a[2], b[2]) - max(a[0], b[0]), min(a[3], b[3]) - max(a[1], b[1])
     least = min((x1 - x0) * (y1 - y0) for x0, y0, x1, y1 in (a, b))
     return max(wide, 0) * max(high, 0) / max(least, 1)

@@ -1,4 +1,4 @@
-"""Coarse alignment: the most likely hypotheses of each region in parallel, on a small patch of it."""
+"""Coarse alignment: the most likely hypotheses of each region, refined in parallel on a small patch."""
 
 from __future__ import annotations
 
@@ -13,28 +13,28 @@ from flyaround.hil.board.hybrid.model.prepared_target import PreparedTarget
 from flyaround.hil.board.hybrid.propose.edge_search import MARGIN
 from flyaround.hil.board.hybrid.refine.parallel import Pruning, draw, draw_shadows, refine_in_parallel
 
-# Most hypotheses of a region that are scored before empty space, before a texture and in a second round, and most that
-# are refined.
+# Maximum number of hypotheses of a region that are scored in front of empty space, in front of a texture and in a
+# second round, and maximum number that are refined.
 EMPTY_SCORED, TEXTURED_SCORED, THOROUGH_SCORED, LEADERS = 8, 16, 32, 4
 
-# Most that are refined in the light of lamps, where the network is less certain and the model less accurate.
+# Maximum number refined under lamps, where the network is less certain and the model less accurate.
 LAMPS_LEADERS = 7
 
-# Most hypotheses of a region that are drawn with shadows, and most that are scored of those proposed by edges.
+# Maximum number of hypotheses of a region rendered with shadows, and scored of those proposed by edges.
 SHADOWED, EDGES_SCORED = 8, 8
 
-# Weight of the network's log-likelihood against the score.
+# Weight of the network's log-likelihood relative to the score.
 PRIOR_WEIGHT = 0.01
 
-# Longest side of the patch [px], and the blur of each step.
+# Longest side of the patch [px], and blur of each step.
 COARSE_PX, COARSE_BLURS = 72, (2.0, 2.0, 1.2, 1.2)
-# Before a texture clutter outweighs the few pixels of the target.
+# In front of a texture, clutter outweighs the few pixels of the target.
 TEXTURED_PX, TEXTURED_BLURS = 120, (2.0, 1.2, 1.2, 0.8)
 
-# Pruning of each step: least share of the best score, and least angle to a better pose [rad] (128 development frames).
+# Pruning of each step: minimum share of the best score, minimum angle to a better pose [rad] (development frames).
 COARSE_PRUNINGS = (Pruning(-9.0, 0.0), Pruning(0.75, 0.05), Pruning(0.8, 0.1), Pruning(0.85, 0.1))
 
-# Margin around a place of the network, which encloses the target.
+# Margin around a location from the network, whose box encloses the target.
 NETWORK_MARGIN = 0.1
 
 
@@ -46,7 +46,7 @@ def refine_coarsely(
     *,
     thorough: bool = False,
 ) -> List[Hypothesis]:
-    """Align the best hypotheses of each region on a small patch of it, and return them, the best first.
+    """Align the best hypotheses of each region on a small patch of it, and return them, best first.
 
     Parameters
     ----------
@@ -55,14 +55,14 @@ def refine_coarsely(
     frame : Observation
         Image with its noise and background.
     regime : Regime
-        Its light.
+        Illumination regime of the image.
     found : list of Hypothesis
-        Hypotheses of every region, the best first.
+        Hypotheses of every region, best first.
     thorough : bool
-        Score more of them, with their shadows.
+        Score more hypotheses, with shadows.
     """
     refined: List[Hypothesis] = []
-    # scores of different regions are not comparable: each keeps its own best
+    # scores of different regions are not comparable, so each region keeps its own best
     for region in dict.fromkeys(h.source.region for h in found):
         learned = region.source == "learned"
         own = [h for h in found if h.source.region == region]
@@ -75,10 +75,10 @@ def refine_coarsely(
         longest, blurs = (TEXTURED_PX, TEXTURED_BLURS) if textured else (COARSE_PX, COARSE_BLURS)
         box = pinhole_box(target.camera, region.grown(margin, width, height))
         patch = cut_patch(target, frame, box, longest)
-        # a second round begins with hypotheses of the first: these are not drawn again
+        # a second round starts from hypotheses of the first, whose renderings are reused
         drawings = frame.drawn.pop((box, longest), {}) if learned else None
         if drawings is not None and not thorough:
-            # a second round is the last: only drawings of the first are kept
+            # the second round is the last, so only renderings of the first round are cached
             frame.drawn[box, longest] = drawings
         drawn = sorted((draw(target, patch, h, drawings) for h in own), key=_with_prior)
         if thorough:
@@ -94,5 +94,5 @@ def refine_coarsely(
 
 
 def _with_prior(h: Hypothesis) -> float:
-    """Sorting key: score plus the network's weighted log-likelihood, the best first."""
+    """Return the sorting key: score plus the network's weighted log-likelihood, negated."""
     return -h.score - PRIOR_WEIGHT * h.source.log_prior

@@ -1,6 +1,6 @@
-"""Alignment of hundreds of poses on the edges of a region at once, coarse to fine, and their support by edges.
+"""Alignment of hundreds of poses on the edges of a region, coarse to fine, and their edge support.
 
-400 poses to 130, to 50, to 14 or 48: docs/lab/2026-11-estimator.md.
+The number of poses falls from 400 to 130, to 50, and to 14 or 48 (docs/lab/2026-11-estimator.md).
 """
 
 from __future__ import annotations
@@ -20,27 +20,27 @@ from flyaround.hil.board.hybrid.refine.edges import align_to_field
 
 Array = np.ndarray
 
-# Poses scored with exact visibility, if edges decide in the end and if the whole image does.
+# Number of poses scored with exact visibility, for decisions by edges and by the whole image.
 EDGES_DECIDE, IMAGE_DECIDES = 48, 14
 
-# Poses that differ by less are duplicates [rad, share of range].
+# Poses that differ by less are duplicates [rad, share of the range].
 DUPLICATE_RAD, DUPLICATE_SHARE = 0.07, 0.03
 
-# Reach of the edge search in each step [field px], and poses kept afterwards, coarse to fine.
+# Reach of the edge search in each step [field px], and number of poses kept afterwards, coarse to fine.
 COARSE_REACH, COARSE_KEEP = ((14.0, 11.0), (9.0, 7.0, 6.0)), (130, 50)
 FINE_REACH, SYMMETRY_REACH, SYMMETRIES_KEEP = (10.0, 8.0, 6.0, 5.0), (10.0, 8.0, 6.0, 5.0, 4.0), 18
 
-# Distance beyond which an edge costs no more [field px], and stride of the samples in the first steps.
+# Distance at which the cost of an edge saturates [field px], and stride of the samples in the first steps.
 CAPS_PX, STRIDE = (8.0, 6.0), 2
 
-# Number of the best whose near-symmetries and whose neighbours are aligned if edges decide.
+# Number of best poses whose near-symmetries and whose neighbours are aligned for decisions by edges.
 SYMMETRIES_OF, NEIGHBOURS_OF = 3, 4
 
 
 def refine_by_edges(
     target: PreparedTarget, frame: Observation, edges: RegionEdges, q: Array, t: Array
 ) -> List[Hypothesis]:
-    """Return hypotheses of one region from poses q (N, 4), t (N, 3), aligned on its edges, the best first."""
+    """Return hypotheses of one region from poses q (N, 4), t (N, 3), aligned on its edges, best first."""
     coarse, fine = edges.coarse, edges.fine
     if not len(q):
         return []
@@ -55,7 +55,7 @@ def refine_by_edges(
     out = _judge(target, q, t, edges)
     frame.mark("edge_support")
     if target.model.faces is None:
-        # with faces, near-symmetries are compared on the whole image later
+        # with faces, near-symmetries are later compared on the whole image
         about = near_symmetries(target, out[:SYMMETRIES_OF]) + neighbours(target, out[:NEIGHBOURS_OF])
         if about:
             q, t = np.array([h.q for h in about]), np.array([h.t for h in about])
@@ -69,7 +69,7 @@ def refine_by_edges(
 
 
 def distinct(q: Array, t: Array, cost: Array, keep: int) -> Tuple[Array, Array]:
-    """Return the ``keep`` poses of least cost, without near-duplicates."""
+    """Return the ``keep`` poses of minimum cost, without near-duplicates."""
     indices: List[int] = []
     for i in np.argsort(cost):
         if not np.isfinite(cost[i]):
@@ -86,7 +86,7 @@ def distinct(q: Array, t: Array, cost: Array, keep: int) -> Tuple[Array, Array]:
 
 
 def _judge(target: PreparedTarget, q: Array, t: Array, edges: RegionEdges) -> List[Hypothesis]:
-    """Return hypotheses with their support by the fine edges, the best first."""
+    """Return hypotheses with their support by the fine edges, best first."""
     source, out = Source(edges.region, edges.fine), []
     for k in range(len(q)):
         s = support(target, q[k], t[k], edges.fine)

@@ -122,8 +122,12 @@ class Gradients:
         Gradient along the rows, float32.
     sigma : float
         Standard deviation of the noise of one component.
-    x0, y0, factor : float
-        Origin and pixel size of the region, as in `EdgeField`.
+    x0 : float
+        Left edge of the region, as in `EdgeField`.
+    y0 : float
+        Upper edge of the region, as in `EdgeField`.
+    factor : float
+        Image pixels per pixel of the region.
     empty : bool
         True if the background is empty space.
     """
@@ -143,7 +147,7 @@ def fine_align(
     """Align a pose by one-dimensional searches along the normals of visible samples, with sub-pixel accuracy.
 
     Edge polarity is ignored except on the silhouette in front of empty space. There the craft is the brighter side,
-    which distinguishes the outer edge of a bright frame from its inner one.
+    which distinguishes the outer edge of a bright frame from the inner one.
 
     Parameters
     ----------
@@ -209,7 +213,7 @@ def search_normals(
 ) -> Tuple[Array, Array]:
     """Search the best edge along each normal.
 
-    The best edge is the local maximum of gradient strength, weighted to favour those near the start.
+    The best edge is the local maximum of gradient strength, weighted in favour of small offsets.
 
     Returns
     -------

@@ -17,30 +17,30 @@ from flyaround.hil.board.hybrid.model.shadow_map import ShadowMap
 from flyaround.hil.board.hybrid.refine.photometric import JOINT_AT_END, explained, photo_draw, photo_step
 from flyaround.hil.board.hybrid.refine.shadows import search_sun
 
-# Change of attitude below which an alignment has converged [rad], and most alignments.
+# Change of attitude below which an alignment has converged [rad], and maximum number of alignments.
 CONVERGED_RAD, MAX_ROUNDS = float(np.radians(0.5)), 6
 
-# Decrease of the score from which a pose is worse, and from which the alignment diverges.
+# Decrease of the score above which a pose is worse, and above which the alignment has diverged.
 SCORE_TOLERANCE, DIVERGED = 0.003, 0.02
 
 # Longest side of the patch for the final alignment [px], and the last blurs.
 FINAL_PX, LAST_BLURS = 230, (0.3, 0.0)
 
-# Blurs before them: size of their patch as a share of that one, blurs at first and after a large move, and blurs after
-# a small move. Before empty space a smaller patch loses nothing under these blurs.
+# First blurs: size of their patch as a share of the final patch, blurs at the start and after a large change, and blurs
+# after a small change. In front of empty space a smaller patch loses nothing at these blurs.
 EMPTY_WIDE, TEXTURED_WIDE = (0.65, (0.8, 0.5), (0.5,)), (1.0, (1.2, 0.8), (0.8,))
 
-# Longest side for a round target, whose rotation about the axis shows in small parts alone.
+# Longest side for a round target, whose roll angle is visible in small parts only.
 ROUND_FINAL_PX = 400
 
-# Change of attitude from which a move is large [rad], and the wider blurs that come first after it.
+# Change of attitude from which a change is large [rad], and the wider blurs that come first after it.
 FAR_RAD, FAR_BLURS = float(np.radians(1.0)), (2.0, 1.3)
 
 
 def refine_to_end(
     target: PreparedTarget, frame: Observation, close: ImagePatch, start: Hypothesis, rounds: int = MAX_ROUNDS
 ) -> Hypothesis:
-    """Align a hypothesis until it converges; the ``start`` of the result has its score with fine shadows.
+    """Align a hypothesis until it converges; ``start`` of the result has the initial score with fine shadows.
 
     Parameters
     ----------
@@ -49,17 +49,17 @@ def refine_to_end(
     frame : Observation
         Image with its noise and background.
     close : ImagePatch
-        Patch that refined poses are scored on.
+        Patch on which refined poses are scored.
     start : Hypothesis
-        The hypothesis.
+        Hypothesis to align.
     rounds : int
-        Most alignments.
+        Maximum number of alignments.
     """
     box, longest = target_box(target, start.q, start.t), ROUND_FINAL_PX if target.round else FINAL_PX
     share, at_first, near_by = TEXTURED_WIDE if frame.background < 0 else EMPTY_WIDE
     sharp = cut_patch(target, frame, box, longest)
     wide = cut_patch(target, frame, box, round(share * longest)) if share < 1 else sharp
-    # thin parts get their true area only at the end, because a thin bright part drawn too wide attracts from afar
+    # thin parts get their exact area only at the end: a thin bright part rendered too wide attracts distant poses
     exact = replace(sharp, clipped=frame.clipped, exact=True)
     faces, camera = faces_of(target), target.camera.pinhole
     best: Optional[Hypothesis] = None
@@ -82,7 +82,7 @@ def refine_to_end(
         before = pose
         blurs = near_by
         if moved > FAR_RAD:
-            # after a large move the shadows have moved; after a small one the same Sun is still right
+            # after a large change the shadows have moved; after a small one the same Sun is still right
             sun = search_sun(target, close, before.q, before.t, seen=view.seen).sun
             blurs = (*FAR_BLURS, *at_first)
     assert best is not None  # noqa: S101 - there is at least one round

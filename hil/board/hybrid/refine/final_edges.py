@@ -18,18 +18,18 @@ from flyaround.hil.board.hybrid.propose.variants import near_symmetries, neighbo
 from flyaround.hil.board.hybrid.refine.edges import Gradients, fine_align
 from flyaround.hil.board.svd.region_of_interest import Region
 
-# Most hypotheses that are refined, and their largest deficit of total support.
+# Maximum number of refined hypotheses, and their maximum deficit of total support.
 LEADERS, LEAD = 6, 0.1
 
-# Distance of the winner's neighbours [share of the steps of ``variants.NEIGHBOURS``].
+# Distance of the best pose's neighbours as a share of the steps of ``variants.NEIGHBOURS``.
 NEAR = 0.4
 
-# Longest side of the region for the sub-pixel search [px], and its reach in each step [px].
+# Longest side of the region for the sub-pixel search [px], and reach of each step [px].
 LONGEST_PX, REACHES = 800, ((8, 6, 5), (4, 4, 3, 3))
 
 
 def refine_on_edges(target: PreparedTarget, frame: Observation, found: List[Hypothesis]) -> List[Hypothesis]:
-    """Refine the best hypotheses on sub-pixel edges, then the winner's neighbours and near-symmetries.
+    """Refine the best hypotheses on sub-pixel edges, then neighbours and near-symmetries of the best one.
 
     Parameters
     ----------
@@ -38,16 +38,16 @@ def refine_on_edges(target: PreparedTarget, frame: Observation, found: List[Hypo
     frame : Observation
         Image with its noise and background.
     found : list of Hypothesis
-        Hypotheses of every region, the best first, at least one.
+        Hypotheses of every region, best first, at least one.
     """
     gradients: Dict[Region, Gradients] = {}
     refined = [
         _refined(target, frame, h, gradients) for h in found[:LEADERS] if h.score >= found[0].score - LEAD
     ]
-    # pairs of parallel edges make many near minima around the winner
+    # pairs of parallel edges cause many close optima around the best pose
     about = neighbours(target, [max(refined, key=_score)], NEAR)
     refined += [_refined(target, frame, h, gradients) for h in about]
-    # near-symmetries at the same precision, for a fair comparison
+    # near-symmetries are refined to the same precision, for a fair comparison
     about = near_symmetries(target, [max(refined, key=_score)])
     refined += [_refined(target, frame, h, gradients) for h in about]
     return refined
@@ -76,7 +76,7 @@ def _refined(
 
 
 def region_gradients(frame: Observation, region: Region, *, empty: bool) -> Gradients:
-    """Gradient of a region for the sub-pixel search."""
+    """Return the image gradient of a region for the sub-pixel search."""
     h, w = frame.image.shape
     x0, y0, x1, y1 = region.grown(MARGIN, w, h)
     small, factor = shrink(frame.image, x0, y0, x1, y1, LONGEST_PX)

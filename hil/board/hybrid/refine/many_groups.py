@@ -1,4 +1,4 @@
-"""Step and score of a craft with more than 255 groups of faces in view, in NumPy (see ``model.many_groups``)."""
+"""Step and score of a craft with more than 255 visible groups of faces, in NumPy (see ``model.many_groups``)."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ from flyaround.hil.board.hybrid.model.many_groups import blurred, coverage
 
 Array = np.ndarray
 
-# Least change of a pixel by a shift of one patch pixel [noise]: others, one in three, hold less than a thousandth of
-# the information and are left out of a step.
-TELLS = 0.02
+# Minimum change of a pixel by a shift of one patch pixel [noise]. Pixels below, one in three, have less than a
+# thousandth of the information and are excluded from a step.
+MIN_PIXEL_CHANGE = 0.02
 
 
 def motion_images(
@@ -55,24 +55,24 @@ def motion_images(
     flat_ids = ids.ravel()
     na, nb = (np.take(near, np.take(flat_ids, at), axis=1, mode="clip") for at in (here, there))
     inverse = np.maximum(na[0] * rx + na[1] * ry + na[2], nb[0] * rx + nb[1] * ry + nb[2])
-    # faces seen from the edge have no depth that can be trusted
+    # faces seen edge-on have no reliable depth
     ok = (inverse > 0.2 / t[2]) & (inverse < 5.0 / t[2])
     inverse = np.where(ok, inverse, np.float32(1.0 / t[2]))
     tx, ty, tz = (np.float32(c) for c in t)
     X, Y, Z = rx / inverse - tx, ry / inverse - ty, 1 / inverse - tz
     flat_g = g.ravel()
-    # few rows and columns: each is divided once
+    # few rows and columns, so each is divided once
     cell = (np.arange(h * f) // f * w).take(y) + (np.arange(wide) // f).take(x)
     change = shading.brightness(flat_g[here], cell) - shading.brightness(flat_g[there], cell)
     k = (change * ok * inverse * np.where(across, 1.0 / (step_u * f * f), 1.0 / (step_v * f * f))).astype(
         np.float32
     )
-    # slope of the picture's coordinate by the point: (1, 0, -rx) across, (0, 1, -ry) down, over the depth
+    # slope of the image coordinate by the point: (1, 0, -rx) across, (0, 1, -ry) down, divided by depth
     n, own = len(right), np.where(across, rx, ry)
     turn_x, turn_y = -own * Y, own * X
     turn_x[n:] -= Z[n:]
     turn_y[:n] += Z[:n]
-    # a border along the side of a patch pixel lies half in the next one: counted in one alone it would bias the pose
+    # a border along the side of a patch pixel lies half in the next pixel: counted in one only, it would bias the pose
     # by a quarter of a pixel
     last = np.arange(max(wide, h * f)) % f == f - 1
     shared = np.flatnonzero(last.take(np.where(across, x, y)))
@@ -80,7 +80,7 @@ def motion_images(
     cell = np.concatenate([cell, cell[shared] + np.where(across[shared], 1, w)])
     each = np.concatenate([np.arange(len(k)), shared])
     out = np.empty((6, h * w), np.float32)
-    # a shift along a border does not move it
+    # a shift along a border does not move the border
     for j, slope in enumerate((turn_x, turn_y, np.where(across, -Y, X), across, ~across, -own)):
         out[j] = np.bincount(cell, (slope * k)[each], h * w)
     return out.reshape(6, h, w)
@@ -109,7 +109,7 @@ def gram(
     e = patch.blurred(blur) - drawn
     D = [blurred(plane, optics) for plane in motion_images(shading, faces, patch, camera, R, t)]
     across, down = patch.scale
-    least = TELLS * noise / (max(abs(float(t[2])), 1e-9) * patch.fine)
+    least = MIN_PIXEL_CHANGE * noise / (max(abs(float(t[2])), 1e-9) * patch.fine)
     use = (np.abs(D[3]) > least * across * camera.fx_px) | (np.abs(D[4]) > least * down * camera.fy_px)
     rows, w = _weights(e, drawn, use, shading.centre > 0, noise, slack, tukey)
     A = np.zeros((joint + 8, len(rows)), np.float32)
@@ -126,9 +126,9 @@ def gram(
 def _weights(
     e: Array, drawn: Array, use: Array, craft: Array, noise: float, slack: float, tukey: float
 ) -> Tuple[Array, Array]:
-    """Return the flat indices (N,) of the residuals with a weight, and the weights (N,), float32.
+    """Return the flat indices (N,) of residuals with non-zero weight, and their weights (N,), float32.
 
-    Weights follow from the noise, the squared distance by which borders may still be off, and Tukey's bound.
+    Weights follow from the noise, the squared distance by which borders may still be displaced, and Tukey's limit.
     """
     gx = cv2.Sobel(drawn, cv2.CV_32F, 1, 0, scale=0.125)
     gy = cv2.Sobel(drawn, cv2.CV_32F, 0, 1, scale=0.125)
@@ -162,7 +162,7 @@ def unexplained(
     drawn = patch.response.of(blurred(shading.picture, lens))[0]
     e = (patch.blurred(blur) - blurred(drawn, blur)) / noise
     if patch.textured:
-        # clutter beside the craft counts the same for every pose
+        # clutter next to the craft is the same for every pose
         h, w = e.shape
         cover = cv2.resize((shading.group > 0).astype(np.float32), (w, h), interpolation=cv2.INTER_AREA)
         e = np.where(blurred(cover, cover_blur) > covered, e, none)
@@ -170,5 +170,5 @@ def unexplained(
 
 
 def bounded(e: Array, bound: float) -> float:
-    """Return the sum of squared residuals, each bounded and reduced by the expectation of noise."""
+    """Return the sum of squared residuals, each bounded and reduced by the expectation under noise."""
     return float(np.maximum(np.minimum(e * e, bound) - 1.5, 0.0).sum())

@@ -1,4 +1,4 @@
-"""Derivative of the synthetic view by the pose, which is non-zero where faces meet."""
+"""Derivative of the synthetic view with respect to the pose, non-zero at borders between groups of faces."""
 
 from __future__ import annotations
 
@@ -20,18 +20,18 @@ def motion_images(
 ) -> Array:
     """Return the derivative (6, h, w) of the synthetic view by rotation about the target's origin and translation.
 
-    Camera axes, float32. Where two groups meet, the border moves with the nearer face.
+    Camera axes, float32. The border between two groups moves with the nearer face.
 
     Parameters
     ----------
     shading : Shading
-        The synthetic view.
+        Synthetic view.
     faces : Faces
         Faces of the target.
     patch : ImagePatch
-        Its patch.
+        Patch of the view.
     camera : CameraIntrinsics
-        A pinhole (see ``ImagePatch.rays``).
+        Pinhole camera (see ``ImagePatch.rays``).
     R : (3, 3) array
         Attitude, camera from target.
     t : (3,) array
@@ -51,7 +51,7 @@ def motion_images(
 def pose_motion(
     shading: Shading, faces: Faces, patch: ImagePatch, camera: CameraIntrinsics, R: Array, t: Array
 ) -> Structure:
-    """Return a moving synthetic view in the layout of the native library; parameters as in ``motion_images``."""
+    """Return a synthetic view and its pose in the layout of the native library; parameters as in ``motion_images``."""
     (h, w), f, n, (across, down) = patch.gray.shape, patch.fine, len(faces.corners), patch.scale
     level = np.zeros(256)
     level[: len(shading.level)] = shading.level
@@ -64,7 +64,7 @@ def pose_motion(
         faces=n,
         R=contiguous(R, "float64", (3, 3)),
         t=contiguous(t, "float64", (3,)),
-        # as ``ImagePatch.rays``
+        # same coordinates as ``ImagePatch.rays``
         u=(0.5 / across - 0.5 + patch.x0 - camera.cx_px) / camera.fx_px,
         v=(0.5 / down - 0.5 + patch.y0 - camera.cy_px) / camera.fy_px,
         step_u=1.0 / (across * camera.fx_px),

@@ -1,6 +1,6 @@
 """Parallel refinement of several hypotheses on one image patch.
 
-Hypotheses are dropped if their scores fall behind or if they converge to a better one.
+Hypotheses are dropped if their scores fall behind or if they converge to the same optimum as a better one.
 """
 
 from __future__ import annotations
@@ -18,28 +18,28 @@ from flyaround.hil.board.hybrid.model.prepared_target import PreparedTarget, fac
 from flyaround.hil.board.hybrid.refine.photometric import explained, photo_draw, photo_step
 from flyaround.hil.board.hybrid.refine.shadows import search_sun
 
-# Largest change of the logarithm of the range; beyond it an alignment has diverged.
+# Maximum change of the logarithm of the range, beyond which an alignment has diverged.
 MAX_LOG_RANGE_CHANGE = 0.3
 
 # Noise of a score.
 SCORE_NOISE = 0.02
 
-# Cache of the hypotheses that were drawn on one patch, by pose and operation.
+# Cache of hypotheses rendered on one patch, by pose and operation.
 Drawings = Dict[Tuple[Any, ...], Hypothesis]
 
 
 @dataclass(frozen=True)
 class Pruning:
-    """Selection of the hypotheses that are refined further.
+    """Selection of the hypotheses to refine further.
 
     Parameters
     ----------
     share : float
-        Least share of the best score.
+        Minimum share of the best score.
     apart_rad : float
-        Least angle to every better one [rad].
+        Minimum angle to every better hypothesis [rad].
     most : int
-        Most hypotheses.
+        Maximum number of hypotheses.
     """
 
     share: float
@@ -47,7 +47,7 @@ class Pruning:
     most: int = 1000
 
     def split(self, hypotheses: List[Hypothesis]) -> Tuple[List[Hypothesis], List[Hypothesis]]:
-        """Return hypotheses to refine, the best first, and those to leave as they are; duplicates are in neither."""
+        """Return hypotheses to refine, best first, and hypotheses to leave unchanged; duplicates are dropped."""
         going: List[Hypothesis] = []
         stay: List[Hypothesis] = []
         for h in sorted(hypotheses, key=lambda h: -h.score):
@@ -61,7 +61,7 @@ class Pruning:
 def draw(
     target: PreparedTarget, patch: ImagePatch, h: Hypothesis, drawings: Optional[Drawings] = None
 ) -> Hypothesis:
-    """Return a hypothesis drawn without shadows and scored; its refinement starts here."""
+    """Return a hypothesis rendered without shadows and scored, as start of its refinement."""
 
     def made() -> Hypothesis:
         view = photo_draw(h.q, h.t, faces_of(target), patch, target.camera.pinhole)
@@ -74,7 +74,7 @@ def draw(
 def draw_shadows(
     target: PreparedTarget, patch: ImagePatch, h: Hypothesis, drawings: Optional[Drawings] = None
 ) -> Hypothesis:
-    """Return a drawn hypothesis with the shadows that explain the image best."""
+    """Return a rendered hypothesis with the shadows that explain the image best."""
 
     def made() -> Hypothesis:
         lit = search_sun(target, patch, h.q, h.t, drawn(h), coarse=True)
@@ -86,7 +86,7 @@ def draw_shadows(
 def _memoised(
     drawings: Optional[Drawings], key: Tuple[Any, ...], start: Hypothesis, made: Callable[[], Hypothesis]
 ) -> Hypothesis:
-    """Return the cached drawing of a key with another ``start``; make and cache it if there is none."""
+    """Return the cached hypothesis of a key with another ``start``, computed on the first call."""
     if drawings is None:
         return made()
     if key not in drawings:
@@ -102,7 +102,7 @@ def refine_in_parallel(
     prunings: Tuple[Pruning, ...],
     drawings: Optional[Drawings] = None,
 ) -> List[Hypothesis]:
-    """Align drawn hypotheses on a patch, and return them with their scores, the best first.
+    """Align rendered hypotheses on a patch, and return them with their scores, best first.
 
     Parameters
     ----------
@@ -111,13 +111,13 @@ def refine_in_parallel(
     patch : ImagePatch
         Reduced region of the image around the target.
     hypotheses : list of Hypothesis
-        The drawn hypotheses.
+        Rendered hypotheses.
     blurs : tuple of float
         Blur of each step [patch px].
     prunings : tuple of Pruning
         Pruning before each step; pruned hypotheses keep their pose and score.
     drawings : dict, optional
-        Cache of drawings on the same patch.
+        Cache of renderings on the same patch.
     """
     done: List[Hypothesis] = []
     for blur, pruning in zip(blurs, prunings):  # noqa: B905 - Python 3.9 has no strict=
@@ -137,7 +137,7 @@ def refine_in_parallel(
 
 
 def _step(target: PreparedTarget, patch: ImagePatch, h: Hypothesis, blur: float) -> Hypothesis:
-    """Return a hypothesis after one Gauss-Newton step; itself if the image has no information."""
+    """Return a hypothesis after one Gauss-Newton step, unchanged if the image has no information."""
     faces, camera = faces_of(target), target.camera.pinhole
     pose = photo_step(h.pose, drawn(h), faces, patch, camera, target.radius_m, blur)
     if pose is None:

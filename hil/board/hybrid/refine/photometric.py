@@ -29,32 +29,32 @@ from flyaround.hil.board.svd.refinement import parameter_scale
 
 Array = np.ndarray
 
-# Bound of Tukey's biweight, in units of the robust spread.
+# Limit of Tukey's biweight, in units of the robust spread.
 TUKEY = 4.0
 
-# Expected distance of an edge from where it is drawn: at the end, and per pixel of blur [patch px].
+# Expected distance of an edge from its rendering: at the end, and per pixel of blur [patch px].
 FLOOR_PX, BLUR_SLACK = 0.2, 0.6
 
-# Over-relaxation of steps on blurred images, which fall short because the brightnesses absorb part of the error.
+# Over-relaxation of steps on blurred images, which are too short because brightnesses absorb part of the error.
 OVER_RELAXATION = 1.5
 
-# Factor on the covariance of the normal equations, because errors of the model outweigh the noise. With it, errors on
-# development frames have the median of chi-square.
+# Factor on the covariance of the normal equations, because model errors outweigh noise. With it, the errors on
+# development frames have the median of the chi-square distribution.
 COVARIANCE_INFLATION = 150.0
 
-# Groups of faces whose brightness is estimated with the pose; the same at the end.
+# Number of groups of faces whose brightness is estimated with the pose: in general, and at the end.
 JOINT, JOINT_AT_END = 16, 40
 
-# Blur of the score [patch px], and bound of its residuals [noise].
+# Blur of the score [patch px], and limit of its residuals [noise].
 SCORE_BLUR_PX, BOUND = 0.8, 6.0
 
-# Share of full scale from which a noisy pixel counts as saturated.
+# Share of full scale above which a noisy pixel counts as saturated.
 SATURATED = 0.94
 
-# Least coverage at which a pixel counts before a texture.
+# Minimum coverage at which a pixel counts in front of a texture.
 MIN_COVERAGE = 0.05
 
-# Most groups with a brightness of their own (coverage.h), and number of elements of their normal matrix.
+# Maximum number of groups with separate brightness (coverage.h), and number of elements of their normal matrix.
 MAX_GROUPS, MATRIX_SIZE = 63, (63 + 7) ** 2
 
 # The library returns two counts as first + COUNT_BASE * second.
@@ -69,7 +69,7 @@ def photo_draw(
     camera: CameraIntrinsics,
     sun: Optional[ShadowMap] = None,
 ) -> Shading:
-    """Draw the craft at a pose with brightness from the image.
+    """Render the craft at a pose, with brightnesses estimated from the image.
 
     Parameters
     ----------
@@ -82,9 +82,9 @@ def photo_draw(
     patch : ImagePatch
         Reduced region of the image around the target.
     camera : CameraIntrinsics
-        A pinhole (see ``ImagePatch.rays``).
+        Pinhole camera (see ``ImagePatch.rays``).
     sun : ShadowMap, optional
-        Source of shadows; None draws none.
+        Source of shadows; None for no shadows.
     """
     R = quat.matrix(q)
     seen = draw_faces(faces, order_faces(faces, -R.T @ t), camera, R, t, patch)
@@ -100,7 +100,7 @@ def photo_shade(
     camera: CameraIntrinsics,
     sun: Optional[ShadowMap] = None,
 ) -> Shading:
-    """Return the view of faces ``seen`` that ``draw_faces`` drew at the pose; parameters as in ``photo_draw``."""
+    """Return the view of the faces ``seen`` from ``draw_faces`` at the pose; parameters as in ``photo_draw``."""
     dark = None if sun is None else sun.shadows(faces, seen, patch, camera, quat.matrix(q), t)
     return shade(faces, seen, patch, dark)
 
@@ -121,23 +121,23 @@ def photo_step(
     Parameters
     ----------
     fit : PoseFit
-        The pose.
+        Pose to improve.
     shading : Shading
-        View at it.
+        Synthetic view at the pose.
     faces : Faces
         Faces of the target.
     patch : ImagePatch
         Reduced region of the image around the target.
     camera : CameraIntrinsics
-        A pinhole.
+        Pinhole camera.
     radius_m : float
         Radius of the target [m].
     blur : float
-        Blur of image and view [patch px]; wide ones converge from afar.
+        Blur of image and view [patch px]; a wide blur converges from a larger distance.
     relax : float
         Factor of the step.
     joint : int
-        Groups whose brightness is estimated with the pose.
+        Number of groups whose brightness is estimated with the pose.
     """
     R, t = quat.matrix(fit.q), fit.t
     noise = patch.sigma / max(1.0, 2 * np.sqrt(np.pi) * blur)
@@ -155,7 +155,7 @@ def photo_step(
 
 
 def _inverse(H: Array) -> Array:
-    """Return the inverse of a normal matrix; the pseudo-inverse, which is ten times slower, if it is singular."""
+    """Return the inverse of a normal matrix; if it is singular, the pseudo-inverse, which is ten times slower."""
     try:
         return np.asarray(np.linalg.inv(H))
     except np.linalg.LinAlgError:
@@ -175,18 +175,18 @@ def _gram(
     tukey: float,
     joint: int,
 ) -> Tuple[Array, float, int]:
-    """Return the products (K + 7, K + 7) of a step's weighted rows, the sum of weights, and the number of pixels.
+    """Return the Gram matrix (K + 7, K + 7) of a step's weighted rows, the sum of weights, and the number of pixels.
 
     Parameters
     ----------
     shading : Shading
-        The synthetic view.
+        Synthetic view.
     faces : Faces
         Faces of the target.
     patch : ImagePatch
         Reduced region of the image around the target.
     camera : CameraIntrinsics
-        A pinhole.
+        Pinhole camera.
     R : (3, 3) array
         Attitude, camera from target.
     t : (3,) array
@@ -196,11 +196,11 @@ def _gram(
     noise : float
         Noise of the patch under the blur of this step.
     slack : float
-        Squared distance by which borders may still be off [px^2].
+        Squared distance by which borders may still be displaced [px^2].
     tukey : float
-        Squared bound of the biweight, in units of a residual's variance.
+        Squared limit of the biweight, in units of a residual's variance.
     joint : int
-        Groups whose brightness is estimated with the pose.
+        Number of groups whose brightness is estimated with the pose.
     """
     if shading.group.dtype != np.uint8:
         return many_groups.gram(shading, faces, patch, camera, R, t, blurs_px, noise, slack, tukey, joint)
@@ -233,12 +233,12 @@ def _gram(
 def projected(G: Array) -> Tuple[Array, Array, float]:
     """Return normal matrix (6, 6), right side (6,) and squared residual of weighted rows, brightnesses projected out.
 
-    Variable projection (Golub & Pereyra 1973), because the brightnesses were measured at the old pose.
+    Variable projection (Golub & Pereyra 1973), because the brightnesses were estimated at the previous pose.
 
     Parameters
     ----------
     G : (K + 7, K + 7) array
-        Products of the weighted derivatives by K brightnesses and six pose parameters, and the residual.
+        Gram matrix of the weighted derivatives by K brightnesses and six pose parameters, and of the residual.
     """
     k = len(G) - 7
     L = _loaded(G[:k, :k], 1e-6, 1e-12)
@@ -261,7 +261,7 @@ def _loaded(A: Array, share: float, least: float) -> Array:
 
 
 def explained(shading: Shading, patch: ImagePatch) -> float:
-    """Return the share of the image explained by the drawn craft: 1 less the ratio of residuals with and without it.
+    """Return the share of the image explained by the craft: 1 minus the ratio of residuals with and without the craft.
 
     Residuals are bounded, so that a missing shadow costs its area and not its depth.
     """
@@ -273,7 +273,7 @@ def explained(shading: Shading, patch: ImagePatch) -> float:
 
 @functools.lru_cache(maxsize=4)
 def _without_craft(patch: ImagePatch) -> Tuple[float, Array, float]:
-    """Return the noise of the patch blurred for the score, its background's residuals (h, w), and their bounded sum."""
+    """Return the noise of the blurred patch, residuals (h, w) of the background, and their bounded sum."""
     noise = patch.sigma / (2 * np.sqrt(np.pi) * SCORE_BLUR_PX)
     none = (patch.blurred(SCORE_BLUR_PX) - patch.background) / noise
     return noise, contiguous(none, "float32"), bounded(none, BOUND**2)
@@ -293,19 +293,19 @@ def _unexplained(
     Parameters
     ----------
     shading : Shading
-        The synthetic view.
+        Synthetic view.
     patch : ImagePatch
         Reduced region of the image around the target.
     noise : float
         Noise of the blurred patch.
     none : (h, w) array
-        Residuals without the craft, which replace those of pixels covered by no more than ``covered``.
+        Residuals without the craft, which replace those of pixels with coverage of at most ``covered``.
     blurs_px : tuple of float
         Blur of the optics, of the score, and of the coverage.
     bound : float
-        Bound of a squared residual.
+        Limit of a squared residual.
     covered : float
-        Least coverage of a pixel that counts.
+        Minimum coverage of a pixel that counts.
     """
     if shading.group.dtype != np.uint8:
         return many_groups.unexplained(shading, patch, noise, none, blurs_px, bound, covered)
@@ -337,7 +337,10 @@ def likeness(shading: Shading, patch: ImagePatch) -> Tuple[float, float]:
 
     Returns
     -------
-    Correlation of the two, -1..1, and score of these pixels, 1 at most. Both are zero if hardly anything is covered.
+    correlation : float
+        Correlation of view and image, -1..1; 0 if the view covers too few pixels.
+    covered : float
+        Score on these pixels, at most 1; 0 if the view covers too few pixels.
     """
     picture = shading.picture
     h, w = patch.gray.shape
@@ -356,6 +359,6 @@ def likeness(shading: Shading, patch: ImagePatch) -> Tuple[float, float]:
 
 
 def burnt_share(shading: Shading, patch: ImagePatch) -> float:
-    """Return the share of the pixels that the synthetic view covers that are saturated."""
+    """Return the saturated share of the pixels covered by the synthetic view."""
     on = shading.centre > 0
     return float((patch.gray[on] > SATURATED * patch.full).mean()) if on.any() else 0.0

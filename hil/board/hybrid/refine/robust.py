@@ -6,21 +6,21 @@ Array = np.ndarray
 
 
 def geman_mcclure(weight: Array, residual: Array, scale: float) -> Array:
-    """Return weights times those of the Geman-McClure cost, bounded by ``scale**2 / 2`` per residual.
+    """Return weights multiplied by those of the Geman-McClure cost, bounded by ``scale**2 / 2`` per residual.
 
     Parameters
     ----------
     weight : array
-        Weights before.
+        Initial weights.
     residual : array
         Residuals.
     scale : float
-        Scale of the cost, in the same unit.
+        Scale of the cost, in the unit of the residuals.
 
     References
     ----------
     Geman & McClure (1987), Statistical methods for tomographic image reconstruction, Bull. ISI 52:
-    rho = r^2 / 2 / (1 + r^2 / s^2), of which this is the slope over r.
+    rho = r^2 / 2 / (1 + r^2 / s^2); the weight is its derivative divided by r.
     """
     return weight / (1 + (residual / scale) ** 2) ** 2
 
@@ -30,6 +30,6 @@ def tukey(residual: Array, limit: float) -> Array:
 
     References
     ----------
-    Beaton & Tukey (1974), Technometrics 16: rho = c^2 / 6 (1 - (1 - r^2 / c^2)^3), of which this is the slope over r.
+    Beaton & Tukey (1974), Technometrics 16: rho = c^2 / 6 (1 - (1 - r^2 / c^2)^3); the weight is rho' / r.
     """
     return np.asarray(np.clip(1 - (residual / limit) ** 2, 0, None) ** 2)

@@ -23,11 +23,11 @@ from flyaround.hil.board.hybrid.refine.photometric import (
     photo_step,
 )
 
-# Least gain of the score by shadows, and side of their map [px]. With a smaller gain, rounding decides between distant
-# directions of the Sun, and each biases the pose.
+# Minimum gain of the score by shadows, and side of the shadow map [px]. With a smaller gain, rounding decides between
+# distant directions of the Sun, and each biases the pose.
 MIN_SHADOW_GAIN, SHADOW_MAP_PX = 0.03, 384
 
-# Steps on the sharp image. The answer is their mean, because the pixels of the drawing make single steps jump.
+# Number of steps on the unblurred image. The answer is their mean, because single steps jump with rendered pixels.
 STEPS = 2
 
 
@@ -41,9 +41,9 @@ def settle(target: PreparedTarget, frame: Observation, close: ImagePatch, end: H
     frame : Observation
         Image with its noise and background.
     close : ImagePatch
-        Patch that refined poses were scored on.
+        Patch on which refined poses were scored.
     end : Hypothesis
-        The hypothesis.
+        Refined hypothesis.
     """
     longest = ROUND_FINAL_PX if target.round else FINAL_PX
     sharp = cut_patch(target, frame, target_box(target, end.q, end.t), longest)
@@ -57,7 +57,7 @@ def settle(target: PreparedTarget, frame: Observation, close: ImagePatch, end: H
         step = photo_step(
             pose, view, faces, exact, camera, target.radius_m, 0.0, relax=1.0, joint=JOINT_AT_END
         )
-        # a large step leads away from this pose
+        # a large step leads to another pose
         if step is None or quat.angle_rad(end.q, step.q) > FAR_RAD:
             break
         poses.append(step)
@@ -65,7 +65,7 @@ def settle(target: PreparedTarget, frame: Observation, close: ImagePatch, end: H
 
 
 def _worthwhile(target: PreparedTarget, close: ImagePatch, end: Hypothesis) -> Optional[ShadowMap]:
-    """Return a finer shadow map of a hypothesis; None if its shadows explain too little."""
+    """Return a finer shadow map of a hypothesis; None if the shadows explain too little."""
     if end.sun is None:
         return None
     faces, camera = faces_of(target), target.camera.pinhole
@@ -78,7 +78,7 @@ def _worthwhile(target: PreparedTarget, close: ImagePatch, end: Hypothesis) -> O
 
 
 def _mean(poses: List[PoseFit]) -> PoseFit:
-    """Return the mean of nearly equal poses with the covariance of the last."""
+    """Return the mean of nearly equal poses, with the covariance of the last one."""
     last = poses[-1]
     q = np.sum([p.q if p.q @ last.q >= 0 else -p.q for p in poses], axis=0)
     return replace(last, q=q / np.linalg.norm(q), t=np.mean([p.t for p in poses], axis=0))

@@ -1,4 +1,4 @@
-"""Search of the Sun's direction whose cast shadows on the target best explain the image."""
+"""Search of the Sun's direction whose cast shadows on the target explain the image best."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ if TYPE_CHECKING:
 
 Array = np.ndarray
 
-# Number of Sun directions that are rendered, number of pixels by which they are selected, and side of the shadow map
-# [px], before and after convergence. The coarse map would leave attitude errors of 0.6 deg.
+# Number of Sun directions to render, number of pixels by which they are selected, and side of the shadow map [px]:
+# before and after convergence. The coarse map causes attitude errors of up to 0.6 deg.
 COARSE, FINE = (1, 240, 96), (4, 500, 160)
 
-# Steps by which the Sun's direction is refined [rad] (candidates are 13 deg apart), and least gain of the score by
-# shadows that makes refinement worth its time.
+# Steps by which the Sun's direction is refined [rad] (candidates are 13 deg apart), and minimum gain of the score by
+# shadows for which refinement is worth its time.
 STEPS_RAD, MIN_GAIN = (float(np.radians(4.0)), float(np.radians(2.0))), 0.02
 
 
@@ -37,7 +37,7 @@ class LitView:
     shading : Shading
         Rendered target.
     score : float
-        See `explained`: how much better it explains the image than the background alone, 0 to 1.
+        Share of the image that the view explains, see `explained`.
     sun : ShadowMap, optional
         Shadow map of the Sun's direction; None if no shadows improve the score.
     """
@@ -59,8 +59,8 @@ def search_sun(
 ) -> LitView:
     """Return the view of the target with the shadows that explain the image best.
 
-    If the patch knows the Sun's direction, only that one is rendered. Shadows raise the score of a correct pose; with a
-    wrong pose they do not coincide with the dark areas of the image.
+    If the patch has the Sun's direction, only that direction is rendered. Shadows raise the score of a correct pose;
+    with a wrong pose they do not coincide with dark areas of the image.
 
     Parameters
     ----------
@@ -73,11 +73,11 @@ def search_sun(
     t : (3,) array
         Position of the target, camera axes [m].
     plain : Shading, optional
-        View without shadows at this pose, to save rendering it.
+        View without shadows at this pose, if already rendered.
     seen : (H, W) array, optional
-        Face indices rendered at this pose, from which to shade that view.
+        Face indices rendered at this pose, from which that view is shaded.
     coarse : bool
-        Try fewer directions on fewer pixels, without refinement; this achieves about two thirds of the gain.
+        Try fewer directions on fewer pixels, without refinement, for about two thirds of the gain.
     """
     faces, camera = faces_of(target), target.camera.pinhole
     if plain is None and seen is not None:
@@ -113,7 +113,7 @@ def search_sun(
                     key=_score,
                 )
                 if best.sun is not sun:
-                    # a step this way was better, so the opposite step cannot be
+                    # the score increased in this direction, so it cannot increase in the opposite one
                     break
     return best
 

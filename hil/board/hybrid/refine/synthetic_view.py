@@ -1,4 +1,4 @@
-"""Synthetic views of a pose for people, with and without shadows."""
+"""Synthetic views of a pose for debug images, with and without shadows."""
 
 from __future__ import annotations
 
@@ -18,28 +18,28 @@ from flyaround.hil.board.hybrid.refine.shadows import search_sun
 
 Array = np.ndarray
 
-# Longest side of the drawing [px].
+# Longest side of the rendering [px].
 LONGEST_PX = 380
 
 
 @dataclass(frozen=True, eq=False)
 class Drawn:
-    """The image and synthetic views of one pose.
+    """Image and synthetic views of one pose.
 
     Parameters
     ----------
     picture : (h, w) array
-        The image, float32.
+        Image, float32.
     plain : (h, w) array
         View with one brightness per group.
     shadowed : (h, w) array, optional
-        View with shadows; None if no Sun was found.
+        View with shadows; None if no Sun direction was found.
     sun : (3,) array, optional
         Unit vector to the Sun, camera axes.
     full : float
         Full scale of the image.
     noise : float
-        Standard deviation of its noise.
+        Standard deviation of the image noise.
     """
 
     picture: Array
