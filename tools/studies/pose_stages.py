@@ -225,7 +225,7 @@ def _refined(image: PreparedImage, source: Source, q: Array, t: Array) -> tuple[
     """Return a pose near the truth after refinement, and the higher score of it and the refined truth."""
     target, frame = image.setup.target, image.frame
     patch = cut_patch(target, frame, target_box(target, q, t), CLOSE_PX)
-    beside = quat.turned(q, np.array([TURN_RAD, 0.0, 0.0]))
+    beside = quat.rotate(q, np.array([TURN_RAD, 0.0, 0.0]))
     ends = [
         refine_to_end(
             target,

@@ -102,8 +102,8 @@ def angle_rad(p: Array, q: Array) -> Array:
     return np.asarray(2 * np.arccos(np.minimum(1.0, dot)))
 
 
-def turned(q: Array, v: Array) -> Array:
-    """Return an attitude (4,) rotated by the rotation vector ``v`` (3,) [rad], in scalar arithmetic."""
+def rotate(q: Array, v: Array) -> Array:
+    """Return ``exp(v) q``: an attitude (4,) rotated by the rotation vector ``v`` (3,) [rad], in scalar arithmetic."""
     w, x, y, z = q.tolist()
     vx, vy, vz = v.tolist()
     angle = math.sqrt(vx * vx + vy * vy + vz * vz)

@@ -83,7 +83,7 @@ def propose_again(first: Proposals, learned: LearnedProposer) -> Proposals:
     """Propose poses from further inferences at the locations of the first round, in addition to its hypotheses."""
     image, target, frame = first.image, first.image.setup.target, first.image.frame
     places = [
-        learned.look_again(frame.image, frame.noise, place, image.reduced, frame.black)
+        learned.infer_again(frame.image, frame.noise, place, image.reduced, frame.black)
         for place in first.places
     ]
     hypotheses = [h for place in places for h in learned_hypotheses(target, frame, place)]

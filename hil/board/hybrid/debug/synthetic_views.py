@@ -14,7 +14,7 @@ from flyaround.hil.board.hybrid.debug.overlay import draw_wireframe, grey, label
 from flyaround.hil.board.hybrid.propose.keypoints.image_crop import crop_image, network_inputs
 from flyaround.hil.board.hybrid.propose.keypoints.keypoint_proposal import LearnedProposal
 from flyaround.hil.board.hybrid.propose.keypoints.network_input import INPUT_FILL
-from flyaround.hil.board.hybrid.refine.synthetic_view import Drawn
+from flyaround.hil.board.hybrid.refine.synthetic_view import SyntheticViews
 
 Array = np.ndarray
 
@@ -68,7 +68,7 @@ def learned_proposal_picture(
     return _grid(tiles, 3, size)
 
 
-def synthetic_view_picture(views: Drawn, size: Tuple[int, int]) -> Array:
+def synthetic_view_picture(views: SyntheticViews, size: Tuple[int, int]) -> Array:
     """Return a picture (H, W, 3) of the image, the synthetic views with and without shadows, and their residuals."""
     top = max(float(np.percentile(views.picture, 99.8)), 1.0)
     best = views.plain if views.shadowed is None else views.shadowed

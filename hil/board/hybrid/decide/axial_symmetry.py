@@ -43,16 +43,16 @@ def axis(model: BoardModel) -> Tuple[Array, Array]:
         Point on the axis, target frame [m].
     """
     assert model.outlines is not None  # noqa: S101 - it is round
-    gentle = curved(model)
-    points, normals = model.outlines.points_m[gentle], model.outlines.normals[gentle]
+    on_curved = curved(model)
+    points, normals = model.outlines.points_m[on_curved], model.outlines.normals[on_curved]
     along = np.linalg.eigh(normals.T @ normals)[1][:, 0]
     # the normals of a surface of revolution intersect the axis; residuals of fins and pods get little weight
     side = np.cross(along, normals)
-    beside, weight = np.sum(side * points, axis=1), np.ones(len(points))
+    offset, weight = np.sum(side * points, axis=1), np.ones(len(points))
     for _ in range(IRLS_ITERATIONS):
         root = np.sqrt(weight)
-        through = np.linalg.lstsq(side * root[:, None], beside * root, rcond=None)[0]
-        weight = 1.0 / np.maximum(np.abs(side @ through - beside), MIN_RESIDUAL * model.radius_m)
+        through = np.linalg.lstsq(side * root[:, None], offset * root, rcond=None)[0]
+        weight = 1.0 / np.maximum(np.abs(side @ through - offset), MIN_RESIDUAL * model.radius_m)
     return along, through
 
 
@@ -63,31 +63,31 @@ def check_axial_symmetry(target: PreparedTarget, frame: Observation, selection: 
     as ambiguous. The correct roll has a higher score even before refinement.
     """
     for _ in range(ROUNDS):
-        other = _better_turn(target, frame, selection)
+        other = _refine_rotation(target, frame, selection)
         if other is None:
             break
         selection = other
     return selection
 
 
-def _better_turn(target: PreparedTarget, frame: Observation, selection: Selection) -> Optional[Selection]:
+def _refine_rotation(target: PreparedTarget, frame: Observation, selection: Selection) -> Optional[Selection]:
     """Refine the best of the rotated poses and return the new selection; None if its score is no better."""
     end, patch = selection.best, selection.close
     along, through = axis(target.model)
     middle = quat.matrix(end.q) @ through + end.t
 
-    def turned(angle_rad: float) -> Tuple[float, Array, Array]:
+    def score_at(angle_rad: float) -> Tuple[float, Array, Array]:
         q = quat.normalise(quat.multiply(end.q, quat.from_rotvec(angle_rad * along)))
         t = middle - quat.matrix(q) @ through
         return search_sun(target, patch, q, t, coarse=True).score, q, t
 
-    own = turned(0.0)[0]
-    score, q, t = max((turned(a) for a in ROLLS_RAD), key=lambda r: r[0])
+    initial_score = score_at(0.0)[0]
+    score, q, t = max((score_at(a) for a in ROLLS_RAD), key=lambda r: r[0])
     frame.count("rolled", len(ROLLS_RAD) + 1)
-    if not score > own:
+    if not score > initial_score:
         return None
     start = Hypothesis(replace(end.pose, q=q, t=t), end.source, score, end.support)
-    led = refine_to_end(target, frame, patch, start)
-    if not led.score > end.score + SCORE_TOLERANCE:
+    refined = refine_to_end(target, frame, patch, start)
+    if not refined.score > end.score + SCORE_TOLERANCE:
         return None
-    return select(target, patch, list(selection.ranked), [*selection.ends, led])
+    return select(target, patch, list(selection.ranked), [*selection.ends, refined])

@@ -41,7 +41,7 @@ Prior = Callable[[Array, Array], float]
 
 
 @dataclass(frozen=True, eq=False)
-class TurnedEnd:
+class SymmetricPose:
     """A refined pose, or one of its near-symmetries.
 
     Parameters
@@ -86,37 +86,40 @@ def check_discrete_symmetry(
         start = Hypothesis(replace(end.pose, q=q), end.source, end.score, end.support)
         ends.append(refine_to_end(target, frame, patch, start))
     finer = replace(cut_patch(target, frame, _box(target, ends), PATCH_PX), clipped=frame.clipped, exact=True)
-    twins = [_drawn(target, finer, e, prior) for e in ends]
-    leads = _leads(twins, finer)
-    k = int(leads.argmax())
-    best, clear = twins[k].end, float(leads[k])
+    candidates = [_render(target, finer, e, prior) for e in ends]
+    log_ratios = _log_ratios(candidates, finer)
+    k = int(log_ratios.argmax())
+    best, best_log_ratio = candidates[k].end, float(log_ratios[k])
     # near-symmetries of the best pose were compared above and are no competitors
-    turned = [quat.multiply(best.q, s) for s in symmetries]
-    others = [h for h in selection.ranked if all(quat.angle_rad(h.q, w) > DISTINCT_RAD for w in turned)]
+    symmetric_q = [quat.multiply(best.q, s) for s in symmetries]
+    others = [h for h in selection.ranked if all(quat.angle_rad(h.q, w) > DISTINCT_RAD for w in symmetric_q)]
     new = select(target, patch, others, [best])
-    behind = clear * max(best.score, 0.0) * MARGIN_OF_LIKELIHOOD
+    likelihood_margin = best_log_ratio * max(best.score, 0.0) * MARGIN_OF_LIKELIHOOD
     # other refined poses, for example at another roll angle, remain competitors
     rivals = [
         best.score - e.score
         for e in selection.ends
-        if not same_end(e.pose, best.pose) and all(quat.angle_rad(e.q, w) > DISTINCT_RAD for w in turned)
+        if not same_end(e.pose, best.pose) and all(quat.angle_rad(e.q, w) > DISTINCT_RAD for w in symmetric_q)
     ]
-    evidence = replace(new.evidence, margin=min([new.evidence.margin, behind, *rivals]))
+    evidence = replace(new.evidence, margin=min([new.evidence.margin, likelihood_margin, *rivals]))
     poses = [(h.q, h.t, h.score) for h in (*others, *(e for e in ends if e is not best))]
-    frame.count("turned", len(twins))
+    frame.count("turned", len(candidates))
     return replace(new, evidence=evidence, alternatives=alternatives(poses, best.q, best.t))
 
 
-def _leads(twins: List[TurnedEnd], patch: ImagePatch) -> Array:
+def _log_ratios(candidates: List[SymmetricPose], patch: ImagePatch) -> Array:
     """Return the log-likelihood ratio (N,) of each pose to the most likely of the others; at least two poses."""
-    most = max([1e-6, *(w.end.score for w in twins)])
-    alone = [SCORE_WEIGHT * w.end.score / most + PRIOR_WEIGHT * max(w.log_prior, -MAX_PRIOR) for w in twins]
-    leads = np.full((len(twins), len(twins)), np.inf)
-    for i, a in enumerate(twins):
-        for j, b in enumerate(twins[:i]):
-            lead = alone[i] - alone[j] + PREFERENCE_WEIGHT * preference(a.drawn, b.drawn, patch)
-            leads[i, j], leads[j, i] = lead, -lead
-    return np.asarray(leads.min(axis=1))
+    best_score = max([1e-6, *(w.end.score for w in candidates)])
+    single = [
+        SCORE_WEIGHT * w.end.score / best_score + PRIOR_WEIGHT * max(w.log_prior, -MAX_PRIOR)
+        for w in candidates
+    ]
+    log_ratios = np.full((len(candidates), len(candidates)), np.inf)
+    for i, a in enumerate(candidates):
+        for j, b in enumerate(candidates[:i]):
+            log_ratio = single[i] - single[j] + PREFERENCE_WEIGHT * preference(a.drawn, b.drawn, patch)
+            log_ratios[i, j], log_ratios[j, i] = log_ratio, -log_ratio
+    return np.asarray(log_ratios.min(axis=1))
 
 
 def preference(best: LitView, other: LitView, patch: ImagePatch) -> float:
@@ -130,11 +133,13 @@ def preference(best: LitView, other: LitView, patch: ImagePatch) -> float:
     for blur in BLURS:
         gray, drawn_a, drawn_b = (blurred(p, blur) for p in (patch.gray, a, b))
         noise = patch.sigma / (2 * np.sqrt(np.pi) * blur)
-        apart = drawn_a - drawn_b
-        differs = np.abs(apart) > MIN_CONTRAST * noise
+        difference = drawn_a - drawn_b
+        differs = np.abs(difference) > MIN_CONTRAST * noise
         weight = 1.0 / (noise**2 + (MODEL_ERROR * np.maximum(drawn_a, drawn_b)) ** 2)
-        along = float(np.sum(((gray - 0.5 * (drawn_a + drawn_b)) * apart * weight)[differs]))
-        out.append(np.clip(2 * along / max(float(np.sum((apart**2 * weight)[differs])), 1e-9), -1.0, 1.0))
+        along = float(np.sum(((gray - 0.5 * (drawn_a + drawn_b)) * difference * weight)[differs]))
+        out.append(
+            np.clip(2 * along / max(float(np.sum((difference**2 * weight)[differs])), 1e-9), -1.0, 1.0)
+        )
     return float(np.mean(out))
 
 
@@ -145,8 +150,10 @@ def _box(target: PreparedTarget, ends: List[Hypothesis]) -> Box:
     return int(x0), int(y0), int(x1), int(y1)
 
 
-def _drawn(target: PreparedTarget, patch: ImagePatch, end: Hypothesis, prior: Optional[Prior]) -> TurnedEnd:
+def _render(
+    target: PreparedTarget, patch: ImagePatch, end: Hypothesis, prior: Optional[Prior]
+) -> SymmetricPose:
     """Return a pose rendered on a finer patch with sharp shadows."""
     q, t = end.q, end.t
     view = sharpen_shadows(target, patch, q, t, search_sun(target, patch, q, t), SHADOW_MAP_PX)
-    return TurnedEnd(end, view, 0.0 if prior is None else prior(q, t))
+    return SymmetricPose(end, view, 0.0 if prior is None else prior(q, t))

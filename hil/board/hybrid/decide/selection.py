@@ -160,20 +160,20 @@ def select(
     best = max(ends, key=lambda e: _merit(target, patch, e))
     pose, field = best.pose, best.source.field
     s = support(target, pose.q, pose.t, field, alone=True)
-    there = [e.origin for e in ends if same_end(e.pose, pose)]
-    margin = here = max(start.score for start in there)
+    origins = [e.origin for e in ends if same_end(e.pose, pose)]
+    margin = initial_score = max(start.score for start in origins)
     rivals = [h for h in ranked if differs(h.q, h.t, pose.q, pose.t)]
     # a hypothesis that converged to the best pose is no competitor; but if the only one started far away, among few
     # hypotheses, its convergence may be accidental
-    if thorough or not all(differs(start.q, start.t, pose.q, pose.t) for start in there):
+    if thorough or not all(differs(start.q, start.t, pose.q, pose.t) for start in origins):
         rivals = [h for h in rivals if not was_refined(h, ends)]
     rival = max(rivals, key=lambda h: h.score, default=None)
     if rival is not None:
-        explains = rival.score
+        rival_score = rival.score
         # shadows of a better Sun may raise the competitor's score; searched only if that may matter
-        if here - explains < MAX_DEFICIT * here:
-            explains = search_sun(target, patch, rival.q, rival.t, seen=rival.seen).score
-        margin -= max(explains, 0.0)
+        if initial_score - rival_score < MAX_DEFICIT * initial_score:
+            rival_score = search_sun(target, patch, rival.q, rival.t, seen=rival.seen).score
+        margin -= max(rival_score, 0.0)
     # two refined poses may be distinct optima even if they are close
     for other in ends:
         if not same_end(other.pose, pose):

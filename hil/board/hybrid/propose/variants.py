@@ -73,7 +73,7 @@ def tilts(target: PreparedTarget, h: Hypothesis) -> List[Hypothesis]:
     return out
 
 
-def over_its_image(
+def align_centroids(
     target: PreparedTarget, patch: ImagePatch, variants: List[Hypothesis], reference: Hypothesis
 ) -> List[Hypothesis]:
     """Return poses shifted across the line of sight until their silhouettes' centroids match that of ``reference``.

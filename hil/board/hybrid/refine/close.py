@@ -13,7 +13,7 @@ from flyaround.hil.board.hybrid.hypotheses.hypothesis import Hypothesis
 from flyaround.hil.board.hybrid.image.observation import Observation
 from flyaround.hil.board.hybrid.model.image_patch import Box, cut_patch, target_box
 from flyaround.hil.board.hybrid.model.prepared_target import PreparedTarget
-from flyaround.hil.board.hybrid.propose.variants import near_symmetries, over_its_image, tilts
+from flyaround.hil.board.hybrid.propose.variants import align_centroids, near_symmetries, tilts
 from flyaround.hil.board.hybrid.refine.parallel import Pruning, draw, draw_shadows, refine_in_parallel
 
 # Maximum number of hypotheses that are compared with the best one, in the first and in the second round.
@@ -65,51 +65,51 @@ def refine_close_up(
     # a near-symmetry that is already among the hypotheses is not aligned twice
     twins = [
         draw(target, patch, twin)
-        for twin in over_its_image(target, patch, near_symmetries(target, [first]), first)
+        for twin in align_centroids(target, patch, near_symmetries(target, [first]), first)
         if all(quat.angle_rad(twin.q, o.q) > SPREAD_RAD for o in (first, *others))
     ]
     # in front of a texture an error of a few degrees costs most of the score: every near-symmetry is aligned
-    every = thorough or frame.background < 0
-    drawn += [twin for twin in twins if every or twin.score > SYMMETRY_SHARE * drawn[0].score]
+    align_all = thorough or frame.background < 0
+    drawn += [twin for twin in twins if align_all or twin.score > SYMMETRY_SHARE * drawn[0].score]
     drawn = [draw_shadows(target, patch, h) for h in drawn]
     ranked = refine_in_parallel(target, patch, drawn, CLOSE_BLURS, CLOSE_PRUNINGS)
-    judged = len(ranked)
+    n_aligned = len(ranked)
     if thorough:
         ranked += refine_tilts(target, patch, ranked[0], TILT_BLURS, TILT_PRUNINGS)
         ranked.sort(key=lambda h: -h.score)
         ranked += refine_symmetries(target, patch, ranked[0])
-        judged = len(ranked)
+        n_aligned = len(ranked)
         ranked = without_duplicates(sorted(ranked, key=lambda h: -h.score))
     frame.keep("ranked", ranked)
-    frame.count("judged", judged)
+    frame.count("judged", n_aligned)
     return patch, ranked
 
 
 def refine_tilts(
     target: PreparedTarget,
     patch: ImagePatch,
-    held: Hypothesis,
+    pose: Hypothesis,
     blurs: Tuple[float, ...],
     prunings: Tuple[Pruning, ...],
 ) -> List[Hypothesis]:
     """Return tilts of a pose, aligned with shadows, best first."""
-    about = [draw_shadows(target, patch, draw(target, patch, h)) for h in tilts(target, held)]
-    return refine_in_parallel(target, patch, about, blurs, prunings)
+    tilted = [draw_shadows(target, patch, draw(target, patch, h)) for h in tilts(target, pose)]
+    return refine_in_parallel(target, patch, tilted, blurs, prunings)
 
 
-def refine_symmetries(target: PreparedTarget, patch: ImagePatch, held: Hypothesis) -> List[Hypothesis]:
+def refine_symmetries(target: PreparedTarget, patch: ImagePatch, pose: Hypothesis) -> List[Hypothesis]:
     """Return near-symmetries of a nearly converged pose, aligned with shadows, best first.
 
     Near-symmetries of a pose that has not converged are a few degrees off, which in front of a texture costs most of
     the score.
     """
-    variants = over_its_image(target, patch, near_symmetries(target, [held]), held)
+    variants = align_centroids(target, patch, near_symmetries(target, [pose]), pose)
     drawn = [draw_shadows(target, patch, draw(target, patch, h)) for h in variants]
     return refine_in_parallel(target, patch, drawn, CLOSE_BLURS, CLOSE_PRUNINGS)
 
 
 def _overlap(a: Box, b: Box) -> float:
     """Return the intersection area of two boxes divided by the area of the smaller one."""
-    wide, high = min(a[2], b[2]) - max(a[0], b[0]), min(a[3], b[3]) - max(a[1], b[1])
-    least = min((x1 - x0) * (y1 - y0) for x0, y0, x1, y1 in (a, b))
-    return max(wide, 0) * max(high, 0) / max(least, 1)
+    width, height = min(a[2], b[2]) - max(a[0], b[0]), min(a[3], b[3]) - max(a[1], b[1])
+    smaller_area = min((x1 - x0) * (y1 - y0) for x0, y0, x1, y1 in (a, b))
+    return max(width, 0) * max(height, 0) / max(smaller_area, 1)

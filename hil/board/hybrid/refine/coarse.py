@@ -65,13 +65,13 @@ def refine_coarsely(
     # scores of different regions are not comparable, so each region keeps its own best
     for region in dict.fromkeys(h.source.region for h in found):
         learned = region.source == "learned"
-        own = [h for h in found if h.source.region == region]
+        candidates = [h for h in found if h.source.region == region]
         margin = NETWORK_MARGIN if learned else MARGIN
         height, width = frame.image.shape
         textured = learned and frame.background < 0
         lamps = learned and regime is Regime.LAMPS
-        first = TEXTURED_SCORED if textured or lamps else EMPTY_SCORED
-        own = own[: EDGES_SCORED if not learned else THOROUGH_SCORED if thorough else first]
+        n_scored = TEXTURED_SCORED if textured or lamps else EMPTY_SCORED
+        candidates = candidates[: EDGES_SCORED if not learned else THOROUGH_SCORED if thorough else n_scored]
         longest, blurs = (TEXTURED_PX, TEXTURED_BLURS) if textured else (COARSE_PX, COARSE_BLURS)
         box = pinhole_box(target.camera, region.grown(margin, width, height))
         patch = cut_patch(target, frame, box, longest)
@@ -80,7 +80,7 @@ def refine_coarsely(
         if drawings is not None and not thorough:
             # the second round is the last, so only renderings of the first round are cached
             frame.drawn[box, longest] = drawings
-        drawn = sorted((draw(target, patch, h, drawings) for h in own), key=_with_prior)
+        drawn = sorted((draw(target, patch, h, drawings) for h in candidates), key=_with_prior)
         if thorough:
             drawn = sorted(
                 (draw_shadows(target, patch, h, drawings) for h in drawn[:SHADOWED]), key=_with_prior

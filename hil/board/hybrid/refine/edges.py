@@ -84,16 +84,16 @@ def align_to_field(
 def limit_one_step(step: Array, t: Array, radius_m: float) -> Array:
     """Limit one step (6,) as `limit_step` does, in scalar arithmetic, which is faster than NumPy for six numbers."""
     a, b, c, x, y, z = step.tolist()
-    over = max(
+    ratio = max(
         math.sqrt(a * a + b * b + c * c) / 0.25,
         abs(z) / (0.2 * max(float(t[2]), radius_m)),
         math.sqrt(x * x + y * y) / radius_m,
         1.0,
     )
-    if not math.isfinite(over + a + b + c + x + y + z):
+    if not math.isfinite(ratio + a + b + c + x + y + z):
         step = limit_step(step[None], t[None], radius_m)[0]
         return np.asarray(step)
-    return step / over
+    return step / ratio
 
 
 def limit_step(step: Array, t: Array, radius_m: float) -> Array:
@@ -102,12 +102,12 @@ def limit_step(step: Array, t: Array, radius_m: float) -> Array:
     A step rotates by at most 0.25 rad, changes the range by at most a fifth, and shifts sideways by at most the radius.
     """
     depth = np.maximum(t[:, 2], radius_m)
-    over = np.maximum(
+    ratio = np.maximum(
         np.linalg.norm(step[:, :3], axis=1) / 0.25,
         np.maximum(np.abs(step[:, 5]) / (0.2 * depth), np.linalg.norm(step[:, 3:5], axis=1) / radius_m),
     )
     step = np.nan_to_num(step)
-    return step / np.maximum(1.0, np.nan_to_num(over, nan=1.0, posinf=1e6))[:, None]
+    return step / np.maximum(1.0, np.nan_to_num(ratio, nan=1.0, posinf=1e6))[:, None]
 
 
 @dataclass(frozen=True, eq=False)

@@ -21,7 +21,7 @@ from flyaround.hil.board.hybrid.refine.shadows import search_sun
 CONVERGED_RAD, MAX_ROUNDS = float(np.radians(0.5)), 6
 
 # Decrease of the score above which a pose is worse, and above which the alignment has diverged.
-SCORE_TOLERANCE, DIVERGED = 0.003, 0.02
+SCORE_TOLERANCE, DIVERGENCE_DECREASE = 0.003, 0.02
 
 # Longest side of the patch for the final alignment [px], and the last blurs.
 FINAL_PX, LAST_BLURS = 230, (0.3, 0.0)
@@ -56,40 +56,40 @@ def refine_to_end(
         Maximum number of alignments.
     """
     box, longest = target_box(target, start.q, start.t), ROUND_FINAL_PX if target.round else FINAL_PX
-    share, at_first, near_by = TEXTURED_WIDE if frame.background < 0 else EMPTY_WIDE
+    share, first_blurs, later_blurs = TEXTURED_WIDE if frame.background < 0 else EMPTY_WIDE
     sharp = cut_patch(target, frame, box, longest)
     wide = cut_patch(target, frame, box, round(share * longest)) if share < 1 else sharp
     # thin parts get their exact area only at the end: a thin bright part rendered too wide attracts distant poses
     exact = replace(sharp, clipped=frame.clipped, exact=True)
     faces, camera = faces_of(target), target.camera.pinhole
     best: Optional[Hypothesis] = None
-    blurs: Tuple[float, ...] = at_first
-    before = start.pose
-    here = search_sun(target, close, before.q, before.t, seen=start.seen)
-    origin, sun = start.without_view(here.score), here.sun
+    blurs: Tuple[float, ...] = first_blurs
+    previous = start.pose
+    initial = search_sun(target, close, previous.q, previous.t, seen=start.seen)
+    origin, sun = start.without_view(initial.score), initial.sun
     for _ in range(rounds):
-        near = _stepped(target, wide, before, sun, blurs)
-        pose = _stepped(target, exact, near, sun, LAST_BLURS)
+        near = _align(target, wide, previous, sun, blurs)
+        pose = _align(target, exact, near, sun, LAST_BLURS)
         view = photo_draw(pose.q, pose.t, faces, close, camera, sun)
         score = explained(view, close)
         if best is None or score > best.score - SCORE_TOLERANCE:
             best = Hypothesis(pose, start.source, score, start.support, view=view, sun=sun, start=origin)
-        elif score < best.score - DIVERGED:
+        elif score < best.score - DIVERGENCE_DECREASE:
             break
-        moved = quat.angle_rad(before.q, pose.q)
-        if moved < CONVERGED_RAD:
+        change_rad = quat.angle_rad(previous.q, pose.q)
+        if change_rad < CONVERGED_RAD:
             break
-        before = pose
-        blurs = near_by
-        if moved > FAR_RAD:
+        previous = pose
+        blurs = later_blurs
+        if change_rad > FAR_RAD:
             # after a large change the shadows have moved; after a small one the same Sun is still right
-            sun = search_sun(target, close, before.q, before.t, seen=view.seen).sun
-            blurs = (*FAR_BLURS, *at_first)
+            sun = search_sun(target, close, previous.q, previous.t, seen=view.seen).sun
+            blurs = (*FAR_BLURS, *first_blurs)
     assert best is not None  # noqa: S101 - there is at least one round
     return best
 
 
-def _stepped(
+def _align(
     target: PreparedTarget,
     patch: ImagePatch,
     pose: PoseFit,

@@ -19,7 +19,7 @@ from flyaround.hil.board.hybrid.refine.edges import Gradients, fine_align
 from flyaround.hil.board.svd.region_of_interest import Region
 
 # Maximum number of refined hypotheses, and their maximum deficit of total support.
-LEADERS, LEAD = 6, 0.1
+MAX_REFINED, MAX_DEFICIT = 6, 0.1
 
 # Distance of the best pose's neighbours as a share of the steps of ``variants.NEIGHBOURS``.
 NEAR = 0.4
@@ -42,14 +42,16 @@ def refine_on_edges(target: PreparedTarget, frame: Observation, found: List[Hypo
     """
     gradients: Dict[Region, Gradients] = {}
     refined = [
-        _refined(target, frame, h, gradients) for h in found[:LEADERS] if h.score >= found[0].score - LEAD
+        _refine(target, frame, h, gradients)
+        for h in found[:MAX_REFINED]
+        if h.score >= found[0].score - MAX_DEFICIT
     ]
     # pairs of parallel edges cause many close optima around the best pose
-    about = neighbours(target, [max(refined, key=_score)], NEAR)
-    refined += [_refined(target, frame, h, gradients) for h in about]
+    variants = neighbours(target, [max(refined, key=_score)], NEAR)
+    refined += [_refine(target, frame, h, gradients) for h in variants]
     # near-symmetries are refined to the same precision, for a fair comparison
-    about = near_symmetries(target, [max(refined, key=_score)])
-    refined += [_refined(target, frame, h, gradients) for h in about]
+    variants = near_symmetries(target, [max(refined, key=_score)])
+    refined += [_refine(target, frame, h, gradients) for h in variants]
     return refined
 
 
@@ -57,7 +59,7 @@ def _score(h: Hypothesis) -> float:
     return h.score
 
 
-def _refined(
+def _refine(
     target: PreparedTarget, frame: Observation, start: Hypothesis, gradients: Dict[Region, Gradients]
 ) -> Hypothesis:
     """Return a hypothesis refined on the sub-pixel edges of its region."""

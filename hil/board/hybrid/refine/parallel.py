@@ -48,14 +48,14 @@ class Pruning:
 
     def split(self, hypotheses: List[Hypothesis]) -> Tuple[List[Hypothesis], List[Hypothesis]]:
         """Return hypotheses to refine, best first, and hypotheses to leave unchanged; duplicates are dropped."""
-        going: List[Hypothesis] = []
-        stay: List[Hypothesis] = []
+        active: List[Hypothesis] = []
+        inactive: List[Hypothesis] = []
         for h in sorted(hypotheses, key=lambda h: -h.score):
-            if going and (h.score < self.share * going[0].score - SCORE_NOISE or len(going) >= self.most):
-                stay.append(h)
-            elif all(converges_elsewhere(h.pose, o.pose, self.apart_rad) for o in going):
-                going.append(h)
-        return going, stay
+            if active and (h.score < self.share * active[0].score - SCORE_NOISE or len(active) >= self.most):
+                inactive.append(h)
+            elif all(converges_elsewhere(h.pose, o.pose, self.apart_rad) for o in active):
+                active.append(h)
+        return active, inactive
 
 
 def draw(
@@ -63,12 +63,12 @@ def draw(
 ) -> Hypothesis:
     """Return a hypothesis rendered without shadows and scored, as start of its refinement."""
 
-    def made() -> Hypothesis:
+    def render() -> Hypothesis:
         view = photo_draw(h.q, h.t, faces_of(target), patch, target.camera.pinhole)
         pose, score = PoseFit(h.q, h.t), explained(view, patch)
         return replace(h, pose=pose, score=score, view=view, seen=None, sun=None, start=h)
 
-    return _memoised(drawings, ("plain", h.q.tobytes(), h.t.tobytes()), h, made)
+    return _memoised(drawings, ("plain", h.q.tobytes(), h.t.tobytes()), h, render)
 
 
 def draw_shadows(
@@ -76,21 +76,21 @@ def draw_shadows(
 ) -> Hypothesis:
     """Return a rendered hypothesis with the shadows that explain the image best."""
 
-    def made() -> Hypothesis:
+    def render() -> Hypothesis:
         lit = search_sun(target, patch, h.q, h.t, drawn(h), coarse=True)
         return replace(h, view=lit.shading, score=lit.score, sun=lit.sun)
 
-    return _memoised(drawings, ("shadows", h.q.tobytes(), h.t.tobytes()), h.origin, made)
+    return _memoised(drawings, ("shadows", h.q.tobytes(), h.t.tobytes()), h.origin, render)
 
 
 def _memoised(
-    drawings: Optional[Drawings], key: Tuple[Any, ...], start: Hypothesis, made: Callable[[], Hypothesis]
+    drawings: Optional[Drawings], key: Tuple[Any, ...], start: Hypothesis, render: Callable[[], Hypothesis]
 ) -> Hypothesis:
     """Return the cached hypothesis of a key with another ``start``, computed on the first call."""
     if drawings is None:
-        return made()
+        return render()
     if key not in drawings:
-        drawings[key] = made()
+        drawings[key] = render()
     return replace(drawings[key], start=start, source=start.source, support=start.support)
 
 
@@ -119,18 +119,18 @@ def refine_in_parallel(
     drawings : dict, optional
         Cache of renderings on the same patch.
     """
-    done: List[Hypothesis] = []
+    finished: List[Hypothesis] = []
     for blur, pruning in zip(blurs, prunings):  # noqa: B905 - Python 3.9 has no strict=
-        going, stay = pruning.split(hypotheses)
-        done += stay
+        active, inactive = pruning.split(hypotheses)
+        finished += inactive
         hypotheses = []
-        for h in going:
+        for h in active:
             key = (h.q.tobytes(), h.t.tobytes(), h.sun, blur)
-            on = _memoised(drawings, key, h.origin, partial(_step, target, patch, h, blur))
-            moved = on.q.tolist() != h.q.tolist() or on.t.tolist() != h.t.tolist()
-            (hypotheses if moved else done).append(on)
+            stepped = _memoised(drawings, key, h.origin, partial(_step, target, patch, h, blur))
+            moved = stepped.q.tolist() != h.q.tolist() or stepped.t.tolist() != h.t.tolist()
+            (hypotheses if moved else finished).append(stepped)
     out = []
-    for h in (*hypotheses, *done):
+    for h in (*hypotheses, *finished):
         diverged = abs(np.log(max(h.t[2], 1e-3) / max(h.origin.t[2], 1e-3))) > MAX_LOG_RANGE_CHANGE
         out.append(h.without_view(0.5 * h.score if diverged else h.score))
     return sorted(out, key=lambda h: -h.score)

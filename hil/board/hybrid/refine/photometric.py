@@ -151,7 +151,7 @@ def photo_step(
     step = relax * damped_step(H, g, scale, 1e-5)
     step = limit_one_step(step, t, radius_m)
     cost = float(np.sqrt(cost / max(total, 1e-12))) / noise
-    return PoseFit(quat.turned(fit.q, step[:3]), t + step[3:], cost, COVARIANCE_INFLATION * _inverse(H))
+    return PoseFit(quat.rotate(fit.q, step[:3]), t + step[3:], cost, COVARIANCE_INFLATION * _inverse(H))
 
 
 def _inverse(H: Array) -> Array:

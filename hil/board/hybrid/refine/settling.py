@@ -48,7 +48,7 @@ def settle(target: PreparedTarget, frame: Observation, close: ImagePatch, end: H
     longest = ROUND_FINAL_PX if target.round else FINAL_PX
     sharp = cut_patch(target, frame, target_box(target, end.q, end.t), longest)
     exact = replace(sharp, clipped=frame.clipped, exact=True)
-    sun = _worthwhile(target, close, end)
+    sun = _fine_shadows(target, close, end)
     faces, camera = faces_of(target), target.camera.pinhole
     poses = [end.pose]
     for _ in range(STEPS):
@@ -64,7 +64,7 @@ def settle(target: PreparedTarget, frame: Observation, close: ImagePatch, end: H
     return _mean(poses[1:]) if len(poses) > STEPS else poses[-1]
 
 
-def _worthwhile(target: PreparedTarget, close: ImagePatch, end: Hypothesis) -> Optional[ShadowMap]:
+def _fine_shadows(target: PreparedTarget, close: ImagePatch, end: Hypothesis) -> Optional[ShadowMap]:
     """Return a finer shadow map of a hypothesis; None if the shadows explain too little."""
     if end.sun is None:
         return None

@@ -96,20 +96,20 @@ def search_sun(
     if patch.sun is not None:
         # the view without shadows wins in eclipse
         return max(best, lit_by(ShadowMap.of(faces, quat.matrix(q).T @ patch.sun, side)), key=_score)
-    least = best.score + MIN_GAIN
+    min_score = best.score + MIN_GAIN
     for k in target.suns.find(faces, plain, patch, camera, quat.matrix(q), t, number, pixels):
         best = max(best, lit_by(target.suns.sunlight(faces, k, side)), key=_score)
-    if coarse or best.score < least:
+    if coarse or best.score < min_score:
         return best
     for step in STEPS_RAD:
         for axis in range(2):
-            for way in (1.0, -1.0):
+            for sign in (1.0, -1.0):
                 sun = best.sun
                 if sun is None:
                     continue
                 best = max(
                     best,
-                    lit_by(ShadowMap.of(faces, _beside(sun, step, way * sun.axes[axis]), side)),
+                    lit_by(ShadowMap.of(faces, _rotate_towards(sun, step, sign * sun.axes[axis]), side)),
                     key=_score,
                 )
                 if best.sun is not sun:
@@ -137,6 +137,6 @@ def _score(drawn: LitView) -> float:
     return drawn.score
 
 
-def _beside(sun: ShadowMap, angle_rad: float, side: Array) -> Array:
+def _rotate_towards(sun: ShadowMap, angle_rad: float, side: Array) -> Array:
     """Rotate the Sun's direction (3,) by an angle towards ``side`` (3,), a unit vector perpendicular to it."""
     return np.asarray(np.cos(angle_rad) * sun.direction + np.sin(angle_rad) * side)

@@ -23,7 +23,7 @@ LONGEST_PX = 380
 
 
 @dataclass(frozen=True, eq=False)
-class Drawn:
+class SyntheticViews:
     """Image and synthetic views of one pose.
 
     Parameters
@@ -50,7 +50,7 @@ class Drawn:
     noise: float
 
 
-def draw_at(target: PreparedTarget, frame: Observation, q: Array, t: Array) -> Optional[Drawn]:
+def draw_at(target: PreparedTarget, frame: Observation, q: Array, t: Array) -> Optional[SyntheticViews]:
     """Return the views of a pose; None for a target without faces."""
     faces = target.model.faces
     if faces is None:
@@ -61,6 +61,6 @@ def draw_at(target: PreparedTarget, frame: Observation, q: Array, t: Array) -> O
     optics = OPTICS_PX / patch.factor
     plain, dark = (patch.response.of(blurred(p, optics))[0] for p in (plain, best.shading.picture))
     if best.sun is None:
-        return Drawn(patch.gray, plain, None, None, patch.full, patch.sigma)
+        return SyntheticViews(patch.gray, plain, None, None, patch.full, patch.sigma)
     sun = quat.matrix(q) @ best.sun.direction
-    return Drawn(patch.gray, plain, dark, sun, patch.full, patch.sigma)
+    return SyntheticViews(patch.gray, plain, dark, sun, patch.full, patch.sigma)

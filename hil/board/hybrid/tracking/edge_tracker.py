@@ -191,7 +191,7 @@ def _one_scale(
         step, normal = gauss_newton_step(J, r[None], weight[None], scale, 1e-5)
         if not np.isfinite(step).all():
             return None
-        fit_q, fit_t, H = quat.turned(fit_q, step[0, :3]), fit_t + step[0, 3:], normal[0]
+        fit_q, fit_t, H = quat.rotate(fit_q, step[0, :3]), fit_t + step[0, 3:], normal[0]
     rms = float(np.sqrt((weight * r * r).sum() / max(float(weight.sum()), 1e-9)))
     learnt, sure = polarity.copy(), weight > 0.5
     learnt[idx[sure]] = 0.7 * learnt[idx[sure]] + 0.3 * sign[np.arange(len(idx)), choice][sure]

@@ -109,7 +109,7 @@ def test_a_quarter_turn_of_the_crop_turns_the_keypoints(tango: BoardModel) -> No
     image = rng.normal(20, 2, (300, 480)).astype(np.float32)
     image[120:190, 200:290] += 60
     region = next(iter(proposer.propose(image, 2.0, [_region(190, 110, 300, 200)], 1)))
-    again = proposer.look_again(image, 2.0, region)
+    again = proposer.infer_again(image, 2.0, region)
     centre = bin_centres()
     first, second = (g.p @ centre / g.p.sum(axis=-1) for g in (region, again))
     # the mean of four looks stays where the first saw the craft

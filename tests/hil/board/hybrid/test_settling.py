@@ -44,7 +44,7 @@ def settled(
     """The answer from a pose that is so far off [rad]."""
     box = target_box(craft, Q, T_M)
     source = Source(Region(*map(float, box), "learned"), edge_field(frame.image, box, frame.noise, 200))
-    end = Hypothesis(PoseFit(quat.turned(Q, np.array(turn)), T_M), source, sun=sun)
+    end = Hypothesis(PoseFit(quat.rotate(Q, np.array(turn)), T_M), source, sun=sun)
     return settle(craft, frame, cut_patch(craft, frame, box, CLOSE_PX), end)
 
 

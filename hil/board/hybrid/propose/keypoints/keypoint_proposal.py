@@ -180,7 +180,7 @@ class LearnedProposer:
             self._proposal(sources[k], crops[k], log_p[k], float(craft[k]), size[k]) for k in likely[:keep]
         ]
 
-    def look_again(
+    def infer_again(
         self,
         image: Array,
         noise: float,
