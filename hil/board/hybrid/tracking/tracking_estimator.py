@@ -138,7 +138,7 @@ class TrackingEstimator(Estimator):
 
     def _track(self, frame: Observation, state: TrackState) -> Optional[PoseResult]:
         """Return the tracked pose; None if the track is lost."""
-        fit = self._by_edges(frame, state)
+        fit = self._align_on_edges(frame, state)
         if fit is None or fit.used < MIN_EDGES or fit.rms_px > MAX_RMS_PX or fit.found < MIN_EDGE_SHARE:
             return None
         sure = track_confidence(fit)
@@ -153,8 +153,8 @@ class TrackingEstimator(Estimator):
         doubt |= update(state, q, t, covariance)[1] > INNOVATION_95
         before, polarity = state, fit.polarity
         if doubt and self.craft.model.faces is not None:
-            q, t, covariance = self._by_picture(frame, state, fit)
-            if self._disbelieved(frame, q, t):
+            q, t, covariance = self._align_photometrically(frame, state, fit)
+            if self._network_disagrees(frame, q, t):
                 return None
             # edges that the image contradicts must not update the polarity used in the next frame
             if squared_distance(fit, q, t) > INNOVATION_95:
@@ -218,7 +218,7 @@ class TrackingEstimator(Estimator):
         learned = self.first.setup.learned
         if learned is None:
             return False
-        lost = learned.disbelief(frame.image, frame.noise, q, t) > MAX_LOG_LIKELIHOOD_DEFICIT
+        lost = learned.log_likelihood_deficit(frame.image, frame.noise, q, t) > MAX_LOG_LIKELIHOOD_DEFICIT
         frame.mark("keypoint_network")
         return lost
 
