@@ -269,27 +269,27 @@ class GigeCamera:
             raise LinkError(f"another program controls the camera {self._address}: stop it first")
 
     def _set(self) -> None:
-        settings = self._settings
-        settings: Tuple[Tuple[str, Any, Callable[[Any], Any]], ...] = (
+        wanted = self._settings
+        setters: Tuple[Tuple[str, Any, Callable[[Any], Any]], ...] = (
             (
                 "pixel_format",
-                settings.pixel_format,
+                wanted.pixel_format,
                 lambda v: self._do("set_pixel_format_from_string", v.encode()),
             ),
-            ("roi", settings.roi_px, self._set_region),
-            ("rate", settings.rate_hz, lambda v: self._do("set_frame_rate", v)),
-            ("exposure", settings.exposure_us, lambda v: self._do("set_exposure_time", v)),
-            ("gain", settings.gain_db, lambda v: self._do("set_gain", v)),
-            ("packet_size", settings.packet_bytes, self._set_packet_bytes),
+            ("roi", wanted.roi_px, self._set_region),
+            ("rate", wanted.rate_hz, lambda v: self._do("set_frame_rate", v)),
+            ("exposure", wanted.exposure_us, lambda v: self._do("set_exposure_time", v)),
+            ("gain", wanted.gain_db, lambda v: self._do("set_gain", v)),
+            ("packet_size", wanted.packet_bytes, self._set_packet_bytes),
         )
-        for name, value, set_it in settings:
+        for name, value, set_it in setters:
             if value is not None:
                 try:
                     set_it(value)
                 except AravisError as error:
                     option = f"--{name.replace('_', '-')} {value}"
                     raise LinkError(f"camera {self._address} refuses {option}: {error}") from error
-        if settings.software_trigger:
+        if wanted.software_trigger:
             self._do("set_trigger", b"Software")
         else:
             self._do("clear_triggers")
