@@ -29,7 +29,7 @@ BUTTONS: tuple[Do | tuple[()], ...] = (
     (),  # right bumper: roll
     ("steer.lvlh",),  # back
     ("time.pause",),  # start
-    (),  # guide
+    ("steer.arm",),  # guide
     ("steer.centre",),  # left stick pressed
     ("docking.go",),  # right stick pressed
     ("steer.pulse", "forward"),  # cross

@@ -26,7 +26,7 @@ File
   Scenario text: panel.editor scenario.*
   Export: picture.save film.* window.screenshot log.* panel.command-line
   Keep the flight: timeline.keep timeline.dataset timeline.hil
-  settings.* window.close
+  settings.* window.quit
 Flight
   time.pause time.step time.restart time.faster time.slower
   Jump to: time.next-*

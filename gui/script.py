@@ -132,8 +132,10 @@ class CommandLog:
         Raises
         ------
         UserError
-            If the file cannot be written.
+            If the file exists or cannot be written.
         """
+        if path.is_file():
+            raise UserError(f"the log {path} exists already; name another file with --log")
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
             # unbuffered: nothing can be lost

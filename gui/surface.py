@@ -138,9 +138,8 @@ class Surface(ABC):
     def framebuffer_size(self) -> tuple[int, int]:
         """Width and height in pixels."""
 
-    @abstractmethod
-    def close(self) -> None:
-        """Request that the main loop end."""
+    def stay_open(self) -> None:  # noqa: B027 - only a window has a close button
+        """Take back the operator's request to close it."""
 
     @abstractmethod
     def wait(self, longest_s: float) -> bool:

@@ -327,7 +327,8 @@ class Panel(ABC):
     """A panel or view of the window.
 
     ``name`` is that of its command (``panel.NAME``), with its ``keys``. ``place`` is the initial dock (``over``: a
-    floating window in the centre), ``shown`` is True if it is open initially, ``bare`` if it draws up to its edges.
+    floating window in the centre, of ``size`` at scale 1), ``shown`` is True if it is open initially, ``bare`` if it
+    draws up to its edges.
     """
 
     name: str
@@ -336,6 +337,7 @@ class Panel(ABC):
     shown: bool
     keys: tuple[str, ...] = ()
     bare = False
+    size = (760.0, 620.0)
 
     def __init__(self, window: Surface) -> None:
         self._window = window

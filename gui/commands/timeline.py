@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from flyaround.gui.console import Console
+    from flyaround.simulator.piloting.session import FlightSession
 
 FOLDER = Path("out") / "console" / "flights"
 SLICE_S = 0.008
@@ -87,6 +88,7 @@ class Keeping:
     """
 
     console: Console
+    session: FlightSession
     files: FlownFiles
     then: Callable[[Console, str], None]
     _told_s: float = 0.0
@@ -97,6 +99,7 @@ class Keeping:
             replay = self.files.go_on(SLICE_S)
         except (UserError, OSError) as error:
             self.console.say(f"the flight was not kept: {error}", "caution")
+            self.console.unsaved.append(self.session)
             return False
         if replay is None:
             if time.monotonic() - self._told_s > 1.0:
@@ -114,7 +117,9 @@ def _tell(console: Console, replay: str) -> None:
 def _keep(console: Console, folder: str | None = None, then: Callable[[Console, str], None] = _tell) -> None:
     name = console.session.plan.scenario.name
     where = free_folder(FOLDER, name) if folder is None else Path(folder)
-    console.jobs.keeping.append(Keeping(console, FlownFiles(console.session, where), then))
+    session, files = console.session, FlownFiles(console.session, where)
+    console.jobs.keeping.append(Keeping(console, session, files, then))
+    console.unsaved = [flight for flight in console.unsaved if flight is not session]
 
 
 def _dataset(console: Console, frames: int = FRAMES) -> None:

@@ -16,6 +16,7 @@ views.labels:PartsView views.labels:KeypointsView panels.picture:PicturePanel pa
 panels.passes:PassesPanel panels.sensor:SensorPanel panels.target:TargetPanel panels.command_line:CommandLinePanel
 panels.timeline:TimelinePanel panels.steering:SteeringPanel panels.plots:PlotsPanel panels.docking:DockingPanel
 panels.log:LogPanel panels.key_list:KeyList panels.key_list:Palette panels.help:HelpPanel
+panels.quit_question:QuitQuestion
 """
 
 

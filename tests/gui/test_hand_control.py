@@ -143,10 +143,24 @@ def test_letters_do_not_fly_until_hand_control_is_armed(fly: Fly) -> None:
 
     console, times = fly(10.0, typed, armed=False, duration_s=4.0)
     assert console.session.craft.mode == "guidance"
-    assert not times
+    assert set(times) <= {"window.quit", "window.close"}
     assert "arm hand control" in console.messages[-1].text
 
 
 def test_abort_needs_no_arming(fly: Fly) -> None:
     console, _ = fly(10.0, lambda window: window.hold("delete", PUSH_S, 0.1), armed=False, duration_s=4.0)
     assert console.session.craft.steering.doing == "abort"
+
+
+def test_the_windows_close_button_asks_and_a_second_time_closes(fly: Fly) -> None:
+    begun: list[SimulatedWindow] = []
+
+    def keys(window: SimulatedWindow) -> None:
+        begun.append(window)
+        window.hold("w", PUSH_S, 0.5)
+
+    console, times = fly(10.0, keys, duration_s=4.0)
+    assert times["window.quit"] == sorted(times["window.quit"])
+    assert len(times["window.quit"]) == 2
+    assert begun[0].asked_s < times["window.close"][0]
+    assert console.window.close

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -52,7 +53,7 @@ class SimulatedWindow(HeadlessWindow):
         _, glfw = import_parts()
         self._glfw = _GlfwState(glfw)
         self.keys = Keyboard(self.imgui, self._glfw, None, on_key=self._give_key, on_letter=lambda *_: None)
-        self.seconds = 0.0
+        self.seconds, self.asked_s = 0.0, math.inf
         self._events: list[_Event] = []
         self.font_scale = 1.0
         self.capture, self.captured = False, None
@@ -60,6 +61,10 @@ class SimulatedWindow(HeadlessWindow):
     @property
     def open(self) -> bool:
         return self.seconds < self._duration_s
+
+    def stay_open(self) -> None:
+        """The close button was pressed: the window stays while the console asks."""
+        self.asked_s, self._duration_s = self.seconds, self._duration_s + 1.0
 
     def hold(self, key: str, t_s: float, length_s: float, *, ctrl: bool = False) -> None:
         """Have a key go down, repeat and go up."""
