@@ -281,8 +281,7 @@ class ConsoleLoop:
         """Take finished pictures and request new ones; return True if one arrived."""
         console = self._console
         session, settings = console.session, console.options.settings
-        timed = console.options.overlays.times or console.shown.get("passes", False)
-        has_new = console.feed.update(session, settings, timed=timed)
+        has_new = console.feed.update(session, settings, timed=console.options.overlays.times)
         for feed in console.feeds.values():
             if feed.looked_at or feed.waiting:
                 has_new |= feed.update(session, settings)

@@ -104,6 +104,7 @@ class WindowRequests:
     ----------
     screenshot : file for a picture of the window.
     clipboard : text for the clipboard.
+    layout : last layout chosen.
     front : panel to raise.
     enlarged : panel that fills the window, or empty.
     """
@@ -111,6 +112,7 @@ class WindowRequests:
     close: bool = False
     full_screen: bool = False
     preset: str = ""
+    layout: str = ""
     enlarged: str = ""
     screenshot: Path | None = None
     clipboard: str = ""
@@ -210,6 +212,12 @@ class Console:
         kept = [self.session, *(self.former or ())[:1]]
         flights = [f"the flight of {f.plan.scenario.name} is not kept" for f in kept if f in self.unsaved]
         return jobs + flights + [f"the text of {self.draft.name} is not saved"] * self.draft.changed
+
+    @property
+    def flown_by(self) -> str:
+        """The mode that flies the chaser while nothing is pressed."""
+        craft = self.session.craft
+        return craft.steering.doing or ("by hand" if craft.mode == "steer" else "scenario's guidance")
 
     # --- commands
 

@@ -105,7 +105,7 @@ def panel_commands() -> tuple[Command, ...]:
         return console.shown.get(name, False) and name not in console.help.behind
 
     def preset(name: str, console: Console) -> None:
-        console.window.preset = name
+        console.window.preset = console.window.layout = name
 
     layouts = tuple(
         Command(
@@ -172,6 +172,8 @@ class Layout:
             open_ = PRESETS[console.window.preset]
             console.window.preset = ""
             self._saved.docking.clear()
+            # the tour goes on behind what a task needs
+            open_ |= {"tour"} & {name for name, shown in console.shown.items() if shown}
             console.shown.update({p.name: p.name in open_ for p in self.panels if p.place != "over"})
             self._form = None
         elif self._form is not None and form != self._form:
@@ -214,11 +216,7 @@ class Layout:
             self._build_docks()
         # the window is cleared to the panels' background: blending a plate over it costs a software driver 10 ms
         bare = imgui.DockNodeFlags_.passthru_central_node
-        # no corner that brings back the title of the view
-        for which in (imgui.Col_.button, imgui.Col_.button_active):
-            imgui.push_style_color(which, imgui.ImVec4(0, 0, 0, 0))
         imgui.dock_space_over_viewport(self._dockspace, None, bare)
-        imgui.pop_style_color(2)
         hovered = ""
         for panel in self.panels:
             if panel.name == console.window.enlarged:
@@ -307,7 +305,11 @@ class Layout:
         if console.window.front == panel.name:
             imgui.set_next_window_focus()
             console.window.front = ""
+        # no corner that brings back the title of the view
+        for which in (imgui.Col_.button, imgui.Col_.button_active):
+            imgui.push_style_color(which, imgui.ImVec4(0, 0, 0, 0))
         visible, stays = imgui.begin(_window_name(panel), True, flags)
+        imgui.pop_style_color(2)
         if bare or over:
             imgui.pop_style_var(bare + over)
         self._docked.discard(panel.name)

@@ -53,7 +53,7 @@ Tools
   Estimator: panel.estimator estimator.*
   Hardware in the loop: panel.board-link hil.*
   Capture: panel.capture capture.*
-  panel.plots panel.passes
+  panel.plots overlay.times
 Help
   panel.keys panel.palette help.panel
   Tour: panel.tour help.*
@@ -111,6 +111,18 @@ class MenuBar:
                 if title:
                     self._imgui.end_menu()
             self._imgui.end_menu()
+        self._layouts(console)
+
+    def _layouts(self, console: Console) -> None:
+        """Draw the layouts at the right end, as far as there is room."""
+        names = [name for name in commands_of(console.table, "layout.*") if name != "layout.first"]
+        gap = self._imgui.get_style().item_spacing.x
+        wide = sum(self._w.button_width(console.table[name].title) + gap for name in names)
+        if wide > self._w.width:
+            return
+        self._imgui.set_cursor_pos_x(self._imgui.get_window_width() - wide)
+        for name in names:
+            self._w.button(console, name, on=console.window.layout == name.partition(".")[2])
 
     def _item(self, console: Console, name: str) -> None:
         command = console.table[name]

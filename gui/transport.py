@@ -63,7 +63,7 @@ class TransportStrip:
         imgui.same_line()
         imgui.set_cursor_pos_x(imgui.get_window_width() - right + 0.5 * em)
         on = console.hand.armed
-        look = ("HAND ON", "hand-on") if on else ("HAND OFF", "hand-off")
+        look = ("HAND: ON", "hand-on") if on else ("HAND: OFF", "hand-off")
         fill = style.WARN if on else style.EDGE
         w.button(console, "steer.arm", label=look[0], icon=look[1], width=8 * em, fill=fill)
         imgui.same_line()

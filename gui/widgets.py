@@ -140,11 +140,12 @@ class Widgets:
         """
         imgui = self.imgui
         figures = " ".join(form.format(v) for v in values)
-        imgui.push_font(self.window.figure_font, 0.0)
         self.one_line(name, style.QUIET)
         self.tip(tip)
+        label = max(imgui.calc_text_size(name).x, imgui.calc_text_size("LVLH mm/s").x)
+        imgui.push_font(self.window.figure_font, 0.0)
         width = imgui.calc_text_size(figures).x
-        if max(imgui.calc_text_size(name).x, imgui.calc_text_size("LVLH mm/s").x) + 8 + width <= self.width:
+        if label + 8 + width <= self.width:
             imgui.same_line(imgui.get_cursor_pos_x() + self.width - width)
         imgui.text_unformatted(self.elided(figures, self.width))
         if figure is not None and imgui.begin_drag_drop_source(imgui.DragDropFlags_.source_allow_null_id):

@@ -119,7 +119,7 @@ COMMANDS = (
         _toggle,
         ("g",),
         flies=True,
-        state=lambda console: console.session.craft.mode == "steer",
+        state=lambda console: console.session.craft.mode == "guidance",
     ),
     command("steer.reset", _reset, ("home",), flies=True),
     switch(

@@ -146,11 +146,7 @@ def clock(t_s: float) -> str:
 
 
 COMMANDS = (
-    command(
-        "timeline.seek",
-        _seek,
-        arguments=(number("t_s", "since the scenario's start", 0.0, 1e9, "s"),),
-    ),
+    command("timeline.seek", _seek, arguments=(number("t_s", "since the scenario's start", 0.0, 1e9, "s"),)),
     command("timeline.step-back", _step_back, ("comma",)),
     command("timeline.back", partial(_skip, -SKIP_S), ("page_up",)),
     command("timeline.forward", partial(_skip, SKIP_S), ("page_down",)),

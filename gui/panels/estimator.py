@@ -101,6 +101,7 @@ class EstimatorPanel(Panel):
             share = 100 * e.E_T_m / max(e.range_m, 1e-9)
             w.row("of range", (share,), "{:.2f} %", "position error over the range")
         w.row("Took", (e.took_ms,), "{:.0f} ms", "all stages; making the estimator is not counted")
+        w.row("Picture", e.size_px, "{:d}", "pixels of the picture that it was given")
         if answer.network:
             tip = "own: trained for this craft by flyaround train; shipped: comes with Flyaround; none: edges alone"
             w.text(
@@ -108,7 +109,6 @@ class EstimatorPanel(Panel):
                 style.GOOD if answer.network == "own" else style.QUIET,
                 tip,
             )
-        w.row("Picture", e.size_px, "{:d}", "pixels of the picture that it was given")
         slowest = sorted(answer.stages_ms.items(), key=lambda item: -item[1])[:3]
         stages = ", ".join(f"{name.replace('_', ' ')} {ms:.0f} ms" for name, ms in slowest)
         w.text(stages, style.QUIET, "the three stages that took longest")

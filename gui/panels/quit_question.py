@@ -15,13 +15,13 @@ class QuitQuestion(Panel):
     """The jobs that quitting ends, and the flights and texts that it discards."""
 
     name, title, place, shown = "quit", "Quit?", "over", False
-    size = (440.0, 250.0)
+    size = (440.0, 210.0)
 
     def draw(self, console: Console) -> None:
         """Draw into the current window."""
         w, imgui = self._w, self._w.imgui
         lost = console.losses
-        w.text("Quitting now has these consequences:" if lost else "Everything is saved.")
+        w.text("If you quit now:" if lost else "Everything is saved.")
         for line in lost:
             w.text(f"- {line}", style.WARN)
         imgui.dummy(w.vec(0, 1))

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 from flyaround.gui import style
 from flyaround.gui.widgets import Panel
+from flyaround.simulator.piloting.control_laws import SWITCHES
 
 if TYPE_CHECKING:
     from flyaround.gui.console import Console
@@ -41,8 +42,9 @@ STEPS = (
     ),
     TourStep(
         "Fly by hand",
-        "Click HAND OFF in the strip: now keys fly. Hold W to push forward; A D R F push aside, I K J L U O turn.",
-        frozenset({"steer.forward", "steer.back", "steer.left", "steer.right", "steer.up", "steer.down"}),
+        "Click HAND: OFF in the strip to fly. Hold W, or turn the wheel over the view, to push forward; A D R F, or a "
+        "right drag, push aside; I K J L U O, or a left drag, turn.",
+        frozenset(f"steer.{name}" for name in (*SWITCHES, "pulse", "stick-thrust", "stick-turn")),
         "transport",
     ),
     TourStep(

@@ -58,11 +58,7 @@ DETECTOR: tuple[tuple[str, str, str], ...] = (
         "dark current's spread [1]",
         "differences between dark currents; more makes grain in long exposures",
     ),
-    (
-        "prnu",
-        "response's spread, PRNU [1]",
-        "differences in sensitivity; more makes grain in bright parts",
-    ),
+    ("prnu", "response's spread, PRNU [1]", "differences in sensitivity; more makes grain in bright parts"),
     ("hot_pixel_share", "hot pixels [share]", "pixels with far more dark current: bright dots"),
     ("hot_pixel_e_s", "hot pixels' current [e/s]", "dark current of each hot pixel; more makes it brighter"),
     ("dead_pixel_share", "dead pixels [share]", "pixels without signal: dark dots"),

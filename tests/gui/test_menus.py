@@ -58,7 +58,7 @@ def test_seven_menus_hold_every_command_once(screen: Pointer) -> None:
 def test_abort_takes_two_clicks_and_its_guard_closes_by_itself(screen: Pointer) -> None:
     done: list[str] = []
     screen.console.do = lambda name, *_: done.append(name)  # type: ignore[method-assign]
-    assert screen.place("HAND OFF")
+    assert screen.place("HAND: OFF")
     abort = screen.place("ABORT")
     screen.click(abort)
     assert done == []

@@ -55,6 +55,7 @@ class SimulatedWindow(HeadlessWindow):
         self.keys = Keyboard(self.imgui, self._glfw, None, on_key=self._give_key, on_letter=lambda *_: None)
         self.seconds, self.asked_s = 0.0, math.inf
         self._events: list[_Event] = []
+        self._clicks: list[tuple[float, str, bool | None]] = []
         self.font_scale = 1.0
         self.capture, self.captured = False, None
 
@@ -77,6 +78,10 @@ class SimulatedWindow(HeadlessWindow):
         ]
         self._events.sort()
 
+    def click(self, label: str, t_s: float, length_s: float = 0.04) -> None:
+        """Have the left button go down and up on the control with this label."""
+        self._clicks += [(t_s - 0.01, label, None), (t_s, label, True), (t_s + length_s, label, False)]
+
     def lose_focus(self, t_s: float) -> None:
         """Have glfw report a release of every key, as it does when the window loses the focus."""
         self._events = [e for e in self._events if e.t_s < t_s or e.action == self._glfw.PRESS]
@@ -89,6 +94,13 @@ class SimulatedWindow(HeadlessWindow):
     def wait(self, longest_s: float) -> bool:
         self.seconds += max(longest_s, 1e-4)
         came = False
+        while self._clicks and self._clicks[0][0] <= self.seconds:
+            _, label, down = self._clicks.pop(0)
+            came, io = True, self.plain.get_io()
+            if down is None:
+                io.add_mouse_pos_event(*next(n.middle for n in self.noted if n.label.startswith(label)))
+            else:
+                io.add_mouse_button_event(0, down)
         while self._events and self._events[0].t_s <= self.seconds:
             event, came = self._events.pop(0), True
             key = self.keys.code(event.key)
@@ -101,7 +113,7 @@ class SimulatedWindow(HeadlessWindow):
 
     def _give_key(self, _window: object, key: int, _scancode: int, action: int, modifiers: int) -> None:
         io, imgui = self.plain.get_io(), self.plain
-        names = ("w", "a", "d", "x", "h", "q", "delete", "escape", "insert", "f9")
+        names = ("w", "a", "d", "x", "h", "q", "delete", "escape", "insert", "f1", "f9")
         name = next(n for n in names if self.keys.code(n) == key)
         down = action != self._glfw.RELEASE
         io.add_key_event(imgui.Key.mod_ctrl, bool(modifiers & self._glfw.MOD_CONTROL) and down)
@@ -110,6 +122,7 @@ class SimulatedWindow(HeadlessWindow):
     @contextmanager
     def frame(self) -> Iterator[None]:
         self.keys.queue.deliver()
+        self.noted.clear()
         self.plain.get_io().delta_time = 1 / self._hz
         self.plain.new_frame()
         yield
