@@ -407,10 +407,6 @@ def _check_screenshot(path: Path | None) -> None:
     if path is None:
         return
     if path.suffix != ".png":
-        raise UserError(
-            f"cannot write '{path.suffix}' pictures ({path}); end the name of --screenshot in .png"
-        )
+        raise UserError(f"cannot write '{path.suffix}' pictures ({path}); end --screenshot in .png")
     if not path.parent.is_dir():
-        raise UserError(
-            f"folder {path.parent} does not exist; make it, or name another place with --screenshot"
-        )
+        raise UserError(f"folder {path.parent} does not exist; make it, or change --screenshot")

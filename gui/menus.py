@@ -114,13 +114,13 @@ class MenuBar:
         self._layouts(console)
 
     def _layouts(self, console: Console) -> None:
-        """Draw the layouts at the right end, as far as there is room."""
-        names = [name for name in commands_of(console.table, "layout.*") if name != "layout.first"]
-        gap = self._imgui.get_style().item_spacing.x
-        wide = sum(self._w.button_width(console.table[name].title) + gap for name in names)
-        if wide > self._w.width:
-            return
-        self._imgui.set_cursor_pos_x(self._imgui.get_window_width() - wide)
+        """Draw the palette and the layouts at the right end, as far as there is room."""
+        layouts = [name for name in commands_of(console.table, "layout.*") if name != "layout.first"]
+        names, gap = ["panel.palette", *layouts], self._imgui.get_style().item_spacing.x
+        widths = [self._w.button_width(console.table[name].title) + gap for name in names]
+        while sum(widths) > self._w.width:
+            del names[0], widths[0]
+        self._imgui.set_cursor_pos_x(self._imgui.get_window_width() - sum(widths))
         for name in names:
             self._w.button(console, name, on=console.window.layout == name.partition(".")[2])
 

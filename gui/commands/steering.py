@@ -114,13 +114,7 @@ COMMANDS = (
     command("steer.stop", _stop, ("x",), flies=True),
     command("steer.track", _track, ("t",), flies=True, state=lambda console: console.session.craft.tracking),
     command("steer.centre", order(Centre), ("c",), flies=True),
-    command(
-        "steer.toggle",
-        _toggle,
-        ("g",),
-        flies=True,
-        state=lambda console: console.session.craft.mode == "guidance",
-    ),
+    command("steer.toggle", _toggle, ("g",), flies=True, state=lambda c: c.session.craft.mode == "guidance"),
     command("steer.reset", _reset, ("home",), flies=True),
     switch(
         "steer.lvlh",
@@ -143,9 +137,7 @@ COMMANDS = (
         flies=True,
         arguments=(word("mode", "what is kept", ATTITUDE_MODES, optional=True),),
     ),
-    command(
-        "steer.pulse", order(Pulse), flies=True, arguments=(word("direction", "as of the keys", SWITCHES),)
-    ),
+    command("steer.pulse", order(Pulse), flies=True, arguments=(word("direction", "as keys", SWITCHES),)),
     command("steer.stick-thrust", _stick_thrust, flies=True, arguments=_shares("right", "down", "forward")),
     command("steer.stick-turn", _stick_turn, flies=True, arguments=_shares("up", "right", "roll")),
     command("steer.stick-lost", _stick_lost),

@@ -153,9 +153,7 @@ COMMANDS = (
     command("timeline.end", _end, ("end",)),
     command("timeline.fly-on", _fly_on, ("ctrl+enter",)),
     command("timeline.other-future", _other_future),
-    command(
-        "timeline.bookmark", _bookmark, ("ctrl+b",), arguments=(word("note", "of one line", optional=True),)
-    ),
+    command("timeline.bookmark", _bookmark, ("ctrl+b",), arguments=(word("note", "a line", optional=True),)),
     command(
         "timeline.unbookmark",
         _unbookmark,

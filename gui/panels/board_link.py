@@ -52,10 +52,7 @@ class BoardLinkPanel(Panel):
         w.button(
             console, "hil.stop" if hil.on else "hil.start", *([] if hil.on else [self._url]), width=w.width
         )
-        w.text(
-            "The board is sent a picture of the newest moment whenever it has answered the last one.",
-            style.QUIET,
-        )
+        w.text("After each answer the board is sent a picture of the newest moment.", style.QUIET)
         w.section("Board of this machine")
         self._methods = self._methods or known_methods()
         self._method = w.choice(

@@ -94,9 +94,7 @@ class TourPanel(Panel):
                 self._frame(console, tour_step.place)
         imgui.dummy(w.vec(0, 4 * w.window.scale))
         if step == len(STEPS):
-            w.text(
-                "That is most of it. F1 lists every command and key; ? tells about the panel under the mouse."
-            )
+            w.text("F1 lists every command and key; ? tells about the panel under the mouse.")
         elif step:
             w.button(console, "help.tour-back", label="Back")
             imgui.same_line()
