@@ -42,7 +42,7 @@ STILL = (0.0, 0.0, 0.0)  # sticks at rest
 
 
 class Gamepad:
-    """Converts states of a gamepad to commands, each once when it changes.
+    """Converter of a gamepad's states to commands, each once when it changes.
 
     Left stick: right and left, down and up. Triggers: forward (right) and back. Right stick: yaw, and pitch as on a
     control column: pulling back raises the nose. Bumpers: roll.

@@ -131,7 +131,7 @@ def panel_commands() -> tuple[Command, ...]:
 
 
 class Layout:
-    """Draws menu, panels and status line over one window.
+    """Menus, strips, panels and status line of one window.
 
     Parameters
     ----------

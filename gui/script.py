@@ -180,7 +180,7 @@ class CommandLog:
 
 
 class Player:
-    """Returns a script's lines when they are due.
+    """Player of a script: its lines when they are due.
 
     Parameters
     ----------

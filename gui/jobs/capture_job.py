@@ -37,8 +37,8 @@ class CaptureRequest:
     ----------
     what : name or file of a scenario or recipe.
     frames : number of frames.
-    folder : destination. formats :
-        comma-separated.
+    folder : destination.
+    formats : comma-separated names.
     workers : number of drawing processes.
     resume : True to continue an existing set.
     """

@@ -26,7 +26,7 @@ SEEN = {
 
 
 class BoardLinkPanel(Panel):
-    """Starts and ends a session, and shows the ledger as it grows."""
+    """Controls of a session, and the ledger as it grows."""
 
     name, title, place, shown = "board-link", "Board link", "left", False
 

@@ -24,7 +24,7 @@ THUMB = 150.0  # least width of a small picture
 
 
 class EstimatorPanel(Panel):
-    """Runs an estimator beside the flight and shows what it thinks."""
+    """Controls of an estimator beside the flight, and its answers."""
 
     name, title, place, shown = "estimator", "Estimator", "left", False
 

@@ -19,7 +19,7 @@ BUTTONS = ["back", "step-back", "forward", "end", "fly-on", "other-future", "kee
 
 
 class TimelinePanel(Panel):
-    """Drag the strip's slider to look back; Space plays what was flown, steering or Ctrl+Enter flies on from there."""
+    """Steps and bookmarks. The strip's slider looks back, Space replays, steering or Ctrl+Enter flies on from there."""
 
     name, title, place, shown = "timeline", "Timeline", "bottom", False
     keys = ("ctrl+t",)

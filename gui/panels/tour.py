@@ -55,19 +55,19 @@ STEPS = (
     ),
     TourStep(
         "Let the autopilot dock",
-        "Press B: it flies to the docking port. View, Layout, Dock opens what to watch. Del, or ABORT twice, retreats.",
+        "Dock, at the top right, opens what to watch. Press B: it flies to the port. Del, or ABORT twice, retreats.",
         frozenset({"docking.approach"}),
         "camera",
     ),
     TourStep(
         "Estimate the pose",
-        "Tools, Estimator, Estimate: the pose from the picture alone is drawn over the view, with its error.",
+        "Estimate, at the top right, then Estimate in the panel: the pose from the picture alone, drawn over the view.",
         frozenset({"estimator.run"}),
         "camera",
     ),
     TourStep(
         "Keep a picture",
-        "Press P: the picture and its truth are in out/console. Tools, Capture makes whole data sets.",
+        "Press P: picture and truth are in out/console. Capture, at the top right, makes whole data sets.",
         frozenset({"picture.save", "capture.start"}),
         "picture",
     ),

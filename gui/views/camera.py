@@ -48,7 +48,7 @@ Groups = tuple[tuple[Row, ...], ...]
 
 
 class CameraView(Panel):
-    """Draws the picture and its overlays."""
+    """The picture with its overlays and figures."""
 
     name, title, place, shown = "camera", "Chaser's camera", "centre", True
     bare = True

@@ -52,7 +52,7 @@ ABOUT = {
 
 
 class DockingHud:
-    """Draws the docking display over one view.
+    """The docking display over one view.
 
     Parameters
     ----------

@@ -85,6 +85,24 @@ def expose_by_hand(at: Pointer) -> None:
     assert at.console.options.settings.exposure_stops == 0.0
 
 
+def choose_another(at: Pointer, label: str) -> None:
+    """Open a list of choices and click its second or third entry."""
+    x, y = at.sight(label)
+    at.click((x, y))
+    at.click((x, y + 40.0))
+
+
+def change_camera(at: Pointer) -> None:
+    at.menu("Camera", "Sensor")
+    choose_another(at, "##camera.use")
+    assert at.console.options.settings.camera is not None
+
+
+def change_target(at: Pointer) -> None:
+    at.menu("Camera", "Target")
+    choose_another(at, "##scenario.target")
+
+
 def plan_and_drag_a_burn(at: Pointer) -> None:
     layout(at, "Fly")
     if at.window.size[0] < NARROW:
@@ -147,6 +165,8 @@ TASKS: dict[Callable[[Pointer], None], tuple[tuple[str, ...], int]] = {
     dock: (("docking.approach", "docking.go"), 3),
     estimate: (("estimator.run", "estimator.stages"), 3),
     expose_by_hand: (("picture.exposure",), 2),
+    change_camera: (("camera.use",), 4),
+    change_target: (("scenario.target",), 4),
     plan_and_drag_a_burn: (("burn.plan",), 5),
     expose: (("picture.meter", "picture.noise", "picture.colour"), 3),
     eclipse: (("time.next-eclipse", "time.rate"), 4),

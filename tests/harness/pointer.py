@@ -18,7 +18,10 @@ class Pointer:
 
     Parameters
     ----------
-    scenario : flown. size : of the window. panels : False closes all of them. opened : further ones, from the start.
+    scenario : name of the flown one.
+    size : size of the window.
+    panels : False closes all of them.
+    opened : panels opened at the start.
     """
 
     def __init__(

@@ -43,7 +43,8 @@ class SimulatedWindow(HeadlessWindow):
 
     Parameters
     ----------
-    hz : frames a second. duration_s : when it is closed.
+    hz : frames per second.
+    duration_s : time at which it is closed.
     """
 
     def __init__(self, hz: float, duration_s: float) -> None:
