@@ -13,6 +13,7 @@ from flyaround.gui.commands.all import COMMANDS
 from flyaround.gui.commands.log import script_header
 from flyaround.gui.console import Console
 from flyaround.gui.gamepad import Gamepad
+from flyaround.gui.jobs.program import new_path
 from flyaround.gui.layout import Layout, layout_file, panel_commands, read_layout
 from flyaround.gui.picture.feed import Feed
 from flyaround.gui.picture.further import CAMERA_SHARE, further_feeds
@@ -229,7 +230,7 @@ class ConsoleLoop:
         first_picture: float | None = None
         needs_drawing = True
         hz = SOFTWARE_HZ if window.software else WINDOW_HZ
-        while window.open and not console.window.close:
+        while self._stays_open():
             least_s = max(1 / hz, min(1e-3 * self._window_ms / SHARE, 1 / STILL_HZ))
             # while time runs, maps and figures change without new pictures
             needs_drawing |= not console.session.clock.paused
@@ -240,7 +241,7 @@ class ConsoleLoop:
             self._pass_time(now_ms - last_ms)
             last_ms = now_ms
             for name, *arguments in self._gamepad.commands(window.gamepad()):
-                console.do(name, *arguments)
+                console.steer(name, *arguments)
             needs_drawing |= self._update_feeds()
             self._tell_troubles()
             if now - drawn_s >= (least_s if needs_drawing else 1 / STILL_HZ):
@@ -258,6 +259,15 @@ class ConsoleLoop:
         self._layout.keep(console, self._layout_file)
         return self._last_state()
 
+    def _stays_open(self) -> bool:
+        """Return False at the end; the window's close button asks like `window.quit`."""
+        window, console = self._window, self._console
+        if not window.open:
+            console.do("window.quit")
+            if not console.window.close:
+                window.stay_open()
+        return window.open and not console.window.close
+
     def _pass_time(self, wall_ms: int) -> None:
         """Advance the flight by elapsed real time, once there is a picture; a released key stops acting at once."""
         console, down = self._console, self._window.keys.still_held(self._held)
@@ -271,8 +281,7 @@ class ConsoleLoop:
         """Take finished pictures and request new ones; return True if one arrived."""
         console = self._console
         session, settings = console.session, console.options.settings
-        timed = console.options.overlays.times or console.shown.get("passes", False)
-        has_new = console.feed.update(session, settings, timed=timed)
+        has_new = console.feed.update(session, settings, timed=console.options.overlays.times)
         for feed in console.feeds.values():
             if feed.looked_at or feed.waiting:
                 has_new |= feed.update(session, settings)
@@ -340,7 +349,7 @@ class ConsoleLoop:
         while console.feed.saved:
             frame = console.feed.saved.pop(0).frame
             name = console.session.plan.scenario.name
-            path = SAVE_FOLDER / f"{name}-{round(frame.scene.t_s * 1000):09d}ms.png"
+            path = new_path(SAVE_FOLDER, f"{name}-{round(frame.scene.t_s * 1000):09d}ms", ".png")
             try:
                 path.parent.mkdir(parents=True, exist_ok=True)
                 save_picture(frame, path)
@@ -398,10 +407,6 @@ def _check_screenshot(path: Path | None) -> None:
     if path is None:
         return
     if path.suffix != ".png":
-        raise UserError(
-            f"cannot write '{path.suffix}' pictures ({path}); end the name of --screenshot in .png"
-        )
+        raise UserError(f"cannot write '{path.suffix}' pictures ({path}); end --screenshot in .png")
     if not path.parent.is_dir():
-        raise UserError(
-            f"folder {path.parent} does not exist; make it, or name another place with --screenshot"
-        )
+        raise UserError(f"folder {path.parent} does not exist; make it, or change --screenshot")

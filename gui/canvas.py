@@ -22,7 +22,7 @@ _AROUND = ((-1, -1), (0, -1), (1, -1), (-1, 0), (1, 0), (-1, 1), (0, 1), (1, 1))
 
 
 class Canvas:
-    """Draws into the current window.
+    """Drawing surface of the current window.
 
     Parameters
     ----------

@@ -135,7 +135,7 @@ class Command:
     held : True if it lasts as long as its key is held.
     state : for a switch, a function that returns True if it is on, for the menu's tick. A command whose only argument
         is `STATE` toggles if that is omitted.
-    flies : True if its key acts only while hand control is armed.
+    flies : True if keys and gamepad run it only while hand control is armed.
     """
 
     name: str

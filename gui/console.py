@@ -9,7 +9,7 @@ from copy import deepcopy
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Literal
 
-from flyaround.gui.jobs.all import Jobs
+from flyaround.gui.jobs.all import Jobs, running_jobs
 from flyaround.gui.jobs.scenario_opening import ScenarioOpener
 from flyaround.gui.picture.settings_history import SettingsHistory
 from flyaround.gui.scenario_draft import ScenarioDraft
@@ -32,10 +32,12 @@ log = logging.getLogger(__name__)
 
 Level = Literal["note", "caution", "warning"]
 KEPT_MESSAGES, KEPT_RECENT = 500, 6  # numbers of messages and of recent scenarios that are kept
-UNARMED = "keys and mouse do not fly: arm hand control first (Ctrl+H or Insert)"
+UNARMED = "keys, mouse and gamepad do not fly: arm hand control first (Ctrl+H or Insert)"
 MODIFIERS = {"coarse": COARSE_GAIN, "fine": FINE_GAIN}
 STEERING = frozenset(f"steer.{switch}" for switch in SWITCHES)
 """Names of the commands whose keys thrust or rotate."""
+FLOWN = frozenset({"steer", "guidance", "burn", "docking"})
+"""Groups of commands that make a flight the operator's own."""
 LONGEST_TICK_MS = 250
 """Longest step of real time; a stalled window does not catch up."""
 
@@ -58,7 +60,7 @@ class HandControl:
     Attributes
     ----------
     armed : bool
-        True while keys and the mouse act on the chaser. Commands, buttons, scripts, sticks and the abort key always do.
+        True while keys, mouse and gamepad act on the chaser. Commands, buttons, scripts and the abort key always do.
     thrust, turn : tuple of float
         Translation and rotation demanded by stick or mouse, each axis from -1 to 1.
     """
@@ -102,6 +104,7 @@ class WindowRequests:
     ----------
     screenshot : file for a picture of the window.
     clipboard : text for the clipboard.
+    layout : last layout chosen.
     front : panel to raise.
     enlarged : panel that fills the window, or empty.
     """
@@ -109,6 +112,7 @@ class WindowRequests:
     close: bool = False
     full_screen: bool = False
     preset: str = ""
+    layout: str = ""
     enlarged: str = ""
     screenshot: Path | None = None
     clipboard: str = ""
@@ -178,6 +182,8 @@ class Console:
     """Previous flight and its source."""
     recent: list[str] = field(default_factory=list)
     """Built-in names and files of recent scenarios, newest first."""
+    unsaved: list[FlightSession] = field(default_factory=list)
+    """Flights that the operator flew and that are in no file."""
     saved_truth: str = ""
     """Truth record of the last saved picture."""
     history: SettingsHistory = field(default_factory=SettingsHistory)
@@ -198,6 +204,20 @@ class Console:
         """End the jobs and close the log."""
         self.log.close()
         self.jobs.close()
+
+    @property
+    def losses(self) -> list[str]:
+        """The jobs that quitting ends and the unsaved work that it discards, one sentence each."""
+        jobs = [f"{job.text}: ends" for job in running_jobs(self.jobs) if job.end != "estimator.run"]
+        kept = [self.session, *(self.former or ())[:1]]
+        flights = [f"the flight of {f.plan.scenario.name} is not kept" for f in kept if f in self.unsaved]
+        return jobs + flights + [f"the text of {self.draft.name} is not saved"] * self.draft.changed
+
+    @property
+    def flown_by(self) -> str:
+        """The mode that flies the chaser while nothing is pressed."""
+        craft = self.session.craft
+        return craft.steering.doing or ("by hand" if craft.mode == "steer" else "scenario's guidance")
 
     # --- commands
 
@@ -223,6 +243,9 @@ class Console:
 
     def _note(self, line: Line) -> None:
         """Add a line to the log; a full disk must not prevent an abort."""
+        flown = line.name.partition(".")[0] in FLOWN and line.name != "steer.arm"
+        if flown and self.session.look_back.recorder is None and self.session not in self.unsaved:
+            self.unsaved.append(self.session)
         try:
             self.log.add(line)
         except OSError as error:
@@ -244,12 +267,17 @@ class Console:
             self.say(text, level)
 
     def press(self, commands: Sequence[Command]) -> None:
-        """Run the commands of keys that were pressed; flight commands run only while hand control is armed."""
+        """Run the commands of keys that were pressed, as `steer` does."""
         for command in commands:
-            if command.flies and not self.hand.armed:
-                self.say(UNARMED)
-            elif command.at_once:
-                self.do(command.name)
+            if command.at_once:
+                self.steer(command.name)
+
+    def steer(self, name: str, *arguments: Value) -> None:
+        """Run the command of a key or gamepad; flight commands run only while hand control is armed."""
+        if self.table[name].flies and not self.hand.armed:
+            self.say(UNARMED)
+        else:
+            self.do(name, *arguments)
 
     def hold(self, names: frozenset[str]) -> None:
         """Set the commands held from now on by keys and script."""

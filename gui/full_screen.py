@@ -50,18 +50,14 @@ class FullScreen:
         monitors = glfw.get_monitors()
         if not 0 <= monitor < len(monitors):
             glfw.terminate()
-            raise UserError(
-                f"there is no monitor {monitor}; this machine has {len(monitors)}, numbered from 0"
-            )
+            raise UserError(f"there is no monitor {monitor}; there are {len(monitors)}, numbered from 0")
         mode = glfw.get_video_mode(monitors[monitor])
         size = (mode.size.width, mode.size.height)
         hints = {"AUTO_ICONIFY": glfw.FALSE, "REFRESH_RATE": mode.refresh_rate}
         self._window = open_glfw(glfw, size, "Flyaround display", monitors[monitor], **hints)
         if not self._window:
             glfw.terminate()
-            raise UserError(
-                f"monitor {monitor} gives no OpenGL 3.3 window; flyaround doctor says what is missing"
-            )
+            raise UserError(f"monitor {monitor} gives no OpenGL 3.3 window; see flyaround doctor")
         glfw.set_input_mode(self._window, glfw.CURSOR, glfw.CURSOR_HIDDEN)
         glfw.swap_interval(1)
         self._context = moderngl.create_context(require=330)

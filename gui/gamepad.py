@@ -29,7 +29,7 @@ BUTTONS: tuple[Do | tuple[()], ...] = (
     (),  # right bumper: roll
     ("steer.lvlh",),  # back
     ("time.pause",),  # start
-    (),  # guide
+    ("steer.arm",),  # guide
     ("steer.centre",),  # left stick pressed
     ("docking.go",),  # right stick pressed
     ("steer.pulse", "forward"),  # cross
@@ -42,7 +42,7 @@ STILL = (0.0, 0.0, 0.0)  # sticks at rest
 
 
 class Gamepad:
-    """Converts states of a gamepad to commands, each once when it changes.
+    """Converter of a gamepad's states to commands, each once when it changes.
 
     Left stick: right and left, down and up. Triggers: forward (right) and back. Right stick: yaw, and pitch as on a
     control column: pulling back raises the nose. Bumpers: roll.

@@ -14,10 +14,16 @@ WIDEST = 26.0
 
 
 def tell_item(imgui: Any, text: str) -> None:  # noqa: ANN401 - a foreign module
-    """Show a text while the mouse rests on the last item, even a disabled one."""
+    """Show a text while the mouse rests on the last item, even a disabled one; beside a menu, above a strip below."""
     flags = imgui.HoveredFlags_.delay_short | imgui.HoveredFlags_.allow_when_disabled
-    if imgui.is_item_hovered(flags) and text:
-        _tell(imgui, text)
+    if not (imgui.is_item_hovered(flags) and text):
+        return
+    low, high = imgui.get_item_rect_min(), imgui.get_item_rect_max()
+    if imgui.is_popup_open("", imgui.PopupFlags_.any_popup):
+        imgui.set_next_window_pos(imgui.ImVec2(high.x + imgui.get_font_size(), low.y))
+    elif low.y > 0.85 * imgui.get_main_viewport().size.y:
+        imgui.set_next_window_pos(imgui.ImVec2(low.x, low.y - 4), pivot=imgui.ImVec2(0, 1))
+    _tell(imgui, text)
 
 
 def tell_place(imgui: Any, corner: Sequence[float], size: Sequence[float], text: str) -> None:  # noqa: ANN401

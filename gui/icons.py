@@ -12,7 +12,7 @@ capture.start:f302 capture.stop:f04d capture.resume:f04b estimator.run:f544 esti
 hil.start:f1e6 hil.stop:f04d hil.board:f2db hil.board-stop:f04d hil.fault:f0e7
 scenario.check:f00c scenario.fly:f135 scenario.edit:f304 scenario.save:f0c7 scenario.open:f07c
 panel.scenarios:f07c film.start:f008 film.stop:f04d timeline.bookmark:f02e timeline.fly-on:f135
-timeline.keep:f0c7 timeline.dataset:f302 timeline.hil:f1e6 timeline.other-future:f126 window.close:f2f5
+timeline.keep:f0c7 timeline.dataset:f302 timeline.hil:f1e6 timeline.other-future:f126 window.close:f2f5 window.quit:f2f5
 settings.undo:f0e2 settings.redo:f01e log.copy-text:f0c5 log.copy:f0c5 log.save:f0c7 window.enlarge:f065
 map.fit:f066 window.screenshot:f03e panel.keys:f11c help.panel:f059 sensor.reset:f0e2 help.tour-next:f051
 """

@@ -17,10 +17,11 @@ import platformdirs
 
 from flyaround.gui import style
 from flyaround.gui.command_table import STATE, Command
+from flyaround.gui.jobs.all import running_jobs
 from flyaround.gui.menus import MenuBar
 from flyaround.gui.panels.all import PANELS
 from flyaround.gui.status_line import StatusLine, note_window
-from flyaround.gui.transport import JobStrip, TransportStrip, running_jobs
+from flyaround.gui.transport import JobStrip, TransportStrip
 from flyaround.gui.widgets import Widgets
 from flyaround.simulator.runtime.files import write_atomic
 
@@ -104,7 +105,7 @@ def panel_commands() -> tuple[Command, ...]:
         return console.shown.get(name, False) and name not in console.help.behind
 
     def preset(name: str, console: Console) -> None:
-        console.window.preset = name
+        console.window.preset = console.window.layout = name
 
     layouts = tuple(
         Command(
@@ -130,7 +131,7 @@ def panel_commands() -> tuple[Command, ...]:
 
 
 class Layout:
-    """Draws menu, panels and status line over one window.
+    """Menus, strips, panels and status line of one window.
 
     Parameters
     ----------
@@ -152,6 +153,11 @@ class Layout:
         self._to_raise: list[str] = []
         self._was_shown: dict[str, bool] = {}
         self._dockspace = 0
+        self._titled, self._untitled = window.imgui.WindowClass(), window.imgui.WindowClass()
+        # a tab has a button that closes it
+        no_second = window.imgui.internal.DockNodeFlagsPrivate_.no_close_button
+        self._titled.dock_node_flags_override_set = no_second
+        self._untitled.dock_node_flags_override_set = window.imgui.DockNodeFlags_.auto_hide_tab_bar
         self._docked: set[str] = set()
         """Panels on the window's own background, as of the last frame."""
 
@@ -166,6 +172,8 @@ class Layout:
             open_ = PRESETS[console.window.preset]
             console.window.preset = ""
             self._saved.docking.clear()
+            # the tour goes on behind what a task needs
+            open_ |= {"tour"} & {name for name, shown in console.shown.items() if shown}
             console.shown.update({p.name: p.name in open_ for p in self.panels if p.place != "over"})
             self._form = None
         elif self._form is not None and form != self._form:
@@ -207,7 +215,7 @@ class Layout:
         if self._build:
             self._build_docks()
         # the window is cleared to the panels' background: blending a plate over it costs a software driver 10 ms
-        bare = imgui.DockNodeFlags_.auto_hide_tab_bar | imgui.DockNodeFlags_.passthru_central_node
+        bare = imgui.DockNodeFlags_.passthru_central_node
         imgui.dock_space_over_viewport(self._dockspace, None, bare)
         hovered = ""
         for panel in self.panels:
@@ -277,8 +285,9 @@ class Layout:
         if panel.place == "over":
             screen = imgui.get_main_viewport()
             scale = self._window.scale
+            wide, tall = panel.size
             size = w.vec(
-                min(760 * scale, 0.94 * screen.work_size.x), min(620 * scale, 0.9 * screen.work_size.y)
+                min(wide * scale, 0.94 * screen.work_size.x), min(tall * scale, 0.9 * screen.work_size.y)
             )
             imgui.set_next_window_size(size, imgui.Cond_.appearing)
             imgui.set_next_window_pos(screen.get_center(), imgui.Cond_.appearing, w.vec(0.5, 0.5))
@@ -290,12 +299,17 @@ class Layout:
         over = panel.place == "over"
         if bare:
             imgui.push_style_var(imgui.StyleVar_.window_padding, w.vec(0, 0))
+        imgui.set_next_window_class(self._untitled if panel.place == "centre" else self._titled)
         if over:
             imgui.push_style_var(imgui.StyleVar_.window_border_size, 1.0)
         if console.window.front == panel.name:
             imgui.set_next_window_focus()
             console.window.front = ""
+        # no corner that brings back the title of the view
+        for which in (imgui.Col_.button, imgui.Col_.button_active):
+            imgui.push_style_color(which, imgui.ImVec4(0, 0, 0, 0))
         visible, stays = imgui.begin(_window_name(panel), True, flags)
+        imgui.pop_style_color(2)
         if bare or over:
             imgui.pop_style_var(bare + over)
         self._docked.discard(panel.name)

@@ -26,7 +26,7 @@ File
   Scenario text: panel.editor scenario.*
   Export: picture.save film.* window.screenshot log.* panel.command-line
   Keep the flight: timeline.keep timeline.dataset timeline.hil
-  settings.* window.close
+  settings.* window.quit
 Flight
   time.pause time.step time.restart time.faster time.slower
   Jump to: time.next-*
@@ -53,7 +53,7 @@ Tools
   Estimator: panel.estimator estimator.*
   Hardware in the loop: panel.board-link hil.*
   Capture: panel.capture capture.*
-  panel.plots panel.passes
+  panel.plots overlay.times
 Help
   panel.keys panel.palette help.panel
   Tour: panel.tour help.*
@@ -111,6 +111,18 @@ class MenuBar:
                 if title:
                     self._imgui.end_menu()
             self._imgui.end_menu()
+        self._layouts(console)
+
+    def _layouts(self, console: Console) -> None:
+        """Draw the palette and the layouts at the right end, as far as there is room."""
+        layouts = [name for name in commands_of(console.table, "layout.*") if name != "layout.first"]
+        names, gap = ["panel.palette", *layouts], self._imgui.get_style().item_spacing.x
+        widths = [self._w.button_width(console.table[name].title) + gap for name in names]
+        while sum(widths) > self._w.width:
+            del names[0], widths[0]
+        self._imgui.set_cursor_pos_x(self._imgui.get_window_width() - sum(widths))
+        for name in names:
+            self._w.button(console, name, on=console.window.layout == name.partition(".")[2])
 
     def _item(self, console: Console, name: str) -> None:
         command = console.table[name]

@@ -22,7 +22,7 @@ class OffScreen(Surface):
 
     def __init__(self, size: tuple[int, int]) -> None:
         import_parts(off_screen=True)
-        self._size, self._closed = size, False
+        self._size = size
         self._began_s, self._drawn_s = time.monotonic(), 0.0
         context = create_context()
         texture = context.texture(size, 4)
@@ -48,8 +48,8 @@ class OffScreen(Surface):
 
     @property
     def open(self) -> bool:
-        """True until it is closed."""
-        return not self._closed
+        """True: nobody can close it."""
+        return True
 
     @property
     def seconds(self) -> float:
@@ -65,10 +65,6 @@ class OffScreen(Surface):
     def framebuffer_size(self) -> tuple[int, int]:
         """Width and height in pixels."""
         return self._size
-
-    def close(self) -> None:
-        """Request that the main loop end."""
-        self._closed = True
 
     def wait(self, longest_s: float) -> bool:
         """Let time pass; no input comes."""

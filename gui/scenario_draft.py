@@ -30,13 +30,13 @@ class ScenarioDraft:
     Parameters
     ----------
     name : name of the original scenario.
-    folder : folder of files that it names.
+    file : its file; None for a built-in scenario and one that is in no file.
     problem : what is wrong with it, in one sentence; empty if nothing is.
     """
 
     text: str = ""
     name: str = ""
-    folder: Path = Path()
+    file: Path | None = None
     problem: str = ""
     changed: bool = False
 
@@ -49,17 +49,17 @@ class ScenarioDraft:
             If there is none; the text is kept.
         """
         if name_or_path in list_scenarios():
-            text, folder = show_scenario(name_or_path), Path()
+            text, file = show_scenario(name_or_path), None
         else:
             load_scenario(name_or_path)  # report a wrong name
-            path = Path(name_or_path)
-            text, folder = path.read_text("utf-8-sig"), path.parent
-        self.text, self.folder, self.problem, self.changed = text, folder, "", False
+            file = Path(name_or_path)
+            text = file.read_text("utf-8-sig")
+        self.text, self.file, self.problem, self.changed = text, file, "", False
         self.name = Path(name_or_path).stem
 
     def begin(self, scenario: Scenario) -> None:
         """Begin from a scenario that is in no file."""
-        self.text, self.name = to_toml(msgspec.to_builtins(scenario)), scenario.name
+        self.text, self.name, self.file = to_toml(msgspec.to_builtins(scenario)), scenario.name, None
         self.problem, self.changed = "", False
 
     def check(self) -> Scenario:
@@ -71,8 +71,8 @@ class ScenarioDraft:
             If it has a mistake, which is also `problem`.
         """
         try:
-            content = self.text.encode()
-            scenario = parse_scenario(content, "this scenario", self.name or "edited", self.folder)
+            content, folder = self.text.encode(), Path() if self.file is None else self.file.parent
+            scenario = parse_scenario(content, "this scenario", self.name or "edited", folder)
         except UserError as error:
             line = line_of(str(error), self.text)
             self.problem = f"{'' if line is None else f'line {line}: '}{error}"
@@ -86,15 +86,17 @@ class ScenarioDraft:
         Raises
         ------
         UserError
-            If it has a mistake, or the folder does not exist.
+            If it has a mistake, the folder does not exist, or the file exists and is not the edited one.
         """
         self.check()
         if path.suffix != ".toml":
             raise UserError(f"a scenario's file ends in .toml, and {path} does not")
         if not path.parent.is_dir():
             raise UserError(f"folder {path.parent} does not exist; make it, or name another place")
+        if path.exists() and path != self.file:
+            raise UserError(f"{path} exists already; name another file")
         write_atomic(path, self.text.encode())
-        self.name, self.folder, self.changed = path.stem, path.parent, False
+        self.name, self.file, self.changed = path.stem, path, False
 
 
 def line_of(message: str, text: str) -> int | None:

@@ -132,8 +132,10 @@ class CommandLog:
         Raises
         ------
         UserError
-            If the file cannot be written.
+            If the file exists or cannot be written.
         """
+        if path.is_file():
+            raise UserError(f"the log {path} exists already; name another file with --log")
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
             # unbuffered: nothing can be lost
@@ -178,7 +180,7 @@ class CommandLog:
 
 
 class Player:
-    """Returns a script's lines when they are due.
+    """Player of a script: its lines when they are due.
 
     Parameters
     ----------

@@ -59,9 +59,9 @@ class StatusLine:
         waiting = console.waiting
         warning = any(m.level == "warning" for m in waiting)
         colour = style.BAD if warning else style.WARN
-        dark = bool(waiting) and console.clock_ms % 1000 >= 650
-        face = (*colour[:3], 0.35 if dark else 0.95) if waiting else style.EDGE
-        ink = style.GROUND if waiting and not dark else style.QUIET
+        bright = bool(waiting) and console.clock_ms % 1000 < 650
+        face = (*colour[:3], 0.95) if bright else style.EDGE
+        ink = style.GROUND if bright else colour if waiting else style.QUIET
         label = f"{'WARNING' if warning else 'CAUTION'} {len(waiting)}" if waiting else "no cautions"
         imgui.push_style_color(imgui.Col_.button, imgui.ImVec4(*face))
         w.coloured(ink)

@@ -96,6 +96,7 @@ def apply_style(imgui: Any, scale: float) -> None:  # noqa: ANN401 - the binding
     style.item_spacing = imgui.ImVec2(8, 5)
     style.item_inner_spacing = imgui.ImVec2(6, 4)
     style.scrollbar_size = 10.0
+    style.window_menu_button_position = imgui.Dir.none
     style.scale_all_sizes(scale)
     accent = ACCENT[:3]
     for colour, names in (

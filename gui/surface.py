@@ -100,6 +100,7 @@ class Surface(ABC):
         if (folder / icons.FONT).is_file():
             merged = self.imgui.ImFontConfig()
             merged.merge_mode = True
+            merged.glyph_min_advance_x = merged.glyph_max_advance_x = size  # aligns titles in menus
             fonts.add_font_from_file_ttf(str(folder / icons.FONT), 0.85 * size, merged)
         figures = fonts.add_font_from_file_ttf(str(folder / "Inconsolata-Medium.ttf"), size)
         return text, figures
@@ -138,9 +139,8 @@ class Surface(ABC):
     def framebuffer_size(self) -> tuple[int, int]:
         """Width and height in pixels."""
 
-    @abstractmethod
-    def close(self) -> None:
-        """Request that the main loop end."""
+    def stay_open(self) -> None:  # noqa: B027 - only a window has a close button
+        """Take back the operator's request to close it."""
 
     @abstractmethod
     def wait(self, longest_s: float) -> bool:

@@ -3,19 +3,17 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from flyaround.gui import style
 from flyaround.gui.commands.timeline import clock
 from flyaround.gui.icons import labelled
-from flyaround.gui.jobs.capture_job import time_text
+from flyaround.gui.jobs.all import running_jobs
 from flyaround.gui.widgets import Widgets
 from flyaround.simulator.piloting.clock import RATES
 
 if TYPE_CHECKING:
     from flyaround.gui.console import Console
-    from flyaround.gui.jobs.all import Jobs
     from flyaround.gui.surface import Surface
     from flyaround.simulator.piloting.flight_history import Timeline
 
@@ -65,7 +63,7 @@ class TransportStrip:
         imgui.same_line()
         imgui.set_cursor_pos_x(imgui.get_window_width() - right + 0.5 * em)
         on = console.hand.armed
-        look = ("HAND ON", "hand-on") if on else ("HAND OFF", "hand-off")
+        look = ("HAND: ON", "hand-on") if on else ("HAND: OFF", "hand-off")
         fill = style.WARN if on else style.EDGE
         w.button(console, "steer.arm", label=look[0], icon=look[1], width=8 * em, fill=fill)
         imgui.same_line()
@@ -144,42 +142,3 @@ class JobStrip:
             if job.end:
                 imgui.same_line()
                 w.button(console, job.end, label="End")
-
-
-@dataclass(frozen=True)
-class RunningJob:
-    """One job's text, progress and end button in the strip.
-
-    Parameters
-    ----------
-    text : description and progress.
-    share : completed share; None if unknown.
-    end : command that ends it, or empty.
-    """
-
-    text: str
-    share: float | None = None
-    end: str = ""
-
-
-def running_jobs(jobs: Jobs) -> list[RunningJob]:
-    """Return the running jobs."""
-    rows = []
-    if jobs.estimates.on:
-        rows.append(RunningJob(f"{jobs.estimates.method} {jobs.estimates.doing}", None, "estimator.run"))
-    capture = jobs.capture
-    if capture.running and capture.request is not None:
-        left = "" if capture.left_s is None else f", {time_text(capture.left_s)} left"
-        text = f"capture {capture.done} of {capture.request.frames}{left}"
-        share = min(capture.done / max(capture.request.frames, 1), 1.0)
-        rows.append(RunningJob(text, share, "capture.stop"))
-    if jobs.film is not None:
-        rows.append(RunningJob(f"film {jobs.film.pictures} pictures", None, "film.stop"))
-    if jobs.hil.on:
-        text = f"board session {jobs.hil.state}, {jobs.hil.sent} pictures sent"
-        rows.append(RunningJob(text, None, "hil.stop"))
-    if jobs.mesh is not None:
-        rows.append(RunningJob(f"importing {jobs.mesh.name}"))
-    if jobs.keeping:
-        rows.append(RunningJob("writing the flight"))
-    return rows

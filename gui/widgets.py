@@ -140,11 +140,12 @@ class Widgets:
         """
         imgui = self.imgui
         figures = " ".join(form.format(v) for v in values)
-        imgui.push_font(self.window.figure_font, 0.0)
         self.one_line(name, style.QUIET)
         self.tip(tip)
+        label = max(imgui.calc_text_size(name).x, imgui.calc_text_size("LVLH mm/s").x)
+        imgui.push_font(self.window.figure_font, 0.0)
         width = imgui.calc_text_size(figures).x
-        if max(imgui.calc_text_size(name).x, imgui.calc_text_size("LVLH mm/s").x) + 8 + width <= self.width:
+        if label + 8 + width <= self.width:
             imgui.same_line(imgui.get_cursor_pos_x() + self.width - width)
         imgui.text_unformatted(self.elided(figures, self.width))
         if figure is not None and imgui.begin_drag_drop_source(imgui.DragDropFlags_.source_allow_null_id):
@@ -327,7 +328,8 @@ class Panel(ABC):
     """A panel or view of the window.
 
     ``name`` is that of its command (``panel.NAME``), with its ``keys``. ``place`` is the initial dock (``over``: a
-    floating window in the centre), ``shown`` is True if it is open initially, ``bare`` if it draws up to its edges.
+    floating window in the centre, of ``size`` at scale 1), ``shown`` is True if it is open initially, ``bare`` if it
+    draws up to its edges.
     """
 
     name: str
@@ -336,6 +338,7 @@ class Panel(ABC):
     shown: bool
     keys: tuple[str, ...] = ()
     bare = False
+    size = (760.0, 620.0)
 
     def __init__(self, window: Surface) -> None:
         self._window = window

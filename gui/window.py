@@ -127,9 +127,9 @@ class Window(Surface):
         width, height = self._glfw.get_framebuffer_size(self._native)
         return int(width), int(height)
 
-    def close(self) -> None:
-        """Request that the main loop end."""
-        self._glfw.set_window_should_close(self._native, True)
+    def stay_open(self) -> None:
+        """Take back the operator's request to close it."""
+        self._glfw.set_window_should_close(self._native, False)
 
     def wait(self, longest_s: float) -> bool:
         """Process input events, waiting at most ``longest_s`` for one; return True if there were any."""

@@ -21,8 +21,18 @@ FIRST = "tango-flyaround"
 def sim(
     run: ConsoleRun,
     as_json: Annotated[bool, typer.Option("--json", help="Print the last state as JSON.")] = False,
+    commands: Annotated[
+        bool, typer.Option("--commands", help="List the commands of scripts with their keys, and end.")
+    ] = False,
 ) -> None:
     """Fly a scenario in a window, with time control and manual control. F1 lists the keys."""
+    if commands:
+        from flyaround.gui.app import command_table  # noqa: PLC0415
+
+        for command in command_table():
+            form = f"{'hold ' * command.held}{command.form}"
+            typer.echo(f"{form:44} {command.shown:16} {command.help}")
+        return
     name = run.scenario or FIRST
     load_flown(name, "sim")  # report an unknown name here, like the other commands
     # the console's packages are optional: only this command may need them

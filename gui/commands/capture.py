@@ -11,7 +11,7 @@ import msgspec
 from flyaround.gui.command_table import Argument, command, word
 from flyaround.gui.commands.scenario import built_in_name
 from flyaround.gui.jobs.capture_job import MOST_FRAMES, MOST_WORKERS, CaptureRequest
-from flyaround.gui.jobs.program import new_folder
+from flyaround.gui.jobs.program import new_path
 from flyaround.simulator.errors import UserError
 from flyaround.simulator.runtime.files import write_atomic
 from flyaround.simulator.runtime.toml_text import to_toml
@@ -31,7 +31,7 @@ def _what(console: Console, what: str) -> str:
     if name := built_in_name(scenario):
         return name
     FOLDER.mkdir(parents=True, exist_ok=True)
-    path = FOLDER / f"{scenario.name}-flown.toml"
+    path = new_path(FOLDER, f"{scenario.name}-flown", ".toml")
     write_atomic(path, to_toml(msgspec.to_builtins(scenario)).encode())
     return str(path)
 
@@ -45,7 +45,7 @@ def _start(
     workers: int | None = None,
 ) -> None:
     source = _what(console, what or THIS)
-    place = new_folder(FOLDER, f"set-{Path(source).stem}") if folder in {None, NEW} else Path(str(folder))
+    place = new_path(FOLDER, f"set-{Path(source).stem}") if folder in {None, NEW} else Path(str(folder))
     console.jobs.capture.start(
         CaptureRequest(
             what=source, frames=frames, folder=place, formats=formats or "native", workers=workers or 1

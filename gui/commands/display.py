@@ -59,6 +59,14 @@ def _panels(console: Console) -> None:
     console.options.panel = not console.options.panel
 
 
+def _quit(console: Console) -> None:
+    # a second time is the answer
+    if console.shown.get("quit") or not console.losses:
+        console.do("window.close")
+    else:
+        console.open_panel("quit", shown=True)
+
+
 def _request(name: str, console: Console) -> None:
     setattr(console.window, name, True)
 
@@ -100,5 +108,6 @@ COMMANDS = (
     command("window.panels", _panels, ("tab",)),
     command("window.full-screen", partial(_request, "full_screen"), ("f11",)),
     command("window.acknowledge", lambda console: console.acknowledge(), ("f9",)),
-    command("window.close", partial(_request, "close"), ("ctrl+q",)),
+    command("window.quit", _quit, ("ctrl+q",)),
+    command("window.close", partial(_request, "close")),
 )

@@ -73,10 +73,7 @@ COMMANDS = (
     command(
         "burn.plan",
         order(lambda *burn: PlanBurn(burn_of(*burn))),
-        arguments=(
-            number("t", SINCE_START, 0.0, 1e6 + LONGEST_AHEAD_S, "s"),
-            *_lvlh(LARGEST_M_S, "m/s"),
-        ),
+        arguments=(number("t", SINCE_START, 0.0, 1e6 + LONGEST_AHEAD_S, "s"), *_lvlh(LARGEST_M_S, "m/s")),
     ),
     command(
         "burn.cancel", order(CancelBurns), arguments=(number("t", SINCE_START, unit="s", optional=True),)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import msgspec
 
 from flyaround.gui.command_table import command, number, word
-from flyaround.gui.jobs.program import new_folder
+from flyaround.gui.jobs.program import new_path
 from flyaround.hil.board.method_names import HYBRID
 from flyaround.hil.host.ledger.run_terms import FlownRecord
 from flyaround.hil.host.link_process.ipc import LinkConfig
@@ -51,7 +51,7 @@ def _start(console: Console, url: str | None = None) -> None:
     target = console.session.plan.target
     config = RunConfig(
         link=link,
-        log_dir=new_folder(FOLDER, f"hil-{console.session.plan.scenario.name}"),
+        log_dir=new_path(FOLDER, f"hil-{console.session.plan.scenario.name}"),
         connect_timeout_s=CONNECT_S,
         target_name=target.name,
         target_sha256=target.sha256,

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from flyaround.gui.command_table import command, word
+from flyaround.gui.jobs.program import output_file
 from flyaround.simulator.runtime.files import write_atomic
 
 if TYPE_CHECKING:
@@ -37,7 +38,7 @@ def save_script(console: Console, path: Path) -> None:
 
 
 def _save(console: Console, path: str | None = None) -> None:
-    where = FOLDER / "commands.script" if path is None else Path(path)
+    where = output_file(path, FOLDER, "commands", ".script")
     save_script(console, where)
     console.say(
         f"saved {where}; flyaround sim {console.session.plan.scenario.name} --script {where} does it again"

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from flyaround.gui.command_table import command, number, word
 from flyaround.gui.jobs.mesh_import import MESHES, MeshImport
+from flyaround.gui.jobs.program import output_file
 from flyaround.gui.picture.video import Film
 from flyaround.simulator.errors import UserError
 
@@ -42,7 +43,7 @@ def _tour_step(console: Console, step: int) -> None:
 
 
 def _screenshot(console: Console, path: str | None = None) -> None:
-    where = FOLDER / f"window-{console.clock_ms:09d}ms.png" if path is None else Path(path)
+    where = output_file(path, FOLDER, f"window-{console.clock_ms:09d}ms", ".png")
     if where.suffix != ".png":
         raise UserError(f"cannot write '{where.suffix}' pictures ({where}); end its name in .png")
     console.window.screenshot = where
@@ -51,8 +52,8 @@ def _screenshot(console: Console, path: str | None = None) -> None:
 def _film(console: Console, path: str | None = None) -> None:
     if console.jobs.film is not None:
         raise UserError(f"a film is being made already: {console.jobs.film.path}")
-    name = f"{console.session.plan.scenario.name}-{console.clock_ms:09d}ms.mp4"
-    console.jobs.film = Film(FOLDER / name if path is None else Path(path))
+    name = f"{console.session.plan.scenario.name}-{console.clock_ms:09d}ms"
+    console.jobs.film = Film(output_file(path, FOLDER, name, ".mp4"))
     console.say(f"filming the view into {console.jobs.film.path}")
 
 

@@ -56,16 +56,10 @@ def _target(console: Console, target: str) -> None:
 
 COMMANDS = (
     command("scenario.open", _open, arguments=(word("scenario", "built-in name or TOML file"),)),
-    command(
-        "scenario.edit", _edit, arguments=(word("scenario", "built-in name or TOML file", optional=True),)
-    ),
+    command("scenario.edit", _edit, arguments=(word("scenario", "built-in name or file", optional=True),)),
     command("scenario.back", lambda console: console.go_back()),
     command("scenario.check", _check),
     command("scenario.save", _save, arguments=(word("path", "file that ends in .toml"),)),
     command("scenario.fly", _fly),
-    command(
-        "scenario.target",
-        _target,
-        arguments=(word("target", "name of the craft, as flyaround targets lists it"),),
-    ),
+    command("scenario.target", _target, arguments=(word("target", "name in flyaround targets"),)),
 )

@@ -39,7 +39,9 @@ def _track(console: Console) -> None:
 
 def _arm(console: Console, state: bool) -> None:  # noqa: FBT001 - a switch
     console.hand.armed = state
-    console.say("keys and mouse fly the chaser" if console.hand.armed else "hand control is off")
+    if not state:
+        console.hand.centre_sticks()
+    console.say("keys, mouse and gamepad fly the chaser" if state else "hand control is off")
 
 
 def _toggle(console: Console) -> None:
@@ -112,13 +114,7 @@ COMMANDS = (
     command("steer.stop", _stop, ("x",), flies=True),
     command("steer.track", _track, ("t",), flies=True, state=lambda console: console.session.craft.tracking),
     command("steer.centre", order(Centre), ("c",), flies=True),
-    command(
-        "steer.toggle",
-        _toggle,
-        ("g",),
-        flies=True,
-        state=lambda console: console.session.craft.mode == "steer",
-    ),
+    command("steer.toggle", _toggle, ("g",), flies=True, state=lambda c: c.session.craft.mode == "guidance"),
     command("steer.reset", _reset, ("home",), flies=True),
     switch(
         "steer.lvlh",
@@ -141,8 +137,8 @@ COMMANDS = (
         flies=True,
         arguments=(word("mode", "what is kept", ATTITUDE_MODES, optional=True),),
     ),
-    command("steer.pulse", order(Pulse), arguments=(word("direction", "as of the keys", SWITCHES),)),
-    command("steer.stick-thrust", _stick_thrust, arguments=_shares("right", "down", "forward")),
-    command("steer.stick-turn", _stick_turn, arguments=_shares("up", "right", "roll")),
+    command("steer.pulse", order(Pulse), flies=True, arguments=(word("direction", "as keys", SWITCHES),)),
+    command("steer.stick-thrust", _stick_thrust, flies=True, arguments=_shares("right", "down", "forward")),
+    command("steer.stick-turn", _stick_turn, flies=True, arguments=_shares("up", "right", "roll")),
     command("steer.stick-lost", _stick_lost),
 )

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from flyaround.gui.console import Console
+    from flyaround.simulator.piloting.session import FlightSession
 
 FOLDER = Path("out") / "console" / "flights"
 SLICE_S = 0.008
@@ -87,6 +88,7 @@ class Keeping:
     """
 
     console: Console
+    session: FlightSession
     files: FlownFiles
     then: Callable[[Console, str], None]
     _told_s: float = 0.0
@@ -97,6 +99,7 @@ class Keeping:
             replay = self.files.go_on(SLICE_S)
         except (UserError, OSError) as error:
             self.console.say(f"the flight was not kept: {error}", "caution")
+            self.console.unsaved.append(self.session)
             return False
         if replay is None:
             if time.monotonic() - self._told_s > 1.0:
@@ -114,7 +117,9 @@ def _tell(console: Console, replay: str) -> None:
 def _keep(console: Console, folder: str | None = None, then: Callable[[Console, str], None] = _tell) -> None:
     name = console.session.plan.scenario.name
     where = free_folder(FOLDER, name) if folder is None else Path(folder)
-    console.jobs.keeping.append(Keeping(console, FlownFiles(console.session, where), then))
+    session, files = console.session, FlownFiles(console.session, where)
+    console.jobs.keeping.append(Keeping(console, session, files, then))
+    console.unsaved = [flight for flight in console.unsaved if flight is not session]
 
 
 def _dataset(console: Console, frames: int = FRAMES) -> None:
@@ -141,20 +146,14 @@ def clock(t_s: float) -> str:
 
 
 COMMANDS = (
-    command(
-        "timeline.seek",
-        _seek,
-        arguments=(number("t_s", "since the scenario's start", 0.0, 1e9, "s"),),
-    ),
+    command("timeline.seek", _seek, arguments=(number("t_s", "since the scenario's start", 0.0, 1e9, "s"),)),
     command("timeline.step-back", _step_back, ("comma",)),
     command("timeline.back", partial(_skip, -SKIP_S), ("page_up",)),
     command("timeline.forward", partial(_skip, SKIP_S), ("page_down",)),
     command("timeline.end", _end, ("end",)),
     command("timeline.fly-on", _fly_on, ("ctrl+enter",)),
     command("timeline.other-future", _other_future),
-    command(
-        "timeline.bookmark", _bookmark, ("ctrl+b",), arguments=(word("note", "of one line", optional=True),)
-    ),
+    command("timeline.bookmark", _bookmark, ("ctrl+b",), arguments=(word("note", "a line", optional=True),)),
     command(
         "timeline.unbookmark",
         _unbookmark,

@@ -62,7 +62,5 @@ COMMANDS = (
             number("distance", "from the centre", NEAREST_M, FARTHEST_M, "m"),
         ),
     ),
-    command(
-        "orbit-camera.reset", lambda console: console.options.orbit.reset(console.session.craft.world.range_m)
-    ),
+    command("orbit-camera.reset", lambda c: c.options.orbit.reset(c.session.craft.world.range_m)),
 )

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
-from flyaround.gui.jobs.capture_job import CaptureJob
+from flyaround.gui.jobs.capture_job import CaptureJob, time_text
 from flyaround.gui.jobs.estimates import Estimates
 from flyaround.gui.jobs.hil_session import HilSession
 from flyaround.gui.picture.screen import screen_picture
@@ -98,3 +98,42 @@ class Jobs:
         for job in (self.estimates, self.hil, self.capture, self.film, self.mesh):
             if job is not None:
                 job.close()
+
+
+@dataclass(frozen=True)
+class RunningJob:
+    """One job's text, progress and end button in the strip.
+
+    Parameters
+    ----------
+    text : description and progress.
+    share : completed share; None if unknown.
+    end : command that ends it, or empty.
+    """
+
+    text: str
+    share: float | None = None
+    end: str = ""
+
+
+def running_jobs(jobs: Jobs) -> list[RunningJob]:
+    """Return the running jobs."""
+    rows = []
+    if jobs.estimates.on:
+        rows.append(RunningJob(f"{jobs.estimates.method} {jobs.estimates.doing}", None, "estimator.run"))
+    capture = jobs.capture
+    if capture.running and capture.request is not None:
+        left = "" if capture.left_s is None else f", {time_text(capture.left_s)} left"
+        text = f"capture {capture.done} of {capture.request.frames}{left}"
+        share = min(capture.done / max(capture.request.frames, 1), 1.0)
+        rows.append(RunningJob(text, share, "capture.stop"))
+    if jobs.film is not None:
+        rows.append(RunningJob(f"film {jobs.film.pictures} pictures", None, "film.stop"))
+    if jobs.hil.on:
+        text = f"board session {jobs.hil.state}, {jobs.hil.sent} pictures sent"
+        rows.append(RunningJob(text, None, "hil.stop"))
+    if jobs.mesh is not None:
+        rows.append(RunningJob(f"importing {jobs.mesh.name}"))
+    if jobs.keeping:
+        rows.append(RunningJob("writing the flight"))
+    return rows

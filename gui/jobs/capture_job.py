@@ -37,8 +37,8 @@ class CaptureRequest:
     ----------
     what : name or file of a scenario or recipe.
     frames : number of frames.
-    folder : destination. formats :
-        comma-separated.
+    folder : destination.
+    formats : comma-separated names.
     workers : number of drawing processes.
     resume : True to continue an existing set.
     """
@@ -186,9 +186,7 @@ def pictures_in(folder: Path) -> list[str]:
                 inside = (place / "images").relative_to(folder)
                 # layers have a second suffix: 000000.mask.png
                 names += [
-                    str(inside / e.name)
-                    for e in entries
-                    if e.name.endswith(".png") and e.name.count(".") == 1
+                    str(inside / e.name) for e in entries if e.name.endswith(".png") and e.name.count(".") < 2
                 ]
         except OSError:
             continue

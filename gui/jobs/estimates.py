@@ -64,7 +64,7 @@ class ComparedEstimate:
 
 
 class Estimates:
-    """Runs a method on the newest picture repeatedly while it is on; call `update` once per turn.
+    """Estimates by one method on the newest picture, repeated while it is on; call `update` once per turn.
 
     Parameters
     ----------

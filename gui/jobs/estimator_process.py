@@ -49,7 +49,14 @@ class EstimateRequest:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Answer:
-    """The estimated pose; ``stages`` maps the name of each stage to its picture as a JPEG file."""
+    """The estimated pose.
+
+    Parameters
+    ----------
+    network : keypoint network that took part: ``own`` (trained for this craft), ``shipped`` or ``none``; empty for
+        methods that have none.
+    stages : picture of each stage as a JPEG file, by its name.
+    """
 
     accepted: bool
     reason: str
@@ -59,6 +66,7 @@ class Answer:
     stages_ms: dict[str, float]
     counts: dict[str, int]
     making_ms: float = 0.0
+    network: str = ""
     stages: dict[str, ByteArray] = field(default_factory=dict)
 
 
@@ -132,8 +140,18 @@ def estimate_picture(held: EstimatesByProcess, request: EstimateRequest) -> Answ
         stages_ms={k: float(v) for k, v in result.stages_ms.items()},
         counts={k: int(v) for k, v in getattr(result, "counts", {}).items()},
         making_ms=making_ms,
+        network=_network(estimator),
         stages=stages,
     )
+
+
+def _network(estimator: Any) -> str:  # noqa: ANN401 - any of them
+    """Return the keypoint network that an estimator uses, as `Answer` names it."""
+    # a tracker looks for the craft by another estimator
+    setup: Any = getattr(getattr(estimator, "first", estimator), "setup", None)
+    if not hasattr(setup, "learned"):
+        return ""
+    return "none" if setup.learned is None else "own" if estimator.model.network else "shipped"
 
 
 def _jpeg(picture: ByteArray) -> ByteArray:

@@ -12,6 +12,8 @@ import time
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from flyaround.simulator.errors import UserError
+
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
@@ -104,10 +106,25 @@ def _read(fd: int) -> str:
     return os.pread(fd, MOST_BYTES, 0).decode("utf-8", errors="replace")
 
 
-def new_folder(base: Path, name: str) -> Path:
-    """Return a path that does not exist yet: ``base/name``, or with a number appended."""
+def new_path(base: Path, name: str, suffix: str = "") -> Path:
+    """Return a path that does not exist yet: ``base/name``, or with a number appended, and the suffix."""
     for k in range(1, 100_000):
-        path = base / (name if k == 1 else f"{name}-{k}")
+        path = base / f"{name}{'' if k == 1 else f'-{k}'}{suffix}"
         if not path.exists():
             return path
-    raise OSError(f"{base} holds 100000 folders of the name {name}: clean it up")
+    raise OSError(f"{base} holds 100000 files of the name {name}: clean it up")
+
+
+def output_file(named: str | None, base: Path, name: str, suffix: str) -> Path:
+    """Return the file that an operator named, or a new one in ``base``.
+
+    Raises
+    ------
+    UserError
+        If the named file exists.
+    """
+    if named is None:
+        return new_path(base, name, suffix)
+    if Path(named).exists():
+        raise UserError(f"{named} exists already; name another file")
+    return Path(named)

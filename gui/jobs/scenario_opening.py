@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 class ScenarioOpener:
-    """Opens one scenario at a time."""
+    """A loader of scenarios, one at a time, in a thread of its own."""
 
     def __init__(self) -> None:
         self._pool = ThreadPoolExecutor(1, thread_name_prefix="scenario")

@@ -26,7 +26,7 @@ SEEN = {
 
 
 class BoardLinkPanel(Panel):
-    """Starts and ends a session, and shows the ledger as it grows."""
+    """Controls of a session, and the ledger as it grows."""
 
     name, title, place, shown = "board-link", "Board link", "left", False
 
@@ -40,22 +40,19 @@ class BoardLinkPanel(Panel):
     def draw(self, console: Console) -> None:
         """Draw into the current panel."""
         w, imgui, hil = self._w, self._w.imgui, console.jobs.hil
-        w.text(hil.state, SEEN.get(hil.state, style.WARN), "what the session with a board is at")
-        if hil.board_name:
-            w.text(hil.board_name, tip="the board that is connected, as it calls itself")
-        if hil.on:
-            address = f"on {hil.url}" if hil.url else "opening the port ..."
-            w.text(address, style.QUIET, "where a board connects: flyaround hil board URL --target NAME")
-            w.button(console, "hil.stop", width=w.width)
-        else:
-            imgui.set_next_item_width(-1)
-            _, self._url = imgui.input_text("##url", self._url)
-            w.about(console, "hil.start", argument="url")
-            w.button(console, "hil.start", self._url, width=w.width)
-            w.text(
-                "The board is sent a picture of the newest moment whenever it has answered the last one.",
-                style.QUIET,
-            )
+        state = f"{hil.state}: {hil.board_name}" if hil.board_name else hil.state
+        w.one_line(w.elided(state, w.width), SEEN.get(hil.state, style.WARN))
+        w.tip(f"{state}\nwhat the session is at, and the board that is connected, as it calls itself")
+        # nothing moves when a session begins: the next click is on the board below
+        imgui.begin_disabled(hil.on)
+        imgui.set_next_item_width(-1)
+        _, self._url = imgui.input_text("##url", hil.url or self._url)
+        imgui.end_disabled()
+        w.about(console, "hil.start", argument="url")
+        w.button(
+            console, "hil.stop" if hil.on else "hil.start", *([] if hil.on else [self._url]), width=w.width
+        )
+        w.text("After each answer the board is sent a picture of the newest moment.", style.QUIET)
         w.section("Board of this machine")
         self._methods = self._methods or known_methods()
         self._method = w.choice(

@@ -20,7 +20,7 @@ THUMB = 120.0  # least width of a small picture
 
 
 class CapturePanel(Panel):
-    """Starts, stops and goes on with a capture."""
+    """Options, progress and last pictures of a capture."""
 
     name, title, place, shown = "capture", "Capture", "left", False
 

@@ -24,7 +24,7 @@ class ChaserPanel(Panel):
         """Draw into the current panel."""
         w, picture = self._w, console.feed.newest
         w.buttons(console, ("steer.toggle", "steer.track", "steer.centre", "steer.stop", "steer.reset"), 3)
-        w.section("Chaser's state")
+        w.imgui.separator()
         if picture is None:
             w.text("no picture yet", style.QUIET)
             return

@@ -24,7 +24,7 @@ THUMB = 150.0  # least width of a small picture
 
 
 class EstimatorPanel(Panel):
-    """Runs an estimator beside the flight and shows what it thinks."""
+    """Controls of an estimator beside the flight, and its answers."""
 
     name, title, place, shown = "estimator", "Estimator", "left", False
 
@@ -92,16 +92,19 @@ class EstimatorPanel(Panel):
             "how sure the estimator is, 0 to 1; hybrid accepts from 0.9 on",
         )
         if e.E_R_deg is not None and e.E_T_m is not None:
-            w.row(
-                "Attitude", (e.E_R_deg,), "{:.3f}°", "error of the attitude against its picture's truth [°]"
-            )
-            w.row(
-                "Position", (1e3 * e.E_T_m,), "{:.1f} mm", "error of the position against its picture's truth"
-            )
+            w.row("Attitude", (e.E_R_deg,), "{:.3f}°", "error of the attitude against the truth [°]")
+            w.row("Position", (1e3 * e.E_T_m,), "{:.1f} mm", "error of the position against the truth")
             share = 100 * e.E_T_m / max(e.range_m, 1e-9)
             w.row("of range", (share,), "{:.2f} %", "position error over the range")
         w.row("Took", (e.took_ms,), "{:.0f} ms", "all stages; making the estimator is not counted")
         w.row("Picture", e.size_px, "{:d}", "pixels of the picture that it was given")
+        if answer.network:
+            tip = "own: trained for this craft by flyaround train; shipped: comes with Flyaround; none: edges alone"
+            w.text(
+                f"keypoint network: {answer.network}",
+                style.GOOD if answer.network == "own" else style.QUIET,
+                tip,
+            )
         slowest = sorted(answer.stages_ms.items(), key=lambda item: -item[1])[:3]
         stages = ", ".join(f"{name.replace('_', ' ')} {ms:.0f} ms" for name, ms in slowest)
         w.text(stages, style.QUIET, "the three stages that took longest")

@@ -26,7 +26,7 @@ GROUPS = {
 
 
 class HelpPanel(Panel):
-    """Opened with ? for the panel under the mouse."""
+    """Description of the panel under the mouse, opened with ?."""
 
     name, title, place, shown = "help", "About this panel", "over", False
 

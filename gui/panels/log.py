@@ -42,9 +42,8 @@ class LogPanel(Panel):
 
     def _message(self, message: Message) -> None:
         """Write a message; for a caution, also the time of its acknowledgement."""
-        acknowledged = (
-            "" if message.acknowledged_ms is None else f", seen {message.acknowledged_ms / 1000:.1f} s"
-        )
+        seen_ms = message.acknowledged_ms
+        acknowledged = "" if seen_ms is None else f", seen {seen_ms / 1000:.1f} s"
         level = "" if message.level == "note" else f"{message.level}{acknowledged}: "
         colour = style.QUIET if message.acknowledged else COLOURS[message.level]
         self._w.text(f"{message.t_ms / 1000:9.1f} s  {level}{message.text}", colour)

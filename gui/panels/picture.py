@@ -32,9 +32,7 @@ class PicturePanel(Panel):
         changed, stops = imgui.slider_float(
             "##exposure", settings.exposure_stops, -MOST_STOPS, MOST_STOPS, ""
         )
-        w.tip(
-            f"{console.table['picture.exposure'].about()}\nCtrl and click types it; right click: the scenario's own"
-        )
+        w.tip(f"{console.table['picture.exposure'].about()}\nCtrl and click types it; right click resets it")
         if imgui.is_item_clicked(imgui.MouseButton_.right):
             changed, stops = True, 0.0
         if changed:
@@ -55,9 +53,7 @@ class WorldPanel(Panel):
     def draw(self, console: Console) -> None:
         """Draw into the current panel."""
         self._w.switches(console, [f"world.{name.replace('_', '-')}" for name, _ in LAYERS])
-        self._w.text(
-            "What is left out is left out of the console's pictures, not of the scenario.", style.QUIET
-        )
+        self._w.text("Left out of the console's pictures, not of the scenario.", style.QUIET)
 
 
 def exposure_text(seconds: float) -> str:

@@ -30,6 +30,7 @@ class ScenarioChooser(Panel):
         super().__init__(window)
         self._wanted, self._as_list = "", False
         self._cards: list[tuple[str, str, ByteArray]] = []
+        self._recent: dict[str, int] = {}
 
     def draw(self, console: Console) -> None:
         """Draw into the current panel."""
@@ -46,9 +47,10 @@ class ScenarioChooser(Panel):
             self._cards = [(name, *_card(name)) for name in list_scenarios()]
         words = [] if query.endswith(".toml") else query.lower().split()
         cards = [c for c in self._cards if all(x in f"{c[0]} {c[1]}".lower() for x in words)]
-        # recently flown ones first
-        recent = {name: k for k, name in enumerate(console.recent)}
-        cards = sorted(cards, key=lambda card: recent.get(card[0], len(recent)))
+        # recently flown ones first; the order stays while the panel is in sight
+        if imgui.is_window_appearing():
+            self._recent = {name: k for k, name in enumerate(console.recent)}
+        cards = sorted(cards, key=lambda card: self._recent.get(card[0], len(self._recent)))
         _, self._as_list = imgui.checkbox("names and titles alone", self._as_list)
         w.tip("a line for each scenario instead of its picture")
         if not cards:
@@ -58,7 +60,7 @@ class ScenarioChooser(Panel):
         if self._as_list:
             for name, title, _ in cards:
                 here = name == console.session.plan.scenario.name
-                if imgui.selectable(f"{name}: {title}", here)[0]:
+                if imgui.selectable(w.elided(f"{name}: {title}", w.width), here)[0]:
                     console.do("scenario.open", name)
                 w.tip(f"{title}\nflyaround sim {name}")
         else:

@@ -56,7 +56,7 @@ class SteeringPanel(Panel):
             w.button(console, "steer.attitude", mode, label=mode, on=steering.attitude == mode)
         w.section("Guidance")
         colour = style.ACCENT if steering.doing else style.QUIET
-        w.text(steering.doing or "by hand", colour, "what flies the chaser while nothing is pressed")
+        w.text(console.flown_by, colour, "what flies the chaser while nothing is pressed")
         if steering.guided is not None:
             w.text(steering.guided.phase(console.session.t_s), style.QUIET, "what the guidance is at")
         w.buttons(console, GUIDANCE, 2)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from flyaround.gui import style
-from flyaround.gui.commands.timeline import FRAMES, clock
+from flyaround.gui.commands.timeline import clock
 from flyaround.gui.icons import labelled
 from flyaround.gui.widgets import Panel
 
@@ -15,21 +15,11 @@ if TYPE_CHECKING:
     from flyaround.simulator.piloting.flight_history import Timeline
 
 
-BUTTONS = {
-    "back": "- 10 s",
-    "step-back": "- 0.1 s",
-    "forward": "+ 10 s",
-    "end": "To the end",
-    "fly-on": "Fly on from here",
-    "other-future": "Swap future",
-    "keep": "Keep flight",
-    "dataset": f"Data set, {FRAMES} frames",
-    "hil": "HIL run",
-}
+BUTTONS = ["back", "step-back", "forward", "end", "fly-on", "other-future", "keep", "dataset", "hil"]
 
 
 class TimelinePanel(Panel):
-    """Drag the strip's slider to look back; Space plays what was flown, steering or Ctrl+Enter flies on from there."""
+    """Steps and bookmarks. The strip's slider looks back, Space replays, steering or Ctrl+Enter flies on from there."""
 
     name, title, place, shown = "timeline", "Timeline", "bottom", False
     keys = ("ctrl+t",)
@@ -51,10 +41,11 @@ class TimelinePanel(Panel):
         )
         # a disabled button stays in place
         usable = {"fly-on": back, "other-future": timeline.left_s is not None}
-        for k, (name, label) in enumerate(BUTTONS.items()):
-            w.flow(w.button_width(labelled(f"timeline.{name}", label)), first=k == 0)
+        for k, name in enumerate(BUTTONS):
+            title = console.table[f"timeline.{name}"].title
+            w.flow(w.button_width(labelled(f"timeline.{name}", title)), first=k == 0)
             w.imgui.begin_disabled(not usable.get(name, True))
-            w.button(console, f"timeline.{name}", label=label)
+            w.button(console, f"timeline.{name}")
             w.imgui.end_disabled()
         self._bookmarks(console, timeline)
 

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 from flyaround.gui import style
 from flyaround.gui.widgets import Panel
+from flyaround.simulator.piloting.control_laws import SWITCHES
 
 if TYPE_CHECKING:
     from flyaround.gui.console import Console
@@ -41,8 +42,9 @@ STEPS = (
     ),
     TourStep(
         "Fly by hand",
-        "Click HAND OFF in the strip: now keys fly. Hold W to push forward; A D R F push aside, I K J L U O turn.",
-        frozenset({"steer.forward", "steer.back", "steer.left", "steer.right", "steer.up", "steer.down"}),
+        "Click HAND: OFF in the strip to fly. Hold W, or turn the wheel over the view, to push forward; A D R F, or a "
+        "right drag, push aside; I K J L U O, or a left drag, turn.",
+        frozenset(f"steer.{name}" for name in (*SWITCHES, "pulse", "stick-thrust", "stick-turn")),
         "transport",
     ),
     TourStep(
@@ -53,19 +55,19 @@ STEPS = (
     ),
     TourStep(
         "Let the autopilot dock",
-        "Press B: it flies to the docking port. View, Layout, Dock opens what to watch. Del, or ABORT twice, retreats.",
+        "Dock, at the top right, opens what to watch. Press B: it flies to the port. Del, or ABORT twice, retreats.",
         frozenset({"docking.approach"}),
         "camera",
     ),
     TourStep(
         "Estimate the pose",
-        "Tools, Estimator, Estimate: the pose from the picture alone is drawn over the view, with its error.",
+        "Estimate, at the top right, then Estimate in the panel: the pose from the picture alone, drawn over the view.",
         frozenset({"estimator.run"}),
         "camera",
     ),
     TourStep(
         "Keep a picture",
-        "Press P: the picture and its truth are in out/console. Tools, Capture makes whole data sets.",
+        "Press P: picture and truth are in out/console. Capture, at the top right, makes whole data sets.",
         frozenset({"picture.save", "capture.start"}),
         "picture",
     ),
@@ -92,9 +94,7 @@ class TourPanel(Panel):
                 self._frame(console, tour_step.place)
         imgui.dummy(w.vec(0, 4 * w.window.scale))
         if step == len(STEPS):
-            w.text(
-                "That is most of it. F1 lists every command and key; ? tells about the panel under the mouse."
-            )
+            w.text("F1 lists every command and key; ? tells about the panel under the mouse.")
         elif step:
             w.button(console, "help.tour-back", label="Back")
             imgui.same_line()

@@ -47,34 +47,16 @@ def command_lines(session: FlightSession, options: Options, source: str, saved: 
     left_out = []
     if session.craft.mode == "guidance":
         rgb = ["--rgb"] if settings.bands == "rgb" and session.plan.bands != "rgb" else []
-        render = [
-            "flyaround",
-            "render",
-            source,
-            "-t",
-            repr(float(session.t_s)),
-            *seed,
-            *rgb,
-            "-o",
-            "frame.png",
-        ]
+        at = ["-t", repr(float(session.t_s))]
+        render = ["flyaround", "render", source, *at, *seed, *rgb, "-o", "frame.png"]
         lines.append(("this picture", shlex.join(render)))
     else:
-        left_out.append(
-            "the chaser is steered: save the picture (P), then draw it again from its truth record"
-        )
+        left_out.append("the chaser is steered: save the picture (P), and draw it from its truth record")
     lines += _of_saved(saved)
     capture = ["flyaround", "capture", source, *seed, "-n", "40", "-o", "out/set"]
     lines.append(("a data set of this flight", shlex.join(capture)))
-    if (
-        settings.exposure_stops
-        or settings.sensor_changes
-        or settings.camera is not None
-        or settings.light_gains
-    ):
-        left_out.append(
-            "exposure, camera, sensor or lights were changed here: change them in the scenario's text"
-        )
+    if settings.exposure_stops or settings.sensor_changes or settings.camera or settings.light_gains:
+        left_out.append("exposure, camera, sensor or lights were changed here: change the scenario's text")
     if settings.environment != session.scene().environment:
         left_out.append("layers of the world were switched here: change [environment] in the scenario's text")
     return CommandLines(tuple(lines), tuple(left_out))

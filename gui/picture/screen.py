@@ -43,9 +43,9 @@ def exposure_fault(frame: Frame) -> str:
     light = (numbers.reshape(size[1], size[0], -1).max(axis=2).astype(float) - black) / full
     exposure = f"{1e3 * scene.exposure_s:.3g} ms"
     if float(np.mean(light >= BURNT)) > BURNT_SHARE:
-        return f"burnt out at {exposure}: Expose by the meter (Picture) shortens it"
+        return f"burnt out at {exposure}: Expose by the meter"
     if float(np.quantile(light, BRIGHTEST)) > DARK + noise_sigma(scene.sensor):
         return ""
     if scene.sun_visible_fraction == 0:
         return f"dark: in the shadow of the Earth at {exposure}"
-    return f"dark at {exposure}: Expose by the meter (Picture) lengthens it"
+    return f"dark at {exposure}: Expose by the meter"

@@ -21,21 +21,9 @@ BLUR = ("blur_sigma_px", "blur, sigma [px]", "width of the blur; more makes edge
 DEPTH = ("bits", "depth [bit]", "bits of a level; fewer make visible steps")
 RECIPE: tuple[tuple[str, str, str], ...] = (
     BLUR,
-    (
-        "gaussian_variance",
-        "additive noise, variance [1]",
-        "more makes the picture grainier, most in dark parts",
-    ),
-    (
-        "speckle_variance",
-        "multiplicative noise, variance [1]",
-        "more makes the picture grainier, most in bright parts",
-    ),
-    (
-        "full_scale_j_m2_sr",
-        "full scale [J/m2 sr]",
-        "exposure of a white pixel; more makes the picture darker",
-    ),
+    ("gaussian_variance", "additive noise, variance [1]", "more makes the picture grainier in dark parts"),
+    ("speckle_variance", "multiplicative noise, variance [1]", "more makes it grainier in bright parts"),
+    ("full_scale_j_m2_sr", "full scale [J/m2 sr]", "exposure of a white pixel; more makes it darker"),
     DEPTH,
 )
 DETECTOR: tuple[tuple[str, str, str], ...] = (
@@ -58,19 +46,11 @@ DETECTOR: tuple[tuple[str, str, str], ...] = (
         "dark current's spread [1]",
         "differences between dark currents; more makes grain in long exposures",
     ),
-    (
-        "prnu",
-        "response's spread, PRNU [1]",
-        "differences in sensitivity; more makes grain in bright parts",
-    ),
+    ("prnu", "response's spread, PRNU [1]", "differences in sensitivity; more makes grain in bright parts"),
     ("hot_pixel_share", "hot pixels [share]", "pixels with far more dark current: bright dots"),
     ("hot_pixel_e_s", "hot pixels' current [e/s]", "dark current of each hot pixel; more makes it brighter"),
     ("dead_pixel_share", "dead pixels [share]", "pixels without signal: dark dots"),
-    (
-        "cosmic_rays_cm2_s",
-        "particles [1/cm2 s]",
-        "particles that strike the detector; more leave more dots and tracks",
-    ),
+    ("cosmic_rays_cm2_s", "particles [1/cm2 s]", "particles on the detector; more leave more tracks"),
     ("blooming", "blooming [share]", "share of a full pixel's surplus that spills along its column: streaks"),
     DEPTH,
 )

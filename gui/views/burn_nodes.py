@@ -44,7 +44,7 @@ class Grip:
 
 
 class BurnNodes:
-    """Draws planned burns and lets the pointer drag them; the command is given on release."""
+    """Planned burns with handles for the pointer; the command is given on release."""
 
     def __init__(self) -> None:
         self._grip: Grip | None = None

@@ -48,7 +48,7 @@ Groups = tuple[tuple[Row, ...], ...]
 
 
 class CameraView(Panel):
-    """Draws the picture and its overlays."""
+    """The picture with its overlays and figures."""
 
     name, title, place, shown = "camera", "Chaser's camera", "centre", True
     bare = True
@@ -109,9 +109,9 @@ class CameraView(Panel):
             self._centred(canvas, within, text, console.preparing)
         elif self._judged:
             x = box.x + (box.width - canvas.size(self._judged)[0]) / 2
-            self._write(
-                canvas, (x, box.y + MARGIN + 2 * self._line), (Row("", self._judged, style.WARN, ""),)
-            )
+            # the docking display has figures at the upper edge
+            low = box.height - 1.5 * self._line if options.overlays.docking else 2 * self._line
+            self._write(canvas, (x, box.y + low), (Row("", self._judged, style.WARN, ""),))
 
     # --- arrangement
 
@@ -194,24 +194,18 @@ class CameraView(Panel):
             ("ALONG", "ahead along the orbit"),
             ("CROSS", "along the orbit's normal"),
         )
+        utc, t = (
+            r.epoch_utc.replace("T", " ")[:23].rstrip("Z"),
+            f"{clock(r.t_s)[2:]}   {session.clock.rate:g}x",
+        )
         return (
             (
                 Row("", badge, colour, "what flies the chaser / how its attitude is kept"),
                 Row("", rate + speed, style.QUIET, "pictures a second, time and pixels of one"),
             ),
             (
-                Row(
-                    "UTC",
-                    r.epoch_utc.replace("T", " ")[:23].rstrip("Z"),
-                    style.INK,
-                    "mid-exposure of this picture",
-                ),
-                Row(
-                    "T+",
-                    f"{clock(r.t_s)[2:]}   {session.clock.rate:g}x",
-                    running,
-                    "simulated time since the scenario's start [h:min:s], and its rate",
-                ),
+                Row("UTC", utc, style.INK, "mid-exposure of this picture"),
+                Row("T+", t, running, "simulated time since the start [h:min:s], and its rate"),
                 Row("AGE", f"{age_s:.1f} s", old, "simulated time since this picture was taken"),
             ),
             (

@@ -52,7 +52,7 @@ ABOUT = {
 
 
 class DockingHud:
-    """Draws the docking display over one view.
+    """The docking display over one view.
 
     Parameters
     ----------
@@ -240,7 +240,7 @@ def status(console: Console) -> tuple[str, style.Rgba]:
     point = docking.hold_points.next
     goal = "port" if point is None else f"{point.name} {point.axial_m:g} m"
     if not steering.autopilot:
-        return f"by hand   next: {goal}", style.INK
+        return f"{console.flown_by}   next: {goal}", style.INK
     if point is None:
         return "AUTOPILOT to the port", style.ACCENT
     waits = not docking.not_ready(session.craft.chaser, session.flight)

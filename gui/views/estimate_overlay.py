@@ -23,7 +23,7 @@ SAYS = "the estimator's method, how sure it is (0 to 1), and how old the picture
 
 
 class EstimateOverlay:
-    """Draws the newest estimate; caches its lines."""
+    """Overlay of the newest estimate, with cached lines."""
 
     def __init__(self) -> None:
         self._of: tuple[object, ...] = ()

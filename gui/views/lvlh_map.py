@@ -250,7 +250,9 @@ class LvlhMap(Panel):
             top = port.at(np.zeros(3)) - (0.0, keep_out.radius_m * port.scale)
             text = f"keep out {metres_text(keep_out.radius_m)}"
             if y + 3 * line < top[1] < y + h - 3 * line and not narrow:
-                at = (top[0] - canvas.size(text)[0] / 2, top[1] - 1.3 * line)
+                wide = canvas.size(text)[0]
+                left = min(max(top[0] - wide / 2, x + 4), x + w - wide - 4)
+                at = (left, top[1] - 1.3 * line)
                 tip = "radius of the sphere that the scenario keeps the chaser out of"
                 canvas.label(at, text, style.BAD, tip)
         mouse = self._imgui.get_io().mouse_pos

@@ -18,7 +18,7 @@ REACH = 0.25
 
 
 class MouseSteering:
-    """Makes the picture a stick while a button is held on it.
+    """A stick made of the picture while a button is held on it.
 
     Parameters
     ----------

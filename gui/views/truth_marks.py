@@ -24,7 +24,7 @@ RINGS_DEG = (5, 10, 15)
 
 
 class TruthMarks:
-    """Draws the marks of the present picture, caching them and the positions of names.
+    """Marks of the present picture, with cached positions of their names.
 
     Parameters
     ----------

@@ -202,6 +202,35 @@ def test_a_full_disk_ends_the_logs_file_and_not_the_abort(table: CommandTable) -
     console.do("time.rate", "1")
 
 
+def test_no_output_replaces_a_file(
+    table: CommandTable, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    console = console_flying(table=table)
+    for taken in ("view.mp4", "look.png", "done.script", "mine.toml"):
+        Path(taken).write_text("precious")
+    console.draft.edit("tango-flyaround")
+    for line in (
+        "film.start view.mp4",
+        "window.screenshot look.png",
+        "log.save done.script",
+        "scenario.save mine.toml",
+    ):
+        console.do_line(line)
+        assert "exists already" in console.messages[-1].text
+        assert (tmp_path / line.split()[1]).read_text() == "precious"
+    with pytest.raises(UserError, match="exists already"):
+        console.log.write_to(tmp_path / "done.script")
+    # without a name each gets a new one, and a draft is saved again to its own file
+    console.do("log.save")
+    console.do("log.save")
+    assert sorted(p.name for p in Path("out/console").iterdir()) == ["commands-2.script", "commands.script"]
+    console.do("scenario.save", "new.toml")
+    console.do("scenario.save", "new.toml")
+    assert console.messages[-1].level == "note"
+    console.close()
+
+
 def test_keys_fly_only_while_hand_control_is_armed(table: CommandTable) -> None:
     console = console_flying(table=table)
     stop = table["steer.stop"]
@@ -210,7 +239,7 @@ def test_keys_fly_only_while_hand_control_is_armed(table: CommandTable) -> None:
     console.press([stop])
     assert console.session.craft.mode == "guidance"
     assert [m.text for m in console.messages] == [
-        "keys and mouse do not fly: arm hand control first (Ctrl+H or Insert)"
+        "keys, mouse and gamepad do not fly: arm hand control first (Ctrl+H or Insert)"
     ]
     console.do("steer.arm", True)
     console.press([stop])

@@ -72,9 +72,10 @@ def test_unplugged_while_it_pushes_the_thrust_stops_and_a_warning_is_given() -> 
     def turn(state: tuple[str, tuple[float, ...], tuple[bool, ...]] | None, times: int) -> None:
         for _ in range(times):
             for name, *arguments in pad.commands(state):
-                console.do(name, *arguments)
+                console.steer(name, *arguments)
             console.pass_time(TICK_MS)
 
+    console.do("steer.arm", True)
     turn(("pad", axes(right_trigger=1.0), UP), 50)
     assert console.session.craft.mode == "steer"
     spent = console.session.craft.steering.propellant.delta_v_m_s
@@ -88,6 +89,36 @@ def test_unplugged_while_it_pushes_the_thrust_stops_and_a_warning_is_given() -> 
     # the log has it too, so that a script flies the same flight
     assert [line.name for line in console.log.lines][-1] == "steer.stick-lost"
     assert np.isfinite(console.session.craft.world.range_m)
+
+
+def test_a_gamepad_flies_only_while_hand_control_is_armed() -> None:
+    console = console_flying()
+    pad = Gamepad()
+
+    def turn(axes: tuple[float, ...], button: int | None = None) -> None:
+        for name, *arguments in pad.commands(("pad", axes, tuple(k == button for k in range(15)))):
+            console.steer(name, *arguments)
+        console.pass_time(TICK_MS)
+
+    turn(axes(right_trigger=1.0))
+    for stop in (0, 3, 11):
+        turn(axes(right_trigger=1.0), stop)
+    assert console.session.craft.mode == "guidance"
+    assert "arm hand control" in console.messages[-1].text
+    # the guide button arms; a stick that was pushed before acts when it is moved
+    turn(axes(right_trigger=1.0), 8)
+    assert console.hand.armed
+    assert console.session.craft.mode == "guidance"
+    turn(axes(right_trigger=0.5))
+    assert console.session.craft.mode == "steer"
+    # disarmed while it pushes, the thrust stops
+    turn(axes(right_trigger=0.5), 8)
+    spent = console.session.craft.steering.propellant.delta_v_m_s
+    turn(axes(right_trigger=0.5))
+    assert console.session.craft.steering.propellant.delta_v_m_s == spent
+    turn(axes(right_trigger=0.5), 1)
+    assert console.session.craft.steering.doing == "abort"
+    console.close()
 
 
 def test_a_gamepad_that_rests_is_missed_without_alarm() -> None:

@@ -143,10 +143,51 @@ def test_letters_do_not_fly_until_hand_control_is_armed(fly: Fly) -> None:
 
     console, times = fly(10.0, typed, armed=False, duration_s=4.0)
     assert console.session.craft.mode == "guidance"
-    assert not times
+    assert set(times) <= {"window.quit", "window.close"}
     assert "arm hand control" in console.messages[-1].text
 
 
 def test_abort_needs_no_arming(fly: Fly) -> None:
     console, _ = fly(10.0, lambda window: window.hold("delete", PUSH_S, 0.1), armed=False, duration_s=4.0)
     assert console.session.craft.steering.doing == "abort"
+
+
+def test_the_windows_close_button_asks_and_a_second_time_closes(fly: Fly) -> None:
+    begun: list[SimulatedWindow] = []
+
+    def keys(window: SimulatedWindow) -> None:
+        begun.append(window)
+        window.hold("w", PUSH_S, 0.5)
+
+    console, times = fly(10.0, keys, duration_s=4.0)
+    assert times["window.quit"] == sorted(times["window.quit"])
+    assert len(times["window.quit"]) == 2
+    assert begun[0].asked_s < times["window.close"][0]
+    assert console.window.close
+
+
+@pytest.mark.parametrize("hz", RATES_HZ)
+def test_a_short_click_acts_once_however_slow_the_window(fly: Fly, hz: float) -> None:
+    def clicks(window: SimulatedWindow) -> None:
+        window.click("Pause", PUSH_S)
+        window.click("Play", PUSH_S + 1.5)
+        window.click("Pause", PUSH_S + 3.0)
+
+    console, times = fly(hz, clicks, duration_s=6.0)
+    assert len(times["time.pause"]) == 3
+    for done_s, clicked_s in zip(times["time.pause"], (PUSH_S, PUSH_S + 1.5, PUSH_S + 3.0), strict=True):
+        assert 0 <= done_s - clicked_s <= 4.5 / hz + 0.1
+    assert console.session.clock.paused
+
+
+@pytest.mark.parametrize("hz", RATES_HZ)
+def test_escape_closes_a_list_and_the_next_click_counts(fly: Fly, hz: float) -> None:
+    def operate(window: SimulatedWindow) -> None:
+        window.hold("f1", PUSH_S, 0.05)
+        window.hold("escape", PUSH_S + 1.5, 0.05)
+        window.click("Pause", PUSH_S + 3.0)
+
+    console, times = fly(hz, operate, duration_s=6.5)
+    assert len(times["panel.keys"]) == 2
+    assert not console.shown["keys"]
+    assert len(times["time.pause"]) == 1

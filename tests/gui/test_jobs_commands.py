@@ -11,8 +11,8 @@ from flyaround.gui.app import command_table
 from flyaround.gui.command_table import CommandTable
 from flyaround.gui.commands.hil import FAULTS
 from flyaround.gui.console import Console
+from flyaround.gui.jobs.all import running_jobs
 from flyaround.gui.jobs.capture_job import CaptureRequest
-from flyaround.gui.transport import running_jobs
 from flyaround.simulator.piloting.session import FlightSession
 from flyaround.simulator.scenario.load import load_scenario
 from tests.harness.flown_console import console_flying

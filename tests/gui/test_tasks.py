@@ -40,26 +40,33 @@ def at(request: pytest.FixtureRequest) -> Iterator[Pointer]:
     made.close()
 
 
+def layout(at: Pointer, title: str) -> None:
+    """Choose a layout at the right end of the menu bar."""
+    at.press(f"{title}###layout")
+    for _ in range(14):
+        at.turn()
+
+
 def change_scenario(at: Pointer) -> None:
     at.menu("File", "Scenarios")
     at.press("##tango-close-3m")
 
 
 def move_by_five_metres(at: Pointer) -> None:
-    at.menu("View", "Layout", "Fly")
+    layout(at, "Fly")
     at.type(at.sight("##point"), "5")
     at.press("Fly by so much")
 
 
 def dock(at: Pointer) -> None:
-    at.menu("View", "Layout", "Dock")
+    layout(at, "Dock")
     at.press("Autopilot")
     at.press("Go")
 
 
 def estimate(at: Pointer) -> None:
-    at.menu("View", "Layout", "Estimate")
-    at.press("Estimate")
+    layout(at, "Estimate")
+    at.press("Estimate###estimator.run")
     at.press("Stages as pictures")
 
 
@@ -78,8 +85,26 @@ def expose_by_hand(at: Pointer) -> None:
     assert at.console.options.settings.exposure_stops == 0.0
 
 
+def choose_another(at: Pointer, label: str) -> None:
+    """Open a list of choices and click its second or third entry."""
+    x, y = at.sight(label)
+    at.click((x, y))
+    at.click((x, y + 40.0))
+
+
+def change_camera(at: Pointer) -> None:
+    at.menu("Camera", "Sensor")
+    choose_another(at, "##camera.use")
+    assert at.console.options.settings.camera is not None
+
+
+def change_target(at: Pointer) -> None:
+    at.menu("Camera", "Target")
+    choose_another(at, "##scenario.target")
+
+
 def plan_and_drag_a_burn(at: Pointer) -> None:
-    at.menu("View", "Layout", "Fly")
+    layout(at, "Fly")
     if at.window.size[0] < NARROW:
         at.menu("View", "Maps", "LVLH map")
     view = next(panel for panel in at.layout.panels if isinstance(panel, LvlhMap))
@@ -119,12 +144,12 @@ def film(at: Pointer) -> None:
 
 
 def data_set(at: Pointer) -> None:
-    at.menu("View", "Layout", "Capture")
-    at.press("Capture")
+    layout(at, "Capture")
+    at.press("Capture###capture.start")
 
 
 def board(at: Pointer) -> None:
-    at.menu("View", "Layout", "Link")
+    layout(at, "Link")
     at.press("Start session")
     at.press("Start board here")
 
@@ -136,17 +161,19 @@ def abort(at: Pointer) -> None:
 
 TASKS: dict[Callable[[Pointer], None], tuple[tuple[str, ...], int]] = {
     change_scenario: (("scenario.open",), 3),
-    move_by_five_metres: (("guidance.waypoint",), 5),
-    dock: (("docking.approach", "docking.go"), 5),
-    estimate: (("estimator.run", "estimator.stages"), 5),
+    move_by_five_metres: (("guidance.waypoint",), 3),
+    dock: (("docking.approach", "docking.go"), 3),
+    estimate: (("estimator.run", "estimator.stages"), 3),
     expose_by_hand: (("picture.exposure",), 2),
-    plan_and_drag_a_burn: (("burn.plan",), 6),
+    change_camera: (("camera.use",), 4),
+    change_target: (("scenario.target",), 4),
+    plan_and_drag_a_burn: (("burn.plan",), 5),
     expose: (("picture.meter", "picture.noise", "picture.colour"), 3),
     eclipse: (("time.next-eclipse", "time.rate"), 4),
     look_back_and_fly_on: (("timeline.seek", "timeline.fly-on"), 4),
     film: (("film.start",), 3),
-    data_set: (("capture.start",), 4),
-    board: (("hil.start", "hil.board"), 5),
+    data_set: (("capture.start",), 2),
+    board: (("hil.start", "hil.board"), 3),
     abort: (("docking.abort",), 2),
 }
 """Commands that a task ends in, and the most clicks that it may take."""

@@ -37,7 +37,9 @@ class Noted:
 
     Parameters
     ----------
-    what : control, text or tip. label : of it. middle : where it is.
+    what : control, text or tip.
+    label : its text.
+    middle : its position.
     """
 
     what: str

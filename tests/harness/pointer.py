@@ -9,7 +9,7 @@ from tests.harness.headless_imgui import HeadlessWindow, Noted
 
 FAR = (640.0, 500.0)
 """A place without menus."""
-STRIPS, STRIP = 90.0, ("ABORT", "ABORT NOW", "HAND OFF", "Pause", "Play")
+STRIPS, STRIP = 90.0, ("ABORT", "ABORT NOW", "HAND: OFF", "Pause", "Play")
 """Height of the strips at the bottom of the window, and their controls."""
 
 
@@ -18,7 +18,10 @@ class Pointer:
 
     Parameters
     ----------
-    scenario : flown. size : of the window. panels : False closes all of them. opened : further ones, from the start.
+    scenario : name of the flown one.
+    size : size of the window.
+    panels : False closes all of them.
+    opened : panels opened at the start.
     """
 
     def __init__(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -42,7 +43,8 @@ class SimulatedWindow(HeadlessWindow):
 
     Parameters
     ----------
-    hz : frames a second. duration_s : when it is closed.
+    hz : frames per second.
+    duration_s : time at which it is closed.
     """
 
     def __init__(self, hz: float, duration_s: float) -> None:
@@ -52,14 +54,19 @@ class SimulatedWindow(HeadlessWindow):
         _, glfw = import_parts()
         self._glfw = _GlfwState(glfw)
         self.keys = Keyboard(self.imgui, self._glfw, None, on_key=self._give_key, on_letter=lambda *_: None)
-        self.seconds = 0.0
+        self.seconds, self.asked_s = 0.0, math.inf
         self._events: list[_Event] = []
+        self._clicks: list[tuple[float, str, bool | None]] = []
         self.font_scale = 1.0
         self.capture, self.captured = False, None
 
     @property
     def open(self) -> bool:
         return self.seconds < self._duration_s
+
+    def stay_open(self) -> None:
+        """The close button was pressed: the window stays while the console asks."""
+        self.asked_s, self._duration_s = self.seconds, self._duration_s + 1.0
 
     def hold(self, key: str, t_s: float, length_s: float, *, ctrl: bool = False) -> None:
         """Have a key go down, repeat and go up."""
@@ -71,6 +78,10 @@ class SimulatedWindow(HeadlessWindow):
             _Event(t, len(self._events) + k, key, action, ctrl) for k, (t, action) in enumerate(times)
         ]
         self._events.sort()
+
+    def click(self, label: str, t_s: float, length_s: float = 0.04) -> None:
+        """Have the left button go down and up on the control with this label."""
+        self._clicks += [(t_s - 0.01, label, None), (t_s, label, True), (t_s + length_s, label, False)]
 
     def lose_focus(self, t_s: float) -> None:
         """Have glfw report a release of every key, as it does when the window loses the focus."""
@@ -84,6 +95,13 @@ class SimulatedWindow(HeadlessWindow):
     def wait(self, longest_s: float) -> bool:
         self.seconds += max(longest_s, 1e-4)
         came = False
+        while self._clicks and self._clicks[0][0] <= self.seconds:
+            _, label, down = self._clicks.pop(0)
+            came, io = True, self.plain.get_io()
+            if down is None:
+                io.add_mouse_pos_event(*next(n.middle for n in self.noted if n.label.startswith(label)))
+            else:
+                io.add_mouse_button_event(0, down)
         while self._events and self._events[0].t_s <= self.seconds:
             event, came = self._events.pop(0), True
             key = self.keys.code(event.key)
@@ -96,7 +114,7 @@ class SimulatedWindow(HeadlessWindow):
 
     def _give_key(self, _window: object, key: int, _scancode: int, action: int, modifiers: int) -> None:
         io, imgui = self.plain.get_io(), self.plain
-        names = ("w", "a", "d", "x", "h", "q", "delete", "escape", "insert", "f9")
+        names = ("w", "a", "d", "x", "h", "q", "delete", "escape", "insert", "f1", "f9")
         name = next(n for n in names if self.keys.code(n) == key)
         down = action != self._glfw.RELEASE
         io.add_key_event(imgui.Key.mod_ctrl, bool(modifiers & self._glfw.MOD_CONTROL) and down)
@@ -105,6 +123,7 @@ class SimulatedWindow(HeadlessWindow):
     @contextmanager
     def frame(self) -> Iterator[None]:
         self.keys.queue.deliver()
+        self.noted.clear()
         self.plain.get_io().delta_time = 1 / self._hz
         self.plain.new_frame()
         yield

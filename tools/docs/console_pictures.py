@@ -35,6 +35,7 @@ def main() -> None:
 def _whole_window(name: str, scenario: str, script: str) -> None:
     *lines, end_s = script.split(";")
     target = (FOLDER / f"{name}.png").resolve()
+    target.unlink(missing_ok=True)
     lines = [
         "0.1 help.tour-end",
         *lines,

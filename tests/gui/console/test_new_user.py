@@ -141,7 +141,7 @@ def fly(operator: Operator, console: subprocess.Popen[str]) -> dict[str, object]
     assert operator.seconds < DOCKED_WITHIN_S
     picture = operator.look("new-user-docked")
     assert picture.std() > 8.0
-    operator.keys("ctrl+q")
+    operator.keys("ctrl+q", "ctrl+q")
     assert console.stdout is not None
     out = console.stdout.read()
     assert console.wait(timeout=60) == 0

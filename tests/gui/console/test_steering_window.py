@@ -79,7 +79,7 @@ def test_the_mouse_steers_over_the_view(display: str, tmp_path: Path) -> None:
         at(display, 520, 330)
         xdotool(display, "mouseup", "3")
         time.sleep(LONG_S)
-        xdotool(display, "key", "ctrl+q")
+        xdotool(display, "key", "ctrl+q", "ctrl+q")
 
     state, done = operated(display, tmp_path, by_mouse)
     turns = [line.split() for line in done if line.startswith("steer.stick-turn")]
@@ -97,7 +97,7 @@ def test_the_mouse_steers_over_the_view(display: str, tmp_path: Path) -> None:
 
 def test_keys_engage_the_autopilot_and_abort(display: str, tmp_path: Path) -> None:
     def by_keys() -> None:
-        for key in ("Insert", "b", "n", "m", "Return", "Delete", "ctrl+q"):
+        for key in ("Insert", "b", "n", "m", "Return", "Delete", "ctrl+q", "ctrl+q"):
             xdotool(display, "key", key)
             time.sleep(LONG_S)
 
@@ -109,6 +109,8 @@ def test_keys_engage_the_autopilot_and_abort(display: str, tmp_path: Path) -> No
         "steer.pulses",
         "docking.go",
         "docking.abort",
+        "window.quit",
+        "window.quit",
         "window.close",
     ]
     assert state["mode"] == "steer"

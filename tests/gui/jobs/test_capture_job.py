@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from flyaround.gui.jobs.capture_job import CaptureJob, CaptureRequest, pictures_in, thumbnails
-from flyaround.gui.jobs.program import ChildProgram, new_folder
+from flyaround.gui.jobs.program import ChildProgram, new_path
 from flyaround.simulator.errors import UserError
 
 WAIT_S = 180.0
@@ -62,10 +62,10 @@ def test_thumbnails_of_any_depth_and_none_of_a_broken_file(tmp_path: Path) -> No
     assert made[2].image.max() == 255
 
 
-def test_new_folders_are_numbered(tmp_path: Path) -> None:
-    assert new_folder(tmp_path, "set") == tmp_path / "set"
+def test_new_paths_are_numbered(tmp_path: Path) -> None:
+    assert new_path(tmp_path, "set") == tmp_path / "set"
     (tmp_path / "set").mkdir()
-    assert new_folder(tmp_path, "set") == tmp_path / "set-2"
+    assert new_path(tmp_path, "set") == tmp_path / "set-2"
 
 
 def test_a_mistake_is_the_programs_own_sentence(tmp_path: Path) -> None:

@@ -8,13 +8,14 @@ import signal
 import time
 from collections.abc import Callable
 from dataclasses import replace
+from types import SimpleNamespace
 from typing import Self
 
 import numpy as np
 import pytest
 
 from flyaround.gui.jobs.estimates import ComparedEstimate, Estimates, compared
-from flyaround.gui.jobs.estimator_process import Answer, EstimateRequest
+from flyaround.gui.jobs.estimator_process import Answer, EstimateRequest, _network
 from flyaround.gui.picture.feed import Picture
 from flyaround.gui.picture.view_settings import reduced_camera
 from flyaround.simulator.errors import UserError
@@ -214,6 +215,16 @@ def test_a_method_that_cannot_is_off_with_a_sentence(session: FlightSession, met
         assert "\n" not in told
 
 
+@pytest.mark.parametrize(
+    ("learned", "own", "name"), [(None, None, "none"), (1, None, "shipped"), (1, "x", "own")]
+)
+def test_an_answer_names_the_network_that_took_part(learned: object, own: str | None, name: str) -> None:
+    hybrid = SimpleNamespace(setup=SimpleNamespace(learned=learned), model=SimpleNamespace(network=own))
+    assert _network(hybrid) == name
+    assert _network(SimpleNamespace(first=hybrid, model=hybrid.model)) == name
+    assert _network(SimpleNamespace(model=hybrid.model)) == ""
+
+
 @pytest.mark.slow
 def test_the_estimators_themselves_answer_with_their_stages(session: FlightSession) -> None:
     from flyaround.simulator.dataset.single_frames import render_scene
@@ -237,6 +248,11 @@ def test_the_estimators_themselves_answer_with_their_stages(session: FlightSessi
         until(lambda: not estimates.on, lambda: estimates.update(picture))
         (told,) = estimates.take_troubles()
         assert "no-such-file" in told
+    assert [found[m].answer.network for m in ("hybrid", "hybrid-track", "svd-2018")] == [
+        "shipped",
+        "shipped",
+        "",
+    ]
     svd = found["hybrid"]
     assert svd.answer.accepted
     assert svd.E_R_deg is not None

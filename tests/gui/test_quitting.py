@@ -1,0 +1,78 @@
+"""Quitting asks while a job runs or something is not saved, and only then."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from tests.harness.pointer import Pointer
+
+
+@pytest.fixture
+def screen(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Pointer]:
+    monkeypatch.chdir(tmp_path)
+    made = Pointer("tango-flyaround", panels=False)
+    yield made
+    made.close()
+
+
+def test_a_flight_that_nobody_flew_is_left_without_a_question(screen: Pointer) -> None:
+    screen.console.do("steer.arm")
+    screen.menu("File", "Quit")
+    assert screen.console.window.close
+
+
+def test_a_flown_flight_asks_until_it_is_kept(screen: Pointer) -> None:
+    console = screen.console
+    console.do("steer.toggle")
+    console.pass_time(200)
+    screen.menu("File", "Quit")
+    assert any("the flight of tango-flyaround is not kept" in text for text in screen.texts())
+    screen.press("Stay")
+    screen.turn()
+    assert not console.window.close
+    assert not screen.has("Stay")
+    screen.menu("File", "Quit")
+    screen.escape()
+    screen.turn()
+    assert not screen.has("Stay")
+    screen.menu("File", "Quit")
+    screen.press("Keep flight")
+    for _ in range(200):
+        console.pass_time(20)
+        if not console.jobs.keeping:
+            break
+    assert console.losses == []
+    console.do("window.quit")
+    assert console.window.close
+
+
+def test_the_question_is_answered_by_its_button_or_by_asking_again(screen: Pointer) -> None:
+    console = screen.console
+    console.draft.edit("tango-flyaround")
+    console.draft.changed = True
+    console.do("window.quit")
+    screen.turn()
+    assert not console.window.close
+    screen.press("Quit")
+    assert console.window.close
+    console.window.close = False
+    console.do("window.quit")
+    assert console.window.close
+
+
+def test_each_running_job_and_the_flight_before_are_named(screen: Pointer) -> None:
+    console = screen.console
+    console.do("docking.approach")
+    console._begin(type(console.session).of(console.session.plan.scenario), "")
+    console.do("film.start")
+    console.do("estimator.run")
+    texts = console.losses
+    assert len(texts) == 2, "an estimator loses nothing"
+    assert texts[0].startswith("film 0 pictures")
+    assert "is not kept" in texts[1]
+    # at the end of a script nobody answers
+    console.do("window.close")
+    assert console.window.close
