@@ -47,6 +47,8 @@ const float WARP_KM = 9.0;   // HIGH: twice the largest displacement of the land
 const float SHARPEN = 0.75;   // HIGH: unsharp mask of the land's map
 const float ROCK = 1.25;      // HIGH: contrast of bare rock where land is as rough as can be
 const float GRAVEL = 0.55;    // HIGH: additional reflectance of valley floors over the rock beside them
+const float EDDY = 0.05;      // HIGH: displacement of films by eddies [tiles of the detail]
+const float LEE = 1.6, LEE_KM = 9.0; // HIGH: greatest calm at a coast, and over what distance it fades
 const float RELIEF_KM = 0.35; // height of a deck's puffs of full contrast; of puffs that stand apart up to four times as much
 
 // Reflectance of the sea above deep open water: ocean colour and ice. It hardly changes within two by two pixels.
@@ -101,6 +103,7 @@ struct Surface {
     float veil;    // and between them
     float mean;    // FAR: of one cloud that is even and returns as much
     float region;  // HIGH: kind of cloud
+    float wind;    // HIGH: calm of the region, 0..1
     float lit;     // root of the light of lamps over that of the map's brightest texels
 };
 
@@ -171,10 +174,12 @@ float cloud_reflectance(float over, float thick, float veil, float thin) {
     return depth / (depth + thin * (1.15 - over));
 }
 
-// Logarithm of how much less the slopes of the sea vary: wind in gusts and streaks, slicks, swell. The mean of the variance
-// is kept. All from 0 to 1, of even histograms.
-float sea_calm(float gusts, float streaks, float swell) {
-    return 0.8 * gusts + 0.5 * streaks + 0.3 * swell - 0.76;
+// Logarithm of how much less the slopes of the sea vary: wind of the region, gusts and streaks, swell, slicks. The mean of
+// the variance is kept. All from 0 to 1, of even histograms; slicks are where the last is a half.
+float sea_calm(float region, float gusts, float streaks, float swell, float films) {
+    // surface films halve the variance or more (Cox & Munk 1954)
+    float slick = (films - 0.5) * 20.0;
+    return 0.8 * region + 0.8 * gusts + 0.5 * streaks + 0.3 * swell + 0.9 * region * exp(-slick * slick) - 1.19;
 }
 
 // A sum x of two numbers from 0 to 1 of even histograms, with weights 1 - b and b (b at most a half), made even.
@@ -238,10 +243,15 @@ color surface_radiance(GroundPoint g, Surface s, Waters waters, Detail detail) {
 #endif
     color sea = s.sea + s.waves * under.x;
 #if GLINT && HIGH
-    float streaks = textureLod(t_detail, mat2(2.2, 1.6, -0.30, 0.41) * g.plane, DETAIL_LEVEL + 1.0).x;
+    // eddies of ten kilometres wind films into spirals (Munk et al. 2000, Proc. R. Soc. A 456, 1217)
+    vec2 eddy = g.plane + EDDY * (textureLod(t_detail, 1.7 * g.plane, max(DETAIL_LEVEL, 4.5)).xw - 0.5);
+    float streaks = textureLod(t_detail, mat2(2.2, 1.6, -0.30, 0.41) * eddy, DETAIL_LEVEL + 1.0).x;
     float gusts = textureLod(t_detail, mat2(0.62, 0.35, -0.22, 0.39) * g.plane, DETAIL_LEVEL - 0.5).x;
     float swell = textureLod(t_detail, mat2(5.1, -3.3, 16.5, 25.5) * g.plane, DETAIL_LEVEL + 4.0).x;
-    float calm = sea_calm(gusts, streaks, swell);
+    float films = textureLod(t_detail, mat2(2.6, 1.9, -0.5, 0.7) * eddy, max(DETAIL_LEVEL, 3.0)).x;
+    float calm = sea_calm(s.wind, gusts, streaks, swell, films);
+    // in the lee of land, over the first tens of kilometres, here more and there less
+    calm += LEE * gusts * exp(min(s.shore - 0.5, 0.0) / (LEE_KM * g.sharp));
     sea += color(g.glint * exp(calm + (g.ripple + 1.0) * (1.0 - exp(calm))));
 #endif
 #if ICE
@@ -330,6 +340,7 @@ color ground_radiance(GroundPoint g, Waters waters) {
 #if HIGH
     Surface s = surface_at(g, map, land_uv, waters);
     s.region = region.x;
+    s.wind = region.w;
     s.thick *= 0.55 + 1.1 * region.w;
     return surface_radiance(g, s, waters, detail);
 #else

@@ -66,7 +66,7 @@ def radiance(renderer: fa.Renderer, scene: fa.SceneState, target: str = "tango")
     return np.asarray(np.maximum(bands @ np.transpose(SRGB_FROM_BANDS), 0.0))
 
 
-def film(light: np.ndarray, brightest: float, contrast: float = 0.45) -> np.ndarray:
+def film(light: np.ndarray, brightest: float, contrast: float = 0.3) -> np.ndarray:
     """Return an sRGB image with the tone curve of photographic film: paler, with a shoulder, a toe and a little grain.
 
     Parameters
@@ -74,7 +74,7 @@ def film(light: np.ndarray, brightest: float, contrast: float = 0.45) -> np.ndar
     contrast : share of the curve that is steep in the middle.
     """
     y = light * (0.8 / brightest)
-    y = np.where(y < 0.8, y, 0.8 + 0.2 * (1 - np.exp(-(y - 0.8) / 0.2)))
+    y = np.where(y < 0.5, y, 0.5 + 0.5 * (1 - np.exp(-(y - 0.5) / 0.6)))
     y = np.clip(0.9 * y + 0.1 * y.mean(axis=2, keepdims=True), 0, 1)
     v = np.where(y < 0.0031308, 12.92 * y, 1.055 * y ** (1 / 2.4) - 0.055)
     v += contrast * (v * v * (3 - 2 * v) - v)
@@ -114,7 +114,7 @@ def night(renderer: fa.Renderer) -> np.ndarray:
 def glint(renderer: fa.Renderer) -> np.ndarray:
     """Return the view of the Aegean."""
     scene = above("2026-06-20T15:10:00Z", (37.5, 29.0, 420.0), 55.0, azimuth_deg=275.0, off_nadir_deg=56.0)
-    return exposed(radiance(renderer, scene), 0.97)
+    return exposed(glare(radiance(renderer, scene)), 0.97, -0.5)
 
 
 def shallows(renderer: fa.Renderer) -> np.ndarray:
