@@ -104,7 +104,7 @@ color limb_radiance(GlobeRay ray) {
     float low_km = (sqrt(ray.perigee2) - 1.0) * EARTH_KM, hidden = 0.0;
     if (low_km > TALLEST_KM) return air;
     vec2 meridian = u_globe_meridian.xy;
-    float pixel_km = -ray.along * ray.pixel_rad * EARTH_KM, level = log2(pixel_km / DETAIL_TEXEL_KM) + 0.5;
+    float pixel_km = -ray.along * ray.pixel_rad * EARTH_KM, level = log2(pixel_km / DETAIL_TEXEL_KM) + 1.0;
     vec3 zenith = u_globe_camera.xyz * u_globe_camera.w, ahead = normalize(ray.direction - dot(ray.direction, zenith) * zenith);
     // angles at the Earth's centre of the horizon and of the ray's lowest point: clouds stand still while the ray rises
     float horizon = acos(u_globe_camera.w), lowest = acos(min(sqrt(ray.perigee2) * u_globe_camera.w, 1.0));
@@ -116,8 +116,8 @@ color limb_radiance(GlobeRay ray) {
         float cover = textureLod(t_map, uv, 0.0).y;
         float puff = textureLod(t_detail, detail_plane(p) * (EARTH_KM / DETAIL_KM), level).x;
         float over = 1.0 + (puff - 1.0) / (0.08 + 1.4 * cover); // as surface_at has it
-        float above_km = mix(CLOUD_KM, TALLEST_KM, cover * over) - low_km - 0.5 * EARTH_KM * off * off;
-        hidden = max(hidden, step(0.0, over) * clamp(above_km / max(pixel_km, 1.5) + 0.5, 0.0, 1.0));
+        float above_km = (CLOUD_KM + (TALLEST_KM - CLOUD_KM) * cover) * sqrt(max(over, 0.0)) - low_km - 0.5 * EARTH_KM * off * off;
+        hidden = max(hidden, clamp(above_km / max(pixel_km, 1.5) + 0.5, 0.0, 1.0));
     }
     vec3 middle = normalize(u_globe_camera.xyz - ray.along * ray.direction);
     float mu = dot(middle, u_globe_sun.xyz);

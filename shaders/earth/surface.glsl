@@ -176,8 +176,8 @@ float cloud_reflectance(float over, float thick, float veil, float thin) {
 
 // Logarithm of how much less the slopes of the sea vary: wind of the region, gusts and streaks, swell, slicks. The mean of
 // the variance is kept. All from 0 to 1, of even histograms; slicks are where the last is a half.
+// Their films halve the variance or more (Cox & Munk 1954).
 float sea_calm(float region, float gusts, float streaks, float swell, float films) {
-    // surface films halve the variance or more (Cox & Munk 1954)
     float slick = (films - 0.5) * 20.0;
     return 0.8 * region + 0.8 * gusts + 0.5 * streaks + 0.3 * swell + 0.9 * region * exp(-slick * slick) - 1.19;
 }
@@ -314,7 +314,12 @@ color surface_radiance(GroundPoint g, Surface s, Waters waters, Detail detail) {
 #endif
 #if BANDS == 3
     // districts have lamps of their own
+#if HIGH
+    // white diodes replace sodium street by street
+    lamps *= mix(vec3(1.20, 0.90, 0.40), vec3(0.82, 1.06, 1.85), clamp(2.2 * city.w - 0.6, 0.0, 1.0));
+#else
     lamps *= mix(vec3(1.12, 0.95, 0.6), vec3(0.88, 1.05, 1.4), city.w);
+#endif
 #endif
     radiance += lamps;
 #endif

@@ -67,7 +67,7 @@ def radiance(renderer: fa.Renderer, scene: fa.SceneState, target: str = "tango")
 
 
 def film(light: np.ndarray, brightest: float, contrast: float = 0.3) -> np.ndarray:
-    """Return an sRGB image with the tone curve of photographic film: paler, with a shoulder, a toe and a little grain.
+    """Return an sRGB image with the tone curve of photographic film: a shoulder, a toe, pale lights, a little grain.
 
     Parameters
     ----------
@@ -75,7 +75,8 @@ def film(light: np.ndarray, brightest: float, contrast: float = 0.3) -> np.ndarr
     """
     y = light * (0.8 / brightest)
     y = np.where(y < 0.5, y, 0.5 + 0.5 * (1 - np.exp(-(y - 0.5) / 0.6)))
-    y = np.clip(0.9 * y + 0.1 * y.mean(axis=2, keepdims=True), 0, 1)
+    pale = 0.1 + 0.3 * np.clip(y.max(axis=2, keepdims=True), 0, 1) ** 2
+    y = np.clip((1 - pale) * y + pale * y.mean(axis=2, keepdims=True), 0, 1)
     v = np.where(y < 0.0031308, 12.92 * y, 1.055 * y ** (1 / 2.4) - 0.055)
     v += contrast * (v * v * (3 - 2 * v) - v)
     grain = np.random.default_rng(7).standard_normal(v.shape) * 1.1

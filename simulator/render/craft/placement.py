@@ -9,7 +9,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from flyaround.simulator.render.craft.finishes import FOIL_ROUGHNESS, FOIL_ROUGHNESS_HIGH, has_films, is_foil, mottle_of, wear_of
+from flyaround.simulator.render.craft.finishes import (
+    FOIL_ROUGHNESS,
+    FOIL_ROUGHNESS_HIGH,
+    has_films,
+    is_foil,
+    mottle_of,
+    wear_of,
+)
 from flyaround.simulator.render.craft.viewport_fit import (
     TILE_REACH_PX,
     choose_pattern,
@@ -132,9 +139,7 @@ class PlacementPass(Pass):
 
 
 @lru_cache(maxsize=16)
-def material_values(
-    materials: tuple[Material, ...], bands: Bands, *, worn: bool
-) -> Mapping[str, FloatArray]:
+def material_values(materials: tuple[Material, ...], bands: Bands, *, worn: bool) -> Mapping[str, FloatArray]:
     """Return the members of the block ``Materials``, cached, so that the same object is not uploaded again.
 
     Parameters
