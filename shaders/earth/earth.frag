@@ -98,6 +98,8 @@ layout(location = 0) out vec4 out_radiance;
 #if HIGH && CLOUDS && AIR && !SMOOTH
 const float TALLEST_KM = 12.0; // tops of deep convection lie at 10 to 16 km (Liu & Zipser 2005, J. Geophys. Res. 110, D23104)
 
+const float WALL = 0.75;       // light of a cloud's side over that of its top: it sees half of the sky
+
 // Radiance of a ray past the ground: the air, and the clouds whose tops stand above the horizon.
 color limb_radiance(GlobeRay ray) {
     color air = air_radiance(ray);
@@ -114,9 +116,11 @@ color limb_radiance(GlobeRay ray) {
         float east = atan(meridian.x * p.y - meridian.y * p.x, dot(meridian, p.xy));
         vec2 uv = vec2((east + u_globe_meridian.z) * (0.5 / PI) + 0.5, 0.5 - asin(clamp(p.z, -1.0, 1.0)) / PI);
         float cover = textureLod(t_map, uv, 0.0).y;
-        float puff = textureLod(t_detail, detail_plane(p) * (EARTH_KM / DETAIL_KM), level).x;
-        float over = 1.0 + (puff - 1.0) / (0.08 + 1.4 * cover); // as surface_at has it
-        float above_km = (CLOUD_KM + (TALLEST_KM - CLOUD_KM) * cover) * sqrt(max(over, 0.0)) - low_km - 0.5 * EARTH_KM * off * off;
+        // tops are level: their height changes over 30 km, and by a sixth from tower to tower
+        vec2 place = detail_plane(p) * (EARTH_KM / DETAIL_KM);
+        float broad = textureLod(t_detail, place, 7.0).x, tower = textureLod(t_detail, place, level).x;
+        float over = clamp(6.0 * (cover - 0.4 * broad), 0.0, 1.0);
+        float above_km = over * (CLOUD_KM + (TALLEST_KM - CLOUD_KM) * cover * (0.7 * broad + 0.3 * tower)) - low_km - 0.5 * EARTH_KM * off * off;
         hidden = max(hidden, clamp(above_km / max(pixel_km, 1.5) + 0.5, 0.0, 1.0));
     }
     vec3 middle = normalize(u_globe_camera.xyz - ray.along * ray.direction);
@@ -134,7 +138,7 @@ color limb_radiance(GlobeRay ray) {
 #endif
     // half of the air is in front
     float white = min(12.0 / 49.0 * (1.0 + 2.0 * max(mu, 0.0)) / max(mu, 0.05), 1.1);
-    color cloud = air / (1.0 + more * through) + through * light * BAND(u_globe_irradiance) * (white / PI);
+    color cloud = air / (1.0 + more * through) + through * light * BAND(u_globe_irradiance) * (WALL * white / PI);
     return mix(air, cloud, hidden);
 }
 #define air_radiance limb_radiance
