@@ -47,6 +47,8 @@ const float WARP_KM = 9.0;   // HIGH: twice the largest displacement of the land
 const float SHARPEN = 0.75;   // HIGH: unsharp mask of the land's map
 const float ROCK = 1.25;      // HIGH: contrast of bare rock where land is as rough as can be
 const float GRAVEL = 0.55;    // HIGH: additional reflectance of valley floors over the rock beside them
+const float HALO = 0.06;      // HIGH: optical depth, as `thin` counts it, at a cloud's edge
+const float FLANK = 0.4;      // HIGH: light that a cloud's side lacks of its top's
 const float EDDY = 0.05;      // HIGH: displacement of films by eddies [tiles of the detail]
 const float LEE = 1.6, LEE_KM = 9.0; // HIGH: greatest calm at a coast, and over what distance it fades
 const float RELIEF_KM = 0.35; // height of a deck's puffs of full contrast; of puffs that stand apart up to four times as much
@@ -213,6 +215,11 @@ color surface_radiance(GroundPoint g, Surface s, Waters waters, Detail detail) {
     s.veil *= 3.0 * fibre * fibre; // a mean of one for an even histogram
 #endif
     float scale = 1.0 / s.share, over = 1.0 + (puff - 1.0) * scale; // 0 at the cloud's edge, 1 at most
+#if HIGH
+    // fragments and haze about clouds (Koren et al. 2007, Geophys. Res. Lett. 34, L08805), and towers of unlike depth
+    s.veil += HALO * min(2.0 * s.share, 1.0) * exp(6.0 * min(over, 0.0));
+    s.thick *= 0.3 + 1.4 * detail.cloud.w;
+#endif
     float cloud = cloud_reflectance(max(over, 0.0), s.thick, s.veil, g.thin);
 #if FAR
     // from far away the puffs are averaged before the threshold, so that their mean is that of the cover
@@ -282,6 +289,9 @@ color surface_radiance(GroundPoint g, Surface s, Waters waters, Detail detail) {
 #if HIGH
     // tops that the Sun reaches, and valleys of thick cloud in their shade
     float relief = clamp(1.0 - (2.0 * RELIEF_KM) * min(scale, 4.0) * rise, 0.4, 1.5);
+    // seen aslant, their sides hide a part of the tops
+    vec2 towards_camera = g.lift * (2.0 * SLOPE_PER_KM * DETAIL_KM);
+    relief *= 1.0 - FLANK * clamp(-scale * dot(detail.cloud.yz - 0.5, towards_camera), 0.0, 1.0);
 #else
     float relief = clamp(1.0 - RELIEF_KM * min(scale, 4.0) * rise, 0.5, 1.35);
 #endif
