@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from flyaround.simulator.scene.state import Quality
     from flyaround.simulator.targets.model import Material
 
-FOIL_ROUGHNESS, FOIL_ROUGHNESS_HIGH = 0.8, 0.5
+FOIL_ROUGHNESS, FOIL_ROUGHNESS_HIGH = 0.8, 0.4
 """Roughness of the foil between creases, over that of the material, which describes foil and all creases together; in
 `high`, which draws creases of another scale."""
 _FOIL = {
@@ -34,7 +34,13 @@ _FOIL = {
     "CLOUDS_TILES": 0.9,  # size of the mottle, in the radius of a mirrored hemisphere of Earth
     "CLOUDS_CONTRAST": 3.0,
 }
-_FOIL_HIGH = {"COARSE_M": 0.61, "CREASED_BLUR": 0.02, "FINEST_M": 0.031, "FINEST_SHARE": 0.16}
+_FOIL_HIGH = {
+    "COARSE_M": 0.47,
+    "FINE_SHARE": 0.4,
+    "CREASED_BLUR": 0.0,
+    "FINEST_M": 0.031,
+    "FINEST_SHARE": 0.16,
+}
 """Smaller facets for `high`, down to half a millimetre, and a sharp rim of the Earth in them."""
 _CELL = {
     "CELL_TILT": 0.004,  # largest random slope of a cell: neighbouring glasses mirror different directions
