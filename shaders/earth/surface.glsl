@@ -47,7 +47,7 @@ const float WARP_KM = 9.0;   // HIGH: twice the largest displacement of the land
 const float SHARPEN = 0.75;   // HIGH: unsharp mask of the land's map
 const float ROCK = 1.25;      // HIGH: contrast of bare rock where land is as rough as can be
 const float GRAVEL = 0.55;    // HIGH: additional reflectance of valley floors over the rock beside them
-const float HALO = 0.06;      // HIGH: optical depth, as `thin` counts it, at a cloud's edge
+const float HALO = 0.025;     // HIGH: optical depth, as `thin` counts it, at a cloud's edge
 const float FLANK = 0.4;      // HIGH: light that a cloud's side lacks of its top's
 const float EDDY = 0.05;      // HIGH: displacement of films by eddies [tiles of the detail]
 const float LEE = 1.6, LEE_KM = 9.0; // HIGH: greatest calm at a coast, and over what distance it fades
@@ -213,6 +213,7 @@ color surface_radiance(GroundPoint g, Surface s, Waters waters, Detail detail) {
     // the veil is cirrus: fibres along the wind, 9 km high
     float fibre = textureLod(t_detail, mat2(0.30, 0.16, -0.75, 1.40) * (g.plane + (9.0 / CLOUD_KM) * g.lift), DETAIL_LEVEL).x;
     s.veil *= 3.0 * fibre * fibre; // a mean of one for an even histogram
+    s.share *= 0.95; // the light of what is about clouds is taken from their edges
 #endif
     float scale = 1.0 / s.share, over = 1.0 + (puff - 1.0) * scale; // 0 at the cloud's edge, 1 at most
 #if HIGH
