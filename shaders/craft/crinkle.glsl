@@ -56,6 +56,11 @@ vec3 crinkled(vec3 n, vec3 v, vec3 p_m, float amplitude, inout float roughness, 
     vec4 fine = crease_tile(place, FINE_M, vec2(0.2675, 0.9636));
     slope += FINE_SHARE * fine.xy;
     lost += FINE_SHARE * FINE_SHARE * fine.z * fine.z;
+#if CREASE_SCALES > 2
+    vec4 finest = crease_tile(place, FINEST_M, vec2(0.7071, -0.7071));
+    slope += FINEST_SHARE * finest.xy;
+    lost += FINEST_SHARE * FINEST_SHARE * finest.z * finest.z;
+#endif
     tape = strips(place, vec2(SEAM_U_M, SEAM_V_M), TAPE_M);
     float flat_share = 1.0 - 0.6 * tape;
     slope *= flat_share;
@@ -78,3 +83,34 @@ float mottle(vec3 n, vec3 v, vec3 p_m, float amplitude) {
     float level = crease_tile(place, MOTTLE_M, vec2(1.0, 0.0)).w - 0.5;
     return 1.0 + amplitude * (2.0 * level - JOINT_DARKER * strips(place, vec2(JOINT_M), JOINT_WIDE_M));
 }
+
+#ifdef WORN
+// Share of a pixel inside a disc, `off` from its middle [m].
+float disc_share(float off, float radius, float width_m) {
+    float wide = min(2.0 * radius / width_m, 1.0);
+    return clamp((radius - off) / width_m + 0.5, 0.0, 1.0) * wide * wide;
+}
+
+// Wear of a surface that has flown: mottle of reflectance and gloss; tape around rods; fasteners beside the joints of sheets.
+// code: kind of surface plus amplitude of the mottle, simulator/render/craft/finishes.py.
+void wear(vec3 n, vec3 v, vec3 p_m, float code, inout vec4 base, inout float roughness) {
+    PlanarPlace place = planar_place(n, v, p_m);
+    float amplitude = fract(code), level = 2.0 * crease_tile(place, MOTTLE_M, vec2(0.7648, 0.6442)).w - 1.0;
+    float change = 1.0 + amplitude * level;
+    roughness *= clamp(1.0 + 0.5 * level, 0.7, 1.3);
+    if (code > 3.0) {
+        change -= amplitude * JOINT_DARKER * strips(place, vec2(JOINT_M), JOINT_WIDE_M);
+        vec2 joint = abs(abs((fract(place.uv / JOINT_M + 0.5) - 0.5) * JOINT_M) - FASTENER_ASIDE_M);
+        vec2 along = (fract(place.uv.yx / FASTENER_PITCH_M) - 0.5) * FASTENER_PITCH_M;
+        float off = min(length(vec2(joint.x, along.x)), length(vec2(joint.y, along.y)));
+        float head = disc_share(off, FASTENER_M, place.width_m), rim = disc_share(off, 1.6 * FASTENER_M, place.width_m);
+        base.xyz = mix(base.xyz * (1.0 - 0.4 * (rim - head)), vec3(FASTENER_HEAD), 0.7 * head);
+    } else if (code > 2.0) {
+        mat3 R = mat3(u_camera_from_target);
+        vec2 out_m = ((p_m - u_camera_from_target[3].xyz) * R).xy; // rods stand out from the target's axis
+        float off = abs(fract(length(out_m) / WRAP_PITCH_M) - 0.5) * WRAP_PITCH_M;
+        change -= WRAP_DARKER * clamp((WRAP_M - off) / place.width_m + 0.5, 0.0, 1.0);
+    }
+    base.xyz *= change;
+}
+#endif

@@ -132,7 +132,13 @@ color shade(vec4 base, vec4 surface, vec4 grain, vec3 geometric, vec3 n, vec3 p_
             base *= vec4(vec3(1.0 - TAPE_DARKER * tape), 0.0);
             base.w = 1.0;
         }
-    } else if (surface.w < 0.0) base.xyz *= mottle(n, v, p_m, -surface.w);
+    } else if (surface.w < 0.0) {
+#ifdef WORN
+        if (surface.w < -1.0) wear(n, v, p_m, -surface.w, base, surface.x);
+        else
+#endif
+        base.xyz *= mottle(n, v, p_m, -surface.w);
+    }
 #endif
 #ifdef CELLS
     float cell_film = 1.0;
@@ -244,6 +250,9 @@ color shade(vec4 base, vec4 surface, vec4 grain, vec3 geometric, vec3 n, vec3 p_
     {
         color fe = coat_fresnel(s, n_v);
         float coat_blur = surface.z * surface.z + 0.02;
+#ifdef WORN
+        if (creased < 0.0) earth *= earth_mottle(r, coat_blur);
+#endif
         sky = sky * (color(1.0) - fe) + fe * (earth * smoothstep(-coat_blur, coat_blur, rim) + own);
     }
 #endif

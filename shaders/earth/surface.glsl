@@ -47,6 +47,10 @@ const float WARP_KM = 9.0;   // HIGH: twice the largest displacement of the land
 const float SHARPEN = 0.75;   // HIGH: unsharp mask of the land's map
 const float ROCK = 1.25;      // HIGH: contrast of bare rock where land is as rough as can be
 const float GRAVEL = 0.55;    // HIGH: additional reflectance of valley floors over the rock beside them
+const float HALO = 0.025;     // HIGH: optical depth, as `thin` counts it, at a cloud's edge
+const float FLANK = 0.4;      // HIGH: light that a cloud's side lacks of its top's
+const float EDDY = 0.05;      // HIGH: displacement of films by eddies [tiles of the detail]
+const float LEE = 1.6, LEE_KM = 9.0; // HIGH: greatest calm at a coast, and over what distance it fades
 const float RELIEF_KM = 0.35; // height of a deck's puffs of full contrast; of puffs that stand apart up to four times as much
 
 // Reflectance of the sea above deep open water: ocean colour and ice. It hardly changes within two by two pixels.
@@ -101,6 +105,7 @@ struct Surface {
     float veil;    // and between them
     float mean;    // FAR: of one cloud that is even and returns as much
     float region;  // HIGH: kind of cloud
+    float wind;    // HIGH: calm of the region, 0..1
     float lit;     // root of the light of lamps over that of the map's brightest texels
 };
 
@@ -171,10 +176,12 @@ float cloud_reflectance(float over, float thick, float veil, float thin) {
     return depth / (depth + thin * (1.15 - over));
 }
 
-// Logarithm of how much less the slopes of the sea vary: wind in gusts and streaks, slicks, swell. The mean of the variance
-// is kept. All from 0 to 1, of even histograms.
-float sea_calm(float gusts, float streaks, float swell) {
-    return 0.8 * gusts + 0.5 * streaks + 0.3 * swell - 0.76;
+// Logarithm of how much less the slopes of the sea vary: wind of the region, gusts and streaks, swell, slicks. The mean of
+// the variance is kept. All from 0 to 1, of even histograms; slicks are where the last is a half.
+// Their films halve the variance or more (Cox & Munk 1954).
+float sea_calm(float region, float gusts, float streaks, float swell, float films) {
+    float slick = (films - 0.5) * 20.0;
+    return 0.8 * region + 0.8 * gusts + 0.5 * streaks + 0.3 * swell + 0.9 * region * exp(-slick * slick) - 1.19;
 }
 
 // A sum x of two numbers from 0 to 1 of even histograms, with weights 1 - b and b (b at most a half), made even.
@@ -206,8 +213,14 @@ color surface_radiance(GroundPoint g, Surface s, Waters waters, Detail detail) {
     // the veil is cirrus: fibres along the wind, 9 km high
     float fibre = textureLod(t_detail, mat2(0.30, 0.16, -0.75, 1.40) * (g.plane + (9.0 / CLOUD_KM) * g.lift), DETAIL_LEVEL).x;
     s.veil *= 3.0 * fibre * fibre; // a mean of one for an even histogram
+    s.share *= 0.95; // the light of what is about clouds is taken from their edges
 #endif
     float scale = 1.0 / s.share, over = 1.0 + (puff - 1.0) * scale; // 0 at the cloud's edge, 1 at most
+#if HIGH
+    // fragments and haze about clouds (Koren et al. 2007, Geophys. Res. Lett. 34, L08805), and towers of unlike depth
+    s.veil += HALO * min(2.0 * s.share, 1.0) * exp(6.0 * min(over, 0.0));
+    s.thick *= 0.3 + 1.4 * detail.cloud.w;
+#endif
     float cloud = cloud_reflectance(max(over, 0.0), s.thick, s.veil, g.thin);
 #if FAR
     // from far away the puffs are averaged before the threshold, so that their mean is that of the cover
@@ -238,10 +251,15 @@ color surface_radiance(GroundPoint g, Surface s, Waters waters, Detail detail) {
 #endif
     color sea = s.sea + s.waves * under.x;
 #if GLINT && HIGH
-    float streaks = textureLod(t_detail, mat2(2.2, 1.6, -0.30, 0.41) * g.plane, DETAIL_LEVEL + 1.0).x;
+    // eddies of ten kilometres wind films into spirals (Munk et al. 2000, Proc. R. Soc. A 456, 1217)
+    vec2 eddy = g.plane + EDDY * (textureLod(t_detail, 1.7 * g.plane, max(DETAIL_LEVEL, 4.5)).xw - 0.5);
+    float streaks = textureLod(t_detail, mat2(2.2, 1.6, -0.30, 0.41) * eddy, DETAIL_LEVEL + 1.0).x;
     float gusts = textureLod(t_detail, mat2(0.62, 0.35, -0.22, 0.39) * g.plane, DETAIL_LEVEL - 0.5).x;
     float swell = textureLod(t_detail, mat2(5.1, -3.3, 16.5, 25.5) * g.plane, DETAIL_LEVEL + 4.0).x;
-    float calm = sea_calm(gusts, streaks, swell);
+    float films = textureLod(t_detail, mat2(2.6, 1.9, -0.5, 0.7) * eddy, max(DETAIL_LEVEL, 3.0)).x;
+    float calm = sea_calm(s.wind, gusts, streaks, swell, films);
+    // in the lee of land, over the first tens of kilometres, here more and there less
+    calm += LEE * gusts * exp(min(s.shore - 0.5, 0.0) / (LEE_KM * g.sharp));
     sea += color(g.glint * exp(calm + (g.ripple + 1.0) * (1.0 - exp(calm))));
 #endif
 #if ICE
@@ -272,6 +290,9 @@ color surface_radiance(GroundPoint g, Surface s, Waters waters, Detail detail) {
 #if HIGH
     // tops that the Sun reaches, and valleys of thick cloud in their shade
     float relief = clamp(1.0 - (2.0 * RELIEF_KM) * min(scale, 4.0) * rise, 0.4, 1.5);
+    // seen aslant, their sides hide a part of the tops
+    vec2 towards_camera = g.lift * (2.0 * SLOPE_PER_KM * DETAIL_KM);
+    relief *= 1.0 - FLANK * clamp(-scale * dot(detail.cloud.yz - 0.5, towards_camera), 0.0, 1.0);
 #else
     float relief = clamp(1.0 - RELIEF_KM * min(scale, 4.0) * rise, 0.5, 1.35);
 #endif
@@ -304,7 +325,12 @@ color surface_radiance(GroundPoint g, Surface s, Waters waters, Detail detail) {
 #endif
 #if BANDS == 3
     // districts have lamps of their own
+#if HIGH
+    // white diodes replace sodium street by street
+    lamps *= mix(vec3(1.20, 0.90, 0.40), vec3(0.82, 1.06, 1.85), clamp(2.2 * city.w - 0.6, 0.0, 1.0));
+#else
     lamps *= mix(vec3(1.12, 0.95, 0.6), vec3(0.88, 1.05, 1.4), city.w);
+#endif
 #endif
     radiance += lamps;
 #endif
@@ -330,6 +356,7 @@ color ground_radiance(GroundPoint g, Waters waters) {
 #if HIGH
     Surface s = surface_at(g, map, land_uv, waters);
     s.region = region.x;
+    s.wind = region.w;
     s.thick *= 0.55 + 1.1 * region.w;
     return surface_radiance(g, s, waters, detail);
 #else

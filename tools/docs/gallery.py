@@ -66,8 +66,8 @@ def radiance(renderer: fa.Renderer, scene: fa.SceneState, target: str = "tango")
     return np.asarray(np.maximum(bands @ np.transpose(SRGB_FROM_BANDS), 0.0))
 
 
-def film(light: np.ndarray, brightest: float, contrast: float = 0.45) -> np.ndarray:
-    """Return an sRGB image with the tone curve of photographic film: low contrast, a shoulder, a toe and fine grain.
+def film(light: np.ndarray, brightest: float, contrast: float = 0.3) -> np.ndarray:
+    """Return an sRGB image with the tone curve of photographic film: a shoulder, a toe, pale lights, a little grain.
 
     Parameters
     ----------
@@ -75,8 +75,9 @@ def film(light: np.ndarray, brightest: float, contrast: float = 0.45) -> np.ndar
         Contrast of the middle of the curve.
     """
     y = light * (0.8 / brightest)
-    y = np.where(y < 0.8, y, 0.8 + 0.2 * (1 - np.exp(-(y - 0.8) / 0.2)))
-    y = np.clip(0.9 * y + 0.1 * y.mean(axis=2, keepdims=True), 0, 1)
+    y = np.where(y < 0.5, y, 0.5 + 0.5 * (1 - np.exp(-(y - 0.5) / 0.6)))
+    pale = 0.1 + 0.3 * np.clip(y.max(axis=2, keepdims=True), 0, 1) ** 2
+    y = np.clip((1 - pale) * y + pale * y.mean(axis=2, keepdims=True), 0, 1)
     v = np.where(y < 0.0031308, 12.92 * y, 1.055 * y ** (1 / 2.4) - 0.055)
     v += contrast * (v * v * (3 - 2 * v) - v)
     grain = np.random.default_rng(7).standard_normal(v.shape) * 1.1
@@ -115,7 +116,7 @@ def night(renderer: fa.Renderer) -> np.ndarray:
 def glint(renderer: fa.Renderer) -> np.ndarray:
     """Return the view of the Aegean."""
     scene = above("2026-06-20T15:10:00Z", (37.5, 29.0, 420.0), 55.0, azimuth_deg=275.0, off_nadir_deg=56.0)
-    return exposed(radiance(renderer, scene), 0.97)
+    return exposed(glare(radiance(renderer, scene)), 0.97, -0.5)
 
 
 def shallows(renderer: fa.Renderer) -> np.ndarray:

@@ -18,8 +18,9 @@ if TYPE_CHECKING:
     from flyaround.simulator.scene.state import Quality
     from flyaround.simulator.targets.model import Material
 
-FOIL_ROUGHNESS = 0.8
-"""Roughness of the foil between creases, over that of the material, which describes foil and creases together."""
+FOIL_ROUGHNESS, FOIL_ROUGHNESS_HIGH = 0.8, 0.4
+"""Roughness of the foil between creases, over that of the material, which describes foil and all creases together; in
+`high`, which draws creases of another scale."""
 _FOIL = {
     "COARSE_M": 0.83,  # width of the tile with facets of 1.5 to 13 cm
     "FINE_M": 0.137,  # width of the tile with facets of 2.5 to 22 mm
@@ -33,6 +34,14 @@ _FOIL = {
     "CLOUDS_TILES": 0.9,  # size of the mottle, in the radius of a mirrored hemisphere of Earth
     "CLOUDS_CONTRAST": 3.0,
 }
+_FOIL_HIGH = {
+    "COARSE_M": 0.47,
+    "FINE_SHARE": 0.4,
+    "CREASED_BLUR": 0.0,
+    "FINEST_M": 0.031,
+    "FINEST_SHARE": 0.16,
+}
+"""Smaller facets for `high`, down to half a millimetre, and a sharp rim of the Earth in them."""
 _CELL = {
     "CELL_TILT": 0.004,  # largest random slope of a cell: neighbouring glasses mirror different directions
     "CELL_UNLIKE": 0.18,  # largest relative difference between cells' film reflectances
@@ -43,6 +52,15 @@ _CELL = {
     "CONTACT": 0.22,  # reflectance of silver under glass
 }
 _SHEET = {"MOTTLE_M": 0.9, "JOINT_M": 0.4, "JOINT_WIDE_M": 0.002, "JOINT_DARKER": 2.5}
+_WEAR = {
+    "FASTENER_M": 0.003,  # radius of a head: M3 to M4 (ISO 4762)
+    "FASTENER_PITCH_M": 0.05,  # along both sides of a joint
+    "FASTENER_ASIDE_M": 0.012,
+    "FASTENER_HEAD": 0.42,  # reflectance of passivated steel
+    "WRAP_M": 0.0127,  # half the width of one-inch tape around a rod
+    "WRAP_PITCH_M": 0.11,
+    "WRAP_DARKER": 0.3,
+}
 _MOTTLED = {
     "panel-back": 0.16,
     "cell-substrate": 0.14,
@@ -50,6 +68,33 @@ _MOTTLED = {
     "carbon-fibre": 0.2,
 }
 """Relative amplitude of the mottle, by material."""
+PLAIN, ROD, SHEET = 1, 2, 3
+"""Kinds of worn surfaces: mottled only; wrapped with tape; jointed, with fasteners."""
+_WORN = {
+    "aluminium": PLAIN + 0.14,
+    "antenna-grey": ROD + 0.12,
+    "asar-tile": SHEET + 0.1,
+    "black-paint": PLAIN + 0.2,
+    "body-dark": SHEET + 0.3,
+    "body-grey": SHEET + 0.25,
+    "brushed-metal": PLAIN + 0.12,
+    "burnt-ablator": PLAIN + 0.5,
+    "cell-substrate": SHEET + 0.14,
+    "end-plate": PLAIN + 0.1,
+    "grey-paint": SHEET + 0.15,
+    "hard-anodised": PLAIN + 0.1,
+    "machined-aluminium": PLAIN + 0.1,
+    "nozzle": PLAIN + 0.3,
+    "nozzle-alloy": PLAIN + 0.3,
+    "panel-back": SHEET + 0.16,
+    "panel-frame": PLAIN + 0.12,
+    "panel-substrate": PLAIN + 0.25,
+    "plate-edge": PLAIN + 0.12,
+    "white-paint": SHEET + 0.06,
+    "white-seam": PLAIN + 0.1,
+    "wing-back": SHEET + 0.1,
+}
+"""Kind plus relative amplitude of the mottle of surfaces that have flown, by material. Amplitudes are estimates."""
 _POLISHED = 0.2  # roughness of a clear coat below which it is glass
 _DARK = 0.1  # reflectance below which a body under a full clear coat is a coated cell or lens
 _GLASS, _GLASS_FILM, _CELL_FILM, _WAFER = 1.5, 1.38, 2.1, 3.8
@@ -72,6 +117,11 @@ def has_films(material: Material) -> bool:
 def mottle_of(material: Material) -> float:
     """Return the relative amplitude of the mottle of a sheet's reflectance; 0 if it has none."""
     return _MOTTLED.get(material.name, 0.0)
+
+
+def wear_of(material: Material) -> float:
+    """Return the kind of a worn surface plus the relative amplitude of its mottle; 0 for other surfaces."""
+    return _WORN.get(material.name, 0.0)
 
 
 @lru_cache(maxsize=8)
@@ -114,15 +164,19 @@ def finish_defines(
     lattices : number of cell lattices.
     """
     defines: dict[str, object] = {}
-    if any(m.crinkle > 0 or mottle_of(m) for m in materials):
+    worn = quality == "high" and any(map(wear_of, materials))
+    if worn or any(m.crinkle > 0 or mottle_of(m) for m in materials):
         levels = {
             "CREASE_SIZE": float(SIZE),
             "CREASE_SLOPE": SLOPE_MAX,
             "CREASE_DEVIATION": DEVIATION_MAX,
             "CREASE_VARIANCE": VARIANCE,
         }
-        scales = 1 if quality == "draft" else 2
-        defines |= {"CRINKLE": "", "CREASE_SCALES": scales, **levels, **_FOIL, **_SHEET}
+        scales = {"draft": 1, "high": 3}.get(quality, 2)
+        finest = _FOIL_HIGH if scales == 3 else {}
+        defines |= {"CRINKLE": "", "CREASE_SCALES": scales, **levels, **_FOIL, **finest, **_SHEET}
+        if worn:
+            defines |= {"WORN": "", **_WEAR}
     if any(m.clearcoat > 0 for m in materials):
         normal = film_reflectance(bands, 1.0)
         slant = (film_reflectance(bands, _SLANT) - normal) / (1 - _SLANT)

@@ -9,7 +9,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from flyaround.simulator.render.craft.finishes import FOIL_ROUGHNESS, has_films, is_foil, mottle_of
+from flyaround.simulator.render.craft.finishes import (
+    FOIL_ROUGHNESS,
+    FOIL_ROUGHNESS_HIGH,
+    has_films,
+    is_foil,
+    mottle_of,
+    wear_of,
+)
 from flyaround.simulator.render.craft.viewport_fit import (
     TILE_REACH_PX,
     choose_pattern,
@@ -109,10 +116,10 @@ class PlacementPass(Pass):
         size, origin = lattice.window(tiles, TILE_REACH_PX)
         drawn = loaded.drawn(self._context, place.longest_m)
         placed = PlacedTarget(loaded, drawn, place, camera, lattice, size, origin, tiles)
-        self._write_blocks(placed, scene.bands)
+        self._write_blocks(placed, scene.bands, worn=scene.quality == "high")
         return placed
 
-    def _write_blocks(self, placed: PlacedTarget, bands: Bands) -> None:
+    def _write_blocks(self, placed: PlacedTarget, bands: Bands, *, worn: bool) -> None:
         place, size, origin = placed.place, placed.size, placed.origin
         to_buffer = placed.lattice.buffer_from_pixel(origin)
         clip = clip_from_camera(placed.camera, *place.near_far_m, to_buffer, size)
@@ -128,23 +135,29 @@ class PlacementPass(Pass):
                 "u_pattern_px": [*size, 0, 0],
             }
         )
-        self._blocks.materials.write(material_values(placed.loaded.mesh.materials, bands))
+        self._blocks.materials.write(material_values(placed.loaded.mesh.materials, bands, worn=worn))
 
 
 @lru_cache(maxsize=16)
-def material_values(materials: tuple[Material, ...], bands: Bands) -> Mapping[str, FloatArray]:
-    """Return the members of the block ``Materials``, cached, so that the same object is not uploaded again."""
+def material_values(materials: tuple[Material, ...], bands: Bands, *, worn: bool) -> Mapping[str, FloatArray]:
+    """Return the members of the block ``Materials``, cached, so that the same object is not uploaded again.
+
+    Parameters
+    ----------
+    worn : True to add the wear of surfaces that have flown.
+    """
     color, surface, grain = np.zeros((256, 4)), np.zeros((256, 4)), np.zeros((256, 4))
     for k, material in enumerate(materials, start=1):
         albedo = reflectance(bands, np.asarray(material.base_color))
         color[k, : len(albedo)] = albedo
         color[k, 3] = material.metallic
-        rough = material.roughness * (FOIL_ROUGHNESS if is_foil(material) else 1.0)
+        foil = FOIL_ROUGHNESS_HIGH if worn else FOIL_ROUGHNESS
+        rough = material.roughness * (foil if is_foil(material) else 1.0)
         surface[k] = [
             max(rough, 0.03),  # below this a highlight would be narrower than the Sun's disc
             material.clearcoat + float(has_films(material)),
             max(material.clearcoat_roughness, 0.03),
-            material.crinkle or -mottle_of(material),
+            material.crinkle or -((worn and wear_of(material)) or mottle_of(material)),
         ]
         if material.anisotropy > 0:
             strength = material.anisotropy * (-1 if material.turned else 1)

@@ -47,7 +47,7 @@ def glsl(name, file="earth/surface.glsl"):
     def function(*values):
         known = dict(zip(names, values, strict=True)) | {"min": np.minimum, "max": np.maximum}
         for line in lines:
-            exec(line.replace("return", "result ="), {"abs": np.abs}, known)  # noqa: S102 - our own shader
+            exec(line.replace("return", "result ="), {"abs": np.abs, "exp": np.exp}, known)  # noqa: S102 - our own shader
         return known["result"]
 
     return function
@@ -94,9 +94,10 @@ def test_air_adds_little_to_a_glint(renderer):
 
 @pytest.mark.parametrize("level", [0, 2])
 def test_gusts_and_swell_keep_the_sea_s_mean_slope(level):
-    puffs = detail_texture()[:: 2**level, :: 2**level, 0].ravel() / 255
+    detail = detail_texture()[:: 2**level, :: 2**level] / 255
+    puffs, regions = detail[..., 0].ravel(), detail[..., 3].ravel()
     rng = np.random.default_rng(3)
-    calm = glsl("sea_calm")(*(rng.permutation(puffs) for _ in range(3)))
+    calm = glsl("sea_calm")(rng.permutation(regions), *(rng.permutation(puffs) for _ in range(4)))
     # the variance is Cox & Munk's (1954) times exp(-calm)
     assert np.exp(-calm).mean() == pytest.approx(1.0, abs=0.01)
     assert 0.2 < calm.std() < 0.5
