@@ -50,8 +50,10 @@ class FrameRequest:
 
     Parameters
     ----------
-    labels : True for truth and mask, or a request for further layers.
-    timed : True to wait for the driver after every pass to time it; None leaves the renderer's setting.
+    labels : bool or LabelRequest, optional
+        True for truth and mask, or a request for further layers.
+    timed : bool, optional
+        True to wait for the driver after every pass to time it; None leaves the renderer's setting.
     """
 
     scene: SceneState
@@ -145,8 +147,12 @@ class _FramesHere(FrameProducer[Taken]):
 
     Parameters
     ----------
-    renderer : renderer to draw with; it stays open when this closes.
-    stage : function applied to each frame. target : replaces the target that a scene names.
+    renderer : Renderer
+        Renderer to draw with; it stays open when this closes.
+    stage : callable
+        Function applied to each frame.
+    target : Target, optional
+        Replaces the target that a scene names.
     """
 
     def __init__(
@@ -196,12 +202,17 @@ class OpenRenderer:
 
     Parameters
     ----------
-    device_index : EGL device.
-    first : first scene to come; its maps are read while the renderer starts.
-    processes : number of drawing processes, this one included. On a GPU each needs a processor; a software driver
-        shares the processors among them, and one thread in each of two processes is faster than two threads in one.
-    gives_way : increment of the process's niceness, as in `os.nice`.
-    progress : line that reports preparations.
+    device_index : int, optional
+        EGL device.
+    first : SceneState, optional
+        First scene to come; its maps are read while the renderer starts.
+    processes : int, optional
+        Number of drawing processes, this one included. On a GPU each needs a processor; a software driver shares the
+        processors among them, and one thread in each of two processes is faster than two threads in one.
+    gives_way : int, optional
+        Increment of the process's niceness, as in `os.nice`.
+    progress : ProgressLine, optional
+        Line that reports preparations.
     """
 
     device_index: int | None = None
@@ -270,16 +281,25 @@ def open_frames(
 
     Parameters
     ----------
-    stage : function applied to each frame where it is drawn: encoding, or `Frame.without_radiance` to send less. With
-        other processes, a module-level function or a picklable object.
-    first : first scene to come, for a quicker first frame.
-    prefetched : maps of ``first`` that are being read already.
-    ahead : frames that each process may have in flight.
-    restarts : True to restart processes that die.
-    answer_within_s : restart processes idle for this long while a frame is due; None waits for ever.
-    gives_way : increment of the processes' niceness, as in `os.nice`, so that a window stays responsive.
-    progress : line that reports preparations.
-    target : replaces the target that scenes name, in this process.
+    stage : callable
+        Function applied to each frame where it is drawn: encoding, or `Frame.without_radiance` to send less. With other
+        processes, a module-level function or a picklable object.
+    first : SceneState, optional
+        First scene to come, for a quicker first frame.
+    prefetched : mapping, optional
+        Maps of ``first`` that are being read already.
+    ahead : int, optional
+        Frames that each process may have in flight.
+    restarts : bool, optional
+        True to restart processes that die.
+    answer_within_s : float, optional
+        Restart processes idle for this long while a frame is due; None waits for ever.
+    gives_way : int, optional
+        Increment of the processes' niceness, as in `os.nice`, so that a window stays responsive.
+    progress : ProgressLine, optional
+        Line that reports preparations.
+    target : Target, optional
+        Replaces the target that scenes name, in this process.
     """
     if processes:
         opener = OpenRenderer(
@@ -344,9 +364,12 @@ def run_frames(
 
     Parameters
     ----------
-    renderer : renderer to draw with here, or a producer from `open_frames`.
-    labels : labels as in `take_frame`, or a function that returns them for a frame's number.
-    numbers : numbers of the frames to draw, in order; by default the whole plan.
+    renderer : Renderer or FrameProducer
+        Renderer to draw with here, or a producer from `open_frames`.
+    labels : FrameLabels, optional
+        Labels as in `take_frame`, or a function that returns them for a frame's number.
+    numbers : iterable of int, optional
+        Numbers of the frames to draw, in order; by default the whole plan.
     """
     producer = (
         renderer if isinstance(renderer, FrameProducer) else _FramesHere(renderer, whole_frame, plan.target)

@@ -37,16 +37,30 @@ class BakedMesh:
 
     Parameters
     ----------
-    values : (V, 7) vertices in the layout of `VERTEX`.
-    hull_m : (3, K) vertices of the parts' convex hulls, which contain the mesh, target frame [m]; nested hulls are
-        omitted.
-    hull_parts : index in ``hull_m`` of the first vertex of each hull after the first.
-    center_m, radius_m : bounding sphere, target frame.
-    is_closed : True if every part consists of closed shells facing outwards.
-    triangles : (T, 3) vertex indices. planes : (T, 4) unit normal and negative distance from the origin [m].
-    boxes : bounding boxes of neighbouring triangles. shells : large convex bodies that hide others.
-    charts : layout of the faces in an atlas; the mesh is cut along the charts' borders. edges : edges that may show as
-        lines.
+    values : (V, 7) array
+        Vertices in the layout of `VERTEX`.
+    hull_m : (3, K) array
+        Vertices of the parts' convex hulls, which contain the mesh, target frame [m]; nested hulls are omitted.
+    hull_parts : array
+        Index in ``hull_m`` of the first vertex of each hull after the first.
+    center_m : array
+        Bounding sphere, target frame.
+    radius_m : float
+        Bounding sphere, target frame.
+    is_closed : bool
+        True if every part consists of closed shells facing outwards.
+    triangles : (T, 3) array
+        Vertex indices.
+    planes : (T, 4) array
+        Unit normal and negative distance from the origin [m].
+    boxes : Boxes
+        Bounding boxes of neighbouring triangles.
+    shells : tuple of ConvexShell
+        Large convex bodies that hide others.
+    charts : Charts
+        Layout of the faces in an atlas; the mesh is cut along the charts' borders.
+    edges : MeshEdges
+        Edges that may show as lines.
     """
 
     values: Float32Array
@@ -74,7 +88,8 @@ class Geometry(BakedMesh):
 
     Parameters
     ----------
-    uv : (V, 2) texture coordinates, or (0, 2).
+    uv : (V, 2) array
+        Texture coordinates, or (0, 2).
     """
 
     uv: Float32Array
@@ -90,8 +105,12 @@ class MergedParts:
 
     Parameters
     ----------
-    vertices : (V,) vertices of dtype `VERTEX`. triangles : (T, 3) indices.
-    uv : (V, 2) texture coordinates, or (0, 2) without textures.
+    vertices : (V,) array
+        Vertices of dtype `VERTEX`.
+    triangles : (T, 3) array
+        Indices.
+    uv : (V, 2) array
+        Texture coordinates, or (0, 2) without textures.
     """
 
     vertices: np.typing.NDArray[np.void]
@@ -106,8 +125,12 @@ def geometry_of(
 
     Parameters
     ----------
-    parts : parts of the target in its own order. numbers : material numbers, from 1.
-    texel : spacing of the nodes of baked light, as a share of the mesh's radius.
+    parts : sequence of Part
+        Parts of the target in its own order.
+    numbers : mapping
+        Material numbers, from 1.
+    texel : float
+        Spacing of the nodes of baked light, as a share of the mesh's radius.
     """
 
     # always unpack, also without a cache: another memory layout may sum in another order
@@ -173,7 +196,8 @@ def outer_hulls(parts_m: Sequence[FloatArray]) -> list[FloatArray]:
 
     Parameters
     ----------
-    parts_m : (N, 3) points of each part.
+    parts_m : (N, 3) sequence of array
+        Points of each part.
     """
     hulls = [_hull(points) for points in parts_m]
     lows, highs = (np.array([f(points, axis=0) for points, _ in hulls]) for f in (np.min, np.max))

@@ -35,11 +35,18 @@ class NodeVisibility:
 
     Parameters
     ----------
-    directions : (D, 3) unit vectors, target frame.
-    cosines : (N, D) cosines with the nodes' normals; zero if no ray was cast: below the face, or grazing it.
-    is_open : (N, D) True if a ray was cast and hit nothing.
-    node, direction : (K,) node and direction of each ray that hit the craft. hit_node : (K,) node nearest to the hit.
-    hit_back : (K,) True if the ray hit the back of a face.
+    directions : (D, 3) array
+        Unit vectors, target frame.
+    cosines : (N, D) array
+        Cosines with the nodes' normals; zero if no ray was cast: below the face, or grazing it.
+    is_open : (N, D) array
+        True if a ray was cast and hit nothing.
+    node, direction : (K,) array
+        Node and direction of each ray that hit the craft.
+    hit_node : (K,) array
+        Node nearest to the hit.
+    hit_back : (K,) array
+        True if the ray hit the back of a face.
     """
 
     directions: FloatArray
@@ -58,7 +65,12 @@ def trace_visibility(
 
     Parameters
     ----------
-    planes : (T, 3) normals of the triangles. directions : (D, 3) unit vectors. radius_m : radius of the craft.
+    planes : (T, 3) array
+        Normals of the triangles.
+    directions : (D, 3) array
+        Unit vectors.
+    radius_m : float
+        Radius of the craft.
     """
     face, cosines = _above(charts, planes, directions)
     covered, probed = _covered(charts.places_m, face, cosines, caster, directions, radius_m)
@@ -109,7 +121,8 @@ def encode_visibility(visibility: NodeVisibility, patch: IntArray) -> NDArray[np
 
     Parameters
     ----------
-    patch : (N,) patch of each node; patch p is coded as 2 + 2 p, and one more for its back.
+    patch : (N,) array
+        Patch of each node; patch p is coded as 2 + 2 p, and one more for its back.
     """
     codes = visibility.is_open.astype(np.uint32)
     codes[visibility.node, visibility.direction] = 2 + 2 * patch[visibility.hit_node] + visibility.hit_back

@@ -34,10 +34,16 @@ def cut_charts(
 
     Parameters
     ----------
-    positions_m : (V, 3) vertices. groups : (V,) group numbers, never mixed in one chart.
-    normal : (T, 3) of the triangles.
-    texel_m : sets of triangles smaller than this may be merged with others of nearly the same normal.
-    touching : True if a chart must be connected by edges; otherwise a mesh in many pieces has fewer charts.
+    positions_m : (V, 3) array
+        Vertices.
+    groups : (V,) array
+        Group numbers, never mixed in one chart.
+    normal : (T, 3) array
+        Of the triangles.
+    texel_m : float
+        Sets of triangles smaller than this may be merged with others of nearly the same normal.
+    touching : bool, optional
+        True if a chart must be connected by edges; otherwise a mesh in many pieces has fewer charts.
     """
     corners = positions_m[triangles]
     area = np.linalg.norm(face_vectors(corners), axis=1)
@@ -120,8 +126,10 @@ def _patch_keys(
 
     Parameters
     ----------
-    plane : (T,) sets of neighbours of nearly the same normal; a flat one gets one key, so that it stays whole.
-    is_round : (T,) True on a round face, whatever its size.
+    plane : (T,) array
+        Sets of neighbours of nearly the same normal; a flat one gets one key, so that it stays whole.
+    is_round : (T,) array
+        True on a round face, whatever its size.
     """
     weight = np.maximum(area, 1e-30)
     alone = _bends(plane, normal, area)[plane]

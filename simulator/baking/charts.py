@@ -34,13 +34,34 @@ class Charts:
 
     Parameters
     ----------
-    origin : (V,) original vertex of each vertex. triangles : (T, 3) vertex indices.
-    uv : (V, 2) atlas coordinates, 0..1.
-    size_px : width and height of the atlas. of_triangle : (T,) chart of each triangle.
-    axes : (C, 2, 3) unit vectors along a chart's nodes. low_m, step_m : (C, 2) first node and spacing along them.
-    counts : (C, 2) nodes along each axis. first : (C,) index of the first node; the others follow, row by row.
-    chart : (N,) chart of each node. at : (N,) its index in the atlas, row by row. places_m, normals : (N, 3).
-    face_normals : (C, 3) normal of each chart. triangle : (N,) triangle that each node lies on.
+    origin : (V,) array
+        Original vertex of each vertex.
+    triangles : (T, 3) array
+        Vertex indices.
+    uv : (V, 2) array
+        Atlas coordinates, 0..1.
+    size_px : tuple of int
+        Width and height of the atlas.
+    of_triangle : (T,) array
+        Chart of each triangle.
+    axes : (C, 2, 3) array
+        Unit vectors along a chart's nodes.
+    low_m, step_m : (C, 2) array
+        First node and spacing along them.
+    counts : (C, 2) array
+        Nodes along each axis.
+    first : (C,) array
+        Index of the first node; the others follow, row by row.
+    chart : (N,) array
+        Chart of each node.
+    at : (N,) array
+        Its index in the atlas, row by row.
+    places_m, normals : (N, 3) array
+        Position and unit normal of each texel.
+    face_normals : (C, 3) array
+        Normal of each chart.
+    triangle : (N,) array
+        Triangle that each node lies on.
     """
 
     origin: IntArray
@@ -87,8 +108,12 @@ def make_charts(
 
     Parameters
     ----------
-    positions_m, normals : (V, 3). groups : (V,) group numbers, never mixed in one chart. texel_m : largest node
-        spacing.
+    positions_m, normals : (V, 3) array
+        Position and unit normal of each vertex.
+    groups : (V,) array
+        Group numbers, never mixed in one chart.
+    texel_m : float
+        Largest node spacing.
     """
     corners = positions_m[triangles]
     across = face_vectors(corners)
@@ -157,7 +182,10 @@ def _lay_out(
 
     Parameters
     ----------
-    corners_m, corner_normals : (T, 3, 3). across : (T, 3) normals with twice the triangles' areas as length.
+    corners_m, corner_normals : (T, 3, 3) array
+        Positions and unit normals of the triangles' corners.
+    across : (T, 3) array
+        Normals with twice the triangles' areas as length.
     """
     count = int(chart.max()) + 1
     face: FloatArray = np.stack([np.bincount(chart, v, count) for v in across.T], axis=1).astype(float)
@@ -214,8 +242,16 @@ def _nearest_on_charts(
 
     Parameters
     ----------
-    node_xy : (N, 2) node coordinates. of_node : (N,) their charts. xy : (T, 3, 2) corners of the triangles.
-    nodes : (C,) number of nodes of each chart. area : (T,) areas of the triangles.
+    node_xy : (N, 2) array
+        Node coordinates.
+    of_node : (N,) array
+        Their charts.
+    xy : (T, 3, 2) array
+        Corners of the triangles.
+    nodes : (C,) array
+        Number of nodes of each chart.
+    area : (T,) array
+        Areas of the triangles.
     """
     order = np.lexsort((-area, chart))
     largest = order[np.searchsorted(chart[order], np.arange(len(nodes)))]

@@ -43,12 +43,20 @@ class MeshEdges:
 
     Parameters
     ----------
-    vertices_m : (V, 3) positions, target frame. ends : (E, 2) vertices of each edge.
-    faces : (E, 2) rows of ``planes``. is_crease : (E,) True if the edge is visible whenever one of its faces is.
-    planes : (F, 4) unit normal of each face, and its negated distance from the origin [m].
-    materials : (E,) material number of the part; negative if the first face lies to the right of the edge, seen from
-        outside.
-    is_closed : True if back faces are never visible, so that only edges of front faces are.
+    vertices_m : (V, 3) array
+        Positions, target frame.
+    ends : (E, 2) array
+        Vertices of each edge.
+    faces : (E, 2) array
+        Rows of ``planes``.
+    is_crease : (E,) array
+        True if the edge is visible whenever one of its faces is.
+    planes : (F, 4) array
+        Unit normal of each face, and its negated distance from the origin [m].
+    materials : (E,) array
+        Material number of the part; negative if the first face lies to the right of the edge, seen from outside.
+    is_closed : bool
+        True if back faces are never visible, so that only edges of front faces are.
     """
 
     vertices_m: FloatArray
@@ -105,7 +113,8 @@ def find_edges(parts: tuple[Part, ...], numbers: Mapping[str, int], *, is_closed
 
     Parameters
     ----------
-    numbers : material numbers, from 1.
+    numbers : mapping
+        Material numbers, from 1.
     """
     vertices, ends, faces, creases, planes, materials = [], [], [], [], [], []
     first_vertex = first_face = 0

@@ -49,10 +49,13 @@ class RadianceTransfer:
 
     Parameters
     ----------
-    visibility : (A, 4) b, coded by ``LARGEST_SLOPE``, and a, for each texel of the atlas, row by row.
-    interreflected : (n, D, A) irradiance from other parts, for sunlight from each of ``directions``, over the Sun's; in
-        steps of ``INTERREFLECTION_STEP``.
-    interreflected_sky : (n, 9, A) the same per coefficient of the sky's radiance in `harmonics`.
+    visibility : (A, 4) array
+        B, coded by ``LARGEST_SLOPE``, and a, for each texel of the atlas, row by row.
+    interreflected : (n, D, A) array
+        Irradiance from other parts, for sunlight from each of ``directions``, over the Sun's; in steps of
+        ``INTERREFLECTION_STEP``.
+    interreflected_sky : (n, 9, A) array
+        The same per coefficient of the sky's radiance in `harmonics`.
     """
 
     visibility: ByteArray
@@ -84,7 +87,10 @@ def baked_transfer(mesh: BakedMesh, reflectance: FloatArray, patch: int = PATCH)
 
     Parameters
     ----------
-    reflectance : (M, n) of each material, per band. patch : nodes along each side of a patch.
+    reflectance : (M, n) array
+        Of each material, per band.
+    patch : int, optional
+        Nodes along each side of a patch.
     """
     charts = mesh.charts
     sight = _visibility_entry(mesh, patch)
@@ -163,8 +169,12 @@ def solve_radiosity(
 
     Parameters
     ----------
-    reflectance : (N, n) of each node, per band. side : side of a patch [nodes].
-    closed : True if a ray that hits the back of a face starts inside a part.
+    reflectance : (N, n) array
+        Of each node, per band.
+    side : int, optional
+        Side of a patch [nodes].
+    closed : bool
+        True if a ray that hits the back of a face starts inside a part.
     """
     n = len(charts.chart)
     looking = rays.cosines[rays.node, rays.direction]

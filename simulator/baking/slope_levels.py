@@ -17,7 +17,8 @@ def slope_levels(image: FloatArray) -> Iterator[tuple[FloatArray, FloatArray]]:
 
     Parameters
     ----------
-    image : (S, S, n), S a power of two; slopes along u and v, and other channels.
+    image : (S, S, n), array
+        S a power of two; slopes along u and v, and other channels.
 
     References
     ----------

@@ -53,7 +53,8 @@ def start_once(cache_folder: str, early: str = "", late: str = "") -> tuple[floa
 
     Parameters
     ----------
-    early, late : lines of Python to run before anything is read, and after the renderer is imported.
+    early, late : str, optional
+        Lines of Python to run before anything is read, and after the renderer is imported.
     """
     environment = {k: v for k, v in os.environ.items() if k != "PYTHONDONTWRITEBYTECODE"}  # as installed
     # the first start also compiles the driver's shaders

@@ -181,7 +181,8 @@ def read_part(camera: Camera, roi_px: tuple[int, int, int, int] | None, binning:
 
     Parameters
     ----------
-    roi_px : x0, y0, width, height in pixels of the whole image, or None for the whole image.
+    roi_px : tuple of int or None
+        x0, y0, width, height in pixels of the whole image, or None for the whole image.
 
     Raises
     ------

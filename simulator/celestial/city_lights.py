@@ -93,7 +93,10 @@ def _towns(rng: np.random.Generator, cells: IntArray, spread: float, texels: flo
 
     Parameters
     ----------
-    spread : standard deviation of the logarithm of a town's light. texels : width of a median town.
+    spread : float
+        Standard deviation of the logarithm of a town's light.
+    texels : float
+        Width of a median town.
     """
     around = np.sort([np.roll(cells, shift, (0, 1)) for shift in ((0, 0), (1, 0), (0, 1), (1, 1))], axis=0)
     light = ((np.diff(around, axis=0) != 0).sum(axis=0) >= 2) * rng.lognormal(0.0, spread, cells.shape)
@@ -115,7 +118,8 @@ def _cells(rng: np.random.Generator, count: int, bend: float) -> tuple[IntArray,
 
     Parameters
     ----------
-    bend : amplitude of the distortion of straight borders [texels].
+    bend : float
+        Amplitude of the distortion of straight borders [texels].
     """
     pad, spacing = _TILE // 4, _TILE / count
     cell = np.stack(np.meshgrid(np.arange(count), np.arange(count)), axis=-1)

@@ -66,7 +66,10 @@ def make_craters(largest_px: float, texel_km: float) -> ByteArray:
 
     Parameters
     ----------
-    largest_px : diameter of the largest crater [px]. texel_km : size of a texel: large craters are shallower [km].
+    largest_px : float
+        Diameter of the largest crater [px].
+    texel_km : float
+        Size of a texel: large craters are shallower [km].
     """
     rng = np.random.default_rng([_SEED, int(largest_px)])
     count = int(_COVER * SIZE**2 / _SMALLEST_PX**2)

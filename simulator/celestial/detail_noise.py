@@ -55,7 +55,8 @@ def _coded(cloud: Float32Array, around: Float32Array, land: Float32Array) -> Byt
 
     Parameters
     ----------
-    around : (R + 2, SIZE) blurred cloud tops, with one row above and below.
+    around : (R + 2, SIZE) array
+        Blurred cloud tops, with one row above and below.
     """
     texel_km, slope = PERIOD_KM / SIZE, 1 / (2 * SLOPE_PER_KM)
     tops = around[1:-1]

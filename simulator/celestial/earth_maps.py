@@ -206,11 +206,13 @@ def _panchromatic_land(
 
     Parameters
     ----------
-    shore : future of the distance to the coast; modified in place.
+    shore : Future
+        Future of the distance to the coast; modified in place.
 
     Returns
     -------
-    Reflectance extended over the sea, at a quarter of the size.
+    array
+        Reflectance extended over the sea, at a quarter of the size.
     """
     coast = shore.result()
     # red, green, blue are the third, second, first channel of an OpenCV image
@@ -275,7 +277,8 @@ def _enlarged_root(reflectance: Float32Array, rows: slice) -> ByteArray:
 
     Parameters
     ----------
-    reflectance : (H / 4, W / 4), at a quarter of the size.
+    reflectance : (H / 4, W / 4), array
+        At a quarter of the size.
     """
     first, last = rows.start // 4, -(-rows.stop // 4)
     # bilinear interpolation reads one more row

@@ -100,7 +100,10 @@ def near_ice(z: FloatArray, longitude: FloatArray, epoch_utc: str) -> NDArray[np
 
     Parameters
     ----------
-    z : sine of the latitude. longitude : [rad], of the same shape. NaN gives True.
+    z : array
+        Sine of the latitude.
+    longitude : array
+        [rad], of the same shape. NaN gives True.
     """
     tested = np.abs(z) < _POLAR_SINE  # False for NaN
     row = (90 - np.degrees(np.arcsin(np.where(tested, z, 0)))).astype(int)
@@ -159,7 +162,10 @@ def extent_m2(share: FloatArray, sea: FloatArray) -> tuple[float, float]:
 
     Parameters
     ----------
-    share : (720, 1440) 0..1. sea : (720, 1440) share of each cell that is sea, not land.
+    share : (720, 1440) array
+        0..1.
+    sea : (720, 1440) array
+        Share of each cell that is sea, not land.
     """
     rows = np.radians(90 - np.arange(HEIGHT + 1) * 180 / HEIGHT)
     area = EARTH_MEAN_RADIUS_M**2 * np.abs(np.diff(np.sin(rows))) * 2 * np.pi / WIDTH

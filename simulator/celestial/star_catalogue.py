@@ -39,9 +39,12 @@ class StarField:
 
     Parameters
     ----------
-    directions : (3, K) unit vectors, GCRS.
-    irradiance_w_m2 : (n, K) irradiance per band above the air; with ``by_photons``, of sunlight with equal photons.
-    cells, first : (C, 3) centres of the sky cells that sort the stars; (C + 1,) index of each cell's first star.
+    directions : (3, K) array
+        Unit vectors, GCRS.
+    irradiance_w_m2 : (n, K) array
+        Irradiance per band above the air; with ``by_photons``, of sunlight with equal photons.
+    cells, first : (C, 3) array
+        Centres of the sky cells that sort the stars; (C + 1,) index of each cell's first star.
     """
 
     directions: FloatArray
@@ -77,8 +80,10 @@ def stars(epoch_utc: str, bands: Bands, *, by_photons: bool = False) -> StarFiel
 
     Parameters
     ----------
-    epoch_utc : ISO 8601; proper motion is applied for whole years, which is 0.1 arcsec for nearly every star.
-    by_photons : True for a detector that counts photons, of which a red star has more per joule than a blue one.
+    epoch_utc : str
+        ISO 8601; proper motion is applied for whole years, which is 0.1 arcsec for nearly every star.
+    by_photons : bool, optional
+        True for a detector that counts photons, of which a red star has more per joule than a blue one.
     """
     epoch = datetime.fromisoformat(epoch_utc)
     return _stars_of_year(round((epoch - _CATALOGUE_EPOCH).days / 365.25), bands, by_photons)
@@ -136,7 +141,8 @@ def star_irradiance_w_m2(
 
     Parameters
     ----------
-    v_minus_i : Cousins colour, needed for M stars; by default the one that usually goes with ``b_minus_v``.
+    v_minus_i : array, optional
+        Cousins colour, needed for M stars; by default the one that usually goes with ``b_minus_v``.
     """
     bv = np.nan_to_num(np.asarray(b_minus_v, float), nan=_SUN_B_MINUS_V)
     vi = usual_v_minus_i(bv)

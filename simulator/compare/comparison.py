@@ -46,9 +46,12 @@ class Pair:
 
     Parameters
     ----------
-    edges : binary edges of our image for each atmosphere, all at one threshold; only one entry against space.
-    histogram_moved_dn, gradient_moved_dn : earth mover's distances of the histograms [DN, DN per pixel].
-    likeness : correlation over the craft's box; None without a common pose.
+    edges : dict
+        Binary edges of our image for each atmosphere, all at one threshold; only one entry against space.
+    histogram_moved_dn, gradient_moved_dn : float
+        Earth mover's distances of the histograms [DN, DN per pixel].
+    likeness : float or None
+        Correlation over the craft's box; None without a common pose.
     """
 
     reference: Reference
@@ -89,8 +92,10 @@ def compare_pictures(
 
     Parameters
     ----------
-    find_pose : estimator that returns the pose of the craft in an image without a record.
-    sensor : preset for our images; by default, one as noisy as the reference.
+    find_pose : PoseFinder
+        Estimator that returns the pose of the craft in an image without a record.
+    sensor : str, optional
+        Preset for our images; by default, one as noisy as the reference.
     """
     pairs = []
     for k, reference in enumerate(references):
@@ -128,7 +133,8 @@ def edges_by_atmosphere(
 
     Parameters
     ----------
-    image : the scene's image under its own atmosphere, which sets the threshold.
+    image : array
+        The scene's image under its own atmosphere, which sets the threshold.
     """
     threshold = edge_threshold(image)
     if image_statistics(image).space:

@@ -44,12 +44,22 @@ class ImageStatistics:
 
     Parameters
     ----------
-    histogram : (256,) share of the pixels at each DN. gradient_histogram : (128,) share per DN per pixel of `sobel`.
-    mean_dn, black_dn, bright_dn : mean, first and 99th percentile. saturated : share of pixels at 255.
-    noise_dn : standard deviation of the noise, from second differences (a median, robust against edges).
-    gradient_p50, gradient_p95, gradient_p99 : percentiles of the Sobel magnitude [DN per pixel].
-    edges : share of the pixels in the binary edge image.
-    space : True if the border is dark, so that the background is space.
+    histogram : (256,) array
+        Share of the pixels at each DN.
+    gradient_histogram : (128,) array
+        Share per DN per pixel of `sobel`.
+    mean_dn, black_dn, bright_dn : float
+        Mean, first and 99th percentile.
+    saturated : float
+        Share of pixels at 255.
+    noise_dn : float
+        Standard deviation of the noise, from second differences (a median, robust against edges).
+    gradient_p50, gradient_p95, gradient_p99 : float
+        Percentiles of the Sobel magnitude [DN per pixel].
+    edges : float
+        Share of the pixels in the binary edge image.
+    space : bool
+        True if the border is dark, so that the background is space.
     """
 
     histogram: FloatArray

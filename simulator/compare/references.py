@@ -38,9 +38,14 @@ class Reference:
 
     Parameters
     ----------
-    path : image file. image : (H, W) uint8, linear, shrunk to at most 2048 pixels a side.
-    camera : assumed camera, at that size.
-    pose : camera-from-target pose, if a record states it.
+    path : Path
+        Image file.
+    image : (H, W) uint8 array
+        Linear, shrunk to at most 2048 pixels a side.
+    camera : Camera
+        Assumed camera, at that size.
+    pose : Pose or None
+        Camera-from-target pose, if a record states it.
     """
 
     path: Path
@@ -54,9 +59,11 @@ def read_references(folder: Path, camera: Camera, count: int, labels: Path | Non
 
     Parameters
     ----------
-    camera : assumed camera: its focal length is scaled to each image's width, its principal point keeps its offset from
-        the centre. A truth record next to an image (same name, .json) takes precedence.
-    labels : list of ``filename q_vbs2tango r_Vo2To_vbs_true`` in SPEED's or SPEED+'s format.
+    camera : Camera
+        Assumed camera: its focal length is scaled to each image's width, its principal point keeps its offset from the
+        centre. A truth record next to an image (same name, .json) takes precedence.
+    labels : Path, optional
+        List of ``filename q_vbs2tango r_Vo2To_vbs_true`` in SPEED's or SPEED+'s format.
 
     Raises
     ------

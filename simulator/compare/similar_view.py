@@ -55,8 +55,12 @@ class SimilarView:
 
     Parameters
     ----------
-    scene : scene at the reference's size and exposure. same_view : True if it has the reference's pose.
-    likeness : correlation of the two images over the craft's box, small and blurred; None without a pose.
+    scene : SceneState
+        Scene at the reference's size and exposure.
+    same_view : bool
+        True if it has the reference's pose.
+    likeness : float or None
+        Correlation of the two images over the craft's box, small and blurred; None without a pose.
     """
 
     scene: SceneState
@@ -77,8 +81,10 @@ def find_similar_view(
 
     Parameters
     ----------
-    estimate : pose of the craft; without it, attitude and position are the candidates'.
-    sensor : preset for our image; by default, one as noisy as the reference.
+    estimate : PoseEstimate or None
+        Pose of the craft; without it, attitude and position are the candidates'.
+    sensor : str, optional
+        Preset for our image; by default, one as noisy as the reference.
     """
     space = image_statistics(reference.image).space
     plan = plan_recipe(RECIPES[space], CANDIDATES, seed=seed, quality="draft")

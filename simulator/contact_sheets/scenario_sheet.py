@@ -74,7 +74,10 @@ def write_recipe_sheets(
 
     Parameters
     ----------
-    axes : True to draw the model's axes: x red, y green, z blue. width_px : width of one sample.
+    axes : bool, optional
+        True to draw the model's axes: x red, y green, z blue.
+    width_px : int, optional
+        Width of one sample.
     """
     drawable = [r for r in recipes if not r.members]
     for n_done, recipe in enumerate(drawable):

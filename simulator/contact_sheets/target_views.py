@@ -64,7 +64,8 @@ def view_scene(
 
     Parameters
     ----------
-    to_sun : direction of the Sun, camera frame.
+    to_sun : array_like, optional
+        Direction of the Sun, camera frame.
     """
     camera = Camera(
         width_px=width_px,

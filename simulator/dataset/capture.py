@@ -47,9 +47,12 @@ class CaptureSummary:
 
     Parameters
     ----------
-    redraws : number of poses drawn again in these frames, for each of the recipe's constraints.
-    damaged : existing frames that differed from their record, and were rendered again.
-    second : summary of the second camera's data set, if the plan has one.
+    redraws : dict, optional
+        Number of poses drawn again in these frames, for each of the recipe's constraints.
+    damaged : tuple of int, optional
+        Existing frames that differed from their record, and were rendered again.
+    second : CaptureSummary, optional
+        Summary of the second camera's data set, if the plan has one.
     """
 
     folder: Path | str
@@ -88,17 +91,24 @@ def capture(
 
     Parameters
     ----------
-    folder : folder, or URL of an fsspec store such as ``s3://bucket/set``.
-    formats : formats to write next to the native layout; see ``flyaround.simulator.dataset.formats.registry``.
-    labels : layers besides truth and mask, out of ``flyaround.simulator.labels.request.LAYERS``; by default the plan's
-        own.
-    split : shares of training, validation and test frames; by default a recipe's own.
-    beside : further files by name, written next to the card before the first frame.
-    tell : function that is called with a sentence for each format on what it omits, before anything is drawn.
-    sensors : plug-in sensors whose measurements of each frame are stored next to its image (docs/plugins.md).
-    workers : number of processes that draw, check and encode, each with its own renderer; the bytes do not depend on
-        it.
-    cluster : Ray cluster that draws instead; its frames are written here.
+    folder : str or Path
+        Folder, or URL of an fsspec store such as ``s3://bucket/set``.
+    formats : tuple of str, optional
+        Formats to write next to the native layout; see ``flyaround.simulator.dataset.formats.registry``.
+    labels : tuple of str, optional
+        Layers besides truth and mask, out of ``flyaround.simulator.labels.request.LAYERS``; by default the plan's own.
+    split : tuple of int, optional
+        Shares of training, validation and test frames; by default a recipe's own.
+    beside : mapping, optional
+        Further files by name, written next to the card before the first frame.
+    tell : callable, optional
+        Function that is called with a sentence for each format on what it omits, before anything is drawn.
+    sensors : tuple of str, optional
+        Plug-in sensors whose measurements of each frame are stored next to its image (docs/plugins.md).
+    workers : int, optional
+        Number of processes that draw, check and encode, each with its own renderer; the bytes do not depend on it.
+    cluster : RayCluster, optional
+        Ray cluster that draws instead; its frames are written here.
 
     Raises
     ------

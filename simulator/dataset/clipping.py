@@ -34,9 +34,12 @@ class Clipping:
 
     Parameters
     ----------
-    target_px, clipped_px : number of pixels on the target, and of those whose noise-free signal is at full scale.
-    exposure_s : exposure of the frame.
-    fitting_s : exposure at which all but the brightest 2 % of the target stay below full scale; 0 if it is unlit.
+    target_px, clipped_px : int
+        Number of pixels on the target, and of those whose noise-free signal is at full scale.
+    exposure_s : float
+        Exposure of the frame.
+    fitting_s : float
+        Exposure at which all but the brightest 2 % of the target stay below full scale; 0 if it is unlit.
     """
 
     target_px: int
@@ -56,9 +59,12 @@ class ClippingSummary:
 
     Parameters
     ----------
-    share, worst_share : saturated share of the target's pixels, over all frames and in the worst one.
-    advice : remedy for saturation or darkness; empty if neither is notable.
-    dark_frames : number of frames in which the lit target uses little of the scale.
+    share, worst_share : float
+        Saturated share of the target's pixels, over all frames and in the worst one.
+    advice : str
+        Remedy for saturation or darkness; empty if neither is notable.
+    dark_frames : int, optional
+        Number of frames in which the lit target uses little of the scale.
     """
 
     share: float
@@ -89,7 +95,8 @@ def summarise_clipping(frames: Sequence[Clipping], document: dict[str, Any]) -> 
 
     Parameters
     ----------
-    document : their scenario or recipe, for the advice.
+    document : dict
+        Their scenario or recipe, for the advice.
     """
     with_target = [f for f in frames if f.target_px]
     if not with_target:

@@ -38,8 +38,10 @@ class ImportSource:
 
     Parameters
     ----------
-    form : name of its format.
-    frames : frames in order, made on access.
+    form : str
+        Name of its format.
+    frames : iterable of LabelledFrame
+        Frames in order, made on access.
     """
 
     card: DatasetCard
@@ -72,8 +74,10 @@ def open_source(
 
     Parameters
     ----------
-    form : format, detected by default.
-    target, camera : replace those of foreign images.
+    form : str, optional
+        Format, detected by default.
+    target, camera : str, optional
+        Replace those of foreign images.
 
     Raises
     ------
@@ -112,13 +116,17 @@ def convert(
 
     Parameters
     ----------
-    folder : new or empty folder; each of several formats has a subfolder.
-    split : shares of training, validation and test frames; by default the source's own.
-    tell : function that is called with a sentence on what the format omits, before anything is written.
+    folder : Path
+        New or empty folder; each of several formats has a subfolder.
+    split : tuple of int, optional
+        Shares of training, validation and test frames; by default the source's own.
+    tell : callable, optional
+        Function that is called with a sentence on what the format omits, before anything is written.
 
     Returns
     -------
-    Number of frames.
+    int
+        Number of frames.
 
     Raises
     ------

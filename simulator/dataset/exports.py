@@ -49,9 +49,12 @@ class FrameExports:
 
     Parameters
     ----------
-    store : store of the data set; each format has a subfolder.
-    card : card that lists the formats.
-    ratio : ratio of the split, or None.
+    store : Store
+        Store of the data set; each format has a subfolder.
+    card : DatasetCard
+        Card that lists the formats.
+    ratio : tuple of int or None
+        Ratio of the split, or None.
     """
 
     def __init__(self, store: Store, card: DatasetCard, ratio: Ratio | None) -> None:
@@ -89,7 +92,8 @@ class ExportSink:
 
     Parameters
     ----------
-    there : numbers of existing frames that a resumed capture keeps.
+    there : iterable of int, optional
+        Numbers of existing frames that a resumed capture keeps.
     """
 
     def __init__(

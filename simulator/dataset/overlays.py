@@ -64,10 +64,14 @@ def write_overlays(
 
     Parameters
     ----------
-    folder : data set.
-    output : new or empty folder outside it.
-    marks : names out of `MARKS`, in drawing order.
-    n : number of frames, spread evenly; by default all.
+    folder : Path
+        Data set.
+    output : Path
+        New or empty folder outside it.
+    marks : tuple of str, optional
+        Names out of `MARKS`, in drawing order.
+    n : int, optional
+        Number of frames, spread evenly; by default all.
 
     Raises
     ------
@@ -96,8 +100,10 @@ def overlay(frame: LabelledFrame, target: Target, marks: tuple[str, ...]) -> Byt
 
     Parameters
     ----------
-    target : model that the data set names.
-    marks : names out of `MARKS`.
+    target : Target
+        Model that the data set names.
+    marks : tuple of str
+        Names out of `MARKS`.
     """
     truth, camera, pose = frame.truth, frame.camera, frame.pose
     if isinstance(truth, Truth):

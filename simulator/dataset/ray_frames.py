@@ -44,8 +44,10 @@ class RayCluster:
 
     Parameters
     ----------
-    address : ``auto`` for the cluster that this machine belongs to, ``HOST:PORT`` of its head, or ``ray://HOST:PORT``.
-    gpu_share : fraction of a GPU per drawing process, so that several share one; 0 for nodes without.
+    address : str
+        ``auto`` for the cluster that this machine belongs to, ``HOST:PORT`` of its head, or ``ray://HOST:PORT``.
+    gpu_share : float, optional
+        Fraction of a GPU per drawing process, so that several share one; 0 for nodes without.
     """
 
     address: str
@@ -75,10 +77,14 @@ class RayFrames(FrameProducer[Taken]):
 
     Parameters
     ----------
-    stage : function applied to each frame where it is rendered.
-    first : first scene to come.
-    target : target of the scenes, sent to the nodes.
-    n_frames : number of frames to come.
+    stage : callable
+        Function applied to each frame where it is rendered.
+    first : SceneState
+        First scene to come.
+    target : Target
+        Target of the scenes, sent to the nodes.
+    n_frames : int
+        Number of frames to come.
 
     Raises
     ------

@@ -33,8 +33,10 @@ class WhatIsThere:
 
     Parameters
     ----------
-    kept : intact frames.
-    damaged : altered frames, whose records were removed; they are rendered again.
+    kept : frozenset of int
+        Intact frames.
+    damaged : tuple of int, optional
+        Altered frames, whose records were removed; they are rendered again.
     """
 
     kept: frozenset[int]

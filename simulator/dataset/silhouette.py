@@ -28,9 +28,12 @@ class Silhouette:
 
     Parameters
     ----------
-    mask : (H, W) uint8, 255 where at least half of the pixel is covered.
-    box_amodal_px : bounds of all projected vertices; None, with an empty mask, if a part is behind the camera.
-    inside : share of the whole silhouette inside the image.
+    mask : (H, W) uint8 array
+        255 where at least half of the pixel is covered.
+    box_amodal_px : Box or None
+        Bounds of all projected vertices; None, with an empty mask, if a part is behind the camera.
+    inside : float
+        Share of the whole silhouette inside the image.
     """
 
     mask: ByteArray

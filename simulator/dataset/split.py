@@ -65,7 +65,8 @@ class SplitAssigner:
 
     Parameters
     ----------
-    assigned : splits of frames that are already assigned.
+    assigned : dict, optional
+        Splits of frames that are already assigned.
     """
 
     def __init__(self, ratio: Ratio, assigned: dict[int, str] | None = None) -> None:

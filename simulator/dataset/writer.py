@@ -32,8 +32,10 @@ class CheckedFrame:
 
     Parameters
     ----------
-    manifest : lines with the hashes of the files.
-    redraws : number of poses drawn again for each constraint of a recipe.
+    manifest : bytes
+        Lines with the hashes of the files.
+    redraws : dict, optional
+        Number of poses drawn again for each constraint of a recipe.
     """
 
     number: int
@@ -51,8 +53,10 @@ class CheckAndEncode:
 
     Parameters
     ----------
-    card : card with which the labels must agree.
-    target : rendered model; None in another process, which is sent only its name.
+    card : DatasetCard
+        Card with which the labels must agree.
+    target : Target, optional
+        Rendered model; None in another process, which is sent only its name.
     """
 
     card: DatasetCard
@@ -90,7 +94,8 @@ class DatasetWriter:
 
     Parameters
     ----------
-    card : card of the data set, written at once and marked incomplete.
+    card : DatasetCard
+        Card of the data set, written at once and marked incomplete.
     """
 
     def __init__(self, store: Store, card: DatasetCard) -> None:

@@ -42,11 +42,17 @@ class ConvexShell:
 
     Parameters
     ----------
-    planes : (F, 4) unit outward normal of each flat face, and its negated distance from the origin [m].
-    ends_m : (E, 2, 3) end points of the edges between faces. faces : (E, 2) rows of ``planes`` left and right of each.
-    turns : (E, 3, 4) matrices from a homogeneous point to the normal of the plane through it and the edge: the cross
-        product of the edge and the vector from its start to the point.
-    area_m2 : surface area.
+    planes : (F, 4) array
+        Unit outward normal of each flat face, and its negated distance from the origin [m].
+    ends_m : (E, 2, 3) array
+        End points of the edges between faces.
+    faces : (E, 2) array
+        Rows of ``planes`` left and right of each.
+    turns : (E, 3, 4) array
+        Matrices from a homogeneous point to the normal of the plane through it and the edge: the cross product of the
+        edge and the vector from its start to the point.
+    area_m2 : float
+        Surface area.
     """
 
     planes: FloatArray
@@ -60,8 +66,8 @@ class ConvexShell:
 
         Parameters
         ----------
-        place : (4,) homogeneous viewpoint, target frame: a point (x, y, z, 1) [m] or, at infinity, a direction (x, y,
-            z, 0).
+        place : (4,) array
+            Homogeneous viewpoint, target frame: a point (x, y, z, 1) [m] or, at infinity, a direction (x, y, z, 0).
         """
         beyond = self.planes @ place
         if beyond.max() <= (CLOSEST_M if place[3] else 0.0):
@@ -83,7 +89,10 @@ class Boxes:
 
     Parameters
     ----------
-    extents_m : (7, B) float32: centre, half sides, and 1. of : (K,) index of the box of each triangle or edge.
+    extents_m : (7, B) float32 array
+        Centre, half sides, and 1.
+    of : (K,) array
+        Index of the box of each triangle or edge.
     """
 
     extents_m: Float32Array
@@ -95,7 +104,8 @@ class Boxes:
 
         Parameters
         ----------
-        size_m : approximate size of a box.
+        size_m : float
+            Approximate size of a box.
         """
         low, high = corners_m.min(axis=1), corners_m.max(axis=1)
         cell = np.floor((low + high) / (2 * size_m)).astype(np.int64)
@@ -137,7 +147,10 @@ def convex_bodies(corners: Sequence[FloatArray], radius_m: float) -> list[Convex
 
     Parameters
     ----------
-    corners : (T, 3, 3) triangles of each part [m]. radius_m : radius of the craft's bounding sphere.
+    corners : (T, 3, 3) sequence of array
+        Triangles of each part [m].
+    radius_m : float
+        Radius of the craft's bounding sphere.
     """
     areas = [float(np.linalg.norm(face_vectors(c) / 2, axis=1).sum()) for c in corners]
     shells: list[ConvexShell] = []
@@ -158,7 +171,8 @@ def find_shells(bodies: Sequence[ConvexShell], radius_m: float) -> tuple[ConvexS
 
     Parameters
     ----------
-    radius_m : radius of the craft's bounding sphere.
+    radius_m : float
+        Radius of the craft's bounding sphere.
     """
     shells: list[ConvexShell] = []
     for shell in bodies:
@@ -191,7 +205,8 @@ def _connected_bodies(corners_m: FloatArray, step_m: float, least_m2: float) -> 
 
     Parameters
     ----------
-    least_m2 : least area of a body.
+    least_m2 : float
+        Least area of a body.
     """
     cell = np.rint(corners_m.reshape(-1, 3) / step_m).astype(np.int64)
     cell -= cell.min(axis=0, initial=0)

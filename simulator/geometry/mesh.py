@@ -26,7 +26,8 @@ class TriangleMesh:
 
     Parameters
     ----------
-    in_shell : (M,) True for triangles of a closed shell that faces outwards; None if unknown.
+    in_shell : (M,) array, optional
+        True for triangles of a closed shell that faces outwards; None if unknown.
     """
 
     positions_m: FloatArray
@@ -69,8 +70,9 @@ class TriangleMesh:
 
         Parameters
         ----------
-        place : (4,) homogeneous coordinates of the viewpoint, outside all shells: (x, y, z, 1) [m], or (x, y, z, 0) for
-            a direction at infinity.
+        place : (4,) array
+            Homogeneous coordinates of the viewpoint, outside all shells: (x, y, z, 1) [m], or (x, y, z, 0) for a
+            direction at infinity.
         """
         unit = place / np.linalg.norm(place[:3])
         return np.flatnonzero(unit @ self._planes >= -GRAZING)

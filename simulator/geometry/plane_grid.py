@@ -25,8 +25,14 @@ class PlaneGrid:
 
     Parameters
     ----------
-    low, per_cell : (2,) corner of the grid, and cells per unit of x and y. side : number of cells per row and column.
-    first : (side^2 + 1,) start of each cell's triangles in ``listed``, row by row. listed : triangle indices.
+    low, per_cell : (2,) array
+        Corner of the grid, and cells per unit of x and y.
+    side : int
+        Number of cells per row and column.
+    first : array
+        (side^2 + 1,) start of each cell's triangles in ``listed``, row by row.
+    listed : array
+        Triangle indices.
     """
 
     low: FloatArray

@@ -37,7 +37,10 @@ class ProjectedMesh:
 
     Parameters
     ----------
-    x, y, near : (3, M) corners of the triangles, and their nearness. flat : twice the area of an edge-on triangle.
+    x, y, near : (3, M) array
+        Corners of the triangles, and their nearness.
+    flat : float
+        Twice the area of an edge-on triangle.
     """
 
     x: FloatArray
@@ -83,7 +86,10 @@ class ProjectedMesh:
 
         Parameters
         ----------
-        ends : (E, 2, 2) end points. near : (E, 2) nearness of the ends.
+        ends : (E, 2, 2) array
+            End points.
+        near : (E, 2) array
+            Nearness of the ends.
         """
         if len(ends) == 0:
             return []
@@ -124,7 +130,8 @@ def project_to_pinhole(mesh: TriangleMesh, R: FloatArray, t: FloatArray) -> Proj
 
     Parameters
     ----------
-    R, t : (3, 3) rotation and (3,) translation [m] from the mesh's frame to the camera frame.
+    R, t : (3, 3) array
+        Rotation and (3,) translation [m] from the mesh's frame to the camera frame.
     """
     ends = R[2] @ mesh.box_m + t[2]
     corners = mesh.corners_m

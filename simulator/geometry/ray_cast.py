@@ -33,7 +33,10 @@ class RayCaster(Protocol):
 
         Parameters
         ----------
-        origins_m : (K, 3) origins. directions : (K, 3) unit vectors, or one (3,) for all rays.
+        origins_m : (K, 3) array
+            Origins.
+        directions : (K, 3) array
+            Unit vectors, or one (3,) for all rays.
         """
         ...
 
@@ -43,7 +46,8 @@ def make_ray_caster(corners_m: FloatArray) -> RayCaster:
 
     Parameters
     ----------
-    corners_m : (T, 3, 3) corners of the triangles.
+    corners_m : (T, 3, 3) array
+        Corners of the triangles.
     """
     return EmbreeCaster(corners_m) if embree_is_here() else GridCaster(corners_m)
 
@@ -123,7 +127,10 @@ def _covered(
 
     Parameters
     ----------
-    origins : (3, K) or (K, 3) ray origins. x, y, z : (3, T) corners of the triangles, in axes along the rays.
+    origins : (3, K) or (K, 3) array
+        Ray origins.
+    x, y, z : (3, T) array
+        Corners of the triangles, in axes along the rays.
     """
     ahead = z.max(axis=0)[triangle] > origins[ray, 2]
     ray, triangle = ray[ahead], triangle[ahead]

@@ -19,9 +19,14 @@ class Subdivision:
 
     Parameters
     ----------
-    parents : (K, 2) pairs of vertices for each round; each new vertex is the midpoint of a pair.
-    triangles : (T, 3) triangles of the subdivided mesh, ordered by their original triangle.
-    of : (T,) index of the original triangle. first : (T0 + 1,) index of the first piece of each original triangle.
+    parents : (K, 2) tuple of array
+        Pairs of vertices for each round; each new vertex is the midpoint of a pair.
+    triangles : (T, 3) array
+        Triangles of the subdivided mesh, ordered by their original triangle.
+    of : (T,) array
+        Index of the original triangle.
+    first : (T0 + 1,) array
+        Index of the first piece of each original triangle.
     """
 
     parents: tuple[_IndexArray, ...]

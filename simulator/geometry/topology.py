@@ -21,11 +21,16 @@ class MeshBody:
 
     Parameters
     ----------
-    positions_m : (V, 3) distinct positions, model frame.
-    triangles : (F, 3) vertex indices.
-    face_material : (F,) material index.
-    corner_normals : (F, 3, 3) normals from the file, or None.
-    corner_uv : (F, 3, 2) texture coordinates, NaN where missing; or None.
+    positions_m : (V, 3) array
+        Distinct positions, model frame.
+    triangles : (F, 3) array
+        Vertex indices.
+    face_material : (F,) array
+        Material index.
+    corner_normals : (F, 3, 3) array, optional
+        Normals from the file, or None.
+    corner_uv : (F, 3, 2) array, optional
+        Texture coordinates, NaN where missing; or None.
     """
 
     name: str
@@ -59,10 +64,18 @@ class EdgeTable:
 
     Parameters
     ----------
-    ends : (E, 2) vertices, the lower number first.
-    count : (E,) number of faces. balance : (E,) half-edges towards the higher vertex minus the others.
-    first : (E,) one half-edge of each edge.
-    pairs : (P, 2) half-edges of the edges with exactly two faces; pair_edge : (P,) edge of each pair.
+    ends : (E, 2) array
+        Vertices, the lower number first.
+    count : (E,) array
+        Number of faces.
+    balance : (E,) array
+        Half-edges towards the higher vertex minus the others.
+    first : (E,) array
+        One half-edge of each edge.
+    pairs : (P, 2) array
+        Half-edges of the edges with exactly two faces;
+    pair_edge : (P,) array
+        Edge of each pair.
     """
 
     ends: IntArray

@@ -39,7 +39,8 @@ class AutoExposure(Section, frozen=True, kw_only=True):
 
         Parameters
         ----------
-        full_scale_j_m2_sr : radiance times exposure at full scale.
+        full_scale_j_m2_sr : float
+            Radiance times exposure at full scale.
         """
         if radiance_w_m2_sr <= 0:
             return self.longest_s
@@ -56,7 +57,8 @@ class ExposureTrack:
 
     Parameters
     ----------
-    wanted_s : function from a time since the flight's start to the metered exposure [s].
+    wanted_s : callable
+        Function from a time since the flight's start to the metered exposure [s].
     """
 
     settings: AutoExposure

@@ -132,7 +132,8 @@ def drawings_of_ground(scene: SceneState, at: Callable[[float], SceneState] | No
 
     Parameters
     ----------
-    at : result of `moments_of` for the scene.
+    at : callable, optional
+        Result of `moments_of` for the scene.
     """
     globe = scene.globe
     far = float(np.linalg.norm(np.subtract(scene.r_camera_eci_m, globe.r_eci_m))) > LOW_ORBIT_M

@@ -43,10 +43,14 @@ class ViewingConditions:
 
     Parameters
     ----------
-    camera : geometry of the camera.
-    target_distance_m : distance for defocus.
-    sun_direction : unit vector, camera frame.
-    sun_irradiance_w_m2 : irradiance of the visible part per band, for glare.
+    camera : Camera
+        Geometry of the camera.
+    target_distance_m : float
+        Distance for defocus.
+    sun_direction : array
+        Unit vector, camera frame.
+    sun_irradiance_w_m2 : array
+        Irradiance of the visible part per band, for glare.
     """
 
     camera: Camera
@@ -67,17 +71,24 @@ def expose(
 
     Parameters
     ----------
-    radiance_w_m2_sr : (H, W) or (H, W, 3) band radiance [W m-2 sr-1].
-    sensor : detector; ``full_scale_j_m2_sr``, or its saturation charge, maps to 1.
-    exposure_s : integration time [s].
-    band_gain : gain of each band, for example the white balance of a colour camera (for a detector in electrons, it is
-        applied after read-out instead).
-    optics : None for a perfect lens.
-    around : inputs for vignetting, glare and defocus; None to omit those.
+    radiance_w_m2_sr : (H, W) or (H, W, 3) array
+        Band radiance [W m-2 sr-1].
+    sensor : Sensor
+        Detector; ``full_scale_j_m2_sr``, or its saturation charge, maps to 1.
+    exposure_s : float
+        Integration time [s].
+    band_gain : array_like, optional
+        Gain of each band, for example the white balance of a colour camera (for a detector in electrons, it is applied
+        after read-out instead).
+    optics : Optics, optional
+        None for a perfect lens.
+    around : ViewingConditions, optional
+        Inputs for vignetting, glare and defocus; None to omit those.
 
     Returns
     -------
-    (H, W) or (H, W, 3) float32, 1 at full scale, not clipped.
+    (H, W) or (H, W, 3) float32 array
+        1 at full scale, not clipped.
     """
     optics = optics or _PERFECT_LENS
     bands = 1 if radiance_w_m2_sr.ndim == 2 else radiance_w_m2_sr.shape[2]
@@ -126,16 +137,23 @@ def digitise(
 
     Parameters
     ----------
-    signal : (H, W) or (H, W, 3) float32, 1 = full scale.
-    sensor : noise recipe and bit depth.
-    seed, frame_index : key of this frame's random numbers.
-    exposure_s, band_gain : for a detector in electrons only: exposure time, for dark current, and `white_balance` of a
-        colour image.
-    noise : result of `start_noise` for this sensor, seed, frame and shape; by default, drawn here.
+    signal : (H, W) or (H, W, 3) float32 array
+        1 = full scale.
+    sensor : Sensor
+        Noise recipe and bit depth.
+    seed, frame_index : int
+        Key of this frame's random numbers.
+    exposure_s : float, optional
+        For a detector in electrons only: exposure time, for dark current, and `white_balance` of a colour image.
+    band_gain : array_like, optional
+        For a detector in electrons only: exposure time, for dark current, and `white_balance` of a colour image.
+    noise : callable, optional
+        Result of `start_noise` for this sensor, seed, frame and shape; by default, drawn here.
 
     Returns
     -------
-    Array of the signal's shape, uint8 for up to 8 bits, uint16 above.
+    array
+        Array of the signal's shape, uint8 for up to 8 bits, uint16 above.
     """
     if sensor.detector is not None:
         return detect(signal, sensor, seed, frame_index, exposure_s, band_gain)
@@ -176,7 +194,8 @@ def expose_scene(scene: SceneState, radiance_w_m2_sr: Float32Array) -> Float32Ar
 
     Parameters
     ----------
-    radiance_w_m2_sr : (H, W) or (H, W, 3) [W m-2 sr-1], row 0 at the top.
+    radiance_w_m2_sr : (H, W) or (H, W, 3) array
+        [W m-2 sr-1], row 0 at the top.
     """
     around = ViewingConditions(
         camera=scene.camera,
@@ -199,9 +218,12 @@ def digitise_scene(
 
     Parameters
     ----------
-    signal : result of `expose_scene`.
-    sensor : replaces the scene's, for example by its noiseless twin.
-    noise : result of `prefetch_scene_noise` for the scene's own sensor.
+    signal : array
+        Result of `expose_scene`.
+    sensor : Sensor, optional
+        Replaces the scene's, for example by its noiseless twin.
+    noise : callable, optional
+        Result of `prefetch_scene_noise` for the scene's own sensor.
     """
     sensor, encoding = sensor or scene.sensor, scene.camera.pixel_encoding
     balance = sunlight_balance(scene.bands)

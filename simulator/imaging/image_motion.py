@@ -34,10 +34,12 @@ class CraftFlow:
 
     Parameters
     ----------
-    affine : (3, 2) displacement at the image's origin, and its derivatives along x and y [px, 1].
-    longest_px : largest
-        displacement of a corner.
-    off_px : largest residual of the corners' displacements.
+    affine : (3, 2) array
+        Displacement at the image's origin, and its derivatives along x and y [px, 1].
+    longest_px : float
+        Largest displacement of a corner.
+    off_px : float
+        Largest residual of the corners' displacements.
     """
 
     affine: FloatArray
@@ -78,7 +80,8 @@ def image_motion_px(
 
     Parameters
     ----------
-    at : result of `moments_of` for the scene.
+    at : callable, optional
+        Result of `moments_of` for the scene.
     """
     if span_s == 0:
         return 0.0

@@ -66,7 +66,8 @@ def metered_radiance_w_m2_sr(scene: SceneState, target: Target, share: float) ->
 
     Parameters
     ----------
-    share : share of the image's area, 0..1: 0.9 lets the brightest tenth exceed it.
+    share : float
+        Share of the image's area, 0..1: 0.9 lets the brightest tenth exceed it.
     """
     radiance, area = (
         np.concatenate(pair) for pair in zip(_craft(scene, target), _ground(scene), strict=True)

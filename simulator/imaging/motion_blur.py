@@ -41,11 +41,13 @@ def motion_blur_kernels(ways_px: FloatArray) -> Float32Array:
 
     Parameters
     ----------
-    ways_px : (K, 2) displacements during the exposure, along x and y [px].
+    ways_px : (K, 2) array
+        Displacements during the exposure, along x and y [px].
 
     Returns
     -------
-    (K, rows, columns), odd sizes that fit the longest displacement.
+    (K, rows, columns), array
+        Odd sizes that fit the longest displacement.
     """
     count = max(int(np.ceil(_STEPS_PER_PX * np.hypot(*ways_px.T).max())), 4)
     at = (np.arange(count) + 0.5) / count - 0.5
@@ -62,12 +64,15 @@ def motion_blur(picture: Float32Array, ways_px: Callable[[FloatArray], FloatArra
 
     Parameters
     ----------
-    picture : (H, W[, bands]) at mid-exposure; the border is replicated.
-    ways_px : function from (K, 2) pixels to their (K, 2) displacements during the exposure [px].
+    picture : (H, W[, bands]) array
+        At mid-exposure; the border is replicated.
+    ways_px : callable
+        Function from (K, 2) pixels to their (K, 2) displacements during the exposure [px].
 
     Returns
     -------
-    (H, W[, bands]) float32.
+    (H, W[, bands]) array
+        float32.
     """
     height, width = picture.shape[:2]
     tile = _tile_size(width, height, ways_px)

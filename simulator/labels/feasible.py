@@ -32,7 +32,8 @@ def visible_samples(views: Sequence[ProjectedEdge], camera: Camera) -> tuple[Flo
 
     Returns
     -------
-    pixels (S, 2), and the edge's normal in the image at each (S, 2), exact for a distorted edge.
+    tuple of array
+        Pixels (S, 2), and the edge's normal in the image at each (S, 2), exact for a distorted edge.
     """
     ends = np.array([view.ends_px for view in views]).reshape(-1, 2, 2)
     lengths = np.hypot(*(ends[:, 1] - ends[:, 0]).T)
@@ -66,13 +67,17 @@ def wireframe_step_share(
 
     Parameters
     ----------
-    views : projected edges of the target.
-    signal : (H, W) noise-free signal, 1 at full scale.
-    level : mean of the signal from `mean_level`.
+    views : sequence of ProjectedEdge
+        Projected edges of the target.
+    signal : (H, W) array
+        Noise-free signal, 1 at full scale.
+    level : float
+        Mean of the signal from `mean_level`.
 
     Returns
     -------
-    0..1; 0 when no edge is visible.
+    float
+        0..1; 0 when no edge is visible.
     """
     pixels, normals = visible_samples(views, scene.camera)
     if len(pixels) == 0:

@@ -28,9 +28,10 @@ class ImportedTruth(msgspec.Struct, frozen=True, kw_only=True):
 
     Attributes
     ----------
-    source : the image's name in the original set.
-    t_s : seconds from the first image of a sequence; 0 if the set has no
-        times.
+    source : str
+        The image's name in the original set.
+    t_s : float
+        Seconds from the first image of a sequence; 0 if the set has no times.
     """
 
     schema: Literal["flyaround.imported"] = "flyaround.imported"

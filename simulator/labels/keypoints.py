@@ -31,14 +31,20 @@ def label_keypoints(
 
     Parameters
     ----------
-    scene : the frame's snapshot.
-    target, mesh : the model and its joined triangles.
-    signal : (H, W) noise-free signal, 1 at full scale, not clipped.
+    scene : SceneState
+        The frame's snapshot.
+    target : Target
+        The model and its joined triangles.
+    mesh : TriangleMesh
+        The model and its joined triangles.
+    signal : (H, W) array
+        Noise-free signal, 1 at full scale, not clipped.
 
     Returns
     -------
-    One label per keypoint; ``state`` is the first that applies of out_of_frame, self_occluded, eclipsed,
-    shadowed, saturated, below_noise, visible.
+    tuple of KeypointLabel
+        One label per keypoint; ``state`` is the first that applies of out_of_frame, self_occluded, eclipsed, shadowed,
+        saturated, below_noise, visible.
     """
     scenes = keypoint_scenes(scene, target)
     pixels = project_keypoints(scenes, target)
@@ -94,7 +100,8 @@ def geometric_states(
 
     Parameters
     ----------
-    scenes : result of `keypoint_scenes`, if already known.
+    scenes : sequence of SceneState, optional
+        Result of `keypoint_scenes`, if already known.
     """
     scenes = keypoint_scenes(scene, target) if scenes is None else scenes
     pose = scene.camera_from_target
@@ -130,8 +137,10 @@ def radiometric_state(scene: SceneState, pixel: np.ndarray, signal: Float32Array
 
     Parameters
     ----------
-    pixel : (2,) projection.
-    signal : (H, W) noise-free image, 1 at full scale.
+    pixel : (2,) array
+        Projection.
+    signal : (H, W) array
+        Noise-free image, 1 at full scale.
     """
     u, v = (int(x) for x in np.rint(pixel))
     r = CONTRAST_RADIUS_PX

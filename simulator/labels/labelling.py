@@ -56,9 +56,12 @@ class Labels:
 
     Parameters
     ----------
-    mask : (H, W) uint8, 255 on the target.
-    depth_m : (H, W) camera z, NaN outside.
-    layers : the label images that were requested, by name.
+    mask : (H, W) uint8 array
+        255 on the target.
+    depth_m : (H, W) array
+        Camera z, NaN outside.
+    layers : dict
+        The label images that were requested, by name.
     """
 
     truth: Truth
@@ -82,12 +85,18 @@ def label_picture(
 
     Parameters
     ----------
-    renderer : renderer of the image.
-    scene : scene that the image shows.
-    target : model of the target.
-    request : label layers to render in addition to truth and mask.
-    signal : (H, W[, 3]) noise-free signal, 1 at full scale.
-    image : digital numbers of the image.
+    renderer : Renderer
+        Renderer of the image.
+    scene : SceneState
+        Scene that the image shows.
+    target : Target
+        Model of the target.
+    request : LabelRequest
+        Label layers to render in addition to truth and mask.
+    signal : (H, W[, 3]) array
+        Noise-free signal, 1 at full scale.
+    image : array
+        Digital numbers of the image.
     """
     mono = mono_signal(signal)
     clean = clean_twin(scene, signal) if "clean" in request.layers else None
@@ -152,12 +161,18 @@ def truth_record(
 
     Parameters
     ----------
-    signal : (H, W) noise-free signal, 1 at full scale.
-    level : function that returns the mean of ``signal``.
-    silhouette_inside : share of the target's silhouette inside the image.
-    amodal : bounding box of the whole target, or None.
-    wireframe : True to list each edge with its visible intervals.
-    software : versions to record.
+    signal : (H, W) array
+        Noise-free signal, 1 at full scale.
+    level : callable
+        Function that returns the mean of ``signal``.
+    silhouette_inside : float
+        Share of the target's silhouette inside the image.
+    amodal : Box or None
+        Bounding box of the whole target, or None.
+    wireframe : bool
+        True to list each edge with its visible intervals.
+    software : Software
+        Versions to record.
     """
     mesh = mesh_of(target)
     views = view_edges(scene.camera, scene.camera_from_target, target, mesh)

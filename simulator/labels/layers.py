@@ -62,9 +62,12 @@ def draw_layers(
 
     Parameters
     ----------
-    surface : surface at the pixels' centres.
-    mask : visible mask.
-    amodal_box : bounds of the projected craft.
+    surface : Surfaces
+        Surface at the pixels' centres.
+    mask : array
+        Visible mask.
+    amodal_box : Box or None
+        Bounds of the projected craft.
     """
     layers: dict[str, NDArray[Any]] = {}
     origin = None
@@ -121,7 +124,8 @@ def amodal_mask(
 
     Parameters
     ----------
-    box : bounds of the projected craft; None if part of it is behind the camera, where it has no bounds.
+    box : Box or None
+        Bounds of the projected craft; None if part of it is behind the camera, where it has no bounds.
     """
     height, width = mask.shape
     reach = int(AMODAL_REACH * max(width, height))
@@ -173,7 +177,8 @@ def _pinhole_flow(
 
     Parameters
     ----------
-    R, t : motion of a point x of the camera frame to the next frame: R x + t.
+    R, t : array
+        Motion of a point x of the camera frame to the next frame: R x + t.
     """
     v, u = (np.arange(part.start, part.stop, dtype=float) for part in window)
     x, y = (u - camera.cx_px) / camera.fx_px, ((v - camera.cy_px) / camera.fy_px)[:, None]

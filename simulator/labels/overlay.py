@@ -42,9 +42,14 @@ def draw_truth(
 
     Parameters
     ----------
-    image : (H, W) or (H, W, 3), as the record's camera delivered it.
-    truth, target : the record and its model.
-    wireframe : True to draw the visible parts of the edges.
+    image : (H, W) or (H, W, 3), array
+        As the record's camera delivered it.
+    truth : Truth
+        The record and its model.
+    target : Target
+        The record and its model.
+    wireframe : bool, optional
+        True to draw the visible parts of the edges.
     """
     pose, camera = truth.scene.camera_from_target, truth.camera
     canvas = screen_rgb(image, truth.scene.sensor, camera.pixel_encoding)
@@ -103,9 +108,12 @@ def draw_axes(canvas: ByteArray, camera: Camera, pose: Pose, length_m: float) ->
 
     Parameters
     ----------
-    canvas : (H, W, 3), 8 bits.
-    pose : camera-from-target pose.
-    length_m : length of each arrow.
+    canvas : (H, W, 3), array
+        8 bits.
+    pose : Pose
+        Camera-from-target pose.
+    length_m : float
+        Length of each arrow.
     """
     picture = canvas.copy()
     weight = max(1, round(camera.width_px / 640))

@@ -108,10 +108,12 @@ def classes_from(document: dict[str, Any], where: str, parts: Sequence[str]) -> 
 
     Parameters
     ----------
-    document : the parsed file.
+    document : dict
+        The parsed file.
     where : str
         Name of the file in messages.
-    parts : names of the target's parts.
+    parts : sequence of str
+        Names of the target's parts.
 
     Raises
     ------

@@ -22,8 +22,10 @@ class LabelRequest:
 
     Parameters
     ----------
-    layers : names out of ``LAYERS``.
-    flow : motion of the craft to the next frame; without it a frame has no optical flow.
+    layers : tuple of str, optional
+        Names out of ``LAYERS``.
+    flow : FlowLabel, optional
+        Motion of the craft to the next frame; without it a frame has no optical flow.
     """
 
     layers: tuple[str, ...] = ()

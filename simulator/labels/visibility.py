@@ -39,7 +39,8 @@ def occluded_from_camera(mesh: TriangleMesh, points_m: ArrayLike, camera_from_ta
 
     Parameters
     ----------
-    points_m : (K, 3) points on the surface, in front of the camera, target frame [m].
+    points_m : array_like
+        (K, 3) points on the surface, in front of the camera, target frame [m].
     """
     points = camera_from_target.apply(points_m)
     distance = np.linalg.norm(points, axis=1)
@@ -54,8 +55,10 @@ def hidden_from_direction(mesh: TriangleMesh, points_m: ArrayLike, direction: Ar
 
     Parameters
     ----------
-    points_m : (K, 3) points on the surface, target frame [m].
-    direction : (3,) unit vector towards the source, target frame.
+    points_m : array_like
+        (K, 3) points on the surface, target frame [m].
+    direction : array_like
+        (3,) unit vector towards the source, target frame.
     """
     towards = vec3(np.asarray(direction, float))
     points = np.asarray(points_m, float) @ across(towards).T

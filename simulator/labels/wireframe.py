@@ -41,11 +41,18 @@ class ProjectedEdge:
 
     Parameters
     ----------
-    edge : the model's edge.
-    ends_px : (2, 2) projected ends, not clipped to the image.
-    inverse_depth : (2,) inverse depth of the ends, linear along the projected edge [m-1].
-    stretches : visible intervals, as shares 0..1 of the edge's undistorted projection.
-    straight_px, lens : undistorted ends (2, 2) and the camera, if the lens distorts; else None.
+    edge : Edge
+        The model's edge.
+    ends_px : (2, 2) array
+        Projected ends, not clipped to the image.
+    inverse_depth : (2,) array
+        Inverse depth of the ends, linear along the projected edge [m-1].
+    stretches : tuple of tuple of float
+        Visible intervals, as shares 0..1 of the edge's undistorted projection.
+    straight_px : array, optional
+        Undistorted ends (2, 2) and the camera, if the lens distorts; else None.
+    lens : Camera, optional
+        Undistorted ends (2, 2) and the camera, if the lens distorts; else None.
     """
 
     edge: Edge
@@ -84,7 +91,8 @@ def view_edges(
 
     Parameters
     ----------
-    mesh : all triangles of ``target``.
+    mesh : TriangleMesh
+        All triangles of ``target``.
     """
     wires = _wires(target)
     in_camera = camera_from_target.apply(wires.ends_m)
@@ -128,10 +136,14 @@ class _Wires:
 
     Parameters
     ----------
-    ends_m : (E, 2, 3) ends.
-    radius_m : (E,) radius of rods, else 0.
-    planes : (P, 4) faces that meet at the edges: outward unit normal, and negated distance from the origin [m].
-    owner : (P,) edge of each plane.
+    ends_m : (E, 2, 3) array
+        Ends.
+    radius_m : (E,) array
+        Radius of rods, else 0.
+    planes : (P, 4) array
+        Faces that meet at the edges: outward unit normal, and negated distance from the origin [m].
+    owner : (P,) array
+        Edge of each plane.
     """
 
     ends_m: FloatArray

@@ -48,9 +48,12 @@ class Autopilot:
 
     Parameters
     ----------
-    port : docking port of the target.
-    target_radius_m : radius of the sphere about its centre of mass.
-    limits : docking limits to keep within.
+    port : DockingPort
+        Docking port of the target.
+    target_radius_m : float
+        Radius of the sphere about its centre of mass.
+    limits : DockingLimits
+        Docking limits to keep within.
     """
 
     def __init__(self, port: DockingPort, target_radius_m: float, limits: DockingLimits) -> None:
@@ -64,8 +67,10 @@ class Autopilot:
 
         Parameters
         ----------
-        goal_m : distance in front of the port at which to come to rest, or None to dock.
-        held_s : period of control.
+        goal_m : float or None
+            Distance in front of the port at which to come to rest, or None to dock.
+        held_s : float
+            Period of control.
         """
         f = figures
         velocity = np.array([f.right_m_s, f.down_m_s, f.closing_m_s])

@@ -57,9 +57,12 @@ class Steering:
 
     Parameters
     ----------
-    docking : source of the docking figures.
-    thrusters : thrusters, for the propellant used.
-    keep_out : sphere that manual control must not enter.
+    docking : Docking
+        Source of the docking figures.
+    thrusters : Thrusters
+        Thrusters, for the propellant used.
+    keep_out : KeepOut or None
+        Sphere that manual control must not enter.
     """
 
     def __init__(self, docking: Docking, thrusters: Thrusters, keep_out: KeepOut | None) -> None:
@@ -193,8 +196,10 @@ class Steering:
 
         Parameters
         ----------
-        chaser : present state.
-        wanted_s : step given by the clock's rate.
+        chaser : ChaserState
+            Present state.
+        wanted_s : float
+            Step given by the clock's rate.
         """
         longest = min(wanted_s, self._longest_s(chaser))
         edge = self.burns.next_edge_s(chaser.t_s) - chaser.t_s

@@ -129,9 +129,12 @@ def tracking_rate_rad_s(chaser: ChaserState, aim_camera: Vec3, dt_s: float) -> F
 
     Parameters
     ----------
-    chaser : present state.
-    aim_camera : unit vector, camera frame, at which the target should appear.
-    dt_s : duration of the rate.
+    chaser : ChaserState
+        Present state.
+    aim_camera : array
+        Unit vector, camera frame, at which the target should appear.
+    dt_s : float
+        Duration of the rate.
     """
     R_camera_from_eci = matrix_from_quat(chaser.q_camera_from_eci_wxyz)
     los = -R_camera_from_eci @ np.array(chaser.position_eci_m)
@@ -152,10 +155,14 @@ def docked_rate_rad_s(
 
     Parameters
     ----------
-    chaser : present state.
-    attitude : attitude of the target: ``q_eci_from_target_wxyz`` and angular velocity, target axes.
-    port : docking port of the target.
-    dt_s : duration of the rate.
+    chaser : ChaserState
+        Present state.
+    attitude : tuple of array
+        Attitude of the target: ``q_eci_from_target_wxyz`` and angular velocity, target axes.
+    port : DockingPort
+        Docking port of the target.
+    dt_s : float
+        Duration of the rate.
     """
     q_target, omega = attitude
     q_camera_from_target = quat_multiply(chaser.q_camera_from_eci_wxyz, q_target)

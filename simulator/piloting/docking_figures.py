@@ -34,12 +34,18 @@ class DockingFigures:
 
     Parameters
     ----------
-    axial_m : distance in front of the port's plane; negative behind it.
-    closing_m_s : rate at which the distance decreases.
-    right_m, down_m : lateral offset, as a docked camera sees right and down.
-    right_m_s, down_m_s : rate of the offset; all velocities are in the rotating target frame.
-    roll_deg, pitch_deg, yaw_deg : attitude relative to the docked one: clockwise, up, right.
-    roll_deg_s, pitch_deg_s, yaw_deg_s : angular velocity relative to the target, camera axes z, x, y.
+    axial_m : float
+        Distance in front of the port's plane; negative behind it.
+    closing_m_s : float
+        Rate at which the distance decreases.
+    right_m, down_m : float
+        Lateral offset, as a docked camera sees right and down.
+    right_m_s, down_m_s : float
+        Rate of the offset; all velocities are in the rotating target frame.
+    roll_deg, pitch_deg, yaw_deg : float
+        Attitude relative to the docked one: clockwise, up, right.
+    roll_deg_s, pitch_deg_s, yaw_deg_s : float
+        Angular velocity relative to the target, camera axes z, x, y.
     """
 
     t_s: float
@@ -113,9 +119,12 @@ def docking_figures(
 
     Parameters
     ----------
-    chaser : state of the chaser.
-    port : docking port of the target.
-    attitude : attitude of the target: ``q_eci_from_target_wxyz`` and angular velocity, target axes [rad s-1].
+    chaser : ChaserState
+        State of the chaser.
+    port : DockingPort
+        Docking port of the target.
+    attitude : tuple of array
+        Attitude of the target: ``q_eci_from_target_wxyz`` and angular velocity, target axes [rad s-1].
     """
     q_target, omega = attitude
     R_target_from_eci = matrix_from_quat(q_target).T
@@ -160,12 +169,18 @@ class DockingLimits:
 
     Parameters
     ----------
-    name, title : names for commands and for people.
-    source : origin of the limits.
-    closing_m_s, lateral_m, lateral_m_s, attitude_deg, rate_deg_s : limits at contact; the last two for each axis.
-    slowest_m_s : least closing speed at contact.
-    closing_per_m : allowed closing speed per metre of distance [s-1], if larger than ``closing_m_s``.
-    lateral_per_m : growth of the allowed offset and its rate with distance.
+    name, title : str
+        Names for commands and for people.
+    source : str
+        Origin of the limits.
+    closing_m_s, lateral_m, lateral_m_s, attitude_deg, rate_deg_s : float
+        Limits at contact; the last two for each axis.
+    slowest_m_s : float, optional
+        Least closing speed at contact.
+    closing_per_m : float, optional
+        Allowed closing speed per metre of distance [s-1], if larger than ``closing_m_s``.
+    lateral_per_m : float, optional
+        Growth of the allowed offset and its rate with distance.
     """
 
     name: str
@@ -215,9 +230,12 @@ class Judged:
 
     Parameters
     ----------
-    name, unit : texts for people.
-    value : figure, signed if applicable.
-    limit : limit of its magnitude at present.
+    name, unit : str
+        Texts for people.
+    value : float
+        Figure, signed if applicable.
+    limit : float
+        Limit of its magnitude at present.
     """
 
     name: str
@@ -274,11 +292,16 @@ class Contact:
 
     Parameters
     ----------
-    t_s : time.
-    figures : figures just before it.
-    at_port : True if the docking point met the port rather than the body.
-    misses : violated limits, as text; none for a docking.
-    score : 0 to 100.
+    t_s : float
+        Time.
+    figures : DockingFigures
+        Figures just before it.
+    at_port : bool
+        True if the docking point met the port rather than the body.
+    misses : tuple of str
+        Violated limits, as text; none for a docking.
+    score : int
+        0 to 100.
     """
 
     t_s: float
@@ -343,8 +366,10 @@ def docked_state(
 
     Parameters
     ----------
-    attitude : attitude of the target: ``q_eci_from_target_wxyz`` and angular velocity, target axes [rad s-1].
-    port : docking port of the target.
+    attitude : tuple of array
+        Attitude of the target: ``q_eci_from_target_wxyz`` and angular velocity, target axes [rad s-1].
+    port : DockingPort
+        Docking port of the target.
     """
     q_target, omega = attitude
     R_eci_from_target = matrix_from_quat(q_target)

@@ -35,9 +35,12 @@ class DockingPort:
 
     Parameters
     ----------
-    name : name for people.
-    origin_m : centre of the port relative to the target's centre of mass, target axes [m].
-    q_target_from_port_wxyz : orientation of its axes.
+    name : str
+        Name for people.
+    origin_m : array
+        Centre of the port relative to the target's centre of mass, target axes [m].
+    q_target_from_port_wxyz : array
+        Orientation of its axes.
     """
 
     name: str
@@ -59,8 +62,10 @@ def docking_port(target: Target, flight: Flight) -> DockingPort:
 
     Parameters
     ----------
-    target : model of the target.
-    flight : flight whose start defines the attitude, and the side of the port that is down.
+    target : Target
+        Model of the target.
+    flight : Flight
+        Flight whose start defines the attitude, and the side of the port that is down.
     """
     R_target_from_lvlh = target_from_lvlh(flight, 0.0)
     com = np.array(target.mass.com_m)
@@ -83,9 +88,10 @@ def port_along(
 
     Parameters
     ----------
-    axis_target : (3,) outward axis, not normalised.
-    R_target_from_lvlh : (3, 3) attitude; nadir is the port's down
-        side.
+    axis_target : (3,) array
+        Outward axis, not normalised.
+    R_target_from_lvlh : (3, 3) array
+        Attitude; nadir is the port's down side.
     """
     axis = axis_target / np.linalg.norm(axis_target)
     com = np.array(target.mass.com_m)
@@ -134,8 +140,10 @@ def way_to_surface_m(target: Target, origin_m: FloatArray, direction: FloatArray
 
     Parameters
     ----------
-    origin_m : (3,) model frame.
-    direction : (3,) unit vector.
+    origin_m : (3,) array
+        Model frame.
+    direction : (3,) array
+        Unit vector.
     """
     way, triangle = _ray_caster(target).first_hits(origin_m[None], direction)
     return None if triangle[0] < 0 or not np.isfinite(way[0]) else float(way[0])

@@ -58,9 +58,12 @@ class Docking:
 
     Parameters
     ----------
-    target : model of the target.
-    flight : flight whose start defines the direction of the port.
-    keep_out : sphere whose corridor, if any, bounds the approach.
+    target : Target
+        Model of the target.
+    flight : Flight
+        Flight whose start defines the direction of the port.
+    keep_out : KeepOut or None
+        Sphere whose corridor, if any, bounds the approach.
     """
 
     def __init__(self, target: Target, flight: Flight, keep_out: KeepOut | None) -> None:

@@ -42,8 +42,10 @@ class FlownPlace:
 
     Parameters
     ----------
-    steered : the chaser under manual control, None under guidance.
-    controls : state of the controls, as passed to `Timeline.add`.
+    steered : ChaserState or None
+        The chaser under manual control, None under guidance.
+    controls : object
+        State of the controls, as passed to `Timeline.add`.
     """
 
     t_s: float

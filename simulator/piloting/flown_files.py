@@ -24,8 +24,10 @@ class FlownFiles:
 
     Parameters
     ----------
-    session : session to export.
-    folder : empty or new folder.
+    session : FlightSession
+        Session to export.
+    folder : Path
+        Empty or new folder.
 
     Raises
     ------

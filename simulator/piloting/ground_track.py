@@ -37,11 +37,16 @@ class GroundTrack:
 
     Parameters
     ----------
-    t_s : time of the flight.
-    times_s : (n,) times from one orbit before to one after it.
-    latitude_deg, longitude_deg : (n,) geodetic coordinates below the target.
-    sunlit : (n,) share of the Sun's disc visible from the target.
-    enters_s, leaves_s : start and end of the next eclipse; None if there is none within an orbit and a half.
+    t_s : float
+        Time of the flight.
+    times_s : (n,) array
+        Times from one orbit before to one after it.
+    latitude_deg, longitude_deg : (n,) array
+        Geodetic coordinates below the target.
+    sunlit : (n,) array
+        Share of the Sun's disc visible from the target.
+    enters_s, leaves_s : float or None
+        Start and end of the next eclipse; None if there is none within an orbit and a half.
     """
 
     t_s: float
@@ -60,8 +65,10 @@ def ground_track(flight: Flight, t_s: float) -> GroundTrack:
 
     Parameters
     ----------
-    flight : flight of the target.
-    t_s : time within it.
+    flight : Flight
+        Flight of the target.
+    t_s : float
+        Time within it.
     """
     r, v = flight.orbit(t_s)
     body, mu = flight.body, flight.body.mu_m3_s2
@@ -172,7 +179,8 @@ def subsolar_deg(r_sun_eci_m: FloatArray, R_fixed_from_eci: FloatArray) -> tuple
 
     Parameters
     ----------
-    r_sun_eci_m : (3,) position of the Sun from the body's centre.
+    r_sun_eci_m : (3,) array
+        Position of the Sun from the body's centre.
     """
     x, y, z = R_fixed_from_eci @ r_sun_eci_m
     return math.degrees(math.atan2(z, math.hypot(x, y))), math.degrees(math.atan2(y, x))

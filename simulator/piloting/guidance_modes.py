@@ -34,12 +34,18 @@ class Guided:
 
     Parameters
     ----------
-    title : name for people.
-    mode : mode of `flyaround.simulator.world`.
-    n_rad_s : mean motion.
-    start_s : start time.
-    join : states at the start and end of the joining path.
-    join_s : duration of the transfer to the path.
+    title : str
+        Name for people.
+    mode : Chaser
+        Mode of `flyaround.simulator.world`.
+    n_rad_s : float
+        Mean motion.
+    start_s : float
+        Start time.
+    join : tuple of LvlhState
+        States at the start and end of the joining path.
+    join_s : float
+        Duration of the transfer to the path.
     """
 
     title: str
@@ -76,7 +82,8 @@ class Guided:
 
         Parameters
         ----------
-        state : present position [m] and velocity [m s-1] of the chaser, LVLH.
+        state : LvlhState
+            Present position [m] and velocity [m s-1] of the chaser, LVLH.
         """
         if t_s >= self.coasts_from_s:
             return np.zeros(3)
@@ -96,7 +103,8 @@ def begin_mode(
 
     Parameters
     ----------
-    orbit : orbit of the target, to whose eccentricity free flight is adapted; by default circular.
+    orbit : OrbitTrack, optional
+        Orbit of the target, to whose eccentricity free flight is adapted; by default circular.
     """
     end = mode.state_lvlh(0.0, n_rad_s)
     join_s = _join_s(state, end)
@@ -120,8 +128,10 @@ def cubic_between(start: LvlhState, end: LvlhState, duration_s: float, t_s: floa
 
     Parameters
     ----------
-    duration_s : time between them.
-    t_s : time since the first.
+    duration_s : float
+        Time between them.
+    t_s : float
+        Time since the first.
     """
     (p0, v0), (p1, v1) = start, end
     x, T = t_s / duration_s, duration_s

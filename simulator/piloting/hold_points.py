@@ -26,8 +26,10 @@ class HoldPoint:
 
     Parameters
     ----------
-    axial_m : distance of the docking point in front of the port.
-    decision : open until the operator decides, or until the chaser passes the point without a go.
+    axial_m : float
+        Distance of the docking point in front of the port.
+    decision : Decision, optional
+        Open until the operator decides, or until the chaser passes the point without a go.
     """
 
     name: str
@@ -45,8 +47,10 @@ class HoldPoints:
 
     Parameters
     ----------
-    start_m : distance at which the approach begins.
-    distances_m : distances of the points.
+    start_m : float
+        Distance at which the approach begins.
+    distances_m : tuple of float, optional
+        Distances of the points.
     """
 
     def __init__(self, start_m: float, distances_m: tuple[float, ...] = DISTANCES_M) -> None:

@@ -65,7 +65,8 @@ def next_event_s(flight: Flight, event: Event, after_s: float, until_s: float | 
 
     Parameters
     ----------
-    flight : must reach ``until_s``, or else `search_s` beyond ``after_s``.
+    flight : Flight
+        Must reach ``until_s``, or else `search_s` beyond ``after_s``.
     """
     margin = margin_of(flight, event)
     end_s = after_s + search_s(flight) if until_s is None else until_s

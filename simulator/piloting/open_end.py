@@ -28,7 +28,8 @@ def orbit_ahead(plan: Plan, span_s: float, *, quick: bool) -> Flight:
 
     Parameters
     ----------
-    quick : True for a point mass with J2 instead of the scenario's forces: seconds off after some orbits.
+    quick : bool
+        True for a point mass with J2 instead of the scenario's forces: seconds off after some orbits.
     """
     plain = msgspec.structs.replace(plan.scenario, chaser=STILL, attitude=Attitude(motion="fixed"))
     if quick:
@@ -44,10 +45,14 @@ def longer_flight(plan: Plan, flight: Flight, spans_s: tuple[float, ...], *, gui
 
     Parameters
     ----------
-    plan : plan of the scenario.
-    flight : present flight.
-    guided : True if guidance flies to its end.
-    spans_s : spans from the start in order of preference; a later one is used if an earlier one is impossible.
+    plan : Plan
+        Plan of the scenario.
+    flight : Flight
+        Present flight.
+    guided : bool
+        True if guidance flies to its end.
+    spans_s : tuple of float
+        Spans from the start in order of preference; a later one is used if an earlier one is impossible.
 
     Raises
     ------

@@ -34,8 +34,10 @@ class PlannedBurn:
 
     Parameters
     ----------
-    t_s : time of its centre, since the scenario's start.
-    delta_v_lvlh_m_s : radial, along-track, cross-track.
+    t_s : float
+        Time of its centre, since the scenario's start.
+    delta_v_lvlh_m_s : array
+        Radial, along-track, cross-track.
     """
 
     t_s: float
@@ -130,9 +132,12 @@ class PredictedPath:
 
     Parameters
     ----------
-    times_s : (n,) times.
-    points_lvlh_m : (n, 3) positions.
-    nodes_lvlh_m : (burns, 3) position of each burn.
+    times_s : (n,) array
+        Times.
+    points_lvlh_m : (n, 3) array
+        Positions.
+    nodes_lvlh_m : (burns, 3) array
+        Position of each burn.
     """
 
     times_s: FloatArray
@@ -147,10 +152,14 @@ def predicted_path(
 
     Parameters
     ----------
-    orbit : orbit of the target.
-    chaser : present state.
-    after_s : time after the last burn.
-    samples : points per leg between burns.
+    orbit : OrbitTrack
+        Orbit of the target.
+    chaser : ChaserState
+        Present state.
+    after_s : float
+        Time after the last burn.
+    samples : int, optional
+        Points per leg between burns.
     """
     mu = orbit.forces.mu_m3_s2
     elements = elements_from_state(*orbit(chaser.t_s), mu)

@@ -40,7 +40,8 @@ class FlightRecorder:
 
     Parameters
     ----------
-    clock : monotonic time [s].
+    clock : callable, optional
+        Monotonic time [s].
     """
 
     def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:

@@ -64,8 +64,8 @@ class FlightState:
     docked, braking, guarded, plume : bool
         True while the port holds the chaser; while the brake is active; while the keep-out guard overrides the pilot;
         while the plume strikes the target.
-    news : tuple of (level, text)
-        Notes, cautions and warnings that began in the last step.
+    news : tuple of News, optional
+        Tuple of (level, text) Notes, cautions and warnings that began in the last step.
     """
 
     t_s: float

@@ -43,10 +43,14 @@ class DrawnView:
 
     Parameters
     ----------
-    reference : library and number of the view, as recorded in labels.
-    place : place and attitude of the camera.
-    euler_deg : Euler angles of the camera, left-handed axes.
-    redraws : number of draws that were rejected, for example because the ground was not lit.
+    reference : BackgroundView
+        Library and number of the view, as recorded in labels.
+    place : PlaceInSky
+        Place and attitude of the camera.
+    euler_deg : array
+        Euler angles of the camera, left-handed axes.
+    redraws : int
+        Number of draws that were rejected, for example because the ground was not lit.
     """
 
     reference: BackgroundView
@@ -60,9 +64,12 @@ def draw_view(library: Background, camera: Camera, number: int) -> DrawnView:
 
     Parameters
     ----------
-    library : settings of the library.
-    camera : camera whose image must show the body's day side.
-    number : number of the view.
+    library : Background
+        Settings of the library.
+    camera : Camera
+        Camera whose image must show the body's day side.
+    number : int
+        Number of the view.
 
     Raises
     ------
@@ -115,8 +122,10 @@ def _sunlit_share(
 
     Parameters
     ----------
-    r_m : (3,) camera position from the body's centre.
-    to_sun : (3,) unit vector to the Sun.
+    r_m : (3,) array
+        Camera position from the body's centre.
+    to_sun : (3,) array
+        Unit vector to the Sun.
     """
     u, v = np.meshgrid(np.linspace(0, camera.width_px - 1, 13), np.linspace(0, camera.height_px - 1, 10))
     rays = camera.rays(np.stack([u.ravel(), v.ravel()], axis=1)) @ R_eci_from_camera.T

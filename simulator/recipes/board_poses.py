@@ -28,15 +28,21 @@ def board_pose(
 
     Parameters
     ----------
-    rng : random generator.
-    camera : camera to calibrate.
-    target : flat target.
-    k : number of the pose, which selects the cell.
-    facing_deg : largest tilt out of the plane perpendicular to the line of sight.
+    rng : Generator
+        Random generator.
+    camera : Camera
+        Camera to calibrate.
+    target : Target
+        Flat target.
+    k : int
+        Number of the pose, which selects the cell.
+    facing_deg : float
+        Largest tilt out of the plane perpendicular to the line of sight.
 
     Returns
     -------
-    q_camera_from_target_wxyz (4,), t_camera_from_target_m (3,).
+    tuple of array
+        q_camera_from_target_wxyz (4,), t_camera_from_target_m (3,).
     """
     points = np.concatenate([p.positions_m for p in target.parts]).astype(float)
     low, high = points.min(axis=0), points.max(axis=0)

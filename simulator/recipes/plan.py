@@ -58,8 +58,10 @@ class RecipePlan(DocumentPlan):
 
     Parameters
     ----------
-    n_frames : number of samples.
-    environment : replaces the recipe's layers of the world.
+    n_frames : int
+        Number of samples.
+    environment : Environment, optional
+        Replaces the recipe's layers of the world.
     """
 
     recipe: Recipe
@@ -234,11 +236,16 @@ def plan_recipe(
 
     Parameters
     ----------
-    name : name of a built-in recipe, file, or the recipe itself.
-    n : number of samples, by default the recipe's.
-    target, camera : name or file to use instead of the recipe's.
-    environment : replaces the recipe's layers of the
-        world.
+    name : str, Path or Recipe
+        Name of a built-in recipe, file, or the recipe itself.
+    n : int, optional
+        Number of samples, by default the recipe's.
+    target : str, optional
+        Name or file to use instead of the recipe's.
+    camera : str or Path, optional
+        Name or file to use instead of the recipe's.
+    environment : Environment, optional
+        Replaces the recipe's layers of the world.
 
     Raises
     ------

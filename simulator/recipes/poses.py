@@ -52,7 +52,8 @@ def draw_pose(rng: Generator, recipe: Recipe, camera: Camera, target: Target, k:
 
     Parameters
     ----------
-    k : number of the sample, which selects the cell of a board.
+    k : int
+        Number of the sample, which selects the cell of a board.
 
     Raises
     ------

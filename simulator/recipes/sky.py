@@ -38,14 +38,22 @@ class PlaceInSky:
 
     Parameters
     ----------
-    R_eci_from_camera : (3, 3) attitude of the camera.
-    camera_eci_m : (3,) camera position.
-    origin_eci_m : (3,) origin of the model, if placed.
-    along_eci : (3,) direction of motion about the body, not normalised.
-    body : central body.
-    centre_m_s : (3,) its velocity.
-    r_sun_eci_m : (3,) apparent position of the Sun.
-    bodies : states of the bodies, see `SceneState`.
+    R_eci_from_camera : (3, 3) array
+        Attitude of the camera.
+    camera_eci_m : (3,) array
+        Camera position.
+    origin_eci_m : (3,) array, optional
+        Origin of the model, if placed.
+    along_eci : (3,) array
+        Direction of motion about the body, not normalised.
+    body : Body
+        Central body.
+    centre_m_s : (3,) array
+        Its velocity.
+    r_sun_eci_m : (3,) array
+        Apparent position of the Sun.
+    bodies : tuple of BodyState
+        States of the bodies, see `SceneState`.
     """
 
     now: Instant
@@ -116,8 +124,10 @@ def place_in_sky(rng: Generator, sky: Sky, t_m: FloatArray, sun: FloatArray, nad
 
     Parameters
     ----------
-    t_m : (3,) model's origin, camera axes, at the sky's altitude.
-    sun, nadir : (3,) directions, camera axes.
+    t_m : (3,) array
+        Model's origin, camera axes, at the sky's altitude.
+    sun, nadir : (3,) array
+        Directions, camera axes.
     """
     body = body_named(sky.body)
     now = random_moment(rng)

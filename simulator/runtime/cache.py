@@ -58,8 +58,9 @@ def entry_name(name: str, makers: Sequence[Callable[..., object]], *inputs: obje
     makers : sequence of callables
         The function that makes the entry, and one of each other module on which its output depends: the source code of
         their modules is hashed.
-    *inputs : numbers, texts, bytes, arrays, dataclasses, and tuples or lists of them
-        Arguments of the maker. Floats that are computed should be rounded: processors differ in their last bits.
+    *inputs : object
+        Numbers, texts, bytes, arrays, dataclasses, and tuples or lists of them Arguments of the maker. Floats that are
+        computed should be rounded: processors differ in their last bits.
 
     Raises
     ------
@@ -151,7 +152,8 @@ def store_checked(path: Path, write: Callable[[IO[bytes]], object]) -> bool:
 
     Returns
     -------
-    True if it was stored. A full, read-only or foreign disk only costs time at every start: it is logged, no error.
+    bool
+        True if it was stored. A full, read-only or foreign disk only costs time at every start: it is logged, no error.
     """
     temporary: Path | None = None
     try:

@@ -45,7 +45,8 @@ def cached_array(key: str, make: Callable[[], NDArray[_T]]) -> NDArray[_T]:
 
     Parameters
     ----------
-    key : file name without suffix; it must change whenever the output of ``make`` would.
+    key : str
+        File name without suffix; it must change whenever the output of ``make`` would.
     """
     return cached_arrays((key,), lambda: (make(),))[0]
 

@@ -42,7 +42,8 @@ class Carrier:
 
         Returns
         -------
-        The pickled value without its arrays, and the size of each array [bytes].
+        tuple
+            The pickled value without its arrays, and the size of each array [bytes].
         """
         buffers: list[pickle.PickleBuffer] = []
         payload = pickle.dumps(value, protocol=5, buffer_callback=buffers.append)

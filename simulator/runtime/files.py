@@ -101,9 +101,12 @@ def empty_folder(path: Path, *, option: str = "-o", resume: bool | None = None, 
 
     Parameters
     ----------
-    option : command-line option that names the folder.
-    resume : True to continue with the present contents; None for a command that never does.
-    advice : further remedy for a folder that is not empty.
+    option : str, optional
+        Command-line option that names the folder.
+    resume : bool, optional
+        True to continue with the present contents; None for a command that never does.
+    advice : str, optional
+        Further remedy for a folder that is not empty.
 
     Raises
     ------

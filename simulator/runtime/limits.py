@@ -15,7 +15,8 @@ def limits_problem(*, drawing: bool) -> str | None:
 
     Parameters
     ----------
-    drawing : True if the command draws.
+    drawing : bool
+        True if the command draws.
     """
     try:
         import resource  # noqa: PLC0415 - Unix only

@@ -32,8 +32,10 @@ class Plugin:
 
     Parameters
     ----------
-    name : name of the entry point.
-    package, version : distribution that provides it.
+    name : str
+        Name of the entry point.
+    package, version : str
+        Distribution that provides it.
     """
 
     kind: Kind

@@ -71,6 +71,7 @@ def watch_steps(steps: Mapping[str, Future[Any]]) -> None:
 
     Parameters
     ----------
-    steps : futures by name for people, in the order in which they should end.
+    steps : mapping
+        Futures by name for people, in the order in which they should end.
     """
     _reporter.watch(steps)

@@ -28,7 +28,8 @@ def pack(tree: object, *kinds: type) -> ByteArray:
 
     Parameters
     ----------
-    kinds : types of the dataclasses in the tree, the root's first.
+    kinds : type
+        Types of the dataclasses in the tree, the root's first.
 
     Raises
     ------
@@ -50,7 +51,8 @@ def unpack(packed: ByteArray, of: type[_T], *inner: type) -> _T:
 
     Parameters
     ----------
-    of, inner : the ``kinds`` that were given to `pack`.
+    of, inner : type
+        The ``kinds`` that were given to `pack`.
 
     Raises
     ------

@@ -42,7 +42,8 @@ def share_processors(processes: int) -> None:
 
     Parameters
     ----------
-    processes : number of drawing processes, this one included; 1 changes nothing.
+    processes : int
+        Number of drawing processes, this one included; 1 changes nothing.
     """
     if processes > 1:
         share = usable_processors() // processes

@@ -32,8 +32,10 @@ def read_toml(path: Path, name: str, advice: str) -> bytes:
 
     Parameters
     ----------
-    name : name of the file in messages.
-    advice : remedy if it cannot be read.
+    name : str
+        Name of the file in messages.
+    advice : str
+        Remedy if it cannot be read.
 
     Raises
     ------
@@ -51,12 +53,15 @@ def parse_toml(content: bytes, where: str) -> dict[str, Any]:
 
     Parameters
     ----------
-    content : bytes of the file.
-    where : name of the file in messages.
+    content : bytes
+        Bytes of the file.
+    where : str
+        Name of the file in messages.
 
     Returns
     -------
-    The document. Every number in it is finite, and no table lies deeper than 64 others.
+    dict
+        The document. Every number in it is finite, and no table lies deeper than 64 others.
 
     Raises
     ------

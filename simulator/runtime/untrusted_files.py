@@ -45,7 +45,8 @@ def read_regular(path: Path, most_bytes: int) -> bytes:
 
     Parameters
     ----------
-    most_bytes : size limit; a longer file is refused before it is read.
+    most_bytes : int
+        Size limit; a longer file is refused before it is read.
 
     Raises
     ------
@@ -92,10 +93,14 @@ def find_beside(owner: Path, name: str, what: str, root: Path | None = None) -> 
 
     Parameters
     ----------
-    owner : file that contains the name.
-    name : relative, with / or backslashes.
-    what : kind of file, for messages.
-    root : folder that must not be left; by default that of ``owner``.
+    owner : Path
+        File that contains the name.
+    name : str
+        Relative, with / or backslashes.
+    what : str
+        Kind of file, for messages.
+    root : Path, optional
+        Folder that must not be left; by default that of ``owner``.
 
     Raises
     ------
@@ -183,7 +188,8 @@ def refuse_deep(data: bytes, where: str, skip: re.Pattern[bytes] = JSON_TEXT) ->
 
     Parameters
     ----------
-    skip : pattern of the language's strings and comments, whose brackets do not count.
+    skip : Pattern, optional
+        Pattern of the language's strings and comments, whose brackets do not count.
 
     Raises
     ------

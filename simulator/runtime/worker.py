@@ -47,8 +47,10 @@ class ProcessDiedError(RuntimeError):
 
     Parameters
     ----------
-    name : name of the process in messages.
-    exit_code : exit code, or minus the number of the signal; None if unknown.
+    name : str
+        Name of the process in messages.
+    exit_code : int or None
+        Exit code, or minus the number of the signal; None if unknown.
     """
 
     def __init__(self, name: str, exit_code: int | None) -> None:
@@ -63,10 +65,14 @@ class WorkerProcess(Generic[T]):
 
     Parameters
     ----------
-    work : module-level function with a picklable result.
-    open_resource : picklable function, called once in the process; it returns a context manager, left at the end.
-    capacity : largest number of jobs in flight.
-    name : name of the process in messages.
+    work : callable
+        Module-level function with a picklable result.
+    open_resource : callable
+        Picklable function, called once in the process; it returns a context manager, left at the end.
+    capacity : int, optional
+        Largest number of jobs in flight.
+    name : str, optional
+        Name of the process in messages.
 
     Raises
     ------

@@ -33,13 +33,22 @@ class WorkerPool(Generic[T]):
 
     Parameters
     ----------
-    work, open_resource, name : parameters of `WorkerProcess`.
-    count : number of processes.
-    capacity : largest number of jobs in flight in each process.
-    restarts : True to restart all processes if one dies.
-    answer_within_s : restart processes that use no processor time for this long while a result is due; None waits for
-        ever.
-    clock : monotonic time [s].
+    work : callable
+        Parameters of `WorkerProcess`.
+    open_resource : callable
+        Parameters of `WorkerProcess`.
+    name : str, optional
+        Parameters of `WorkerProcess`.
+    count : int
+        Number of processes.
+    capacity : int, optional
+        Largest number of jobs in flight in each process.
+    restarts : bool, optional
+        True to restart all processes if one dies.
+    answer_within_s : float, optional
+        Restart processes that use no processor time for this long while a result is due; None waits for ever.
+    clock : callable, optional
+        Monotonic time [s].
     """
 
     def __init__(

@@ -310,8 +310,10 @@ def reversed_intervals(value: object, key: str = "") -> Iterator[str]:
 
     Parameters
     ----------
-    value : section, list of sections or value.
-    key : key of the value in the file.
+    value : object
+        Section, list of sections or value.
+    key : str, optional
+        Key of the value in the file.
     """
     if isinstance(value, msgspec.Struct):
         for name, inner in msgspec.structs.asdict(value).items():

@@ -188,8 +188,10 @@ def with_choices(document: D, encoding: Encoding | None, *, auto_exposure: bool)
 
     Parameters
     ----------
-    encoding : new encoding, or None to keep it.
-    auto_exposure : True to use automatic exposure.
+    encoding : Encoding or None
+        New encoding, or None to keep it.
+    auto_exposure : bool
+        True to use automatic exposure.
     """
     output, sensor = document.output, document.sensor
     if encoding is not None:

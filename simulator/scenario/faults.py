@@ -186,8 +186,12 @@ class Faults(Section, frozen=True, kw_only=True):
 
     Parameters
     ----------
-    seed : seed of every random choice.
-    camera, line : simultaneous faults.
+    seed : int, optional
+        Seed of every random choice.
+    camera : tuple of CameraFault, optional
+        Simultaneous faults.
+    line : tuple of LineFault, optional
+        Simultaneous faults.
     """
 
     seed: Annotated[int, msgspec.Meta(ge=0, le=2**62)] = 0

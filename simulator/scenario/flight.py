@@ -47,9 +47,12 @@ def fly(scenario: Scenario, target: Target, duration_s: float | None = None) -> 
 
     Parameters
     ----------
-    scenario : scenario from `load_scenario`.
-    target : target with the inertia, unless the scenario overrides it.
-    duration_s : replaces the scenario's, for example in an open-ended session.
+    scenario : Scenario
+        Scenario from `load_scenario`.
+    target : Target
+        Target with the inertia, unless the scenario overrides it.
+    duration_s : float, optional
+        Replaces the scenario's, for example in an open-ended session.
     """
     orbit, chaser = known_orbit(scenario), scenario.chaser
     r, v = orbit.state()

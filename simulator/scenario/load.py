@@ -88,7 +88,8 @@ def load_vary(path: str | Path, own: Vary | None = None) -> Vary:
 
     Parameters
     ----------
-    own : a recipe's own ranges, used for keys that the file lacks.
+    own : Vary, optional
+        A recipe's own ranges, used for keys that the file lacks.
 
     Raises
     ------
@@ -174,9 +175,12 @@ def parse_scenario(content: bytes, where: str, stem: str, folder: Path) -> Scena
 
     Parameters
     ----------
-    where : name of the file in messages.
-    stem : default name of the scenario.
-    folder : folder of the files that it names.
+    where : str
+        Name of the file in messages.
+    stem : str
+        Default name of the scenario.
+    folder : Path
+        Folder of the files that it names.
 
     Raises
     ------

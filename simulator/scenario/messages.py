@@ -41,9 +41,12 @@ def resolve_messages(scenario: Scenario, where: str, folder: Path) -> Scenario:
 
     Parameters
     ----------
-    scenario : scenario as read.
-    where : name of the file in error messages.
-    folder : base of relative paths.
+    scenario : Scenario
+        Scenario as read.
+    where : str
+        Name of the file in error messages.
+    folder : Path
+        Base of relative paths.
 
     Raises
     ------

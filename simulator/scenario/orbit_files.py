@@ -82,11 +82,16 @@ def read_orbit_file(
 
     Parameters
     ----------
-    data : contents of the file.
-    where : name of the file in error messages.
-    epoch : origin of times.
-    centre : required central body.
-    satellite : name or number, if there are several.
+    data : bytes
+        Contents of the file.
+    where : str
+        Name of the file in error messages.
+    epoch : Instant
+        Origin of times.
+    centre : str, optional
+        Required central body.
+    satellite : str, optional
+        Name or number, if there are several.
 
     Raises
     ------

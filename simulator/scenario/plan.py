@@ -57,8 +57,10 @@ class DocumentPlan(ABC):
 
     Parameters
     ----------
-    every_s : spacing of the frames, or None.
-    vary : ranges within which each frame is varied.
+    every_s : float, optional
+        Spacing of the frames, or None.
+    vary : Vary, optional
+        Ranges within which each frame is varied.
     """
 
     target: Target
@@ -135,8 +137,10 @@ class Plan(DocumentPlan):
 
     Parameters
     ----------
-    times_s : mid-exposure of each frame, from the flight's start [s].
-    exposures : automatic exposure along the flight; None for a fixed one.
+    times_s : tuple of float
+        Mid-exposure of each frame, from the flight's start [s].
+    exposures : Exposures, optional
+        Automatic exposure along the flight; None for a fixed one.
     """
 
     scenario: Scenario

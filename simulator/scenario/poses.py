@@ -120,10 +120,14 @@ def scene_at(
 
     Parameters
     ----------
-    q_camera_from_target_wxyz : (4,) unit quaternion, Hamilton, scalar first; it is normalised.
-    t_camera_from_target_m : (3,) origin of the target's axes in the camera's: x right, y down, z forward [m].
-    frame : frame of the plan that defines the time.
-    index : number of the image, the key of its noise; by default ``frame``.
+    q_camera_from_target_wxyz : array_like
+        (4,) unit quaternion, Hamilton, scalar first; it is normalised.
+    t_camera_from_target_m : array_like
+        (3,) origin of the target's axes in the camera's: x right, y down, z forward [m].
+    frame : int, optional
+        Frame of the plan that defines the time.
+    index : int, optional
+        Number of the image, the key of its noise; by default ``frame``.
 
     Raises
     ------

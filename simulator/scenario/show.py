@@ -68,8 +68,10 @@ def _annotated_text(text: str, root: type[msgspec.Struct], head: Sequence[str]) 
 
     Parameters
     ----------
-    root : type of the file.
-    head : comment lines that come first.
+    root : type
+        Type of the file.
+    head : sequence of str
+        Comment lines that come first.
     """
     raw = parse_toml(text.encode(), "the file shown")
     top = _struct_type(mi.type_info(root), raw)

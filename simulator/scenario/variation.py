@@ -37,9 +37,12 @@ class FrameVariation:
 
     Parameters
     ----------
-    vary : ranges of the varied quantities.
-    seed : seed of the random generators.
-    target : model of the unvaried target.
+    vary : Vary
+        Ranges of the varied quantities.
+    seed : int
+        Seed of the random generators.
+    target : Target
+        Model of the unvaried target.
     """
 
     vary: Vary

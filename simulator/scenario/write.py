@@ -19,9 +19,12 @@ def replay_scenario(scenario: Scenario, recording_file: str, duration_s: float |
 
     Parameters
     ----------
-    scenario : scenario flown.
-    recording_file : path relative to the TOML file.
-    duration_s : duration of the recording if it differs from the scenario's.
+    scenario : Scenario
+        Scenario flown.
+    recording_file : str
+        Path relative to the TOML file.
+    duration_s : float, optional
+        Duration of the recording if it differs from the scenario's.
     """
     chaser = Replay(file=recording_file, minimum_start_range_m=scenario.chaser.minimum_start_range_m)
     replay = msgspec.structs.replace(

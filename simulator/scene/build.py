@@ -50,13 +50,34 @@ def build_scene(
 
     Parameters
     ----------
-    world : state at mid-exposure.
-    camera, sensor, exposure_s, optics : imaging chain.
-    target : model to draw.
-    com_target_m : centre of mass of the target in the model frame [m].
-    frame_index, seed : key of the frame's random numbers.
-    quality, bands, environment, lamp, lights : lighting and rendering.
-    shutter : readout of the rows, by default global.
+    world : WorldState
+        State at mid-exposure.
+    camera : Camera
+        Imaging chain.
+    sensor : Sensor
+        Imaging chain.
+    exposure_s : float
+        Imaging chain.
+    optics : Optics, optional
+        Imaging chain.
+    target : TargetRef
+        Model to draw.
+    com_target_m : array
+        Centre of mass of the target in the model frame [m].
+    frame_index, seed : int
+        Key of the frame's random numbers.
+    quality : Quality, optional
+        Lighting and rendering.
+    bands : Bands, optional
+        Lighting and rendering.
+    environment : Environment, optional
+        Lighting and rendering.
+    lamp : Lamp, optional
+        Lighting and rendering.
+    lights : sequence of AreaLight, optional
+        Lighting and rendering.
+    shutter : Shutter, optional
+        Readout of the rows, by default global.
     """
     q_ce = np.array(world.q_camera_from_eci_wxyz)
     R_camera_from_eci = matrix_from_quat(q_ce)

@@ -31,11 +31,13 @@ def propagated_scene(scene: SceneState, dt_s: float) -> SceneState:
 
     Parameters
     ----------
-    dt_s : time from mid-exposure [s], of either sign.
+    dt_s : float
+        Time from mid-exposure [s], of either sign.
 
     Returns
     -------
-    The propagated scene; its random key and epoch text stay the image's own.
+    SceneState
+        The propagated scene; its random key and epoch text stay the image's own.
     """
     if dt_s == 0.0:
         return scene

@@ -64,10 +64,13 @@ def scene_above(
 
     Parameters
     ----------
-    place : geodetic latitude and longitude [deg], altitude [km].
-    azimuth_deg, off_nadir_deg : direction of the boresight: azimuth from north to east, angle from nadir; the top of
-        the image points away from the Earth.
-    look_at : ``earth`` for that direction; ``moon`` or ``sun`` for the centre of that body.
+    place : tuple of float
+        Geodetic latitude and longitude [deg], altitude [km].
+    azimuth_deg, off_nadir_deg : float, optional
+        Direction of the boresight: azimuth from north to east, angle from nadir; the top of the image points away from
+        the Earth.
+    look_at : str, optional
+        ``earth`` for that direction; ``moon`` or ``sun`` for the centre of that body.
     """
     now = Instant.from_utc(epoch_utc)
     earth, moon = bodies = bodies_at(now, EARTH)

@@ -49,8 +49,10 @@ def load_target(name_or_path: str | Path, detail: Detail = "full") -> Target:
 
     Parameters
     ----------
-    name_or_path : name from `list_targets`, optionally with a level (``tango@low``), or path of a target file.
-    detail : level of a built-in target whose name states none; files have one level only.
+    name_or_path : str or Path
+        Name from `list_targets`, optionally with a level (``tango@low``), or path of a target file.
+    detail : Detail, optional
+        Level of a built-in target whose name states none; files have one level only.
 
     Raises
     ------
@@ -107,7 +109,8 @@ def target_in_use(name: str, sha256: str) -> Target:
 
     Parameters
     ----------
-    sha256 : hash of the expected target.
+    sha256 : str
+        Hash of the expected target.
 
     Raises
     ------

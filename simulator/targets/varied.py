@@ -39,10 +39,14 @@ class CraftVariation(msgspec.Struct, frozen=True, kw_only=True):
 
     Attributes
     ----------
-    base_sha256 : hash of the model.
-    stretch : symmetric strain matrix ``A``.
-    error_m : largest displacement of a vertex.
-    surfaces : factors by material name.
+    base_sha256 : str
+        Hash of the model.
+    stretch : array
+        Symmetric strain matrix ``A``.
+    error_m : float
+        Largest displacement of a vertex.
+    surfaces : dict
+        Factors by material name.
     """
 
     base_sha256: str
@@ -77,7 +81,8 @@ def target_as_drawn(name: str, sha256: str, variation: CraftVariation | None, ba
 
     Parameters
     ----------
-    base : the model; by default it is loaded by name and hash.
+    base : Target or None
+        The model; by default it is loaded by name and hash.
 
     Raises
     ------

@@ -38,9 +38,12 @@ class FixedPattern:
 
     Parameters
     ----------
-    sensitivity : (H, W) factor of mean one; zero for a dead pixel.
-    offset_e : (H, W) offset [e].
-    dark_e_s : (H, W) dark current of each pixel [e s-1].
+    sensitivity : (H, W) array or None
+        Factor of mean one; zero for a dead pixel.
+    offset_e : (H, W) array or None
+        Offset [e].
+    dark_e_s : (H, W) array or None
+        Dark current of each pixel [e s-1].
     """
 
     sensitivity: Float32Array | None
@@ -208,7 +211,8 @@ def bloom(charge: Float32Array, well_e: float, share: float) -> None:
 
     Parameters
     ----------
-    share : share of the overflow that stays on the column; the rest goes into the anti-blooming drain.
+    share : float
+        Share of the overflow that stays on the column; the rest goes into the anti-blooming drain.
     """
     over = np.maximum(charge - np.float32(well_e), 0)
     rows = np.flatnonzero(over.any(axis=1))

@@ -96,7 +96,8 @@ def normal_tables(sigma: float, dtype: np.dtype[Any], *, smooth: bool = False) -
 
     Parameters
     ----------
-    smooth : True for three bytes per deviate (16.7 million values), if a histogram would show 65536.
+    smooth : bool, optional
+        True for three bytes per deviate (16.7 million values), if a histogram would show 65536.
     """
     tables = [_slices() * (w * sigma) for w in (_FINE_WEIGHTS if smooth else _WEIGHTS)]
     if dtype.kind == "i":
@@ -133,7 +134,8 @@ def poisson(mean_e: Float32Array, source: np.random.SFC64) -> Float32Array:
 
     Parameters
     ----------
-    mean_e : (rows, columns) mean number [e], not negative.
+    mean_e : (rows, columns) array
+        Mean number [e], not negative.
     """
     few = mean_e < EXACT_BELOW_E
     if few.all():

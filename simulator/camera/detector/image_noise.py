@@ -44,10 +44,12 @@ class Arithmetic:
 
     Parameters
     ----------
-    full_dn : largest digital number.
-    steps_per_dn : 1 in floating point.
-    sigma_dn : standard deviation of the additive
-        noise.
+    full_dn : int
+        Largest digital number.
+    steps_per_dn : int
+        1 in floating point.
+    sigma_dn : float
+        Standard deviation of the additive noise.
     """
 
     full_dn: int
@@ -85,9 +87,10 @@ class ImageNoise:
 
     Parameters
     ----------
-    steps : (H, W times bands) noise plus half a digital number, to be truncated; (1, 1), only the half, without
-        additive noise.
-    factors : (H, W times bands) factors of the speckle, or ``None``.
+    steps : (H, W times bands) array
+        Noise plus half a digital number, to be truncated; (1, 1), only the half, without additive noise.
+    factors : (H, W times bands) array or None
+        Factors of the speckle, or ``None``.
     """
 
     steps: NDArray[Any]
@@ -101,7 +104,8 @@ def start_noise(
 
     Parameters
     ----------
-    shape : (H, W) or (H, W, bands) of the image.
+    shape : (H, W) or (H, W, bands) tuple of int
+        Of the image.
     """
     if sensor.detector is not None or int(np.prod(shape)) < MIN_THREADED_VALUES:
         return lambda: draw_noise(shape, sensor, seed, frame_index)

@@ -45,7 +45,10 @@ def diffraction_mtf(frequency: FloatArray, cutoff: float) -> FloatArray:
 
     Parameters
     ----------
-    frequency, cutoff : spatial frequencies in the same unit; the cut-off is 1 / (wavelength x f-number).
+    frequency : array
+        Spatial frequencies in the same unit; the cut-off is 1 / (wavelength x f-number).
+    cutoff : float
+        Spatial frequencies in the same unit; the cut-off is 1 / (wavelength x f-number).
 
     References
     ----------
@@ -68,7 +71,8 @@ def optics_mtf(
 
     Parameters
     ----------
-    disc_px : diameter of the defocus disc [px along x]; it is round on the detector.
+    disc_px : float, optional
+        Diameter of the defocus disc [px along x]; it is round on the detector.
     """
     f = np.hypot(frequency_x, frequency_y)
     out = np.exp(-2 * (np.pi * f) ** 2 * gaussian_variance_px2(optics, sensor))
@@ -91,7 +95,8 @@ def psf_kernel(optics: Optics, sensor: Sensor, disc_px: float) -> FloatArray | N
 
     Parameters
     ----------
-    disc_px : diameter of the defocus disc, rounded by the caller so that kernels are reused.
+    disc_px : float
+        Diameter of the defocus disc, rounded by the caller so that kernels are reused.
     """
     if optics.psf != "airy" and disc_px <= 0:
         return np.array(optics.kernel) if optics.psf == "kernel" else None
@@ -254,8 +259,10 @@ def gaussian_blur(image: Float32Array, sigma_px: float, gain: float | Float32Arr
 
     Parameters
     ----------
-    image : (H, W) or (H, W, n).
-    gain : scalar, or (n,) per band.
+    image : (H, W) or (H, W, n) array
+        Image to convolve.
+    gain : float or array
+        Scalar, or (n,) per band.
     """
     taps = gaussian_taps(sigma_px)
     if isinstance(gain, np.ndarray):

@@ -43,7 +43,8 @@ class Pyramid:
 
     Parameters
     ----------
-    taps : (2 n + 1, 2 n + 1) taps at full size, half, quarter, ... of the image.
+    taps : (2 n + 1, 2 n + 1) tuple of array
+        Taps at full size, half, quarter, ... of the image.
     """
 
     taps: tuple[Float32Array, ...]
@@ -106,9 +107,12 @@ def fit_pyramid(
 
     Parameters
     ----------
-    transfer : real function of the frequencies along x and y, cycles per pixel.
-    round_ : True if it is the same along x and y.
-    wing_px : c of the wings c / r^3 of the point spread function, r in pixels; 0 for none.
+    transfer : callable
+        Real function of the frequencies along x and y, cycles per pixel.
+    round_ : bool
+        True if it is the same along x and y.
+    wing_px : float, optional
+        C of the wings c / r^3 of the point spread function, r in pixels; 0 for none.
     """
     fx, fy = np.meshgrid(_FREQUENCIES, _FREQUENCIES)
     weight = np.where(np.hypot(fx, fy) <= 0.5, 1.0, _CORNER_WEIGHT)

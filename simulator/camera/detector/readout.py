@@ -70,14 +70,19 @@ def detect(
 
     Parameters
     ----------
-    signal : (H, W) or (H, W, 3) expected photo-electrons over the saturation charge.
-    seed, frame_index : key of this frame's random numbers.
-    exposure_s : exposure time, for dark current and particles [s].
-    band_gain : white balance per band, applied above the black level of a colour image: see `white_balance`.
+    signal : (H, W) or (H, W, 3) array
+        Expected photo-electrons over the saturation charge.
+    seed, frame_index : int
+        Key of this frame's random numbers.
+    exposure_s : float
+        Exposure time, for dark current and particles [s].
+    band_gain : array_like, optional
+        White balance per band, applied above the black level of a colour image: see `white_balance`.
 
     Returns
     -------
-    (H, W) or (H, W, 3), uint8 for up to 8 bits, uint16 above. A mosaic without interpolation is (H, W).
+    (H, W) or (H, W, 3), array
+        uint8 for up to 8 bits, uint16 above. A mosaic without interpolation is (H, W).
     """
     d = sensor.detector
     if d is None:

@@ -112,7 +112,8 @@ def white_balance(sensor: Sensor, optics: Optics, sunlight: ArrayLike) -> FloatA
 
     Parameters
     ----------
-    sunlight : (n,) relative inverse irradiance of the Sun in each band.
+    sunlight : array_like
+        (n,) relative inverse irradiance of the Sun in each band.
     """
     if sensor.detector is None:
         raise ValueError("a noise recipe on a 0..1 image has no electrons")

@@ -65,8 +65,10 @@ def veiling_glare(
 
     Parameters
     ----------
-    sun_direction : unit vector, camera frame.
-    sun_irradiance_w_m2 : irradiance of the visible part, per band.
+    sun_direction : array
+        Unit vector, camera frame.
+    sun_irradiance_w_m2 : array
+        Irradiance of the visible part, per band.
 
     References
     ----------
@@ -139,7 +141,8 @@ def glow(image: Float32Array, optics: Optics) -> Float32Array:
 
     Parameters
     ----------
-    image : (H, W) or (H, W, n) linear light, dark beyond its border.
+    image : (H, W) or (H, W, n) array
+        Linear light, dark beyond its border.
     """
     if optics.glow_share <= 0:
         return image

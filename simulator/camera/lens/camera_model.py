@@ -84,11 +84,13 @@ class Camera:
 
         Parameters
         ----------
-        points_camera_m : (..., 3) [m].
+        points_camera_m : array_like
+            (..., 3) [m].
 
         Returns
         -------
-        (..., 2) pixel coordinates.
+        (..., 2) array
+            Pixel coordinates.
         """
         p = np.asarray(points_camera_m, float)
         z = np.where(p[..., 2] > 1e-9, p[..., 2], np.nan)
@@ -102,11 +104,13 @@ class Camera:
 
         Parameters
         ----------
-        pixels_px : (..., 2) pixel coordinates, at most a few per cent outside the image.
+        pixels_px : array_like
+            (..., 2) pixel coordinates, at most a few per cent outside the image.
 
         Returns
         -------
-        (..., 2) normalised coordinates: the ray is (x, y, 1).
+        (..., 2) array
+            Normalised coordinates: the ray is (x, y, 1).
         """
         image_xy = (np.asarray(pixels_px, float) - (self.cx_px, self.cy_px)) / (self.fx_px, self.fy_px)
         return image_xy if self.distortion.is_none else self.domain.undistort(image_xy)
@@ -161,7 +165,8 @@ class Camera:
 
         Parameters
         ----------
-        bounds_px : x0, y0, x1, y1 of the part of the image that is requested.
+        bounds_px : tuple of float, optional
+            x0, y0, x1, y1 of the part of the image that is requested.
         """
         if self.distortion.is_none:
             return 0.0

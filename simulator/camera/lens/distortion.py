@@ -116,8 +116,10 @@ class LensDomain:
 
     Parameters
     ----------
-    limit : largest undistorted radius [1], infinite for a pinhole.
-    radius, image_radius : table of undistorted and distorted radius, for initial guesses.
+    limit : float
+        Largest undistorted radius [1], infinite for a pinhole.
+    radius, image_radius : array
+        Table of undistorted and distorted radius, for initial guesses.
     """
 
     distortion: Distortion
@@ -169,7 +171,8 @@ def lens_domain(distortion: Distortion, border_xy: FloatArray, *, strict: bool =
 
     Parameters
     ----------
-    strict : True to refuse an image that the lens does not fill; otherwise the lens is used as far as it reaches.
+    strict : bool, optional
+        True to refuse an image that the lens does not fill; otherwise the lens is used as far as it reaches.
 
     Raises
     ------

@@ -33,8 +33,10 @@ def check_card(
 
     Parameters
     ----------
-    target : model that was drawn, if available.
-    layers_of_frames : names of each frame's layers.
+    target : Target or None
+        Model that was drawn, if available.
+    layers_of_frames : sequence of tuple of str
+        Names of each frame's layers.
     """
     if target is not None:
         expected = CardTarget.of(target)
@@ -71,9 +73,10 @@ def check_frames_listed(
 
     Parameters
     ----------
-    splits : split of each frame in the data set's list, by number.
-    assigned : frames of each split, assigned again;
-        empty if that is impossible.
+    splits : mapping
+        Split of each frame in the data set's list, by number.
+    assigned : mapping
+        Frames of each split, assigned again; empty if that is impossible.
     """
     for q in card.quarantined:
         if q.frame >= card.n_frames or is_whole(folder, q.frame):

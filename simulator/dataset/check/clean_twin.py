@@ -71,8 +71,10 @@ def _check_band(
 
     Parameters
     ----------
-    sensor : sensor whose linear numbers both images hold.
-    gain : (bands,) factors on the detector's bands, and so on their noise and dark current.
+    sensor : Sensor
+        Sensor whose linear numbers both images hold.
+    gain : (bands,) array
+        Factors on the detector's bands, and so on their noise and dark current.
     """
     factor = float(np.linalg.norm(gain))
     detector, encoding = sensor.detector, truth.camera.pixel_encoding

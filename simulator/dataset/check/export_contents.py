@@ -45,8 +45,10 @@ class Entry:
 
     Parameters
     ----------
-    key : unique in the file, or in the shards of a split.
-    frame : number of the frame, if the entry belongs to one.
+    key : str
+        Unique in the file, or in the shards of a split.
+    frame : int, optional
+        Number of the frame, if the entry belongs to one.
     """
 
     key: str

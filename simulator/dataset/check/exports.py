@@ -55,9 +55,12 @@ class ExportsCheck:
 
     Parameters
     ----------
-    numbers : numbers of all intact frames.
-    seed : seed of the sample.
-    whole : True to compare all frames.
+    numbers : sequence of int
+        Numbers of all intact frames.
+    seed : int
+        Seed of the sample.
+    whole : bool
+        True to compare all frames.
     """
 
     def __init__(
@@ -115,7 +118,8 @@ class ExportsCheck:
 
         Parameters
         ----------
-        poses : poses of all readable frames, by number.
+        poses : mapping
+            Poses of all readable frames, by number.
         """
         if not poses:
             return ExportCheck(0, tuple(self._faults))
@@ -145,7 +149,8 @@ class _Comparison:
 
     Parameters
     ----------
-    is_whole : True if all frames are passed; otherwise existing lists and shards may hold more than the written ones.
+    is_whole : bool
+        True if all frames are passed; otherwise existing lists and shards may hold more than the written ones.
     """
 
     def __init__(self, form: DatasetFormat, root: Path, card: DatasetCard, *, is_whole: bool) -> None:

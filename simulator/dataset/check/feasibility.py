@@ -125,9 +125,12 @@ def check_step_share(
 
     Parameters
     ----------
-    signal : (H, W) noise-free signal, 1 at full scale.
-    doubt : absolute uncertainty of the signal.
-    relative : relative uncertainty of the signal.
+    signal : (H, W) array
+        Noise-free signal, 1 at full scale.
+    doubt : float
+        Absolute uncertainty of the signal.
+    relative : float, optional
+        Relative uncertainty of the signal.
     """
     clipped = np.clip(signal, 0, 1)
     level = float(clipped.mean())
@@ -193,7 +196,8 @@ def _sides(image: FloatArray, pixels: FloatArray, normal: FloatArray, grid_px: f
 
     Parameters
     ----------
-    grid_px : sub-pixel grid of the look-up [px]; 0 for exact positions.
+    grid_px : float
+        Sub-pixel grid of the look-up [px]; 0 for exact positions.
     """
     sides = [pixels + sign * REACH_PX * normal for sign in (-1, 1)]
     if grid_px:

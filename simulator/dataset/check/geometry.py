@@ -204,7 +204,8 @@ def doubtful_pixels(
 
     Parameters
     ----------
-    origin_px : the mask's first pixel in the image (an amodal mask starts outside).
+    origin_px : tuple of int, optional
+        The mask's first pixel in the image (an amodal mask starts outside).
     """
     mesh = mesh_of(target)
     R = matrix_from_quat(truth.q_camera_from_target_wxyz)
@@ -255,7 +256,8 @@ def cut_for_the_lens(camera: Camera, corners_m: FloatArray, R: FloatArray, t_m: 
 
     Parameters
     ----------
-    R, t_m : transform from the target to the camera frame; all triangles lie in front of the camera.
+    R, t_m : array
+        Transform from the target to the camera frame; all triangles lie in front of the camera.
     """
     straight = []
     for _ in range(8):

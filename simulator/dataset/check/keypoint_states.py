@@ -53,9 +53,12 @@ class Triangles:
 
         Parameters
         ----------
-        start_m : (3,) origin of the ray.
-        way : (3,) unit direction.
-        length_m : length of the ray; infinite towards the Sun.
+        start_m : (3,) array
+            Origin of the ray.
+        way : (3,) array
+            Unit direction.
+        length_m : float
+            Length of the ray; infinite towards the Sun.
         """
         along = way @ self._middle - way @ start_m
         near = np.flatnonzero(

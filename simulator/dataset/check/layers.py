@@ -47,8 +47,10 @@ def check_layers(truth: Truth, mask: ByteArray, layers: Layers, target: Target |
 
     Parameters
     ----------
-    layers : layers by name, as drawn or read.
-    target : model for deciding by a ray where pixels are too coarse.
+    layers : Layers
+        Layers by name, as drawn or read.
+    target : Target, optional
+        Model for deciding by a ray where pixels are too coarse.
     """
     recorded = {name for name in truth.layers if name != "wireframe"}
     if recorded != set(truth.layer_sha256):

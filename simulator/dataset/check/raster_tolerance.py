@@ -30,11 +30,15 @@ class ShowableTriangles:
 
     Parameters
     ----------
-    nearest_m, farthest_m : (M,) bounds of each one's camera z there.
-    parts : (M,) part numbers, from 1.
-    cones : (M, 3, 3) normals at the corners (rows), camera frame, extrapolated by the rounding: any drawn normal is a
-        positive combination of the three.
-    is_sure : True if one of them covers the centre for any rounding.
+    nearest_m, farthest_m : (M,) array
+        Bounds of each one's camera z there.
+    parts : (M,) array
+        Part numbers, from 1.
+    cones : (M, 3, 3) array
+        Normals at the corners (rows), camera frame, extrapolated by the rounding: any drawn normal is a positive
+        combination of the three.
+    is_sure : bool
+        True if one of them covers the centre for any rounding.
     """
 
     nearest_m: FloatArray
@@ -48,7 +52,8 @@ class ShowableTriangles:
 
         Parameters
         ----------
-        ray : (3,) unit vector from the camera through the pixel.
+        ray : (3,) array
+            Unit vector from the camera through the pixel.
         """
         clamped = [-ray] if abs(normal @ ray) < ON_HORIZON else []
         return any(
@@ -65,12 +70,16 @@ def triangles_near(
 
     Parameters
     ----------
-    corners_px : (K, 3, 2) corners relative to the pixel's centre.
-    inverse_z : (K, 3) 1 / camera z of the corners [1/m].
-    normals : (K, 3, 3) unit normals, camera frame.
-    parts : (K,) part numbers.
-    doubt_px : largest distance of a drawn
-        point from the centre.
+    corners_px : (K, 3, 2) array
+        Corners relative to the pixel's centre.
+    inverse_z : (K, 3) array
+        1 / camera z of the corners [1/m].
+    normals : (K, 3, 3) array
+        Unit normals, camera frame.
+    parts : (K,) array
+        Part numbers.
+    doubt_px : float
+        Largest distance of a drawn point from the centre.
     """
     inside, border_px = _inside_by(corners_px)
     close = inside | (border_px <= doubt_px)

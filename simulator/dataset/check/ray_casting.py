@@ -106,8 +106,10 @@ class RayOracle:
 
         Parameters
         ----------
-        px_per_ray : (2, 2) derivative of the pixel by the ray.
-        doubt_px : largest distance from the pixel's centre.
+        px_per_ray : (2, 2) array
+            Derivative of the pixel by the ray.
+        doubt_px : float
+            Largest distance from the pixel's centre.
         """
         reach = doubt_px * np.abs(np.linalg.inv(px_per_ray)).sum(axis=1)
         low, high = self._low, self._high

@@ -56,8 +56,10 @@ def check_scenes(card: DatasetCard, scenes: Mapping[int, SceneState], seed: int)
 
     Parameters
     ----------
-    scenes : recorded scenes by number.
-    seed : seed for the random choice of `MAX_SAMPLES` frames of a recipe.
+    scenes : mapping
+        Recorded scenes by number.
+    seed : int
+        Seed for the random choice of `MAX_SAMPLES` frames of a recipe.
     """
     if not scenes:
         return SceneCheck()

@@ -75,7 +75,8 @@ def sample(frames: Sequence[int], share: float, seed: int) -> list[int]:
 
     Parameters
     ----------
-    seed : seed of the sample; it must be unpredictable for anyone who could alter the data set.
+    seed : int
+        Seed of the sample; it must be unpredictable for anyone who could alter the data set.
     """
     if share <= 0 or not frames:
         return []
@@ -91,8 +92,10 @@ def check_pictures(
 
     Parameters
     ----------
-    frames : numbers of readable frames to draw.
-    target : target named by card and records.
+    frames : sequence of int
+        Numbers of readable frames to draw.
+    target : Target
+        Target named by card and records.
     """
     from flyaround.simulator.render.earth.map_textures import prefetch_maps_of  # noqa: PLC0415 - a check without pictures needs no renderer
     from flyaround.simulator.render.renderer import Renderer  # noqa: PLC0415 - the same
@@ -132,7 +135,8 @@ def check_drawn_again(
 
     Parameters
     ----------
-    layers : label layers of the frame by name, as read.
+    layers : Layers, optional
+        Label layers of the frame by name, as read.
     """
     request = LabelRequest(layers=tuple(layers or ()), flow=truth.flow)
     again = take_frame(renderer, truth.scene, target, labels=request if layers else False)
@@ -199,8 +203,10 @@ def check_same_layers(
 
     Parameters
     ----------
-    layers, again : layers as read, and as redrawn, by name.
-    is_same_renderer : True if the image is equal to the byte, so that only rounding at few pixels is allowed.
+    layers, again : mapping
+        Layers as read, and as redrawn, by name.
+    is_same_renderer : bool
+        True if the image is equal to the byte, so that only rounding at few pixels is allowed.
     """
     most = FEW_EDGE_PX if is_same_renderer else max(FEW_EDGE_PX, MAX_OF_MASK * np.count_nonzero(mask))
     wrong = []

@@ -71,11 +71,16 @@ class CheckReport:
 
     Parameters
     ----------
-    n_redrawn : number of frames redrawn from their records.
-    not_redrawn : reason if none was, although requested.
-    redraw_seed : seed of the redrawn sample, to repeat it.
-    n_exported : frames whose contents were compared in each export.
-    not_checked : impossible checks, with the reason.
+    n_redrawn : int, optional
+        Number of frames redrawn from their records.
+    not_redrawn : str, optional
+        Reason if none was, although requested.
+    redraw_seed : int, optional
+        Seed of the redrawn sample, to repeat it.
+    n_exported : int, optional
+        Frames whose contents were compared in each export.
+    not_checked : tuple of str, optional
+        Impossible checks, with the reason.
     """
 
     n_frames: int
@@ -100,11 +105,13 @@ def check_dataset(
 
     Parameters
     ----------
-    redraw : share of the frames to redraw from their records, at least three; 0 for none. Without OpenGL none is, and
-        the report says so.
-    redraw_seed : seed of the sample; by default unpredictable, so that nobody who alters a data set can know it
-        beforehand.
-    whole_exports : True to compare the contents of all frames in the exports instead of a sample.
+    redraw : float, optional
+        Share of the frames to redraw from their records, at least three; 0 for none. Without OpenGL none is, and the
+        report says so.
+    redraw_seed : int, optional
+        Seed of the sample; by default unpredictable, so that nobody who alters a data set can know it beforehand.
+    whole_exports : bool, optional
+        True to compare the contents of all frames in the exports instead of a sample.
 
     Raises
     ------
@@ -259,7 +266,8 @@ def check_frame(
 
     Parameters
     ----------
-    layers : label layers of the frame by name, as drawn or read.
+    layers : Layers, optional
+        Label layers of the frame by name, as drawn or read.
     """
     layers = layers or {}
     wrong: list[str] = []

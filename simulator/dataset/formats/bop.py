@@ -163,7 +163,9 @@ def pixels_beside(camera: Camera, pose: Pose, target: Target) -> tuple[int, Floa
 
     Returns
     -------
-    Their number, and the (2, 2) x, y of the first and last column and row, NaN if there are none; None near the camera.
+    tuple or None
+        Their number, and the (2, 2) x, y of the first and last column and row, NaN if there are none; None near the
+        camera.
     """
     mesh = mesh_of(target)
     in_camera = pose.apply(mesh.positions_m)

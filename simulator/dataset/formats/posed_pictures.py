@@ -39,9 +39,12 @@ class PosedPicture:
 
     Parameters
     ----------
-    name : name in the set's own list.
-    path : image file.
-    t_s : time since the first image of a sequence [s].
+    name : str
+        Name in the set's own list.
+    path : Path
+        Image file.
+    t_s : float, optional
+        Time since the first image of a sequence [s].
     """
 
     name: str
@@ -56,10 +59,14 @@ class PosedPictures:
 
     Parameters
     ----------
-    labels : path of the list.
-    camera : camera of the set; None if it has none.
-    usual_camera, usual_target : names of the built-in ones for such sets; empty if they vary.
-    encoding : transfer function of the images of a set without a camera file.
+    labels : Path
+        Path of the list.
+    camera : Camera or None
+        Camera of the set; None if it has none.
+    usual_camera, usual_target : str, optional
+        Names of the built-in ones for such sets; empty if they vary.
+    encoding : Encoding, optional
+        Transfer function of the images of a set without a camera file.
     """
 
     labels: Path
@@ -138,8 +145,10 @@ def find_picture(labels: Path, places: Iterable[Path], name: Any) -> Path:  # no
 
     Parameters
     ----------
-    labels : path of the list.
-    places : folders to search, in order.
+    labels : Path
+        Path of the list.
+    places : iterable of Path
+        Folders to search, in order.
 
     Raises
     ------

@@ -117,8 +117,10 @@ def read_foreign(place: Path, name: str | None = None) -> tuple[PosedPictures, s
 
     Parameters
     ----------
-    place : folder or list of labels.
-    name : name of the format; by default it is detected.
+    place : Path
+        Folder or list of labels.
+    name : str, optional
+        Name of the format; by default it is detected.
 
     Raises
     ------

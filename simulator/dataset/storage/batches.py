@@ -24,9 +24,12 @@ class FrameFiles:
 
     Parameters
     ----------
-    parts : all files but the record.
-    record : file renamed last.
-    lines : lines of the manifest.
+    parts : Files
+        All files but the record.
+    record : tuple
+        File renamed last.
+    lines : bytes
+        Lines of the manifest.
     """
 
     parts: Files

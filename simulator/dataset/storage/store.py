@@ -70,7 +70,8 @@ class FolderStore:
 
     Parameters
     ----------
-    others : names in it that do not belong to the data set.
+    others : frozenset of str, optional
+        Names in it that do not belong to the data set.
     """
 
     def __init__(self, folder: Path, others: frozenset[str] = frozenset()) -> None:

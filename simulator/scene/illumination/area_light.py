@@ -86,8 +86,14 @@ class PlacedLight:
 
     Parameters
     ----------
-    middle_m : (3,) centre. axis : (3,) unit vector of emission. right_m, down_m : (3,) half sides.
-    exponent : exponent of the cosine from the axis.
+    middle_m : (3,) array
+        Centre.
+    axis : (3,) array
+        Unit vector of emission.
+    right_m, down_m : (3,) array
+        Half sides.
+    exponent : float
+        Exponent of the cosine from the axis.
     """
 
     middle_m: FloatArray
@@ -111,7 +117,10 @@ class PlacedLight:
 
         Parameters
         ----------
-        positions_m, normals : (K, 3) in camera axes. count : number of patches.
+        positions_m, normals : (K, 3) array
+            In camera axes.
+        count : int, optional
+            Number of patches.
         """
         d = self.points_m(count)[None] - np.asarray(positions_m, float)[:, None]
         square = np.maximum((d * d).sum(axis=2), 1e-4)

@@ -35,15 +35,27 @@ class Atmosphere:
 
     Parameters
     ----------
-    rayleigh_m : (n,) scattering at sea level [m-1].
-    mie_scattering_m, mie_extinction_m : the same coefficients of the aerosol.
-    ozone_m : (n,) absorption at the peak of the layer [m-1].
-    layers_m, falls_m : (LAYERS,) lowest heights of exponential layers of the Rayleigh scatterers [m], and the increase
-        of the density's logarithmic slope from there on [m-1].
-    aerosol_depth : vertical optical depth of the aerosol at 550 nm. mie_height_m : scale height of the aerosol [m].
-    mie_g : asymmetry of the Cornette-Shanks phase function.
-    airglow_w_m2_sr : (n,) radiance of the airglow at the zenith [W m-2 sr-1]. airglow_m : lower and upper edge [m].
-    thickness_m : height of the top [m].
+    rayleigh_m : (n,) array
+        Scattering at sea level [m-1].
+    mie_scattering_m, mie_extinction_m : array
+        The same coefficients of the aerosol.
+    ozone_m : (n,) array
+        Absorption at the peak of the layer [m-1].
+    layers_m, falls_m : (LAYERS,) array
+        Lowest heights of exponential layers of the Rayleigh scatterers [m], and the increase of the density's
+        logarithmic slope from there on [m-1].
+    aerosol_depth : float
+        Vertical optical depth of the aerosol at 550 nm.
+    mie_height_m : float
+        Scale height of the aerosol [m].
+    mie_g : float
+        Asymmetry of the Cornette-Shanks phase function.
+    airglow_w_m2_sr : (n,) array
+        Radiance of the airglow at the zenith [W m-2 sr-1].
+    airglow_m : tuple of float
+        Lower and upper edge [m].
+    thickness_m : float
+        Height of the top [m].
     """
 
     rayleigh_m: FloatArray
@@ -102,8 +114,10 @@ def body_atmosphere(
 
     Parameters
     ----------
-    thickness_m : height of the top, by default the body's; densities below do not change.
-    aerosol_depth : vertical optical depth of the aerosol at 550 nm, by default the body's.
+    thickness_m : float, optional
+        Height of the top, by default the body's; densities below do not change.
+    aerosol_depth : float, optional
+        Vertical optical depth of the aerosol at 550 nm, by default the body's.
     """
     air = body.air or _NO_AIR
     a, b = air.rayleigh_dispersion_um
@@ -157,7 +171,10 @@ def sun_share(radius_m: FloatArray, mu_sun: FloatArray, ground_m: float) -> Floa
 
     Parameters
     ----------
-    radius_m : distance from the centre. mu_sun : cosine of the Sun's zenith angle.
+    radius_m : array
+        Distance from the centre.
+    mu_sun : array
+        Cosine of the Sun's zenith angle.
     """
     horizon = -np.sqrt(np.clip(1 - (ground_m / np.maximum(radius_m, ground_m)) ** 2, 0, None))
     x = np.clip((mu_sun - horizon) / (2 * SUN_ANGULAR_RADIUS_RAD) + 0.5, 0, 1)
@@ -208,7 +225,8 @@ class PathLight:
 
     Parameters
     ----------
-    multiple : (K, n) light scattered at least twice, isotropic [sr-1]; zero if not requested.
+    multiple : (K, n) array
+        Light scattered at least twice, isotropic [sr-1]; zero if not requested.
     """
 
     rayleigh: FloatArray
@@ -223,8 +241,9 @@ class MultipleScattering:
 
     Parameters
     ----------
-    psi : (HEIGHTS, SUNS, n) radiance over the Sun's irradiance [sr-1]; rows: square root of height over thickness;
-        columns: cosine of the Sun's zenith angle, -1 to 1, stretched around the horizon (``sun_column``).
+    psi : (HEIGHTS, SUNS, n) array
+        Radiance over the Sun's irradiance [sr-1]; rows: square root of height over thickness; columns: cosine of the
+        Sun's zenith angle, -1 to 1, stretched around the horizon (``sun_column``).
     """
 
     psi: FloatArray
@@ -267,9 +286,14 @@ def path_light(
 
     Parameters
     ----------
-    camera_m : (3,) position from the Earth's centre. directions : (K, 3) unit vectors.
-    sun : (..., 3) unit vectors to the Sun; with several, in-scatter is (..., K, n) and transmittance (K, n).
-    multiple : table of light scattered at least twice, to be added.
+    camera_m : (3,) array
+        Position from the Earth's centre.
+    directions : (K, 3) array
+        Unit vectors.
+    sun : (..., 3) array
+        Unit vectors to the Sun; with several, in-scatter is (..., K, n) and transmittance (K, n).
+    multiple : MultipleScattering, optional
+        Table of light scattered at least twice, to be added.
     """
     d = np.asarray(directions, float)
     b = d @ camera_m
@@ -315,7 +339,8 @@ def airglow_path(air: Atmosphere, perigee_m: FloatArray) -> FloatArray:
 
     Parameters
     ----------
-    perigee_m : least distances of the rays from the centre.
+    perigee_m : array
+        Least distances of the rays from the centre.
     """
     low, high = (air.radius_m + height for height in air.airglow_m)
     a, b = low**2 - perigee_m**2, high**2 - perigee_m**2
@@ -337,9 +362,12 @@ def ground_irradiance(
 
     Parameters
     ----------
-    mu_sun : (K,) cosines of the Sun's zenith angle.
-    diffuse : ``False`` omits the sky's part, which takes nearly all of the time.
-    multiple : table of light scattered at least twice, added to the diffuse part.
+    mu_sun : (K,) array
+        Cosines of the Sun's zenith angle.
+    diffuse : bool, optional
+        ``False`` omits the sky's part, which takes nearly all of the time.
+    multiple : MultipleScattering, optional
+        Table of light scattered at least twice, added to the diffuse part.
     """
     mu_sun = np.asarray(mu_sun, float)
     direct = (

@@ -34,11 +34,15 @@ class IrradianceField:
 
     Parameters
     ----------
-    irradiance_w_m2 : (10, n) coefficients per band of 1, x, y, z, xy, yz, zx, 3 z^2 - 1, x^2 - y^2 of the normal, and
-        of the fourth Legendre polynomial of its cosine with ``axis``, about which a disc is symmetric.
-    radiance_w_m2_sr : (n, 4) radiance inside the disc per band: gradient over directions, and constant.
-    disc_cosine : cosine of the disc's angular radius about ``axis``; -2 for light from everywhere.
-    axis : (3,) unit vector to the disc's centre.
+    irradiance_w_m2 : (10, n) array
+        Coefficients per band of 1, x, y, z, xy, yz, zx, 3 z^2 - 1, x^2 - y^2 of the normal, and of the fourth Legendre
+        polynomial of its cosine with ``axis``, about which a disc is symmetric.
+    radiance_w_m2_sr : (n, 4) array
+        Radiance inside the disc per band: gradient over directions, and constant.
+    disc_cosine : float
+        Cosine of the disc's angular radius about ``axis``; -2 for light from everywhere.
+    axis : (3,) array
+        Unit vector to the disc's centre.
     """
 
     irradiance_w_m2: FloatArray
@@ -102,10 +106,16 @@ def field_of_samples(
 
     Parameters
     ----------
-    directions : (K, 3) unit vectors from the target. radiance : (K, n) [W m-2 sr-1].
-    solid_angle_sr : solid angle of each sample, or (K,).
-    also_w_m2 : (P, n) irradiance of other light, from `moon_plate_irradiance`.
-    disc : number of samples, first in order, that are on the disc; the others surround it.
+    directions : (K, 3) array
+        Unit vectors from the target.
+    radiance : (K, n) array
+        [W m-2 sr-1].
+    solid_angle_sr : float or array
+        Solid angle of each sample, or (K,).
+    also_w_m2 : (P, n) array, optional
+        Irradiance of other light, from `moon_plate_irradiance`.
+    disc : int, optional
+        Number of samples, first in order, that are on the disc; the others surround it.
     """
     solid_angles = np.broadcast_to(solid_angle_sr, len(directions))[:, None]
     falling = np.maximum(_NORMALS @ directions.T, 0) @ (radiance * solid_angles)
@@ -152,10 +162,16 @@ def globe_shine(
 
     Parameters
     ----------
-    r_target_globe_m, sun_globe : target position [m] and unit vector to the Sun, in the globe's axes.
-    sun_w_m2 : irradiance of the Sun at the globe, per band. radius_m : radius of the globe, here a sphere.
-    albedo : (H, W) Lambertian albedo, equirectangular, row 0 in the north, column 0 at -180 degrees; or (1, 1).
-    also_w_m2 : irradiance of other light, see `field_of_samples`.
+    r_target_globe_m, sun_globe : array
+        Target position [m] and unit vector to the Sun, in the globe's axes.
+    sun_w_m2 : array
+        Irradiance of the Sun at the globe, per band.
+    radius_m : float
+        Radius of the globe, here a sphere.
+    albedo : (H, W) array
+        Lambertian albedo, equirectangular, row 0 in the north, column 0 at -180 degrees; or (1, 1).
+    also_w_m2 : array, optional
+        Irradiance of other light, see `field_of_samples`.
     """
     distance = float(np.linalg.norm(r_target_globe_m))
     sine = min(radius_m / distance, 1.0)
@@ -197,8 +213,12 @@ def moon_shine(
 
     Parameters
     ----------
-    sun : unit vector to the Sun, in the frame of ``r_moon_from_target_m``. R_camera : rotation from it to the camera.
-    axis : axis of the field to which the coefficients belong, camera frame.
+    sun : array
+        Unit vector to the Sun, in the frame of ``r_moon_from_target_m``.
+    R_camera : array
+        Rotation from it to the camera.
+    axis : array
+        Axis of the field to which the coefficients belong, camera frame.
     """
     return _fit_irradiance(axis, moon_plate_irradiance(r_moon_from_target_m, sun, R_camera, sun_w_m2))
 

@@ -41,7 +41,10 @@ def moonlight_share(r_moon_m: FloatArray, sun: FloatArray) -> float:
 
     Parameters
     ----------
-    r_moon_m : (3,) vector to the Moon from the lit point. sun : (3,) unit vector to the Sun, same frame.
+    r_moon_m : (3,) array
+        Vector to the Moon from the lit point.
+    sun : (3,) array
+        Unit vector to the Sun, same frame.
     """
     distance = float(np.linalg.norm(r_moon_m))
     phase = math.acos(min(max(float(-r_moon_m @ sun) / distance, -1.0), 1.0))

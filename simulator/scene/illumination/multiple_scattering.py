@@ -88,10 +88,16 @@ class _Paths:
 
     Parameters
     ----------
-    first : (H, K, S, n) radiance of single scattering. sunlit : (H, K, S, n) radiance of ground in direct sunlight.
-    scattered : (STEPS, H, K, n) share of the mean radiance that each step scatters along the ray.
-    row, column : (STEPS, H, K), (STEPS, H, K, S) positions of the steps in the table.
-    foot, foot_column : (H, K, n) radiance of white ground over its irradiance; (H, K, S) column there.
+    first : (H, K, S, n) array
+        Radiance of single scattering.
+    sunlit : (H, K, S, n) array
+        Radiance of ground in direct sunlight.
+    scattered : (STEPS, H, K, n) array
+        Share of the mean radiance that each step scatters along the ray.
+    row, column : (STEPS, H, K), (STEPS, H, K, S) array
+        Positions of the steps in the table.
+    foot, foot_column : (H, K, n) array
+        Radiance of white ground over its irradiance; (H, K, S) column there.
     """
 
     first: FloatArray

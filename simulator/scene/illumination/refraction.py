@@ -60,8 +60,8 @@ def sunlight_past_earth(r_m: FloatArray, r_sun_m: FloatArray, bands: Bands) -> F
 
     Parameters
     ----------
-    r_m, r_sun_m : (3,) position and Sun from the Earth's centre, in space stretched so that the ellipsoid is a sphere
-        [m].
+    r_m, r_sun_m : (3,) array
+        Position and Sun from the Earth's centre, in space stretched so that the ellipsoid is a sphere [m].
     """
     air = earth_atmosphere(bands)
     to_sun = np.asarray(r_sun_m, float) - r_m
@@ -89,7 +89,10 @@ def shadow_profile(distance_km: int, sun_distance_gm: int, bands: Bands) -> tupl
 
     Parameters
     ----------
-    distance_km : distance behind the Earth. sun_distance_gm : distance of the Sun from there [10^9 m].
+    distance_km : int
+        Distance behind the Earth.
+    sun_distance_gm : int
+        Distance of the Sun from there [10^9 m].
 
     Returns
     -------

@@ -59,17 +59,26 @@ class ImportOptions:
 
     Parameters
     ----------
-    scale, units : factor to metres, or one of mm, cm, m, in.
-    up : y or z.
-    recentre : True to move the origin to the centre of the bounding box.
-    any_size : True to accept a size that no spacecraft has.
-    decimate : reduce to at most this many triangles.
-    strict : True to refuse missing textures, and open, non-manifold or one-sided surfaces, unless an option allows
-        them.
-    fill_holes, keep_holes, keep_non_manifold : treatment of open or non-manifold surfaces; holes are filled if the
-        result is a solid.
-    new_normals : True to recompute normals even if the file's are consistent.
-    mass_kg, density_kg_m3 : mass or density of the uniform solid.
+    scale : float, optional
+        Factor to metres, or one of mm, cm, m, in.
+    units : str, optional
+        Factor to metres, or one of mm, cm, m, in.
+    up : str, optional
+        y or z.
+    recentre : bool, optional
+        True to move the origin to the centre of the bounding box.
+    any_size : bool, optional
+        True to accept a size that no spacecraft has.
+    decimate : int, optional
+        Reduce to at most this many triangles.
+    strict : bool, optional
+        True to refuse missing textures, and open, non-manifold or one-sided surfaces, unless an option allows them.
+    fill_holes, keep_holes, keep_non_manifold : bool, optional
+        Treatment of open or non-manifold surfaces; holes are filled if the result is a solid.
+    new_normals : bool, optional
+        True to recompute normals even if the file's are consistent.
+    mass_kg, density_kg_m3 : float, optional
+        Mass or density of the uniform solid.
     """
 
     scale: float | None = None
@@ -93,9 +102,12 @@ class Findings:
 
     Parameters
     ----------
-    shape : findings that affect poses, masks and labels.
-    look : findings that affect images alone.
-    repairs : repairs without loss.
+    shape : list of str, optional
+        Findings that affect poses, masks and labels.
+    look : list of str, optional
+        Findings that affect images alone.
+    repairs : list of str, optional
+        Repairs without loss.
     """
 
     shape: list[str] = field(default_factory=list)
@@ -161,7 +173,8 @@ def read_surface(
 
     Returns
     -------
-    The file's model, its bodies, the craft's extent [m], materials in use, parts, and lines for the user.
+    tuple
+        The file's model, its bodies, the craft's extent [m], materials in use, parts, and lines for the user.
 
     Raises
     ------

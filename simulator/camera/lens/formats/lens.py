@@ -31,7 +31,8 @@ def named_model(names: Iterable[tuple[str, object]], keys: Keys) -> DistortionMo
 
     Parameters
     ----------
-    names : pairs of a key and its value.
+    names : iterable of tuple
+        Pairs of a key and its value.
 
     Raises
     ------
@@ -67,9 +68,12 @@ def not_drawn(place: str, value: object, read: str) -> UserError:
 
     Parameters
     ----------
-    place : file and key.
-    value : value of the key.
-    read : names of the models that are read.
+    place : str
+        File and key.
+    value : object
+        Value of the key.
+    read : str
+        Names of the models that are read.
     """
     return UserError(
         f"{place} is {str(value)[:60]!r}, a lens that is not drawn (read are {read}); {_RECALIBRATE}"
@@ -92,12 +96,18 @@ def camera_file(
 
     Parameters
     ----------
-    keys : keys of the file; `Keys.done` is called.
-    size : width and height of the image.
-    intrinsics : fx, fy, cx, cy; pixel (0, 0) is the centre of the top-left pixel.
-    coefficients : coefficients of the model in OpenCV's order, or None.
-    notes : remarks for the user about other content of the file.
-    encoding : transfer function of the images as the file names it, or None.
+    keys : Keys
+        Keys of the file; `Keys.done` is called.
+    size : sequence of float
+        Width and height of the image.
+    intrinsics : sequence of float
+        fx, fy, cx, cy; pixel (0, 0) is the centre of the top-left pixel.
+    coefficients : sequence of float or None
+        Coefficients of the model in OpenCV's order, or None.
+    notes : iterable of str, optional
+        Remarks for the user about other content of the file.
+    encoding : object, optional
+        Transfer function of the images as the file names it, or None.
 
     Raises
     ------

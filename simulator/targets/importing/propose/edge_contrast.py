@@ -47,8 +47,10 @@ def contrast_of(
 
     Parameters
     ----------
-    a_m, b_m : (K, 3) ends.
-    skin_m : (K,) depth of each segment below the surface, for example of a rod's axis.
+    a_m, b_m : (K, 3) array
+        Ends.
+    skin_m : (K,) array
+        Depth of each segment below the surface, for example of a rod's axis.
     """
     surface = surface_points(bodies, POINTS)
     albedo = np.array([float(np.mean(m.base_color)) for m in materials])[surface.material]

@@ -25,9 +25,12 @@ def mass_properties_of(
 
     Parameters
     ----------
-    bodies : meshes of the craft.
-    mass_kg : total mass; None to derive it from the density.
-    density_kg_m3 : density of a solid; None for `DENSITY_KG_M3`.
+    bodies : list of MeshBody
+        Meshes of the craft.
+    mass_kg : float or None
+        Total mass; None to derive it from the density.
+    density_kg_m3 : float or None
+        Density of a solid; None for `DENSITY_KG_M3`.
 
     References
     ----------

@@ -62,13 +62,17 @@ def propose_wireframe(
 
     Parameters
     ----------
-    bodies : welded meshes of the craft, model frame.
-    extent : size of the craft [m].
-    materials : materials of the bodies, for the contrast.
+    bodies : list of MeshBody
+        Welded meshes of the craft, model frame.
+    extent : float
+        Size of the craft [m].
+    materials : sequence of Material
+        Materials of the bodies, for the contrast.
 
     Returns
     -------
-    The proposed edges, and the number of edges that were dropped.
+    tuple
+        The proposed edges, and the number of edges that were dropped.
     """
     rods = [r for b in bodies for r in rods_of(b, extent)]
     stretches = [s for b in bodies for s in _stretches(with_separate_components(b), extent)]

@@ -30,10 +30,14 @@ def face_grain(
 
     Parameters
     ----------
-    corners_m : (F, 3, 3) corners.
-    tangents : (F, 3, 4) glTF tangents of the corners, rotated with the mesh; or None to derive them from ``corner_uv``.
-    corner_uv : (F, 3, 2) texture coordinates, or None; a mesh without either has no direction.
-    turn_rad : angle, counter-clockwise, from the tangent to the direction in which the highlight is wide.
+    corners_m : (F, 3, 3) array
+        Corners.
+    tangents : (F, 3, 4) array or None
+        glTF tangents of the corners, rotated with the mesh; or None to derive them from ``corner_uv``.
+    corner_uv : (F, 3, 2) array or None
+        Texture coordinates, or None; a mesh without either has no direction.
+    turn_rad : float
+        Angle, counter-clockwise, from the tangent to the direction in which the highlight is wide.
 
     References
     ----------

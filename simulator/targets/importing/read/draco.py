@@ -72,7 +72,8 @@ class _Added:
 
         Parameters
         ----------
-        was : placeholder accessor in the document, whose component type and ``normalized`` apply: the decoder returns
+        was : dict
+            Placeholder accessor in the document, whose component type and ``normalized`` apply: the decoder returns
             integers as floats.
         """
         array = arrays[key].reshape(-1, 1) if key.startswith("faces") else arrays[key]
@@ -131,7 +132,8 @@ def decoded(path: Path, streams: list[bytes], most_bytes: int = MAX_RESULT_BYTES
 
     Parameters
     ----------
-    most_bytes : limit on the total size, because a stream of a few bytes may request any size.
+    most_bytes : int, optional
+        Limit on the total size, because a stream of a few bytes may request any size.
 
     Raises
     ------

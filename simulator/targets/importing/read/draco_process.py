@@ -22,7 +22,8 @@ def main(most_bytes: int) -> int:
 
     Parameters
     ----------
-    most_bytes : limit on the total size of all arrays.
+    most_bytes : int
+        Limit on the total size of all arrays.
     """
     try:
         import DracoPy  # noqa: PLC0415 - before memory is limited

@@ -32,10 +32,14 @@ class GltfMaterials:
 
     Parameters
     ----------
-    document : parsed JSON.
-    reader : reader of images.
-    image_bytes : function that returns the bytes of an embedded image; None for a separate file.
-    lost : set to which properties are added that are not carried over.
+    document : dict
+        Parsed JSON.
+    reader : PictureReader
+        Reader of images.
+    image_bytes : callable
+        Function that returns the bytes of an embedded image; None for a separate file.
+    lost : set of str
+        Set to which properties are added that are not carried over.
     """
 
     def __init__(

@@ -86,7 +86,8 @@ def check_weight(document: dict[str, Any], placed: list[Placed], n_bytes: int) -
 
     Parameters
     ----------
-    n_bytes : size of the file's buffers: each row takes at least one byte.
+    n_bytes : int
+        Size of the file's buffers: each row takes at least one byte.
 
     Raises
     ------

@@ -78,8 +78,10 @@ class MaterialLibraries:
 
     Parameters
     ----------
-    path : path of the model.
-    libraries : texts after ``mtllib`` in each of its lines.
+    path : Path
+        Path of the model.
+    libraries : list of str
+        Texts after ``mtllib`` in each of its lines.
 
     Raises
     ------

@@ -43,7 +43,8 @@ def polygon_triangles(corners: FloatArray) -> list[tuple[int, int, int]]:
 
     Returns
     -------
-    Positions of the three corners of each triangle.
+    list of tuple of int
+        Positions of the three corners of each triangle.
 
     Raises
     ------

@@ -60,7 +60,8 @@ class PictureReader:
 
     Parameters
     ----------
-    model : path of the model.
+    model : Path
+        Path of the model.
     notes : list of str
         Changes made to the images.
     missing : dict
@@ -157,7 +158,8 @@ def face_colours(image: ByteArray, corner_uv: FloatArray) -> FloatArray:
 
     Parameters
     ----------
-    corner_uv : (F, 3, 2) texture coordinates, origin at the image's top left as in glTF; they repeat outside 0..1.
+    corner_uv : (F, 3, 2) array
+        Texture coordinates, origin at the image's top left as in glTF; they repeat outside 0..1.
     """
     height, width = image.shape[:2]
     weights = BARYCENTRIC / BARYCENTRIC.sum(axis=1, keepdims=True)

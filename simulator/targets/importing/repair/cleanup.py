@@ -188,7 +188,8 @@ def check_surface(
 
     Returns
     -------
-    Numbers of remaining holes, open edges and non-manifold edges.
+    tuple of int
+        Numbers of remaining holes, open edges and non-manifold edges.
 
     Raises
     ------

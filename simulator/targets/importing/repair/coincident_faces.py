@@ -45,11 +45,14 @@ class FaceTable:
 
     Parameters
     ----------
-    corners_m : (F, 3, 3).
-    outward : (F, 3) unit normals, outwards on closed pieces.
-    closed : (F,) True on a closed
-        piece.
-    body, piece, material : (F,) indices.
+    corners_m : (F, 3, 3) array
+        Corners of the triangles.
+    outward : (F, 3) array
+        Unit normals, outwards on closed pieces.
+    closed : (F,) array
+        True on a closed piece.
+    body, piece, material : (F,) array
+        Indices.
     """
 
     corners_m: FloatArray
@@ -114,11 +117,14 @@ def coincident_pairs(
 
     Parameters
     ----------
-    corners_m : (F, 3, 3).
-    extent_m : size of the craft.
-    within_m : (F,) largest distance of a face from its partner, by
-        default `NEAREST` of the craft; the larger of both counts.
-    required : (F,) faces, of which a pair must contain one.
+    corners_m : (F, 3, 3) array
+        Corners of the triangles.
+    extent_m : float
+        Size of the craft.
+    within_m : (F,) array, optional
+        Largest distance of a face from its partner, by default `NEAREST` of the craft; the larger of both counts.
+    required : (F,) array, optional
+        Faces, of which a pair must contain one.
     """
     nearest = NEAREST * extent_m
     tolerance_m = np.full(len(corners_m), nearest) if within_m is None else within_m

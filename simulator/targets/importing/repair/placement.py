@@ -94,8 +94,10 @@ def place_model(
 
     Parameters
     ----------
-    recentre : True to move the origin to the centre of the bounding box.
-    any_size : True to accept a size that no spacecraft has.
+    recentre : bool, optional
+        True to move the origin to the centre of the bounding box.
+    any_size : bool, optional
+        True to accept a size that no spacecraft has.
 
     Raises
     ------
