@@ -109,21 +109,21 @@ def take_frame(
     drawn_s = time.perf_counter()
     signal = expose_scene(scene, exposed.radiance)
     image = digitise_scene(scene, signal, noise=noise)
-    formed = time.perf_counter()
-    stage_ms = {"render": (drawn_s - start) * 1e3, "sensor": (formed - drawn_s) * 1e3}
+    formed_s = time.perf_counter()
+    stage_ms = {"render": (drawn_s - start) * 1e3, "sensor": (formed_s - drawn_s) * 1e3}
     stage_ms.update({f"render.{name}": ms for name, ms in exposed.stage_ms.items()})
     if not labels:
         return Frame(scene, image, exposed.radiance, stage_ms=stage_ms)
     request = labels if isinstance(labels, LabelRequest) else LabelRequest()
-    labels_of_frame = label_picture(renderer, scene, target, request, signal, image)
-    stage_ms["labels"] = (time.perf_counter() - formed) * 1e3
+    result = label_picture(renderer, scene, target, request, signal, image)
+    stage_ms["labels"] = (time.perf_counter() - formed_s) * 1e3
     return Frame(
         scene,
         image,
         exposed.radiance,
-        labels_of_frame.truth,
-        labels_of_frame.mask,
-        labels_of_frame.depth_m,
-        labels_of_frame.layers,
+        result.truth,
+        result.mask,
+        result.depth_m,
+        result.layers,
         stage_ms,
     )

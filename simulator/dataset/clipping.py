@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 NOTABLE_SHARE = 0.05
 """Share of saturated target pixels above which an exposure is proposed."""
 
-# a frame is dark if the fitting exposure is longer by this factor: four fifths of the scale are unused
+# a frame is dark if the proposed exposure is longer by this factor: four fifths of the scale are unused
 _DARK = 5.0
 
 # Highlights may saturate: the brightest fiftieth of the target's pixels; the rest should stay below this signal.
@@ -80,8 +80,8 @@ def measure_clipping(frame: Frame) -> Clipping:
     if not len(radiance):
         return Clipping(0, 0, scene.exposure_s, 0.0)
     # a uniform image of unit radiance, exposed for a second, gives the scale of each band
-    even = np.ones((9, 9, *radiance.shape[1:]), np.float32)
-    scale = expose(even, scene.sensor, 1.0, sunlight_balance(scene.bands), scene.optics)[4, 4]
+    uniform = np.ones((9, 9, *radiance.shape[1:]), np.float32)
+    scale = expose(uniform, scene.sensor, 1.0, sunlight_balance(scene.bands), scene.optics)[4, 4]
     signal_1s = radiance * scale
     # a colour pixel saturates with its first band
     brightest = signal_1s if signal_1s.ndim == 1 else signal_1s.max(axis=1)
@@ -120,8 +120,8 @@ def _advice(frames: Sequence[Clipping], document: dict[str, Any]) -> str:
     sensor = document.get("sensor") or {}
     if sensor.get("auto_exposure") is not None:
         level = sensor["auto_exposure"].get("level", 0.5)
-        way = "above" if frames[0].is_dark else "below"
-        return f"set level {way} {level:g} in [sensor.auto_exposure], or its lag_s shorter"
+        comparison = "above" if frames[0].is_dark else "below"
+        return f"set level {comparison} {level:g} in [sensor.auto_exposure], or its lag_s shorter"
     fitting = [f.fitting_s for f in frames if f.fitting_s > 0]
     best, longest = min(fitting), max(fitting)
     number = f"exposure_s = {_two_digits(best)} in [sensor] (here {frames[0].exposure_s:g})"

@@ -41,7 +41,7 @@ class ImportSource:
     form : str
         Name of its format.
     frames : iterable of LabelledFrame
-        Frames in order, made on access.
+        Frames in order, decoded on access.
     """
 
     card: DatasetCard
@@ -77,7 +77,7 @@ def open_source(
     form : str, optional
         Format, detected by default.
     target, camera : str, optional
-        Replace those of foreign images.
+        Target and camera to use instead of those of a foreign data set.
 
     Raises
     ------
@@ -93,7 +93,7 @@ def open_source(
             card = msgspec.structs.replace(card, image_bits=image_bits(dataset[0]))
         return ImportSource(card, NATIVE, dataset)
     pictures, kind = read_foreign(place, form)
-    name = target or pictures.usual_target
+    name = target or pictures.default_target
     if not name:
         raise UserError(f"{place} does not say what craft it shows; name it with --target")
     craft, lens = load_target(name), camera_of(pictures, camera)
@@ -121,7 +121,7 @@ def convert(
     split : tuple of int, optional
         Shares of training, validation and test frames; by default the source's own.
     tell : callable, optional
-        Function that is called with a sentence on what the format omits, before anything is written.
+        Called before anything is written, with one sentence per format that lists the omitted labels.
 
     Returns
     -------

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, overload
 
 from flyaround.simulator.dataset.card import DatasetCard, read_card
 from flyaround.simulator.dataset.formats.labelled_frame import SPLITS, LabelledFrame, frame_from_folder
-from flyaround.simulator.dataset.formats.native import is_whole
+from flyaround.simulator.dataset.formats.native import is_frame_complete
 from flyaround.simulator.dataset.split import read_split
 from flyaround.simulator.errors import UserError, missing_extra
 
@@ -93,7 +93,9 @@ def open_dataset(folder: str | Path, split: str | None = None) -> LabelledDatase
     if split is not None and not splits:
         raise UserError(f"data set {folder} is not split; capture it with --split 8:1:1")
     numbers = [
-        k for k in range(card.n_frames) if (split is None or splits.get(k) == split) and is_whole(folder, k)
+        k
+        for k in range(card.n_frames)
+        if (split is None or splits.get(k) == split) and is_frame_complete(folder, k)
     ]
     if not numbers:
         raise UserError(

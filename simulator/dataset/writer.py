@@ -70,7 +70,7 @@ class CheckAndEncode:
         # encode in a second thread: compressing a noisy image takes long, and releases Python's global lock
         with ThreadPoolExecutor(1, thread_name_prefix="flyaround-encoder") as encoder:
             encoding = encoder.submit(encode_frame, frame)
-            wrong = check_frame(
+            faults = check_frame(
                 frame.number, frame.truth, frame.image, frame.mask, self.card, target, frame.layers
             )
             files = encoding.result()
@@ -80,7 +80,7 @@ class CheckAndEncode:
             frame.number,
             files,
             frame.truth.feasible,
-            "; ".join(wrong),
+            "; ".join(faults),
             measure_clipping(frame),
             manifest_lines(frame_files(frame.number, files)),
             {} if isinstance(sample, msgspec.UnsetType) else sample.redraws,

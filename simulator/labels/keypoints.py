@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from flyaround.simulator.targets.model import Target
 
 # Below this share of the Sun's disc, direct light is below the noise of any recipe.
-ECLIPSED_BELOW = 0.02
+ECLIPSE_THRESHOLD = 0.02
 CONTRAST_RADIUS_PX = 2
 
 
@@ -113,7 +113,7 @@ def geometric_states(
         if on_image.size:
             occluded[on_image] = occluded_from_camera(mesh, points[on_image], seen_from)
     shadowed = np.zeros(len(points), bool)
-    if not scene.has_lamps and scene.sunlit_fraction >= ECLIPSED_BELOW:
+    if not scene.has_lamps and scene.sunlit_fraction >= ECLIPSE_THRESHOLD:
         candidates = np.flatnonzero(inside & ~occluded)
         to_sun = pose.R.T @ np.asarray(scene.sun_direction_camera)
         shadowed[candidates] = hidden_from_direction(mesh, points[candidates], to_sun)
@@ -125,7 +125,7 @@ def geometric_states(
             states.append("self_occluded")
         elif scene.has_lamps:  # a lamp at the camera lights all that the camera sees; in a room some lamps do
             states.append(None)
-        elif scene.sunlit_fraction < ECLIPSED_BELOW:
+        elif scene.sunlit_fraction < ECLIPSE_THRESHOLD:
             states.append("eclipsed")
         else:
             states.append("shadowed" if shadowed[k] else None)

@@ -40,12 +40,12 @@ _MARKS = (
 )
 
 
-def read_regular(path: Path, most_bytes: int) -> bytes:
+def read_regular(path: Path, max_bytes: int) -> bytes:
     """Return the bytes of a regular file. Pipes and devices are refused, because they would block or never end.
 
     Parameters
     ----------
-    most_bytes : int
+    max_bytes : int
         Size limit; a longer file is refused before it is read.
 
     Raises
@@ -63,9 +63,9 @@ def read_regular(path: Path, most_bytes: int) -> bytes:
             raise UserError(f"{path} is a folder; name a file")
         if not stat.S_ISREG(status.st_mode):
             raise UserError(f"{path} is no regular file but a pipe or a device; name a file")
-        if status.st_size > most_bytes:
+        if status.st_size > max_bytes:
             raise UserError(
-                f"{path} has {_size(status.st_size)} and at most {_size(most_bytes)} are read; make it smaller"
+                f"{path} has {_size(status.st_size)} and at most {_size(max_bytes)} are read; make it smaller"
             )
         with os.fdopen(handle, "rb", closefd=False) as file:
             return file.read(status.st_size)

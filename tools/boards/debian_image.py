@@ -143,7 +143,7 @@ def board_image() -> BoardImage:
         If a program is missing, or the image cannot be made.
     """
     image = BoardImage(cache_folder("boards") / image_name())
-    if not is_whole(image):
+    if not is_frame_complete(image):
         missing_programs()
         shutil.rmtree(image.folder, ignore_errors=True)
         image.folder.parent.mkdir(parents=True, exist_ok=True)
@@ -155,7 +155,7 @@ def board_image() -> BoardImage:
     return image
 
 
-def is_whole(image: BoardImage) -> bool:
+def is_frame_complete(image: BoardImage) -> bool:
     """Return True if all files of an image exist unchanged."""
     try:
         return bool(msgspec.json.decode(_manifest(image.folder).read_bytes()) == _hashes(image))

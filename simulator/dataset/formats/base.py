@@ -108,7 +108,7 @@ class DatasetFormat:
     writer : callable, optional
         Function that makes a writer from output and card; None for a read-only format.
     read : callable, optional
-        Function that returns the images with poses of a folder or list, or None for one of another kind; None for a
+        Function that returns the images and poses of a folder or list, or None if it is in another format. None for a
         write-only format.
     problem : callable, optional
         Function that returns why a data set cannot be written in this format, or None.
@@ -143,7 +143,7 @@ class DatasetFormat:
         Raises
         ------
         UserError
-            If `check` raises it.
+            If the format cannot hold the data set; see `check`.
         """
         self.check(card)
         if self.writer is None:

@@ -29,8 +29,8 @@ if TYPE_CHECKING:
 
 MAX_BYTES = 500_000_000  # size limit of a list of labels, for a million images
 MAX_CAMERA_BYTES = 4_000_000
-NEAREST_M, FARTHEST_M = 0.01, 1e6
-UNIT_WITHIN = 1e-3  # published quaternions are rounded, some to four digits
+MIN_RANGE_M, MAX_RANGE_M = 0.01, 1e6
+UNIT_TOLERANCE = 1e-3  # published quaternions are rounded, some to four digits
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,9 +62,9 @@ class PosedPictures:
     labels : Path
         Path of the list.
     camera : Camera or None
-        Camera of the set; None if it has none.
-    usual_camera, usual_target : str, optional
-        Names of the built-in ones for such sets; empty if they vary.
+        Camera of the data set; None if it has no camera file.
+    default_camera, default_target : str, optional
+        Built-in camera and target of data sets in this format; empty if they vary.
     encoding : Encoding, optional
         Transfer function of the images of a set without a camera file.
     """
@@ -72,12 +72,12 @@ class PosedPictures:
     labels: Path
     pictures: tuple[PosedPicture, ...]
     camera: Camera | None
-    usual_camera: str = ""
-    usual_target: str = ""
+    default_camera: str = ""
+    default_target: str = ""
     encoding: Encoding = "linear"
 
 
-def read_json(path: Path, *, most_bytes: int = MAX_BYTES) -> Any:  # noqa: ANN401 - any JSON value
+def read_json(path: Path, *, max_bytes: int = MAX_BYTES) -> Any:  # noqa: ANN401 - any JSON value
     """Read a foreign JSON file.
 
     Raises
@@ -87,7 +87,7 @@ def read_json(path: Path, *, most_bytes: int = MAX_BYTES) -> Any:  # noqa: ANN40
     """
     refuse_link_out(path, path.parent)
     try:
-        data = read_regular(path, most_bytes)
+        data = read_regular(path, max_bytes)
         refuse_deep(data, str(path))
         return json.loads(data)
     except OSError as error:
@@ -153,18 +153,20 @@ def find_picture(labels: Path, places: Iterable[Path], name: Any) -> Path:  # no
     Raises
     ------
     UserError
-        If it is in none of them, or the name or a link leads out of the list's folder.
+        If no folder has the image, or the name or a symbolic link points outside the list's folder.
     """
     if not isinstance(name, str) or not name:
         raise UserError(f"{labels} names a picture {name!r}; a file name is needed")
-    looked = []
+    searched = []
     for place in places:
         path = find_beside(place / labels.name, name, "picture")
         if path.is_file():
             refuse_link_out(path, labels.parent)
             return path
-        looked.append(str(place))
-    raise UserError(f"{labels} names {name}, which is not in {' or '.join(looked)}; give the whole data set")
+        searched.append(str(place))
+    raise UserError(
+        f"{labels} names {name}, which is not in {' or '.join(searched)}; give the whole data set"
+    )
 
 
 def checked_pose(q_wxyz: Any, t_m: Any, where: str) -> Pose:  # noqa: ANN401 - values of a file
@@ -177,20 +179,22 @@ def checked_pose(q_wxyz: Any, t_m: Any, where: str) -> Pose:  # noqa: ANN401 - v
         the camera; the message starts with ``where``.
     """
     numbers = []
-    for what, values, count in (("quaternion", q_wxyz, 4), ("position", t_m, 3)):
+    for quantity, values, count in (("quaternion", q_wxyz, 4), ("position", t_m, 3)):
         try:
             row = [float(v) for v in values]
         except (TypeError, ValueError, OverflowError):
             row = []
         if len(row) != count or not all(math.isfinite(v) for v in row):
-            raise UserError(f"{where}: the {what} is {str(values)[:80]}, {count} finite numbers are needed")
+            raise UserError(
+                f"{where}: the {quantity} is {str(values)[:80]}, {count} finite numbers are needed"
+            )
         numbers.append(row)
     q, t = numbers
-    if abs(math.hypot(*q) - 1) > UNIT_WITHIN:
+    if abs(math.hypot(*q) - 1) > UNIT_TOLERANCE:
         raise UserError(f"{where}: the quaternion's length is {math.hypot(*q):g}; it must be one")
-    if not (t[2] > 0 and NEAREST_M < math.hypot(*t) < FARTHEST_M):
+    if not (t[2] > 0 and MIN_RANGE_M < math.hypot(*t) < MAX_RANGE_M):
         raise UserError(
-            f"{where}: the target is at {t} m, which is not before the camera or not {NEAREST_M:g} to "
-            f"{FARTHEST_M:g} m away; the data set's axes are another's"
+            f"{where}: the target is at {t} m, which is not before the camera or not {MIN_RANGE_M:g} to "
+            f"{MAX_RANGE_M:g} m away; the data set's axes are another's"
         )
     return Pose.of("camera", "target", q, t)

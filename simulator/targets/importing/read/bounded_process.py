@@ -47,13 +47,13 @@ def run_decoder(module: str, arguments: list[str], data: bytes) -> bytes:
     return process.stdout
 
 
-def bound_memory(most_bytes: int) -> None:
+def bound_memory(max_bytes: int) -> None:
     """Limit the memory of this process, because a few bytes may request any amount."""
     try:
         import resource  # noqa: PLC0415 - Unix alone has it
     except ImportError:
         return
-    resource.setrlimit(resource.RLIMIT_AS, (most_bytes, most_bytes))
+    resource.setrlimit(resource.RLIMIT_AS, (max_bytes, max_bytes))
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
 
 

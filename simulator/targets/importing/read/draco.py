@@ -127,22 +127,22 @@ def _stream(document: dict[str, Any], buffers: list[bytes], number: int) -> byte
     return data
 
 
-def decoded(path: Path, streams: list[bytes], most_bytes: int = MAX_RESULT_BYTES) -> dict[str, NDArray[Any]]:
+def decoded(path: Path, streams: list[bytes], max_bytes: int = MAX_RESULT_BYTES) -> dict[str, NDArray[Any]]:
     """Return arrays by stream and attribute, named as in `draco_process`.
 
     Parameters
     ----------
-    most_bytes : int, optional
+    max_bytes : int, optional
         Limit on the total size, because a stream of a few bytes may request any size.
 
     Raises
     ------
     UserError
-        If a stream cannot be decoded, or the total exceeds ``most_bytes``.
+        If a stream cannot be decoded, or the total exceeds ``max_bytes``.
     """
     request = b"".join(len(s).to_bytes(8, "little") + s for s in streams)
     try:
-        arrays = run_decoder("draco_process", [str(most_bytes)], request)
+        arrays = run_decoder("draco_process", [str(max_bytes)], request)
     except DecoderError as error:
         raise UserError(
             f"{path} is packed with Draco and cannot be unpacked: {error}; export it without mesh compression"

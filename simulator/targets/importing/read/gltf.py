@@ -269,14 +269,14 @@ class _Reader:
             )
         return data
 
-    def _file(self, uri: str, what: str, most_bytes: int) -> bytes:
+    def _file(self, uri: str, what: str, max_bytes: int) -> bytes:
         data = embedded(self.path, uri, what)
         if data is not None:
             return data
         place = find_beside(self.path, unquote(uri), what)
         try:
             if place not in self.files:  # any number of buffers may name one file
-                self.files[place] = read_regular(place, most_bytes)
+                self.files[place] = read_regular(place, max_bytes)
             return self.files[place]
         except OSError as error:
             raise UserError(

@@ -77,7 +77,7 @@ def test_a_disk_that_is_full_says_so_and_leaves_nothing_half_written(tmp_path, m
 
 def test_batches_write_every_frame_and_its_lines(tmp_path):
     store = FolderStore(tmp_path)
-    with FrameBatches(store, most_bytes=700) as batches:
+    with FrameBatches(store, max_bytes=700) as batches:
         for k in range(5):
             batches.add(_frame(k))
     manifest = read_manifest(store)
@@ -92,7 +92,7 @@ def test_batches_write_every_frame_and_its_lines(tmp_path):
 
 
 def test_frames_are_on_the_disk_within_a_time(tmp_path):
-    with FrameBatches(FolderStore(tmp_path), most_s=0.05) as batches:
+    with FrameBatches(FolderStore(tmp_path), max_s=0.05) as batches:
         batches.add(_frame(0))
         time.sleep(0.06)
         batches.add(_frame(1))
@@ -119,7 +119,7 @@ def test_an_error_elsewhere_keeps_the_frames_and_an_error_of_the_disk_is_told(tm
             raise UserError("cannot write: no space left on its disk")
 
     with pytest.raises(UserError, match="no space"):
-        _add_all(Full(tmp_path), (_frame(k) for k in range(1, 4)), most_bytes=1)
+        _add_all(Full(tmp_path), (_frame(k) for k in range(1, 4)), max_bytes=1)
     # lines come before names: those of the frame that was not written are there, and no later ones
     assert sorted(read_manifest(store)) == [0, 1]
     assert not store.exists("images/000001.json")
@@ -141,10 +141,10 @@ def test_a_torn_last_line_and_nonsense_are_left_out(tmp_path):
 def test_too_little_room_is_said_with_both_figures(tmp_path, monkeypatch):
     store = FolderStore(tmp_path)
     monkeypatch.setattr(FolderStore, "free_bytes", lambda _: 12_000_000_000)
-    space.refuse_without_room(store, 1000, 2_400_000)
+    space.require_disk_space(store, 1000, 2_400_000)
     with pytest.raises(
         UserError, match=r"10,000 frames take about 24\.0 GB and the disk of .* has 12\.0 GB left"
     ):
-        space.refuse_without_room(store, 10_000, 2_400_000)
+        space.require_disk_space(store, 10_000, 2_400_000)
     monkeypatch.setattr(FolderStore, "free_bytes", lambda _: None)
-    space.refuse_without_room(store, 10_000, 2_400_000)
+    space.require_disk_space(store, 10_000, 2_400_000)

@@ -140,5 +140,5 @@ def test_a_stream_that_is_damaged_or_no_mesh(tmp_path, stream):
 
 def test_a_stream_that_unpacks_to_more_than_is_read(stream):
     with pytest.raises(UserError, match="unpacks to more than is read"):
-        decoded(Path("a.glb"), [stream], most_bytes=1000)
+        decoded(Path("a.glb"), [stream], max_bytes=1000)
     assert decoded(Path("a.glb"), [stream])["faces_0"].shape == BALL.faces.shape
