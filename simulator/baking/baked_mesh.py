@@ -196,7 +196,7 @@ def outer_hulls(parts_m: Sequence[FloatArray]) -> list[FloatArray]:
 
     Parameters
     ----------
-    parts_m : (N, 3) sequence of array
+    parts_m : sequence of (N, 3) arrays
         Points of each part.
     """
     hulls = [_hull(points) for points in parts_m]

@@ -41,8 +41,10 @@ class NodeVisibility:
         Cosines with the nodes' normals; zero if no ray was cast: below the face, or grazing it.
     is_open : (N, D) array
         True if a ray was cast and hit nothing.
-    node, direction : (K,) array
-        Node and direction of each ray that hit the craft.
+    node : (K,) array
+        Node of each ray that hit the craft.
+    direction : (K,) array
+        Direction of each ray that hit the craft.
     hit_node : (K,) array
         Node nearest to the hit.
     hit_back : (K,) array

@@ -46,8 +46,10 @@ class Charts:
         Chart of each triangle.
     axes : (C, 2, 3) array
         Unit vectors along a chart's nodes.
-    low_m, step_m : (C, 2) array
-        First node and spacing along them.
+    low_m : (C, 2) array
+        First node along both axes [m].
+    step_m : (C, 2) array
+        Spacing of the nodes along both axes [m].
     counts : (C, 2) array
         Nodes along each axis.
     first : (C,) array
@@ -56,8 +58,10 @@ class Charts:
         Chart of each node.
     at : (N,) array
         Its index in the atlas, row by row.
-    places_m, normals : (N, 3) array
-        Position and unit normal of each texel.
+    places_m : (N, 3) array
+        Positions of the texels [m].
+    normals : (N, 3) array
+        Unit normals of the texels.
     face_normals : (C, 3) array
         Normal of each chart.
     triangle : (N,) array
@@ -108,8 +112,10 @@ def make_charts(
 
     Parameters
     ----------
-    positions_m, normals : (V, 3) array
-        Position and unit normal of each vertex.
+    positions_m : (V, 3) array
+        Positions of the vertices [m].
+    normals : (V, 3) array
+        Unit normals of the vertices.
     groups : (V,) array
         Group numbers, never mixed in one chart.
     texel_m : float
@@ -182,8 +188,10 @@ def _lay_out(
 
     Parameters
     ----------
-    corners_m, corner_normals : (T, 3, 3) array
-        Positions and unit normals of the triangles' corners.
+    corners_m : (T, 3, 3) array
+        Corners of the triangles [m].
+    corner_normals : (T, 3, 3) array
+        Unit normals at the corners.
     across : (T, 3) array
         Normals with twice the triangles' areas as length.
     """

@@ -17,7 +17,7 @@ def slope_levels(image: FloatArray) -> Iterator[tuple[FloatArray, FloatArray]]:
 
     Parameters
     ----------
-    image : (S, S, n), array
+    image : (S, S, n) array
         S a power of two; slopes along u and v, and other channels.
 
     References

@@ -53,8 +53,10 @@ def start_once(cache_folder: str, early: str = "", late: str = "") -> tuple[floa
 
     Parameters
     ----------
-    early, late : str, optional
-        Lines of Python to run before anything is read, and after the renderer is imported.
+    early : str, optional
+        Python code to run before anything is imported.
+    late : str, optional
+        Python code to run after the renderer is imported.
     """
     environment = {k: v for k, v in os.environ.items() if k != "PYTHONDONTWRITEBYTECODE"}  # as installed
     # the first start also compiles the driver's shaders

@@ -277,7 +277,7 @@ def _enlarged_root(reflectance: Float32Array, rows: slice) -> ByteArray:
 
     Parameters
     ----------
-    reflectance : (H / 4, W / 4), array
+    reflectance : (H / 4, W / 4) array
         At a quarter of the size.
     """
     first, last = rows.start // 4, -(-rows.stop // 4)

@@ -43,8 +43,10 @@ class StarField:
         Unit vectors, GCRS.
     irradiance_w_m2 : (n, K) array
         Irradiance per band above the air; with ``by_photons``, of sunlight with equal photons.
-    cells, first : (C, 3) array
-        Centres of the sky cells that sort the stars; (C + 1,) index of each cell's first star.
+    cells : (C, 3) array
+        Centres of the sky cells by which the stars are sorted.
+    first : (C + 1,) array
+        Index of the first star of each cell.
     """
 
     directions: FloatArray

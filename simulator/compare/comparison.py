@@ -48,8 +48,10 @@ class Pair:
     ----------
     edges : dict
         Binary edges of our image for each atmosphere, all at one threshold; only one entry against space.
-    histogram_moved_dn, gradient_moved_dn : float
-        Earth mover's distances of the histograms [DN, DN per pixel].
+    histogram_moved_dn : float
+        Earth mover's distance of the histograms [DN].
+    gradient_moved_dn : float
+        Earth mover's distance of the gradient histograms [DN per pixel].
     likeness : float or None
         Correlation over the craft's box; None without a common pose.
     """

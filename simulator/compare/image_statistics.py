@@ -48,14 +48,22 @@ class ImageStatistics:
         Share of the pixels at each DN.
     gradient_histogram : (128,) array
         Share per DN per pixel of `sobel`.
-    mean_dn, black_dn, bright_dn : float
-        Mean, first and 99th percentile.
+    mean_dn : float
+        Mean [DN].
+    black_dn : float
+        First percentile [DN].
+    bright_dn : float
+        99th percentile [DN].
     saturated : float
         Share of pixels at 255.
     noise_dn : float
         Standard deviation of the noise, from second differences (a median, robust against edges).
-    gradient_p50, gradient_p95, gradient_p99 : float
-        Percentiles of the Sobel magnitude [DN per pixel].
+    gradient_p50 : float
+        Median of the Sobel magnitude [DN per pixel].
+    gradient_p95 : float
+        95th percentile of the Sobel magnitude [DN per pixel].
+    gradient_p99 : float
+        99th percentile of the Sobel magnitude [DN per pixel].
     edges : float
         Share of the pixels in the binary edge image.
     space : bool

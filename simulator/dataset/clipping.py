@@ -34,8 +34,10 @@ class Clipping:
 
     Parameters
     ----------
-    target_px, clipped_px : int
-        Number of pixels on the target, and of those whose noise-free signal is at full scale.
+    target_px : int
+        Number of pixels on the target.
+    clipped_px : int
+        Number of those whose noise-free signal is at full scale.
     exposure_s : float
         Exposure of the frame.
     fitting_s : float
@@ -59,8 +61,10 @@ class ClippingSummary:
 
     Parameters
     ----------
-    share, worst_share : float
-        Saturated share of the target's pixels, over all frames and in the worst one.
+    share : float
+        Saturated share of the target's pixels, over all frames.
+    worst_share : float
+        Saturated share of the target's pixels, in the worst frame.
     advice : str
         Remedy for saturation or darkness; empty if neither is notable.
     dark_frames : int, optional

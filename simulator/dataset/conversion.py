@@ -76,8 +76,10 @@ def open_source(
     ----------
     form : str, optional
         Format, detected by default.
-    target, camera : str, optional
-        Target and camera to use instead of those of a foreign data set.
+    target : str, optional
+        Target to use instead of that of a foreign data set.
+    camera : str, optional
+        Camera to use instead of that of a foreign data set.
 
     Raises
     ------

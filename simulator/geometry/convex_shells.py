@@ -147,7 +147,7 @@ def convex_bodies(corners: Sequence[FloatArray], radius_m: float) -> list[Convex
 
     Parameters
     ----------
-    corners : (T, 3, 3) sequence of array
+    corners : sequence of (T, 3, 3) arrays
         Triangles of each part [m].
     radius_m : float
         Radius of the craft's bounding sphere.

@@ -25,8 +25,10 @@ class PlaneGrid:
 
     Parameters
     ----------
-    low, per_cell : (2,) array
-        Corner of the grid, and cells per unit of x and y.
+    low : (2,) array
+        Lower corner of the grid.
+    per_cell : (2,) array
+        Cells per unit of x and y.
     side : int
         Number of cells per row and column.
     first : array

@@ -37,8 +37,12 @@ class ProjectedMesh:
 
     Parameters
     ----------
-    x, y, near : (3, M) array
-        Corners of the triangles, and their nearness.
+    x : (3, M) array
+        x of the triangles' corners on the plane of projection.
+    y : (3, M) array
+        y of the corners.
+    near : (3, M) array
+        Nearness of the corners.
     flat : float
         Twice the area of an edge-on triangle.
     """
@@ -130,8 +134,10 @@ def project_to_pinhole(mesh: TriangleMesh, R: FloatArray, t: FloatArray) -> Proj
 
     Parameters
     ----------
-    R, t : (3, 3) array
-        Rotation and (3,) translation [m] from the mesh's frame to the camera frame.
+    R : (3, 3) array
+        Rotation from the mesh's frame to the camera frame.
+    t : (3,) array
+        Translation from the mesh's frame to the camera frame [m].
     """
     ends = R[2] @ mesh.box_m + t[2]
     corners = mesh.corners_m

@@ -129,8 +129,12 @@ def _covered(
     ----------
     origins : (3, K) or (K, 3) array
         Ray origins.
-    x, y, z : (3, T) array
-        Corners of the triangles, in axes along the rays.
+    x : (3, T) array
+        x of the triangles' corners, in axes along the rays.
+    y : (3, T) array
+        y of the corners.
+    z : (3, T) array
+        z of the corners, which increases along the rays.
     """
     ahead = z.max(axis=0)[triangle] > origins[ray, 2]
     ray, triangle = ray[ahead], triangle[ahead]

@@ -19,7 +19,7 @@ class Subdivision:
 
     Parameters
     ----------
-    parents : (K, 2) tuple of array
+    parents : tuple of (K, 2) arrays
         Pairs of vertices for each round; each new vertex is the midpoint of a pair.
     triangles : (T, 3) array
         Triangles of the subdivided mesh, ordered by their original triangle.

@@ -40,8 +40,10 @@ def display_picture(image: NDArray[np.unsignedinteger], sensor: Sensor, encoding
     ----------
     image : (H, W) or (H, W, 3) array
         Digital numbers as delivered by the camera.
-    sensor, encoding : Sensor, str
-        Sensor and encoding of that camera.
+    sensor : Sensor
+        Sensor of that camera.
+    encoding : Encoding
+        Transfer function of that camera's images.
 
     Returns
     -------

@@ -78,8 +78,7 @@ def expose(
     exposure_s : float
         Integration time [s].
     band_gain : array_like, optional
-        Gain of each band, for example the white balance of a colour camera (for a detector in electrons, it is applied
-        after read-out instead).
+        For a detector in electrons only: `white_balance` of a colour image.
     optics : Optics, optional
         None for a perfect lens.
     around : ViewingConditions, optional
@@ -141,8 +140,10 @@ def digitise(
         1 = full scale.
     sensor : Sensor
         Noise recipe and bit depth.
-    seed, frame_index : int
-        Key of this frame's random numbers.
+    seed : int
+        Seed of the random numbers.
+    frame_index : int
+        Number of the frame; with ``seed`` the key of its random numbers.
     exposure_s : float, optional
         For a detector in electrons only: exposure time, for dark current, and `white_balance` of a colour image.
     band_gain : array_like, optional

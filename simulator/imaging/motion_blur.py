@@ -46,7 +46,7 @@ def motion_blur_kernels(ways_px: FloatArray) -> Float32Array:
 
     Returns
     -------
-    (K, rows, columns), array
+    (K, rows, columns) array
         Odd sizes that fit the longest displacement.
     """
     count = max(int(np.ceil(_STEPS_PER_PX * np.hypot(*ways_px.T).max())), 4)

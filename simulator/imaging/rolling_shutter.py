@@ -58,7 +58,7 @@ def pose_at_rows(scene: SceneState, points_target_m: FloatArray) -> tuple[SceneS
 
     Parameters
     ----------
-    points_target_m : (K, 3), array
+    points_target_m : (K, 3) array
         Target frame [m].
     """
     if not scene.shutter.is_rolling:

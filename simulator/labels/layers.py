@@ -177,8 +177,10 @@ def _pinhole_flow(
 
     Parameters
     ----------
-    R, t : array
-        Motion of a point x of the camera frame to the next frame: R x + t.
+    R : (3, 3) array
+        Rotation from the camera frame to that of the next frame, for points on the target.
+    t : (3,) array
+        Translation of the same motion [m].
     """
     v, u = (np.arange(part.start, part.stop, dtype=float) for part in window)
     x, y = (u - camera.cx_px) / camera.fx_px, ((v - camera.cy_px) / camera.fy_px)[:, None]

@@ -42,7 +42,7 @@ def draw_truth(
 
     Parameters
     ----------
-    image : (H, W) or (H, W, 3), array
+    image : (H, W) or (H, W, 3) array
         As the record's camera delivered it.
     truth : Truth
         The record and its model.
@@ -108,7 +108,7 @@ def draw_axes(canvas: ByteArray, camera: Camera, pose: Pose, length_m: float) ->
 
     Parameters
     ----------
-    canvas : (H, W, 3), array
+    canvas : (H, W, 3) array
         8 bits.
     pose : Pose
         Camera-from-target pose.

@@ -49,10 +49,10 @@ class ProjectedEdge:
         Inverse depth of the ends, linear along the projected edge [m-1].
     stretches : tuple of tuple of float
         Visible intervals, as shares 0..1 of the edge's undistorted projection.
-    straight_px : array, optional
-        Undistorted ends (2, 2) and the camera, if the lens distorts; else None.
+    straight_px : (2, 2) array, optional
+        Ends without lens distortion; None if the lens does not distort.
     lens : Camera, optional
-        Undistorted ends (2, 2) and the camera, if the lens distorts; else None.
+        Camera, if its lens distorts; else None.
     """
 
     edge: Edge

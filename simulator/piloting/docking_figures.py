@@ -38,14 +38,26 @@ class DockingFigures:
         Distance in front of the port's plane; negative behind it.
     closing_m_s : float
         Rate at which the distance decreases.
-    right_m, down_m : float
-        Lateral offset, as a docked camera sees right and down.
-    right_m_s, down_m_s : float
-        Rate of the offset; all velocities are in the rotating target frame.
-    roll_deg, pitch_deg, yaw_deg : float
-        Attitude relative to the docked one: clockwise, up, right.
-    roll_deg_s, pitch_deg_s, yaw_deg_s : float
-        Angular velocity relative to the target, camera axes z, x, y.
+    right_m : float
+        Lateral offset to the right, as seen from the docked camera.
+    down_m : float
+        Lateral offset downwards.
+    right_m_s : float
+        Rate of the offset to the right, in the rotating target frame.
+    down_m_s : float
+        Rate of the offset downwards.
+    roll_deg : float
+        Roll relative to the docked attitude, clockwise.
+    pitch_deg : float
+        Pitch relative to the docked attitude, upwards.
+    yaw_deg : float
+        Yaw relative to the docked attitude, to the right.
+    roll_deg_s : float
+        Angular velocity relative to the target about the camera's z axis.
+    pitch_deg_s : float
+        Angular velocity relative to the target about the camera's x axis.
+    yaw_deg_s : float
+        Angular velocity relative to the target about the camera's y axis.
     """
 
     t_s: float
@@ -169,12 +181,22 @@ class DockingLimits:
 
     Parameters
     ----------
-    name, title : str
-        Names for commands and for people.
+    name : str
+        Name in commands and files.
+    title : str
+        Name in texts for people.
     source : str
         Origin of the limits.
-    closing_m_s, lateral_m, lateral_m_s, attitude_deg, rate_deg_s : float
-        Limits at contact; the last two for each axis.
+    closing_m_s : float
+        Largest closing speed at contact [m s-1].
+    lateral_m : float
+        Largest lateral offset at contact [m].
+    lateral_m_s : float
+        Largest lateral speed at contact [m s-1].
+    attitude_deg : float
+        Largest attitude error about each axis at contact [deg].
+    rate_deg_s : float
+        Largest angular velocity about each axis at contact [deg s-1].
     slowest_m_s : float, optional
         Least closing speed at contact.
     closing_per_m : float, optional
@@ -230,8 +252,10 @@ class Judged:
 
     Parameters
     ----------
-    name, unit : str
-        Texts for people.
+    name : str
+        Name of the quantity.
+    unit : str
+        Unit of the quantity.
     value : float
         Figure, signed if applicable.
     limit : float

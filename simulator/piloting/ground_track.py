@@ -41,12 +41,16 @@ class GroundTrack:
         Time of the flight.
     times_s : (n,) array
         Times from one orbit before to one after it.
-    latitude_deg, longitude_deg : (n,) array
-        Geodetic coordinates below the target.
+    latitude_deg : (n,) array
+        Geodetic latitude below the target.
+    longitude_deg : (n,) array
+        Longitude below the target.
     sunlit : (n,) array
         Share of the Sun's disc visible from the target.
-    enters_s, leaves_s : float or None
-        Start and end of the next eclipse; None if there is none within an orbit and a half.
+    enters_s : float or None
+        Start of the next eclipse; None if there is none within an orbit and a half.
+    leaves_s : float or None
+        End of the next eclipse, or None.
     """
 
     t_s: float

@@ -61,9 +61,14 @@ class FlightState:
         Delta-v and propellant used under ``steer``.
     contact : Contact or None
         The last contact, judged.
-    docked, braking, guarded, plume : bool
-        True while the port holds the chaser; while the brake is active; while the keep-out guard overrides the pilot;
-        while the plume strikes the target.
+    docked : bool
+        True while the port holds the chaser.
+    braking : bool
+        True while the brake is active.
+    guarded : bool
+        True while the keep-out guard overrides the pilot.
+    plume : bool
+        True while the plume strikes the target.
     news : tuple of News, optional
         Tuple of (level, text) Notes, cautions and warnings that began in the last step.
     """

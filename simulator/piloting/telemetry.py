@@ -33,8 +33,10 @@ class Telemetry:
         Angular velocity of the target relative to the camera, camera axes.
     camera_rate_deg_s : array
         Angular velocity of the camera relative to the stars, camera axes.
-    position_lvlh_m, velocity_lvlh_m_s : array
-        Chaser relative to the target: radial, along-track, cross-track.
+    position_lvlh_m : array
+        Position of the chaser relative to the target: radial, along-track, cross-track [m].
+    velocity_lvlh_m_s : array
+        Its velocity in the rotating frame [m s-1].
     phase_deg : float
         Angle Sun - target - camera; 0 if the Sun is behind the camera.
     sun_visible_fraction : float

@@ -241,9 +241,9 @@ def plan_recipe(
     n : int, optional
         Number of samples, by default the recipe's.
     target : str, optional
-        Name or file to use instead of the recipe's.
+        Target to use instead of the recipe's: a name.
     camera : str or Path, optional
-        Name or file to use instead of the recipe's.
+        Camera to use instead of the recipe's: a name or a file.
     environment : Environment, optional
         Replaces the recipe's layers of the world.
 

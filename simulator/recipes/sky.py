@@ -126,8 +126,10 @@ def place_in_sky(rng: Generator, sky: Sky, t_m: FloatArray, sun: FloatArray, nad
     ----------
     t_m : (3,) array
         Model's origin, camera axes, at the sky's altitude.
-    sun, nadir : (3,) array
-        Directions, camera axes.
+    sun : (3,) array
+        Direction of the Sun, camera axes.
+    nadir : (3,) array
+        Direction of nadir, camera axes.
     """
     body = body_named(sky.body)
     now = random_moment(rng)

@@ -34,8 +34,10 @@ class Plugin:
     ----------
     name : str
         Name of the entry point.
-    package, version : str
-        Distribution that provides it.
+    package : str
+        Distribution that provides the plug-in.
+    version : str
+        Version of that distribution.
     """
 
     kind: Kind

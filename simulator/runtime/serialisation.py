@@ -51,8 +51,10 @@ def unpack(packed: ByteArray, of: type[_T], *inner: type) -> _T:
 
     Parameters
     ----------
-    of, inner : type
-        The ``kinds`` that were given to `pack`.
+    of : type
+        Type of the object, as given to `pack`.
+    inner : type
+        Type of the nested objects, as given to `pack`.
 
     Raises
     ------

@@ -34,9 +34,9 @@ class WorkerPool(Generic[T]):
     Parameters
     ----------
     work : callable
-        Parameters of `WorkerProcess`.
+        Function that processes a job; see `WorkerProcess`.
     open_resource : callable
-        Parameters of `WorkerProcess`.
+        Function that opens the resource of a process; see `WorkerProcess`.
     name : str, optional
         Parameters of `WorkerProcess`.
     count : int

@@ -55,25 +55,27 @@ def build_scene(
     camera : Camera
         Imaging chain.
     sensor : Sensor
-        Imaging chain.
+        Detector and noise.
     exposure_s : float
-        Imaging chain.
+        Exposure time [s].
     optics : Optics, optional
         Imaging chain.
     target : TargetRef
         Model to draw.
     com_target_m : array
         Centre of mass of the target in the model frame [m].
-    frame_index, seed : int
-        Key of the frame's random numbers.
+    frame_index : int
+        Number of the frame; with ``seed`` the key of its random numbers.
+    seed : int
+        Seed of the random numbers.
     quality : Quality, optional
-        Lighting and rendering.
+        Rendering quality.
     bands : Bands, optional
-        Lighting and rendering.
+        Spectral bands of the image.
     environment : Environment, optional
-        Lighting and rendering.
+        Layers that are drawn.
     lamp : Lamp, optional
-        Lighting and rendering.
+        Lamp on the chaser, if any.
     lights : sequence of AreaLight, optional
         Lighting and rendering.
     shutter : Shutter, optional

@@ -36,8 +36,10 @@ class SceneRecord(msgspec.Struct, frozen=True, kw_only=True):
     ----------
     r_moon_eci_m : array
         Apparent geocentric position [m]; in orbit about the Moon the geometric one.
-    q_itrs_from_eci_wxyz, q_moon_from_eci_wxyz : array
-        Orientation of the Earth and the Moon (mean Earth / polar axis frame: x to longitude 0, z along the axis).
+    q_itrs_from_eci_wxyz : array
+        Orientation of the Earth (ITRS).
+    q_moon_from_eci_wxyz : array
+        Orientation of the Moon (mean Earth / polar axis frame: x to longitude 0, z along the axis).
     bodies : tuple of BodyState
         Other bodies, if any.
     """

@@ -52,8 +52,10 @@ class VariedBy(msgspec.Struct, frozen=True, kw_only=True):
 
     Attributes
     ----------
-    exposure, noise : float
-        Factors, noise on standard deviations.
+    exposure : float
+        Factor on the exposure.
+    noise : float
+        Factor on the standard deviations of the noise.
     psf_sigma_px : float or None
         Width of the Gaussian PSF.
     pedestal_dn : float or None

@@ -70,8 +70,10 @@ class SceneState(BodyStates):
         Mid-exposure, ISO 8601 with a trailing Z.
     t_s : float
         Seconds since the scenario's start.
-    frame_index, seed : int
-        Key of this frame's random numbers.
+    frame_index : int
+        Number of the frame; with ``seed`` the key of its random numbers.
+    seed : int
+        Seed of the random numbers.
     exposure_s : float
         Integration time [s].
     shutter : Shutter, optional
@@ -82,16 +84,26 @@ class SceneState(BodyStates):
         Preset of the renderer.
     bands : Bands, optional
         ``mono`` (panchromatic) or ``rgb``.
-    q_camera_from_target_wxyz, t_camera_from_target_m : array
-        Pose of the model frame in the camera.
+    q_camera_from_target_wxyz : array
+        Rotation from the model frame to the camera frame.
+    t_camera_from_target_m : array
+        Origin of the model frame, camera frame [m].
     omega_target_rad_s : array
         Angular velocity of the target relative to ECI, target frame [rad s-1].
     v_target_camera_m_s : array
         Velocity of the target's origin in the (rotating) camera frame [m s-1].
-    r_camera_eci_m, v_camera_eci_m_s, q_camera_from_eci_wxyz, omega_camera_rad_s : array
-        State of the camera; its angular velocity in the camera frame.
-    r_target_eci_m, v_target_eci_m_s : array
-        State of the target's centre of mass.
+    r_camera_eci_m : array
+        Position of the camera, GCRS [m].
+    v_camera_eci_m_s : array
+        Velocity of the camera, GCRS [m s-1].
+    q_camera_from_eci_wxyz : array
+        Rotation from GCRS to the camera frame.
+    omega_camera_rad_s : array
+        Angular velocity of the camera, camera frame [rad s-1].
+    r_target_eci_m : array
+        Position of the target's centre of mass, GCRS [m].
+    v_target_eci_m_s : array
+        Velocity of the target's centre of mass, GCRS [m s-1].
     r_sun_eci_m : array
         Apparent geocentric position of the Sun [m].
     bodies : tuple of BodyState

@@ -66,9 +66,10 @@ def scene_above(
     ----------
     place : tuple of float
         Geodetic latitude and longitude [deg], altitude [km].
-    azimuth_deg, off_nadir_deg : float, optional
-        Direction of the boresight: azimuth from north to east, angle from nadir; the top of the image points away from
-        the Earth.
+    azimuth_deg : float, optional
+        Azimuth of the boresight, from north to east; the top of the image points away from the Earth.
+    off_nadir_deg : float, optional
+        Angle of the boresight from nadir.
     look_at : str, optional
         ``earth`` for that direction; ``moon`` or ``sun`` for the centre of that body.
     """

@@ -23,10 +23,14 @@ class Material:
     ----------
     base_color : array
         Linear reflectance, RGB, 0..1.
-    metallic, roughness : float, optional
-        Factors as in glTF 2.0.
-    clearcoat, clearcoat_roughness : float, optional
-        Factors of KHR_materials_clearcoat.
+    metallic : float, optional
+        Metallic factor as in glTF 2.0.
+    roughness : float, optional
+        Roughness factor as in glTF 2.0.
+    clearcoat : float, optional
+        Factor of KHR_materials_clearcoat.
+    clearcoat_roughness : float, optional
+        Roughness factor of KHR_materials_clearcoat.
     crinkle : float, optional
         Amplitude of the procedural normal detail of insulation blankets, 0..1.
     anisotropy : float, optional

@@ -46,9 +46,9 @@ def diffraction_mtf(frequency: FloatArray, cutoff: float) -> FloatArray:
     Parameters
     ----------
     frequency : array
-        Spatial frequencies in the same unit; the cut-off is 1 / (wavelength x f-number).
+        Spatial frequencies.
     cutoff : float
-        Spatial frequencies in the same unit; the cut-off is 1 / (wavelength x f-number).
+        Cut-off frequency in the same unit: 1 / (wavelength x f-number).
 
     References
     ----------

@@ -43,7 +43,7 @@ class Pyramid:
 
     Parameters
     ----------
-    taps : (2 n + 1, 2 n + 1) tuple of array
+    taps : tuple of (2 n + 1, 2 n + 1) arrays
         Taps at full size, half, quarter, ... of the image.
     """
 

@@ -72,8 +72,10 @@ def detect(
     ----------
     signal : (H, W) or (H, W, 3) array
         Expected photo-electrons over the saturation charge.
-    seed, frame_index : int
-        Key of this frame's random numbers.
+    seed : int
+        Seed of the random numbers.
+    frame_index : int
+        Number of the frame; with ``seed`` the key of its random numbers.
     exposure_s : float
         Exposure time, for dark current and particles [s].
     band_gain : array_like, optional
@@ -81,7 +83,7 @@ def detect(
 
     Returns
     -------
-    (H, W) or (H, W, 3), array
+    (H, W) or (H, W, 3) array
         uint8 for up to 8 bits, uint16 above. A mosaic without interpolation is (H, W).
     """
     d = sensor.detector

@@ -29,8 +29,10 @@ class Detector:
         Offset added to the signal.
     read_noise_e : float, optional
         Noise of each read-out.
-    row_noise_e, column_noise_e : float, optional
-        Noise shared by a row or column of one frame.
+    row_noise_e : float, optional
+        Noise shared by the pixels of a row in one frame.
+    column_noise_e : float, optional
+        Noise shared by the pixels of a column in one frame.
     dark_current_e_s : float, optional
         Dark current at ``dark_reference_c``; it doubles every ``dark_doubling_c`` kelvin.
     temperature_c : float, optional
@@ -41,8 +43,10 @@ class Detector:
         Fixed relative variation of dark current.
     prnu : float, optional
         Fixed relative variation of sensitivity.
-    hot_pixel_share, hot_pixel_e_s : float, optional
-        Share of pixels with additional dark current, exponentially distributed with that mean.
+    hot_pixel_share : float, optional
+        Share of pixels with additional dark current.
+    hot_pixel_e_s : float, optional
+        Mean of this additional dark current, which is exponentially distributed.
     dead_pixel_share : float, optional
         Share of pixels without signal.
     blooming : float, optional
@@ -60,8 +64,10 @@ class Detector:
         Width and height of an image pixel in physical pixels.
     charge_binning : bool, optional
         True to add charges before read-out (one read noise), False to add numbers after it.
-    roi_x0_px, roi_y0_px : int, optional
-        First physical pixel of the image, for the fixed pattern.
+    roi_x0_px : int, optional
+        Column of the image's first pixel on the detector, which selects its fixed pattern.
+    roi_y0_px : int, optional
+        Row of the image's first pixel on the detector.
     serial : int, optional
         Serial number of the device: seed of the fixed pattern, the same in every frame and scenario.
     shot_noise : bool, optional
@@ -138,8 +144,10 @@ class Sensor:
         Variance of the additive noise [1].
     bits : int, optional
         Bit depth of the written image.
-    pixel_pitch_x_m, pixel_pitch_y_m : float, optional
-        Distance of neighbouring image pixels on the detector [m].
+    pixel_pitch_x_m : float, optional
+        Horizontal distance of neighbouring image pixels on the detector [m].
+    pixel_pitch_y_m : float, optional
+        Vertical distance of neighbouring image pixels on the detector [m].
     detector : Detector, optional
         The detector in electrons, or None.
     """

@@ -118,8 +118,10 @@ class LensDomain:
     ----------
     limit : float
         Largest undistorted radius [1], infinite for a pinhole.
-    radius, image_radius : array
-        Table of undistorted and distorted radius, for initial guesses.
+    radius : array
+        Undistorted radii of a look-up table for initial guesses.
+    image_radius : array
+        Distorted radii of the same table.
     """
 
     distortion: Distortion

@@ -256,8 +256,10 @@ def subdivide_for_lens(camera: Camera, corners_m: FloatArray, R: FloatArray, t_m
 
     Parameters
     ----------
-    R, t_m : array
-        Transform from the target to the camera frame; all triangles lie in front of the camera.
+    R : (3, 3) array
+        Rotation from the target to the camera frame.
+    t_m : (3,) array
+        Translation from the target to the camera frame [m]; all triangles lie in front of the camera.
     """
     straight = []
     for _ in range(8):

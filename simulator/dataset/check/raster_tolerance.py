@@ -30,8 +30,10 @@ class CandidateTriangles:
 
     Parameters
     ----------
-    nearest_m, farthest_m : (M,) array
-        Bounds of the camera z of each triangle at the pixel's centre.
+    nearest_m : (M,) array
+        Smallest camera z of each triangle at the pixel's centre [m].
+    farthest_m : (M,) array
+        Largest camera z of each triangle at the pixel's centre [m].
     parts : (M,) array
         Part numbers, from 1.
     cones : (M, 3, 3) array

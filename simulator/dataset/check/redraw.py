@@ -205,8 +205,10 @@ def check_same_layers(
 
     Parameters
     ----------
-    layers, again : mapping
-        Layers as read, and as redrawn, by name.
+    layers : mapping
+        Layers as read, by name.
+    again : mapping
+        Layers as drawn again, by name.
     is_same_renderer : bool
         True if the image is equal to the byte, so that only rounding at few pixels is allowed.
     """

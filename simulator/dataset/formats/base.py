@@ -103,8 +103,10 @@ class DatasetFormat:
         Name on the command line, and of the folder next to the native layout.
     title : str
         Description.
-    carries, lacks : str, optional
-        Contents and omissions of the format, as parts of a sentence.
+    carries : str, optional
+        Labels that the format holds, as part of a sentence.
+    lacks : str, optional
+        Labels that the format omits, as part of a sentence.
     writer : callable, optional
         Function that makes a writer from output and card; None for a read-only format.
     read : callable, optional

@@ -63,8 +63,10 @@ class PosedPictures:
         Path of the list.
     camera : Camera or None
         Camera of the data set; None if it has no camera file.
-    default_camera, default_target : str, optional
-        Built-in camera and target of data sets in this format; empty if they vary.
+    default_camera : str, optional
+        Built-in camera of data sets in this format; empty if they vary.
+    default_target : str, optional
+        Built-in target of data sets in this format; empty if they vary.
     encoding : Encoding, optional
         Transfer function of the images of a set without a camera file.
     """

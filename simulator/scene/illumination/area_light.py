@@ -90,8 +90,10 @@ class PlacedLight:
         Centre.
     axis : (3,) array
         Unit vector of emission.
-    right_m, down_m : (3,) array
-        Half sides.
+    right_m : (3,) array
+        Half of the horizontal side [m].
+    down_m : (3,) array
+        Half of the vertical side [m].
     exponent : float
         Exponent of the cosine from the axis.
     """
@@ -117,8 +119,10 @@ class PlacedLight:
 
         Parameters
         ----------
-        positions_m, normals : (K, 3) array
-            In camera axes.
+        positions_m : (K, 3) array
+            Illuminated points, camera frame [m].
+        normals : (K, 3) array
+            Unit normals there, camera frame.
         count : int, optional
             Number of patches.
         """

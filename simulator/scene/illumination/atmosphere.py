@@ -37,13 +37,16 @@ class Atmosphere:
     ----------
     rayleigh_m : (n,) array
         Scattering at sea level [m-1].
-    mie_scattering_m, mie_extinction_m : array
-        The same coefficients of the aerosol.
+    mie_scattering_m : array
+        Scattering coefficient of the aerosol at the ground [m-1].
+    mie_extinction_m : array
+        Extinction coefficient of the aerosol at the ground [m-1].
     ozone_m : (n,) array
         Absorption at the peak of the layer [m-1].
-    layers_m, falls_m : (LAYERS,) array
-        Lowest heights of exponential layers of the Rayleigh scatterers [m], and the increase of the density's
-        logarithmic slope from there on [m-1].
+    layers_m : (LAYERS,) array
+        Lower bounds of the exponential layers of Rayleigh scatterers [m].
+    falls_m : (LAYERS,) array
+        Increase of the density's logarithmic slope at each bound [m-1].
     aerosol_depth : float
         Vertical optical depth of the aerosol at 550 nm.
     mie_height_m : float

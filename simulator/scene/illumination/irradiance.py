@@ -162,8 +162,10 @@ def globe_shine(
 
     Parameters
     ----------
-    r_target_globe_m, sun_globe : array
-        Target position [m] and unit vector to the Sun, in the globe's axes.
+    r_target_globe_m : array
+        Position of the target, axes of the globe [m].
+    sun_globe : array
+        Unit vector to the Sun, axes of the globe.
     sun_w_m2 : array
         Irradiance of the Sun at the globe, per band.
     radius_m : float

@@ -94,10 +94,14 @@ class _Paths:
         Radiance of ground in direct sunlight.
     scattered : (STEPS, H, K, n) array
         Share of the mean radiance that each step scatters along the ray.
-    row, column : (STEPS, H, K), (STEPS, H, K, S) array
-        Positions of the steps in the table.
-    foot, foot_column : (H, K, n) array
-        Radiance of white ground over its irradiance; (H, K, S) column there.
+    row : (STEPS, H, K) array
+        Row of each step in the table.
+    column : (STEPS, H, K, S) array
+        Column of each step in the table.
+    foot : (H, K, n) array
+        Radiance of white ground over its irradiance.
+    foot_column : (H, K, S) array
+        Column of the ground point in the table.
     """
 
     first: FloatArray

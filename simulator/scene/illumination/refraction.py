@@ -60,8 +60,10 @@ def sunlight_past_earth(r_m: FloatArray, r_sun_m: FloatArray, bands: Bands) -> F
 
     Parameters
     ----------
-    r_m, r_sun_m : (3,) array
-        Position and Sun from the Earth's centre, in space stretched so that the ellipsoid is a sphere [m].
+    r_m : (3,) array
+        Position from the Earth's centre, in space stretched so that the ellipsoid is a sphere [m].
+    r_sun_m : (3,) array
+        Position of the Sun, in the same space [m].
     """
     air = earth_atmosphere(bands)
     to_sun = np.asarray(r_sun_m, float) - r_m

@@ -60,9 +60,9 @@ class ImportOptions:
     Parameters
     ----------
     scale : float, optional
-        Factor to metres, or one of mm, cm, m, in.
+        Factor from the file's unit to metres.
     units : str, optional
-        Factor to metres, or one of mm, cm, m, in.
+        Unit of the file instead of ``scale``: mm, cm, m or in.
     up : str, optional
         y or z.
     recentre : bool, optional
@@ -73,12 +73,18 @@ class ImportOptions:
         Reduce to at most this many triangles.
     strict : bool, optional
         True to refuse missing textures, and open, non-manifold or one-sided surfaces, unless an option allows them.
-    fill_holes, keep_holes, keep_non_manifold : bool, optional
-        Treatment of open or non-manifold surfaces; holes are filled if the result is a solid.
+    fill_holes : bool, optional
+        True to fill holes; by default they are filled if the result is a solid.
+    keep_holes : bool, optional
+        True to keep open surfaces.
+    keep_non_manifold : bool, optional
+        True to keep non-manifold surfaces.
     new_normals : bool, optional
         True to recompute normals even if the file's are consistent.
-    mass_kg, density_kg_m3 : float, optional
-        Mass or density of the uniform solid.
+    mass_kg : float, optional
+        Mass of the uniform solid.
+    density_kg_m3 : float, optional
+        Density of the uniform solid, instead of its mass.
     """
 
     scale: float | None = None

@@ -47,8 +47,10 @@ def contrast_of(
 
     Parameters
     ----------
-    a_m, b_m : (K, 3) array
-        Ends.
+    a_m : (K, 3) array
+        First end of each edge [m].
+    b_m : (K, 3) array
+        Second end of each edge [m].
     skin_m : (K,) array
         Depth of each segment below the surface, for example of a rod's axis.
     """

@@ -16,8 +16,10 @@ class SurfacePoints:
 
     Parameters
     ----------
-    points_m, normals : (N, 3) array
-        Positions and unit normals.
+    points_m : (N, 3) array
+        Positions [m].
+    normals : (N, 3) array
+        Unit normals.
     material : (N,) array
         Material indices.
     piece : (N,) array

@@ -66,8 +66,12 @@ class PictureReader:
         Changes made to the images.
     missing : dict
         Unreadable textures by name, with the reason; their materials keep their factor colour.
-    count, pixels, n_bytes : int
-        Totals of the images so far.
+    count : int
+        Number of images so far.
+    pixels : int
+        Number of their pixels.
+    n_bytes : int
+        Number of their bytes.
     """
 
     model: Path

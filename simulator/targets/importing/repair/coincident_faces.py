@@ -51,8 +51,12 @@ class FaceTable:
         Unit normals, outwards on closed pieces.
     closed : (F,) array
         True on a closed piece.
-    body, piece, material : (F,) array
-        Indices.
+    body : (F,) array
+        Index of the body of each face.
+    piece : (F,) array
+        Index of the connected piece of each face.
+    material : (F,) array
+        Index of the material of each face.
     """
 
     corners_m: FloatArray
