@@ -24,7 +24,7 @@ from flyaround.simulator.contact_sheets.scenario_sheet import write_contact_shee
 from flyaround.simulator.errors import UserError
 from flyaround.simulator.runtime.files import empty_folder, write_atomic
 from flyaround.simulator.scenario.load import list_scenarios, load_scenario
-from flyaround.simulator.scenario.messages import followed_words
+from flyaround.simulator.scenario.messages import ephemeris_sentences
 from flyaround.simulator.scenario.plan import plan_flight
 from flyaround.simulator.scenario.show import show_scenario
 from flyaround.simulator.scenario.write import replay_scenario
@@ -65,7 +65,7 @@ def fly(
         if file.name not in contents:
             file.unlink()
     summary = {"states": str(output / "states.csv"), **summarise_flight(plan.flight, rows)}
-    summary["followed"] = followed_words(plan.scenario)
+    summary["followed"] = ephemeris_sentences(plan.scenario)
     if as_json:
         typer.echo(json.dumps(summary))
     else:

@@ -12,7 +12,13 @@ from scipy.spatial import ConvexHull, QhullError
 from flyaround.simulator.baking.chart_cuts import cut_charts
 from flyaround.simulator.baking.charts import Charts, make_charts
 from flyaround.simulator.baking.mesh_edges import MeshEdges, find_edges
-from flyaround.simulator.geometry.convex_shells import BOX, Boxes, ConvexShell, convex_bodies, find_shells
+from flyaround.simulator.geometry.convex_shells import (
+    BOX_SIZE,
+    Boxes,
+    ConvexShell,
+    convex_bodies,
+    largest_shells,
+)
 from flyaround.simulator.geometry.plane_grid import PlaneGrid
 from flyaround.simulator.geometry.topology import edge_table
 from flyaround.simulator.geometry.triangles import face_planes
@@ -140,7 +146,7 @@ def geometry_of(
     if len(merged.triangles) > MAX_KEPT:
         return unpack_geometry(bake())
     own = [part.positions_m for part in parts]  # in the target's order, which merging may change
-    functions = (_make, make_charts, cut_charts, find_edges, find_shells, part_is_closed, pack)
+    functions = (_make, make_charts, cut_charts, find_edges, largest_shells, part_is_closed, pack)
     makers = (*functions, PlaneGrid, edge_table, face_planes)
     key = entry_name("geometry", makers, texel, merged.vertices, merged.triangles, merged.uv, own)
     return unpack_geometry(cached_array(key, bake))
@@ -177,8 +183,8 @@ def _make(merged: MergedParts, parts: Sequence[Part], numbers: Mapping[str, int]
         is_closed=closed,
         triangles=triangles,
         planes=face_planes(corners).astype(np.float32),
-        boxes=Boxes.about(corners, BOX * radius),
-        shells=find_shells(
+        boxes=Boxes.about(corners, BOX_SIZE * radius),
+        shells=largest_shells(
             convex_bodies([p.positions_m.astype(float)[p.triangles] for p in parts], radius), radius
         ),
         charts=charts,

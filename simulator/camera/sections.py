@@ -176,7 +176,9 @@ def _delimiter(path: Path) -> str | None:
     return "," if path.suffix == ".csv" else None
 
 
-def read_part(camera: Camera, roi_px: tuple[int, int, int, int] | None, binning: int, where: str) -> Camera:
+def crop_and_bin(
+    camera: Camera, roi_px: tuple[int, int, int, int] | None, binning: int, where: str
+) -> Camera:
     """Return the camera of a detector region with ``binning`` by ``binning`` pixels joined.
 
     Parameters

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
     from flyaround.simulator.runtime.arrays import BoolArray, FloatArray, IntArray
 
-# Sine of the angle by which a triangle may face away and still count as facing: tolerance for rounding errors.
+# Tolerance for rounding errors: sine of the angle by which a triangle may face away and still count as facing.
 GRAZING = 1e-6
 
 
@@ -66,7 +66,7 @@ class TriangleMesh:
         return planes * self.in_shell
 
     def facing(self, place: FloatArray) -> IntArray:
-        """Return the indices of all triangles except back faces of closed shells, which a viewpoint never sees.
+        """Return the indices of all triangles except the back faces of closed shells, which are always hidden.
 
         Parameters
         ----------

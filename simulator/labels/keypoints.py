@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from flyaround.simulator.scene.state import SceneState
     from flyaround.simulator.targets.model import Target
 
-# Below this share of the Sun's disc, direct light is below the noise of any recipe.
+# Visible share of the Sun's disc below which direct light is below the noise of every sensor preset.
 ECLIPSE_THRESHOLD = 0.02
 CONTRAST_RADIUS_PX = 2
 
@@ -34,9 +34,9 @@ def label_keypoints(
     scene : SceneState
         The frame's snapshot.
     target : Target
-        The model and its joined triangles.
+        Model of the target.
     mesh : TriangleMesh
-        The model and its joined triangles.
+        All triangles of ``target``.
     signal : (H, W) array
         Noise-free signal, 1 at full scale, not clipped.
 
@@ -78,8 +78,8 @@ def project_keypoints(scenes: Sequence[SceneState], target: Target) -> FloatArra
     """Project a target's keypoints to pixels (K, 2), each in its own scene; NaN behind the camera."""
     points = _positions(target)
     pixels = np.full((len(points), 2), np.nan)
-    for scene, which in _by_scene(scenes):
-        pixels[which] = scene.camera.project(scene.camera_from_target.apply(points[which]))
+    for scene, indices in _by_scene(scenes):
+        pixels[indices] = scene.camera.project(scene.camera_from_target.apply(points[indices]))
     return pixels
 
 
@@ -108,10 +108,10 @@ def geometric_states(
     points = _positions(target)
     inside = scene.camera.contains(project_keypoints(scenes, target))
     occluded = np.ones(len(points), bool)
-    for then, which in _by_scene(scenes):
-        on_image, seen_from = which[inside[which]], then.camera_from_target
-        if on_image.size:
-            occluded[on_image] = occluded_from_camera(mesh, points[on_image], seen_from)
+    for row_scene, indices in _by_scene(scenes):
+        in_image, camera_pose = indices[inside[indices]], row_scene.camera_from_target
+        if in_image.size:
+            occluded[in_image] = occluded_from_camera(mesh, points[in_image], camera_pose)
     shadowed = np.zeros(len(points), bool)
     if not scene.has_lamps and scene.sunlit_fraction >= ECLIPSE_THRESHOLD:
         candidates = np.flatnonzero(inside & ~occluded)
@@ -123,7 +123,7 @@ def geometric_states(
             states.append("out_of_frame")
         elif occluded[k]:
             states.append("self_occluded")
-        elif scene.has_lamps:  # a lamp at the camera lights all that the camera sees; in a room some lamps do
+        elif scene.has_lamps:  # a lamp at the camera illuminates every surface that the camera sees
             states.append(None)
         elif scene.sunlit_fraction < ECLIPSE_THRESHOLD:
             states.append("eclipsed")

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 LAYERS = ("amodal", "parts", "depth", "normals", "flow", "clean", "wireframe")
 """Layer names; ``wireframe`` is part of the truth record, every other layer a file."""
 
-OF_SURFACES = frozenset({"parts", "normals"})
+SURFACE_LAYERS = frozenset({"parts", "normals"})
 
 
 @dataclass(frozen=True, kw_only=True)

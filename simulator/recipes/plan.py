@@ -12,7 +12,7 @@ import numpy as np
 
 from flyaround.simulator.camera.lens.files import read_camera_file
 from flyaround.simulator.errors import UserError
-from flyaround.simulator.imaging.metering import wanted_exposure_s
+from flyaround.simulator.imaging.metering import metered_exposure_s
 from flyaround.simulator.recipes.backgrounds import draw_view
 from flyaround.simulator.recipes.clearance import is_clear, share_inside
 from flyaround.simulator.recipes.flown import flown_scene
@@ -217,7 +217,7 @@ class RecipePlan(DocumentPlan):
         )
         auto = recipe.auto_exposure
         return (
-            scene if auto is None else replace(scene, exposure_s=wanted_exposure_s(auto, scene, self.target))
+            scene if auto is None else replace(scene, exposure_s=metered_exposure_s(auto, scene, self.target))
         )
 
 

@@ -19,7 +19,7 @@ from flyaround.simulator.runtime.untrusted_files import (
 if TYPE_CHECKING:
     from pathlib import Path
 
-MOST_TOML_BYTES = 1_000_000  # 100 times the longest built-in file
+MAX_TOML_BYTES = 1_000_000  # 100 times the longest built-in file
 MOST_DOTS = 16  # dots in a key, which the parser's recursion follows
 # a.b.c = 1 nests as brackets do, and tomllib's time grows with the square of the number of dots
 _DOTTED = re.compile(
@@ -43,7 +43,7 @@ def read_toml(path: Path, name: str, advice: str) -> bytes:
         If it cannot be read.
     """
     try:
-        return read_regular(path, MOST_TOML_BYTES)
+        return read_regular(path, MAX_TOML_BYTES)
     except OSError as error:
         raise UserError(f"{name} cannot be read: {error.strerror or error}; {advice}") from error
 
@@ -68,9 +68,9 @@ def parse_toml(content: bytes, where: str) -> dict[str, Any]:
     UserError
         If it is longer than 1 MB, nested too deeply, not UTF-8, not TOML, or holds NaN or infinity.
     """
-    if len(content) > MOST_TOML_BYTES:
+    if len(content) > MAX_TOML_BYTES:
         raise UserError(
-            f"{where} is longer than {MOST_TOML_BYTES / 1e6:g} MB, which no such file is; shorten it"
+            f"{where} is longer than {MAX_TOML_BYTES / 1e6:g} MB, which no such file is; shorten it"
         )
     text = decode_text(content, where)
     refuse_deep(content, where, skip=TOML_TEXT)

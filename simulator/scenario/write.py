@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import msgspec
 
 from flyaround.simulator.runtime.toml_text import to_toml
-from flyaround.simulator.scenario.messages import known_orbit
+from flyaround.simulator.scenario.messages import orbit_at_epoch
 from flyaround.simulator.world.flight.recording import Replay
 
 if TYPE_CHECKING:
@@ -31,7 +31,7 @@ def replay_scenario(scenario: Scenario, recording_file: str, duration_s: float |
         scenario,
         name=f"{scenario.name}-replay",
         chaser=chaser,
-        orbit=known_orbit(scenario),
+        orbit=orbit_at_epoch(scenario),
         # the recording has flown them
         burns=[],
         duration_s=duration_s or scenario.duration_s,

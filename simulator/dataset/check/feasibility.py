@@ -176,7 +176,7 @@ def _samples(truth: Truth, target: Target) -> Iterator[tuple[FloatArray, FloatAr
             continue
         rays = ends_m / ends_m[:, 2:]
         step = (rays[1] - rays[0]) * DIRECTION_STEP / np.linalg.norm(rays[1] - rays[0])
-        for a, b in view.stretches:
+        for a, b in view.intervals:
             n = max(round((b - a) * length / SPACING_PX), 1)
             share = a + (np.arange(n) + 0.5) * (b - a) / n
             along = rays[0] + share[:, None] * (rays[1] - rays[0])

@@ -12,7 +12,7 @@ from flyaround.simulator.render.craft.mesh_array import shadow_program
 from flyaround.simulator.render.gl.fences import draw_to
 from flyaround.simulator.render.gl.shared_blocks import MOST_PATCHES
 from flyaround.simulator.render.gl.uniform_block import vec4_of_bands
-from flyaround.simulator.scene.illumination.area_light import MOST_LIGHTS
+from flyaround.simulator.scene.illumination.area_light import MAX_LIGHTS
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -127,7 +127,7 @@ def _values(
 ) -> dict[str, FloatArray]:
     """Return the members of the block ``AreaLights``."""
     names = ("middle", "right", "down", "axis", "radiance")
-    values = {f"u_light_{name}": np.zeros((MOST_LIGHTS, 4)) for name in names}
+    values = {f"u_light_{name}": np.zeros((MAX_LIGHTS, 4)) for name in names}
     share = len(lights) / len(patches)
     for k, (light, spec) in enumerate(zip(lights, scene.area_lights, strict=True)):
         values["u_light_middle"][k, :3] = light.middle_m

@@ -75,18 +75,18 @@ def propose_wireframe(
         The proposed edges, and the number of edges that were dropped.
     """
     rods = [r for b in bodies for r in rods_of(b, extent)]
-    stretches = [s for b in bodies for s in _stretches(with_separate_components(b), extent)]
-    stretches = [s for s in stretches if np.linalg.norm(s.b - s.a) >= MIN_LENGTH * extent]
-    if stretches:
-        on_rod = along_rods(rods, np.array([s.a for s in stretches]), np.array([s.b for s in stretches]))
-        stretches = [s for s, c in zip(stretches, on_rod, strict=True) if not c]
+    intervals = [s for b in bodies for s in _stretches(with_separate_components(b), extent)]
+    intervals = [s for s in intervals if np.linalg.norm(s.b - s.a) >= MIN_LENGTH * extent]
+    if intervals:
+        on_rod = along_rods(rods, np.array([s.a for s in intervals]), np.array([s.b for s in intervals]))
+        intervals = [s for s, c in zip(intervals, on_rod, strict=True) if not c]
     # longest first; rounded, because rounding errors must not change the order of equal lengths
-    stretches.sort(key=lambda s: -round(float(np.linalg.norm(s.b - s.a)) / extent, 5))
-    stretches = _one_line(_distinct(stretches[: 2 * MAX_LOOKED_AT], extent), extent)[:MAX_LOOKED_AT]
-    ends = np.array([(s.a, s.b) for s in stretches] + [(r.a_m, r.b_m) for r in rods]).reshape(-1, 2, 3)
+    intervals.sort(key=lambda s: -round(float(np.linalg.norm(s.b - s.a)) / extent, 5))
+    intervals = _one_line(_distinct(intervals[: 2 * MAX_LOOKED_AT], extent), extent)[:MAX_LOOKED_AT]
+    ends = np.array([(s.a, s.b) for s in intervals] + [(r.a_m, r.b_m) for r in rods]).reshape(-1, 2, 3)
     if not len(ends):
         return (), 0
-    skin = np.array([0.0] * len(stretches) + [r.radius_m for r in rods])
+    skin = np.array([0.0] * len(intervals) + [r.radius_m for r in rods])
     step, visibility = contrast_of(bodies, materials, ends[:, 0], ends[:, 1], skin)
     # a rod's axis is no brightness edge of its own: its two outlines contrast with the background
     step = np.where(skin > 0, np.maximum(step, 0.3), step)
@@ -98,19 +98,19 @@ def propose_wireframe(
     edges = []
     for number, k in enumerate(good[:count], start=1):
         name = f"edge_{number:03d}"
-        if k >= len(stretches):
-            edges.append(replace(rods[k - len(stretches)], name=name))
+        if k >= len(intervals):
+            edges.append(replace(rods[k - len(intervals)], name=name))
         else:
-            s = stretches[k]
+            s = intervals[k]
             edges.append(Edge(name=name, a_m=vec3(s.a), b_m=vec3(s.b), normals=_both_sides(s.normals)))
     return tuple(edges), max(len(good) - count, 0)
 
 
-def _one_line(stretches: list[_Stretch], extent: float) -> list[_Stretch]:
+def _one_line(intervals: list[_Stretch], extent: float) -> list[_Stretch]:
     """Join collinear segments that are separated by a small gap and have adjacent faces of similar orientation."""
     out: list[_Stretch] = []
-    a, b = np.empty((len(stretches), 3)), np.empty((len(stretches), 3))
-    for s in stretches:
+    a, b = np.empty((len(intervals), 3)), np.empty((len(intervals), 3))
+    for s in intervals:
         n = len(out)
         twin = next(
             (
@@ -293,15 +293,15 @@ def _mean_normals(
     return nonzero / np.linalg.norm(nonzero, axis=1, keepdims=True)
 
 
-def _distinct(stretches: list[_Stretch], extent: float) -> list[_Stretch]:
+def _distinct(intervals: list[_Stretch], extent: float) -> list[_Stretch]:
     """Merge segments that run side by side within a bevel's width.
 
     The longest is kept, with the two normals that differ most. Touching bodies duplicate common edges, and a bevelled
     edge consists of two lines that no camera separates.
     """
     distinct: list[_Stretch] = []
-    a, b = np.empty((len(stretches), 3)), np.empty((len(stretches), 3))
-    for s in stretches:
+    a, b = np.empty((len(intervals), 3)), np.empty((len(intervals), 3))
+    for s in intervals:
         n = len(distinct)
         twins = np.flatnonzero(_beside(a[:n], b[:n], s, BEVEL * extent))
         if len(twins) == 0:

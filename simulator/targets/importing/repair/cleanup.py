@@ -89,10 +89,10 @@ def without_slivers(body: MeshBody, extent: float, counts: RepairCounts) -> Mesh
     twice_area = np.linalg.norm(body.face_vectors, axis=1)
     thin = twice_area <= np.maximum(MIN_FACE_HEIGHT * extent * longest, 2e-14)
     counts.zero_area += int(thin.sum())
-    body = body.kept(~thin)
+    body = body.submesh(~thin)
     again = _copies(body.triangles)
     counts.twice += int(again.sum())
-    return body.kept(~again)
+    return body.submesh(~again)
 
 
 def _copies(triangles: IntArray) -> BoolArray:

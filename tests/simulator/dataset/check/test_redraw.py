@@ -168,7 +168,9 @@ def test_shares_that_are_off_by_little_are_caught(copy, pictures, plan):
         assert check_silhouette_inside(truth, plan.target) == []
         assert "silhouette_inside" in check_silhouette_inside(wrong, plan.target)[0]
         assert check_step_share(truth, plan.target, mono, SAME_RENDERER_TOLERANCE) == []
-        assert "wireframe_step_share" in check_step_share(wrong, plan.target, mono, SAME_RENDERER_TOLERANCE)[0]
+        assert (
+            "wireframe_step_share" in check_step_share(wrong, plan.target, mono, SAME_RENDERER_TOLERANCE)[0]
+        )
         edit(copy, k, **off)
     faults = check_dataset(copy, redraw=1).faults
     for name in ("silhouette_inside", "wireframe_step_share"):
