@@ -228,7 +228,7 @@ def _connected_bodies(corners_m: FloatArray, step_m: float, least_m2: float) -> 
 
 def _as_convex_shell(body: _Body, radius_m: float) -> ConvexShell | None:
     """Return a body as a convex shell, or None if it is not closed and convex."""
-    corners, vertex_indices = body.corners_m, body.places
+    corners, vertex_indices = body.corners_m, body.vertex_indices
     planes = face_planes(corners)
     normals = planes[:, :3]
     points = corners.reshape(-1, 3)

@@ -158,8 +158,8 @@ class _EdgeArrays:
     def facing(self, eye_m: FloatArray) -> BoolArray:
         """Return (E,) True where a face of an edge faces the eye; True for an edge without faces."""
         faces_eye = np.ones(len(self.ends_m), bool)
-        faces_eye[self.edge_of_plane] = False
-        faces_eye[self.edge_of_plane[self.planes @ np.append(eye_m, 1.0) > 0]] = True
+        faces_eye[self.edge_index] = False
+        faces_eye[self.edge_index[self.planes @ np.append(eye_m, 1.0) > 0]] = True
         return faces_eye
 
 

@@ -181,8 +181,8 @@ def _opm_state(segment: Segment, epoch: Instant, centre: str) -> State:
         r_from_elements = _state_of_elements(opm, body.mu_m3_s2)[0]
         if float(np.linalg.norm(r_from_elements - r)) > _ORBIT_TOLERANCE * float(np.linalg.norm(r)):
             raise UserError(
-                f"{where}: the Keplerian elements put the craft {np.linalg.norm(r_from_elements - r) / 1e3:.0f} km from X, Y, Z: "
-                "remove those that are wrong"
+                f"{where}: the Keplerian elements put the craft {np.linalg.norm(r_from_elements - r) / 1e3:.0f} km "
+                "from X, Y, Z: remove those that are wrong"
             )
     if opm.unused:
         log.warning("%s has %s: not used", where, ", ".join(opm.unused))

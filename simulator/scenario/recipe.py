@@ -65,8 +65,10 @@ class EulerAttitude(Section, frozen=True, kw_only=True, tag_field="kind", tag="e
 
 
 class FacingAttitude(Section, frozen=True, kw_only=True, tag_field="kind", tag="facing"):
-    """Attitudes of a flat board: its z axis points to the camera within an angle. It defines range and placement
-    too."""
+    """Attitudes of a flat board: its z axis points to the camera within an angle.
+
+    The board may be anywhere in the image, so this section defines range and placement too.
+    """
 
     within_deg: Annotated[float, Meta(gt=0, lt=80)] = 45.0
 

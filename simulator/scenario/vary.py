@@ -29,7 +29,8 @@ class VaryCraft(Section, frozen=True, kw_only=True):
 
 class VaryLights(Section, frozen=True, kw_only=True):
     """Shares of frames with a lamp on the chaser and with Earth-shine, and ranges of the lamp's power and half
-    angle."""
+    angle.
+    """
 
     lamp_share: Annotated[float, Meta(ge=0, le=1)] = 0.0
     lamp_power_w: Interval[_Positive] = (10.0, 100.0)
