@@ -15,7 +15,7 @@ from flyaround.gui.picture.settings_history import SettingsHistory
 from flyaround.gui.scenario_draft import ScenarioDraft
 from flyaround.gui.script import CommandLog, Line, Player, Script
 from flyaround.simulator.errors import UserError
-from flyaround.simulator.piloting.control_laws import COARSE_GAIN, FINE_GAIN, STILL, SWITCHES
+from flyaround.simulator.piloting.control_laws import COARSE_GAIN, FINE_GAIN, NO_DEMAND, SWITCHES
 from flyaround.simulator.piloting.orders import PilotCommand
 
 if TYPE_CHECKING:
@@ -74,14 +74,14 @@ class HandControl:
         (self._held.add if held else self._held.discard)(name)
         self._spent &= self._held
 
-    def let_go(self) -> None:
+    def release_controls(self) -> None:
         """Ignore sticks and held keys until they are used again."""
         self._spent = self._held & set(SWITCHES)
         self.centre_sticks()
 
     def centre_sticks(self) -> None:
         """Ignore sticks until they are moved."""
-        self.thrust = self.turn = STILL
+        self.thrust = self.turn = NO_DEMAND
 
     def command(self) -> PilotCommand:
         """Return the command that the present state of all inputs gives."""

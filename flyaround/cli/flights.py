@@ -19,7 +19,7 @@ from flyaround.cli.terminal import say, terminal
 from flyaround.runs.document import RUN_TOML, run_toml
 from flyaround.runs.flights import FlyRun
 from flyaround.simulator.camera.lens.files import list_cameras, load_camera, read_camera_file
-from flyaround.simulator.camera.lens.formats.registry import CAMERA_FORMATS, WRITTEN, camera_text
+from flyaround.simulator.camera.lens.formats.registry import CAMERA_FORMATS, WRITABLE_FORMATS, camera_text
 from flyaround.simulator.contact_sheets.scenario_sheet import write_contact_sheets
 from flyaround.simulator.errors import UserError
 from flyaround.simulator.runtime.files import empty_folder, write_atomic
@@ -170,7 +170,9 @@ def cameras(
     ] = None,
     form: Annotated[
         str | None,
-        typer.Option("--format", help=f"Of the written file: {', '.join(WRITTEN)} (default native)."),
+        typer.Option(
+            "--format", help=f"Of the written file: {', '.join(WRITABLE_FORMATS)} (default native)."
+        ),
     ] = None,
     width_px: Annotated[
         int | None, typer.Option("--width", help="Refuse a camera whose image is not so wide, in pixels.")

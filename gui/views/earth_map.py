@@ -19,7 +19,7 @@ from flyaround.simulator.piloting.ground_track import (
     ground_track,
     subsolar_deg,
     terminator_deg,
-    unbroken,
+    split_at_map_edge,
 )
 
 if TYPE_CHECKING:
@@ -160,7 +160,7 @@ class EarthMap(Panel):
             # a segment starts where the previous one ends
             on = part | np.append(part[1:], False)
             latitude = np.where(on, track.latitude_deg, np.nan)
-            latitude, longitude = unbroken(latitude, track.longitude_deg)
+            latitude, longitude = split_at_map_edge(latitude, track.longitude_deg)
             canvas.stroke(map_places(box, latitude, longitude), colour, 1.8, dashed=dashed)
 
     def _marks(self, canvas: Canvas, box: Letterbox, world: WorldState) -> None:

@@ -179,7 +179,7 @@ def _delimiter(path: Path) -> str | None:
 def crop_and_bin(
     camera: Camera, roi_px: tuple[int, int, int, int] | None, binning: int, where: str
 ) -> Camera:
-    """Return the camera of a detector region with ``binning`` by ``binning`` pixels joined.
+    """Return the camera of a detector region, with ``binning`` by ``binning`` pixels combined into one.
 
     Parameters
     ----------

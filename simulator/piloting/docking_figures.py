@@ -24,8 +24,8 @@ CAPTURE_M = 0.5
 """Largest distance from the port's centre at which the docking point makes contact in its plane [m]."""
 CORRIDOR_DEG = 10.0
 """Half angle of the corridor in front of the port, if the scenario has none [deg]."""
-NEAR = 2.0
-"""Multiple of its limit up to which a figure counts as near it."""
+NEAR_LIMIT_FACTOR = 2.0
+"""Multiple of the limit up to which a figure counts as near the limit."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -142,9 +142,11 @@ def docking_figures(
     R_target_from_eci = matrix_from_quat(q_target).T
     R_eci_from_camera = matrix_from_quat(chaser.q_camera_from_eci_wxyz).T
     omega_camera = np.array(chaser.omega_camera_rad_s)
-    arm = np.array(PROBE_M)
-    p = R_target_from_eci @ (np.array(chaser.position_eci_m) + R_eci_from_camera @ arm)
-    v = R_target_from_eci @ (np.array(chaser.velocity_eci_m_s) + R_eci_from_camera @ cross(omega_camera, arm))
+    lever = np.array(PROBE_M)
+    p = R_target_from_eci @ (np.array(chaser.position_eci_m) + R_eci_from_camera @ lever)
+    v = R_target_from_eci @ (
+        np.array(chaser.velocity_eci_m_s) + R_eci_from_camera @ cross(omega_camera, lever)
+    )
     R_port_from_target = matrix_from_quat(port.q_target_from_port_wxyz).T
     x, y, z = R_port_from_target @ (p - np.array(port.origin_m))
     vx, vy, vz = R_port_from_target @ (v - cross(omega, p))
@@ -177,7 +179,7 @@ def docking_point_target_m(chaser: ChaserState, q_eci_from_target_wxyz: FloatArr
 
 @dataclass(frozen=True, kw_only=True)
 class DockingLimits:
-    """Limits of the figures at contact; closing speed and offset may be larger farther away.
+    """Limits of the figures at contact; the limits of closing speed and offset grow with distance.
 
     Parameters
     ----------
@@ -198,7 +200,7 @@ class DockingLimits:
     rate_deg_s : float
         Largest angular velocity about each axis at contact [deg s-1].
     slowest_m_s : float, optional
-        Least closing speed at contact.
+        Smallest closing speed at contact [m s-1].
     closing_per_m : float, optional
         Allowed closing speed per metre of distance [s-1], if larger than ``closing_m_s``.
     lateral_per_m : float, optional
@@ -247,7 +249,7 @@ PRESETS: dict[str, DockingLimits] = {p.name: p for p in (TWO_TENTHS, IDSS)}
 
 
 @dataclass(frozen=True, kw_only=True)
-class Judged:
+class JudgedFigure:
     """A figure with its limit.
 
     Parameters
@@ -280,23 +282,23 @@ class Judged:
     @property
     def state(self) -> State:
         """Within the limit, near it, or outside."""
-        return "within" if self.share <= 1.0 else "near" if self.share <= NEAR else "outside"
+        return "within" if self.share <= 1.0 else "near" if self.share <= NEAR_LIMIT_FACTOR else "outside"
 
 
 def judge(
     figures: DockingFigures, limits: DockingLimits, corridor_deg: float = CORRIDOR_DEG
-) -> tuple[Judged, ...]:
+) -> tuple[JudgedFigure, ...]:
     """Return each figure with its limit at the chaser's distance."""
-    f, away = figures, max(figures.axial_m, 0.0)
-    closing = max(limits.closing_m_s, limits.closing_per_m * away)
-    across = limits.lateral_at_m(away)
-    across_rate = limits.lateral_m_s * (1 + limits.lateral_per_m * away)
+    f, distance = figures, max(figures.axial_m, 0.0)
+    closing = max(limits.closing_m_s, limits.closing_per_m * distance)
+    lateral = limits.lateral_at_m(distance)
+    across_rate = limits.lateral_m_s * (1 + limits.lateral_per_m * distance)
     # inside the offset allowed at the port, the angle there is meaningless
     off_axis = 0.0 if f.lateral_m <= limits.lateral_m and f.axial_m > -limits.lateral_m else f.off_axis_deg
     rows = (
         ("closing", "m/s", f.closing_m_s, closing),
-        ("offset right", "m", f.right_m, across),
-        ("offset down", "m", f.down_m, across),
+        ("offset right", "m", f.right_m, lateral),
+        ("offset down", "m", f.down_m, lateral),
         ("rate right", "m/s", f.right_m_s, across_rate),
         ("rate down", "m/s", f.down_m_s, across_rate),
         ("roll", "°", f.roll_deg, limits.attitude_deg),
@@ -307,12 +309,12 @@ def judge(
         ("yaw rate", "°/s", f.yaw_deg_s, limits.rate_deg_s),
         ("off axis", "°", off_axis, corridor_deg),
     )
-    return tuple(Judged(name=n, unit=u, value=v, limit=most) for n, u, v, most in rows)
+    return tuple(JudgedFigure(name=n, unit=u, value=v, limit=most) for n, u, v, most in rows)
 
 
 @dataclass(frozen=True, kw_only=True)
 class Contact:
-    """A contact, judged.
+    """A contact with its score.
 
     Parameters
     ----------

@@ -20,7 +20,7 @@ MAX_FOLDERS = 10_000
 
 
 class FlownFiles:
-    """Incremental writer of a flight from the timeline, up to its last sample; call `go_on` until it is done.
+    """Incremental writer of a recorded flight; call `go_on` until it returns the scenario's path.
 
     Parameters
     ----------

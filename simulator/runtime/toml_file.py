@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from flyaround.simulator.errors import UserError
 from flyaround.simulator.runtime.untrusted_files import (
-    MOST_DEEP,
+    MAX_DEPTH,
     TOML_TEXT,
     decode_text,
     read_regular,
@@ -83,14 +83,14 @@ def parse_toml(content: bytes, where: str) -> dict[str, Any]:
     except RecursionError as error:
         raise UserError(f"{where} is not valid TOML: it nests too deep") from error
     if _is_deep(document):  # dotted keys within brackets multiply the depth
-        raise UserError(f"{where} nests more than {MOST_DEEP} tables in each other, which no such file does")
+        raise UserError(f"{where} nests more than {MAX_DEPTH} tables in each other, which no such file does")
     refuse_not_finite(document, where)
     return document
 
 
 def _is_deep(document: dict[str, Any]) -> bool:
     level: list[Any] = [document]
-    for _ in range(MOST_DEEP):
+    for _ in range(MAX_DEPTH):
         level = [
             inner
             for value in level

@@ -20,7 +20,7 @@ import numpy as np
 
 from flyaround.simulator.errors import UserError
 
-MOST_DEEP = 64  # brackets that may be open at once
+MAX_DEPTH = 64  # brackets that may be open at once
 _OPENING, _CLOSING = (np.isin(np.arange(256), list(kind)) for kind in (b"[{", b"]}"))
 # strings, even unterminated, and comments: brackets inside do not nest; a linear-time pattern
 JSON_TEXT = re.compile(rb'"(?:[^"\\]++|\\.?)*+"?+', re.DOTALL)
@@ -199,9 +199,9 @@ def refuse_deep(data: bytes, where: str, skip: re.Pattern[bytes] = JSON_TEXT) ->
     numbers = np.frombuffer(skip.sub(b"", data), np.uint8)
     steps = _OPENING[numbers].astype(np.int8)
     steps -= _CLOSING[numbers]
-    if np.cumsum(steps, dtype=np.int32).max(initial=0) > MOST_DEEP:
+    if np.cumsum(steps, dtype=np.int32).max(initial=0) > MAX_DEPTH:
         raise UserError(
-            f"{where} nests more than {MOST_DEEP} brackets in each other, which no such file does"
+            f"{where} nests more than {MAX_DEPTH} brackets in each other, which no such file does"
         )
 
 

@@ -17,7 +17,7 @@ from flyaround.simulator.camera.encoding import Encoding
 from flyaround.simulator.camera.lens.camera_model import Camera
 from flyaround.simulator.camera.lens.files import CameraFile, read_camera_file
 from flyaround.simulator.camera.lens.files_native import PitchUm
-from flyaround.simulator.camera.lens.intrinsics import CONSISTENT
+from flyaround.simulator.camera.lens.intrinsics import CONSISTENCY_TOLERANCE
 from flyaround.simulator.camera.sections import DetectorSection, crop_and_bin, read_sensor
 from flyaround.simulator.errors import UserError
 from flyaround.simulator.imaging.auto_exposure import AutoExposure
@@ -91,7 +91,7 @@ def _camera_pitch_um(camera: CameraFile, preset: Sensor, where: str) -> tuple[fl
     if (
         pitch is not None
         and preset.detector is not None
-        and max(abs(g / o - 1) for g, o in zip(pitch, preset_pitch, strict=True)) > CONSISTENT
+        and max(abs(g / o - 1) for g, o in zip(pitch, preset_pitch, strict=True)) > CONSISTENCY_TOLERANCE
     ):
         raise UserError(
             f"{where}: the camera's file has pixels of {pitch[0]:g} x {pitch[1]:g} um, detector "

@@ -12,7 +12,7 @@ from flyaround.simulator.camera.detector.shutter import EXPOSURE_S, READOUT_S
 from flyaround.simulator.camera.lens.camera_model import (
     CENTRE_PX,
     FOCAL_PX,
-    LARGEST_IMAGE_PX,
+    MAX_IMAGE_PX,
     camera_problem,
 )
 from flyaround.simulator.errors import UserError
@@ -40,8 +40,8 @@ def scene_problem(scene: SceneState) -> str | None:
     except UserError as error:
         return f"scene.bodies: {error}"
     ranges = (
-        ("scene.camera.width_px", c.width_px, 1, LARGEST_IMAGE_PX),
-        ("scene.camera.height_px", c.height_px, 1, LARGEST_IMAGE_PX),
+        ("scene.camera.width_px", c.width_px, 1, MAX_IMAGE_PX),
+        ("scene.camera.height_px", c.height_px, 1, MAX_IMAGE_PX),
         ("scene.camera.fx_px", c.fx_px, *FOCAL_PX),
         ("scene.camera.fy_px", c.fy_px, *FOCAL_PX),
         ("scene.camera.cx_px", c.cx_px, *CENTRE_PX),

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 __all__ = ["Camera", "Distortion", "DistortionModel"]
 
 # smallest and largest value, of files and of recorded scenes; every OpenGL 4 driver draws pictures so large
-LARGEST_IMAGE_PX = 16384
+MAX_IMAGE_PX = 16384
 FOCAL_PX = (1.0, 1e7)
 CENTRE_PX = (-1e5, 1e5)
 _NO_DISTORTION = Distortion()
@@ -158,10 +158,10 @@ class Camera:
         return _pixel_angle_rad(self)
 
     def bending_px_rad2(self, bounds_px: tuple[float, float, float, float] | None = None) -> float:
-        """Return how strongly the lens bends straight lines: the largest curvature of a great circle's image [px
-        rad-2].
+        """Return the largest curvature of the image of a great circle [px rad-2].
 
-        A straight line seen under a small angle a lies up to ``a**2 / 8`` times as much next to its bent image.
+        The image of a straight line that subtends a small angle a deviates from a straight line by up to ``a**2 / 8``
+        times this value.
 
         Parameters
         ----------

@@ -52,7 +52,7 @@ def named_model(names: Iterable[tuple[str, object]], keys: Keys) -> DistortionMo
             models["kannala_brandt"] = key
         else:
             place = f"{keys.where}: key {keys.path}{key}"
-            raise not_drawn(
+            raise unsupported_model(
                 place, value, "plumb_bob, rational_polynomial, radtan, equidistant, fisheye, none"
             )
     if len(models) > 1:
@@ -63,7 +63,7 @@ def named_model(names: Iterable[tuple[str, object]], keys: Keys) -> DistortionMo
     return next(iter(models), None)
 
 
-def not_drawn(place: str, value: object, read: str) -> UserError:
+def unsupported_model(place: str, value: object, read: str) -> UserError:
     """Return the error for an unsupported lens model, with the alternative.
 
     Parameters
