@@ -354,9 +354,9 @@ class ConsoleLoop:
         """Report failures of pictures, each once; the flight continues."""
         recorder = self._console.session.look_back.recorder
         for trouble in (
-            self._console.feed.pop_trouble(),
-            *(feed.pop_trouble() for feed in self._console.feeds.values()),
-            None if recorder is None else recorder.pop_trouble(),
+            self._console.feed.take_trouble(),
+            *(feed.take_trouble() for feed in self._console.feeds.values()),
+            None if recorder is None else recorder.take_trouble(),
         ):
             if trouble is not None:
                 self._console.say(trouble, "warning")

@@ -74,7 +74,7 @@ class HandControl:
         (self._held.add if held else self._held.discard)(name)
         self._spent &= self._held
 
-    def release_controls(self) -> None:
+    def let_go(self) -> None:
         """Ignore sticks and held keys until they are used again."""
         self._spent = self._held & set(SWITCHES)
         self.centre_sticks()

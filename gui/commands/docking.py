@@ -20,7 +20,7 @@ def _approach(console: Console, on: bool) -> None:  # noqa: FBT001 - a switch
 
 def _abort(console: Console) -> None:
     console.order(Abort())
-    console.hand.release_controls()
+    console.hand.let_go()
 
 
 COMMANDS = (

@@ -6,7 +6,7 @@ from flyaround.gui.command_table import Argument, Command, command, number
 from flyaround.gui.commands.steering import order
 from flyaround.simulator.piloting import guidance_orders as orders
 from flyaround.simulator.piloting.orders import CancelBurns, Drift, PlanBurn
-from flyaround.simulator.piloting.planned_burns import MAX_DELTA_V_M_S, MAX_BURN_LEAD_S, burn_of
+from flyaround.simulator.piloting.planned_burns import MAX_BURN_LEAD_S, MAX_DELTA_V_M_S, burn_of
 
 FAR_M = 1e5
 

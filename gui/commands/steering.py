@@ -30,7 +30,7 @@ def _hold(name: str, console: Console, begins: bool) -> None:  # noqa: FBT001 - 
 
 def _stop(console: Console) -> None:
     console.order(Stop())
-    console.hand.release_controls()
+    console.hand.let_go()
 
 
 def _track(console: Console) -> None:

@@ -230,7 +230,7 @@ class Feed:
         # a lower bound, because pictures that arrive together would give an infinite rate
         return (len(self._ends_s) - 1) / max(self._ends_s[-1] - self._ends_s[0], LEAST_SPAN_S)
 
-    def pop_trouble(self) -> str | None:
+    def take_trouble(self) -> str | None:
         """Return why pictures were lost or failed since the last call, or None."""
         trouble, self._trouble = self._trouble, None
         return trouble

@@ -17,9 +17,9 @@ from flyaround.simulator.piloting.ground_track import (
     GroundTrack,
     geodetic_deg,
     ground_track,
+    split_at_map_edge,
     subsolar_deg,
     terminator_deg,
-    split_at_map_edge,
 )
 
 if TYPE_CHECKING:

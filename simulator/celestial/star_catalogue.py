@@ -14,8 +14,8 @@ from flyaround.simulator.celestial.star_colours import (
     hp_minus_v,
     irradiance_of_v_mag,
     photons_over_sunlights,
-    sound_v_minus_i,
-    usual_v_minus_i,
+    plausible_v_minus_i,
+    typical_v_minus_i,
 )
 from flyaround.simulator.errors import UserError
 
@@ -55,7 +55,8 @@ class StarField:
     first: np.typing.NDArray[np.intp]
 
     def near(self, axis: FloatArray, angle_rad: float) -> tuple[FloatArray, FloatArray]:
-        """Return directions (3, K) and irradiance (n, K) of all stars near a unit vector; some may lie farther away."""
+        """Return directions (3, K) and irradiance (n, K) of all stars within an angle of an axis, and of some
+        others."""
         hit = np.zeros(len(self.cells) + 2, bool)
         hit[1:-1] = self.cells @ axis > np.cos(min(angle_rad + CELL_RADIUS_RAD, np.pi))
         # consecutive cells form one slice
@@ -106,7 +107,7 @@ def _stars_of_year(years: int, bands: Bands, by_photons: bool) -> StarField:  # 
     order = np.argsort(cell, kind="stable")
     first = np.searchsorted(cell[order], np.arange(6 * _SIDE * _SIDE + 1))
     hp, bv = np.where(c["hip"] == _SIRIUS_HIP, _SIRIUS_HP_MAG, c["hp_mag"]), c["b_minus_v_mag"]
-    vi = sound_v_minus_i(bv, c["v_minus_i_mag"])
+    vi = plausible_v_minus_i(bv, c["v_minus_i_mag"])
     light = star_irradiance_w_m2(hp, bv, bands, vi)
     if by_photons:
         light = light * photons_over_sunlights(vi, bands)
@@ -147,7 +148,7 @@ def star_irradiance_w_m2(
         Cousins colour, needed for M stars; by default the one that usually goes with ``b_minus_v``.
     """
     bv = np.nan_to_num(np.asarray(b_minus_v, float), nan=_SUN_B_MINUS_V)
-    vi = usual_v_minus_i(bv)
+    vi = typical_v_minus_i(bv)
     if v_minus_i is not None:
-        vi = sound_v_minus_i(bv, np.asarray(v_minus_i, float))
+        vi = plausible_v_minus_i(bv, np.asarray(v_minus_i, float))
     return irradiance_of_v_mag(np.asarray(hp_mag, float) - hp_minus_v(bv, vi), bv, vi, bands)

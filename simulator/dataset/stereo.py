@@ -13,7 +13,7 @@ from flyaround.simulator.errors import UserError
 from flyaround.simulator.labels.truth import read_truth
 from flyaround.simulator.runtime.untrusted_files import refuse_link_out
 from flyaround.simulator.scenario.plan import DocumentPlan
-from flyaround.simulator.scene.second_camera import SECOND_SEED, SecondCamera, seen_by_second
+from flyaround.simulator.scene.second_camera import SECOND_SEED, SecondCamera, second_camera_scene
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -67,12 +67,12 @@ class SecondCameraPlan(DocumentPlan):
 
     def planned_scene(self, k: int) -> SceneState:
         """Return the scene of frame k."""
-        return seen_by_second(self.plan.scene(k), self.second)
+        return second_camera_scene(self.plan.scene(k), self.second)
 
     def next_scene(self, k: int) -> SceneState | None:
         """Return the scene that follows frame k's, or None."""
         following = self.plan.next_scene(k)
-        return None if following is None else seen_by_second(following, self.second)
+        return None if following is None else second_camera_scene(following, self.second)
 
 
 def second_plan(plan: DocumentPlan) -> SecondCameraPlan | None:

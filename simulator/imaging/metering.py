@@ -97,7 +97,7 @@ def _craft(scene: SceneState, target: Target) -> tuple[FloatArray, FloatArray]:
     if scene.lamp is not None:
         light = light + scene.lamp.irradiance_w_m2(p, n, "mono")[:, 0]
     for lamp in scene.area_lights:
-        factor = lamp.placed(pose).irradiance_factor(p, n)
+        factor = lamp.in_camera_frame(pose).irradiance_factor(p, n)
         light = light + factor * lamp.radiance_w_m2_sr
     return points.albedo / np.pi * light, area
 

@@ -110,8 +110,10 @@ class ApproachRbar(ApproachVbar):
 
 @dataclass(frozen=True)
 class FlyGlideslope(GuidanceOrder):
-    """Fly straight towards the target up to a distance, at 1 % of the remaining distance per second, at least 1
-    cm/s."""
+    """Fly straight towards the target up to a distance.
+
+    The speed is 1 % of the remaining distance per second, and at least 1 cm/s.
+    """
 
     title = "glideslope"
     end_m: float | None = None

@@ -130,7 +130,7 @@ class FlightRecorder:
         """True if there is enough to replay."""
         return len(self) > 1
 
-    def pop_trouble(self) -> str | None:
+    def take_trouble(self) -> str | None:
         """Return why the flight is not on disk, once."""
         trouble, self._untold = self._untold, None
         return trouble

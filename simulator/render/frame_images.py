@@ -133,7 +133,7 @@ class FrameImages:
         share_out(pieces_of(height // 2, 2 if whole.size >= _WORTH_TWO else 1), move)
         return whole if self.bands == 1 else whole.reshape(height, width, 3)
 
-    def crop_and_bin(self, rect: PixelRect) -> tuple[Float32Array, Float32Array, tuple[slice, slice]]:
+    def read_part(self, rect: PixelRect) -> tuple[Float32Array, Float32Array, tuple[slice, slice]]:
         """Read radiance (h, w) or (h, w, 3) and coverage (h, w) of some pixels; also return their rows and columns."""
         window = slice(rect.y0, rect.y1), slice(rect.x0, rect.x1)
         size = rect.y1 - rect.y0, rect.x1 - rect.x0

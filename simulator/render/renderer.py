@@ -218,7 +218,7 @@ class Renderer:
         clock = StageClock(self.device.context, finish=self.timed)
         drawn = frame.find(TARGET)
         part = PixelRect(0, 0, 0, 0) if drawn is None else drawn.rect
-        light, share, window = frame[RADIANCE].crop_and_bin(part)
+        light, share, window = frame[RADIANCE].read_part(part)
         clock.lap("readback")
         _check_finite(light, scene, target, lambda: share)
         self.device.check("a craft")

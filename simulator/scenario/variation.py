@@ -14,7 +14,7 @@ from flyaround.simulator.runtime.arrays import vec3
 from flyaround.simulator.scenario.random_draws import direction_in_cone, numbered_generator, uniform_direction
 from flyaround.simulator.scenario.vary import Vary, VaryBoxes, VaryCraft
 from flyaround.simulator.scene.environments import environment_preset
-from flyaround.simulator.scene.illumination.area_light import AreaLight, axes_across
+from flyaround.simulator.scene.illumination.area_light import AreaLight, light_axes
 from flyaround.simulator.scene.illumination.lamp import Lamp
 from flyaround.simulator.scene.sample import Sample, VariedBy
 from flyaround.simulator.scene.state import TargetRef
@@ -138,7 +138,7 @@ def _box(rng: Generator, scene: SceneState, boxes: VaryBoxes) -> AreaLight:
     origin = np.asarray(scene.t_camera_from_target_m)
     to_camera = -origin / max(float(np.linalg.norm(origin)), 1e-9)
     towards = direction_in_cone(rng, np.array([0.0, 0.0, 1.0]), 0.0, boxes.max_angle_deg)
-    towards = towards @ np.stack([*axes_across(to_camera), to_camera])
+    towards = towards @ np.stack([*light_axes(to_camera), to_camera])
     position = origin + float(rng.uniform(*boxes.distance_m)) * towards
     aim = origin + rng.uniform(0.0, boxes.aim_error_m) * uniform_direction(rng)
     return AreaLight(

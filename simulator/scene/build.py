@@ -45,21 +45,21 @@ def build_scene(
 ) -> SceneState:
     """Freeze the world at mid-exposure as seen by one camera.
 
-    Orbits are those of centres of mass; the label is the pose of the model frame, whose origin is at ``-com_target_m``
-    from it.
+    Orbits refer to centres of mass. The label is the pose of the model frame, whose origin is displaced by
+    ``-com_target_m`` from the centre of mass.
 
     Parameters
     ----------
     world : WorldState
         State at mid-exposure.
     camera : Camera
-        Imaging chain.
+        Intrinsics and lens.
     sensor : Sensor
         Detector and noise.
     exposure_s : float
         Exposure time [s].
     optics : Optics, optional
-        Imaging chain.
+        Effects of the lens other than distortion; by default none.
     target : TargetRef
         Model to draw.
     com_target_m : array
@@ -77,7 +77,7 @@ def build_scene(
     lamp : Lamp, optional
         Lamp on the chaser, if any.
     lights : sequence of AreaLight, optional
-        Lighting and rendering.
+        Area lights.
     shutter : Shutter, optional
         Readout of the rows, by default global.
     """

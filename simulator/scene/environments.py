@@ -72,7 +72,7 @@ class EnvironmentSection(Environment, frozen=True, forbid_unknown_fields=True):
     preset: EnvironmentName = "full"
 
     def layers(self) -> Environment:
-        """Return the switches alone; the reader has already applied the preset."""
+        """Return the layers without the preset's name; the reader has already applied the preset."""
         return Environment(**{name: getattr(self, name) for name in Environment.__struct_fields__})
 
 

@@ -34,7 +34,7 @@ class BackgroundView(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class SequenceStep(msgspec.Struct, frozen=True, kw_only=True):
-    """The sequence that a frame belongs to, and its index in it."""
+    """Number of a frame's sequence, and the index of the frame in it."""
 
     sequence: int
     step: int

@@ -107,8 +107,8 @@ class SceneState(BodyStates):
     r_sun_eci_m : array
         Apparent geocentric position of the Sun [m].
     bodies : tuple of BodyState
-        Earth, Moon and, if different, the central body, whose position is geometric, so that ``r_camera_eci_m`` minus
-        it is the camera's position above its ground.
+        Earth, Moon and, if different, the central body. The position of the central body is geometric, not apparent, so
+        that its difference from ``r_camera_eci_m`` is the camera's position relative to the ground.
     sun_visible_fraction : float
         Share of the Sun's disc visible from the target past the bodies, 0..1.
     central_body : str, optional

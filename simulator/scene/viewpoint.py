@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from flyaround.simulator.runtime.arrays import FloatArray
     from flyaround.simulator.scene.state import TargetRef
 
-OCCLUDER_DISTANCE_M = (0.0, 0.0, -1000.0)  # position of the target: behind the camera
+TARGET_POSITION_M = (0.0, 0.0, -1000.0)  # position of the target: behind the camera
 
 
 def place_itrs_m(
@@ -104,14 +104,14 @@ def scene_above(
         environment=environment or Environment(),
         target=target,
         q_camera_from_target_wxyz=(1.0, 0.0, 0.0, 0.0),
-        t_camera_from_target_m=OCCLUDER_DISTANCE_M,
+        t_camera_from_target_m=TARGET_POSITION_M,
         omega_target_rad_s=(0.0, 0.0, 0.0),
         v_target_camera_m_s=(0.0, 0.0, 0.0),
         r_camera_eci_m=vec3(r),
         v_camera_eci_m_s=(0.0, 0.0, 0.0),
         q_camera_from_eci_wxyz=quat(quat_from_matrix(R_ce)),
         omega_camera_rad_s=(0.0, 0.0, 0.0),
-        r_target_eci_m=vec3(r + R_ce.T @ np.array(OCCLUDER_DISTANCE_M)),
+        r_target_eci_m=vec3(r + R_ce.T @ np.array(TARGET_POSITION_M)),
         v_target_eci_m_s=(0.0, 0.0, 0.0),
         r_sun_eci_m=vec3(sun),
         bodies=bodies,

@@ -151,7 +151,7 @@ class Study:
             "units": self.units,
             "solvers": lambda: self.published((*FEW, *ALL), FEW[0]),
             "streams": lambda: self.published((FEW[0], *STREAMS), FEW[0]),
-            "model": self.distort_pixels,
+            "model": self.bent,
             "exposure": self.exposure,
         }
 
@@ -199,7 +199,7 @@ class Study:
             [(c.label, [r.record for r in rows if r.method == c.label]) for c in METHODS[::-1]]
         )
 
-    def distort_pixels(self) -> str:
+    def bent(self) -> str:
         """Return the best method with a wrong model."""
         found = {"exact": self.rows(HYBRID, [BEST])}
         for sigma in MODEL_ERRORS_M:

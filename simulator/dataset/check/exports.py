@@ -108,9 +108,7 @@ class ExportsCheck:
                 if form not in BUILT_IN:
                     self._not_checked.append(f"format {name} is of another package")
                     continue
-                self._comparisons.append(
-                    _Comparison(form, folder / name, initial_card, is_frame_complete=whole)
-                )
+                self._comparisons.append(_Comparison(form, folder / name, initial_card, is_complete=whole))
             except UserError as error:
                 self._not_checked.append(str(error))
         self._sample = frozenset(numbers if whole else _sample(numbers, self.splits, seed, len(names)))
@@ -157,18 +155,16 @@ class _Comparison:
 
     Parameters
     ----------
-    is_frame_complete : bool
+    is_complete : bool
         True if all frames are passed. Otherwise existing lists and shards may hold additional frames.
     """
 
-    def __init__(
-        self, form: DatasetFormat, root: Path, card: DatasetCard, *, is_frame_complete: bool
-    ) -> None:
+    def __init__(self, form: DatasetFormat, root: Path, card: DatasetCard, *, is_complete: bool) -> None:
         self.form, self.root = form, root
         self.faults: list[tuple[int | None, str]] = []
         self.written: dict[int | None, list[str]] = {}
         """Names of the files of each frame, and of those for all frames."""
-        self._is_whole = is_frame_complete
+        self._is_whole = is_complete
         self._frame: int | None = None
         self._is_varied = False
         self._next_shard: dict[str, int] = {}

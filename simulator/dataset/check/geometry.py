@@ -77,7 +77,7 @@ def check_keypoints(truth: Truth, card: DatasetCard) -> list[str]:
     variation = truth.scene.target.variation
     nominal = card.target.keypoints
     if not isinstance(variation, msgspec.UnsetType):
-        nominal = {name: vec3(variation.moved(at)) for name, at in nominal.items()}
+        nominal = {name: vec3(variation.deform(at)) for name, at in nominal.items()}
     if {k.name: tuple(k.target_m) for k in truth.keypoints} != {n: tuple(p) for n, p in nominal.items()}:
         faults.append("keypoints differ from the card's")
     elif [k.name for k in truth.keypoints] != list(card.target.keypoints):

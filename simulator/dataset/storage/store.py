@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Protocol
 
 from flyaround.simulator.errors import UserError, write_error
-from flyaround.simulator.runtime.files import PART_FILES, write_lasting
+from flyaround.simulator.runtime.files import PART_FILES, write_durable
 from flyaround.simulator.runtime.untrusted_files import read_regular
 
 if TYPE_CHECKING:
@@ -94,7 +94,7 @@ class FolderStore:
                 parent.mkdir(parents=True, exist_ok=True)
             except OSError as error:
                 raise write_error(parent, error) from error
-        write_lasting(files)
+        write_durable(files)
 
     def _require_not_moved(self) -> None:
         """Raise if the folder was moved: a new folder in its place would hold an incomplete set that seems valid."""

@@ -110,7 +110,7 @@ class GBufferPass(Pass):
         mesh, array, textures = placed.drawn.mesh, placed.drawn.gbuffer, placed.loaded.textures
         images = (self._plain if textures is None else self._textured).at_least(*placed.size)
         # if the target may cross the near plane, depth does not distinguish this frame's samples from older ones
-        images.begin(clear=placed.place.is_truncated)
+        images.begin(clear=placed.place.is_cut)
         program = sample_program(self._programs, mesh)
         program.set("u_stamp", images.stamp)
         # back faces of closed shells are never visible

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from flyaround.simulator.render.craft.viewport_fit import ViewportFit
     from flyaround.simulator.render.device import Device
     from flyaround.simulator.runtime.arrays import FloatArray
-    from flyaround.simulator.scene.illumination.area_light import PlacedLight
+    from flyaround.simulator.scene.illumination.area_light import CameraFrameLight
     from flyaround.simulator.scene.state import Quality, SceneState
 
 PATCHES: dict[Quality, int] = {"draft": 4, "default": 8, "high": 16}
@@ -74,7 +74,7 @@ class LightMaps:
     ) -> tuple[moderngl.Texture, int]:
         """Draw the maps and write the block; return the image of all maps, and the number of patches of each light."""
         mesh, count = loaded.mesh, PATCHES[scene.quality]
-        lights = [light.placed(scene.camera_from_target) for light in scene.area_lights]
+        lights = [light.in_camera_frame(scene.camera_from_target) for light in scene.area_lights]
         target_from_camera = np.linalg.inv(place.camera_from_target)
         patches = [point for light in lights for point in light.points_m(count)]
         columns = math.ceil(math.sqrt(len(patches)))
@@ -120,7 +120,7 @@ class LightMaps:
 
 def _values(
     scene: SceneState,
-    lights: Sequence[PlacedLight],
+    lights: Sequence[CameraFrameLight],
     patches: Sequence[FloatArray],
     matrices: FloatArray,
     texel_rad: float,

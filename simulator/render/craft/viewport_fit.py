@@ -63,7 +63,7 @@ class ViewportFit:
     longest_m: float = np.inf
 
     @property
-    def is_truncated(self) -> bool:
+    def is_cut(self) -> bool:
         """True if part of the target may be nearer than the near plane."""
         return self.near_far_m[0] <= MIN_NEAR_M
 

@@ -112,8 +112,7 @@ def body_atmosphere(
 ) -> Atmosphere:
     """Return the atmosphere of a body, per band; without air it scatters nothing.
 
-    Depths are means over a band's wavelengths. Weighted by the Sun's energy the panchromatic Rayleigh depth would be 7
-    % larger, weighted by photons 2 % smaller.
+    Optical depths are unweighted means over a band's wavelengths.
 
     Parameters
     ----------
@@ -212,7 +211,7 @@ def optical_depth_to_top(
 def transmittance_to_sun(air: Atmosphere, radius_m: FloatArray, mu_sun: FloatArray) -> FloatArray:
     """Return the transmittance (..., n) to the Sun at a radius, including the horizon."""
     share = np.asarray(sun_share(np.asarray(radius_m, float), np.asarray(mu_sun, float), air.radius_m))
-    # rays below the geometric horizon stand for the upper part of the disc: they see the horizon's air
+    # if the Sun's centre is below the horizon, only the upper part of the disc is visible, through the horizon's air
     r = np.maximum(np.asarray(radius_m, float), air.radius_m)
     horizon = -np.sqrt(np.clip(1 - (air.radius_m / r) ** 2, 0, None))
     mu = np.asarray(np.maximum(mu_sun, horizon))
@@ -255,10 +254,10 @@ class MultipleScattering:
     def __call__(self, height_m: FloatArray, mu_sun: FloatArray) -> FloatArray:
         """Return the linearly interpolated table: (..., n)."""
         row = np.sqrt(np.clip(height_m / self.thickness_m, 0, 1))
-        return between(self.psi, row, sun_column(np.asarray(mu_sun, float)))
+        return interpolate_table(self.psi, row, sun_column(np.asarray(mu_sun, float)))
 
 
-def between(table: FloatArray, row: FloatArray, column: FloatArray) -> FloatArray:
+def interpolate_table(table: FloatArray, row: FloatArray, column: FloatArray) -> FloatArray:
     """Interpolate a table (rows, columns, n) linearly at positions 0..1 along its axes: (..., n)."""
     rows, columns, _ = table.shape
     y, x = np.broadcast_arrays(row * (rows - 1), column * (columns - 1))
@@ -368,7 +367,7 @@ def ground_irradiance(
     mu_sun : (K,) array
         Cosines of the Sun's zenith angle.
     diffuse : bool, optional
-        ``False`` omits the sky's part, which takes nearly all of the time.
+        False to omit the diffuse part, which takes most of the time.
     multiple : MultipleScattering, optional
         Table of light scattered at least twice, added to the diffuse part.
     """

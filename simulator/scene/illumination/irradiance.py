@@ -99,7 +99,7 @@ def field_of_samples(
     solid_angle_sr: float | FloatArray,
     disc_cosine: float,
     axis: FloatArray,
-    also_w_m2: FloatArray | None = None,
+    additional_w_m2: FloatArray | None = None,
     disc: int | None = None,
 ) -> IrradianceField:
     """Fit the field of a disc to samples.
@@ -112,15 +112,15 @@ def field_of_samples(
         [W m-2 sr-1].
     solid_angle_sr : float or array
         Solid angle of each sample, or (K,).
-    also_w_m2 : (P, n) array, optional
+    additional_w_m2 : (P, n) array, optional
         Irradiance of other light, from `moon_plate_irradiance`.
     disc : int, optional
         Number of samples, first in order, that are on the disc; the others surround it.
     """
     solid_angles = np.broadcast_to(solid_angle_sr, len(directions))[:, None]
     falling = np.maximum(_NORMALS @ directions.T, 0) @ (radiance * solid_angles)
-    if also_w_m2 is not None:
-        falling += also_w_m2
+    if additional_w_m2 is not None:
+        falling += additional_w_m2
     directions, radiance, solid_angles = directions[:disc], radiance[:disc], solid_angles[:disc]
     design = np.ones((len(directions), 4))
     design[:, :3] = directions
@@ -156,7 +156,7 @@ def globe_shine(
     sun_w_m2: FloatArray,
     albedo: Float32Array,
     radius_m: float,
-    also_w_m2: FloatArray | None = None,
+    additional_w_m2: FloatArray | None = None,
 ) -> IrradianceField:
     """Compute the light of the part of a globe that is visible from a target.
 
@@ -172,7 +172,7 @@ def globe_shine(
         Radius of the globe, here a sphere.
     albedo : (H, W) array
         Lambertian albedo, equirectangular, row 0 in the north, column 0 at -180 degrees; or (1, 1).
-    also_w_m2 : array, optional
+    additional_w_m2 : array, optional
         Irradiance of other light, see `field_of_samples`.
     """
     distance = float(np.linalg.norm(r_target_globe_m))
@@ -200,7 +200,7 @@ def globe_shine(
         solid_angle,
         rim,
         -R_camera_from_globe @ zenith,
-        also_w_m2,
+        additional_w_m2,
     )
 
 

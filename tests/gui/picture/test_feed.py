@@ -158,8 +158,8 @@ def test_lost_pictures_are_asked_for_again(session: FlightSession) -> None:
     source.lose = "the drawing process died"
     source.pending.clear()
     assert not feed.update(session, settings)
-    assert feed.pop_trouble() == "the drawing process died"
-    assert feed.pop_trouble() is None
+    assert feed.take_trouble() == "the drawing process died"
+    assert feed.take_trouble() is None
     assert feed.saving
     feed.update(session, settings)
     source.finish()

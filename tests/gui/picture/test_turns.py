@@ -193,10 +193,10 @@ def test_a_picture_of_a_further_view_that_fails_is_told_and_the_others_go_on(ses
         camera.update(session, settings)
         assert not further.update(session, settings)
         assert camera.update(session, settings)
-        assert camera.pop_trouble() is None
+        assert camera.take_trouble() is None
         told = "no picture of the orbit camera: GL_OUT_OF_MEMORY; it is tried again"
         # the same again and again is told once
-        assert further.pop_trouble() == (told if k == 0 else None)
+        assert further.take_trouble() == (told if k == 0 else None)
         further.update(session, settings)
         assert not further.waiting, "it is not asked for again at once"
     producer.now_s += 3.0
@@ -219,7 +219,7 @@ def test_a_picture_of_the_camera_that_fails_is_told_once_there_was_one(session: 
     feed.update(session, settings)
     producer.fail = UserError("the graphics memory is full")
     assert not feed.update(session, settings)
-    assert feed.pop_trouble() == (
+    assert feed.take_trouble() == (
         "no picture of the chaser's camera: the graphics memory is full; it is not saved"
     )
     assert not feed.saving
@@ -266,7 +266,7 @@ def test_a_further_view_whose_moment_cannot_be_drawn_says_so(session: FlightSess
         producer, lambda: producer.now_s, PictureKind(scene=nowhere, title="orbit camera", needed=False)
     )
     assert not feed.update(session, ViewSettings(bands="mono", environment=session.scene().environment))
-    assert "inside the target" in (feed.pop_trouble() or "")
+    assert "inside the target" in (feed.take_trouble() or "")
 
 
 def test_a_feed_of_labels_asks_for_them_now_and_then_only(session: FlightSession) -> None:

@@ -40,7 +40,7 @@ def test_an_hour_takes_a_few_megabytes_and_any_place_of_it_a_moment():
             {"aim": (0.1 * k, np.sin(k), 1.0), "braking": False},
         )
     assert len(timeline) == 36_001
-    assert timeline.bytes_kept < 20e6
+    assert timeline.memory_bytes < 20e6
     took = []
     for t_s in np.random.default_rng(1).uniform(0.0, 3600.0, 200):
         began = time.perf_counter()

@@ -12,7 +12,7 @@ from flyaround.simulator.runtime.arrays import Vec3, vec3
 if TYPE_CHECKING:
     from flyaround.simulator.runtime.arrays import FloatArray, IntArray
 
-STRAIGHT = 0.8
+MIN_AGREEING_SHARE = 0.8
 """Share of the faces' grain along one direction above which the material has that grain."""
 
 
@@ -66,7 +66,7 @@ def face_grain(
 
 @dataclass(frozen=True)
 class Grain:
-    """The grain of a material: along ``axis`` or, if ``turned``, around it; ``fits`` if nearly all faces agree.
+    """The grain direction of a material: along ``axis`` or, if ``turned``, around it; ``fits`` if most faces agree.
 
     Without tangents or texture coordinates the axis is zero.
     """
@@ -82,9 +82,9 @@ def common_grain(dyads: FloatArray) -> Grain:
     if total <= 0:
         return Grain((0.0, 0.0, 0.0), turned=False, fits=True)
     values, vectors = np.linalg.eigh(dyads)
-    straight = bool(values[2] > STRAIGHT * total)
+    straight = bool(values[2] > MIN_AGREEING_SHARE * total)
     # around an axis, the grain has all directions perpendicular to it
-    is_around = not straight and bool(values[0] < 0.5 * (1 - STRAIGHT) * total)
+    is_around = not straight and bool(values[0] < 0.5 * (1 - MIN_AGREEING_SHARE) * total)
     axis = vectors[:, 0 if is_around else 2]
     return Grain(vec3(axis * np.sign(axis[np.argmax(np.abs(axis))])), is_around, straight or is_around)
 

@@ -43,8 +43,8 @@ def unpack_draco(path: Path, document: dict[str, Any], buffers: list[bytes]) -> 
     if not primitives:
         return buffers
     views = list(dict.fromkeys(int(p["extensions"][DRACO]["bufferView"]) for p in primitives))
-    arrays = decoded(path, [_stream(document, buffers, view) for view in views])
-    added_buffer = _Added(document, len(buffers))
+    arrays = decode_streams(path, [_stream(document, buffers, view) for view in views])
+    added_buffer = _AddedBuffer(document, len(buffers))
     for p in primitives:
         extension = p["extensions"][DRACO]
         stream = views.index(int(extension["bufferView"]))
@@ -58,7 +58,7 @@ def unpack_draco(path: Path, document: dict[str, Any], buffers: list[bytes]) -> 
     return [*buffers, added_buffer.data()]
 
 
-class _Added:
+class _AddedBuffer:
     """An added buffer, with its views and accessors."""
 
     def __init__(self, document: dict[str, Any], buffer: int) -> None:
@@ -127,7 +127,9 @@ def _stream(document: dict[str, Any], buffers: list[bytes], number: int) -> byte
     return data
 
 
-def decoded(path: Path, streams: list[bytes], max_bytes: int = MAX_RESULT_BYTES) -> dict[str, NDArray[Any]]:
+def decode_streams(
+    path: Path, streams: list[bytes], max_bytes: int = MAX_RESULT_BYTES
+) -> dict[str, NDArray[Any]]:
     """Return arrays by stream and attribute, named as in `draco_process`.
 
     Parameters

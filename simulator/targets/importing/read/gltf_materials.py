@@ -181,7 +181,7 @@ def transform(reference: dict[str, Any]) -> tuple[Change, int]:
     return ((float(su), float(sv)), float(change.get("rotation", 0.0)), (float(ou), float(ov))), int(number)
 
 
-def moved(uv: FloatArray, change: Change) -> FloatArray:
+def transform_uv(uv: FloatArray, change: Change) -> FloatArray:
     """Return texture coordinates (N, 2) after KHR_texture_transform: offset x rotation x scale."""
     (su, sv), angle, (ou, ov) = change
     c, s = np.cos(angle), np.sin(angle)

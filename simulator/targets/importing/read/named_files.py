@@ -9,7 +9,7 @@ from flyaround.simulator.errors import UserError
 from flyaround.simulator.runtime.untrusted_files import find_beside, read_regular
 
 _LINE_END = re.compile(r"\r\n?")
-_CONTINUED = re.compile(r"\\[ \t]*\n")
+_LINE_CONTINUATION = re.compile(r"\\[ \t]*\n")
 
 
 class NotReadError(Exception):
@@ -25,7 +25,7 @@ def text_lines(data: bytes) -> list[str]:
             text = data.decode("utf-8-sig")
         except UnicodeDecodeError:
             text = data.decode("cp1252", "replace")
-    return _CONTINUED.sub(" ", _LINE_END.sub("\n", text)).split("\n")
+    return _LINE_CONTINUATION.sub(" ", _LINE_END.sub("\n", text)).split("\n")
 
 
 def split_word(line: str) -> tuple[str, str]:

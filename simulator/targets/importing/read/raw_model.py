@@ -23,7 +23,7 @@ class RawPart:
     Parameters
     ----------
     positions_m : (N, 3) array
-        In the file's axes; after placement in the model frame.
+        Vertices in the axes of the file; after placement, in the model frame.
     triangles : (F, 3) array
         Indices.
     face_material : (F,) array

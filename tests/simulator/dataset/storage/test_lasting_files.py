@@ -21,7 +21,7 @@ from flyaround.simulator.dataset.storage.manifest import (
 from flyaround.simulator.dataset.storage.store import FolderStore
 from flyaround.simulator.errors import UserError
 from flyaround.simulator.runtime import files
-from flyaround.simulator.runtime.files import write_lasting
+from flyaround.simulator.runtime.files import write_durable
 
 
 def _frame(k, size=100):
@@ -37,12 +37,12 @@ def _add_all(store, frames, **limits):
 
 def test_nothing_has_its_name_before_all_of_the_batch_is_on_the_disk(tmp_path, monkeypatch):
     happened = []
-    monkeypatch.setattr(files, "_to_disk", lambda path: happened.append(("disk", path.suffix)))
+    monkeypatch.setattr(files, "_fsync_file", lambda path: happened.append(("disk", path.suffix)))
     rename = Path.replace
     monkeypatch.setattr(
         Path, "replace", lambda self, to: (happened.append(("name", to.name)), rename(self, to))[1]
     )
-    write_lasting([(tmp_path / name, b"x") for name in ("a.png", "b.png", "a.json")])
+    write_durable([(tmp_path / name, b"x") for name in ("a.png", "b.png", "a.json")])
     assert happened == [("disk", ".part")] * 3 + [("name", "a.png"), ("name", "b.png"), ("name", "a.json")]
 
 
@@ -71,7 +71,7 @@ def test_a_disk_that_is_full_says_so_and_leaves_nothing_half_written(tmp_path, m
 
     monkeypatch.setattr(files.os, "fsync", full)
     with pytest.raises(UserError, match="no space left on its disk"):
-        write_lasting([(tmp_path / name, b"x") for name in ("a", "b", "c")])
+        write_durable([(tmp_path / name, b"x") for name in ("a", "b", "c")])
     assert list(tmp_path.iterdir()) == []
 
 
