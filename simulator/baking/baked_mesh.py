@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from flyaround.simulator.targets.model import Part
 
 VERTEX = np.dtype([("position_m", "<f4", 3), ("normal", "<f4", 3), ("material", "<f4")])
-MAX_KEPT = 1_000_000  # triangles; larger meshes take a gigabyte each on disk and are not cached
+MAX_CACHED_TRIANGLES = 1_000_000  # larger meshes would take a gigabyte each on disk
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -50,9 +50,9 @@ class BakedMesh:
     hull_parts : array
         Index in ``hull_m`` of the first vertex of each hull after the first.
     center_m : array
-        Bounding sphere, target frame.
+        Centre of the bounding sphere, target frame [m].
     radius_m : float
-        Bounding sphere, target frame.
+        Radius of the bounding sphere [m].
     is_closed : bool
         True if every part consists of closed shells facing outwards.
     triangles : (T, 3) array
@@ -62,7 +62,7 @@ class BakedMesh:
     boxes : Boxes
         Bounding boxes of neighbouring triangles.
     shells : tuple of ConvexShell
-        Large convex bodies that hide others.
+        Large convex bodies for occlusion culling.
     charts : Charts
         Layout of the faces in an atlas; the mesh is cut along the charts' borders.
     edges : MeshEdges
@@ -84,7 +84,7 @@ class BakedMesh:
 
     @cached_property
     def plane_rows(self) -> Float32Array:
-        """(4, T) ``planes``, row-major: a product with a vector takes a seventh of the time."""
+        """(4, T) ``planes`` in row-major order, for fast products with a vector."""
         return np.ascontiguousarray(self.planes.T)
 
 
@@ -139,11 +139,11 @@ def geometry_of(
         Spacing of the nodes of baked light, as a share of the mesh's radius.
     """
 
-    # always unpack, also without a cache: another memory layout may sum in another order
+    # always unpack, even without a cache, because another memory layout may change the order of summation
     def bake() -> ByteArray:
         return pack(_make(merged, parts, numbers, texel), *_PACKED)
 
-    if len(merged.triangles) > MAX_KEPT:
+    if len(merged.triangles) > MAX_CACHED_TRIANGLES:
         return unpack_geometry(bake())
     own = [part.positions_m for part in parts]  # in the target's order, which merging may change
     functions = (_make, make_charts, cut_charts, find_edges, largest_shells, part_is_closed, pack)

@@ -18,12 +18,12 @@ if TYPE_CHECKING:
     from flyaround.simulator.geometry.ray_cast import Int32Array, RayCaster
     from flyaround.simulator.runtime.arrays import BoolArray, Float32Array, FloatArray, IntArray
 
-GRAZING = 0.12  # cosine: flatter directions meet the neighbours of a facet of a curved face
+GRAZING = 0.12  # smallest cosine of a ray; flatter rays would hit neighbouring facets of a curved face
 # shares of the craft's radius: distance of a ray's origin from its own face; and the larger one from a face covered by
 # a decal, so that of a panel under cells or blankets only the gaps are visible
 ORIGIN_OFFSET, DECAL_HEIGHT = 1e-4, 3e-3
 _COVERED_SHARE = 0.4  # share of hidden directions above which a node is covered by a decal
-_PROBE_STEP = 4  # one direction in so many tests whether a node is covered
+_PROBE_STEP = 4  # every fourth direction is used to test whether a node is covered
 _MAX_THREADS = 8
 
 _T = TypeVar("_T")
@@ -75,7 +75,7 @@ def trace_visibility(
         Radius of the craft.
     """
     face, cosines = _above(charts, planes, directions)
-    covered, probed = _covered(charts.places_m, face, cosines, caster, directions, radius_m)
+    covered, probed = _find_covered(charts.places_m, face, cosines, caster, directions, radius_m)
     origins = (
         charts.places_m + face * np.where(covered, DECAL_HEIGHT * radius_m, ORIGIN_OFFSET * radius_m)[:, None]
     )
@@ -153,7 +153,7 @@ def decode_visibility(
     )
 
 
-def _covered(
+def _find_covered(
     places_m: FloatArray,
     face: FloatArray,
     cosines: Float32Array,

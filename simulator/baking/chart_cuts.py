@@ -15,10 +15,10 @@ if TYPE_CHECKING:
 _COPLANAR_COSINE = 0.9998  # cosine between neighbours in one plane
 _SAME_PLANE_COSINE = 1 - 1e-6  # the same of a quad's halves on a finely meshed round face
 # cosine with a set's mean normal below which its coplanar neighbours form a curved surface
-_BENT_COSINE = 0.9995
+_CURVED_COSINE = 0.9995
 _PATCH_TEXELS = 3  # texels per side of a patch on a round face
 # bins per unit of a normal's component: normals of a patch differ by about 10 degrees, or 20 if it may be in pieces
-_NORMAL_BINS, _FEWER_BINS = 6, 3
+_NORMAL_BINS, _COARSE_NORMAL_BINS = 6, 3
 
 
 def cut_charts(
@@ -65,7 +65,7 @@ def cut_charts(
         plane,
         is_bent,
         texel_m,
-        _NORMAL_BINS if touching else _FEWER_BINS,
+        _NORMAL_BINS if touching else _COARSE_NORMAL_BINS,
     )
     patch = small[i] & small[j] & (key[i] == key[j])
     merged = np.where(small[i] | small[j], patch, plain)
@@ -107,8 +107,8 @@ def _bends(sets: IntArray, normal: FloatArray, area: FloatArray) -> BoolArray:
     """Return (S,) True where the normal of some triangle in a set deviates from the mean."""
     mean = _means(sets, normal, np.maximum(area, 1e-30))
     mean /= np.maximum(np.linalg.norm(mean, axis=1, keepdims=True), 1e-30)
-    # a sliver's normal is meaningless
-    off = (np.einsum("tc,tc->t", normal, mean[sets]) < _BENT_COSINE) & (area > 1e-14)
+    # normals of slivers are undefined and are ignored
+    off = (np.einsum("tc,tc->t", normal, mean[sets]) < _CURVED_COSINE) & (area > 1e-14)
     return np.bincount(sets, off) > 0
 
 

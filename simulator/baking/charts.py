@@ -56,8 +56,8 @@ class Charts:
         Index of the first node; the others follow, row by row.
     chart : (N,) array
         Chart of each node.
-    at : (N,) array
-        Its index in the atlas, row by row.
+    atlas_index : (N,) array
+        Index of each node in the atlas, row by row.
     places_m : (N, 3) array
         Positions of the texels [m].
     normals : (N, 3) array
@@ -79,7 +79,7 @@ class Charts:
     counts: IntArray
     first: IntArray
     chart: IntArray
-    at: IntArray
+    atlas_index: IntArray
     places_m: FloatArray
     normals: FloatArray
     face_normals: FloatArray
@@ -145,7 +145,7 @@ def make_charts(
     of_node = np.repeat(np.arange(count), nodes)
     index = np.arange(nodes.sum()) - first[of_node]
     i, j = index % counts[of_node, 0], index // counts[of_node, 0]
-    at = (corner[of_node, 1] + j) * size_px[0] + corner[of_node, 0] + i
+    atlas_index = (corner[of_node, 1] + j) * size_px[0] + corner[of_node, 0] + i
     inside = np.minimum(_MARGIN * texel_m, 0.25 * extent)[of_node]
     steps = np.stack([i, j], axis=1)
     node_uv = np.where(counts[of_node] > 1, steps * step[of_node], 0.5 * extent[of_node])
@@ -167,7 +167,7 @@ def make_charts(
         counts=counts,
         first=first,
         chart=of_node,
-        at=at,
+        atlas_index=atlas_index,
         places_m=np.einsum("nk,nkc->nc", shares, corners[triangle]),
         normals=smooth / np.maximum(np.linalg.norm(smooth, axis=1, keepdims=True), 1e-9),
         face_normals=face,
@@ -276,27 +276,33 @@ def _nearest_on_charts(
     for piece in np.split(np.arange(len(on_faces)), np.unique(pieces)):
         node, hit = grid.at(node_xy[on_faces[piece]])
         node = piece[node]
-        own = chart[candidates[hit]] == of_node[on_faces[node]]
-        node, hit = node[own], hit[own]
+        tested = chart[candidates[hit]] == of_node[on_faces[node]]
+        node, hit = node[tested], hit[tested]
         w = _barycentric(node_xy[on_faces[node]], corners[hit])
         inside = w.min(axis=1) >= 0
-        at = on_faces[node[inside]]
-        triangle[at], shares[at], is_on_face[node[inside]] = candidates[hit[inside]], w[inside], True
+        atlas_index = on_faces[node[inside]]
+        triangle[atlas_index], shares[atlas_index], is_on_face[node[inside]] = (
+            candidates[hit[inside]],
+            w[inside],
+            True,
+        )
     # a corner of the rectangle may lie off the face
-    off = on_faces[~is_on_face]
-    if len(off):
+    outside = on_faces[~is_on_face]
+    if len(outside):
         far = 1e3 * float(np.abs(xy).max())
         middles = np.column_stack([corners.mean(axis=1), far * chart[candidates]])
-        _, near = cKDTree(middles).query(np.column_stack([node_xy[off], far * of_node[off]]), k=_NEAREST)
+        _, near = cKDTree(middles).query(
+            np.column_stack([node_xy[outside], far * of_node[outside]]), k=_NEAREST
+        )
         near = np.minimum(near, len(candidates) - 1)
-        own = chart[candidates[near]] == of_node[off, None]
-        w = _barycentric(np.repeat(node_xy[off], _NEAREST, axis=0), corners[near.ravel()]).reshape(
+        tested = chart[candidates[near]] == of_node[outside, None]
+        w = _barycentric(np.repeat(node_xy[outside], _NEAREST, axis=0), corners[near.ravel()]).reshape(
             -1, _NEAREST, 3
         )
-        best = np.argmax(np.where(own, w.min(axis=2), -np.inf), axis=1)
-        row = np.arange(len(off))
+        best = np.argmax(np.where(tested, w.min(axis=2), -np.inf), axis=1)
+        row = np.arange(len(outside))
         w = np.clip(w[row, best], 0, None)
-        triangle[off], shares[off] = candidates[near[row, best]], w / w.sum(axis=1, keepdims=True)
+        triangle[outside], shares[outside] = candidates[near[row, best]], w / w.sum(axis=1, keepdims=True)
     return triangle, shares
 
 

@@ -39,7 +39,7 @@ with Renderer(prefetched={{bands: prefetched}}) as renderer:
 
 
 def bench_start() -> tuple[PartCost, ...]:
-    """Time from the start of Python to an image [ms], and its peak resident memory, mapped files included."""
+    """Time from the start of Python to an image [ms], and the peak resident memory, including mapped files."""
     with TemporaryDirectory() as folder:
         first, again = (start_once(folder) for _ in range(2))
     return (

@@ -17,7 +17,7 @@ import numpy as np
 from flyaround.simulator.errors import UserError
 from flyaround.simulator.runtime.cache import entry_name
 from flyaround.simulator.runtime.cached_arrays import cached_array
-from flyaround.simulator.runtime.threads import beside_the_caller
+from flyaround.simulator.runtime.threads import helper_threads
 
 if TYPE_CHECKING:
     from concurrent.futures import Future
@@ -179,7 +179,7 @@ def _pack_panchromatic() -> ByteArray:
     def night() -> None:
         cv2.insertChannel(cv2.LUT(decode_map(NIGHT, cv2.IMREAD_GRAYSCALE), squares), out, 2)
 
-    with ThreadPoolExecutor(beside_the_caller()) as pool:
+    with ThreadPoolExecutor(helper_threads()) as pool:
         # decode everything first: strips would compete with the decoders for Python's lock
         for channel in [pool.submit(clouds), pool.submit(night)]:
             channel.result()
@@ -253,7 +253,7 @@ def _pack_colour(day_bgr: ByteArray, coast: ByteArray) -> ByteArray:
         reflectance = np.asarray(cv2.LUT(day_bgr[rows], table), np.float32)
         means[quarter], shares[quarter] = _quarter_size(reflectance, _inland(coast[rows]))
 
-    with ThreadPoolExecutor(beside_the_caller()) as pool:
+    with ThreadPoolExecutor(helper_threads()) as pool:
         list(pool.map(reduce, _STRIPS))
         wide_land = _extend_over_sea(means, shares)
         out = np.empty((HEIGHT, WIDTH, 4), np.uint8)

@@ -55,8 +55,10 @@ class StarField:
     first: np.typing.NDArray[np.intp]
 
     def near(self, axis: FloatArray, angle_rad: float) -> tuple[FloatArray, FloatArray]:
-        """Return directions (3, K) and irradiance (n, K) of all stars within an angle of an axis, and of some
-        others."""
+        """Return directions (3, K) and irradiance (n, K) of all stars within an angle of an axis.
+
+        Further stars of the same sky cells are included.
+        """
         hit = np.zeros(len(self.cells) + 2, bool)
         hit[1:-1] = self.cells @ axis > np.cos(min(angle_rad + CELL_RADIUS_RAD, np.pi))
         # consecutive cells form one slice

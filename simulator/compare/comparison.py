@@ -1,4 +1,4 @@
-"""Comparison with a folder of reference images: draws similar views, measures both, summarises."""
+"""Comparison with a folder of reference images: statistics of each image and of a similar rendered view."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from flyaround.simulator.compare.image_statistics import (
-    GRADIENT_LARGEST_DN,
+    MAX_GRADIENT_DN,
     binary_edges,
     edge_threshold,
     histogram_distance_dn,
@@ -59,8 +59,8 @@ class Pair:
     reference: Reference
     scene: SceneState
     image: ByteArray
-    theirs: ImageStatistics
-    ours: ImageStatistics
+    reference_picture: ImageStatistics
+    our_picture: ImageStatistics
     edges: dict[str, NDArray[np.bool_]]
     histogram_moved_dn: float
     gradient_moved_dn: float
@@ -90,7 +90,7 @@ def compare_pictures(
     sensor: str | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> list[Pair]:
-    """Draw and measure the counterpart of every reference.
+    """Render a similar view of every reference image, and measure both.
 
     Parameters
     ----------
@@ -106,18 +106,20 @@ def compare_pictures(
         radiance = renderer.render(like.scene, target).radiance
         scene = matched_exposure(like.scene, radiance, reference.image)
         image = _picture(scene, radiance)
-        theirs, ours = image_statistics(reference.image), image_statistics(image)
+        reference_picture, our_picture = image_statistics(reference.image), image_statistics(image)
         pairs.append(
             Pair(
                 reference=reference,
                 scene=scene,
                 image=image,
-                theirs=theirs,
-                ours=ours,
+                reference_picture=reference_picture,
+                our_picture=our_picture,
                 edges=edges_by_atmosphere(renderer, scene, target, image),
-                histogram_moved_dn=histogram_distance_dn(theirs.histogram, ours.histogram, 256.0),
+                histogram_moved_dn=histogram_distance_dn(
+                    reference_picture.histogram, our_picture.histogram, 256.0
+                ),
                 gradient_moved_dn=histogram_distance_dn(
-                    theirs.gradient_histogram, ours.gradient_histogram, GRADIENT_LARGEST_DN
+                    reference_picture.gradient_histogram, our_picture.gradient_histogram, MAX_GRADIENT_DN
                 ),
                 same_view=like.same_view,
                 likeness=like.likeness,

@@ -29,7 +29,7 @@ SKIPPED = (
     ".normals.png",
     ".clean.png",
 )
-LARGEST_PX = 2048
+MAX_SIDE_PX = 2048
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,13 +95,15 @@ def _read(path: Path, camera: Camera, pose: Pose | None) -> Reference:
     if camera.pixel_encoding != "linear":
         image = np.rint(255 * decode(np.arange(256) / 255, camera.pixel_encoding)).astype(np.uint8)[image]
         camera = replace(camera, encoding="linear")
-    shrink = min(LARGEST_PX / max(image.shape), 1.0)
+    shrink = min(MAX_SIDE_PX / max(image.shape), 1.0)
     if shrink < 1:
         image = cv2.resize(image, None, fx=shrink, fy=shrink, interpolation=cv2.INTER_AREA)
-    return Reference(path, np.asarray(image, np.uint8), fitted(camera, image.shape[1], image.shape[0]), pose)
+    return Reference(
+        path, np.asarray(image, np.uint8), resize_camera(camera, image.shape[1], image.shape[0]), pose
+    )
 
 
-def fitted(camera: Camera, width_px: int, height_px: int) -> Camera:
+def resize_camera(camera: Camera, width_px: int, height_px: int) -> Camera:
     """Return a camera at another image size: the same horizontal field of view, the same principal-point offset."""
     s = width_px / camera.width_px
     return replace(

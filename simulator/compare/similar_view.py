@@ -1,7 +1,7 @@
-"""Search for our view that is most similar to a reference image.
+"""Search for a rendered view that is similar to a reference image.
 
-Candidates are samples of the evaluation recipes, drawn small. The nearest by histogram and, if a pose is known, by the
-craft's appearance is drawn at full size.
+Candidates are samples of the evaluation recipes, drawn at a small size. The candidate with the most similar histogram
+and, if a pose is available, the most similar appearance of the craft is drawn at full size.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ import numpy as np
 
 from flyaround.simulator.camera.detector.presets import sensor_preset
 from flyaround.simulator.compare.image_statistics import histogram_distance_dn, image_statistics, noise_dn
-from flyaround.simulator.compare.references import fitted
+from flyaround.simulator.compare.references import resize_camera
 from flyaround.simulator.imaging.image_formation import expose_scene
 from flyaround.simulator.labels.boxes import amodal_box
 from flyaround.simulator.recipes.plan import plan_recipe
@@ -37,8 +37,8 @@ RECIPES = {True: "eval-black", False: "eval-earth"}  # recipe for a background o
 HISTOGRAM_DN = 32.0  # histogram distance that counts as much as a completely different craft
 BRIGHT_PERCENT = 99.0  # percentile matched to the reference's by exposure
 CLIPPED_DN = 250.0  # above this, values may be clipped
-OTHER_VIEW = 0.5  # likeness above which an uncertain pose is preferred to other views
-SHORTEST_S, LONGEST_S = 1e-6, 10.0
+MIN_POSE_LIKENESS = 0.5  # likeness above which an uncertain pose is preferred to other views
+MIN_EXPOSURE_S, MAX_EXPOSURE_S = 1e-6, 10.0
 
 
 @dataclass(frozen=True)
@@ -88,7 +88,7 @@ def find_similar_view(
     """
     space = image_statistics(reference.image).space
     plan = plan_recipe(RECIPES[space], CANDIDATES, seed=seed, quality="draft")
-    small_camera = fitted(
+    small_camera = resize_camera(
         reference.camera, SMALL_PX, round(SMALL_PX * reference.camera.height_px / reference.camera.width_px)
     )
     plan = replace(plan, camera=small_camera, target=target)
@@ -106,7 +106,7 @@ def find_similar_view(
                 histogram_distance_dn(_histogram(preview), _histogram(small_reference), 256) / HISTOGRAM_DN
             )
             likeness = None if pose is None else _likeness(scene, target, preview, small_reference)
-            score = apart + 1 - (OTHER_VIEW if likeness is None else likeness)
+            score = apart + 1 - (MIN_POSE_LIKENESS if likeness is None else likeness)
             ranked.append((score, scene, likeness))
     _, scene, likeness = min(ranked, key=lambda r: r[0])
     scene = replace(
@@ -133,17 +133,19 @@ def matched_exposure(scene: SceneState, radiance: Float32Array, image: ByteArray
     """Return the scene with the exposure that matches its bright end to the image's, above the black level."""
     black, bright = np.percentile(image, (1.0, BRIGHT_PERCENT))
     bright_end = (min(float(bright), CLIPPED_DN) - min(float(black), 64.0)) / 255
-    ours = float(np.percentile(expose_scene(replace(scene, exposure_s=1.0), radiance), BRIGHT_PERCENT))
-    if ours <= 0 or bright_end <= 0:
+    our_picture = float(np.percentile(expose_scene(replace(scene, exposure_s=1.0), radiance), BRIGHT_PERCENT))
+    if our_picture <= 0 or bright_end <= 0:
         return scene
-    return replace(scene, exposure_s=float(np.clip(bright_end / ours, SHORTEST_S, LONGEST_S)))
+    return replace(scene, exposure_s=float(np.clip(bright_end / our_picture, MIN_EXPOSURE_S, MAX_EXPOSURE_S)))
 
 
 def _histogram(image: ByteArray) -> NDArray[np.float64]:
     return np.bincount(image.ravel(), minlength=256) / image.size
 
 
-def _likeness(scene: SceneState, target: Target, ours: ByteArray, theirs: ByteArray) -> float:
+def _likeness(
+    scene: SceneState, target: Target, our_picture: ByteArray, reference_picture: ByteArray
+) -> float:
     box = amodal_box(scene, target)
     if box is None:
         return 0.0
@@ -151,7 +153,7 @@ def _likeness(scene: SceneState, target: Target, ours: ByteArray, theirs: ByteAr
     x1, y1 = (int(np.ceil(v)) + 3 for v in box[2:])
     patches = [
         cv2.GaussianBlur(image.astype(np.float32), (0, 0), 1.5)[y0:y1, x0:x1].ravel()
-        for image in (ours, theirs)
+        for image in (our_picture, reference_picture)
     ]
     if patches[0].size < 16 or min(c.std() for c in patches) < 1e-3:
         return 0.0

@@ -17,7 +17,7 @@ from flyaround.simulator.camera.detector.readout import detect, detector_sigma
 from flyaround.simulator.camera.detector.response import electrons_per_radiance, white_balance
 from flyaround.simulator.camera.detector.shading import glow, scatter, veiling_glare, vignetting
 from flyaround.simulator.camera.detector.transfer import converter, encode_numbers
-from flyaround.simulator.runtime.threads import pieces_of, share_out, threads
+from flyaround.simulator.runtime.threads import run_in_threads, split_rows, threads
 from flyaround.simulator.scene.illumination.bands import bands_of, sun_irradiance_w_m2, sunlight_balance
 from flyaround.simulator.world.constants import SUN_RADIUS_M
 
@@ -178,7 +178,7 @@ def digitise(
         out[rows] = steps
 
     piece_values = _PIECE_VALUES if threads() <= 2 else _SHORT_VALUES
-    share_out(pieces_of(len(flat), flat.size // piece_values), digitise_rows)
+    run_in_threads(split_rows(len(flat), flat.size // piece_values), digitise_rows)
     return out.reshape(signal.shape)
 
 

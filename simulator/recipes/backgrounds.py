@@ -33,8 +33,8 @@ if TYPE_CHECKING:
 
 MAX_DRAWS = 1000
 _MIN_SUN_SHARE, _MIN_SUN_SINE = 0.999, 0.05
-"""Least share of the Sun's disc at the craft, and least sine of its elevation on the ground, for a lit view."""
-_OUT_OF_SIGHT_M = (0.0, 0.0, -1000.0)
+"""Smallest visible share of the Sun's disc at the craft, and smallest sine of its elevation on the ground."""
+_HIDDEN_POSITION_M = (0.0, 0.0, -1000.0)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -112,7 +112,7 @@ def draw_view(library: Background, camera: Camera, number: int) -> DrawnView:
 
 def without_target(scene: SceneState) -> SceneState:
     """Return the scene with the craft out of view, for a library's image."""
-    return replace(scene, t_camera_from_target_m=_OUT_OF_SIGHT_M)
+    return replace(scene, t_camera_from_target_m=_HIDDEN_POSITION_M)
 
 
 def _sunlit_share(

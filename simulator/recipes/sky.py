@@ -1,7 +1,7 @@
 """The sky of a sample: Sun and nadir drawn in camera axes, then a matching date and position.
 
-The time is a random one of the year, which fixes the Sun; the target is placed where the angle between Sun and nadir is
-the drawn one.
+A random time of the year determines the Sun's direction. The target is then placed where the angle between Sun and
+nadir equals the drawn one.
 """
 
 from __future__ import annotations
@@ -28,8 +28,8 @@ if TYPE_CHECKING:
 YEAR_START_UTC = "2026-01-01T00:00:00Z"
 YEAR_S = 365.0 * 86400.0
 MAX_DRAWS = 1000
-LIT_DIP_SHARE = 0.9
-"""Share of the horizon's dip by which the Sun may be below the horizontal while the target is still lit."""
+MAX_DIP_SHARE = 0.9
+"""Largest depression of the Sun below the horizontal for a sunlit target, relative to the horizon's dip."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -105,7 +105,7 @@ def sun_and_nadir(rng: Generator, sky: Sky) -> tuple[FloatArray, FloatArray]:
     night = rng.random() < sky.night_share
     radius = body_named(sky.body).radius_m
     dip = np.sin(np.arccos(radius / (radius + sky.altitude_km * 1e3)))
-    lowest = -LIT_DIP_SHARE * dip if sky.least_sun_elevation_sine is None else sky.least_sun_elevation_sine
+    lowest = -MAX_DIP_SHARE * dip if sky.least_sun_elevation_sine is None else sky.least_sun_elevation_sine
     for _ in range(MAX_DRAWS):
         sun = direction_in_cone(rng, np.array([0.0, 0.0, -1.0]), 0.0, sky.max_phase_deg)
         nadir = direction_in_cone(rng, np.array([0.0, 0.0, 1.0]), *sky.nadir_off_boresight_deg)

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 SUFFIX = ".zst"
 log = logging.getLogger(__name__)
-_ignore_prebuilt: ContextVar[bool] = ContextVar("_made_anew", default=False)
+_ignore_prebuilt: ContextVar[bool] = ContextVar("_ignore_prebuilt", default=False)
 
 
 @contextmanager

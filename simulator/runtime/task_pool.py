@@ -56,7 +56,7 @@ def run_tasks(
     """
     if not tasks:
         return
-    # one thread each: small matrices gain nothing from more, and processes would compete for the cores
+    # one thread per process, because small matrices gain nothing from more and processes would compete for the cores
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     older = set(active_children())
     pool = ProcessPoolExecutor(

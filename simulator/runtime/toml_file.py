@@ -1,4 +1,4 @@
-"""The one reader of TOML files: bounds bytes and depth before `tomllib`, whose time and stack have no bound."""
+"""Reader of TOML files. It limits size and nesting before parsing, because `tomllib` does not."""
 
 from __future__ import annotations
 
@@ -20,10 +20,10 @@ if TYPE_CHECKING:
     from pathlib import Path
 
 MAX_TOML_BYTES = 1_000_000  # 100 times the longest built-in file
-MOST_DOTS = 16  # dots in a key, which the parser's recursion follows
-# a.b.c = 1 nests as brackets do, and tomllib's time grows with the square of the number of dots
+MAX_DOTS = 16  # dots in a key, which the parser's recursion follows
+# dotted keys nest like brackets, and tomllib's time grows with the square of the number of dots
 _DOTTED = re.compile(
-    rb"""(?<![\w\-."'])(?:(?:[\w-]++|"[^"\n]*+"|'[^'\n]*+')[ \t]*+\.[ \t]*+){%d}""" % (MOST_DOTS + 1)
+    rb"""(?<![\w\-."'])(?:(?:[\w-]++|"[^"\n]*+"|'[^'\n]*+')[ \t]*+\.[ \t]*+){%d}""" % (MAX_DOTS + 1)
 )
 
 
@@ -75,7 +75,7 @@ def parse_toml(content: bytes, where: str) -> dict[str, Any]:
     text = decode_text(content, where)
     refuse_deep(content, where, skip=TOML_TEXT)
     if _DOTTED.search(content):
-        raise UserError(f"{where} has a key of more than {MOST_DOTS} dots, which no such file has")
+        raise UserError(f"{where} has a key of more than {MAX_DOTS} dots, which no such file has")
     try:
         document = tomllib.loads(text)
     except ValueError as error:  # also integers of thousands of digits

@@ -74,7 +74,7 @@ def read_regular(path: Path, max_bytes: int) -> bytes:
 
 
 def refuse_link_out(path: Path, folder: Path) -> None:
-    """Raise if a link, of the file or of a folder above it, leads out of ``folder``.
+    """Raise if a symbolic link, of the file or of a folder above it, points outside ``folder``.
 
     Raises
     ------
@@ -105,7 +105,7 @@ def find_beside(owner: Path, name: str, what: str, root: Path | None = None) -> 
     Raises
     ------
     UserError
-        If the name leads out of the folder, or is an address.
+        If the name points outside the folder, or is a URL.
     """
     plain = name.replace("\\", "/")
     quoted = f"{owner}: {what} file {name[:80]!r}"

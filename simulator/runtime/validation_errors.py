@@ -1,4 +1,4 @@
-"""A validation error of a typed file as one sentence: key, value given, what is allowed."""
+"""Validation errors of typed files as sentences: key, value, and allowed values."""
 
 from __future__ import annotations
 

@@ -15,7 +15,7 @@ from scipy.optimize import nnls
 from scipy.special import j1
 
 from flyaround.simulator.camera.detector.psf_pyramid import Pyramid, fit_kernel, fit_pyramid
-from flyaround.simulator.runtime.threads import pieces_of, share_out
+from flyaround.simulator.runtime.threads import run_in_threads, split_rows
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -291,7 +291,7 @@ def _blur_in_blocks(
     or None.
     """
     reach, height = len(taps_x) // 2, len(image)
-    blocks = pieces_of(height, image.size // _PIECE_VALUES)
+    blocks = split_rows(height, image.size // _PIECE_VALUES)
     shape = (max(end - first for first, end in blocks) + 2 * reach, *image.shape[1:])
     scratch: list[Float32Array] = []  # reused: allocating takes longer than the filtering
     out = np.empty(image.shape, np.float32)
@@ -311,7 +311,7 @@ def _blur_in_blocks(
         out[first:end] = rows_out[first - above : end - above]
         scratch.append(both)
 
-    share_out(blocks, blur_rows)
+    run_in_threads(blocks, blur_rows)
     return out
 
 

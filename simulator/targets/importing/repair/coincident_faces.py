@@ -146,10 +146,10 @@ def coincident_pairs(
             if total > MAX_PAIRS:
                 return None
             for start in range(0, len(some), CHUNK):
-                small_groups = some[start : start + CHUNK]
-                small_groups = np.where(
-                    (area[small_groups[:, 0]] < area[small_groups[:, 1]])[:, None],
-                    small_groups[:, ::-1],
+                batch = some[start : start + CHUNK]
+                batch = np.where(
+                    (area[batch[:, 0]] < area[batch[:, 1]])[:, None],
+                    batch[:, ::-1],
                     small_groups,
                 )
                 separated = tolerance_m[small_groups].max(axis=1)
