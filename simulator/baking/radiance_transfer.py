@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 
 _T = TypeVar("_T", bound=np.generic)
 DIRECTIONS = 128  # directions of rays, and of the Sun
-MAX_SKY_GRADIENT = 0.8  # full scale of b, which is stored in eight bits; an open hemisphere has 0.75
+LARGEST_SLOPE = 0.8  # full scale of b, which is stored in eight bits; an open hemisphere has 0.75
 BOUNCES = 4  # reflections between parts
 INTERREFLECTION_STEP = 2.0**-16  # irradiance from other parts never exceeds the sunlight, so 16 bits hold it
 PATCH = 4  # nodes along each side of a patch with one radiosity
@@ -50,7 +50,7 @@ class RadianceTransfer:
     Parameters
     ----------
     visibility : (A, 4) array
-        Coefficients b (scaled by ``MAX_SKY_GRADIENT``) and a for each texel of the atlas, row by row.
+        Coefficients b (scaled by ``LARGEST_SLOPE``) and a for each texel of the atlas, row by row.
     interreflected : (n, D, A) array
         Irradiance from other parts, for sunlight from each of ``directions``, over the Sun's; in steps of
         ``INTERREFLECTION_STEP``.
@@ -219,7 +219,7 @@ def _visibility(charts: Charts, rays: NodeVisibility, is_valid: BoolArray) -> By
     b -= (1.5 * (above @ directions) / count - 0.75 * charts.normals) * (free.sum(axis=1)[:, None] / count)
     share = (rays.cosines * free).sum(axis=1) / np.maximum(rays.cosines.sum(axis=1), 1e-9)
     a = share - 2 / 3 * np.einsum("nc,nc->n", b, charts.normals)
-    coded = np.column_stack([b / (2 * MAX_SKY_GRADIENT) + 0.5, a])
+    coded = np.column_stack([b / (2 * LARGEST_SLOPE) + 0.5, a])
     coded = _fill_invalid(charts, is_valid, np.asarray(coded, np.float32))
     return np.asarray(np.clip(coded * 255 + 0.5, 0, 255), np.uint8)
 
@@ -227,7 +227,7 @@ def _visibility(charts: Charts, rays: NodeVisibility, is_valid: BoolArray) -> By
 def _in_atlas(charts: Charts, values: np.typing.NDArray[_T]) -> np.typing.NDArray[_T]:
     """Return (A, n) values (N, n) of the nodes in the order of the atlas's texels."""
     image = np.zeros((charts.size_px[0] * charts.size_px[1], values.shape[1]), values.dtype)
-    image[charts.at] = values
+    image[charts.atlas_index] = values
     return image
 
 
@@ -247,7 +247,7 @@ def _fill_invalid(charts: Charts, is_valid: BoolArray, values: FloatArray) -> Fl
     width, height = charts.size_px
     owner = np.full((height + 2) * (width + 2), -1)
     node = np.zeros_like(owner)
-    y, x = np.divmod(charts.at, width)
+    y, x = np.divmod(charts.atlas_index, width)
     at = (y + 1) * (width + 2) + x + 1
     owner[at], node[at] = charts.chart, np.arange(len(at))
     is_known, out = is_valid.copy(), values.copy()

@@ -59,8 +59,8 @@ class Pair:
     reference: Reference
     scene: SceneState
     image: ByteArray
-    reference_picture: ImageStatistics
-    our_picture: ImageStatistics
+    theirs: ImageStatistics
+    ours: ImageStatistics
     edges: dict[str, NDArray[np.bool_]]
     histogram_moved_dn: float
     gradient_moved_dn: float
@@ -106,20 +106,18 @@ def compare_pictures(
         radiance = renderer.render(like.scene, target).radiance
         scene = matched_exposure(like.scene, radiance, reference.image)
         image = _picture(scene, radiance)
-        reference_picture, our_picture = image_statistics(reference.image), image_statistics(image)
+        theirs, ours = image_statistics(reference.image), image_statistics(image)
         pairs.append(
             Pair(
                 reference=reference,
                 scene=scene,
                 image=image,
-                reference_picture=reference_picture,
-                our_picture=our_picture,
+                theirs=theirs,
+                ours=ours,
                 edges=edges_by_atmosphere(renderer, scene, target, image),
-                histogram_moved_dn=histogram_distance_dn(
-                    reference_picture.histogram, our_picture.histogram, 256.0
-                ),
+                histogram_moved_dn=histogram_distance_dn(theirs.histogram, ours.histogram, 256.0),
                 gradient_moved_dn=histogram_distance_dn(
-                    reference_picture.gradient_histogram, our_picture.gradient_histogram, MAX_GRADIENT_DN
+                    theirs.gradient_histogram, ours.gradient_histogram, MAX_GRADIENT_DN
                 ),
                 same_view=like.same_view,
                 likeness=like.likeness,

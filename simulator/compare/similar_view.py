@@ -133,19 +133,17 @@ def matched_exposure(scene: SceneState, radiance: Float32Array, image: ByteArray
     """Return the scene with the exposure that matches its bright end to the image's, above the black level."""
     black, bright = np.percentile(image, (1.0, BRIGHT_PERCENT))
     bright_end = (min(float(bright), CLIPPED_DN) - min(float(black), 64.0)) / 255
-    our_picture = float(np.percentile(expose_scene(replace(scene, exposure_s=1.0), radiance), BRIGHT_PERCENT))
-    if our_picture <= 0 or bright_end <= 0:
+    ours = float(np.percentile(expose_scene(replace(scene, exposure_s=1.0), radiance), BRIGHT_PERCENT))
+    if ours <= 0 or bright_end <= 0:
         return scene
-    return replace(scene, exposure_s=float(np.clip(bright_end / our_picture, MIN_EXPOSURE_S, MAX_EXPOSURE_S)))
+    return replace(scene, exposure_s=float(np.clip(bright_end / ours, MIN_EXPOSURE_S, MAX_EXPOSURE_S)))
 
 
 def _histogram(image: ByteArray) -> NDArray[np.float64]:
     return np.bincount(image.ravel(), minlength=256) / image.size
 
 
-def _likeness(
-    scene: SceneState, target: Target, our_picture: ByteArray, reference_picture: ByteArray
-) -> float:
+def _likeness(scene: SceneState, target: Target, ours: ByteArray, theirs: ByteArray) -> float:
     box = amodal_box(scene, target)
     if box is None:
         return 0.0
@@ -153,7 +151,7 @@ def _likeness(
     x1, y1 = (int(np.ceil(v)) + 3 for v in box[2:])
     patches = [
         cv2.GaussianBlur(image.astype(np.float32), (0, 0), 1.5)[y0:y1, x0:x1].ravel()
-        for image in (our_picture, reference_picture)
+        for image in (ours, theirs)
     ]
     if patches[0].size < 16 or min(c.std() for c in patches) < 1e-3:
         return 0.0

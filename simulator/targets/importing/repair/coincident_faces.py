@@ -150,12 +150,10 @@ def coincident_pairs(
                 batch = np.where(
                     (area[batch[:, 0]] < area[batch[:, 1]])[:, None],
                     batch[:, ::-1],
-                    small_groups,
+                    batch,
                 )
-                separated = tolerance_m[small_groups].max(axis=1)
-                overlapping.append(
-                    small_groups[_overlap(corners_m, unit, small_groups, separated, 2 * nearest)]
-                )
+                separated = tolerance_m[batch].max(axis=1)
+                overlapping.append(batch[_overlap(corners_m, unit, batch, separated, 2 * nearest)])
     except TooManyFacesError:
         return None
     return np.unique(np.sort(np.concatenate(overlapping), axis=1), axis=0)
