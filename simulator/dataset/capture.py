@@ -97,18 +97,18 @@ def capture(
         Formats to write next to the native layout; see ``flyaround.simulator.dataset.formats.registry``.
     labels : tuple of str, optional
         Layers besides truth and mask, out of ``flyaround.simulator.labels.request.LAYERS``; by default the plan's own.
+    sensors : tuple of str, optional
+        Plug-in sensors whose measurements of each frame are stored next to its image (docs/plugins.md).
     split : tuple of int, optional
         Shares of training, validation and test frames; by default a recipe's own.
     beside : mapping, optional
         Further files by name, written next to the card before the first frame.
-    tell : callable, optional
-        Called before anything is drawn, with one sentence per format that lists the omitted labels.
-    sensors : tuple of str, optional
-        Plug-in sensors whose measurements of each frame are stored next to its image (docs/plugins.md).
     workers : int, optional
         Number of processes that draw, check and encode, each with its own renderer; the bytes do not depend on it.
     cluster : RayCluster, optional
         Ray cluster that draws instead; its frames are written here.
+    tell : callable, optional
+        Called before anything is drawn, with one sentence per format that lists the omitted labels.
 
     Raises
     ------

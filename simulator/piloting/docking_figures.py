@@ -133,10 +133,10 @@ def docking_figures(
     ----------
     chaser : ChaserState
         State of the chaser.
-    port : DockingPort
-        Docking port of the target.
     attitude : tuple of array
         Attitude of the target: ``q_eci_from_target_wxyz`` and angular velocity, target axes [rad s-1].
+    port : DockingPort
+        Docking port of the target.
     """
     q_target, omega = attitude
     R_target_from_eci = matrix_from_quat(q_target).T

@@ -51,10 +51,10 @@ def longer_flight(plan: Plan, flight: Flight, spans_s: tuple[float, ...], *, gui
         Plan of the scenario.
     flight : Flight
         Present flight.
-    guided : bool
-        True if guidance flies to its end.
     spans_s : tuple of float
         Spans from the start in order of preference; a later one is used if an earlier one is impossible.
+    guided : bool
+        True if guidance flies to its end.
 
     Raises
     ------

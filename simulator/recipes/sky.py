@@ -38,22 +38,22 @@ class PlaceInSky:
 
     Parameters
     ----------
+    body : Body
+        Central body.
     R_eci_from_camera : (3, 3) array
         Attitude of the camera.
     camera_eci_m : (3,) array
         Camera position.
-    origin_eci_m : (3,) array, optional
-        Origin of the model, if placed.
-    along_eci : (3,) array
-        Direction of motion about the body, not normalised.
-    body : Body
-        Central body.
     centre_m_s : (3,) array
         Its velocity.
+    along_eci : (3,) array
+        Direction of motion about the body, not normalised.
     r_sun_eci_m : (3,) array
         Apparent position of the Sun.
     bodies : tuple of BodyState
         States of the bodies, see `SceneState`.
+    origin_eci_m : (3,) array, optional
+        Origin of the model, if placed.
     """
 
     now: Instant

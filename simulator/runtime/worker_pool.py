@@ -35,14 +35,14 @@ class WorkerPool(Generic[T]):
     ----------
     work : callable
         Function that processes a job; see `WorkerProcess`.
-    open_resource : callable
-        Function that opens the resource of a process; see `WorkerProcess`.
-    name : str, optional
-        Name of the processes in messages.
     count : int
         Number of processes.
+    open_resource : callable
+        Function that opens the resource of a process; see `WorkerProcess`.
     capacity : int, optional
         Largest number of jobs in flight in each process.
+    name : str, optional
+        Name of the processes in messages.
     restarts : bool, optional
         True to restart all processes if one dies.
     answer_within_s : float, optional

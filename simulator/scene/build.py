@@ -58,8 +58,6 @@ def build_scene(
         Detector and noise.
     exposure_s : float
         Exposure time [s].
-    optics : Optics, optional
-        Effects of the lens other than distortion; by default none.
     target : TargetRef
         Model to draw.
     com_target_m : array
@@ -74,12 +72,14 @@ def build_scene(
         Spectral bands of the image.
     environment : Environment, optional
         Layers that are drawn.
+    optics : Optics, optional
+        Effects of the lens other than distortion; by default none.
+    shutter : Shutter, optional
+        Readout of the rows, by default global.
     lamp : Lamp, optional
         Lamp on the chaser, if any.
     lights : sequence of AreaLight, optional
         Area lights.
-    shutter : Shutter, optional
-        Readout of the rows, by default global.
     """
     q_ce = np.array(world.q_camera_from_eci_wxyz)
     R_camera_from_eci = matrix_from_quat(q_ce)

@@ -76,10 +76,10 @@ class SceneState(BodyStates):
         Seed of the random numbers.
     exposure_s : float
         Integration time [s].
-    shutter : Shutter, optional
-        Exposure times of the rows.
     optics : Optics, optional
         Effects of the lens other than distortion.
+    shutter : Shutter, optional
+        Exposure times of the rows.
     quality : Quality, optional
         Preset of the renderer.
     bands : Bands, optional

@@ -161,14 +161,14 @@ class Target:
         Name for people.
     sha256 : str
         Hash of geometry, materials, keypoints and wireframe, recorded with every image.
-    occluders : Occluders, optional
-        Coarse substitute of the geometry for visibility tests.
     frames : dict, optional
         Named frames on the craft (docking port, grasp point): origin [m] and axis.
     symmetry : tuple of tuple of float, optional
         Rotations (quaternions, model axes) under which the craft looks nearly the same.
     notes : str, optional
         Sources of the dimensions.
+    occluders : Occluders, optional
+        Coarse substitute of the geometry for visibility tests.
     pictures : tuple of TextureImage, optional
         The textures that materials name.
     part_classes : dict, optional

@@ -168,10 +168,10 @@ def globe_shine(
         Unit vector to the Sun, axes of the globe.
     sun_w_m2 : array
         Irradiance of the Sun at the globe, per band.
-    radius_m : float
-        Radius of the globe, here a sphere.
     albedo : (H, W) array
         Lambertian albedo, equirectangular, row 0 in the north, column 0 at -180 degrees; or (1, 1).
+    radius_m : float
+        Radius of the globe, here a sphere.
     additional_w_m2 : array, optional
         Irradiance of other light, see `field_of_samples`.
     """

@@ -40,6 +40,7 @@ def polygon_triangles(corners: FloatArray) -> list[tuple[int, int, int]]:
     Parameters
     ----------
     corners : (N, 3) array
+        Corners of the polygon, in order.
 
     Returns
     -------
