@@ -135,7 +135,7 @@ def run(request: Request) -> dict[str, Any]:
             ahead=2,
             restarts=True,
             answer_within_s=ANSWER_WITHIN_S,
-            gives_way=GIVES_WAY,
+            niceness=GIVES_WAY,
             progress=progress,
         ) as producer,
     ):

@@ -15,7 +15,7 @@ from flyaround.gui.picture.settings_history import SettingsHistory
 from flyaround.gui.scenario_draft import ScenarioDraft
 from flyaround.gui.script import CommandLog, Line, Player, Script
 from flyaround.simulator.errors import UserError
-from flyaround.simulator.piloting.control_laws import COARSE_GAIN, FINE_GAIN, STILL, SWITCHES
+from flyaround.simulator.piloting.control_laws import COARSE_GAIN, FINE_GAIN, NO_DEMAND, SWITCHES
 from flyaround.simulator.piloting.orders import PilotCommand
 
 if TYPE_CHECKING:
@@ -83,7 +83,7 @@ class HandControl:
 
     def centre_sticks(self) -> None:
         """Ignore sticks until they are moved."""
-        self.thrust = self.turn = STILL
+        self.thrust = self.turn = NO_DEMAND
 
     def command(self) -> PilotCommand:
         """Return the command that the present state of all inputs gives."""

@@ -28,7 +28,8 @@ def write_error(path: Path, error: OSError, remedy: str = "choose a folder you m
 
     Parameters
     ----------
-    remedy : advice for any error but a full disk.
+    remedy : str, optional
+        Advice for any error but a full disk.
     """
     if error.errno in _FULL:
         return UserError(
@@ -42,7 +43,10 @@ def missing_extra(what: str, extra: str, error: ImportError) -> UserError:
 
     Parameters
     ----------
-    what : feature that needs the library, as in "format parquet". extra : name in pyproject.toml.
+    what : str
+        Feature that needs the library, as in "format parquet".
+    extra : str
+        Name in pyproject.toml.
     """
     if isinstance(error, ModuleNotFoundError):
         name = (error.name or str(error)).partition(".")[0]

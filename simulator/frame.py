@@ -31,16 +31,28 @@ class Frame:
 
     Parameters
     ----------
-    scene : the snapshot that was drawn.
-    image : (H, W) or (H, W, 3) digital numbers, RGB order.
-    radiance : linear band radiance before the detector [W m-2 sr-1].
-    truth : the label record, or None if no labels were requested.
-    mask : (H, W) uint8, 255 on the target, or None. depth_m : (H, W) camera z, NaN outside, or None.
-    layers : the label images that were requested, by name.
-    stage_ms : wall time of each stage: the frame's ledger.
-    faults : camera faults injected into the image.
-    time_code_px : columns and rows (half-open) of a time code drawn into the image, or None.
-    camera_frame : the camera's own frame counter, if it differs from the frame's number.
+    scene : SceneState
+        The snapshot that was drawn.
+    image : (H, W) or (H, W, 3) array
+        Digital numbers, RGB order.
+    radiance : array
+        Linear band radiance before the detector [W m-2 sr-1].
+    truth : Truth, optional
+        The label record, or None if no labels were requested.
+    mask : (H, W) uint8 array, optional
+        255 on the target, or None.
+    depth_m : (H, W) array, optional
+        Camera z, NaN outside, or None.
+    layers : dict, optional
+        The label images that were requested, by name.
+    stage_ms : dict, optional
+        Wall time of each stage: the frame's ledger.
+    faults : tuple of str, optional
+        Camera faults injected into the image.
+    time_code_px : tuple of int, optional
+        Columns and rows (half-open) of a time code drawn into the image, or None.
+    camera_frame : int, optional
+        The camera's own frame counter, if it differs from the frame's number.
     """
 
     scene: SceneState
@@ -85,8 +97,10 @@ def take_frame(
 
     Parameters
     ----------
-    target : model of the scene's craft, before any variation.
-    labels : True for truth and mask, or a request for further layers.
+    target : Target
+        Model of the scene's craft, before any variation.
+    labels : bool or LabelRequest, optional
+        True for truth and mask, or a request for further layers.
     """
     target = scene.target.drawn(target)
     start = time.perf_counter()
@@ -95,21 +109,21 @@ def take_frame(
     drawn_s = time.perf_counter()
     signal = expose_scene(scene, exposed.radiance)
     image = digitise_scene(scene, signal, noise=noise)
-    formed = time.perf_counter()
-    stage_ms = {"render": (drawn_s - start) * 1e3, "sensor": (formed - drawn_s) * 1e3}
+    formed_s = time.perf_counter()
+    stage_ms = {"render": (drawn_s - start) * 1e3, "sensor": (formed_s - drawn_s) * 1e3}
     stage_ms.update({f"render.{name}": ms for name, ms in exposed.stage_ms.items()})
     if not labels:
         return Frame(scene, image, exposed.radiance, stage_ms=stage_ms)
     request = labels if isinstance(labels, LabelRequest) else LabelRequest()
-    labels_of_frame = label_picture(renderer, scene, target, request, signal, image)
-    stage_ms["labels"] = (time.perf_counter() - formed) * 1e3
+    result = label_picture(renderer, scene, target, request, signal, image)
+    stage_ms["labels"] = (time.perf_counter() - formed_s) * 1e3
     return Frame(
         scene,
         image,
         exposed.radiance,
-        labels_of_frame.truth,
-        labels_of_frame.mask,
-        labels_of_frame.depth_m,
-        labels_of_frame.layers,
+        result.truth,
+        result.mask,
+        result.depth_m,
+        result.layers,
         stage_ms,
     )

@@ -33,14 +33,14 @@ if TYPE_CHECKING:
 
     FrameLabels = bool | LabelRequest | Callable[[int], LabelRequest]
 
-Taken = TypeVar("Taken")
-Taken_contra = TypeVar("Taken_contra", contravariant=True)
+Result = TypeVar("Result")
+Result_contra = TypeVar("Result_contra", contravariant=True)
 
 
-class Sink(Protocol[Taken_contra]):
-    """An object that takes frames: a window, a data set, a link to a board."""
+class Sink(Protocol[Result_contra]):
+    """An object that receives frames: a window, a data set, a link to a board."""
 
-    def write(self, frame: Taken_contra) -> None:
+    def write(self, frame: Result_contra) -> None:
         """Write one frame, or the result of the stage for it."""
 
 
@@ -50,8 +50,10 @@ class FrameRequest:
 
     Parameters
     ----------
-    labels : True for truth and mask, or a request for further layers.
-    timed : True to wait for the driver after every pass to time it; None leaves the renderer's setting.
+    labels : bool or LabelRequest, optional
+        True for truth and mask, or a request for further layers.
+    timed : bool, optional
+        True to wait for the driver after every pass to time it; None leaves the renderer's setting.
     """
 
     scene: SceneState
@@ -59,7 +61,7 @@ class FrameRequest:
     timed: bool | None = None
 
 
-class FrameProducer(ABC, Generic[Taken]):
+class FrameProducer(ABC, Generic[Result]):
     """Producer of frames of scenes, in the order of the requests. Use as a context manager.
 
     A frame depends on its request alone: the bytes are the same wherever it is drawn.
@@ -94,7 +96,7 @@ class FrameProducer(ABC, Generic[Taken]):
         """Return True if `result` would return or raise without waiting for another process."""
 
     @abstractmethod
-    def result(self) -> Taken:
+    def result(self) -> Result:
         """Return the oldest frame in flight; waits for it.
 
         Raises
@@ -107,12 +109,12 @@ class FrameProducer(ABC, Generic[Taken]):
             If no frame is in flight, or something else went wrong.
         """
 
-    def finished(self) -> Iterator[Taken]:
+    def finished(self) -> Iterator[Result]:
         """Yield the frames that are ready now."""
         while self.ready():
             yield self.result()
 
-    def frames(self, requests: Iterable[FrameRequest]) -> Iterator[Taken]:
+    def frames(self, requests: Iterable[FrameRequest]) -> Iterator[Result]:
         """Yield one frame per request, in order, drawing some ahead.
 
         Raises
@@ -140,20 +142,24 @@ class FrameProducer(ABC, Generic[Taken]):
         self.close()
 
 
-class _FramesHere(FrameProducer[Taken]):
+class _LocalProducer(FrameProducer[Result]):
     """Frame producer in this process; each frame is rendered when it is collected.
 
     Parameters
     ----------
-    renderer : renderer to draw with; it stays open when this closes.
-    stage : function applied to each frame. target : replaces the target that a scene names.
+    renderer : Renderer
+        Renderer to draw with; it stays open when this closes.
+    stage : callable
+        Function applied to each frame.
+    target : Target, optional
+        Replaces the target that a scene names.
     """
 
     def __init__(
-        self, renderer: Renderer, stage: Callable[[Frame], Taken], target: Target | None = None
+        self, renderer: Renderer, stage: Callable[[Frame], Result], target: Target | None = None
     ) -> None:
         self._renderer, self._stage, self._target = renderer, stage, target
-        self._asked: deque[FrameRequest] = deque()
+        self._pending: deque[FrameRequest] = deque()
 
     @property
     def info(self) -> GlInfo:
@@ -161,33 +167,33 @@ class _FramesHere(FrameProducer[Taken]):
 
     @property
     def has_room(self) -> bool:
-        return not self._asked
+        return not self._pending
 
     @property
     def in_flight(self) -> int:
-        return len(self._asked)
+        return len(self._pending)
 
     def submit(self, request: FrameRequest) -> bool:
         if not self.has_room:
             return False
-        self._asked.append(request)
+        self._pending.append(request)
         return True
 
     def ready(self) -> bool:
-        return bool(self._asked)
+        return bool(self._pending)
 
-    def result(self) -> Taken:
-        if not self._asked:
+    def result(self) -> Result:
+        if not self._pending:
             raise RuntimeError("no frame is under way")
-        return draw_request(self._renderer, self._asked.popleft(), self._stage, self._target)
+        return draw_request(self._renderer, self._pending.popleft(), self._stage, self._target)
 
-    def frames(self, requests: Iterable[FrameRequest]) -> Iterator[Taken]:
+    def frames(self, requests: Iterable[FrameRequest]) -> Iterator[Result]:
         # drawing ahead gains nothing in the same process
         for request in requests:
             yield draw_request(self._renderer, request, self._stage, self._target)
 
     def close(self) -> None:
-        self._asked.clear()
+        self._pending.clear()
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -196,25 +202,30 @@ class OpenRenderer:
 
     Parameters
     ----------
-    device_index : EGL device.
-    first : first scene to come; its maps are read while the renderer starts.
-    processes : number of drawing processes, this one included. On a GPU each needs a processor; a software driver
-        shares the processors among them, and one thread in each of two processes is faster than two threads in one.
-    gives_way : increment of the process's niceness, as in `os.nice`.
-    progress : line that reports preparations.
+    device_index : int, optional
+        EGL device.
+    first : SceneState, optional
+        First scene to be drawn; its maps are read while the renderer starts.
+    processes : int, optional
+        Number of drawing processes, this one included. On a GPU each needs a processor; a software driver shares the
+        processors among them, and one thread in each of two processes is faster than two threads in one.
+    niceness : int, optional
+        Increment of the process's niceness, as in `os.nice`.
+    progress : ProgressLine, optional
+        Line that reports preparations.
     """
 
     device_index: int | None = None
     first: SceneState | None = None
     processes: int = 1
-    gives_way: int = 0
+    niceness: int = 0
     progress: ProgressLine | None = None
 
     def __call__(self) -> Renderer:
         """Return the renderer. The process takes its share of the processors before the context is created."""
         share_processors(self.processes)
-        if self.gives_way and hasattr(os, "nice"):
-            os.nice(self.gives_way)
+        if self.niceness and hasattr(os, "nice"):
+            os.nice(self.niceness)
         if self.progress is not None:
             publish_progress(self.progress)
         from flyaround.simulator.render.earth.map_textures import prefetch_maps_of  # noqa: PLC0415 - callers need not load OpenGL
@@ -225,10 +236,10 @@ class OpenRenderer:
         return Renderer(device_index=self.device_index, prefetched=prefetched)
 
 
-class _FramesElsewhere(WorkerPool[Taken], FrameProducer[Taken]):
+class _PoolProducer(WorkerPool[Result], FrameProducer[Result]):
     """Frame producer in worker processes, ahead of the caller; the parameters are those of `open_frames`."""
 
-    def __init__(self, stage: Callable[[Frame], Taken], opener: OpenRenderer, **options: Any) -> None:  # noqa: ANN401 - the pool's own
+    def __init__(self, stage: Callable[[Frame], Result], opener: OpenRenderer, **options: Any) -> None:  # noqa: ANN401 - the pool's own
         super().__init__(
             draw_request, opener.processes, open_resource=opener, name="drawing process", **options
         )
@@ -241,9 +252,9 @@ class _FramesElsewhere(WorkerPool[Taken], FrameProducer[Taken]):
 def draw_request(
     renderer: Renderer,
     request: FrameRequest,
-    stage: Callable[[Frame], Taken],
+    stage: Callable[[Frame], Result],
     target: Target | None = None,
-) -> Taken:
+) -> Result:
     """Draw the frame of a request and apply the stage: the work of a drawing process."""
     if request.timed is not None:
         renderer.timed = request.timed
@@ -253,7 +264,7 @@ def draw_request(
 
 @contextmanager
 def open_frames(
-    stage: Callable[[Frame], Taken],
+    stage: Callable[[Frame], Result],
     *,
     processes: int = 0,
     device_index: int | None = None,
@@ -262,37 +273,46 @@ def open_frames(
     ahead: int = 2,
     restarts: bool = False,
     answer_within_s: float | None = None,
-    gives_way: int = 0,
+    niceness: int = 0,
     progress: ProgressLine | None = None,
     target: Target | None = None,
-) -> Iterator[FrameProducer[Taken]]:
+) -> Iterator[FrameProducer[Result]]:
     """Open a frame producer in this process, or in ``processes`` of their own.
 
     Parameters
     ----------
-    stage : function applied to each frame where it is drawn: encoding, or `Frame.without_radiance` to send less. With
-        other processes, a module-level function or a picklable object.
-    first : first scene to come, for a quicker first frame.
-    prefetched : maps of ``first`` that are being read already.
-    ahead : frames that each process may have in flight.
-    restarts : True to restart processes that die.
-    answer_within_s : restart processes idle for this long while a frame is due; None waits for ever.
-    gives_way : increment of the processes' niceness, as in `os.nice`, so that a window stays responsive.
-    progress : line that reports preparations.
-    target : replaces the target that scenes name, in this process.
+    stage : callable
+        Function applied to each frame where it is drawn: encoding, or `Frame.without_radiance` to send less. With other
+        processes, a module-level function or a picklable object.
+    first : SceneState, optional
+        First scene to be drawn; its maps are read while the renderer starts.
+    prefetched : mapping, optional
+        Maps of ``first`` that are being read already.
+    ahead : int, optional
+        Frames that each process may have in flight.
+    restarts : bool, optional
+        True to restart processes that die.
+    answer_within_s : float, optional
+        Restart processes idle for this long while a frame is due; None waits for ever.
+    niceness : int, optional
+        Increment of the processes' niceness, as in `os.nice`, so that a window stays responsive.
+    progress : ProgressLine, optional
+        Line that reports preparations.
+    target : Target, optional
+        Replaces the target that scenes name, in this process.
     """
     if processes:
         opener = OpenRenderer(
             device_index=device_index,
             first=first,
             processes=processes,
-            gives_way=gives_way,
+            niceness=niceness,
             progress=progress,
         )
-        with _FramesElsewhere(
+        with _PoolProducer(
             stage, opener, capacity=ahead, restarts=restarts, answer_within_s=answer_within_s
-        ) as elsewhere:
-            yield elsewhere
+        ) as pool:
+            yield pool
         return
     from flyaround.simulator.render.earth.map_textures import prefetch_maps_of  # noqa: PLC0415 - processes that draw elsewhere need not load OpenGL
     from flyaround.simulator.render.renderer import Renderer  # noqa: PLC0415 - the same
@@ -300,9 +320,9 @@ def open_frames(
     maps = prefetch_maps_of(first) if prefetched is None else prefetched
     with (
         Renderer(device_index=device_index, prefetched=maps) as renderer,
-        _FramesHere(renderer, stage, target) as here,
+        _LocalProducer(renderer, stage, target) as local,
     ):
-        yield here
+        yield local
 
 
 def whole_frame(frame: Frame) -> Frame:
@@ -324,12 +344,12 @@ def run_frames(
 @overload
 def run_frames(
     plan: FramePlan,
-    renderer: FrameProducer[Taken],
-    sinks: Iterable[Sink[Taken]] = ...,
+    renderer: FrameProducer[Result],
+    sinks: Iterable[Sink[Result]] = ...,
     *,
     labels: FrameLabels = ...,
     numbers: Iterable[int] | None = ...,
-) -> Iterator[Taken]: ...
+) -> Iterator[Result]: ...
 
 
 def run_frames(
@@ -344,20 +364,25 @@ def run_frames(
 
     Parameters
     ----------
-    renderer : renderer to draw with here, or a producer from `open_frames`.
-    labels : labels as in `take_frame`, or a function that returns them for a frame's number.
-    numbers : numbers of the frames to draw, in order; by default the whole plan.
+    renderer : Renderer or FrameProducer
+        Renderer to draw with here, or a producer from `open_frames`.
+    labels : FrameLabels, optional
+        Labels as in `take_frame`, or a function that returns them for a frame's number.
+    numbers : iterable of int, optional
+        Numbers of the frames to draw, in order; by default the whole plan.
     """
     producer = (
-        renderer if isinstance(renderer, FrameProducer) else _FramesHere(renderer, whole_frame, plan.target)
+        renderer
+        if isinstance(renderer, FrameProducer)
+        else _LocalProducer(renderer, whole_frame, plan.target)
     )
     frame_numbers = range(plan.n_frames) if numbers is None else numbers
     requests = (
         FrameRequest(scene=plan.scene(k), labels=labels(k) if callable(labels) else labels)
         for k in frame_numbers
     )
-    receivers = tuple(sinks)
+    sink_list = tuple(sinks)
     for frame in producer.frames(requests):
-        for sink in receivers:
+        for sink in sink_list:
             sink.write(frame)
         yield frame

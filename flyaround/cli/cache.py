@@ -15,7 +15,7 @@ from flyaround.simulator.runtime.cache_contents import (
     SIZE_VARIABLE,
     cache_kinds,
     clear_cache,
-    most_cache_bytes,
+    max_cache_bytes,
 )
 
 MB = 1e6
@@ -30,7 +30,7 @@ def cache(
 ) -> None:
     """List the data cached between runs (decoded maps, baked light, targets), or remove it."""
     freed_bytes = clear_cache() if clear else 0
-    kinds, most = cache_kinds(), most_cache_bytes()
+    kinds, most = cache_kinds(), max_cache_bytes()
     total = sum(kind.size_bytes for kind in kinds)
     if as_json:
         typer.echo(

@@ -28,7 +28,7 @@ from flyaround.simulator.dataset.split import parse_split
 from flyaround.simulator.errors import UserError
 from flyaround.simulator.labels.request import parse_labels
 from flyaround.simulator.recipes.plan import RecipePlan, plan_recipe
-from flyaround.simulator.scenario.document import with_choices
+from flyaround.simulator.scenario.document import with_image_options
 from flyaround.simulator.scenario.load import is_recipe, list_scenarios, load_recipe, load_scenario, load_vary
 from flyaround.simulator.scenario.plan import Plan, plan_flight, varied_plan
 from flyaround.simulator.scene.environments import environment_preset, environment_section
@@ -242,7 +242,7 @@ def _choose_plan(name: str, pictures: CapturedPictures) -> Plan | RecipePlan:
         layers = None if pictures.environment is None else environment_preset(pictures.environment)
         recipe = load_recipe(name)
         return plan_recipe(
-            with_choices(recipe, pictures.encoding, auto_exposure=pictures.auto_exposure),
+            with_image_options(recipe, pictures.encoding, auto_exposure=pictures.auto_exposure),
             pictures.n,
             seed=pictures.seed,
             target=pictures.target,
@@ -258,7 +258,7 @@ def _choose_plan(name: str, pictures: CapturedPictures) -> Plan | RecipePlan:
         scenario = msgspec.structs.replace(scenario, target=pictures.target)
     if pictures.environment is not None:
         scenario = msgspec.structs.replace(scenario, environment=environment_section(pictures.environment))
-    scenario = with_choices(scenario, pictures.encoding, auto_exposure=pictures.auto_exposure)
+    scenario = with_image_options(scenario, pictures.encoding, auto_exposure=pictures.auto_exposure)
     return plan_flight(
         scenario,
         n=None if pictures.every_s is not None else pictures.n or 20,

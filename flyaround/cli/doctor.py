@@ -20,7 +20,7 @@ from flyaround.cli.terminal import say, terminal
 from flyaround.hil.board.errors import KernelError
 from flyaround.hil.board.hybrid.native.library import describe_library, library
 from flyaround.simulator.errors import UserError
-from flyaround.simulator.geometry.ray_cast import embree_is_here
+from flyaround.simulator.geometry.ray_cast import has_embree
 from flyaround.simulator.render.renderer import Renderer
 from flyaround.simulator.runtime.cache import cache_folder
 from flyaround.simulator.runtime.cache_contents import cache_kinds
@@ -90,7 +90,7 @@ def _opengl() -> Finding:
 
 
 def _rays() -> Finding:
-    installed = embree_is_here()
+    installed = has_embree()
     ray_caster = "Embree" if installed else "a grid in numpy"
     advice = "the first picture of a new target takes a minute longer: pip install embreex"
     return Finding("rays for baked light", installed, False, ray_caster, "" if installed else advice)

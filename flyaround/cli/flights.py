@@ -19,12 +19,12 @@ from flyaround.cli.terminal import say, terminal
 from flyaround.runs.document import RUN_TOML, run_toml
 from flyaround.runs.flights import FlyRun
 from flyaround.simulator.camera.lens.files import list_cameras, load_camera, read_camera_file
-from flyaround.simulator.camera.lens.formats.registry import CAMERA_FORMATS, WRITTEN, camera_text
+from flyaround.simulator.camera.lens.formats.registry import CAMERA_FORMATS, WRITABLE_FORMATS, camera_text
 from flyaround.simulator.contact_sheets.scenario_sheet import write_contact_sheets
 from flyaround.simulator.errors import UserError
 from flyaround.simulator.runtime.files import empty_folder, write_atomic
 from flyaround.simulator.scenario.load import list_scenarios, load_scenario
-from flyaround.simulator.scenario.messages import followed_words
+from flyaround.simulator.scenario.messages import ephemeris_sentences
 from flyaround.simulator.scenario.plan import plan_flight
 from flyaround.simulator.scenario.show import show_scenario
 from flyaround.simulator.scenario.write import replay_scenario
@@ -65,7 +65,7 @@ def fly(
         if file.name not in contents:
             file.unlink()
     summary = {"states": str(output / "states.csv"), **summarise_flight(plan.flight, rows)}
-    summary["followed"] = followed_words(plan.scenario)
+    summary["followed"] = ephemeris_sentences(plan.scenario)
     if as_json:
         typer.echo(json.dumps(summary))
     else:
@@ -172,7 +172,7 @@ def cameras(
     ] = None,
     form: Annotated[
         str | None,
-        typer.Option("--format", help=f"Format of the written file: {', '.join(WRITTEN)} (default native)."),
+        typer.Option("--format", help=f"Format of the written file: {', '.join(WRITABLE_FORMATS)} (default native)."),
     ] = None,
     width_px: Annotated[int | None, typer.Option("--width", help="Required image width in pixels.")] = None,
     height_px: Annotated[

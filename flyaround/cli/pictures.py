@@ -24,7 +24,7 @@ from flyaround.simulator.errors import UserError
 from flyaround.simulator.labels.request import LabelRequest, parse_labels
 from flyaround.simulator.labels.truth import read_truth
 from flyaround.simulator.render.earth.map_textures import EarthMaps, prefetch_earth_maps, prefetch_maps_of
-from flyaround.simulator.scenario.document import with_choices
+from flyaround.simulator.scenario.document import with_image_options
 from flyaround.simulator.scenario.poses import PosePlan, read_poses
 from flyaround.simulator.scene.environments import environment_section
 from flyaround.simulator.scene.illumination.bands import Bands
@@ -104,7 +104,7 @@ def _flown_view(run: RenderRun) -> _View:
     scenario = load_flown(run.scenario or "", "render")
     if run.environment is not None:
         scenario = msgspec.structs.replace(scenario, environment=environment_section(run.environment))
-    scenario = with_choices(scenario, run.encoding, auto_exposure=run.auto_exposure)
+    scenario = with_image_options(scenario, run.encoding, auto_exposure=run.auto_exposure)
     prefetched: dict[Bands, EarthMaps] = {}
     if scenario.environment.layers().earth:
         # two at a time: an empty cache is filled while the target is loaded and the flight propagated

@@ -19,7 +19,7 @@ from flyaround.runs.document import write_run
 from flyaround.runs.importing import ImportRun
 from flyaround.simulator.contact_sheets.targets_page import write_contact_sheet
 from flyaround.simulator.errors import UserError
-from flyaround.simulator.labels.part_classes import class_lines, classes_from, target_classes
+from flyaround.simulator.labels.part_classes import class_report, classes_from_file, target_classes
 from flyaround.simulator.runtime.files import empty_folder
 from flyaround.simulator.runtime.untrusted_files import read_regular
 from flyaround.simulator.scenario.load import toml_table
@@ -87,7 +87,7 @@ def add(
     if craft.classes is not None:
         own = _read_classes(Path(craft.classes), target)
         target = changed(target, part_classes={**target.part_classes, **own})
-    lines[-1:-1] = class_lines(target)
+    lines[-1:-1] = class_report(target)
     expect = _expected_of_the_estimator(target)
     path = install(target)
     write_run(path, run)
@@ -117,7 +117,7 @@ def _read_classes(path: Path, target: Target) -> dict[str, PartClass]:
         content = read_regular(path, LARGEST_CLASSES_BYTES)
     except OSError as error:
         raise UserError(f"cannot read {path}: {error.strerror}: name a file of part classes") from error
-    return classes_from(toml_table(content, str(path)), str(path), [p.name for p in target.parts])
+    return classes_from_file(toml_table(content, str(path)), str(path), [p.name for p in target.parts])
 
 
 def _expected_of_the_estimator(target: Target) -> str:

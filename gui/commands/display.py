@@ -11,7 +11,7 @@ import numpy as np
 from flyaround.gui.command_table import command, number, setting, switch, word
 from flyaround.gui.picture.view_settings import DETAILS, LAYERS, OVERLAYS
 from flyaround.simulator.imaging.auto_exposure import AutoExposure
-from flyaround.simulator.imaging.metering import wanted_exposure_s
+from flyaround.simulator.imaging.metering import metered_exposure_s
 
 if TYPE_CHECKING:
     from flyaround.gui.console import Console
@@ -42,7 +42,7 @@ def _meter(console: Console) -> None:
     """Set the exposure to the meter's for the present scene."""
     session, settings = console.session, console.options.settings
     scene = session.scene()
-    wanted_s = wanted_exposure_s(AutoExposure(), scene, session.plan.target)
+    wanted_s = metered_exposure_s(AutoExposure(), scene, session.plan.target)
     stops = float(np.log2(wanted_s / scene.exposure_s))
     settings.exposure_stops = round(min(max(stops, -MOST_STOPS), MOST_STOPS), 2)
 

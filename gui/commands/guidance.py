@@ -6,7 +6,7 @@ from flyaround.gui.command_table import Argument, Command, command, number
 from flyaround.gui.commands.steering import order
 from flyaround.simulator.piloting import guidance_orders as orders
 from flyaround.simulator.piloting.orders import CancelBurns, Drift, PlanBurn
-from flyaround.simulator.piloting.planned_burns import LARGEST_M_S, LONGEST_AHEAD_S, burn_of
+from flyaround.simulator.piloting.planned_burns import MAX_BURN_LEAD_S, MAX_DELTA_V_M_S, burn_of
 
 FAR_M = 1e5
 
@@ -73,7 +73,10 @@ COMMANDS = (
     command(
         "burn.plan",
         order(lambda *burn: PlanBurn(burn_of(*burn))),
-        arguments=(number("t", SINCE_START, 0.0, 1e6 + LONGEST_AHEAD_S, "s"), *_lvlh(LARGEST_M_S, "m/s")),
+        arguments=(
+            number("t", SINCE_START, 0.0, 1e6 + MAX_BURN_LEAD_S, "s"),
+            *_lvlh(MAX_DELTA_V_M_S, "m/s"),
+        ),
     ),
     command(
         "burn.cancel", order(CancelBurns), arguments=(number("t", SINCE_START, unit="s", optional=True),)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from flyaround.gui.command_table import Argument, Command, command, number, switch, word
 from flyaround.simulator.piloting.chaser_control import ATTITUDE_MODES
-from flyaround.simulator.piloting.control_laws import STILL, SWITCHES
+from flyaround.simulator.piloting.control_laws import NO_DEMAND, SWITCHES
 from flyaround.simulator.piloting.orders import Centre, Control, FollowGuidance, Order, Pulse, Stop, TakeOver
 
 if TYPE_CHECKING:
@@ -72,7 +72,7 @@ def _stick_turn(console: Console, up: float, right: float, roll: float) -> None:
 
 
 def _stick_lost(console: Console) -> None:
-    pushed = (console.hand.thrust, console.hand.turn) != (STILL, STILL)
+    pushed = (console.hand.thrust, console.hand.turn) != (NO_DEMAND, NO_DEMAND)
     console.hand.centre_sticks()
     if pushed:
         console.say("the gamepad is gone: what it pushed and turned has stopped", "warning")

@@ -17,7 +17,7 @@ import numpy as np
 from flyaround.gui.jobs.program import ChildProgram
 from flyaround.simulator.camera.encoding import Encoding, decode
 from flyaround.simulator.errors import UserError
-from flyaround.simulator.imaging.display import shown_light
+from flyaround.simulator.imaging.display import screen_values
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -221,7 +221,7 @@ def thumbnails(folder: Path, names: list[str]) -> list[Thumbnail]:
         # 10 or 12 bits are stored in 16: scale by the largest value
         full = 255 if small.dtype == np.uint8 else max(int(small.max()), 255)
         light = decode(small / full, _encoding(folder / name))
-        pictures.append(Thumbnail(name, np.rint(255 * shown_light(light)).astype(np.uint8)))
+        pictures.append(Thumbnail(name, np.rint(255 * screen_values(light)).astype(np.uint8)))
     return pictures
 
 

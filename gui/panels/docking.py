@@ -12,7 +12,7 @@ from flyaround.simulator.piloting.docking_figures import PRESETS, judge
 
 if TYPE_CHECKING:
     from flyaround.gui.console import Console
-    from flyaround.simulator.piloting.docking_figures import Judged
+    from flyaround.simulator.piloting.docking_figures import JudgedFigure
 
 STATES = {
     "within": "within its limit",
@@ -44,7 +44,7 @@ class DockingPanel(Panel):
         self._points(console)
         self._contacts(console)
 
-    def _table(self, rows: tuple[Judged, ...]) -> None:
+    def _table(self, rows: tuple[JudgedFigure, ...]) -> None:
         w = self._w
         cells = []
         for row in rows:

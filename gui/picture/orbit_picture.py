@@ -12,7 +12,7 @@ import numpy as np
 from flyaround.simulator.camera.detector.presets import sensor_preset
 from flyaround.simulator.camera.lens.camera_model import Camera
 from flyaround.simulator.imaging.auto_exposure import AutoExposure
-from flyaround.simulator.imaging.metering import wanted_exposure_s
+from flyaround.simulator.imaging.metering import metered_exposure_s
 from flyaround.simulator.runtime.arrays import quat, vec3
 from flyaround.simulator.scene.build import build_scene
 from flyaround.simulator.world.frames.rotation import matrix_from_quat, quat_from_matrix
@@ -61,7 +61,7 @@ def orbit_scene(
         environment=settings.environment,
         lights=[light for light in own.area_lights if light.frame == "target"],
     )
-    exposure = wanted_exposure_s(_METER, scene, session.plan.target) * 2.0**settings.exposure_stops
+    exposure = metered_exposure_s(_METER, scene, session.plan.target) * 2.0**settings.exposure_stops
     return replace(scene, exposure_s=exposure)
 
 

@@ -26,7 +26,7 @@ Segment = tuple[Pixel, Pixel]
 AXIS_M = 0.5
 """Length of the drawn target axes."""
 NEAR_M = 0.05
-ECLIPSED_BELOW = 0.02  # visible share of the Sun
+ECLIPSE_THRESHOLD = 0.02  # visible share of the Sun
 CHANGED_RAD = float(np.radians(2.0))  # change of view after which occlusion is computed again
 
 
@@ -101,7 +101,7 @@ class Marker:
         occluded = np.ones(len(self._points_m), bool)
         occluded[front] = occluded_from_camera(self._mesh, self._points_m[front], pose)
         dark = np.ones(len(self._points_m), bool)
-        if scene.sun_visible_fraction >= ECLIPSED_BELOW:
+        if scene.sun_visible_fraction >= ECLIPSE_THRESHOLD:
             to_sun = pose.R.T @ np.asarray(scene.sun_direction_camera)
             dark = hidden_from_direction(self._mesh, self._points_m, to_sun)
         return tuple(
@@ -115,7 +115,7 @@ def _view_changed(a: SceneState, b: SceneState) -> bool:
     t_a, t_b = np.array(a.t_camera_from_target_m), np.array(b.t_camera_from_target_m)
     shift = float(np.linalg.norm(t_a - t_b)) / max(float(np.linalg.norm(t_a)), 1e-3)
     sun = float(np.linalg.norm(np.subtract(a.sun_direction_camera, b.sun_direction_camera)))
-    eclipsed = (a.sun_visible_fraction < ECLIPSED_BELOW) != (b.sun_visible_fraction < ECLIPSED_BELOW)
+    eclipsed = (a.sun_visible_fraction < ECLIPSE_THRESHOLD) != (b.sun_visible_fraction < ECLIPSE_THRESHOLD)
     return eclipsed or max(rotation_rad, shift, sun) > CHANGED_RAD
 
 

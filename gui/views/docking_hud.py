@@ -9,7 +9,7 @@ import numpy as np
 from flyaround.gui import style
 from flyaround.gui.canvas import Canvas
 from flyaround.gui.widgets import Widgets
-from flyaround.simulator.piloting.docking_figures import CAPTURE_M, Judged, judge
+from flyaround.simulator.piloting.docking_figures import CAPTURE_M, JudgedFigure, judge
 
 if TYPE_CHECKING:
     from flyaround.gui.canvas import Point
@@ -113,7 +113,12 @@ class DockingHud:
                 )
 
     def _port(
-        self, canvas: Canvas, box: Letterbox, camera: Camera, figures: DockingFigures, rows: dict[str, Judged]
+        self,
+        canvas: Canvas,
+        box: Letterbox,
+        camera: Camera,
+        figures: DockingFigures,
+        rows: dict[str, JudgedFigure],
     ) -> None:
         """Draw the port's rim, its upper side, and the predicted point of contact."""
         turn = np.linspace(0.0, 2 * np.pi, 33)[:-1]
@@ -148,7 +153,12 @@ class DockingHud:
     # --- over the picture
 
     def _ring(
-        self, canvas: Canvas, centre: Point, radius: float, figures: DockingFigures, rows: dict[str, Judged]
+        self,
+        canvas: Canvas,
+        centre: Point,
+        radius: float,
+        figures: DockingFigures,
+        rows: dict[str, JudgedFigure],
     ) -> None:
         """Draw the boresight's reticle and, unless the radius is 0, the ring with its figures."""
         cx, cy = centre
@@ -169,7 +179,12 @@ class DockingHud:
         self._figure(canvas, (cx, cy + radius - 2.1 * line), "closing", rows["closing"], 0.5)
 
     def _needles(
-        self, canvas: Canvas, centre: Point, radius: float, figures: DockingFigures, rows: dict[str, Judged]
+        self,
+        canvas: Canvas,
+        centre: Point,
+        radius: float,
+        figures: DockingFigures,
+        rows: dict[str, JudgedFigure],
     ) -> None:
         """Draw marks on the ring that move with roll (top), pitch (right) and yaw (bottom) error."""
         cx, cy = centre
@@ -187,7 +202,7 @@ class DockingHud:
                 a = (cx + inner * radius * c, cy + inner * radius * s)
                 canvas.stroke([a, (cx + outer * radius * c, cy + outer * radius * s)], colour, weight)
 
-    def _pair(self, canvas: Canvas, at: Point, value: Judged, rate: Judged, share: float) -> None:
+    def _pair(self, canvas: Canvas, at: Point, value: JudgedFigure, rate: JudgedFigure, share: float) -> None:
         self._figure(canvas, at, value.name.removeprefix("offset "), value, share)
         self._figure(canvas, (at[0], at[1] + self._w.line), "", rate, share)
 
@@ -196,7 +211,7 @@ class DockingHud:
         """Draw text with a ``share`` of its width left of the position: 0.5 centres it."""
         canvas.label((at[0] - share * canvas.size(text)[0], at[1]), text, rgba, tip)
 
-    def _figure(self, canvas: Canvas, at: Point, name: str, row: Judged, share: float) -> None:
+    def _figure(self, canvas: Canvas, at: Point, name: str, row: JudgedFigure, share: float) -> None:
         text = f"{name} {row.text} {row.unit}".strip() + style.LIMIT_MARKS[row.state]
         self._text(canvas, at, text, style.LIMIT_COLORS[row.state], share, f"{ABOUT[row.name]} [{row.unit}]")
 

@@ -17,9 +17,9 @@ from flyaround.simulator.piloting.ground_track import (
     GroundTrack,
     geodetic_deg,
     ground_track,
+    split_at_map_edge,
     subsolar_deg,
     terminator_deg,
-    unbroken,
 )
 
 if TYPE_CHECKING:
@@ -160,7 +160,7 @@ class EarthMap(Panel):
             # a segment starts where the previous one ends
             on = part | np.append(part[1:], False)
             latitude = np.where(on, track.latitude_deg, np.nan)
-            latitude, longitude = unbroken(latitude, track.longitude_deg)
+            latitude, longitude = split_at_map_edge(latitude, track.longitude_deg)
             canvas.stroke(map_places(box, latitude, longitude), colour, 1.8, dashed=dashed)
 
     def _marks(self, canvas: Canvas, box: Letterbox, world: WorldState) -> None:

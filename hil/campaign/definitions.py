@@ -15,7 +15,7 @@ from flyaround.hil.campaign.quantities import QUANTITIES
 from flyaround.hil.host.link_process.ipc import Compression, PixelFormatName
 from flyaround.hil.host.pose_link import PoseLink
 from flyaround.simulator.errors import UserError, near_names
-from flyaround.simulator.runtime.toml_file import MOST_TOML_BYTES, parse_toml
+from flyaround.simulator.runtime.toml_file import MAX_TOML_BYTES, parse_toml
 from flyaround.simulator.runtime.untrusted_files import read_regular
 from flyaround.simulator.runtime.validation_errors import explain
 from flyaround.simulator.scenario.faults import NO_FAULTS, Faults, check_times, read_faults
@@ -194,7 +194,7 @@ def read_campaign(path: Path) -> tuple[Campaign, tuple[ReadyCase, ...]]:
 
 def _parse(path: Path) -> Campaign:
     try:
-        document = parse_toml(read_regular(path, MOST_TOML_BYTES), str(path))
+        document = parse_toml(read_regular(path, MAX_TOML_BYTES), str(path))
     except OSError as error:
         raise UserError(f"{path} cannot be read ({error.strerror}): name a campaign file") from error
     try:

@@ -20,7 +20,7 @@ from flyaround.hil.evaluate.method_choice import MethodChoice, board_model
 from flyaround.hil.evaluate.metrics import MethodMetrics, Metrics, compose, summarise
 from flyaround.hil.evaluate.result_rows import EvaluatedFrame, RunHeader, append_row, frames_csv, read_rows
 from flyaround.simulator.dataset.card import read_card
-from flyaround.simulator.dataset.formats.native import frame_paths, is_whole, read_png
+from flyaround.simulator.dataset.formats.native import frame_paths, is_frame_complete, read_png
 from flyaround.simulator.errors import UserError
 from flyaround.simulator.labels.truth import read_truth
 from flyaround.simulator.runtime.files import write_atomic
@@ -72,7 +72,7 @@ def evaluate_dataset(
         If the folder is not a data set, has no complete frame, or the report belongs to another evaluation.
     """
     card = read_card(folder)
-    whole = [k for k in (range(card.n_frames) if frames is None else frames) if is_whole(folder, k)]
+    whole = [k for k in (range(card.n_frames) if frames is None else frames) if is_frame_complete(folder, k)]
     if not whole:
         raise UserError(f"data set {folder} has no complete frame; capture some first")
     craft = model or board_model(load_target(card.target.name))

@@ -14,7 +14,7 @@ from flyaround.hil.board.estimation.vectors import swing
 from flyaround.hil.board.net.network_camera import NetworkCamera, PictureReducer, standardise
 from flyaround.hil.evaluate.greyscale import grey
 from flyaround.simulator.dataset.card import read_card
-from flyaround.simulator.dataset.formats.native import frame_paths, is_whole, read_png
+from flyaround.simulator.dataset.formats.native import frame_paths, is_frame_complete, read_png
 from flyaround.simulator.errors import UserError
 from flyaround.simulator.labels.truth import read_truth
 from flyaround.simulator.world.frames.rotation import (
@@ -148,7 +148,7 @@ def read_training_set(
     frames, signals, q, t = [], [], [], []
     for k in range(card.n_frames):
         progress(k + 1, card.n_frames)
-        if not is_whole(folder, k):
+        if not is_frame_complete(folder, k):
             continue
         truth = read_truth(frame_paths(folder, k).truth)
         if not truth.feasible:

@@ -12,7 +12,13 @@ from scipy.spatial import ConvexHull, QhullError
 from flyaround.simulator.baking.chart_cuts import cut_charts
 from flyaround.simulator.baking.charts import Charts, make_charts
 from flyaround.simulator.baking.mesh_edges import MeshEdges, find_edges
-from flyaround.simulator.geometry.convex_shells import BOX, Boxes, ConvexShell, convex_bodies, find_shells
+from flyaround.simulator.geometry.convex_shells import (
+    BOX_SIZE,
+    Boxes,
+    ConvexShell,
+    convex_bodies,
+    largest_shells,
+)
 from flyaround.simulator.geometry.plane_grid import PlaneGrid
 from flyaround.simulator.geometry.topology import edge_table
 from flyaround.simulator.geometry.triangles import face_planes
@@ -28,7 +34,7 @@ if TYPE_CHECKING:
     from flyaround.simulator.targets.model import Part
 
 VERTEX = np.dtype([("position_m", "<f4", 3), ("normal", "<f4", 3), ("material", "<f4")])
-MAX_KEPT = 1_000_000  # triangles; larger meshes take a gigabyte each on disk and are not cached
+MAX_CACHED_TRIANGLES = 1_000_000  # larger meshes would take a gigabyte each on disk
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -37,16 +43,30 @@ class BakedMesh:
 
     Parameters
     ----------
-    values : (V, 7) vertices in the layout of `VERTEX`.
-    hull_m : (3, K) vertices of the parts' convex hulls, which contain the mesh, target frame [m]; nested hulls are
-        omitted.
-    hull_parts : index in ``hull_m`` of the first vertex of each hull after the first.
-    center_m, radius_m : bounding sphere, target frame.
-    is_closed : True if every part consists of closed shells facing outwards.
-    triangles : (T, 3) vertex indices. planes : (T, 4) unit normal and negative distance from the origin [m].
-    boxes : bounding boxes of neighbouring triangles. shells : large convex bodies that hide others.
-    charts : layout of the faces in an atlas; the mesh is cut along the charts' borders. edges : edges that may show as
-        lines.
+    values : (V, 7) array
+        Vertices in the layout of `VERTEX`.
+    hull_m : (3, K) array
+        Vertices of the parts' convex hulls, which contain the mesh, target frame [m]; nested hulls are omitted.
+    hull_parts : array
+        Index in ``hull_m`` of the first vertex of each hull after the first.
+    center_m : array
+        Centre of the bounding sphere, target frame [m].
+    radius_m : float
+        Radius of the bounding sphere [m].
+    is_closed : bool
+        True if every part consists of closed shells facing outwards.
+    triangles : (T, 3) array
+        Vertex indices.
+    planes : (T, 4) array
+        Unit normal and negative distance from the origin [m].
+    boxes : Boxes
+        Bounding boxes of neighbouring triangles.
+    shells : tuple of ConvexShell
+        Large convex bodies for occlusion culling.
+    charts : Charts
+        Layout of the faces in an atlas; the mesh is cut along the charts' borders.
+    edges : MeshEdges
+        Edges that may show as lines.
     """
 
     values: Float32Array
@@ -64,7 +84,7 @@ class BakedMesh:
 
     @cached_property
     def plane_rows(self) -> Float32Array:
-        """(4, T) ``planes``, row-major: a product with a vector takes a seventh of the time."""
+        """(4, T) ``planes`` in row-major order, for fast products with a vector."""
         return np.ascontiguousarray(self.planes.T)
 
 
@@ -74,7 +94,8 @@ class Geometry(BakedMesh):
 
     Parameters
     ----------
-    uv : (V, 2) texture coordinates, or (0, 2).
+    uv : (V, 2) array
+        Texture coordinates, or (0, 2).
     """
 
     uv: Float32Array
@@ -90,8 +111,12 @@ class MergedParts:
 
     Parameters
     ----------
-    vertices : (V,) vertices of dtype `VERTEX`. triangles : (T, 3) indices.
-    uv : (V, 2) texture coordinates, or (0, 2) without textures.
+    vertices : (V,) array
+        Vertices of dtype `VERTEX`.
+    triangles : (T, 3) array
+        Indices.
+    uv : (V, 2) array
+        Texture coordinates, or (0, 2) without textures.
     """
 
     vertices: np.typing.NDArray[np.void]
@@ -106,18 +131,22 @@ def geometry_of(
 
     Parameters
     ----------
-    parts : parts of the target in its own order. numbers : material numbers, from 1.
-    texel : spacing of the nodes of baked light, as a share of the mesh's radius.
+    parts : sequence of Part
+        Parts of the target in its own order.
+    numbers : mapping
+        Material numbers, from 1.
+    texel : float
+        Spacing of the nodes of baked light, as a share of the mesh's radius.
     """
 
-    # always unpack, also without a cache: another memory layout may sum in another order
+    # always unpack, even without a cache, because another memory layout may change the order of summation
     def bake() -> ByteArray:
         return pack(_make(merged, parts, numbers, texel), *_PACKED)
 
-    if len(merged.triangles) > MAX_KEPT:
+    if len(merged.triangles) > MAX_CACHED_TRIANGLES:
         return unpack_geometry(bake())
     own = [part.positions_m for part in parts]  # in the target's order, which merging may change
-    functions = (_make, make_charts, cut_charts, find_edges, find_shells, part_is_closed, pack)
+    functions = (_make, make_charts, cut_charts, find_edges, largest_shells, part_is_closed, pack)
     makers = (*functions, PlaneGrid, edge_table, face_planes)
     key = entry_name("geometry", makers, texel, merged.vertices, merged.triangles, merged.uv, own)
     return unpack_geometry(cached_array(key, bake))
@@ -154,8 +183,8 @@ def _make(merged: MergedParts, parts: Sequence[Part], numbers: Mapping[str, int]
         is_closed=closed,
         triangles=triangles,
         planes=face_planes(corners).astype(np.float32),
-        boxes=Boxes.about(corners, BOX * radius),
-        shells=find_shells(
+        boxes=Boxes.about(corners, BOX_SIZE * radius),
+        shells=largest_shells(
             convex_bodies([p.positions_m.astype(float)[p.triangles] for p in parts], radius), radius
         ),
         charts=charts,
@@ -173,7 +202,8 @@ def outer_hulls(parts_m: Sequence[FloatArray]) -> list[FloatArray]:
 
     Parameters
     ----------
-    parts_m : (N, 3) points of each part.
+    parts_m : sequence of (N, 3) arrays
+        Points of each part.
     """
     hulls = [_hull(points) for points in parts_m]
     lows, highs = (np.array([f(points, axis=0) for points, _ in hulls]) for f in (np.min, np.max))

@@ -18,12 +18,12 @@ if TYPE_CHECKING:
     from flyaround.simulator.geometry.ray_cast import Int32Array, RayCaster
     from flyaround.simulator.runtime.arrays import BoolArray, Float32Array, FloatArray, IntArray
 
-GRAZING = 0.12  # cosine: flatter directions meet the neighbours of a facet of a curved face
+GRAZING = 0.12  # smallest cosine of a ray; flatter rays would hit neighbouring facets of a curved face
 # shares of the craft's radius: distance of a ray's origin from its own face; and the larger one from a face covered by
 # a decal, so that of a panel under cells or blankets only the gaps are visible
 ORIGIN_OFFSET, DECAL_HEIGHT = 1e-4, 3e-3
 _COVERED_SHARE = 0.4  # share of hidden directions above which a node is covered by a decal
-_PROBE_STEP = 4  # one direction in so many tests whether a node is covered
+_PROBE_STEP = 4  # every fourth direction is used to test whether a node is covered
 _MAX_THREADS = 8
 
 _T = TypeVar("_T")
@@ -35,11 +35,20 @@ class NodeVisibility:
 
     Parameters
     ----------
-    directions : (D, 3) unit vectors, target frame.
-    cosines : (N, D) cosines with the nodes' normals; zero if no ray was cast: below the face, or grazing it.
-    is_open : (N, D) True if a ray was cast and hit nothing.
-    node, direction : (K,) node and direction of each ray that hit the craft. hit_node : (K,) node nearest to the hit.
-    hit_back : (K,) True if the ray hit the back of a face.
+    directions : (D, 3) array
+        Unit vectors, target frame.
+    cosines : (N, D) array
+        Cosines with the nodes' normals; zero if no ray was cast: below the face, or grazing it.
+    is_open : (N, D) array
+        True if a ray was cast and hit nothing.
+    node : (K,) array
+        Node of each ray that hit the craft.
+    direction : (K,) array
+        Direction of each ray that hit the craft.
+    hit_node : (K,) array
+        Node nearest to the hit.
+    hit_back : (K,) array
+        True if the ray hit the back of a face.
     """
 
     directions: FloatArray
@@ -58,10 +67,15 @@ def trace_visibility(
 
     Parameters
     ----------
-    planes : (T, 3) normals of the triangles. directions : (D, 3) unit vectors. radius_m : radius of the craft.
+    planes : (T, 3) array
+        Normals of the triangles.
+    directions : (D, 3) array
+        Unit vectors.
+    radius_m : float
+        Radius of the craft.
     """
     face, cosines = _above(charts, planes, directions)
-    covered, probed = _covered(charts.places_m, face, cosines, caster, directions, radius_m)
+    covered, probed = _find_covered(charts.places_m, face, cosines, caster, directions, radius_m)
     origins = (
         charts.places_m + face * np.where(covered, DECAL_HEIGHT * radius_m, ORIGIN_OFFSET * radius_m)[:, None]
     )
@@ -109,7 +123,8 @@ def encode_visibility(visibility: NodeVisibility, patch: IntArray) -> NDArray[np
 
     Parameters
     ----------
-    patch : (N,) patch of each node; patch p is coded as 2 + 2 p, and one more for its back.
+    patch : (N,) array
+        Patch of each node; patch p is coded as 2 + 2 p, and one more for its back.
     """
     codes = visibility.is_open.astype(np.uint32)
     codes[visibility.node, visibility.direction] = 2 + 2 * patch[visibility.hit_node] + visibility.hit_back
@@ -138,7 +153,7 @@ def decode_visibility(
     )
 
 
-def _covered(
+def _find_covered(
     places_m: FloatArray,
     face: FloatArray,
     cosines: Float32Array,

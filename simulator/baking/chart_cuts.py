@@ -15,10 +15,10 @@ if TYPE_CHECKING:
 _COPLANAR_COSINE = 0.9998  # cosine between neighbours in one plane
 _SAME_PLANE_COSINE = 1 - 1e-6  # the same of a quad's halves on a finely meshed round face
 # cosine with a set's mean normal below which its coplanar neighbours form a curved surface
-_BENT_COSINE = 0.9995
+_CURVED_COSINE = 0.9995
 _PATCH_TEXELS = 3  # texels per side of a patch on a round face
 # bins per unit of a normal's component: normals of a patch differ by about 10 degrees, or 20 if it may be in pieces
-_NORMAL_BINS, _FEWER_BINS = 6, 3
+_NORMAL_BINS, _COARSE_NORMAL_BINS = 6, 3
 
 
 def cut_charts(
@@ -34,10 +34,16 @@ def cut_charts(
 
     Parameters
     ----------
-    positions_m : (V, 3) vertices. groups : (V,) group numbers, never mixed in one chart.
-    normal : (T, 3) of the triangles.
-    texel_m : sets of triangles smaller than this may be merged with others of nearly the same normal.
-    touching : True if a chart must be connected by edges; otherwise a mesh in many pieces has fewer charts.
+    positions_m : (V, 3) array
+        Vertices.
+    groups : (V,) array
+        Group numbers, never mixed in one chart.
+    normal : (T, 3) array
+        Of the triangles.
+    texel_m : float
+        Sets of triangles smaller than this may be merged with others of nearly the same normal.
+    touching : bool, optional
+        True if a chart must be connected by edges; otherwise a mesh in many pieces has fewer charts.
     """
     corners = positions_m[triangles]
     area = np.linalg.norm(face_vectors(corners), axis=1)
@@ -59,7 +65,7 @@ def cut_charts(
         plane,
         is_bent,
         texel_m,
-        _NORMAL_BINS if touching else _FEWER_BINS,
+        _NORMAL_BINS if touching else _COARSE_NORMAL_BINS,
     )
     patch = small[i] & small[j] & (key[i] == key[j])
     merged = np.where(small[i] | small[j], patch, plain)
@@ -101,8 +107,8 @@ def _bends(sets: IntArray, normal: FloatArray, area: FloatArray) -> BoolArray:
     """Return (S,) True where the normal of some triangle in a set deviates from the mean."""
     mean = _means(sets, normal, np.maximum(area, 1e-30))
     mean /= np.maximum(np.linalg.norm(mean, axis=1, keepdims=True), 1e-30)
-    # a sliver's normal is meaningless
-    off = (np.einsum("tc,tc->t", normal, mean[sets]) < _BENT_COSINE) & (area > 1e-14)
+    # normals of slivers are undefined and are ignored
+    off = (np.einsum("tc,tc->t", normal, mean[sets]) < _CURVED_COSINE) & (area > 1e-14)
     return np.bincount(sets, off) > 0
 
 
@@ -120,8 +126,10 @@ def _patch_keys(
 
     Parameters
     ----------
-    plane : (T,) sets of neighbours of nearly the same normal; a flat one gets one key, so that it stays whole.
-    is_round : (T,) True on a round face, whatever its size.
+    plane : (T,) array
+        Sets of neighbours of nearly the same normal; a flat one gets one key, so that it stays whole.
+    is_round : (T,) array
+        True on a round face, whatever its size.
     """
     weight = np.maximum(area, 1e-30)
     alone = _bends(plane, normal, area)[plane]

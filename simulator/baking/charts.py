@@ -34,13 +34,38 @@ class Charts:
 
     Parameters
     ----------
-    origin : (V,) original vertex of each vertex. triangles : (T, 3) vertex indices.
-    uv : (V, 2) atlas coordinates, 0..1.
-    size_px : width and height of the atlas. of_triangle : (T,) chart of each triangle.
-    axes : (C, 2, 3) unit vectors along a chart's nodes. low_m, step_m : (C, 2) first node and spacing along them.
-    counts : (C, 2) nodes along each axis. first : (C,) index of the first node; the others follow, row by row.
-    chart : (N,) chart of each node. at : (N,) its index in the atlas, row by row. places_m, normals : (N, 3).
-    face_normals : (C, 3) normal of each chart. triangle : (N,) triangle that each node lies on.
+    origin : (V,) array
+        Original vertex of each vertex.
+    triangles : (T, 3) array
+        Vertex indices.
+    uv : (V, 2) array
+        Atlas coordinates, 0..1.
+    size_px : tuple of int
+        Width and height of the atlas.
+    of_triangle : (T,) array
+        Chart of each triangle.
+    axes : (C, 2, 3) array
+        Unit vectors along a chart's nodes.
+    low_m : (C, 2) array
+        First node along both axes [m].
+    step_m : (C, 2) array
+        Spacing of the nodes along both axes [m].
+    counts : (C, 2) array
+        Nodes along each axis.
+    first : (C,) array
+        Index of the first node; the others follow, row by row.
+    chart : (N,) array
+        Chart of each node.
+    atlas_index : (N,) array
+        Index of each node in the atlas, row by row.
+    places_m : (N, 3) array
+        Positions of the texels [m].
+    normals : (N, 3) array
+        Unit normals of the texels.
+    face_normals : (C, 3) array
+        Normal of each chart.
+    triangle : (N,) array
+        Triangle that each node lies on.
     """
 
     origin: IntArray
@@ -54,7 +79,7 @@ class Charts:
     counts: IntArray
     first: IntArray
     chart: IntArray
-    at: IntArray
+    atlas_index: IntArray
     places_m: FloatArray
     normals: FloatArray
     face_normals: FloatArray
@@ -87,8 +112,14 @@ def make_charts(
 
     Parameters
     ----------
-    positions_m, normals : (V, 3). groups : (V,) group numbers, never mixed in one chart. texel_m : largest node
-        spacing.
+    positions_m : (V, 3) array
+        Positions of the vertices [m].
+    normals : (V, 3) array
+        Unit normals of the vertices.
+    groups : (V,) array
+        Group numbers, never mixed in one chart.
+    texel_m : float
+        Largest node spacing.
     """
     corners = positions_m[triangles]
     across = face_vectors(corners)
@@ -114,7 +145,7 @@ def make_charts(
     of_node = np.repeat(np.arange(count), nodes)
     index = np.arange(nodes.sum()) - first[of_node]
     i, j = index % counts[of_node, 0], index // counts[of_node, 0]
-    at = (corner[of_node, 1] + j) * size_px[0] + corner[of_node, 0] + i
+    atlas_index = (corner[of_node, 1] + j) * size_px[0] + corner[of_node, 0] + i
     inside = np.minimum(_MARGIN * texel_m, 0.25 * extent)[of_node]
     steps = np.stack([i, j], axis=1)
     node_uv = np.where(counts[of_node] > 1, steps * step[of_node], 0.5 * extent[of_node])
@@ -136,7 +167,7 @@ def make_charts(
         counts=counts,
         first=first,
         chart=of_node,
-        at=at,
+        atlas_index=atlas_index,
         places_m=np.einsum("nk,nkc->nc", shares, corners[triangle]),
         normals=smooth / np.maximum(np.linalg.norm(smooth, axis=1, keepdims=True), 1e-9),
         face_normals=face,
@@ -157,7 +188,12 @@ def _lay_out(
 
     Parameters
     ----------
-    corners_m, corner_normals : (T, 3, 3). across : (T, 3) normals with twice the triangles' areas as length.
+    corners_m : (T, 3, 3) array
+        Corners of the triangles [m].
+    corner_normals : (T, 3, 3) array
+        Unit normals at the corners.
+    across : (T, 3) array
+        Normals with twice the triangles' areas as length.
     """
     count = int(chart.max()) + 1
     face: FloatArray = np.stack([np.bincount(chart, v, count) for v in across.T], axis=1).astype(float)
@@ -214,8 +250,16 @@ def _nearest_on_charts(
 
     Parameters
     ----------
-    node_xy : (N, 2) node coordinates. of_node : (N,) their charts. xy : (T, 3, 2) corners of the triangles.
-    nodes : (C,) number of nodes of each chart. area : (T,) areas of the triangles.
+    node_xy : (N, 2) array
+        Node coordinates.
+    of_node : (N,) array
+        Their charts.
+    xy : (T, 3, 2) array
+        Corners of the triangles.
+    nodes : (C,) array
+        Number of nodes of each chart.
+    area : (T,) array
+        Areas of the triangles.
     """
     order = np.lexsort((-area, chart))
     largest = order[np.searchsorted(chart[order], np.arange(len(nodes)))]
@@ -232,27 +276,33 @@ def _nearest_on_charts(
     for piece in np.split(np.arange(len(on_faces)), np.unique(pieces)):
         node, hit = grid.at(node_xy[on_faces[piece]])
         node = piece[node]
-        own = chart[candidates[hit]] == of_node[on_faces[node]]
-        node, hit = node[own], hit[own]
+        tested = chart[candidates[hit]] == of_node[on_faces[node]]
+        node, hit = node[tested], hit[tested]
         w = _barycentric(node_xy[on_faces[node]], corners[hit])
         inside = w.min(axis=1) >= 0
-        at = on_faces[node[inside]]
-        triangle[at], shares[at], is_on_face[node[inside]] = candidates[hit[inside]], w[inside], True
+        atlas_index = on_faces[node[inside]]
+        triangle[atlas_index], shares[atlas_index], is_on_face[node[inside]] = (
+            candidates[hit[inside]],
+            w[inside],
+            True,
+        )
     # a corner of the rectangle may lie off the face
-    off = on_faces[~is_on_face]
-    if len(off):
+    outside = on_faces[~is_on_face]
+    if len(outside):
         far = 1e3 * float(np.abs(xy).max())
         middles = np.column_stack([corners.mean(axis=1), far * chart[candidates]])
-        _, near = cKDTree(middles).query(np.column_stack([node_xy[off], far * of_node[off]]), k=_NEAREST)
+        _, near = cKDTree(middles).query(
+            np.column_stack([node_xy[outside], far * of_node[outside]]), k=_NEAREST
+        )
         near = np.minimum(near, len(candidates) - 1)
-        own = chart[candidates[near]] == of_node[off, None]
-        w = _barycentric(np.repeat(node_xy[off], _NEAREST, axis=0), corners[near.ravel()]).reshape(
+        tested = chart[candidates[near]] == of_node[outside, None]
+        w = _barycentric(np.repeat(node_xy[outside], _NEAREST, axis=0), corners[near.ravel()]).reshape(
             -1, _NEAREST, 3
         )
-        best = np.argmax(np.where(own, w.min(axis=2), -np.inf), axis=1)
-        row = np.arange(len(off))
+        best = np.argmax(np.where(tested, w.min(axis=2), -np.inf), axis=1)
+        row = np.arange(len(outside))
         w = np.clip(w[row, best], 0, None)
-        triangle[off], shares[off] = candidates[near[row, best]], w / w.sum(axis=1, keepdims=True)
+        triangle[outside], shares[outside] = candidates[near[row, best]], w / w.sum(axis=1, keepdims=True)
     return triangle, shares
 
 

@@ -25,10 +25,10 @@ if TYPE_CHECKING:
 # an edge with shading normals that differ by less is smooth, and not visible
 SMOOTH_COSINE = np.cos(np.radians(5.0))
 FLAT_COSINE = 1 - 1e-6  # faces in one plane (0.08 degrees) never form a silhouette
-_PLACE_M = 1e-6  # corners nearer than this coincide
-_SEARCH_RADIUS = 0.004  # largest distance of two edges compared, as a share of the mesh's extent
-_PLACES = 3, 12  # least and largest number of sample points along an edge
-_PLACE_SPACING = 0.02  # spacing of the points along a long edge, as a share of the mesh's extent
+_COINCIDENCE_M = 1e-6  # corners nearer than this coincide
+_SEARCH_RADIUS = 0.004  # largest distance between edges that are compared, relative to the mesh's extent
+_SAMPLE_COUNTS = 3, 12  # least and largest number of sample points along an edge
+_SAMPLE_SPACING = 0.02  # spacing of the points along a long edge, as a share of the mesh's extent
 _NEIGHBOURS = 6  # nearest points of other edges to examine
 # least cosine of the angle between normals of one plane, and between edges that count as parallel
 _SAME_PLANE_COSINE, _PARALLEL_COSINE = 0.999, 0.95
@@ -43,12 +43,20 @@ class MeshEdges:
 
     Parameters
     ----------
-    vertices_m : (V, 3) positions, target frame. ends : (E, 2) vertices of each edge.
-    faces : (E, 2) rows of ``planes``. is_crease : (E,) True if the edge is visible whenever one of its faces is.
-    planes : (F, 4) unit normal of each face, and its negated distance from the origin [m].
-    materials : (E,) material number of the part; negative if the first face lies to the right of the edge, seen from
-        outside.
-    is_closed : True if back faces are never visible, so that only edges of front faces are.
+    vertices_m : (V, 3) array
+        Positions, target frame.
+    ends : (E, 2) array
+        Vertices of each edge.
+    faces : (E, 2) array
+        Rows of ``planes``.
+    is_crease : (E,) array
+        True if the edge is visible whenever one of its faces is.
+    planes : (F, 4) array
+        Unit normal of each face, and its negated distance from the origin [m].
+    materials : (E,) array
+        Material number of the part; negative if the first face lies to the right of the edge, seen from outside.
+    is_closed : bool
+        True if back faces are never visible, so that only edges of front faces are.
     """
 
     vertices_m: FloatArray
@@ -89,8 +97,10 @@ class MeshEdges:
         return replace(self.take(original[order]), vertices_m=places, ends=ends[order]), original[order]
 
     def quads(self) -> Float32Array:
-        """Return (E, 4, 8) vertices: both ends, the corner's number 0..3 (end = number // 2, side = number % 2), and
-        the edge's entry in `materials`.
+        """Return the (E, 4, 8) vertices of quadrilaterals along the edges.
+
+        A vertex holds both ends of the edge, the corner's number 0..3 (end = number // 2, side = number % 2), and the
+        edge's entry in `materials`.
         """
         out = np.empty((len(self.ends), 4, 8), np.float32)
         out[..., :3] = self.vertices_m[self.ends[:, 0], None]
@@ -105,7 +115,8 @@ def find_edges(parts: tuple[Part, ...], numbers: Mapping[str, int], *, is_closed
 
     Parameters
     ----------
-    numbers : material numbers, from 1.
+    numbers : mapping
+        Material numbers, from 1.
     """
     vertices, ends, faces, creases, planes, materials = [], [], [], [], [], []
     first_vertex = first_face = 0
@@ -133,39 +144,39 @@ def find_edges(parts: tuple[Part, ...], numbers: Mapping[str, int], *, is_closed
 def _of_part(part: Part) -> tuple[FloatArray, IntArray, IntArray, BoolArray, FloatArray, BoolArray]:
     positions = part.positions_m.astype(float)
     triangles = np.asarray(part.triangles)
-    _, first, place = np.unique(
-        np.round(positions / _PLACE_M).astype(np.int64), axis=0, return_index=True, return_inverse=True
+    _, first, position = np.unique(
+        np.round(positions / _COINCIDENCE_M).astype(np.int64), axis=0, return_index=True, return_inverse=True
     )
-    place = place.ravel()
+    position = position.ravel()
     corners = positions[triangles]
     planes = face_planes(corners)
     normal = planes[:, :3]
-    table = edge_table(place[triangles])
-    head, mate = table.first, table.first.copy()
-    mate[table.pair_edge] = table.pairs[:, 1]
+    table = edge_table(position[triangles])
+    head, twin = table.first, table.first.copy()
+    twin[table.pair_edge] = table.pairs[:, 1]
     # every side of every triangle, from its lower vertex to its higher one
     start, end = triangles.ravel(), np.roll(triangles, -1, axis=1).ravel()
-    is_forward = place[start] <= place[end]
+    is_forward = position[start] <= position[end]
     start, end = np.where(is_forward, start, end), np.where(is_forward, end, start)
     # shading normals on both sides, at both ends
     n = part.normals.astype(float)
     same = np.minimum(
-        np.einsum("ij,ij->i", n[start[head]], n[start[mate]]),
-        np.einsum("ij,ij->i", n[end[head]], n[end[mate]]),
+        np.einsum("ij,ij->i", n[start[head]], n[start[twin]]),
+        np.einsum("ij,ij->i", n[end[head]], n[end[twin]]),
     )
     crease = (same < SMOOTH_COSINE) | (table.count != 2)
-    flat = np.einsum("ij,ij->i", normal[head // 3], normal[mate // 3]) > FLAT_COSINE
+    flat = np.einsum("ij,ij->i", normal[head // 3], normal[twin // 3]) > FLAT_COSINE
     keep = (crease | ~flat) & (table.ends[:, 0] != table.ends[:, 1])
-    head, mate = head[keep], mate[keep]
-    faces = np.stack([head, mate], axis=1) // 3
+    head, twin = head[keep], twin[keep]
+    faces = np.stack([head, twin], axis=1) // 3
     return positions[first], table.ends[keep], faces, crease[keep], planes, is_forward[head]
 
 
 def edge_gaps(edges: MeshEdges) -> Float32Array:
     """Return the (E, 2) gap between each edge and the creases that run next to its whole length, from the cache [m].
 
-    The first is the gap to creases that are visible whenever the edge's first face is, the second the same for its
-    second face. Infinite if there are none nearby.
+    Column k is the gap to the nearest crease that is visible whenever face k of the edge is visible, infinite if there
+    is none nearby.
     """
     return np.asarray(
         cached_array(
@@ -187,29 +198,29 @@ def _nearest_creases(edges: MeshEdges) -> Float32Array:
     length = np.linalg.norm(end - start, axis=1)
     along = (end - start) / length[:, None]
     extent = float(np.linalg.norm(np.ptp(edges.vertices_m, axis=0)))
-    farthest, apart = _SEARCH_RADIUS * extent, _PLACE_SPACING * extent
+    max_distance, distances = _SEARCH_RADIUS * extent, _SAMPLE_SPACING * extent
     # points on the creases, so dense that the nearest crease is among the nearest points
-    crease_of_point, share = _places(creases, np.ceil(length[creases] / farthest))
+    crease_of_point, share = _places(creases, np.ceil(length[creases] / max_distance))
     tree = cKDTree(start[crease_of_point] + share[:, None] * (end - start)[crease_of_point])
     long = np.flatnonzero(length > _MIN_LENGTH * extent)
     if not len(long):
         return gap_m
-    sampled, at = _places(long, np.clip(np.ceil(length[long] / apart), *_PLACES))
-    place = start[sampled] + at[:, None] * (end - start)[sampled]
-    reach = np.hypot(farthest, farthest / 2)
-    row = np.asarray(tree.query(place, k=_NEIGHBOURS, distance_upper_bound=reach)[1])
+    sampled, at = _places(long, np.clip(np.ceil(length[long] / distances), *_SAMPLE_COUNTS))
+    position = start[sampled] + at[:, None] * (end - start)[sampled]
+    search_radius = np.hypot(max_distance, max_distance / 2)
+    row = np.asarray(tree.query(position, k=_NEIGHBOURS, distance_upper_bound=search_radius)[1])
     sample, column = np.nonzero(row < len(crease_of_point))
     other, own = crease_of_point[row[sample, column]], sampled[sample]
     # beside it, not beyond its ends; nearly parallel; another edge
-    to = place[sample] - start[other]
+    to = position[sample] - start[other]
     step = np.einsum("ij,ij->i", to, along[other])
-    good = (
+    is_valid = (
         (step >= -_END_TOLERANCE * length[other])
         & (step <= (1 + _END_TOLERANCE) * length[other])
         & (other != own)
     )
-    good &= np.abs(np.einsum("ij,ij->i", along[other], along[own])) > _PARALLEL_COSINE
-    sample, other, own, to, step = (v[good] for v in (sample, other, own, to, step))
+    is_valid &= np.abs(np.einsum("ij,ij->i", along[other], along[own])) > _PARALLEL_COSINE
+    sample, other, own, to, step = (v[is_valid] for v in (sample, other, own, to, step))
     away = np.linalg.norm(to - step[:, None] * along[other], axis=1)
     normals = edges.planes[:, :3]
     for k in (0, 1):

@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 
 _T = TypeVar("_T", bound=np.generic)
 DIRECTIONS = 128  # directions of rays, and of the Sun
-LARGEST_SLOPE = 0.8  # largest value of b, stored in eight bits; a hemisphere has 0.75
+LARGEST_SLOPE = 0.8  # full scale of b, which is stored in eight bits; an open hemisphere has 0.75
 BOUNCES = 4  # reflections between parts
 INTERREFLECTION_STEP = 2.0**-16  # irradiance from other parts never exceeds the sunlight, so 16 bits hold it
 PATCH = 4  # nodes along each side of a patch with one radiosity
@@ -49,10 +49,13 @@ class RadianceTransfer:
 
     Parameters
     ----------
-    visibility : (A, 4) b, coded by ``LARGEST_SLOPE``, and a, for each texel of the atlas, row by row.
-    interreflected : (n, D, A) irradiance from other parts, for sunlight from each of ``directions``, over the Sun's; in
-        steps of ``INTERREFLECTION_STEP``.
-    interreflected_sky : (n, 9, A) the same per coefficient of the sky's radiance in `harmonics`.
+    visibility : (A, 4) array
+        Coefficients b (scaled by ``LARGEST_SLOPE``) and a for each texel of the atlas, row by row.
+    interreflected : (n, D, A) array
+        Irradiance from other parts, for sunlight from each of ``directions``, over the Sun's; in steps of
+        ``INTERREFLECTION_STEP``.
+    interreflected_sky : (n, 9, A) array
+        The same per coefficient of the sky's radiance in `harmonics`.
     """
 
     visibility: ByteArray
@@ -84,15 +87,18 @@ def baked_transfer(mesh: BakedMesh, reflectance: FloatArray, patch: int = PATCH)
 
     Parameters
     ----------
-    reflectance : (M, n) of each material, per band. patch : nodes along each side of a patch.
+    reflectance : (M, n) array
+        Of each material, per band.
+    patch : int, optional
+        Nodes along each side of a patch.
     """
     charts = mesh.charts
-    sight = _visibility_entry(mesh, patch)
-    key = entry_name("transfer", (solve_radiosity,), sight, np.round(reflectance, 6))
+    visibility_key = _visibility_entry(mesh, patch)
+    key = entry_name("transfer", (solve_radiosity,), visibility_key, np.round(reflectance, 6))
     materials = np.rint(_vertices(mesh)["material"][charts.triangles[charts.triangle, 0]]).astype(int) - 1
 
     def bake() -> tuple[np.typing.NDArray[np.generic], np.typing.NDArray[np.generic]]:
-        rays = _prebuilt_visibility(sight, mesh, patch) or _traced_visibility(mesh)
+        rays = _prebuilt_visibility(visibility_key, mesh, patch) or _traced_visibility(mesh)
         return solve_radiosity(charts, rays, reflectance[materials], patch, closed=mesh.is_closed)
 
     visibility, interreflected = (np.asarray(array) for array in cached_arrays((f"{key}-sky", key), bake))
@@ -145,8 +151,8 @@ def _visibility_entry(mesh: BakedMesh, patch: int) -> str:
 def product_in_blocks(a: Float32Array, b: Float32Array) -> Float32Array:
     """Return the (M, N) product of (M, K) and (K, N), identical for every number of BLAS threads.
 
-    BLAS divides the columns among its threads, and rounds differently at the cuts; it computes blocks of a quarter of a
-    million products in one thread.
+    BLAS divides the columns among its threads, and rounding depends on this division. Blocks small enough for a single
+    thread avoid that.
     """
     out = np.empty((len(a), b.shape[1]), np.float32)
     columns = max(_BLOCK // a.size, 1)
@@ -163,25 +169,29 @@ def solve_radiosity(
 
     Parameters
     ----------
-    reflectance : (N, n) of each node, per band. side : side of a patch [nodes].
-    closed : True if a ray that hits the back of a face starts inside a part.
+    reflectance : (N, n) array
+        Of each node, per band.
+    side : int, optional
+        Side of a patch [nodes].
+    closed : bool
+        True if a ray that hits the back of a face starts inside a part.
     """
     n = len(charts.chart)
-    looking = rays.cosines[rays.node, rays.direction]
-    back_share = np.bincount(rays.node, weights=looking * (rays.hit_back & closed), minlength=n)
+    in_view = rays.cosines[rays.node, rays.direction]
+    back_share = np.bincount(rays.node, weights=in_view * (rays.hit_back & closed), minlength=n)
     whole = np.maximum(rays.cosines.sum(axis=1), 1e-9)
-    good = back_share < _INSIDE_SHARE * whole
-    visibility = _visibility(charts, rays, good)
+    is_valid = back_share < _INSIDE_SHARE * whole
+    visibility = _visibility(charts, rays, is_valid)
     # transfer from patches to nodes
     patch, count = _patches(charts, side)
-    # only fronts are lit: the back of an open shell hides, and reflects nothing
+    # only front faces are lit; the back of an open shell occludes but does not reflect
     front = np.flatnonzero(~rays.hit_back)
     node = rays.node[front]
-    share = (looking[front] / np.maximum(whole - back_share, 1e-9)[node]).astype(np.float32)
+    share = (in_view[front] / np.maximum(whole - back_share, 1e-9)[node]).astype(np.float32)
     transfer = coo_matrix((share, (node, patch[rays.hit_node[front]])), shape=(len(patch), count)).tocsr()
-    size = np.bincount(patch, weights=good, minlength=count)
+    size = np.bincount(patch, weights=is_valid, minlength=count)
     mean = coo_matrix(
-        (good / np.maximum(size, 1)[patch], (patch, np.arange(len(patch)))), shape=(count, len(patch))
+        (is_valid / np.maximum(size, 1)[patch], (patch, np.arange(len(patch)))), shape=(count, len(patch))
     ).tocsr()
     between = mean @ transfer
     direct = mean @ (rays.cosines * rays.is_open)
@@ -191,12 +201,14 @@ def solve_radiosity(
         leaving = paint * direct
         for _ in range(BOUNCES - 1):
             leaving = paint * (direct + between @ leaving)
-        steps = _spread(charts, good, np.asarray(transfer @ leaving, np.float32)) / INTERREFLECTION_STEP
+        steps = (
+            _fill_invalid(charts, is_valid, np.asarray(transfer @ leaving, np.float32)) / INTERREFLECTION_STEP
+        )
         bands.append(_in_atlas(charts, np.asarray(np.clip(steps, 0, 65535), np.uint16)).T)
     return _in_atlas(charts, visibility), np.ascontiguousarray(bands)
 
 
-def _visibility(charts: Charts, rays: NodeVisibility, good: BoolArray) -> ByteArray:
+def _visibility(charts: Charts, rays: NodeVisibility, is_valid: BoolArray) -> ByteArray:
     """Return the (N, 4) code of V, corrected so that the irradiance of an open node and of a uniform sky is exact."""
     directions = rays.directions.astype(np.float32)
     above = (rays.cosines > 0).astype(np.float32)
@@ -208,14 +220,14 @@ def _visibility(charts: Charts, rays: NodeVisibility, good: BoolArray) -> ByteAr
     share = (rays.cosines * free).sum(axis=1) / np.maximum(rays.cosines.sum(axis=1), 1e-9)
     a = share - 2 / 3 * np.einsum("nc,nc->n", b, charts.normals)
     coded = np.column_stack([b / (2 * LARGEST_SLOPE) + 0.5, a])
-    coded = _spread(charts, good, np.asarray(coded, np.float32))
+    coded = _fill_invalid(charts, is_valid, np.asarray(coded, np.float32))
     return np.asarray(np.clip(coded * 255 + 0.5, 0, 255), np.uint8)
 
 
 def _in_atlas(charts: Charts, values: np.typing.NDArray[_T]) -> np.typing.NDArray[_T]:
     """Return (A, n) values (N, n) of the nodes in the order of the atlas's texels."""
     image = np.zeros((charts.size_px[0] * charts.size_px[1], values.shape[1]), values.dtype)
-    image[charts.at] = values
+    image[charts.atlas_index] = values
     return image
 
 
@@ -230,29 +242,29 @@ def _patches(charts: Charts, side: int) -> tuple[IntArray, int]:
     return patch, int(patch.max()) + 1
 
 
-def _spread(charts: Charts, good: BoolArray, values: FloatArray) -> FloatArray:
+def _fill_invalid(charts: Charts, is_valid: BoolArray, values: FloatArray) -> FloatArray:
     """Return values (N, n) with invalid nodes replaced by the mean of valid neighbours in their chart."""
     width, height = charts.size_px
     owner = np.full((height + 2) * (width + 2), -1)
     node = np.zeros_like(owner)
-    y, x = np.divmod(charts.at, width)
+    y, x = np.divmod(charts.atlas_index, width)
     at = (y + 1) * (width + 2) + x + 1
     owner[at], node[at] = charts.chart, np.arange(len(at))
-    is_known, out = good.copy(), values.copy()
+    is_known, out = is_valid.copy(), values.copy()
     steps = [
         (dy * (width + 2) + dx, (2 - abs(dy)) * (2 - abs(dx)) / 4) for dy in (-1, 0, 1) for dx in (-1, 0, 1)
     ]
     for _ in range(4):
-        lacking = np.flatnonzero(~is_known)
-        total = np.zeros((len(lacking), values.shape[1]), np.float32)
-        weight = np.zeros(len(lacking), np.float32)
+        missing = np.flatnonzero(~is_known)
+        total = np.zeros((len(missing), values.shape[1]), np.float32)
+        weight = np.zeros(len(missing), np.float32)
         for step, w in steps:
-            near = node[at[lacking] + step]
-            use = (owner[at[lacking] + step] == charts.chart[lacking]) & is_known[near]
-            which = np.flatnonzero(use)  # a few rows of a hundred values each
-            total[which] += np.float32(w) * out[near[which]]
-            weight[which] += np.float32(w)
+            near = node[at[missing] + step]
+            known = (owner[at[missing] + step] == charts.chart[missing]) & is_known[near]
+            rows = np.flatnonzero(known)  # a few rows of a hundred values each
+            total[rows] += np.float32(w) * out[near[rows]]
+            weight[rows] += np.float32(w)
         new = weight > 0
-        out[lacking[new]] = total[new] / weight[new, None]
-        is_known[lacking[new]] = True
+        out[missing[new]] = total[new] / weight[new, None]
+        is_known[missing[new]] = True
     return out

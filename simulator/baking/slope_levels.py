@@ -17,7 +17,8 @@ def slope_levels(image: FloatArray) -> Iterator[tuple[FloatArray, FloatArray]]:
 
     Parameters
     ----------
-    image : (S, S, n), S a power of two; slopes along u and v, and other channels.
+    image : (S, S, n) array
+        S a power of two; slopes along u and v, and other channels.
 
     References
     ----------
@@ -29,10 +30,10 @@ def slope_levels(image: FloatArray) -> Iterator[tuple[FloatArray, FloatArray]]:
         yield image, np.sqrt(np.maximum(variance, 0))
         if len(image) == 1:
             return
-        image, square = _halved(image), _halved(square)
+        image, square = _halve(image), _halve(square)
 
 
-def _halved(image: FloatArray) -> FloatArray:
+def _halve(image: FloatArray) -> FloatArray:
     """Return the mean of two by two texels."""
     half = len(image) // 2
     return np.asarray(image.reshape(half, 2, half, 2, -1).mean(axis=(1, 3)))

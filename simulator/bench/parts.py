@@ -46,7 +46,8 @@ class PartCost:
 
     Parameters
     ----------
-    kernels : implementation of an estimator's inner loops; None for other parts.
+    kernels : str, optional
+        Implementation of an estimator's inner loops; None for other parts.
     """
 
     name: str

@@ -202,7 +202,8 @@ def labels_cost(
 
     Parameters
     ----------
-    scenes : at least two; the optical flow of each leads to the next one.
+    scenes : sequence of SceneState
+        At least two; the optical flow of each leads to the next one.
     """
     added_ms, ratios = [], []
     for k in range(n_frames + 1):

@@ -39,7 +39,7 @@ with Renderer(prefetched={{bands: prefetched}}) as renderer:
 
 
 def bench_start() -> tuple[PartCost, ...]:
-    """Time from the start of Python to an image [ms], and its peak resident memory, mapped files included."""
+    """Time from the start of Python to an image [ms], and the peak resident memory, including mapped files."""
     with TemporaryDirectory() as folder:
         first, again = (start_once(folder) for _ in range(2))
     return (
@@ -53,7 +53,10 @@ def start_once(cache_folder: str, early: str = "", late: str = "") -> tuple[floa
 
     Parameters
     ----------
-    early, late : lines of Python to run before anything is read, and after the renderer is imported.
+    early : str, optional
+        Python code to run before anything is imported.
+    late : str, optional
+        Python code to run after the renderer is imported.
     """
     environment = {k: v for k, v in os.environ.items() if k != "PYTHONDONTWRITEBYTECODE"}  # as installed
     # the first start also compiles the driver's shaders

@@ -176,12 +176,15 @@ def _delimiter(path: Path) -> str | None:
     return "," if path.suffix == ".csv" else None
 
 
-def read_part(camera: Camera, roi_px: tuple[int, int, int, int] | None, binning: int, where: str) -> Camera:
-    """Return the camera of a detector region with ``binning`` by ``binning`` pixels joined.
+def crop_and_bin(
+    camera: Camera, roi_px: tuple[int, int, int, int] | None, binning: int, where: str
+) -> Camera:
+    """Return the camera of a detector region, with ``binning`` by ``binning`` pixels combined into one.
 
     Parameters
     ----------
-    roi_px : x0, y0, width, height in pixels of the whole image, or None for the whole image.
+    roi_px : tuple of int or None
+        x0, y0, width, height in pixels of the whole image, or None for the whole image.
 
     Raises
     ------

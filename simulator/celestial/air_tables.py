@@ -36,11 +36,12 @@ class AirTables:
 
     Parameters
     ----------
-    transmittance : (RADII, COSINES, n) transmittance to the top of the atmosphere; mapping of Bruneton & Neyret (2008),
-        section 4.
-    ground : (GROUND_SAMPLES, n) direct plus diffuse irradiance on level ground, as a share of the Sun's irradiance.
-    multiple : (HEIGHTS, SUNS, n) light scattered at least twice; see
-        simulator/scene/illumination/multiple_scattering.py.
+    transmittance : (RADII, COSINES, n) array
+        Transmittance to the top of the atmosphere; mapping of Bruneton & Neyret (2008), section 4.
+    ground : (GROUND_SAMPLES, n) array
+        Direct plus diffuse irradiance on level ground, as a share of the Sun's irradiance.
+    multiple : (HEIGHTS, SUNS, n) array
+        Light scattered at least twice; see simulator/scene/illumination/multiple_scattering.py.
     """
 
     air: Atmosphere

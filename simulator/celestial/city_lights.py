@@ -1,6 +1,6 @@
-"""City lights below the night map's texels: streets, towns, roads in a tiling texture of mean one, baked once.
+"""City lights finer than the texels of the night map: streets, towns and roads, as a tiling texture of mean one.
 
-The same texture holds the cloud detail, so that one fetch serves the regions that neither Sun nor Moon lights.
+The same texture holds the cloud detail, so that regions without sunlight and moonlight need a single texture fetch.
 """
 
 from __future__ import annotations
@@ -17,12 +17,12 @@ from flyaround.simulator.runtime.cached_arrays import cached_array
 if TYPE_CHECKING:
     from flyaround.simulator.runtime.arrays import ByteArray, Float32Array, FloatArray, IntArray
 
-BRIGHTEST = 16.0  # largest value of the light channels, as a multiple of their mean
+MAX_LIGHT = 16.0  # largest value of the light channels, as a multiple of their mean
 MAP_MAX_W_M2_SR = 7.0e-4
 """Radiance of the brightest texel of the night map: 70 nW cm-2 sr-1 over its 5 km, in the band of VIIRS.
 
-The map is an image of Suomi NPP's day-night band of 2012. With this figure the 50 km around the largest cities emit 25
-to 60 nW cm-2 sr-1, as read from that band's maps (Elvidge et al. 2017, Int. J. Remote Sensing 38, 5860).
+The map is an image of Suomi NPP's day-night band of 2012. With this value, areas of 50 km around the largest cities
+emit 25 to 60 nW cm-2 sr-1, in agreement with Elvidge et al. (2017), Int. J. Remote Sensing 38, 5860.
 """
 _SEED = 20120401
 _TILE = SIZE // 2  # size of the pattern [texels], repeated twice each way
@@ -38,7 +38,7 @@ def night_texture() -> ByteArray:
 
 
 def make_night() -> ByteArray:
-    """Return the cloud detail (from the cache), and the light over its mean, up to ``BRIGHTEST``."""
+    """Return the cloud detail (from the cache), and the light over its mean, up to ``MAX_LIGHT``."""
     return np.dstack([detail_texture()[..., :1], np.tile(make_city_lights(), (2, 2, 1))])
 
 
@@ -56,15 +56,15 @@ def make_city_lights() -> ByteArray:
     # crossings, squares, malls: few texels hold such a point of light
     points = rng.lognormal(-0.7, 1.2, shape)
     parks = np.clip(0.9 + 0.9 * _normal(rng, shape, 3.0), 0.0, 1.0)  # a sixth is dark
-    avenues, main_roads = (np.exp(-((away / w) ** 2)) for away, w in ((border, 0.8), (road, 0.9)))
+    avenues, main_roads = (np.exp(-((distance / w) ** 2)) for distance, w in ((border, 0.8), (road, 0.9)))
     built = (
         parks * _soft(rng.lognormal(0.0, 0.6, count)[quarter], 1.2) * (0.1 + streets * (0.2 + 0.6 * points))
     )
     centres = _towns(rng, quarter, 0.8, 1.6) * (0.4 + points)
-    around = np.minimum(_towns(rng, town, 0.5, 6.0), 3.0)
+    neighbours = np.minimum(_towns(rng, town, 0.5, 6.0), 3.0)
     city = (
-        built * (0.8 + 0.7 * around)
-        + avenues * (0.2 + 0.25 * around)
+        built * (0.8 + 0.7 * neighbours)
+        + avenues * (0.2 + 0.25 * neighbours)
         + main_roads
         + 0.3 * np.minimum(centres, 8.0)
     )
@@ -78,11 +78,11 @@ def make_city_lights() -> ByteArray:
     out = np.empty((*shape, 3), np.uint8)
     for k, light in enumerate((city, sum(share * part / part.mean() for share, part in country))):
         light = _soft(light, 0.4)  # noqa: PLW2901 - step by step
-        # clip at the largest stored value, repeatedly, so that the clipped field still has a mean of one
+        # clip at the largest stored value and rescale, repeatedly, so that the clipped field has a mean of one
         for _ in range(8):
-            light = np.minimum(light / light.mean(), BRIGHTEST)  # noqa: PLW2901 - step by step
+            light = np.minimum(light / light.mean(), MAX_LIGHT)  # noqa: PLW2901 - step by step
         # stochastic rounding keeps the mean of dark regions
-        out[..., k] = np.minimum(light * (255 / BRIGHTEST) + rng.random(shape), 255)
+        out[..., k] = np.minimum(light * (255 / MAX_LIGHT) + rng.random(shape), 255)
     white = 0.5 + 0.22 * _normal(rng, shape, 5.0) + 0.22 * _normal(rng, shape, 1.0)
     out[..., 2] = np.clip(white, 0, 1) * 255
     return out
@@ -93,21 +93,26 @@ def _towns(rng: np.random.Generator, cells: IntArray, spread: float, texels: flo
 
     Parameters
     ----------
-    spread : standard deviation of the logarithm of a town's light. texels : width of a median town.
+    spread : float
+        Standard deviation of the logarithm of a town's light.
+    texels : float
+        Width of a median town.
     """
-    around = np.sort([np.roll(cells, shift, (0, 1)) for shift in ((0, 0), (1, 0), (0, 1), (1, 1))], axis=0)
-    light = ((np.diff(around, axis=0) != 0).sum(axis=0) >= 2) * rng.lognormal(0.0, spread, cells.shape)
+    neighbours = np.sort(
+        [np.roll(cells, shift, (0, 1)) for shift in ((0, 0), (1, 0), (0, 1), (1, 1))], axis=0
+    )
+    light = ((np.diff(neighbours, axis=0) != 0).sum(axis=0) >= 2) * rng.lognormal(0.0, spread, cells.shape)
     out = np.zeros(cells.shape, np.float32)
     for low, high, wide in ((0.0, 0.7, 0.5), (0.7, 2.0, 1.0), (2.0, np.inf, 2.0)):
-        kin = light * ((light >= low) & (light < high))
-        out += _soft(kin, texels * wide) + _soft(kin, 0.4 * texels * wide)
+        same_cell = light * ((light >= low) & (light < high))
+        out += _soft(same_cell, texels * wide) + _soft(same_cell, 0.4 * texels * wide)
     return np.asarray(out / out.mean(), np.float32)
 
 
 def _ridge(across: Float32Array, step: Float32Array) -> Float32Array:
     """Return 1 on lines one step apart, falling to 0 within a texel or two."""
-    away = np.abs(across - step * np.round(across / step))
-    return np.asarray(np.exp(-((away / 0.6) ** 2)), np.float32)
+    distance = np.abs(across - step * np.round(across / step))
+    return np.asarray(np.exp(-((distance / 0.6) ** 2)), np.float32)
 
 
 def _cells(rng: np.random.Generator, count: int, bend: float) -> tuple[IntArray, Float32Array]:
@@ -115,7 +120,8 @@ def _cells(rng: np.random.Generator, count: int, bend: float) -> tuple[IntArray,
 
     Parameters
     ----------
-    bend : amplitude of the distortion of straight borders [texels].
+    bend : float
+        Amplitude of the distortion of straight borders [texels].
     """
     pad, spacing = _TILE // 4, _TILE / count
     cell = np.stack(np.meshgrid(np.arange(count), np.arange(count)), axis=-1)

@@ -2,8 +2,8 @@
 
 Each crater is the profile of a fresh one after topographic diffusion, from a sharp bowl with bright ejecta to a shallow
 dish (Fassett & Thomson 2014, Crater degradation on the lunar maria, JGR Planets 119, 2255).
-The ground is in equilibrium, craters wear down as fast as new ones form: ages are uniform over a crater's lifetime, and
-the cumulative number falls with the square of the diameter (Minton et al. 2019, Icarus 326, 63).
+The ground is in equilibrium: craters are eroded as fast as new ones form. Ages are therefore uniform over a crater's
+lifetime, and the cumulative number falls with the square of the diameter (Minton et al. 2019, Icarus 326, 63).
 """
 
 from __future__ import annotations
@@ -24,21 +24,23 @@ SIZE = 1024
 # full scale of the slope channels (plus and minus), and of the channel of their deviation
 SLOPE_MAX, DEVIATION_MAX = 0.9, 0.5
 _SEED = 1969
-_SMALLEST_PX = 4.0  # diameter
+_MIN_DIAMETER_PX = 4.0  # diameter
 # largest diameters: a larger crater would make the repetition of the tile visible
-BROAD_LARGEST_PX, FINE_LARGEST_PX = 190.0, 45.0
-_COVER = 0.12  # N(> D) D^2: near the equilibrium of small craters (Gault 1970, Radio Science 5, 273)
+BROAD_MAX_PX, FINE_MAX_PX = 190.0, 45.0
+_EQUILIBRIUM_COVERAGE = (
+    0.12  # N(> D) D^2: near the equilibrium of small craters (Gault 1970, Radio Science 5, 273)
+)
 _COMPLEX_KM = 17.0  # diameter beyond which floors are flat (Pike 1977)
 # extent of profiles during diffusion and when stamped, and spacing of their nodes [radii]
-_REACH, _FADED, _STEP = 4.0, 2.8, 0.04
-_WORN = 0.7  # diffusivity times time over the radius squared after which 0.07 of the depth is left
-_WORN_COMPLEX = 0.1  # the same for large craters, which smaller impacts wear faster than diffusion does
+_PROFILE_RADII, _STAMP_RADII, _NODE_SPACING = 4.0, 2.8, 0.04
+_EROSION_SIMPLE = 0.7  # diffusivity times time over the radius squared after which 0.07 of the depth is left
+_EROSION_COMPLEX = 0.1  # the same for large craters, which smaller impacts erode faster than diffusion does
 _STATES = 24  # tabulated stages of a crater's erosion
-_LASTING_KM = 8.0  # diameter of craters that outlast the ground's age
+_PERSISTENT_KM = 8.0  # diameter of craters that outlast the ground's age
 _SHARP_PX = 0.6  # standard deviation of the anti-aliasing blur
-_BRIGHT = 0.1  # share of its lifetime for which a crater's ejecta stay brighter than old ground
+_BRIGHT_SHARE = 0.1  # share of its lifetime for which a crater's ejecta stay brighter than old ground
 # share of the lifetime with visible rays; least radius with rays; their length [radii]
-_RAYED, _RAYS_PX, _RAYS_REACH = 0.03, 5.0, 7.0
+_RAY_SHARE, _MIN_RAYED_RADIUS_PX, _RAY_RADII = 0.03, 5.0, 7.0
 
 
 def crater_texture(largest_px: float, texel_km: float) -> ByteArray:
@@ -66,15 +68,18 @@ def make_craters(largest_px: float, texel_km: float) -> ByteArray:
 
     Parameters
     ----------
-    largest_px : diameter of the largest crater [px]. texel_km : size of a texel: large craters are shallower [km].
+    largest_px : float
+        Diameter of the largest crater [px].
+    texel_km : float
+        Size of a texel: large craters are shallower [km].
     """
     rng = np.random.default_rng([_SEED, int(largest_px)])
-    count = int(_COVER * SIZE**2 / _SMALLEST_PX**2)
+    count = int(_EQUILIBRIUM_COVERAGE * SIZE**2 / _MIN_DIAMETER_PX**2)
     share = (np.arange(count) + rng.random(count)) / count
-    diameters = np.minimum(_SMALLEST_PX / np.sqrt(1 - share), largest_px)
+    diameters = np.minimum(_MIN_DIAMETER_PX / np.sqrt(1 - share), largest_px)
     age = rng.random(count)  # as a share of the lifetime, which grows with the diameter
     # large craters have not reached equilibrium
-    age *= np.where(diameters * texel_km < _LASTING_KM, 1.0, 0.6)
+    age *= np.where(diameters * texel_km < _PERSISTENT_KM, 1.0, 0.6)
     age **= 1.25
     rough = _rough(rng)
     height, bright = 0.7 * rough, np.zeros((SIZE, SIZE))
@@ -114,23 +119,23 @@ def fresh_profile(r: FloatArray, diameter_km: float) -> FloatArray:
 
 
 @lru_cache(maxsize=64)
-def worn_profiles(diameter_km: float) -> FloatArray:
-    """Return (STATES, N) heights over the radius, in evenly spaced states of wear; node k lies at ``k _STEP`` radii."""
-    r = np.arange(0, _REACH + _STEP / 2, _STEP)
-    last = _WORN if diameter_km < _COMPLEX_KM else _WORN_COMPLEX
-    steps = int(np.ceil(last / (0.2 * _STEP**2 * (_STATES - 1))))
-    gain = last / ((_STATES - 1) * steps) / _STEP**2
+def eroded_profiles(diameter_km: float) -> FloatArray:
+    """Return (STATES, N) heights over the radius in evenly spaced erosion stages; node k is at ``k _NODE_SPACING``."""
+    r = np.arange(0, _PROFILE_RADII + _NODE_SPACING / 2, _NODE_SPACING)
+    last = _EROSION_SIMPLE if diameter_km < _COMPLEX_KM else _EROSION_COMPLEX
+    steps = int(np.ceil(last / (0.2 * _NODE_SPACING**2 * (_STATES - 1))))
+    gain = last / ((_STATES - 1) * steps) / _NODE_SPACING**2
     h, out = fresh_profile(r, diameter_km), []
     for _ in range(_STATES):
         out.append(h)
         for _ in range(steps):
             rise = np.diff(h)
-            outwards = (r[:-1] + _STEP / 2) * rise
+            outwards = (r[:-1] + _NODE_SPACING / 2) * rise
             h = h.copy()
             h[1:-1] += gain * np.diff(outwards) / r[1:-1]
             h[0] += 4 * gain * rise[0]
-    # subtract the value at the stamp's edge, which would be a step
-    return np.array(out) * np.clip(_FADED - r, 0, 1)
+    # subtract the value at the stamp's edge, to avoid a step there
+    return np.array(out) * np.clip(_STAMP_RADII - r, 0, 1)
 
 
 def _stamp(
@@ -146,14 +151,14 @@ def _stamp(
     # simple craters have one shape; complex ones are tabulated every 5 km
     kind = 1.0 if diameter_km < _COMPLEX_KM else max(5.0 * round(diameter_km / 5), _COMPLEX_KM)
     at, phases = rng.random(2) * SIZE, rng.random(5) * 7
-    rayed = age < _RAYED and _RAYS_PX < radius < 0.45 * SIZE / _RAYS_REACH
-    reach = int(np.ceil((_RAYS_REACH if rayed else _FADED) * radius)) + 1
-    if 2 * reach + 1 > SIZE:
+    rayed = age < _RAY_SHARE and _MIN_RAYED_RADIUS_PX < radius < 0.45 * SIZE / _RAY_RADII
+    extent = int(np.ceil((_RAY_RADII if rayed else _STAMP_RADII) * radius)) + 1
+    if 2 * extent + 1 > SIZE:
         raise ValueError(
             f"a crater of radius {radius} px does not fit the tile of {SIZE} px; make it smaller"
         )
-    x0, y0 = int(at[0]) - reach, int(at[1]) - reach
-    span = np.arange(2 * reach + 1)
+    x0, y0 = int(at[0]) - extent, int(at[1]) - extent
+    span = np.arange(2 * extent + 1)
     x, y = (x0 + span - at[0]) / radius, (y0 + span - at[1]) / radius
     turn = np.arctan2(y[:, None], x[None, :])
     # real craters are not circular
@@ -161,25 +166,28 @@ def _stamp(
         0.09 / k * np.cos(k * (turn - phase)) for k, phase in zip((2, 3, 5, 7, 11), phases, strict=True)
     )
     r = np.hypot(x[None, :], y[:, None]) * (1 + swell)
-    profiles = worn_profiles(kind)
-    last = _WORN if kind < _COMPLEX_KM else _WORN_COMPLEX
+    profiles = eroded_profiles(kind)
+    last = _EROSION_SIMPLE if kind < _COMPLEX_KM else _EROSION_COMPLEX
     state = min(age + 0.5 * (_SHARP_PX / radius) ** 2 / last, 1.0) * (_STATES - 1)
-    low = min(int(state), _STATES - 2)
-    profile = profiles[low] + (state - low) * (profiles[low + 1] - profiles[low])
-    nodes = np.arange(profiles.shape[1]) * _STEP
+    lower = min(int(state), _STATES - 2)
+    profile = profiles[lower] + (state - lower) * (profiles[lower + 1] - profiles[lower])
+    nodes = np.arange(profiles.shape[1]) * _NODE_SPACING
     rows, columns = np.ix_((y0 + span) % SIZE, (x0 + span) % SIZE)
-    there = height[rows, columns]
+    region = height[rows, columns]
     erased = np.clip((1.5 - r) / 0.6, 0, 1)
     # blend towards the local plane of the old ground
-    level = (there * erased).sum() / erased.sum()
-    plane = level + sum(d * (there * erased * d).sum() / (erased * d * d).sum() for d in (x, y[:, None]))
-    height[rows, columns] = there + erased * 0.9 * (plane - there) + radius * np.interp(r, nodes, profile)
-    young = max(1 - age / _BRIGHT, 0.0)
+    level = (region * erased).sum() / erased.sum()
+    plane = level + sum(d * (region * erased * d).sum() / (erased * d * d).sum() for d in (x, y[:, None]))
+    height[rows, columns] = region + erased * 0.9 * (plane - region) + radius * np.interp(r, nodes, profile)
+    young = max(1 - age / _BRIGHT_SHARE, 0.0)
     light = 0.3 * young**2 * np.exp(-((r / 1.5) ** 2))
     if rayed:
         spokes = sum(np.cos(k * turn + p) for k, p in zip((3, 7, 12, 19), phases, strict=False)) / 4
         light += (
-            0.35 * (1 - age / _RAYED) * np.clip(0.2 + spokes, 0, 1) * np.clip(1 - r / _RAYS_REACH, 0, 1) ** 2
+            0.35
+            * (1 - age / _RAY_SHARE)
+            * np.clip(0.2 + spokes, 0, 1)
+            * np.clip(1 - r / _RAY_RADII, 0, 1) ** 2
         )
     bright[rows, columns] = np.maximum(bright[rows, columns] * (1 - erased), light)
 

@@ -20,7 +20,7 @@ GRAIN = 0.7  # full range of the land channel, as a share of the reflectance
 _BROAD, _FINE = 512, 1024  # texels of the two fields: one spans the tile, one repeats twice each way
 _BROAD_WEIGHT, _FINE_WEIGHT = 0.55, 0.45
 _DIFFUSION = 1.5  # texels over which light spreads within a cloud (0.3 km: Davis et al. 1997)
-_OPEN = 0.66  # share of the land without woods
+_UNWOODED_SHARE = 0.66  # share of the land without woods
 _SEED = 20040800
 _STRIP, _ROWS = 1 << 14, 32  # values per look-up and rows per strip, both sized for a processor's cache
 
@@ -46,16 +46,17 @@ def make_detail() -> ByteArray:
     for first in range(0, SIZE, _ROWS):
         rows = slice(first, first + _ROWS)
         around = tops.take(range(first - 1, first + _ROWS + 1), axis=0, mode="wrap")
-        out[rows] = _coded(cloud[rows], around, land[rows])
+        out[rows] = _encode(cloud[rows], around, land[rows])
     return out
 
 
-def _coded(cloud: Float32Array, around: Float32Array, land: Float32Array) -> ByteArray:
+def _encode(cloud: Float32Array, around: Float32Array, land: Float32Array) -> ByteArray:
     """Encode rows of the tile as `make_detail` describes; (R, SIZE, 4).
 
     Parameters
     ----------
-    around : (R + 2, SIZE) blurred cloud tops, with one row above and below.
+    around : (R + 2, SIZE) array
+        Blurred cloud tops, with one row above and below.
     """
     texel_km, slope = PERIOD_KM / SIZE, 1 / (2 * SLOPE_PER_KM)
     tops = around[1:-1]
@@ -75,14 +76,14 @@ def _field(rng: np.random.Generator, size: int) -> tuple[Float32Array, Float32Ar
     f = _frequencies(size)
     # the -5/3 spectrum of liquid water, smoother below a kilometre (Davis et al. 1996), stretched into filaments
     soft = _spectral_noise(rng, f, _liquid_water(f, scale), 3.0 * scale)
-    soft = _stirred(rng, f, soft / soft.std(), 3.0 * scale, 14.0)
-    soft = _stirred(rng, f, soft, 12.0 * scale, 3.0)
+    soft = _advect(rng, f, soft / soft.std(), 3.0 * scale, 14.0)
+    soft = _advect(rng, f, soft, 12.0 * scale, 3.0)
     # turrets: domes of three sizes on the crests
     domes = np.zeros((size, size), np.float32)
     for count, weight in ((19, 1.0), (43, 0.8), (97, 0.6)):
         distance = np.float32(1.15) * _worley_noise(rng, size, count * scale)
         domes += weight * np.maximum(1 - distance * distance, 0)
-    domes = _stirred(rng, f, (domes - domes.mean()) / domes.std(), 12.0 * scale, 3.5)
+    domes = _advect(rng, f, (domes - domes.mean()) / domes.std(), 12.0 * scale, 3.5)
     cloud = _blur(_equalise(soft + (0.5 + 0.3 * np.clip(soft, -1.5, 2.0)) * domes))
     # valleys: creases of several sizes, as rivers cut them; and patches
     creases = np.zeros((size, size), np.float32)
@@ -94,7 +95,7 @@ def _field(rng: np.random.Generator, size: int) -> tuple[Float32Array, Float32Ar
     # fields of distinct brightness, and woods with sharp edges
     own = np.random.default_rng([_SEED, size])
     fields = _voronoi_noise(own, size, 110 * scale) - 0.5
-    woods = _equalise(_spectral_noise(own, f, f**-1.6, 8.0 * scale)) > _OPEN
+    woods = _equalise(_spectral_noise(own, f, f**-1.6, 8.0 * scale)) > _UNWOODED_SHARE
     mixed = creases / creases.std() + 0.6 * patches / patches.std() + 1.1 * fields - 1.6 * woods
     land = _blur(_equalise(np.asarray(mixed, np.float32)))
     return cloud, land
@@ -106,7 +107,7 @@ def _liquid_water(f: FloatArray, scale: int) -> FloatArray:
     return np.asarray(f**-1.4 / (1 + f * f * knee) ** 0.7)
 
 
-def _stirred(
+def _advect(
     rng: np.random.Generator, frequencies: FloatArray, image: Float32Array, low: float, texels: float
 ) -> Float32Array:
     """Displace a periodic image by a divergence-free flow of ``texels`` root mean square."""

@@ -17,7 +17,7 @@ import numpy as np
 from flyaround.simulator.errors import UserError
 from flyaround.simulator.runtime.cache import entry_name
 from flyaround.simulator.runtime.cached_arrays import cached_array
-from flyaround.simulator.runtime.threads import beside_the_caller
+from flyaround.simulator.runtime.threads import helper_threads
 
 if TYPE_CHECKING:
     from concurrent.futures import Future
@@ -30,18 +30,18 @@ NIGHT, COAST = "night_8064x4032.jpg", "coast_sdf_8640x4320.png"
 TERRAIN = "terrain_detail_1024.png"
 TERRAIN_SLOPE_MAX = 0.9  # full scale of its slope channels, plus and minus
 
-# Blue Marble is a picture, not a measurement: a power law on its 8 bits brings desert and forest to their broadband
-# reflectances (0.35, 0.03-0.05; Liang 2001, Narrowband to broadband conversions). No leaf and no
-# soil is as black as the picture's dark colours: a canopy returns 0.02 of the blue and of the red
+# Blue Marble is an image, not a measurement. A power law of its 8-bit values gives desert and forest their broadband
+# reflectances (0.35 and 0.03 to 0.05; Liang 2001, Narrowband to broadband conversions). The lower bound is the
+# reflectance of a canopy in blue and red, because the dark colours of the image are too dark.
 _REFLECTANCE_SCALE, _REFLECTANCE_POWER, _DARKEST = 0.66, 1.7, 0.018
-# nor is snow as grey as the picture, which holds back its highlights: 0.97 in the visible (Warren 1982, fig. 1)
+# Highlights of the image are compressed: snow reflects 0.97 of visible light (Warren 1982, fig. 1).
 _SNOW_FROM, _SNOW_RISE, SNOW_REFLECTANCE = 0.80, 20.0, 0.97
 PAN_WEIGHTS = (0.443, 0.362, 0.195)  # red, green, blue; the same as simulator/scene/illumination/bands.py
 _ICE_LATITUDE_DEG = 50.0  # equatorward of this there is no sea ice
 _ICE_REFLECTANCE = 0.22  # water brighter than this is ice, drawn as land
 _ICE_REACH = 8  # texels beyond a strip that the blur of the ice reads
-# Strips, because whole maps in floats would pass through main memory ten times; narrower strips take Python's lock too
-# often. Ice is searched in strips that begin at its limiting latitude, so a strip must end there.
+# Maps are processed in strips that fit a processor's cache; narrower strips acquire Python's global lock too often.
+# Only strips poleward of the limiting latitude are searched for ice, so a strip must end there.
 _STRIPS = [slice(row, row + 112) for row in range(0, HEIGHT, 112)]
 
 
@@ -125,13 +125,13 @@ def to_reflectance() -> Float32Array:
     return np.asarray(np.minimum(ground + snow, SNOW_REFLECTANCE), np.float32)
 
 
-def land_only(values: Float32Array, land: ByteArray) -> Float32Array:
-    """Fill the sea with the values of the nearest land, so that a sharp coast shows no sea on its land side.
+def fill_sea(values: Float32Array, land: ByteArray) -> Float32Array:
+    """Replace the values of the sea by those of the nearest land, so that coasts stay sharp when the map is filtered.
 
-    The filling is smooth, hence computed at a quarter of the size.
+    The filling is smooth, so it is computed at a quarter of the size.
     """
     height, width = land.shape
-    filled = _filled(*_quarter_size(values, land))
+    filled = _extend_over_sea(*_quarter_size(values, land))
     out = cv2.resize(filled, (width, height), interpolation=cv2.INTER_LINEAR)
     cv2.copyTo(values, land, out)
     return np.asarray(out, np.float32)
@@ -146,16 +146,16 @@ def _quarter_size(values: Float32Array, land: ByteArray) -> tuple[Float32Array, 
     return np.asarray(mean, np.float32), np.asarray(share, np.float32)
 
 
-def _filled(filled: Float32Array, share: Float32Array) -> Float32Array:
+def _extend_over_sea(filled: Float32Array, share: Float32Array) -> Float32Array:
     """Return the land's values extended over the sea, from the results of `_quarter_size`."""
     has_data = share > 1e-3
     filled[has_data] = (filled[has_data].T / share[has_data]).T
     total = has_data.astype(np.float32)
     for size in (3, 7, 17):
         blurred = cv2.blur(filled * (total[..., None] if filled.ndim == 3 else total), (size, size))
-        near = cv2.blur(total, (size, size))
-        new = (total < 0.5) & (near > 1e-4)
-        filled[new] = (blurred[new].T / near[new]).T
+        neighbours = cv2.blur(total, (size, size))
+        new = (total < 0.5) & (neighbours > 1e-4)
+        filled[new] = (blurred[new].T / neighbours[new]).T
         total[new] = 1
     return filled
 
@@ -179,7 +179,7 @@ def _pack_panchromatic() -> ByteArray:
     def night() -> None:
         cv2.insertChannel(cv2.LUT(decode_map(NIGHT, cv2.IMREAD_GRAYSCALE), squares), out, 2)
 
-    with ThreadPoolExecutor(beside_the_caller()) as pool:
+    with ThreadPoolExecutor(helper_threads()) as pool:
         # decode everything first: strips would compete with the decoders for Python's lock
         for channel in [pool.submit(clouds), pool.submit(night)]:
             channel.result()
@@ -206,11 +206,13 @@ def _panchromatic_land(
 
     Parameters
     ----------
-    shore : future of the distance to the coast; modified in place.
+    shore : Future
+        Future of the distance to the coast; modified in place.
 
     Returns
     -------
-    Reflectance extended over the sea, at a quarter of the size.
+    array
+        Reflectance extended over the sea, at a quarter of the size.
     """
     coast = shore.result()
     # red, green, blue are the third, second, first channel of an OpenCV image
@@ -237,7 +239,7 @@ def _panchromatic_land(
         means[quarter], shares[quarter] = _quarter_size(reflectance, _inland(coast[rows]))
 
     list(pool.map(reduce, _STRIPS))
-    return _filled(means, shares)
+    return _extend_over_sea(means, shares)
 
 
 def _pack_colour(day_bgr: ByteArray, coast: ByteArray) -> ByteArray:
@@ -251,9 +253,9 @@ def _pack_colour(day_bgr: ByteArray, coast: ByteArray) -> ByteArray:
         reflectance = np.asarray(cv2.LUT(day_bgr[rows], table), np.float32)
         means[quarter], shares[quarter] = _quarter_size(reflectance, _inland(coast[rows]))
 
-    with ThreadPoolExecutor(beside_the_caller()) as pool:
+    with ThreadPoolExecutor(helper_threads()) as pool:
         list(pool.map(reduce, _STRIPS))
-        wide_land = _filled(means, shares)
+        wide_land = _extend_over_sea(means, shares)
         out = np.empty((HEIGHT, WIDTH, 4), np.uint8)
 
         def merge(rows: slice) -> None:
@@ -275,7 +277,8 @@ def _enlarged_root(reflectance: Float32Array, rows: slice) -> ByteArray:
 
     Parameters
     ----------
-    reflectance : (H / 4, W / 4), at a quarter of the size.
+    reflectance : (H / 4, W / 4) array
+        At a quarter of the size.
     """
     first, last = rows.start // 4, -(-rows.stop // 4)
     # bilinear interpolation reads one more row

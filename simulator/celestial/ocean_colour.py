@@ -39,7 +39,10 @@ def near_bright_water(z: FloatArray, longitude: FloatArray) -> BoolArray:
 
     Parameters
     ----------
-    z : sine of the latitude. longitude : [rad], of the same shape. NaN gives False.
+    z : array
+        Sine of the latitude.
+    longitude : array
+        [rad], of the same shape. NaN gives False.
     """
     finite = np.isfinite(z) & np.isfinite(longitude)
     row = np.clip(180 - 2 * np.degrees(np.arcsin(np.clip(np.where(finite, z, 0), -1, 1))), 0, 359).astype(int)

@@ -1,9 +1,8 @@
 """Sea ice through the year: a climatology, because the maps show open water in every month.
 
-Hand-drawn edges of the ice at its largest and smallest, fitted so that the enclosed area equals the month's extent, and
-interpolated between by that extent. The extents are those of 1981-2010 as commonly quoted from NSIDC's Sea Ice Index
-(Fetterer et al. 2017), rounded, not read from its files. Tongues, bays and leads are noise: a date does not determine
-them.
+The edges of the largest and the smallest ice cover were drawn by hand. The edge of a month is interpolated between them
+so that the enclosed area equals the month's extent. The extents are rounded means of 1981-2010 (NSIDC's Sea Ice Index,
+Fetterer et al. 2017). Tongues, bays and leads are random and do not depend on the date.
 """
 
 from __future__ import annotations
@@ -26,7 +25,7 @@ if TYPE_CHECKING:
 
 WIDTH, HEIGHT = 1440, 720
 EDGE_DEG = 1.6  # width of the marginal zone of floes, from open water to the pack
-_PACK = 0.93  # ice concentration of the pack
+_PACK_CONCENTRATION = 0.93  # ice concentration of the pack
 _TONGUES_DEG = 0.9  # standard deviation of the edge's latitude
 _LEADS = 0.10  # share of the pack that opens as leads, at the peaks of the noise
 _YEAR = 365.25
@@ -51,7 +50,7 @@ EXTENT_NORTH = (14.4, 15.3, 15.4, 14.7, 13.4, 11.8, 9.7, 7.2, 6.4, 8.9, 10.7, 12
 # the same around Antarctica
 EXTENT_SOUTH = (5.0, 3.1, 4.0, 7.0, 10.4, 13.6, 16.2, 17.8, 18.5, 18.1, 16.0, 10.6)
 # fmt: on
-_FARTHEST_DEG = 40.0  # equatorward of this there is no ice
+_MIN_LATITUDE_DEG = 40.0  # equatorward of this there is no ice
 _SEED = 1893
 # sine of 70 degrees latitude: poleward a degree of longitude is too narrow for the grid of cells
 _POLAR_SINE = 0.94
@@ -76,17 +75,17 @@ def _of_day(day: int) -> ByteArray:
         middles = (np.arange(12) + 0.5) / 12 * _YEAR
         extent = np.interp(day, middles, extents, period=_YEAR)
         growth = (extent - min(extents)) / (max(extents) - min(extents))
-        tongues, leads, aside = _ice_noise(pole)
+        tongues, leads, sideways = _ice_noise(pole)
         edge = growth * _edge_latitude(largest, longitude) + (1 - growth) * _edge_latitude(
             smallest, longitude
         )
         # displace sideways too, so that an edge along a meridian wanders
         meridian = (
-            np.arange(WIDTH) + (_TONGUES_DEG * WIDTH / 360) * aside / np.cos(np.radians(latitude))[:, None]
+            np.arange(WIDTH) + (_TONGUES_DEG * WIDTH / 360) * sideways / np.cos(np.radians(latitude))[:, None]
         )
         edge = edge[np.round(meridian).astype(int) % WIDTH].astype(np.float32)
         depth_deg = latitude[:, None] - edge + _TONGUES_DEG * tongues
-        pack = np.clip(depth_deg / EDGE_DEG + 0.15, 0, 1) * (_PACK - _LEADS * leads)
+        pack = np.clip(depth_deg / EDGE_DEG + 0.15, 0, 1) * (_PACK_CONCENTRATION - _LEADS * leads)
         near = np.round(pack * 255).astype(np.uint8)
         if pole == 0:
             share[:rows] = near
@@ -100,25 +99,28 @@ def near_ice(z: FloatArray, longitude: FloatArray, epoch_utc: str) -> NDArray[np
 
     Parameters
     ----------
-    z : sine of the latitude. longitude : [rad], of the same shape. NaN gives True.
+    z : array
+        Sine of the latitude.
+    longitude : array
+        [rad], of the same shape. NaN gives True.
     """
-    tested = np.abs(z) < _POLAR_SINE  # False for NaN
-    row = (90 - np.degrees(np.arcsin(np.where(tested, z, 0)))).astype(int)
-    column = (np.degrees(np.where(tested, longitude, 0)) + 180).astype(int) % 360
-    where = _where(datetime.fromisoformat(epoch_utc).timetuple().tm_yday)
-    return np.asarray(where[row, column] | ~tested)
+    is_tested = np.abs(z) < _POLAR_SINE  # False for NaN
+    row = (90 - np.degrees(np.arcsin(np.where(is_tested, z, 0)))).astype(int)
+    column = (np.degrees(np.where(is_tested, longitude, 0)) + 180).astype(int) % 360
+    where = _ice_cells(datetime.fromisoformat(epoch_utc).timetuple().tm_yday)
+    return np.asarray(where[row, column] | ~is_tested)
 
 
 @lru_cache(maxsize=4)
-def _where(day: int) -> NDArray[np.bool_]:
-    """Return (180, 360), True where a one-degree cell, a neighbour, or the next but one to the east or west has ice."""
+def _ice_cells(day: int) -> NDArray[np.bool_]:
+    """Return (180, 360) True for one-degree cells with ice in the cell or nearby: one row, or two columns away."""
     cells = _of_day(day).reshape(180, HEIGHT // 180, 360, WIDTH // 360).max(axis=(1, 3))
     wrapped = np.pad(cells, ((1, 1), (2, 2)), mode="wrap")
     return np.asarray(cv2.dilate(wrapped, np.ones((3, 5), np.uint8))[1:-1, 2:-2] > 0)
 
 
 def _polar_rows() -> int:
-    return round((90 - _FARTHEST_DEG) / 180 * HEIGHT)
+    return round((90 - _MIN_LATITUDE_DEG) / 180 * HEIGHT)
 
 
 def _edge_latitude(points: tuple[tuple[float, float], ...], longitude: FloatArray) -> FloatArray:
@@ -137,7 +139,7 @@ def _make_ice_noise(pole: int) -> Float32Array:
 
     Generated in the azimuthal projection, where it is isotropic.
     """
-    size, span_deg = 512, 2 * (90 - _FARTHEST_DEG) + 4
+    size, span_deg = 512, 2 * (90 - _MIN_LATITUDE_DEG) + 4
     rng = np.random.default_rng([_SEED, pole])
     f = np.hypot(np.fft.fftfreq(size)[:, None], np.fft.rfftfreq(size)[None, :]) * size / span_deg
     spectrum = np.fft.rfft2(rng.standard_normal((3, size, size)).astype(np.float32))
@@ -159,7 +161,10 @@ def extent_m2(share: FloatArray, sea: FloatArray) -> tuple[float, float]:
 
     Parameters
     ----------
-    share : (720, 1440) 0..1. sea : (720, 1440) share of each cell that is sea, not land.
+    share : (720, 1440) array
+        0..1.
+    sea : (720, 1440) array
+        Share of each cell that is sea, not land.
     """
     rows = np.radians(90 - np.arange(HEIGHT + 1) * 180 / HEIGHT)
     area = EARTH_MEAN_RADIUS_M**2 * np.abs(np.diff(np.sin(rows))) * 2 * np.pi / WIDTH

@@ -16,7 +16,7 @@ from flyaround.simulator.celestial.earth_maps import (
     PAN_WEIGHTS,
     asset_size,
     decode_map,
-    land_only,
+    fill_sea,
     maps_entry,
     to_reflectance,
 )
@@ -109,7 +109,7 @@ def _reflectances(month: int, bands: int) -> list[FloatArray]:
 def _gain(month: list[FloatArray], august: list[FloatArray], land: ByteArray) -> ByteArray:
     pairs = zip(month, august, strict=True)
     logs = [np.log2((now + _EPSILON) / (then + _EPSILON)).astype(np.float32) for now, then in pairs]
-    filled = [land_only(log, land) for log in logs]
+    filled = [fill_sea(log, land) for log in logs]
     encoded = [np.clip(128 + 127 / OCTAVES * log + 0.5, 0, 255).astype(np.uint8) for log in filled]
     if len(encoded) == 1:
         return np.ascontiguousarray(encoded[0])

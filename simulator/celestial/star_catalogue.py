@@ -14,8 +14,8 @@ from flyaround.simulator.celestial.star_colours import (
     hp_minus_v,
     irradiance_of_v_mag,
     photons_over_sunlights,
-    sound_v_minus_i,
-    usual_v_minus_i,
+    plausible_v_minus_i,
+    typical_v_minus_i,
 )
 from flyaround.simulator.errors import UserError
 
@@ -39,9 +39,14 @@ class StarField:
 
     Parameters
     ----------
-    directions : (3, K) unit vectors, GCRS.
-    irradiance_w_m2 : (n, K) irradiance per band above the air; with ``by_photons``, of sunlight with equal photons.
-    cells, first : (C, 3) centres of the sky cells that sort the stars; (C + 1,) index of each cell's first star.
+    directions : (3, K) array
+        Unit vectors, GCRS.
+    irradiance_w_m2 : (n, K) array
+        Irradiance per band above the air; with ``by_photons``, of sunlight with equal photons.
+    cells : (C, 3) array
+        Centres of the sky cells by which the stars are sorted.
+    first : (C + 1,) array
+        Index of the first star of each cell.
     """
 
     directions: FloatArray
@@ -50,7 +55,10 @@ class StarField:
     first: np.typing.NDArray[np.intp]
 
     def near(self, axis: FloatArray, angle_rad: float) -> tuple[FloatArray, FloatArray]:
-        """Return directions (3, K) and irradiance (n, K) of all stars near a unit vector; some may lie farther away."""
+        """Return directions (3, K) and irradiance (n, K) of all stars within an angle of an axis.
+
+        Further stars of the same sky cells are included.
+        """
         hit = np.zeros(len(self.cells) + 2, bool)
         hit[1:-1] = self.cells @ axis > np.cos(min(angle_rad + CELL_RADIUS_RAD, np.pi))
         # consecutive cells form one slice
@@ -77,8 +85,10 @@ def stars(epoch_utc: str, bands: Bands, *, by_photons: bool = False) -> StarFiel
 
     Parameters
     ----------
-    epoch_utc : ISO 8601; proper motion is applied for whole years, which is 0.1 arcsec for nearly every star.
-    by_photons : True for a detector that counts photons, of which a red star has more per joule than a blue one.
+    epoch_utc : str
+        ISO 8601; proper motion is applied for whole years, which is 0.1 arcsec for nearly every star.
+    by_photons : bool, optional
+        True for a detector that counts photons, of which a red star has more per joule than a blue one.
     """
     epoch = datetime.fromisoformat(epoch_utc)
     return _stars_of_year(round((epoch - _CATALOGUE_EPOCH).days / 365.25), bands, by_photons)
@@ -99,7 +109,7 @@ def _stars_of_year(years: int, bands: Bands, by_photons: bool) -> StarField:  # 
     order = np.argsort(cell, kind="stable")
     first = np.searchsorted(cell[order], np.arange(6 * _SIDE * _SIDE + 1))
     hp, bv = np.where(c["hip"] == _SIRIUS_HIP, _SIRIUS_HP_MAG, c["hp_mag"]), c["b_minus_v_mag"]
-    vi = sound_v_minus_i(bv, c["v_minus_i_mag"])
+    vi = plausible_v_minus_i(bv, c["v_minus_i_mag"])
     light = star_irradiance_w_m2(hp, bv, bands, vi)
     if by_photons:
         light = light * photons_over_sunlights(vi, bands)
@@ -136,10 +146,11 @@ def star_irradiance_w_m2(
 
     Parameters
     ----------
-    v_minus_i : Cousins colour, needed for M stars; by default the one that usually goes with ``b_minus_v``.
+    v_minus_i : array, optional
+        Cousins colour, needed for M stars; by default the one that usually goes with ``b_minus_v``.
     """
     bv = np.nan_to_num(np.asarray(b_minus_v, float), nan=_SUN_B_MINUS_V)
-    vi = usual_v_minus_i(bv)
+    vi = typical_v_minus_i(bv)
     if v_minus_i is not None:
-        vi = sound_v_minus_i(bv, np.asarray(v_minus_i, float))
+        vi = plausible_v_minus_i(bv, np.asarray(v_minus_i, float))
     return irradiance_of_v_mag(np.asarray(hp_mag, float) - hp_minus_v(bv, vi), bv, vi, bands)

@@ -56,19 +56,19 @@ _PHOTONS = np.array([
 ])  # fmt: skip
 
 # V-I of normal stars and of reflected sunlight over B-V; the Sun's own: Ramirez et al. (2012), ApJ 752, 5
-_USUAL_BV_MAG = np.array([-0.35, 0.0, 0.3, 0.65, 0.95, 1.2, 1.45])
-_USUAL_VI_MAG = np.array([-0.35, 0.0, 0.34, 0.70, 0.98, 1.25, 1.60])
+_TYPICAL_BV_MAG = np.array([-0.35, 0.0, 0.3, 0.65, 0.95, 1.2, 1.45])
+_TYPICAL_VI_MAG = np.array([-0.35, 0.0, 0.34, 0.70, 0.98, 1.25, 1.60])
 
 
-def usual_v_minus_i(b_minus_v: FloatArray) -> FloatArray:
-    """Return the V-I (Cousins) of a normal star with a B-V, not of class M, and of reflected sunlight."""
-    return np.asarray(np.interp(b_minus_v, _USUAL_BV_MAG, _USUAL_VI_MAG))
+def typical_v_minus_i(b_minus_v: FloatArray) -> FloatArray:
+    """Return the typical V-I (Cousins) for a B-V, for reflected sunlight and for stars other than class M."""
+    return np.asarray(np.interp(b_minus_v, _TYPICAL_BV_MAG, _TYPICAL_VI_MAG))
 
 
-def sound_v_minus_i(b_minus_v: FloatArray, v_minus_i: FloatArray) -> FloatArray:
-    """Return the catalogue's V-I (K,), or the usual one where it is missing or a blue star's on an M star."""
+def plausible_v_minus_i(b_minus_v: FloatArray, v_minus_i: FloatArray) -> FloatArray:
+    """Return the catalogue's V-I (K,), replaced by the typical value where it is missing or implausible for B-V."""
     blue = (np.asarray(v_minus_i) > _M_FROM_VI_MAG) & (np.asarray(b_minus_v) < _M_FROM_BV_MAG)
-    return np.where(np.isfinite(v_minus_i) & ~blue, v_minus_i, usual_v_minus_i(b_minus_v))
+    return np.where(np.isfinite(v_minus_i) & ~blue, v_minus_i, typical_v_minus_i(b_minus_v))
 
 
 def hp_minus_v(b_minus_v: FloatArray, v_minus_i: FloatArray) -> FloatArray:

@@ -1,4 +1,4 @@
-"""Comparison with a folder of reference images: draws similar views, measures both, summarises."""
+"""Comparison with a folder of reference images: statistics of each image and of a similar rendered view."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from flyaround.simulator.compare.image_statistics import (
-    GRADIENT_LARGEST_DN,
+    MAX_GRADIENT_DN,
     binary_edges,
     edge_threshold,
     histogram_distance_dn,
@@ -46,9 +46,14 @@ class Pair:
 
     Parameters
     ----------
-    edges : binary edges of our image for each atmosphere, all at one threshold; only one entry against space.
-    histogram_moved_dn, gradient_moved_dn : earth mover's distances of the histograms [DN, DN per pixel].
-    likeness : correlation over the craft's box; None without a common pose.
+    edges : dict
+        Binary edges of our image for each atmosphere, all at one threshold; only one entry against space.
+    histogram_moved_dn : float
+        Earth mover's distance of the histograms [DN].
+    gradient_moved_dn : float
+        Earth mover's distance of the gradient histograms [DN per pixel].
+    likeness : float or None
+        Correlation over the craft's box; None without a common pose.
     """
 
     reference: Reference
@@ -85,12 +90,14 @@ def compare_pictures(
     sensor: str | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> list[Pair]:
-    """Draw and measure the counterpart of every reference.
+    """Render a similar view of every reference image, and measure both.
 
     Parameters
     ----------
-    find_pose : estimator that returns the pose of the craft in an image without a record.
-    sensor : preset for our images; by default, one as noisy as the reference.
+    find_pose : PoseFinder
+        Estimator that returns the pose of the craft in an image without a record.
+    sensor : str, optional
+        Preset for our images; by default, one as noisy as the reference.
     """
     pairs = []
     for k, reference in enumerate(references):
@@ -110,7 +117,7 @@ def compare_pictures(
                 edges=edges_by_atmosphere(renderer, scene, target, image),
                 histogram_moved_dn=histogram_distance_dn(theirs.histogram, ours.histogram, 256.0),
                 gradient_moved_dn=histogram_distance_dn(
-                    theirs.gradient_histogram, ours.gradient_histogram, GRADIENT_LARGEST_DN
+                    theirs.gradient_histogram, ours.gradient_histogram, MAX_GRADIENT_DN
                 ),
                 same_view=like.same_view,
                 likeness=like.likeness,
@@ -128,7 +135,8 @@ def edges_by_atmosphere(
 
     Parameters
     ----------
-    image : the scene's image under its own atmosphere, which sets the threshold.
+    image : array
+        The scene's image under its own atmosphere, which sets the threshold.
     """
     threshold = edge_threshold(image)
     if image_statistics(image).space:

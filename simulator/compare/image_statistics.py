@@ -15,10 +15,10 @@ if TYPE_CHECKING:
 
 GRADIENT_BINS = 128  # bins of the histogram of gradients
 # largest value of the gradient's histogram: a step of full scale gives 128 DN per pixel
-GRADIENT_LARGEST_DN = 128.0
+MAX_GRADIENT_DN = 128.0
 EDGE_BLUR_PX = 1.5  # standard deviation of the blur before binary edges [px]
 BORDER_SHARE = 0.02  # width of the border that indicates the background, as a share of the height
-DARK_DN = 15.0  # dark level, above the black level
+DARK_LEVEL_DN = 15.0  # dark level, above the black level
 SPACE_SHARE = 0.9  # share of dark border pixels above which the background is space
 HALF_NOISE = 0.56  # mean second difference of white noise clipped at its mean, over that of unclipped noise
 # Immerkaer (1996, Computer Vision and Image Understanding 64): insensitive to planes and straight edges along the axes
@@ -44,12 +44,30 @@ class ImageStatistics:
 
     Parameters
     ----------
-    histogram : (256,) share of the pixels at each DN. gradient_histogram : (128,) share per DN per pixel of `sobel`.
-    mean_dn, black_dn, bright_dn : mean, first and 99th percentile. saturated : share of pixels at 255.
-    noise_dn : standard deviation of the noise, from second differences (a median, robust against edges).
-    gradient_p50, gradient_p95, gradient_p99 : percentiles of the Sobel magnitude [DN per pixel].
-    edges : share of the pixels in the binary edge image.
-    space : True if the border is dark, so that the background is space.
+    histogram : (256,) array
+        Share of the pixels at each DN.
+    gradient_histogram : (128,) array
+        Share per DN per pixel of `sobel`.
+    mean_dn : float
+        Mean [DN].
+    black_dn : float
+        First percentile [DN].
+    bright_dn : float
+        99th percentile [DN].
+    saturated : float
+        Share of pixels at 255.
+    noise_dn : float
+        Standard deviation of the noise, from second differences (a median, robust against edges).
+    gradient_p50 : float
+        Median of the Sobel magnitude [DN per pixel].
+    gradient_p95 : float
+        95th percentile of the Sobel magnitude [DN per pixel].
+    gradient_p99 : float
+        99th percentile of the Sobel magnitude [DN per pixel].
+    edges : float
+        Share of the pixels in the binary edge image.
+    space : bool
+        True if the border is dark, so that the background is space.
     """
 
     histogram: FloatArray
@@ -98,7 +116,7 @@ def image_statistics(image: ByteArray) -> ImageStatistics:
     gradient = sobel(image)
     black, bright = (float(v) for v in np.percentile(image, (1, 99)))
     p50, p95, p99 = (float(v) for v in np.percentile(gradient, (50, 95, 99)))
-    shares, _ = np.histogram(gradient, GRADIENT_BINS, (0, GRADIENT_LARGEST_DN))
+    shares, _ = np.histogram(gradient, GRADIENT_BINS, (0, MAX_GRADIENT_DN))
     border = max(round(BORDER_SHARE * image.shape[0]), 1)
     frame = np.ones(image.shape, bool)
     frame[border:-border, border:-border] = False
@@ -114,15 +132,15 @@ def image_statistics(image: ByteArray) -> ImageStatistics:
         gradient_p95=p95,
         gradient_p99=p99,
         edges=float(binary_edges(image, edge_threshold(image)).mean()),
-        space=bool(np.mean(cv2.blur(image, (5, 5))[frame] < black + DARK_DN) >= SPACE_SHARE),
+        space=bool(np.mean(cv2.blur(image, (5, 5))[frame] < black + DARK_LEVEL_DN) >= SPACE_SHARE),
     )
 
 
 def noise_dn(image: ByteArray) -> float:
     """Return the standard deviation of white noise [DN], from the mean magnitude of second differences.
 
-    The median over blocks of 16 x 16 ignores edges and texture if half of the image is plain. Against black space a
-    clipping sensor shows only the upper half of the noise.
+    The median over blocks of 16 x 16 pixels is robust against edges and texture if half of the image is uniform. In
+    front of black space a clipping sensor shows only the upper half of the noise.
     """
     second = np.abs(cv2.filter2D(image.astype(np.float64), -1, _NOISE_KERNEL))
     height, width = (n // 16 * 16 for n in image.shape)

@@ -1,4 +1,4 @@
-"""The comparison's page: each reference's image, histogram, Sobel image and gradient histogram above ours."""
+"""HTML page of a comparison: image, histogram, Sobel image and gradient histogram of each reference and our view."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 from flyaround.simulator.compare.comparison import summary
 from flyaround.simulator.compare.image_statistics import (
     FIGURES,
-    GRADIENT_LARGEST_DN,
+    MAX_GRADIENT_DN,
     binary_edges,
     edge_threshold,
     sobel,
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from flyaround.simulator.runtime.arrays import ByteArray, FloatArray
 
 SOBEL_GAIN = 4.0  # scale of the gradient images: 64 DN per pixel is white
-SHOWN_PX = 960
+DISPLAY_WIDTH_PX = 960
 JPEG_QUALITY = 85
 PLOT = (320, 200)  # width and height of a histogram [px]
 DECADES = 5  # range of the logarithmic axis, down from 1
@@ -99,14 +99,14 @@ def _pair(folder: Path, k: int, pair: Pair) -> list[Markup]:
         pictures = (
             _figure(folder, f"{k:03d}_{side}", image, f"{side}, unfiltered"),
             _histogram(look.histogram, 256.0, colour, brightness),
-            _figure(folder, f"{k:03d}_{side}_sobel", _shown_gradient(image), "Sobel, times four"),
-            _histogram(look.gradient_histogram, GRADIENT_LARGEST_DN, colour, gradients),
+            _figure(folder, f"{k:03d}_{side}_sobel", _gradient_picture(image), "Sobel, times four"),
+            _histogram(look.gradient_histogram, MAX_GRADIENT_DN, colour, gradients),
         )
         rows.append(gallery(pictures, columns=4))
     note_of_theirs = _edge_note("reference", pair.theirs)
     edges = [_figure(folder, f"{k:03d}_edges_reference", _edges_of(pair.reference.image), note_of_theirs)]
     for air, edge_image in pair.edges.items():
-        label = _under(air) if len(pair.edges) > 1 else "ours"
+        label = _atmosphere_note(air) if len(pair.edges) > 1 else "ours"
         stem = f"{k:03d}_edges_{air.replace(' ', '')}"
         edges.append(
             _figure(
@@ -117,7 +117,7 @@ def _pair(folder: Path, k: int, pair: Pair) -> list[Markup]:
     return rows
 
 
-def _under(air: str) -> str:
+def _atmosphere_note(air: str) -> str:
     return "ours, no air" if air == "none" else f"ours, {air} of air"
 
 
@@ -133,12 +133,12 @@ def _black_on_white(edges: NDArray[np.bool_]) -> ByteArray:
     return np.asarray(np.where(edges, 0, 255), np.uint8)
 
 
-def _shown_gradient(image: ByteArray) -> ByteArray:
+def _gradient_picture(image: ByteArray) -> ByteArray:
     return np.asarray(np.clip(SOBEL_GAIN * sobel(image), 0, 255), np.uint8)
 
 
 def _figure(folder: Path, stem: str, image: ByteArray, caption: str) -> Markup:
-    shrink = min(SHOWN_PX / image.shape[1], 1.0)
+    shrink = min(DISPLAY_WIDTH_PX / image.shape[1], 1.0)
     small = (
         image if shrink == 1 else cv2.resize(image, None, fx=shrink, fy=shrink, interpolation=cv2.INTER_AREA)
     )

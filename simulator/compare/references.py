@@ -29,7 +29,7 @@ SKIPPED = (
     ".normals.png",
     ".clean.png",
 )
-LARGEST_PX = 2048
+MAX_SIDE_PX = 2048
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,9 +38,14 @@ class Reference:
 
     Parameters
     ----------
-    path : image file. image : (H, W) uint8, linear, shrunk to at most 2048 pixels a side.
-    camera : assumed camera, at that size.
-    pose : camera-from-target pose, if a record states it.
+    path : Path
+        Image file.
+    image : (H, W) uint8 array
+        Linear, shrunk to at most 2048 pixels a side.
+    camera : Camera
+        Assumed camera, at that size.
+    pose : Pose or None
+        Camera-from-target pose, if a record states it.
     """
 
     path: Path
@@ -54,9 +59,11 @@ def read_references(folder: Path, camera: Camera, count: int, labels: Path | Non
 
     Parameters
     ----------
-    camera : assumed camera: its focal length is scaled to each image's width, its principal point keeps its offset from
-        the centre. A truth record next to an image (same name, .json) takes precedence.
-    labels : list of ``filename q_vbs2tango r_Vo2To_vbs_true`` in SPEED's or SPEED+'s format.
+    camera : Camera
+        Assumed camera: its focal length is scaled to each image's width, its principal point keeps its offset from the
+        centre. A truth record next to an image (same name, .json) takes precedence.
+    labels : Path, optional
+        List of ``filename q_vbs2tango r_Vo2To_vbs_true`` in SPEED's or SPEED+'s format.
 
     Raises
     ------
@@ -88,13 +95,15 @@ def _read(path: Path, camera: Camera, pose: Pose | None) -> Reference:
     if camera.pixel_encoding != "linear":
         image = np.rint(255 * decode(np.arange(256) / 255, camera.pixel_encoding)).astype(np.uint8)[image]
         camera = replace(camera, encoding="linear")
-    shrink = min(LARGEST_PX / max(image.shape), 1.0)
+    shrink = min(MAX_SIDE_PX / max(image.shape), 1.0)
     if shrink < 1:
         image = cv2.resize(image, None, fx=shrink, fy=shrink, interpolation=cv2.INTER_AREA)
-    return Reference(path, np.asarray(image, np.uint8), fitted(camera, image.shape[1], image.shape[0]), pose)
+    return Reference(
+        path, np.asarray(image, np.uint8), resize_camera(camera, image.shape[1], image.shape[0]), pose
+    )
 
 
-def fitted(camera: Camera, width_px: int, height_px: int) -> Camera:
+def resize_camera(camera: Camera, width_px: int, height_px: int) -> Camera:
     """Return a camera at another image size: the same horizontal field of view, the same principal-point offset."""
     s = width_px / camera.width_px
     return replace(

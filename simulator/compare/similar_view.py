@@ -1,7 +1,7 @@
-"""Search for our view that is most similar to a reference image.
+"""Search for a rendered view that is similar to a reference image.
 
-Candidates are samples of the evaluation recipes, drawn small. The nearest by histogram and, if a pose is known, by the
-craft's appearance is drawn at full size.
+Candidates are samples of the evaluation recipes, drawn at a small size. The candidate with the most similar histogram
+and, if a pose is available, the most similar appearance of the craft is drawn at full size.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ import numpy as np
 
 from flyaround.simulator.camera.detector.presets import sensor_preset
 from flyaround.simulator.compare.image_statistics import histogram_distance_dn, image_statistics, noise_dn
-from flyaround.simulator.compare.references import fitted
+from flyaround.simulator.compare.references import resize_camera
 from flyaround.simulator.imaging.image_formation import expose_scene
 from flyaround.simulator.labels.boxes import amodal_box
 from flyaround.simulator.recipes.plan import plan_recipe
@@ -37,8 +37,8 @@ RECIPES = {True: "eval-black", False: "eval-earth"}  # recipe for a background o
 HISTOGRAM_DN = 32.0  # histogram distance that counts as much as a completely different craft
 BRIGHT_PERCENT = 99.0  # percentile matched to the reference's by exposure
 CLIPPED_DN = 250.0  # above this, values may be clipped
-OTHER_VIEW = 0.5  # likeness above which an uncertain pose is preferred to other views
-SHORTEST_S, LONGEST_S = 1e-6, 10.0
+MIN_POSE_LIKENESS = 0.5  # likeness above which an uncertain pose is preferred to other views
+MIN_EXPOSURE_S, MAX_EXPOSURE_S = 1e-6, 10.0
 
 
 @dataclass(frozen=True)
@@ -55,8 +55,12 @@ class SimilarView:
 
     Parameters
     ----------
-    scene : scene at the reference's size and exposure. same_view : True if it has the reference's pose.
-    likeness : correlation of the two images over the craft's box, small and blurred; None without a pose.
+    scene : SceneState
+        Scene at the reference's size and exposure.
+    same_view : bool
+        True if it has the reference's pose.
+    likeness : float or None
+        Correlation of the two images over the craft's box, small and blurred; None without a pose.
     """
 
     scene: SceneState
@@ -77,12 +81,14 @@ def find_similar_view(
 
     Parameters
     ----------
-    estimate : pose of the craft; without it, attitude and position are the candidates'.
-    sensor : preset for our image; by default, one as noisy as the reference.
+    estimate : PoseEstimate or None
+        Pose of the craft; without it, attitude and position are the candidates'.
+    sensor : str, optional
+        Preset for our image; by default, one as noisy as the reference.
     """
     space = image_statistics(reference.image).space
     plan = plan_recipe(RECIPES[space], CANDIDATES, seed=seed, quality="draft")
-    small_camera = fitted(
+    small_camera = resize_camera(
         reference.camera, SMALL_PX, round(SMALL_PX * reference.camera.height_px / reference.camera.width_px)
     )
     plan = replace(plan, camera=small_camera, target=target)
@@ -100,7 +106,7 @@ def find_similar_view(
                 histogram_distance_dn(_histogram(preview), _histogram(small_reference), 256) / HISTOGRAM_DN
             )
             likeness = None if pose is None else _likeness(scene, target, preview, small_reference)
-            score = apart + 1 - (OTHER_VIEW if likeness is None else likeness)
+            score = apart + 1 - (MIN_POSE_LIKENESS if likeness is None else likeness)
             ranked.append((score, scene, likeness))
     _, scene, likeness = min(ranked, key=lambda r: r[0])
     scene = replace(
@@ -130,7 +136,7 @@ def matched_exposure(scene: SceneState, radiance: Float32Array, image: ByteArray
     ours = float(np.percentile(expose_scene(replace(scene, exposure_s=1.0), radiance), BRIGHT_PERCENT))
     if ours <= 0 or bright_end <= 0:
         return scene
-    return replace(scene, exposure_s=float(np.clip(bright_end / ours, SHORTEST_S, LONGEST_S)))
+    return replace(scene, exposure_s=float(np.clip(bright_end / ours, MIN_EXPOSURE_S, MAX_EXPOSURE_S)))
 
 
 def _histogram(image: ByteArray) -> NDArray[np.float64]:

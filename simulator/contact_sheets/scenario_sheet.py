@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
 COLUMNS, ROWS = 3, 2
 WIDTH_PX, SAMPLE_WIDTH_PX = 480, 256  # width of a frame and of a sample
-_AXIS = 0.6
+_AXIS_LENGTH = 0.6
 """Length of an arrow relative to the distance of the mesh's farthest vertex."""
 
 
@@ -74,7 +74,10 @@ def write_recipe_sheets(
 
     Parameters
     ----------
-    axes : True to draw the model's axes: x red, y green, z blue. width_px : width of one sample.
+    axes : bool, optional
+        True to draw the model's axes: x red, y green, z blue.
+    width_px : int, optional
+        Width of one sample.
     """
     drawable = [r for r in recipes if not r.members]
     for n_done, recipe in enumerate(drawable):
@@ -85,7 +88,7 @@ def write_recipe_sheets(
 
 
 def recipe_sheet(plan: RecipePlan, *, axes: bool = False) -> ByteArray:
-    """Draw six samples of a plan, row by row: (H, W, 3) RGB; spread over all frames of a flight, else the first."""
+    """Draw six samples of a plan, row by row: (H, W, 3) RGB. They are spread over a flight, or else the first ones."""
     n = COLUMNS * ROWS
     step = max(1, plan.n_frames // n) if plan.recipe.poses is not None else 1
     scenes = [_clean(plan.scene(min(k * step, plan.n_frames - 1))) for k in range(n)]
@@ -106,7 +109,7 @@ def _tile(frame: Frame, plan: RecipePlan, *, axes: bool) -> ByteArray:
     tile = image if image.ndim == 3 else np.repeat(image[..., None], 3, axis=2)
     if not axes:
         return tile
-    return draw_axes(tile, plan.camera, frame.scene.camera_from_target, _AXIS * radius_m(plan.target))
+    return draw_axes(tile, plan.camera, frame.scene.camera_from_target, _AXIS_LENGTH * radius_m(plan.target))
 
 
 def _grid(tiles: list[ByteArray]) -> ByteArray:

@@ -41,7 +41,7 @@ KEY_LIGHT, FILL_LIGHT, FILL_SHARE = (-0.5, -0.45, -1.0), (0.6, 0.25, -1.0), 0.2
 """Key light up and to the left behind the camera (camera frame), and fill light of a fifth from the other side."""
 FOCAL_WIDTHS = 3.0
 """Focal length in image widths, long so that sides look orthographic."""
-FILL = 0.9  # share of the image that the craft spans
+FILLED_SHARE = 0.9  # share of the image that the craft spans
 ORBIT_M = 7e6
 # RGB colours distinguishable by colour-blind readers (Okabe and Ito).
 EDGE_RGB, POINT_RGB = (86, 180, 233), (230, 159, 0)
@@ -64,7 +64,8 @@ def view_scene(
 
     Parameters
     ----------
-    to_sun : direction of the Sun, camera frame.
+    to_sun : array_like, optional
+        Direction of the Sun, camera frame.
     """
     camera = Camera(
         width_px=width_px,
@@ -84,9 +85,9 @@ def view_scene(
     outline = np.concatenate([p.positions_m for p in target.parts]).astype(float) @ R.T
     middle = (outline.min(axis=0) + outline.max(axis=0)) / 2
     from_middle = outline - middle
-    # the range at which each vertex just stays inside the filled part of the image
+    # smallest range at which all vertices lie inside the central part of the image
     need = [
-        np.abs(from_middle[:, k]) * camera.fx_px / (FILL * size / 2) - from_middle[:, 2]
+        np.abs(from_middle[:, k]) * camera.fx_px / (FILLED_SHARE * size / 2) - from_middle[:, 2]
         for k, size in ((0, width_px), (1, height_px))
     ]
     t = -middle + np.array([0.0, 0.0, max(float(np.max(need)), float(from_middle[:, 2].max()) * 1.5)])
@@ -139,10 +140,10 @@ def draw_view(
         raise RuntimeError("the renderer was asked for labels and gave no depth")
     fill = renderer.render(view_scene(target, eye, width_px, height_px, FILL_LIGHT), target).radiance
     radiance = np.asarray(rendered.radiance, float) + FILL_SHARE * np.asarray(fill, float)
-    return TargetView(developed(radiance), scene, rendered.depth_m)
+    return TargetView(develop(radiance), scene, rendered.depth_m)
 
 
-def developed(radiance: FloatArray) -> ByteArray:
+def develop(radiance: FloatArray) -> ByteArray:
     """Convert linear radiance for display: sunlight white, the brightest two per cent just below it, gamma 2.2."""
     balanced = radiance / np.asarray(sun_irradiance_w_m2("rgb", AU_M))
     grey = balanced.max(axis=2)
@@ -156,7 +157,7 @@ def draw_labels(drawn: TargetView, target: Target) -> ByteArray:
     canvas = drawn.image.copy()
     pose, camera = drawn.scene.camera_from_target, drawn.scene.camera
     low, high = bounds_m(target)
-    skin_m = SURFACE_TOLERANCE * float(np.linalg.norm(high - low))
+    tolerance_m = SURFACE_TOLERANCE * float(np.linalg.norm(high - low))
     eye = np.asarray(pose.inverse().t_m)
     s = (np.arange(PIECES + 1) / PIECES)[:, None]
     for edge in target.wireframe:
@@ -165,13 +166,13 @@ def draw_labels(drawn: TargetView, target: Target) -> ByteArray:
         if edge.normals and max(float(sight @ np.asarray(n)) for n in edge.normals) <= 0:
             continue
         line = pose.apply(ends[0] + s * (ends[1] - ends[0]))
-        visible = _unhidden(drawn, (line[:-1] + line[1:]) / 2, skin_m + edge.radius_m)
+        visible = _visible(drawn, (line[:-1] + line[1:]) / 2, tolerance_m + edge.radius_m)
         pixels = np.rint(camera.project(line) * 8).astype(int).tolist()
         for k in np.flatnonzero(visible):
             cv2.line(canvas, tuple(pixels[k]), tuple(pixels[k + 1]), EDGE_RGB, 1, cv2.LINE_AA, 3)
     if target.keypoints:
         points = pose.apply(np.array([k.position_m for k in target.keypoints]))
-        visible = _unhidden(drawn, points, skin_m)
+        visible = _visible(drawn, points, tolerance_m)
         for pixel, is_seen in zip(
             np.rint(camera.project(points) * 8).astype(int).tolist(), visible, strict=True
         ):
@@ -180,10 +181,12 @@ def draw_labels(drawn: TargetView, target: Target) -> ByteArray:
     return canvas
 
 
-def _unhidden(drawn: TargetView, points: FloatArray, skin_m: float) -> NDArray[np.bool_]:
+def _visible(drawn: TargetView, points: FloatArray, tolerance_m: float) -> NDArray[np.bool_]:
     """Return (K,) True for points (K, 3), camera frame, that the drawn surface does not hide, within a tolerance."""
     depth = np.where(np.isnan(drawn.depth_m), np.float32(1e9), drawn.depth_m)
     farthest = np.asarray(cv2.dilate(depth, np.ones((3, 3), np.uint8)))
     height, width = farthest.shape
     u, v = np.rint(drawn.scene.camera.project(points)).astype(int).T
-    return np.asarray(farthest[np.clip(v, 0, height - 1), np.clip(u, 0, width - 1)] >= points[:, 2] - skin_m)
+    return np.asarray(
+        farthest[np.clip(v, 0, height - 1), np.clip(u, 0, width - 1)] >= points[:, 2] - tolerance_m
+    )

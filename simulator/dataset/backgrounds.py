@@ -36,15 +36,21 @@ def write_library(
 
     Parameters
     ----------
-    plan : recipe with its camera and sensor.
-    folder : existing folder to write to.
-    n : number of views; by default the whole library.
-    device_index : EGL device to render on; None for the driver's choice.
-    progress : called with the number of finished views and of all.
+    plan : RecipePlan
+        Recipe with its camera and sensor.
+    folder : Path
+        Existing folder to write to.
+    n : int, optional
+        Number of views; by default the whole library.
+    device_index : int, optional
+        EGL device to render on; None for the driver's choice.
+    progress : callable, optional
+        Called with the number of finished views and of all.
 
     Returns
     -------
-    Number of views.
+    int
+        Number of views.
 
     Raises
     ------

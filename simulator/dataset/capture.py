@@ -17,11 +17,11 @@ from flyaround.simulator.dataset.clipping import ClippingSummary, summarise_clip
 from flyaround.simulator.dataset.exports import ExportSink
 from flyaround.simulator.dataset.formats.registry import check_formats
 from flyaround.simulator.dataset.ray_frames import RayCluster, RayFrames
-from flyaround.simulator.dataset.resume import WhatIsThere, card_to_resume, look_at_frames
+from flyaround.simulator.dataset.resume import ExistingFrames, card_to_resume, inspect_frames
 from flyaround.simulator.dataset.split import Ratio, lowest_terms
 from flyaround.simulator.dataset.stereo import FOLDER as SECOND_FOLDER
 from flyaround.simulator.dataset.stereo import second_plan, stereo_card
-from flyaround.simulator.dataset.storage.space import frame_bytes, refuse_without_room
+from flyaround.simulator.dataset.storage.space import frame_bytes, require_disk_space
 from flyaround.simulator.dataset.storage.store import FolderStore, Store
 from flyaround.simulator.dataset.storage.url_store import UrlStore, is_url
 from flyaround.simulator.dataset.writer import CheckAndEncode, DatasetWriter
@@ -47,9 +47,12 @@ class CaptureSummary:
 
     Parameters
     ----------
-    redraws : number of poses drawn again in these frames, for each of the recipe's constraints.
-    damaged : existing frames that differed from their record, and were rendered again.
-    second : summary of the second camera's data set, if the plan has one.
+    redraws : dict, optional
+        Number of poses drawn again in these frames, for each of the recipe's constraints.
+    damaged : tuple of int, optional
+        Existing frames that differed from their record, and were rendered again.
+    second : CaptureSummary, optional
+        Summary of the second camera's data set, if the plan has one.
     """
 
     folder: Path | str
@@ -81,24 +84,31 @@ def capture(
 ) -> CaptureSummary:
     """Capture all frames of a plan into a data set.
 
-    Each frame is checked before it is written; one whose labels disagree goes to ``quarantine/`` with its reason. The
-    images of a second camera go to ``second/``, a data set of its own with the same frame numbers. An interrupted
-    capture is a valid data set and continues with ``resume``, which verifies existing frames, draws damaged ones again,
-    and accepts a plan of more frames.
+    Each frame is checked before it is written. A frame with inconsistent labels is written to ``quarantine/``, together
+    with the reason. The images of a second camera go to ``second/``, a separate data set with the same frame numbers.
+    An interrupted capture is a valid data set. With ``resume`` it continues: existing frames are verified, damaged ones
+    are drawn again, and the plan may have more frames than before.
 
     Parameters
     ----------
-    folder : folder, or URL of an fsspec store such as ``s3://bucket/set``.
-    formats : formats to write next to the native layout; see ``flyaround.simulator.dataset.formats.registry``.
-    labels : layers besides truth and mask, out of ``flyaround.simulator.labels.request.LAYERS``; by default the plan's
-        own.
-    split : shares of training, validation and test frames; by default a recipe's own.
-    beside : further files by name, written next to the card before the first frame.
-    tell : function that is called with a sentence for each format on what it omits, before anything is drawn.
-    sensors : plug-in sensors whose measurements of each frame are stored next to its image (docs/plugins.md).
-    workers : number of processes that draw, check and encode, each with its own renderer; the bytes do not depend on
-        it.
-    cluster : Ray cluster that draws instead; its frames are written here.
+    folder : str or Path
+        Folder, or URL of an fsspec store such as ``s3://bucket/set``.
+    formats : tuple of str, optional
+        Formats to write next to the native layout; see ``flyaround.simulator.dataset.formats.registry``.
+    labels : tuple of str, optional
+        Layers besides truth and mask, out of ``flyaround.simulator.labels.request.LAYERS``; by default the plan's own.
+    sensors : tuple of str, optional
+        Plug-in sensors whose measurements of each frame are stored next to its image (docs/plugins.md).
+    split : tuple of int, optional
+        Shares of training, validation and test frames; by default a recipe's own.
+    beside : mapping, optional
+        Further files by name, written next to the card before the first frame.
+    workers : int, optional
+        Number of processes that draw, check and encode, each with its own renderer; the bytes do not depend on it.
+    cluster : RayCluster, optional
+        Ray cluster that draws instead; its frames are written here.
+    tell : callable, optional
+        Called before anything is drawn, with one sentence per format that lists the omitted labels.
 
     Raises
     ------
@@ -106,18 +116,18 @@ def capture(
         If the folder is not empty (without ``resume``), belongs to another plan, cannot be written, has too little
         room, another capture is writing into it, or a format cannot hold such frames.
     """
-    labels = _possible(plan, plan.labels if labels is None else labels)
-    other = second_plan(plan)
+    labels = _possible_layers(plan, plan.labels if labels is None else labels)
+    second_camera_plan = second_plan(plan)
     planned = capture_card(plan, formats, labels, split, sensors)
     for sentence in check_formats(formats, planned):
         tell(sentence)
     with _store_for(folder, resume=resume) as store:
-        drawing = partial(_open_producer, workers=workers, device_index=device_index, cluster=cluster)
-        summary = _capture(plan, store, planned, drawing, beside, progress, resume=resume)
-        if other is None:
+        open_producer = partial(_open_producer, workers=workers, device_index=device_index, cluster=cluster)
+        summary = _capture(plan, store, planned, open_producer, beside, progress, resume=resume)
+        if second_camera_plan is None:
             return summary
         second = capture(
-            other,
+            second_camera_plan,
             f"{folder}/{SECOND_FOLDER}",
             formats=formats,
             labels=labels,
@@ -153,7 +163,7 @@ def _store_for(place: str | Path, *, resume: bool) -> Iterator[Store]:
             yield store
     finally:
         if is_new:
-            # refused before its first file: leave nothing behind
+            # if the capture failed before its first file, remove the empty folder
             with suppress(OSError):
                 folder.rmdir()
 
@@ -162,7 +172,7 @@ def _capture(
     plan: DocumentPlan,
     store: Store,
     planned: DatasetCard,
-    drawing: Callable[[DocumentPlan, DatasetCard], AbstractContextManager[FrameProducer[CheckedFrame]]],
+    open_producer: Callable[[DocumentPlan, DatasetCard], AbstractContextManager[FrameProducer[CheckedFrame]]],
     beside: Mapping[str, bytes],
     progress: Callable[[int, int], None],
     *,
@@ -173,27 +183,27 @@ def _capture(
     if not (
         resume and store.exists(CARD_NAME)
     ):  # count existing frames once the plan is known to be the same
-        _refuse_without_room(store, plan, labels, formats, plan.n_frames)
-    with drawing(plan, planned) as producer:
+        _require_disk_space(store, plan, labels, formats, plan.n_frames)
+    with open_producer(plan, planned) as producer:
         info = producer.info
         card = msgspec.structs.replace(
             planned, machine=describe_machine(info.vendor, info.renderer, info.version)
         )
-        there = WhatIsThere(frozenset())
+        existing = ExistingFrames(frozenset())
         if resume:
             card, old = card_to_resume(store, card)
             if old is not None:
-                there = look_at_frames(store, plan, old)
-                _refuse_without_room(store, plan, labels, formats, plan.n_frames - len(there.kept))
-        missing = [k for k in range(plan.n_frames) if k not in there.kept]
+                existing = inspect_frames(store, plan, old)
+                _require_disk_space(store, plan, labels, formats, plan.n_frames - len(existing.kept))
+        missing = [k for k in range(plan.n_frames) if k not in existing.kept]
         with DatasetWriter(store, card) as writer:
             if beside:
                 store.write(list(beside.items()))
-            exports = ExportSink(store, card, card.split, there.kept)
+            exports = ExportSink(store, card, card.split, existing.kept)
             frames = run_frames(
                 plan, producer, [writer, exports], labels=lambda k: _request(plan, k, labels), numbers=missing
             )
-            for n_done, _ in enumerate(frames, start=len(there.kept) + 1):
+            for n_done, _ in enumerate(frames, start=len(existing.kept) + 1):
                 progress(n_done, plan.n_frames)
             writer.flush()
             exports.finish()
@@ -203,12 +213,12 @@ def _capture(
     return CaptureSummary(
         store.folder if isinstance(store, FolderStore) else store.title,
         n_written,
-        len(there.kept),
+        len(existing.kept),
         writer.n_feasible,
         tuple(writer.quarantined),
         clipping,
         dict(writer.redraws),
-        there.damaged,
+        existing.damaged,
     )
 
 
@@ -233,14 +243,14 @@ def _open_producer(
     )
 
 
-def _refuse_without_room(
+def _require_disk_space(
     store: Store, plan: DocumentPlan, labels: tuple[str, ...], formats: tuple[str, ...], n_frames: int
 ) -> None:
     exports = len([name for name in formats if name != "native"])
-    refuse_without_room(store, n_frames, frame_bytes(plan.scene(0), labels, exports))
+    require_disk_space(store, n_frames, frame_bytes(plan.scene(0), labels, exports))
 
 
-def _possible(plan: DocumentPlan, labels: tuple[str, ...]) -> tuple[str, ...]:
+def _possible_layers(plan: DocumentPlan, labels: tuple[str, ...]) -> tuple[str, ...]:
     """Return the layers that the plan's frames can have; ``all`` omits optical flow if there is none."""
     if "flow" not in labels:
         return labels

@@ -98,10 +98,14 @@ class StereoCard(msgspec.Struct, frozen=True, kw_only=True):
 
     Parameters
     ----------
-    camera : camera of this data set.
-    position_m : position of the second camera in the first's axes.
-    turn_deg : rotation vector from the first's axes to the second's.
-    q_second_from_first_wxyz : the same as a quaternion.
+    camera : {"first", "second"}
+        Camera of this data set.
+    position_m : tuple of float
+        Position of the second camera in the first's axes.
+    turn_deg : tuple of float
+        Rotation vector from the first's axes to the second's.
+    q_second_from_first_wxyz : tuple of float
+        The same as a quaternion.
     """
 
     camera: Literal["first", "second"]

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 NOTABLE_SHARE = 0.05
 """Share of saturated target pixels above which an exposure is proposed."""
 
-# a frame is dark if the fitting exposure is longer by this factor: four fifths of the scale are unused
+# a frame is dark if the proposed exposure is longer by this factor: four fifths of the scale are unused
 _DARK = 5.0
 
 # Highlights may saturate: the brightest fiftieth of the target's pixels; the rest should stay below this signal.
@@ -34,9 +34,14 @@ class Clipping:
 
     Parameters
     ----------
-    target_px, clipped_px : number of pixels on the target, and of those whose noise-free signal is at full scale.
-    exposure_s : exposure of the frame.
-    fitting_s : exposure at which all but the brightest 2 % of the target stay below full scale; 0 if it is unlit.
+    target_px : int
+        Number of pixels on the target.
+    clipped_px : int
+        Number of those whose noise-free signal is at full scale.
+    exposure_s : float
+        Exposure of the frame.
+    fitting_s : float
+        Exposure at which all but the brightest 2 % of the target stay below full scale; 0 if it is unlit.
     """
 
     target_px: int
@@ -56,9 +61,14 @@ class ClippingSummary:
 
     Parameters
     ----------
-    share, worst_share : saturated share of the target's pixels, over all frames and in the worst one.
-    advice : remedy for saturation or darkness; empty if neither is notable.
-    dark_frames : number of frames in which the lit target uses little of the scale.
+    share : float
+        Saturated share of the target's pixels, over all frames.
+    worst_share : float
+        Saturated share of the target's pixels, in the worst frame.
+    advice : str
+        Remedy for saturation or darkness; empty if neither is notable.
+    dark_frames : int, optional
+        Number of frames in which the lit target uses little of the scale.
     """
 
     share: float
@@ -74,8 +84,8 @@ def measure_clipping(frame: Frame) -> Clipping:
     if not len(radiance):
         return Clipping(0, 0, scene.exposure_s, 0.0)
     # a uniform image of unit radiance, exposed for a second, gives the scale of each band
-    even = np.ones((9, 9, *radiance.shape[1:]), np.float32)
-    scale = expose(even, scene.sensor, 1.0, sunlight_balance(scene.bands), scene.optics)[4, 4]
+    uniform = np.ones((9, 9, *radiance.shape[1:]), np.float32)
+    scale = expose(uniform, scene.sensor, 1.0, sunlight_balance(scene.bands), scene.optics)[4, 4]
     signal_1s = radiance * scale
     # a colour pixel saturates with its first band
     brightest = signal_1s if signal_1s.ndim == 1 else signal_1s.max(axis=1)
@@ -89,7 +99,8 @@ def summarise_clipping(frames: Sequence[Clipping], document: dict[str, Any]) -> 
 
     Parameters
     ----------
-    document : their scenario or recipe, for the advice.
+    document : dict
+        Their scenario or recipe, for the advice.
     """
     with_target = [f for f in frames if f.target_px]
     if not with_target:
@@ -113,8 +124,8 @@ def _advice(frames: Sequence[Clipping], document: dict[str, Any]) -> str:
     sensor = document.get("sensor") or {}
     if sensor.get("auto_exposure") is not None:
         level = sensor["auto_exposure"].get("level", 0.5)
-        way = "above" if frames[0].is_dark else "below"
-        return f"set level {way} {level:g} in [sensor.auto_exposure], or its lag_s shorter"
+        comparison = "above" if frames[0].is_dark else "below"
+        return f"set level {comparison} {level:g} in [sensor.auto_exposure], or its lag_s shorter"
     fitting = [f.fitting_s for f in frames if f.fitting_s > 0]
     best, longest = min(fitting), max(fitting)
     number = f"exposure_s = {_two_digits(best)} in [sensor] (here {frames[0].exposure_s:g})"

@@ -38,8 +38,10 @@ class ImportSource:
 
     Parameters
     ----------
-    form : name of its format.
-    frames : frames in order, made on access.
+    form : str
+        Name of its format.
+    frames : iterable of LabelledFrame
+        Frames in order, decoded on access.
     """
 
     card: DatasetCard
@@ -72,8 +74,12 @@ def open_source(
 
     Parameters
     ----------
-    form : format, detected by default.
-    target, camera : replace those of foreign images.
+    form : str, optional
+        Format, detected by default.
+    target : str, optional
+        Target to use instead of that of a foreign data set.
+    camera : str, optional
+        Camera to use instead of that of a foreign data set.
 
     Raises
     ------
@@ -89,7 +95,7 @@ def open_source(
             card = msgspec.structs.replace(card, image_bits=image_bits(dataset[0]))
         return ImportSource(card, NATIVE, dataset)
     pictures, kind = read_foreign(place, form)
-    name = target or pictures.usual_target
+    name = target or pictures.default_target
     if not name:
         raise UserError(f"{place} does not say what craft it shows; name it with --target")
     craft, lens = load_target(name), camera_of(pictures, camera)
@@ -112,13 +118,17 @@ def convert(
 
     Parameters
     ----------
-    folder : new or empty folder; each of several formats has a subfolder.
-    split : shares of training, validation and test frames; by default the source's own.
-    tell : function that is called with a sentence on what the format omits, before anything is written.
+    folder : Path
+        New or empty folder; each of several formats has a subfolder.
+    split : tuple of int, optional
+        Shares of training, validation and test frames; by default the source's own.
+    tell : callable, optional
+        Called before anything is written, with one sentence per format that lists the omitted labels.
 
     Returns
     -------
-    Number of frames.
+    int
+        Number of frames.
 
     Raises
     ------

@@ -35,9 +35,9 @@ class StoreOutput:
 
 
 def output_of(store: Store, folder: str = "") -> FormatOutput:
-    """Return the output of a format's files.
+    """Return the output for the files of a format.
 
-    In a subfolder files are not synced to the disk: after a loss of power they are made again from the frames.
+    Export files are not synced to the disk, because after a power failure they can be rebuilt from the native frames.
     """
     if isinstance(store, FolderStore):
         return FolderOutput(store.folder / folder)
@@ -49,9 +49,12 @@ class FrameExports:
 
     Parameters
     ----------
-    store : store of the data set; each format has a subfolder.
-    card : card that lists the formats.
-    ratio : ratio of the split, or None.
+    store : Store
+        Store of the data set; each format has a subfolder.
+    card : DatasetCard
+        Card that lists the formats.
+    ratio : tuple of int or None
+        Ratio of the split, or None.
     """
 
     def __init__(self, store: Store, card: DatasetCard, ratio: Ratio | None) -> None:
@@ -85,18 +88,19 @@ def _first_split(store: Store, card: DatasetCard) -> dict[int, str]:
 
 
 class ExportSink:
-    """`FrameExports` as a sink of a capture; existing frames are read again in their turn.
+    """`FrameExports` as a sink of a capture. Frames that exist already are read from the store, in order.
 
     Parameters
     ----------
-    there : numbers of existing frames that a resumed capture keeps.
+    existing : iterable of int, optional
+        Numbers of the existing frames that a resumed capture keeps.
     """
 
     def __init__(
-        self, store: Store, card: DatasetCard, ratio: Ratio | None, there: Iterable[int] = ()
+        self, store: Store, card: DatasetCard, ratio: Ratio | None, existing: Iterable[int] = ()
     ) -> None:
         self._store = store
-        self._there = deque(sorted(there))
+        self._existing = deque(sorted(existing))
         self._exports = (
             FrameExports(store, card, ratio) if ratio is not None or set(card.formats) != {NATIVE} else None
         )
@@ -115,8 +119,8 @@ class ExportSink:
             self._exports.finish()
 
     def _catch_up(self, number: int | None) -> None:
-        while self._exports is not None and self._there and (number is None or self._there[0] < number):
-            self._exports.add(frame_from_store(self._store, self._there.popleft()))
+        while self._exports is not None and self._existing and (number is None or self._existing[0] < number):
+            self._exports.add(frame_from_store(self._store, self._existing.popleft()))
 
 
 def frame_from_store(store: Store, number: int) -> LabelledFrame:

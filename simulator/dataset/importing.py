@@ -41,7 +41,7 @@ if TYPE_CHECKING:
 MAX_PICTURE_BYTES = 500_000_000
 COLOUR_SAMPLES = 8  # images tested for colour, evenly over the set
 # an image is in colour if this share of pixels has bands this far apart, of 255
-COLOURED_SHARE, COLOURED_DN = (
+MIN_COLOURED_SHARE, MIN_COLOUR_SPREAD_DN = (
     0.01,
     16,
 )
@@ -50,19 +50,19 @@ SCHEMA = "flyaround.imported"
 
 
 def camera_of(picture_set: PosedPictures, camera_name: str | None) -> Camera:
-    """Return the camera of imported images: the given one, the set's own, or the usual one of such sets.
+    """Return the camera of imported images: the named one, the data set's own, or the default of its format.
 
     Raises
     ------
     UserError
-        If none is known, or the images have another size.
+        If the camera is unknown, or the images have another size.
     """
     if camera_name is not None:
         camera, name = load_camera(camera_name), f"camera {camera_name}"
     elif picture_set.camera is not None:
         camera, name = picture_set.camera, "the set's camera.json"
-    elif picture_set.usual_camera:
-        camera, name = load_camera(picture_set.usual_camera), f"camera {picture_set.usual_camera}"
+    elif picture_set.default_camera:
+        camera, name = load_camera(picture_set.default_camera), f"camera {picture_set.default_camera}"
     else:
         raise UserError(
             f"{picture_set.labels.parent} has no camera.json; name the camera that took it with --camera"
@@ -74,37 +74,37 @@ def camera_of(picture_set: PosedPictures, camera_name: str | None) -> Camera:
                 f"picture {picture.path} is {size[0]} x {size[1]} pixels, {name} {camera.width_px} x "
                 f"{camera.height_px}; give the camera that took it with --camera"
             )
-    says_nothing = picture_set.camera is None and camera.pixel_encoding == "linear"
-    return replace(camera, encoding=picture_set.encoding) if says_nothing else camera
+    lacks_encoding = picture_set.camera is None and camera.pixel_encoding == "linear"
+    return replace(camera, encoding=picture_set.encoding) if lacks_encoding else camera
 
 
 def is_coloured(image: NDArray[np.unsignedinteger]) -> bool:
     """Return True if an image (H, W) or (H, W, 3) is in colour, ignoring a few coloured pixels in a grey one."""
     if image.ndim == 2:
         return False
-    apart = image.max(axis=2).astype(np.int32) - image.min(axis=2)
-    most = COLOURED_DN if image.dtype == np.uint8 else COLOURED_DN * 257
-    return float(np.mean(apart > most)) > COLOURED_SHARE
+    spread = image.max(axis=2).astype(np.int32) - image.min(axis=2)
+    threshold = MIN_COLOUR_SPREAD_DN if image.dtype == np.uint8 else MIN_COLOUR_SPREAD_DN * 257
+    return float(np.mean(spread > threshold)) > MIN_COLOURED_SHARE
 
 
 def check_grey(picture_set: PosedPictures) -> None:
-    """Raise if sampled images are in colour although the set's usual camera is monochrome.
+    """Raise if sampled images are in colour although the default camera of the format is monochrome.
 
     Raises
     ------
     UserError
-        If one is in colour: another camera, with an unknown lens, took it.
+        If an image is in colour, so that it was taken by another camera with an unknown lens.
     """
-    if not picture_set.usual_camera or not picture_set.pictures:
+    if not picture_set.default_camera or not picture_set.pictures:
         return
-    places = np.linspace(
+    indices = np.linspace(
         0, len(picture_set.pictures) - 1, min(len(picture_set.pictures), COLOUR_SAMPLES)
     ).astype(int)
-    for k in np.unique(places):
+    for k in np.unique(indices):
         path = picture_set.pictures[int(k)].path
         if is_coloured(read_picture(path)):
             raise UserError(
-                f"picture {path} is in colour and camera {picture_set.usual_camera} takes grey ones; name the camera "
+                f"picture {path} is in colour and camera {picture_set.default_camera} takes grey ones; name the camera "
                 "that took it with --camera, or save the pictures in grey"
             )
 
@@ -146,7 +146,7 @@ def imported_frames(
 
 
 def read_picture(path: Path) -> NDArray[np.unsignedinteger]:
-    """Read an image of 8 or 16 bits: mono (H, W), also if three bands are equal, or RGB (H, W, 3).
+    """Read an image of 8 or 16 bits as mono (H, W) or RGB (H, W, 3); three equal bands give a mono image.
 
     Raises
     ------
@@ -160,8 +160,8 @@ def read_picture(path: Path) -> NDArray[np.unsignedinteger]:
     if image.ndim == 2:
         return np.asarray(image)
     bands = image[..., 2::-1] if image.shape[2] >= 3 else image[..., :1]
-    alike = bool((bands == bands[..., :1]).all())
-    return np.ascontiguousarray(bands[..., 0] if alike else bands)
+    is_grey = bool((bands == bands[..., :1]).all())
+    return np.ascontiguousarray(bands[..., 0] if is_grey else bands)
 
 
 def label_imported(

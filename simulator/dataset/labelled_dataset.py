@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, overload
 
 from flyaround.simulator.dataset.card import DatasetCard, read_card
 from flyaround.simulator.dataset.formats.labelled_frame import SPLITS, LabelledFrame, frame_from_folder
-from flyaround.simulator.dataset.formats.native import is_whole
+from flyaround.simulator.dataset.formats.native import is_frame_complete
 from flyaround.simulator.dataset.split import read_split
 from flyaround.simulator.errors import UserError, missing_extra
 
@@ -21,9 +21,12 @@ class LabelledDataset(Sequence[LabelledFrame]):
 
     Parameters
     ----------
-    card : card of the data set.
-    numbers : numbers of the frames, in order.
-    splits : split of each frame, if any.
+    card : DatasetCard
+        Card of the data set.
+    numbers : sequence of int
+        Numbers of the frames, in order.
+    splits : dict
+        Split of each frame, if any.
     """
 
     def __init__(
@@ -52,8 +55,9 @@ class LabelledDataset(Sequence[LabelledFrame]):
 
         Parameters
         ----------
-        transform : function applied to each item: a dict of tensors ``image`` (C, H, W) float32 0..1, ``mask`` (H, W)
-            bool, ``q_camera_from_target_wxyz`` (4,), ``t_camera_from_target_m`` (3,), ``camera_matrix`` (3, 3),
+        transform : callable, optional
+            Function applied to each item: a dict of tensors ``image`` (C, H, W) float32 0..1, ``mask`` (H, W) bool,
+            ``q_camera_from_target_wxyz`` (4,), ``t_camera_from_target_m`` (3,), ``camera_matrix`` (3, 3),
             ``keypoints_px`` (K, 2), NaN behind the camera, ``keypoints_visible`` (K,) bool, and ``number``.
 
         Raises
@@ -73,7 +77,8 @@ def open_dataset(folder: str | Path, split: str | None = None) -> LabelledDatase
 
     Parameters
     ----------
-    split : train, validation or test; by default all frames.
+    split : str, optional
+        Train, validation or test; by default all frames.
 
     Raises
     ------
@@ -88,7 +93,9 @@ def open_dataset(folder: str | Path, split: str | None = None) -> LabelledDatase
     if split is not None and not splits:
         raise UserError(f"data set {folder} is not split; capture it with --split 8:1:1")
     numbers = [
-        k for k in range(card.n_frames) if (split is None or splits.get(k) == split) and is_whole(folder, k)
+        k
+        for k in range(card.n_frames)
+        if (split is None or splits.get(k) == split) and is_frame_complete(folder, k)
     ]
     if not numbers:
         raise UserError(

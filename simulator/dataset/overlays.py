@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from flyaround.simulator.targets.model import Target
 
 MARKS = ("axes", "wireframe", "keypoints", "box", "mask")
-_AXIS = 0.6
+_AXIS_LENGTH = 0.6
 """Length of an arrow relative to the distance of the mesh's farthest vertex."""
 
 
@@ -48,8 +48,8 @@ def parse_marks(text: str) -> tuple[str, ...]:
     names = tuple(dict.fromkeys(name.strip() for name in text.split(",") if name.strip()))
     unknown = [name for name in names if name not in MARKS]
     if unknown or not names:
-        what = f"there is no '{unknown[0]}'" if unknown else "nothing is named"
-        raise UserError(f"--draw '{text}': {what}; choose from {', '.join(MARKS)}")
+        problem = f"there is no '{unknown[0]}'" if unknown else "nothing is named"
+        raise UserError(f"--draw '{text}': {problem}; choose from {', '.join(MARKS)}")
     return names
 
 
@@ -64,10 +64,14 @@ def write_overlays(
 
     Parameters
     ----------
-    folder : data set.
-    output : new or empty folder outside it.
-    marks : names out of `MARKS`, in drawing order.
-    n : number of frames, spread evenly; by default all.
+    folder : Path
+        Data set.
+    output : Path
+        New or empty folder outside it.
+    marks : tuple of str, optional
+        Names out of `MARKS`, in drawing order.
+    n : int, optional
+        Number of frames, spread evenly; by default all.
 
     Raises
     ------
@@ -96,8 +100,10 @@ def overlay(frame: LabelledFrame, target: Target, marks: tuple[str, ...]) -> Byt
 
     Parameters
     ----------
-    target : model that the data set names.
-    marks : names out of `MARKS`.
+    target : Target
+        Model that the data set names.
+    marks : tuple of str
+        Names out of `MARKS`.
     """
     truth, camera, pose = frame.truth, frame.camera, frame.pose
     if isinstance(truth, Truth):
@@ -109,7 +115,7 @@ def overlay(frame: LabelledFrame, target: Target, marks: tuple[str, ...]) -> Byt
     canvas = screen_rgb(frame.image, sensor, camera.pixel_encoding)
     for mark in marks:
         if mark == "axes":
-            canvas = draw_axes(canvas, camera, pose, _AXIS * radius_m)
+            canvas = draw_axes(canvas, camera, pose, _AXIS_LENGTH * radius_m)
         elif mark == "wireframe":
             canvas = draw_wireframe(canvas, camera, pose, variant)
         elif mark == "keypoints":

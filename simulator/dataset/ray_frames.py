@@ -33,9 +33,9 @@ MAX_IN_SHARD = 8
 """Frames per task: consecutive ones share a varied craft's baked light, and a lost node costs little."""
 
 MAX_RETRIES = 3
-_ANSWER_S, _WAIT_S = 5.0, 120.0
+_CONNECT_TIMEOUT_S, _POLL_INTERVAL_S = 5.0, 120.0
 
-Taken = TypeVar("Taken")
+Result = TypeVar("Result")
 
 
 @dataclass(frozen=True)
@@ -44,8 +44,10 @@ class RayCluster:
 
     Parameters
     ----------
-    address : ``auto`` for the cluster that this machine belongs to, ``HOST:PORT`` of its head, or ``ray://HOST:PORT``.
-    gpu_share : fraction of a GPU per drawing process, so that several share one; 0 for nodes without.
+    address : str
+        ``auto`` for the cluster that this machine belongs to, ``HOST:PORT`` of its head, or ``ray://HOST:PORT``.
+    gpu_share : float, optional
+        Fraction of a GPU per drawing process, so that several share one; 0 for nodes without.
     """
 
     address: str
@@ -53,32 +55,36 @@ class RayCluster:
 
 
 @dataclass(frozen=True, eq=False)
-class _Kit(Generic[Taken]):
-    """Data that every task needs, sent to each node once."""
+class _TaskContext(Generic[Result]):
+    """Arguments shared by all tasks; they are sent to each node once."""
 
-    stage: Callable[[Frame], Taken]
+    stage: Callable[[Frame], Result]
     first: SceneState
     target: Target
 
 
 @dataclass(frozen=True, eq=False)
-class _Shard(Generic[Taken]):
+class _Shard(Generic[Result]):
     """Result of a task, with the node that drew it."""
 
     node: str
     info: GlInfo
-    taken: list[Taken]
+    results: list[Result]
 
 
-class RayFrames(FrameProducer[Taken]):
+class RayFrames(FrameProducer[Result]):
     """Frame producer on a cluster. Every node needs the same version of Flyaround and the same GL renderer.
 
     Parameters
     ----------
-    stage : function applied to each frame where it is rendered.
-    first : first scene to come.
-    target : target of the scenes, sent to the nodes.
-    n_frames : number of frames to come.
+    stage : callable
+        Function applied to each frame where it is rendered.
+    first : SceneState
+        First scene to be drawn.
+    target : Target
+        Target of the scenes, sent to the nodes.
+    n_frames : int
+        Number of frames to be drawn.
 
     Raises
     ------
@@ -88,7 +94,7 @@ class RayFrames(FrameProducer[Taken]):
 
     def __init__(
         self,
-        stage: Callable[[Frame], Taken],
+        stage: Callable[[Frame], Result],
         cluster: RayCluster,
         *,
         first: SceneState,
@@ -97,16 +103,16 @@ class RayFrames(FrameProducer[Taken]):
     ) -> None:
         self._ray = _import_ray()
         self._cluster = cluster
-        self._mine = not self._ray.is_initialized()
-        if self._mine:
+        self._owns_connection = not self._ray.is_initialized()
+        if self._owns_connection:
             _connect(self._ray, cluster.address)
         self._sent: deque[tuple[Any, int]] = deque()
-        self._ready: deque[Taken] = deque()
+        self._ready: deque[Result] = deque()
         self._info: GlInfo | None = None
         self._node = ""
         try:
-            self._refuse_without_gpus()
-            self._kit = self._ray.put(_Kit(stage, first, target))
+            self._require_gpus()
+            self._context = self._ray.put(_TaskContext(stage, first, target))
             self._task = self._ray.remote(
                 num_cpus=1,
                 num_gpus=cluster.gpu_share,
@@ -121,18 +127,18 @@ class RayFrames(FrameProducer[Taken]):
 
     def _slots(self) -> int:
         """Return the number of tasks that the cluster can run at once now."""
-        there = self._ray.cluster_resources()
-        slots = there.get("CPU", 0.0)
+        resources = self._ray.cluster_resources()
+        slots = resources.get("CPU", 0.0)
         if self._cluster.gpu_share > 0:
-            slots = min(slots, there.get("GPU", 0.0) / self._cluster.gpu_share)
+            slots = min(slots, resources.get("GPU", 0.0) / self._cluster.gpu_share)
         return max(int(slots), 1)
 
-    def _refuse_without_gpus(self) -> None:
-        there = self._ray.cluster_resources()
-        if there.get("GPU", 0.0) < self._cluster.gpu_share:
+    def _require_gpus(self) -> None:
+        resources = self._ray.cluster_resources()
+        if resources.get("GPU", 0.0) < self._cluster.gpu_share:
             raise UserError(
                 f"--gpu-share {self._cluster.gpu_share:g} asks for GPUs, and the Ray cluster {self._cluster.address} "
-                f"has {there.get('GPU', 0.0):g}; leave it out, or start its nodes with --num-gpus"
+                f"has {resources.get('GPU', 0.0):g}; leave it out, or start its nodes with --num-gpus"
             )
 
     @property
@@ -166,7 +172,7 @@ class RayFrames(FrameProducer[Taken]):
             bool(self._sent) and bool(self._ray.wait([self._sent[0][0]], timeout=0)[0])
         )
 
-    def result(self) -> Taken:
+    def result(self) -> Result:
         """Return the oldest frame in flight; waits for it."""
         if not self.in_flight:
             raise RuntimeError("no frame is under way")
@@ -174,12 +180,12 @@ class RayFrames(FrameProducer[Taken]):
             self._collect()
         return self._ready.popleft()
 
-    def frames(self, requests: Iterable[FrameRequest]) -> Iterator[Taken]:
+    def frames(self, requests: Iterable[FrameRequest]) -> Iterator[Result]:
         """Yield one frame per request, in order, drawn by shards."""
         if self.in_flight > 0:
             raise RuntimeError("frames of a run that was broken off are under way; open another producer")
-        coming = iter(requests)
-        while shard := list(islice(coming, self._shard)):
+        pending = iter(requests)
+        while shard := list(islice(pending, self._shard)):
             while not self.has_room:
                 yield self.result()
                 yield from self._all_ready()
@@ -187,27 +193,27 @@ class RayFrames(FrameProducer[Taken]):
         while self.in_flight > 0:
             yield self.result()
 
-    def _all_ready(self) -> Iterator[Taken]:
+    def _all_ready(self) -> Iterator[Result]:
         while self._ready:
             yield self._ready.popleft()
 
     def _send(self, shard: list[FrameRequest]) -> Any:  # noqa: ANN401 - Ray's own reference
         # in a tuple the reference is not resolved: a process that has the kit need not read it again
-        return self._task.remote((self._kit,), shard)
+        return self._task.remote((self._context,), shard)
 
     def _collect(self) -> None:
         """Wait for the oldest shard."""
         reference, _ = self._sent[0]
-        while not self._ray.wait([reference], timeout=_WAIT_S)[0]:
+        while not self._ray.wait([reference], timeout=_POLL_INTERVAL_S)[0]:
             if self._ray.cluster_resources().get("CPU", 0.0) < 1:
                 raise UserError(
                     f"the Ray cluster {self._cluster.address} has no node left that draws; start one, and go on with "
                     "--resume"
                 )
         try:
-            shard: _Shard[Taken] = self._ray.get(reference)
+            shard: _Shard[Result] = self._ray.get(reference)
         except self._ray.exceptions.RayError as error:
-            self._refuse(error)
+            self._raise_ray_error(error)
         self._sent.popleft()
         if self._info is None:
             self._info, self._node = shard.info, shard.node
@@ -217,9 +223,9 @@ class RayFrames(FrameProducer[Taken]):
                 f"{self._node} by {self._info.renderer} ({self._info.version}), {shard.node} by {shard.info.renderer} "
                 f"({shard.info.version}); use nodes that are alike"
             )
-        self._ready.extend(shard.taken)
+        self._ready.extend(shard.results)
 
-    def _refuse(self, error: Exception) -> NoReturn:
+    def _raise_ray_error(self, error: Exception) -> NoReturn:
         """Raise the error of a failed task or cluster."""
         cause = getattr(error, "cause", None)
         if isinstance(cause, UserError):
@@ -243,7 +249,7 @@ class RayFrames(FrameProducer[Taken]):
             self._ray.cancel(reference, force=False)
         self._sent.clear()
         self._ready.clear()
-        if self._mine:
+        if self._owns_connection:
             self._ray.shutdown()
 
 
@@ -268,16 +274,16 @@ def _connect(ray: Any, address: str) -> None:  # noqa: ANN401 - a package withou
     """
     advice = "start one with `ray start --head`, or check --ray HOST:PORT"
     if address != "auto":
-        _refuse_silent(address, advice)
+        _require_answer(address, advice)
     try:
         ray.init(address=address, log_to_driver=False, logging_level="ERROR", include_dashboard=None)
     except Exception as error:  # Ray raises many types, some of them from gRPC
         first = str(error).strip().splitlines()[0] if str(error).strip() else type(error).__name__
-        where = "runs on this machine" if address == "auto" else f"answers at {address}"
-        raise UserError(f"no Ray cluster {where}: {first}; {advice}") from error
+        location = "runs on this machine" if address == "auto" else f"answers at {address}"
+        raise UserError(f"no Ray cluster {location}: {first}; {advice}") from error
 
 
-def _refuse_silent(address: str, advice: str) -> None:
+def _require_answer(address: str, advice: str) -> None:
     parts = urlsplit(address if "://" in address else f"//{address}")
     try:
         host, port = parts.hostname, parts.port
@@ -286,31 +292,37 @@ def _refuse_silent(address: str, advice: str) -> None:
     if host is None or port is None or parts.scheme not in {"", "ray"}:
         raise UserError(f"--ray {address} is no address; give auto, HOST:PORT or ray://HOST:PORT")
     try:
-        socket.create_connection((host, port), timeout=_ANSWER_S).close()
+        socket.create_connection((host, port), timeout=_CONNECT_TIMEOUT_S).close()
     except OSError as error:
         raise UserError(
             f"no Ray cluster answers at {address}: {error.strerror or error}; {advice}"
         ) from error
 
 
-def _draw_shard(kit: tuple[Any], requests: list[FrameRequest]) -> _Shard[Any]:
+def _draw_shard(context: tuple[Any], requests: list[FrameRequest]) -> _Shard[Any]:
     """Draw a shard's frames: the body of a task. Without requests, only open the renderer and report the driver."""
     import ray  # noqa: PLC0415 - in the process that Ray runs
 
     gpus = ray.get_runtime_context().get_accelerator_ids().get("GPU", [])
-    mine, renderer, _ = _opened(kit[0], int(gpus[0]) if gpus and str(gpus[0]).isdigit() else None)
-    taken = [draw_request(renderer, request, mine.stage, mine.target) for request in requests]
-    return _Shard(socket.gethostname(), renderer.info, taken)
+    task_context, renderer, _ = _open_renderer(
+        context[0], int(gpus[0]) if gpus and str(gpus[0]).isdigit() else None
+    )
+    results = [
+        draw_request(renderer, request, task_context.stage, task_context.target) for request in requests
+    ]
+    return _Shard(socket.gethostname(), renderer.info, results)
 
 
 @lru_cache(maxsize=1)
-def _opened(kit: Any, device_index: int | None) -> tuple[_Kit[Any], Any, ExitStack]:  # noqa: ANN401 - Ray's reference
+def _open_renderer(context: Any, device_index: int | None) -> tuple[_TaskContext[Any], Any, ExitStack]:  # noqa: ANN401 - Ray's reference
     """Return the kit and a renderer, kept in a worker process between tasks."""
     import ray  # noqa: PLC0415 - in the process that Ray runs
 
     keep_freed_memory()
-    mine: _Kit[Any] = ray.get(kit)
-    open_here = ExitStack()
+    task_context: _TaskContext[Any] = ray.get(context)
+    stack = ExitStack()
     # Ray grants a task one processor: a software driver draws in the task's own thread
-    opener = OpenRenderer(device_index=device_index, first=mine.first, processes=max(usable_processors(), 2))
-    return mine, open_here.enter_context(opener()), open_here
+    opener = OpenRenderer(
+        device_index=device_index, first=task_context.first, processes=max(usable_processors(), 2)
+    )
+    return task_context, stack.enter_context(opener()), stack

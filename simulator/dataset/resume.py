@@ -11,7 +11,13 @@ import msgspec
 import numpy as np
 
 from flyaround.simulator.dataset.card import CARD_NAME, MAX_BYTES, DatasetCard, decode_card
-from flyaround.simulator.dataset.formats.native import frame_paths, is_whole, layer_path, read_layer, read_png
+from flyaround.simulator.dataset.formats.native import (
+    frame_paths,
+    is_frame_complete,
+    layer_path,
+    read_layer,
+    read_png,
+)
 from flyaround.simulator.dataset.storage.manifest import file_hash, read_manifest, rewrite_manifest
 from flyaround.simulator.dataset.storage.store import FolderStore
 from flyaround.simulator.errors import UserError
@@ -28,13 +34,15 @@ MAX_FILE_BYTES = 2**32
 
 
 @dataclass(frozen=True)
-class WhatIsThere:
+class ExistingFrames:
     """Frames that an earlier capture left in a data set.
 
     Parameters
     ----------
-    kept : intact frames.
-    damaged : altered frames, whose records were removed; they are rendered again.
+    kept : frozenset of int
+        Intact frames.
+    damaged : tuple of int, optional
+        Altered frames, whose records were removed; they are rendered again.
     """
 
     kept: frozenset[int]
@@ -70,13 +78,13 @@ def card_to_resume(store: Store, card: DatasetCard) -> tuple[DatasetCard, Datase
             )
     for field in ("scenario", "seed", "every_s", "camera", "target", "labels", "sensors"):
         if getattr(old, field) != getattr(card, field):
-            which = "another " + field
+            difference = "another " + field
             if field == "labels":
-                which = (
+                difference = (
                     f"other labels ({','.join(old.labels) or 'none'}, here {','.join(card.labels) or 'none'})"
                 )
             raise UserError(
-                f"{store.title} was captured with {which}; resume with the same command, or name a new folder"
+                f"{store.title} was captured with {difference}; resume with the same command, or name a new folder"
             )
     if card.n_frames < old.n_frames:
         raise UserError(
@@ -84,15 +92,15 @@ def card_to_resume(store: Store, card: DatasetCard) -> tuple[DatasetCard, Datase
             f"-n {old.n_frames} or more, or name a new folder"
         )
     if card.split and old.split and card.split != old.split:
-        was, now = (":".join(map(str, ratio)) for ratio in (old.split, card.split))
+        old_split, new_split = (":".join(map(str, ratio)) for ratio in (old.split, card.split))
         raise UserError(
-            f"{store.title} was captured with --split {was}, here it is {now}; resume with the same"
+            f"{store.title} was captured with --split {old_split}, here it is {new_split}; resume with the same"
         )
     formats = tuple(dict.fromkeys((*old.formats, *card.formats)))
     return msgspec.structs.replace(card, formats=formats, split=card.split or old.split), old
 
 
-def look_at_frames(store: Store, plan: FramePlan, old: DatasetCard) -> WhatIsThere:
+def inspect_frames(store: Store, plan: FramePlan, old: DatasetCard) -> ExistingFrames:
     """Find the intact frames of a data set, and remove the records of damaged ones.
 
     A frame is verified by the manifest's hashes; if it is not listed there, by the pixel hashes in its record.
@@ -104,35 +112,35 @@ def look_at_frames(store: Store, plan: FramePlan, old: DatasetCard) -> WhatIsThe
     """
     manifest = read_manifest(store)
     with ThreadPoolExecutor(threads()) as pool:  # hashing releases Python's lock
-        states = list(pool.map(lambda k: _state(store, k, manifest.get(k, {})), range(old.n_frames)))
+        states = list(pool.map(lambda k: _is_intact(store, k, manifest.get(k, {})), range(old.n_frames)))
     intact_frames = [k for k, intact in enumerate(states) if intact]
     if old.n_frames < plan.n_frames:
-        _refuse_other_frames(store, plan, old, [intact_frames[0], intact_frames[-1]] if intact_frames else [])
+        _require_same_frames(store, plan, old, [intact_frames[0], intact_frames[-1]] if intact_frames else [])
         last = old.n_frames - 1
         if "flow" in old.labels and intact_frames and intact_frames[-1] == last:
             intact_frames.pop()  # formerly the last frame, it had no optical flow; now it has a next frame
     store.remove_unfinished()
     damaged = tuple(k for k, intact in enumerate(states) if intact is False)
     for k in damaged:
-        store.remove(_name(k))
-    hashes_by_frame = {k: hashes for k in intact_frames if _name(k) in (hashes := manifest.get(k, {}))}
+        store.remove(_record_name(k))
+    hashes_by_frame = {k: hashes for k in intact_frames if _record_name(k) in (hashes := manifest.get(k, {}))}
     rewrite_manifest(
         store, hashes_by_frame | {k: _hashes(store, k) for k in intact_frames if k not in hashes_by_frame}
     )
-    return WhatIsThere(frozenset(intact_frames), damaged)
+    return ExistingFrames(frozenset(intact_frames), damaged)
 
 
-def _name(k: int) -> str:
+def _record_name(k: int) -> str:
     """Return the name of frame k's record."""
     return f"images/{k:06d}.json"
 
 
-def _state(store: Store, k: int, hashes: dict[str, str]) -> bool | None:
+def _is_intact(store: Store, k: int, hashes: dict[str, str]) -> bool | None:
     """Return True if frame k is intact, False if it is damaged, None if it is incomplete."""
-    if not store.exists(_name(k)):
+    if not store.exists(_record_name(k)):
         # the record may also have been lost: both cases are rendered again
         return None
-    if _name(k) in hashes:
+    if _record_name(k) in hashes:
         return all(_has_hash(store, name, digest) for name, digest in hashes.items())
     return isinstance(store, FolderStore) and _agrees_with_its_record(store.folder, k)
 
@@ -146,12 +154,12 @@ def _has_hash(store: Store, name: str, digest: str) -> bool:
 
 def _agrees_with_its_record(folder: Path, k: int) -> bool:
     """Return True if image, mask and layers have the record's hashes, and there are no other files."""
-    if not is_whole(folder, k):
+    if not is_frame_complete(folder, k):
         return False
     paths = frame_paths(folder, k)
     try:
         truth = read_truth(paths.truth)
-        if {folder / name for name in _names(truth, k)} != set((folder / "images").glob(f"{k:06d}.*")):
+        if {folder / name for name in _file_names(truth, k)} != set((folder / "images").glob(f"{k:06d}.*")):
             return False
         mask = np.asarray(read_png(paths.mask), np.uint8)
         return (
@@ -166,7 +174,7 @@ def _agrees_with_its_record(folder: Path, k: int) -> bool:
         return False
 
 
-def _names(truth: Truth, k: int) -> list[str]:
+def _file_names(truth: Truth, k: int) -> list[str]:
     """Return the names of the files that a frame's record lists, in the order of the manifest."""
     paths = frame_paths(Path(), k)
     layers = [layer_path(Path("images"), f"{k:06d}", name) for name in truth.layer_sha256]
@@ -175,16 +183,16 @@ def _names(truth: Truth, k: int) -> list[str]:
 
 def _hashes(store: Store, k: int) -> dict[str, str]:
     """Return the manifest's hashes of a frame that agrees with its record."""
-    truth = msgspec.json.decode(store.read(_name(k), MAX_BYTES), type=Truth)
-    return {name: file_hash(store.read(name, MAX_FILE_BYTES)) for name in _names(truth, k)}
+    truth = msgspec.json.decode(store.read(_record_name(k), MAX_BYTES), type=Truth)
+    return {name: file_hash(store.read(name, MAX_FILE_BYTES)) for name in _file_names(truth, k)}
 
 
-def _refuse_other_frames(store: Store, plan: FramePlan, old: DatasetCard, frames: list[int]) -> None:
+def _require_same_frames(store: Store, plan: FramePlan, old: DatasetCard, frames: list[int]) -> None:
     """Raise if a larger number of frames would change the existing ones, as when they are spread over a flight."""
     for k in frames:
-        where = f"{store.title}/{_name(k)}"
+        where = f"{store.title}/{_record_name(k)}"
         try:
-            data = store.read(_name(k), MAX_BYTES)
+            data = store.read(_record_name(k), MAX_BYTES)
             refuse_deep(data, where)
             scene = msgspec.json.decode(data, type=Truth).scene
         except (OSError, msgspec.DecodeError, RecursionError) as error:

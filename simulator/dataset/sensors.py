@@ -29,8 +29,8 @@ def parse_sensors(text: str) -> tuple[str, ...]:
     installed = plugins("sensor")
     for name in names:
         if name not in installed:
-            there = ", ".join(installed) or "none: they come with packages, see docs/plugins.md"
-            raise UserError(f"unknown sensor '{name}' in --sensors; installed are {there}")
+            available = ", ".join(installed) or "none: they come with packages, see docs/plugins.md"
+            raise UserError(f"unknown sensor '{name}' in --sensors; installed are {available}")
         if not callable(installed[name].load()):
             raise installed[name].wrong("cannot be called")
     return names

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from flyaround.simulator.dataset.check.geometry import cut_for_the_lens
+from flyaround.simulator.dataset.check.geometry import subdivide_for_lens
 from flyaround.simulator.geometry.triangle_fill import fill_triangles, filled_mask
 from flyaround.simulator.labels.boxes import NEAREST_M
 from flyaround.simulator.targets.joined_mesh import mesh_of
@@ -19,18 +19,21 @@ if TYPE_CHECKING:
     from flyaround.simulator.targets.model import Target
     from flyaround.simulator.world.frames.pose import Pose
 
-_SHARE_PX = 2048  # longest side of the grid on which the whole silhouette is counted
+_GRID_PX = 2048  # longest side of the grid on which the whole silhouette is counted
 
 
 @dataclass(frozen=True, eq=False)
 class Silhouette:
-    """The outline of a target in a camera.
+    """The silhouette of a target in the image of a camera.
 
     Parameters
     ----------
-    mask : (H, W) uint8, 255 where at least half of the pixel is covered.
-    box_amodal_px : bounds of all projected vertices; None, with an empty mask, if a part is behind the camera.
-    inside : share of the whole silhouette inside the image.
+    mask : (H, W) uint8 array
+        255 where at least half of the pixel is covered.
+    box_amodal_px : Box or None
+        Bounds of all projected vertices; None, with an empty mask, if a part is behind the camera.
+    inside : float
+        Share of the whole silhouette inside the image.
     """
 
     mask: ByteArray
@@ -50,7 +53,7 @@ def silhouette(camera: Camera, pose: Pose, target: Target) -> Silhouette:
     corners = vertices[mesh.triangles]
     if not camera.distortion.is_none:
         whole = mesh.positions_m[mesh.triangles]
-        subdivided = cut_for_the_lens(camera, whole, pose.R, np.asarray(pose.t_m))
+        subdivided = subdivide_for_lens(camera, whole, pose.R, np.asarray(pose.t_m))
         corners = camera.project(pose.apply(subdivided.reshape(-1, 3))).reshape(-1, 3, 2)
     corners = corners[np.isfinite(corners).all(axis=(1, 2))]
     size = (camera.width_px, camera.height_px)
@@ -63,11 +66,11 @@ def _share_inside(corners_px: FloatArray, size: tuple[int, int]) -> float:
     low, high = corners_px.min(axis=(0, 1)), corners_px.max(axis=(0, 1))
     if np.any(high < -0.5) or np.any(low > np.asarray(size) - 0.5):
         return 0.0
-    scale = min(1.0, _SHARE_PX / float((high - low).max()))
+    scale = min(1.0, _GRID_PX / float((high - low).max()))
     shape = tuple(int(n) + 3 for n in np.ceil((high - low) * scale)[::-1])
     grid = np.zeros(shape, np.uint8)
     fill_triangles(grid, (corners_px - low) * scale + 1)
     x, y = ((np.arange(n) - 1) / scale + start for n, start in zip(shape[::-1], low, strict=True))
-    on = ((x >= -0.5) & (x < size[0] - 0.5))[None, :] & ((y >= -0.5) & (y < size[1] - 0.5))[:, None]
+    in_image = ((x >= -0.5) & (x < size[0] - 0.5))[None, :] & ((y >= -0.5) & (y < size[1] - 0.5))[:, None]
     whole = int(np.count_nonzero(grid))
-    return int(np.count_nonzero(grid[on])) / whole if whole else 0.0
+    return int(np.count_nonzero(grid[in_image])) / whole if whole else 0.0

@@ -44,8 +44,10 @@ def render_scene(
 
     Parameters
     ----------
-    labels : layers besides truth and mask.
-    prefetched : maps that are being decoded, see `flyaround.simulator.loop.open_frames`.
+    labels : LabelRequest, optional
+        Layers besides truth and mask.
+    prefetched : mapping, optional
+        Maps that are being decoded, see `flyaround.simulator.loop.open_frames`.
 
     Raises
     ------

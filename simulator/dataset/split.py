@@ -24,8 +24,8 @@ if TYPE_CHECKING:
 SPLIT_NAME = "split.json"
 MAX_BYTES = 200_000_000
 MAX_SHARE = 1_000_000
-# Longest run of frames, in multiples of the shortest one that has the ratio, after which shares are exact.
-EXACT_BLOCKS = 10
+# Number of frames after which the shares are exact, in multiples of the sum of the ratio.
+BLOCKS_PER_EXACT_RUN = 10
 # Two strata of range per octave, with edges independent of the frames.
 STRATA_PER_OCTAVE = 2
 
@@ -57,23 +57,24 @@ def lowest_terms(numbers: list[int] | tuple[int, ...]) -> Ratio:
 
 
 class SplitAssigner:
-    """Assigns each frame its split, in the order of their numbers.
+    """Assignment of frames to the training, validation and test splits, in the order of their numbers.
 
-    A frame's split depends only on earlier frames, so it is kept if a data set grows. Frames of one moment or one
-    flight (pairs, sequences) stay together. Shares are as near to the ratio as possible, in each stratum of range and
-    overall; every ten times the ratio's sum they are exact.
+    The split of a frame depends only on earlier frames, so it does not change if the data set grows. Frames of one pair
+    or one sequence stay together. The shares approximate the ratio, in each stratum of range and overall. They are
+    exact after every ten times the sum of the ratio.
 
     Parameters
     ----------
-    assigned : splits of frames that are already assigned.
+    assigned : dict, optional
+        Splits of frames that are already assigned.
     """
 
     def __init__(self, ratio: Ratio, assigned: dict[int, str] | None = None) -> None:
-        self.ratio, self._given = ratio, assigned or {}
+        self.ratio, self._assigned = ratio, assigned or {}
         total = sum(ratio)
         self._shares = [part / total for part in ratio]
-        self._left = [0, 0, 0]
-        self._all: Counter[int] = Counter()
+        self._remaining = [0, 0, 0]
+        self._totals: Counter[int] = Counter()
         self._strata: dict[int, Counter[int]] = {}
         self._groups: dict[tuple[str, int], int] = {}
         self.numbers: dict[str, list[int]] = {name: [] for name in SPLITS}
@@ -81,8 +82,8 @@ class SplitAssigner:
 
     def assign(self, frame: LabelledFrame) -> str:
         """Return the split of the next frame."""
-        if frame.number in self._given:
-            name = self._given[frame.number]
+        if frame.number in self._assigned:
+            name = self._assigned[frame.number]
             self.numbers[name].append(frame.number)
             return name
         group = group_of(frame)
@@ -93,19 +94,20 @@ class SplitAssigner:
         return name
 
     def _choose(self, stratum: int) -> int:
-        if not any(self._left):
-            self._left = [part * EXACT_BLOCKS for part in self.ratio]
+        if not any(self._remaining):
+            self._remaining = [part * BLOCKS_PER_EXACT_RUN for part in self.ratio]
         stratum_counts = self._strata.setdefault(stratum, Counter())
 
-        def wanting(k: int) -> float:
+        def deficit(k: int) -> float:
             return sum(
-                self._shares[k] * (counts.total() + 1) - counts[k] for counts in (stratum_counts, self._all)
+                self._shares[k] * (counts.total() + 1) - counts[k]
+                for counts in (stratum_counts, self._totals)
             )
 
-        best = max((k for k in range(3) if self._left[k]), key=wanting)
-        self._left[best] -= 1
+        best = max((k for k in range(3) if self._remaining[k]), key=deficit)
+        self._remaining[best] -= 1
         stratum_counts[best] += 1
-        self._all[best] += 1
+        self._totals[best] += 1
         return best
 
 
@@ -137,10 +139,10 @@ class SplitFile(msgspec.Struct, frozen=True, kw_only=True):
             If a frame is listed twice.
         """
         listed = Counter(k for name in SPLITS for k in getattr(self, name))
-        twice = [k for k, count in listed.items() if count > 1]
-        if twice:
+        duplicated = [k for k, count in listed.items() if count > 1]
+        if duplicated:
             raise UserError(
-                f"{SPLIT_NAME} lists frame {twice[0]} twice; run capture again with --resume to rewrite it"
+                f"{SPLIT_NAME} lists frame {duplicated[0]} twice; run capture again with --resume to rewrite it"
             )
         return {k: name for name in SPLITS for k in getattr(self, name)}
 

@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from flyaround.simulator.dataset.card import CARD_NAME, StereoCard
-from flyaround.simulator.dataset.formats.native import frame_paths, is_whole
+from flyaround.simulator.dataset.formats.native import frame_paths, is_frame_complete
 from flyaround.simulator.errors import UserError
 from flyaround.simulator.labels.truth import read_truth
 from flyaround.simulator.runtime.untrusted_files import refuse_link_out
 from flyaround.simulator.scenario.plan import DocumentPlan
-from flyaround.simulator.scene.second_camera import SECOND_SEED, SecondCamera, seen_by_second
+from flyaround.simulator.scene.second_camera import SECOND_SEED, SecondCamera, second_camera_scene
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -67,12 +67,12 @@ class SecondCameraPlan(DocumentPlan):
 
     def planned_scene(self, k: int) -> SceneState:
         """Return the scene of frame k."""
-        return seen_by_second(self.plan.scene(k), self.second)
+        return second_camera_scene(self.plan.scene(k), self.second)
 
     def next_scene(self, k: int) -> SceneState | None:
         """Return the scene that follows frame k's, or None."""
         following = self.plan.next_scene(k)
-        return None if following is None else seen_by_second(following, self.second)
+        return None if following is None else second_camera_scene(following, self.second)
 
 
 def second_plan(plan: DocumentPlan) -> SecondCameraPlan | None:
@@ -116,26 +116,32 @@ def second_folder(folder: Path, card: DatasetCard) -> Path | None:
 
 def pair_faults(folder: Path, card: DatasetCard) -> Iterator[tuple[int | None, str]]:
     """Yield inconsistencies between the two cameras' records, by frame; each set is checked separately too."""
-    place = second_folder(folder, card)
-    if place is None or card.stereo is None:
+    second_path = second_folder(folder, card)
+    if second_path is None or card.stereo is None:
         return
-    if not (place / CARD_NAME).is_file():
-        yield None, f"{place} is missing: the second camera's data set"
+    if not (second_path / CARD_NAME).is_file():
+        yield None, f"{second_path} is missing: the second camera's data set"
         return
     second = SecondCamera(position_m=card.stereo.position_m, turn_deg=card.stereo.turn_deg)
     for k in range(card.n_frames):
-        if not (is_whole(folder, k) and is_whole(place, k)):
-            if is_whole(folder, k) != is_whole(place, k):
+        if not (is_frame_complete(folder, k) and is_frame_complete(second_path, k)):
+            if is_frame_complete(folder, k) != is_frame_complete(second_path, k):
                 yield k, "only one of the two cameras has it"
             continue
         try:
-            a, b = (read_truth(frame_paths(where, k).truth) for where in (folder, place))
+            a, b = (read_truth(frame_paths(where, k).truth) for where in (folder, second_path))
         except UserError as error:
             yield k, str(error)
             continue
         q, t = second.pose(a.q_camera_from_target_wxyz, a.t_camera_from_target_m)
         if a.epoch_utc != b.epoch_utc or a.exposure_s != b.exposure_s:
             yield k, "the two cameras' pictures are not of one instant"
-        apart = np.abs(np.subtract(t, b.t_camera_from_target_m)).max()
-        if abs(abs(np.dot(q, b.q_camera_from_target_wxyz)) - 1) > POSE_TOLERANCE or apart > POSE_TOLERANCE:
-            yield k, f"the target's poses in the two cameras differ from the pair's geometry by {apart:.3g} m"
+        difference_m = np.abs(np.subtract(t, b.t_camera_from_target_m)).max()
+        if (
+            abs(abs(np.dot(q, b.q_camera_from_target_wxyz)) - 1) > POSE_TOLERANCE
+            or difference_m > POSE_TOLERANCE
+        ):
+            yield (
+                k,
+                f"the target's poses in the two cameras differ from the pair's geometry by {difference_m:.3g} m",
+            )

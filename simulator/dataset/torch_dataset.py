@@ -19,8 +19,10 @@ class TorchFrames(Dataset):  # type: ignore[misc] # torch is not type-checked he
 
     Parameters
     ----------
-    frames : the data set.
-    transform : function applied to each item.
+    frames : sequence of LabelledFrame
+        The data set.
+    transform : callable, optional
+        Function applied to each item.
     """
 
     def __init__(

@@ -32,8 +32,10 @@ class CheckedFrame:
 
     Parameters
     ----------
-    manifest : lines with the hashes of the files.
-    redraws : number of poses drawn again for each constraint of a recipe.
+    manifest : bytes
+        Lines with the hashes of the files.
+    redraws : dict, optional
+        Number of poses drawn again for each constraint of a recipe.
     """
 
     number: int
@@ -51,8 +53,10 @@ class CheckAndEncode:
 
     Parameters
     ----------
-    card : card with which the labels must agree.
-    target : rendered model; None in another process, which is sent only its name.
+    card : DatasetCard
+        Card with which the labels must agree.
+    target : Target, optional
+        Rendered model; None in another process, which is sent only its name.
     """
 
     card: DatasetCard
@@ -66,7 +70,7 @@ class CheckAndEncode:
         # encode in a second thread: compressing a noisy image takes long, and releases Python's global lock
         with ThreadPoolExecutor(1, thread_name_prefix="flyaround-encoder") as encoder:
             encoding = encoder.submit(encode_frame, frame)
-            wrong = check_frame(
+            faults = check_frame(
                 frame.number, frame.truth, frame.image, frame.mask, self.card, target, frame.layers
             )
             files = encoding.result()
@@ -76,7 +80,7 @@ class CheckAndEncode:
             frame.number,
             files,
             frame.truth.feasible,
-            "; ".join(wrong),
+            "; ".join(faults),
             measure_clipping(frame),
             manifest_lines(frame_files(frame.number, files)),
             {} if isinstance(sample, msgspec.UnsetType) else sample.redraws,
@@ -90,7 +94,8 @@ class DatasetWriter:
 
     Parameters
     ----------
-    card : card of the data set, written at once and marked incomplete.
+    card : DatasetCard
+        Card of the data set, written at once and marked incomplete.
     """
 
     def __init__(self, store: Store, card: DatasetCard) -> None:

@@ -1,7 +1,11 @@
 """Decimation by vertex clustering; each cluster's point minimises the distance to the planes of its faces.
 
-Lindstrom (2000), Out-of-core simplification of large polygonal models, SIGGRAPH: one pass without a priority queue, so
-millions of triangles take seconds. Small features are lost; the largest deviation is reported.
+One pass without a priority queue, so that millions of triangles take seconds. Small features are lost; the largest
+deviation is reported.
+
+References
+----------
+Lindstrom (2000), Out-of-core simplification of large polygonal models, SIGGRAPH.
 """
 
 from __future__ import annotations
@@ -16,7 +20,7 @@ from flyaround.simulator.geometry.triangles import distance_to_triangles, face_v
 from flyaround.simulator.runtime.arrays import FloatArray, IntArray
 
 SAMPLES = 20_000  # vertices at which the deviation is measured
-NEAREST = 6  # surface points whose triangles are tried for each vertex
+NEAREST_POINTS = 6  # surface points whose triangles are tested for each vertex
 SURFACE_POINTS = 300_000  # points on the reduced surface
 FINEST_STEPS = 4000  # cells along the longest side
 BISECTION_STEPS = 12  # attempts to find the finest allowed grid
@@ -30,28 +34,28 @@ class Deviation:
     largest_m: float
 
 
-def decimate(bodies: list[MeshBody], most: int) -> list[MeshBody]:
-    """Reduce bodies to at most ``most`` triangles in total; pieces smaller than a cluster disappear."""
+def decimate(bodies: list[MeshBody], max_triangles: int) -> list[MeshBody]:
+    """Reduce bodies to at most ``max_triangles`` triangles in total; pieces smaller than a cluster disappear."""
     low = np.min([b.positions_m.min(axis=0) for b in bodies], axis=0)
     high = np.max([b.positions_m.max(axis=0) for b in bodies], axis=0)
     extent = float((high - low).max())
-    # the triangle count grows about with the square of the steps, on sheets and on solids alike
+    # the triangle count is roughly proportional to the square of the steps, on sheets and on solids
     steps, best, best_count = 48.0, 2, 0
-    too_many = float(FINEST_STEPS)
+    steps_too_fine = float(FINEST_STEPS)
     for _ in range(BISECTION_STEPS):
-        steps_now = max(2, int(min(steps, too_many - 1, FINEST_STEPS)))
-        count = sum(len(_collapsed(b, _cells(b, low, extent / steps_now))) for b in bodies)
-        if count > most:
-            too_many = min(too_many, steps_now)
+        steps_now = max(2, int(min(steps, steps_too_fine - 1, FINEST_STEPS)))
+        count = sum(len(_surviving_faces(b, _cells(b, low, extent / steps_now))) for b in bodies)
+        if count > max_triangles:
+            steps_too_fine = min(steps_too_fine, steps_now)
         elif count >= best_count:
             best, best_count = steps_now, count
-        if count <= most and (count > 0.95 * most or steps_now + 1 >= too_many):
+        if count <= max_triangles and (count > 0.95 * max_triangles or steps_now + 1 >= steps_too_fine):
             break
-        steps = steps_now * float(np.sqrt(0.985 * most / max(count, 1)))
-        if steps >= too_many or steps <= best:
-            steps = (best + too_many) / 2 if too_many < FINEST_STEPS else 2.0 * best
+        steps = steps_now * float(np.sqrt(0.985 * max_triangles / max(count, 1)))
+        if steps >= steps_too_fine or steps <= best:
+            steps = (best + steps_too_fine) / 2 if steps_too_fine < FINEST_STEPS else 2.0 * best
     cell_m = extent / best
-    reduced = [_clustered(b, _cells(b, low, cell_m), cell_m) for b in bodies]
+    reduced = [_cluster(b, _cells(b, low, cell_m), cell_m) for b in bodies]
     return [b for b in reduced if len(b.triangles)]
 
 
@@ -62,7 +66,7 @@ def _cells(body: MeshBody, low: FloatArray, cell_m: float) -> IntArray:
     return np.unique(key, return_inverse=True)[1].ravel()
 
 
-def _collapsed(body: MeshBody, cell: IntArray) -> IntArray:
+def _surviving_faces(body: MeshBody, cell: IntArray) -> IntArray:
     """Return the faces that keep three distinct cells, without duplicates."""
     t = cell[body.triangles]
     faces = np.flatnonzero((t[:, 0] != t[:, 1]) & (t[:, 1] != t[:, 2]) & (t[:, 2] != t[:, 0]))
@@ -74,8 +78,8 @@ def _collapsed(body: MeshBody, cell: IntArray) -> IntArray:
     return faces[np.sort(first)]
 
 
-def _clustered(body: MeshBody, cell: IntArray, cell_m: float) -> MeshBody:
-    faces = _collapsed(body, cell)
+def _cluster(body: MeshBody, cell: IntArray, cell_m: float) -> MeshBody:
+    faces = _surviving_faces(body, cell)
     points = _best_points(body, cell, cell_m)
     occupied, index = np.unique(cell[body.triangles[faces]], return_inverse=True)
     return MeshBody(
@@ -95,13 +99,13 @@ def _best_points(body: MeshBody, cell: IntArray, cell_m: float) -> FloatArray:
     A = np.zeros((n, 3, 3))
     b = np.zeros((n, 3))
     for corner in range(3):
-        at = cell[body.triangles[:, corner]]
+        cells = cell[body.triangles[:, corner]]
         # relative to the cell's mean, so that no digits are lost far from the origin
-        offset = np.einsum("ij,ij->i", normal, body.positions_m[body.triangles[:, corner]] - mean[at])
+        offset = np.einsum("ij,ij->i", normal, body.positions_m[body.triangles[:, corner]] - mean[cells])
         for i in range(3):
-            b[:, i] += np.bincount(at, normal[:, i] * offset, n)
+            b[:, i] += np.bincount(cells, normal[:, i] * offset, n)
             for j in range(i, 3):
-                A[:, i, j] += np.bincount(at, normal[:, i] * normal[:, j], n)
+                A[:, i, j] += np.bincount(cells, normal[:, i] * normal[:, j], n)
     for i in range(3):
         for j in range(i):
             A[:, i, j] = A[:, j, i]
@@ -124,7 +128,7 @@ def deviation(before: list[MeshBody], after: list[MeshBody]) -> Deviation:
     )
     weight = rng.dirichlet((1.0, 1.0, 1.0), len(owner))
     points = np.einsum("nk,nkc->nc", weight, corners[owner])
-    _, near = cKDTree(points).query(sample, k=NEAREST)
-    d = distance_to_triangles(np.repeat(sample, NEAREST, axis=0), corners[owner[near].ravel()])
+    _, near = cKDTree(points).query(sample, k=NEAREST_POINTS)
+    d = distance_to_triangles(np.repeat(sample, NEAREST_POINTS, axis=0), corners[owner[near].ravel()])
     d = d.reshape(near.shape).min(axis=1)
     return Deviation(float(np.sqrt(np.mean(d**2))), float(d.max()))

@@ -26,11 +26,11 @@ def sphere_directions(count: int) -> FloatArray:
 
 def spherical_fibonacci(count: int, lowest_cosine: float = -1.0) -> FloatArray:
     """Return (count, 3) spherical Fibonacci points, uniform in solid angle over a cap about +z."""
-    share, around = _fibonacci_angles(count)
+    share, circle = _fibonacci_angles(count)
     c = 1 - share * (1 - lowest_cosine)
     s = np.sqrt(np.maximum(1 - c * c, 0))
     directions = np.empty((count, 3))
-    directions[:, 0], directions[:, 1], directions[:, 2] = s * around[0], s * around[1], c
+    directions[:, 0], directions[:, 1], directions[:, 2] = s * circle[0], s * circle[1], c
     return directions
 
 
@@ -44,7 +44,7 @@ def _fibonacci_angles(count: int) -> tuple[FloatArray, FloatArray]:
 
 def orthonormal_basis(z: FloatArray) -> FloatArray:
     """Return (3, 3) rows: two unit vectors perpendicular to ``z``, then ``z``."""
-    # scalar arithmetic: one NumPy cross product takes longer than the rest of a frame's light
+    # scalar arithmetic, because a NumPy cross product of two vectors is far slower
     a, b, c = (float(v) for v in z)
     x, y, w = (b, -a, 0.0) if abs(c) < 0.9 else (0.0, c, -b)
     length = (x * x + y * y + w * w) ** 0.5
@@ -52,7 +52,7 @@ def orthonormal_basis(z: FloatArray) -> FloatArray:
     return np.array([[x, y, w], [b * w - c * y, c * x - a * w, a * y - b * x], [a, b, c]])
 
 
-def across(direction: ArrayLike) -> FloatArray:
+def view_basis(direction: ArrayLike) -> FloatArray:
     """Return (3, 3) rows: two unit vectors perpendicular to ``direction``, then ``direction``."""
     d = np.asarray(direction, float)
     axis = [0.0, 0.0, 0.0]
@@ -63,5 +63,5 @@ def across(direction: ArrayLike) -> FloatArray:
 
 
 def _cross(a: list[float], b: list[float]) -> list[float]:
-    """Return a cross product of lists; NumPy's takes 30 times as long."""
+    """Return the cross product of two lists, which is far faster than NumPy's for single vectors."""
     return [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
     from flyaround.simulator.runtime.arrays import BoolArray, FloatArray, IntArray
 
-# Sine of the angle by which a triangle may face away and still count as facing: tolerance for rounding errors.
+# Tolerance for rounding errors: sine of the angle by which a triangle may face away and still count as facing.
 GRAZING = 1e-6
 
 
@@ -26,7 +26,8 @@ class TriangleMesh:
 
     Parameters
     ----------
-    in_shell : (M,) True for triangles of a closed shell that faces outwards; None if unknown.
+    in_shell : (M,) array, optional
+        True for triangles of a closed shell that faces outwards; None if unknown.
     """
 
     positions_m: FloatArray
@@ -65,12 +66,13 @@ class TriangleMesh:
         return planes * self.in_shell
 
     def facing(self, place: FloatArray) -> IntArray:
-        """Return the indices of all triangles except back faces of closed shells, which a viewpoint never sees.
+        """Return the indices of all triangles except the back faces of closed shells, which are always hidden.
 
         Parameters
         ----------
-        place : (4,) homogeneous coordinates of the viewpoint, outside all shells: (x, y, z, 1) [m], or (x, y, z, 0) for
-            a direction at infinity.
+        place : (4,) array
+            Homogeneous coordinates of the viewpoint, outside all shells: (x, y, z, 1) [m], or (x, y, z, 0) for a
+            direction at infinity.
         """
         unit = place / np.linalg.norm(place[:3])
         return np.flatnonzero(unit @ self._planes >= -GRAZING)

@@ -25,8 +25,16 @@ class PlaneGrid:
 
     Parameters
     ----------
-    low, per_cell : (2,) corner of the grid, and cells per unit of x and y. side : number of cells per row and column.
-    first : (side^2 + 1,) start of each cell's triangles in ``listed``, row by row. listed : triangle indices.
+    low : (2,) array
+        Lower corner of the grid.
+    per_cell : (2,) array
+        Cells per unit of x and y.
+    side : int
+        Number of cells per row and column.
+    first : array
+        (side^2 + 1,) start of each cell's triangles in ``listed``, row by row.
+    listed : array
+        Triangle indices.
     """
 
     low: FloatArray
@@ -48,11 +56,15 @@ class PlaneGrid:
         left, top, right, bottom = _cells(
             (bounds - np.tile(low, 2)[:, None]) * np.tile(per_cell, 2)[:, None], side
         )
-        wide = right - left + 1
-        count = wide * (bottom - top + 1)
+        n_columns = right - left + 1
+        count = n_columns * (bottom - top + 1)
         triangle = np.repeat(np.arange(n), count)
-        offset = _stretches(np.zeros(n, np.int64), count, triangle)
-        cell = (top * side + left)[triangle] + offset // wide[triangle] * side + offset % wide[triangle]
+        offset = _concatenated_ranges(np.zeros(n, np.int64), count, triangle)
+        cell = (
+            (top * side + left)[triangle]
+            + offset // n_columns[triangle] * side
+            + offset % n_columns[triangle]
+        )
         order = np.argsort(cell.astype(np.uint16), kind="stable")
         first = np.concatenate([[0], np.cumsum(np.bincount(cell, minlength=side * side))])
         return PlaneGrid(low, per_cell, side, first, triangle[order])
@@ -81,10 +93,10 @@ class PlaneGrid:
             enters, leaves = (np.clip((row + k - a[:, 1]) / rise, 0, 1) for k in (0, 1))
         enters, leaves = np.where(level, 0.0, enters), np.where(level, 1.0, leaves)
         x = [a[:, 0] + share * (b[:, 0] - a[:, 0]) for share in (enters, leaves)]
-        slack = 1e-6  # as a share of a cell: rounding must not lose an entry that begins at the end of a row
-        left, right = _cells(np.minimum(*x) - slack, self.side), _cells(np.maximum(*x) + slack, self.side)
-        below = _cells(np.minimum(a[:, 1], b[:, 1]) - slack, self.side)
-        above = _cells(np.maximum(a[:, 1], b[:, 1]) + slack, self.side)
+        margin = 1e-6  # as a share of a cell: rounding must not lose an entry that begins at the end of a row
+        left, right = _cells(np.minimum(*x) - margin, self.side), _cells(np.maximum(*x) + margin, self.side)
+        below = _cells(np.minimum(a[:, 1], b[:, 1]) - margin, self.side)
+        above = _cells(np.maximum(a[:, 1], b[:, 1]) + margin, self.side)
         # the cells of an edge in one row are consecutive, and so are their triangles
         start = self.first[row * self.side + left].ravel()
         stop = self.first[row * self.side + right + 1].ravel()
@@ -95,14 +107,14 @@ class PlaneGrid:
     def _pairs(self, start: IntArray, count: IntArray) -> tuple[IntArray, IntArray]:
         """Return, for slices of ``listed``, the slice of each triangle, and the triangles."""
         owner = np.repeat(np.arange(len(count)), count)
-        return owner, self.listed[_stretches(start, count, owner)]
+        return owner, self.listed[_concatenated_ranges(start, count, owner)]
 
 
-def _cells(places: FloatArray, side: int) -> IntArray:
+def _cells(positions: FloatArray, side: int) -> IntArray:
     """Return the columns or rows of positions in cell units, clamped to the grid."""
-    return np.asarray(np.clip(places, 0, side - 1)).astype(np.int64)
+    return np.asarray(np.clip(positions, 0, side - 1)).astype(np.int64)
 
 
-def _stretches(start: IntArray, count: IntArray, owner: IntArray) -> IntArray:
+def _concatenated_ranges(start: IntArray, count: IntArray, owner: IntArray) -> IntArray:
     """Return ``count`` consecutive integers from each start, concatenated; ``owner`` maps each integer to its start."""
     return np.asarray(np.arange(len(owner)) + (start - np.cumsum(count) + count)[owner])

@@ -1,7 +1,11 @@
 """Ray casting: the first triangle along each of many rays, with Embree or a grid in NumPy.
 
-Wald et al. (2014), Embree: a kernel framework for efficient CPU ray tracing, ACM TOG 33(4). The grid is exact too and
-some fifty times slower for parallel rays, and slower still for others; tests compare the two.
+The grid is a fallback where Embree is not installed. It is as exact but much slower, above all for rays that are not
+parallel; tests compare the two.
+
+References
+----------
+Wald et al. (2014), Embree: a kernel framework for efficient CPU ray tracing, ACM TOG 33(4).
 """
 
 from __future__ import annotations
@@ -11,7 +15,7 @@ from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
-from flyaround.simulator.geometry.directions import across
+from flyaround.simulator.geometry.directions import view_basis
 from flyaround.simulator.geometry.plane_grid import PlaneGrid
 
 if TYPE_CHECKING:
@@ -29,11 +33,14 @@ class RayCaster(Protocol):
     def first_hits(self, origins_m: FloatArray, directions: FloatArray) -> tuple[Float32Array, Int32Array]:
         """Return the distance (K,) to the first triangle along each ray [m], and its index (K,), -1 for none.
 
-        The distance is meaningless where a ray meets nothing.
+        The distance is undefined for rays that hit nothing.
 
         Parameters
         ----------
-        origins_m : (K, 3) origins. directions : (K, 3) unit vectors, or one (3,) for all rays.
+        origins_m : (K, 3) array
+            Origins.
+        directions : (K, 3) array
+            Unit vectors, or one (3,) for all rays.
         """
         ...
 
@@ -43,13 +50,14 @@ def make_ray_caster(corners_m: FloatArray) -> RayCaster:
 
     Parameters
     ----------
-    corners_m : (T, 3, 3) corners of the triangles.
+    corners_m : (T, 3, 3) array
+        Corners of the triangles.
     """
-    return EmbreeCaster(corners_m) if embree_is_here() else GridCaster(corners_m)
+    return EmbreeCaster(corners_m) if has_embree() else GridCaster(corners_m)
 
 
-def embree_is_here() -> bool:
-    """Return True if Embree's package is installed; there is none for Linux on ARM."""
+def has_embree() -> bool:
+    """Return True if the package embreex is installed; there is no wheel for Linux on ARM."""
     return importlib.util.find_spec("embreex") is not None
 
 
@@ -57,7 +65,7 @@ class EmbreeCaster:
     """Ray casting by Embree, in single precision."""
 
     def __init__(self, corners_m: FloatArray) -> None:
-        # loads 40 MB of libraries
+        # imported here because it loads 40 MB of libraries
         from embreex.mesh_construction import TriangleMesh  # noqa: PLC0415
         from embreex.rtcore_scene import EmbreeScene  # noqa: PLC0415
 
@@ -69,8 +77,10 @@ class EmbreeCaster:
     def first_hits(self, origins_m: FloatArray, directions: FloatArray) -> tuple[Float32Array, Int32Array]:
         """Return the first hits; see `RayCaster`."""
         origins = np.ascontiguousarray(origins_m, np.float32)
-        along = np.ascontiguousarray(np.broadcast_to(np.asarray(directions, np.float32), origins.shape))
-        hits = self._scene.run(origins, along, query="INTERSECT", output=1)
+        ray_directions = np.ascontiguousarray(
+            np.broadcast_to(np.asarray(directions, np.float32), origins.shape)
+        )
+        hits = self._scene.run(origins, ray_directions, query="INTERSECT", output=1)
         return hits["tfar"], hits["primID"]
 
 
@@ -83,35 +93,35 @@ class GridCaster:
     def first_hits(self, origins_m: FloatArray, directions: FloatArray) -> tuple[Float32Array, Int32Array]:
         """Return the first hits; see `RayCaster`."""
         origins = np.asarray(origins_m, float)
-        each, ray_direction = np.unique(
+        unique_directions, ray_direction = np.unique(
             np.atleast_2d(np.asarray(directions, float)), axis=0, return_inverse=True
         )
-        if len(each) == 1:
-            return self._along(origins, each[0])
+        if len(unique_directions) == 1:
+            return self._along(origins, unique_directions[0])
         distance, triangle = np.empty(len(origins), np.float32), np.empty(len(origins), np.int32)
-        for k, direction in enumerate(each):
+        for k, direction in enumerate(unique_directions):
             rays = np.flatnonzero(ray_direction.ravel() == k)
             distance[rays], triangle[rays] = self._along(origins[rays], direction)
         return distance, triangle
 
     def _along(self, origins: FloatArray, direction: FloatArray) -> tuple[Float32Array, Int32Array]:
-        axes = across(direction)
+        axes = view_basis(direction)
         x, y, z = np.einsum("ac,kct->akt", axes, self._corners)
         grid = PlaneGrid.over(np.stack([x.min(axis=0), y.min(axis=0), x.max(axis=0), y.max(axis=0)]))
         origins = origins @ axes.T
         triangles, distance = np.full(len(origins), -1, np.int32), np.full(len(origins), np.inf, np.float32)
         candidates = np.cumsum(grid.counts(origins[:, :2]))
-        pieces = np.searchsorted(candidates, np.arange(_PAIRS, candidates[-1:].sum(), _PAIRS))
-        for piece in np.split(np.arange(len(origins)), pieces):
-            ray, triangle = grid.at(origins[piece, :2])
-            ray, triangle, at = _covered(piece[ray], triangle, origins, x, y, z)
-            order = np.lexsort((at, ray))
+        batch_starts = np.searchsorted(candidates, np.arange(_PAIRS, candidates[-1:].sum(), _PAIRS))
+        for batch in np.split(np.arange(len(origins)), batch_starts):
+            ray, triangle = grid.at(origins[batch, :2])
+            ray, triangle, distances = _hit_pairs(batch[ray], triangle, origins, x, y, z)
+            order = np.lexsort((distances, ray))
             ray, first = np.unique(ray[order], return_index=True)
-            triangles[ray], distance[ray] = triangle[order][first], at[order][first]
+            triangles[ray], distance[ray] = triangle[order][first], distances[order][first]
         return distance, triangles
 
 
-def _covered(
+def _hit_pairs(
     ray: np.typing.NDArray[np.int64],
     triangle: np.typing.NDArray[np.int64],
     origins: FloatArray,
@@ -123,7 +133,14 @@ def _covered(
 
     Parameters
     ----------
-    origins : (3, K) or (K, 3) ray origins. x, y, z : (3, T) corners of the triangles, in axes along the rays.
+    origins : (3, K) or (K, 3) array
+        Ray origins.
+    x : (3, T) array
+        x of the triangles' corners, in axes along the rays.
+    y : (3, T) array
+        y of the corners.
+    z : (3, T) array
+        z of the corners, which increases along the rays.
     """
     ahead = z.max(axis=0)[triangle] > origins[ray, 2]
     ray, triangle = ray[ahead], triangle[ahead]
@@ -132,6 +149,6 @@ def _covered(
     area = weights.sum(axis=0)
     inside = np.flatnonzero((weights * np.sign(area) >= 0).all(axis=0) & (np.abs(area) > _EDGE_ON_M2))
     ray, triangle = ray[inside], triangle[inside]
-    at = (weights[:, inside] * z[:, triangle]).sum(axis=0) / area[inside] - origins[ray, 2]
-    before = at > 0
-    return ray[before], triangle[before], at[before]
+    distances = (weights[:, inside] * z[:, triangle]).sum(axis=0) / area[inside] - origins[ray, 2]
+    before = distances > 0
+    return ray[before], triangle[before], distances[before]

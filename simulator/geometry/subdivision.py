@@ -1,4 +1,4 @@
-"""Subdivision of a mesh until its edges are short: straight edges then follow a lens's distortion."""
+"""Subdivision of a mesh into triangles with short edges, whose projections approximate lens distortion."""
 
 from __future__ import annotations
 
@@ -19,9 +19,14 @@ class Subdivision:
 
     Parameters
     ----------
-    parents : (K, 2) pairs of vertices for each round; each new vertex is the midpoint of a pair.
-    triangles : (T, 3) triangles of the subdivided mesh, ordered by their original triangle.
-    of : (T,) index of the original triangle. first : (T0 + 1,) index of the first piece of each original triangle.
+    parents : tuple of (K, 2) arrays
+        Vertex pairs of each round of subdivision; each new vertex is the midpoint of a pair.
+    triangles : (T, 3) array
+        Triangles of the subdivided mesh, ordered by their original triangle.
+    of : (T,) array
+        Index of the original triangle.
+    first : (T0 + 1,) array
+        Index of the first piece of each original triangle.
     """
 
     parents: tuple[_IndexArray, ...]
@@ -43,9 +48,9 @@ class Subdivision:
 
 
 def subdivide(positions_m: FloatArray, triangles: _IndexArray, longest_m: float) -> Subdivision:
-    """Halve every edge longer than ``longest_m`` until there is none; neighbours stay connected.
+    """Halve edges until none is longer than ``longest_m``.
 
-    The decision depends on the edge alone, so both adjacent triangles agree.
+    The mesh stays watertight, because the decision depends on the edge only and is the same for both of its triangles.
     """
     p = np.asarray(positions_m, float)
     tri = np.asarray(triangles, np.int64)
@@ -56,27 +61,30 @@ def subdivide(positions_m: FloatArray, triangles: _IndexArray, longest_m: float)
         long = np.linalg.norm(p[edges[..., 0]] - p[edges[..., 1]], axis=-1) > longest_m
         if not long.any():
             break
-        pairs, which = np.unique(np.sort(edges[long], axis=-1), axis=0, return_inverse=True)
+        pairs, pair_index = np.unique(np.sort(edges[long], axis=-1), axis=0, return_inverse=True)
         middle = np.full(long.shape, -1)
-        middle[long] = len(p) + which.ravel()
+        middle[long] = len(p) + pair_index.ravel()
         p = np.concatenate([p, (p[pairs[:, 0]] + p[pairs[:, 1]]) * 0.5])
         rounds.append(pairs)
-        tri, origin = _halved(tri, origin, middle, long.sum(axis=1))
+        tri, origin = _split_edges(tri, origin, middle, long.sum(axis=1))
     order = np.argsort(origin, kind="stable")
     first = np.searchsorted(origin[order], np.arange(len(triangles) + 1))
     return Subdivision(tuple(rounds), tri[order], origin[order], first)
 
 
-def _halved(
+def _split_edges(
     tri: _IndexArray, origin: _IndexArray, middle: _IndexArray, count: _IndexArray
 ) -> tuple[_IndexArray, _IndexArray]:
     """Split triangles at the midpoints of one, two or three of their edges."""
-    # rotate the corners so that a single split edge, or a single whole one, is edge 0
+    # rotate the corners so that the only split edge, or the only unsplit one, is edge 0
     turn = np.where(
         count == 1, np.argmax(middle >= 0, axis=1), np.where(count == 2, np.argmax(middle < 0, axis=1), 0)
     )
-    at = (turn[:, None] + np.arange(3)) % 3
-    (a, b, c), (ab, bc, ca) = np.take_along_axis(tri, at, 1).T, np.take_along_axis(middle, at, 1).T
+    corner_order = (turn[:, None] + np.arange(3)) % 3
+    (a, b, c), (ab, bc, ca) = (
+        np.take_along_axis(tri, corner_order, 1).T,
+        np.take_along_axis(middle, corner_order, 1).T,
+    )
     patterns = {
         0: [(a, b, c)],
         1: [(a, ab, c), (ab, b, c)],

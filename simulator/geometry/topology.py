@@ -12,7 +12,7 @@ from flyaround.simulator.geometry.triangles import face_vectors
 from flyaround.simulator.runtime.arrays import BoolArray, Float32Array, FloatArray, IntArray
 
 GRID_BITS = 21
-"""Bits of the grid on which positions are compared: 2^21 steps per axis, about half a millionth of the craft's size."""
+"""Bits per axis of the grid on which positions are compared: steps of half a millionth of the craft's size."""
 
 
 @dataclass(eq=False, kw_only=True)
@@ -21,11 +21,16 @@ class MeshBody:
 
     Parameters
     ----------
-    positions_m : (V, 3) distinct positions, model frame.
-    triangles : (F, 3) vertex indices.
-    face_material : (F,) material index.
-    corner_normals : (F, 3, 3) normals from the file, or None.
-    corner_uv : (F, 3, 2) texture coordinates, NaN where missing; or None.
+    positions_m : (V, 3) array
+        Distinct positions, model frame.
+    triangles : (F, 3) array
+        Vertex indices.
+    face_material : (F,) array
+        Material index.
+    corner_normals : (F, 3, 3) array, optional
+        Normals from the file, or None.
+    corner_uv : (F, 3, 2) array, optional
+        Texture coordinates, NaN where missing; or None.
     """
 
     name: str
@@ -35,7 +40,7 @@ class MeshBody:
     corner_normals: FloatArray | None = None
     corner_uv: FloatArray | None = None
 
-    def kept(self, faces: BoolArray) -> MeshBody:
+    def submesh(self, faces: BoolArray) -> MeshBody:
         """Return the body restricted to some faces."""
         normals = None if self.corner_normals is None else self.corner_normals[faces]
         return MeshBody(
@@ -59,10 +64,18 @@ class EdgeTable:
 
     Parameters
     ----------
-    ends : (E, 2) vertices, the lower number first.
-    count : (E,) number of faces. balance : (E,) half-edges towards the higher vertex minus the others.
-    first : (E,) one half-edge of each edge.
-    pairs : (P, 2) half-edges of the edges with exactly two faces; pair_edge : (P,) edge of each pair.
+    ends : (E, 2) array
+        Vertices, the lower number first.
+    count : (E,) array
+        Number of faces.
+    balance : (E,) array
+        Half-edges towards the higher vertex minus the others.
+    first : (E,) array
+        One half-edge of each edge.
+    pairs : (P, 2) array
+        Half-edges of the edges with exactly two faces.
+    pair_edge : (P,) array
+        Edge of each pair.
     """
 
     ends: IntArray
@@ -84,7 +97,7 @@ class EdgeTable:
 
 
 def used_vertices(triangles: IntArray, count: int) -> IntArray:
-    """Return the indices of the vertices in use, ascending; counting is faster than sorting."""
+    """Return the ascending indices of the vertices that triangles use."""
     return np.flatnonzero(np.bincount(triangles.ravel(), minlength=count))
 
 
@@ -105,19 +118,19 @@ def edge_table(triangles: IntArray) -> EdgeTable:
     key = low * (int(high.max(initial=0)) + 1) + high
     order = np.argsort(key, kind="stable")
     ordered = key[order]
-    begin = np.flatnonzero(np.concatenate([[True], ordered[1:] != ordered[:-1]]))
-    count = np.diff(np.append(begin, len(order)))
+    starts = np.flatnonzero(np.concatenate([[True], ordered[1:] != ordered[:-1]]))
+    count = np.diff(np.append(starts, len(order)))
     sign = np.where(start < end, 1, -1)[order]
-    first = order[begin]
-    two = np.flatnonzero(count == 2)
-    pairs = np.stack([order[begin[two]], order[begin[two] + 1]], axis=1)
+    first = order[starts]
+    two_faces = np.flatnonzero(count == 2)
+    pairs = np.stack([order[starts[two_faces]], order[starts[two_faces] + 1]], axis=1)
     return EdgeTable(
         np.stack([low[first], high[first]], axis=1),
         count,
-        np.add.reduceat(sign, begin),
+        np.add.reduceat(sign, starts),
         first,
         pairs,
-        two,
+        two_faces,
     )
 
 
@@ -127,8 +140,8 @@ def is_closed(positions_m: FloatArray | Float32Array, triangles: IntArray) -> bo
     if not np.einsum("ij,ij->", p[:, 0], np.cross(p[:, 1], p[:, 2])) > 0:
         return False
     # merge corners at one position, whatever their normals; slivers may lose an edge by rounding
-    _, place = np.unique(np.round(positions_m, 6), axis=0, return_inverse=True)
-    edges = edge_table(place.ravel()[triangles])
+    _, position = np.unique(np.round(positions_m, 6), axis=0, return_inverse=True)
+    edges = edge_table(position.ravel()[triangles])
     return not edges.balance[edges.ends[:, 0] != edges.ends[:, 1]].any()
 
 
@@ -147,7 +160,7 @@ def face_bodies(triangles: IntArray, table: EdgeTable) -> tuple[int, IntArray]:
 
 
 def with_separate_components(body: MeshBody) -> MeshBody:
-    """Return the body with no vertex shared between connected components, so that touching pieces keep all edges."""
+    """Return the body with vertices duplicated so that no two connected components share one."""
     _, piece = face_bodies(body.triangles, edge_table(body.triangles))
     count = len(body.positions_m)
     distinct, index = np.unique(piece[:, None] * count + body.triangles, return_inverse=True)

@@ -14,8 +14,8 @@ if TYPE_CHECKING:
 
 FILL_SCALE = 4  # subpixels along each side of a pixel
 FILL_SHIFT = 4  # fractional bits of OpenCV's coordinates
-# pixels beyond the image where polygons are clipped: OpenCV accumulates rounding of slopes row by row
-BESIDE = 4096
+# Distance beyond the image at which polygons are clipped [px], because OpenCV accumulates rounding errors row by row.
+CLIP_MARGIN_PX = 4096
 
 
 def filled_mask(corners_px: FloatArray, size: tuple[int, int]) -> ByteArray:
@@ -45,20 +45,20 @@ def lowest_and_highest(corners: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any
 
 
 def fill_triangles(fine: ByteArray, corners: FloatArray) -> None:
-    """Fill triangles (M, 3, 2); those within one pixel, most of a distant craft's, are set at once."""
+    """Fill triangles (M, 3, 2). Triangles within a single pixel, as in a distant craft, are set in one NumPy step."""
     cells = np.rint(corners).astype(np.int64)
     least, most = lowest_and_highest(cells)
-    dots = (least[:, 0] == most[:, 0]) & (least[:, 1] == most[:, 1])
-    x, y = cells[dots, 0].T
-    on = (x >= 0) & (y >= 0) & (x < fine.shape[1]) & (y < fine.shape[0])
-    fine[y[on], x[on]] = 255
-    large = corners[~dots]
+    in_one_pixel = (least[:, 0] == most[:, 0]) & (least[:, 1] == most[:, 1])
+    x, y = cells[in_one_pixel, 0].T
+    in_image = (x >= 0) & (y >= 0) & (x < fine.shape[1]) & (y < fine.shape[0])
+    fine[y[in_image], x[in_image]] = 255
+    large = corners[~in_one_pixel]
     low, high = lowest_and_highest(large)
-    beside = fine.shape[::-1] + np.array([BESIDE, BESIDE])
+    limit = fine.shape[::-1] + np.array([CLIP_MARGIN_PX, CLIP_MARGIN_PX])
     inside = np.all(high >= -1, axis=1) & np.all(low <= fine.shape[::-1], axis=1)
-    far = inside & (np.any(low < -BESIDE, axis=1) | np.any(high > beside, axis=1))
+    far = inside & (np.any(low < -CLIP_MARGIN_PX, axis=1) | np.any(high > limit, axis=1))
     near = [*np.rint(large[inside & ~far] * 2**FILL_SHIFT).astype(np.int32)]
-    clipped = [polygon_within(triangle, -BESIDE, beside) for triangle in large[far]]
+    clipped = [polygon_within(triangle, -CLIP_MARGIN_PX, limit) for triangle in large[far]]
     for polygon in near + [np.rint(p * 2**FILL_SHIFT).astype(np.int32) for p in clipped if len(p)]:
         cv2.fillConvexPoly(fine, polygon, 255, cv2.LINE_8, FILL_SHIFT)
 
@@ -73,11 +73,13 @@ def polygon_within(polygon: FloatArray, low: float, high: FloatArray) -> FloatAr
             break
         inside = sign * polygon[:, axis] - bound
         corners = []
-        for k, here in enumerate(inside):
-            before = inside[k - 1]
-            if (here >= 0) != (before >= 0):
-                corners.append(polygon[k - 1] + before / (before - here) * (polygon[k] - polygon[k - 1]))
-            if here >= 0:
+        for k, distance in enumerate(inside):
+            previous = inside[k - 1]
+            if (distance >= 0) != (previous >= 0):
+                corners.append(
+                    polygon[k - 1] + previous / (previous - distance) * (polygon[k] - polygon[k - 1])
+                )
+            if distance >= 0:
                 corners.append(polygon[k])
         polygon = np.array(corners).reshape(-1, 2)
     return polygon

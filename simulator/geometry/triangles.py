@@ -28,7 +28,7 @@ def face_planes(corners: FloatArray) -> FloatArray:
 
 
 def distance_to_triangles(points: FloatArray, corners: FloatArray) -> FloatArray:
-    """Return the distance (N,) of each point (N, 3) from its triangle (N, 3, 3); of a sliver, from its sides."""
+    """Return the distance (N,) of each point (N, 3) from its triangle (N, 3, 3); for a sliver, from its sides."""
     a, b, c = corners[:, 0], corners[:, 1], corners[:, 2]
     best = np.full(len(points), np.inf)
     for p, q in ((a, b), (b, c), (c, a)):

@@ -34,12 +34,13 @@ class AutoExposure(Section, frozen=True, kw_only=True):
     shortest_s: Annotated[float, within(EXPOSURE_S)] = 1e-5
     longest_s: Annotated[float, within(EXPOSURE_S)] = 0.1
 
-    def wanted_s(self, radiance_w_m2_sr: float, full_scale_j_m2_sr: float) -> float:
+    def exposure_for_radiance_s(self, radiance_w_m2_sr: float, full_scale_j_m2_sr: float) -> float:
         """Return the exposure that brings a radiance to the level [s].
 
         Parameters
         ----------
-        full_scale_j_m2_sr : radiance times exposure at full scale.
+        full_scale_j_m2_sr : float
+            Radiance times exposure at full scale.
         """
         if radiance_w_m2_sr <= 0:
             return self.longest_s
@@ -49,33 +50,34 @@ class AutoExposure(Section, frozen=True, kw_only=True):
 
 @dataclass(frozen=True, eq=False)
 class ExposureTrack:
-    """The exposure along a flight, from the meter's values at fixed times.
+    """The exposure along a flight: a low-pass filter of the metered exposure at fixed times.
 
-    The loop runs on a grid of ``lag_s / 2`` from the flight's start. At one time the last twelve lags determine it, so
-    it is a function of time, independent of which frames are drawn.
+    The meter is sampled every ``lag_s / 2`` from the flight's start. The exposure at a time depends on the samples of
+    the preceding twelve lags only, not on the frames that are drawn.
 
     Parameters
     ----------
-    wanted_s : function from a time since the flight's start to the metered exposure [s].
+    exposure_for_radiance_s : callable
+        Function from a time since the flight's start to the metered exposure [s].
     """
 
     settings: AutoExposure
-    wanted_s: Callable[[float], float]
-    _known: dict[int, float] = field(default_factory=dict)
+    exposure_for_radiance_s: Callable[[float], float]
+    _cache: dict[int, float] = field(default_factory=dict)
 
     def exposure_s(self, t_s: float) -> float:
         """Return the exposure at ``t_s``; the loop is settled at the flight's start."""
         step = self.settings.lag_s / STEPS_PER_LAG
-        last = int(np.floor(t_s / step + 1e-9))
-        first = max(0, last - STEPS_PER_LAG * MEMORY_LAGS)
+        step_index = int(np.floor(t_s / step + 1e-9))
+        first = max(0, step_index - STEPS_PER_LAG * MEMORY_LAGS)
         log = np.log(self._metered_s(first, step))
-        for k in range(first, last + 1):
-            span = step if k < last else t_s - last * step
-            wanted = np.log(self._metered_s(k, step))
-            log = wanted + (log - wanted) * np.exp(-max(span, 0.0) / self.settings.lag_s)
+        for k in range(first, step_index + 1):
+            span = step if k < step_index else t_s - step_index * step
+            target = np.log(self._metered_s(k, step))
+            log = target + (log - target) * np.exp(-max(span, 0.0) / self.settings.lag_s)
         return float(np.exp(log))
 
     def _metered_s(self, k: int, step_s: float) -> float:
-        if k not in self._known:
-            self._known[k] = self.wanted_s(k * step_s)
-        return self._known[k]
+        if k not in self._cache:
+            self._cache[k] = self.exposure_for_radiance_s(k * step_s)
+        return self._cache[k]

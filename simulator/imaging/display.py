@@ -1,6 +1,6 @@
-"""Images for a screen: digital numbers to sRGB, with a photographic tone curve.
+"""Images for a screen: conversion of digital numbers to sRGB, with a photographic tone curve.
 
-Screens expect sRGB numbers: linear ones look too dark, with too much contrast and saturation.
+Screens expect sRGB values. Linear values look too dark, with too much contrast and saturation.
 """
 
 from __future__ import annotations
@@ -24,13 +24,13 @@ if TYPE_CHECKING:
     from flyaround.simulator.runtime.arrays import ByteArray, FloatArray
 
 SHOULDER = 4.0
-"""Shoulder s of the tone curve (1 + s) x / (s + x) of relative light x: a third of a stop brighter, soft highlights."""
+"""Shoulder s of the tone curve (1 + s) x / (s + x) for relative light x. It compresses highlights."""
 
 TOE_SIGMAS = 3.0
 """Toe of the curve, in standard deviations of the dark noise, which sRGB would show as grain."""
 
-_FULL = 16_383
-"""Full scale of light in 16 bits; a colour may be four times as bright in one primary of a screen."""
+_FULL_SCALE = 16_383
+"""Full scale of light in 16 bits. It leaves headroom, as the colour matrix may amplify a primary four times."""
 
 
 def display_picture(image: NDArray[np.unsignedinteger], sensor: Sensor, encoding: Encoding) -> ByteArray:
@@ -40,21 +40,23 @@ def display_picture(image: NDArray[np.unsignedinteger], sensor: Sensor, encoding
     ----------
     image : (H, W) or (H, W, 3) array
         Digital numbers as delivered by the camera.
-    sensor, encoding : Sensor, str
-        Sensor and encoding of that camera.
+    sensor : Sensor
+        Sensor of that camera.
+    encoding : Encoding
+        Transfer function of that camera's images.
 
     Returns
     -------
     (H, W) or (H, W, 3) uint8 array
     """
-    light, display_table = _light_table(sensor, encoding), _shown_table(sensor)
+    light, display_table = _light_table(sensor, encoding), _display_table(sensor)
     if image.ndim == 2 or encoding == "srgb":
         return np.asarray(display_table[light][image])
     # the camera's three 100 nm bands are not a screen's primaries; sRGB images are already converted
     return np.asarray(display_table[cv2.transform(light[image], np.array(SRGB_FROM_BANDS))])
 
 
-def shown_light(light: FloatArray) -> FloatArray:
+def screen_values(light: FloatArray) -> FloatArray:
     """Return sRGB numbers, 0 to 1, for linear light, 1 at full scale."""
     x = np.clip(light, 0.0, 1.0)
     return encode((1 + SHOULDER) * x / (SHOULDER + x), "srgb")
@@ -67,18 +69,18 @@ def raw_picture(image: NDArray[np.unsignedinteger], bits: int) -> ByteArray:
 
 @lru_cache(maxsize=32)
 def _light_table(sensor: Sensor, encoding: Encoding) -> NDArray[np.uint16]:
-    """Return the light for each of an image's numbers, `_FULL` at full scale."""
+    """Return the light for each of an image's numbers, `_FULL_SCALE` at full scale."""
     numbers, linear = decode_numbers(np.arange(1 << sensor.bits, dtype=np.uint16), sensor, encoding)
     full, black = linear.scale_dn
     light = np.clip((numbers.astype(float) - black) / full, 0.0, 1.0)
-    return np.rint(_FULL * light).astype(np.uint16)
+    return np.rint(_FULL_SCALE * light).astype(np.uint16)
 
 
 @lru_cache(maxsize=32)
-def _shown_table(sensor: Sensor) -> ByteArray:
-    """Return the displayed number for each light, of `_FULL` and above at full scale."""
-    light = np.arange(1 << 16) / _FULL
+def _display_table(sensor: Sensor) -> ByteArray:
+    """Return the displayed number for each light, of `_FULL_SCALE` and above at full scale."""
+    light = np.arange(1 << 16) / _FULL_SCALE
     toe = TOE_SIGMAS * noise_sigma(sensor)
-    return np.rint(255 * shown_light(light * light * (1 + toe) / np.maximum(light + toe, 1e-9))).astype(
+    return np.rint(255 * screen_values(light * light * (1 + toe) / np.maximum(light + toe, 1e-9))).astype(
         np.uint8
     )

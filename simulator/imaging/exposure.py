@@ -1,8 +1,8 @@
-"""The exposure in time: an image as the mean of instants (motion blur) and of bands of rows (rolling shutter).
+"""Exposure in time: an image as the mean of several instants (motion blur) and of bands of rows (rolling shutter).
 
-Each instant is a whole scene, propagated and drawn anew, so that craft, ground and stars each smear by their own
-motion. An image in which nothing moves by ``STILL_PX`` is drawn once. If the Earth fills the image, its ground (also
-behind the craft) is drawn only a few times and smeared along its flow, and so is the craft in front of it.
+The scene is propagated to each instant and drawn again, so that craft, ground and stars are smeared by their own
+motion. If nothing moves by ``MIN_MOTION_PX``, a single instant is drawn. If the Earth fills the image, ground and craft
+are drawn separately, a few times only, and are smeared along their optical flow.
 """
 
 from __future__ import annotations
@@ -18,8 +18,8 @@ from flyaround.simulator.imaging.image_motion import (
     background_px,
     craft_flow,
     image_motion_px,
-    moments_of,
     motion_bound_px,
+    scene_propagator,
 )
 from flyaround.simulator.imaging.motion_blur import motion_blur
 from flyaround.simulator.imaging.rolling_shutter import crop, row_bands
@@ -35,24 +35,24 @@ if TYPE_CHECKING:
     from flyaround.simulator.scene.state import SceneState
     from flyaround.simulator.targets.model import Target
 
-STILL_PX = 0.3
+MIN_MOTION_PX = 0.3
 """Motion during the exposure below which one instant suffices: its blur is below 0.1 px rms [px]."""
-INSTANT_PX = 1.0
+INSTANT_SPACING_PX = 1.0
 """Motion between instants [px]. Pixels integrate over their area, so steps of one pixel leave no gap."""
-GAUSS_PX = (1.1, 2.1, 3.1)
-"""Motion up to which 2, 3 and 4 Gauss-Legendre instants suffice [px]: up to the Nyquist frequency the contrast is
-within 2 %, against 3 to 8 % with uniform instants.
+GAUSS_LIMITS_PX = (1.1, 2.1, 3.1)
+"""Motion up to which 2, 3 and 4 Gauss-Legendre instants suffice [px]. Up to the Nyquist frequency the contrast is then
+within 2 % of a continuous exposure.
 """
-LONGEST_BLUR_PX = 32.0
+MAX_BLUR_PX = 32.0
 """Longest blur of the ground [px]; longer ones are drawn by instants."""
-STRAIGHT_PX = 0.05
+MAX_PATH_SAG_PX = 0.05
 """Largest deviation of the ground's path from a straight line, at its centre [px]."""
-ONCE_PX, DRAWN_PX = 1.0, 5.0
-"""Ground motion up to which one drawing suffices, and motion between drawings beyond it [px]; averaging removes the
+SINGLE_DRAWING_PX, DRAWING_SPACING_PX = 1.0, 5.0
+"""Ground motion up to which one drawing suffices, and the motion between drawings otherwise [px]. Averaging removes the
 dependence of clouds and city lights on sub-pixel positions.
 """
 LOW_ORBIT_M = 5e7
-FEW_PLACES, LENS_PLACES = 5, 17
+TEST_POINTS, TEST_POINTS_DISTORTED = 5, 17
 """Points along each side of the image where the ground is tested, without and with lens distortion."""
 MAX_INSTANTS = 256
 
@@ -71,26 +71,28 @@ class Instants:
 
 def instants_of(motion_px: float, exposure_s: float) -> Instants:
     """Return the instants for a motion; one if it is invisible."""
-    if motion_px < STILL_PX:
+    if motion_px < MIN_MOTION_PX:
         return Instants()
-    for n, most in enumerate(GAUSS_PX, start=2):
+    for n, most in enumerate(GAUSS_LIMITS_PX, start=2):
         if motion_px <= most:
-            at, weights = np.polynomial.legendre.leggauss(n)
-            return Instants(tuple((exposure_s / 2 * at).tolist()), tuple((weights / 2).tolist()))
-    n = int(np.clip(np.ceil(motion_px / INSTANT_PX), 1, MAX_INSTANTS))
-    at = (np.arange(n) + 0.5) / n - 0.5
-    return Instants(tuple((exposure_s * at).tolist()), (1 / n,) * n)
+            scene_at, weights = np.polynomial.legendre.leggauss(n)
+            return Instants(tuple((exposure_s / 2 * scene_at).tolist()), tuple((weights / 2).tolist()))
+    n = int(np.clip(np.ceil(motion_px / INSTANT_SPACING_PX), 1, MAX_INSTANTS))
+    scene_at = (np.arange(n) + 0.5) / n - 0.5
+    return Instants(tuple((exposure_s * scene_at).tolist()), (1 / n,) * n)
 
 
-def instants(scene: SceneState, target: Target, at: Callable[[float], SceneState] | None = None) -> Instants:
-    """Return the instants of a whole scene; ``at`` is the result of `moments_of` for it."""
-    if not scene.shutter.motion_blur or motion_bound_px(scene, target, scene.exposure_s) < STILL_PX:
+def instants(
+    scene: SceneState, target: Target, scene_at: Callable[[float], SceneState] | None = None
+) -> Instants:
+    """Return the instants of a whole scene; ``scene_at`` is the result of `scene_propagator` for it."""
+    if not scene.shutter.motion_blur or motion_bound_px(scene, target, scene.exposure_s) < MIN_MOTION_PX:
         return Instants()
-    return instants_of(image_motion_px(scene, target, scene.exposure_s, at), scene.exposure_s)
+    return instants_of(image_motion_px(scene, target, scene.exposure_s, scene_at), scene.exposure_s)
 
 
 @dataclass(frozen=True, eq=False)
-class Exposed:
+class MeanRadiance:
     """Mean radiance over the exposure (H, W[, 3]) [W m-2 sr-1], and the timings of drawing it."""
 
     radiance: Float32Array
@@ -98,23 +100,23 @@ class Exposed:
     n_drawn: int
 
 
-def integrate(renderer: Renderer, scene: SceneState, target: Target) -> Exposed:
+def integrate(renderer: Renderer, scene: SceneState, target: Target) -> MeanRadiance:
     """Draw a scene over its exposure."""
-    at = moments_of(scene)
-    bands, moments = row_bands(scene, target), instants(scene, target, at)
-    if len(bands) == 1 and len(moments) == 1 and bands[0].dt_s == 0:
+    scene_at = scene_propagator(scene)
+    bands, instants_ = row_bands(scene, target), instants(scene, target, scene_at)
+    if len(bands) == 1 and len(instants_) == 1 and bands[0].dt_s == 0:
         rendered = renderer.render(scene, target)
-        return Exposed(rendered.radiance, rendered.stage_ms, 1)
-    n_drawings = 0 if len(bands) > 1 else drawings_of_ground(scene, at)
+        return MeanRadiance(rendered.radiance, rendered.stage_ms, 1)
+    n_drawings = 0 if len(bands) > 1 else ground_drawings(scene, scene_at)
     if n_drawings:
-        return _over_passing_ground(renderer, scene, target, n_drawings, at)
+        return _integrate_over_ground(renderer, scene, target, n_drawings, scene_at)
     parts: dict[int, Float32Array] = {}
     stage_ms: dict[str, float] = {}
     for band in bands:
         camera = crop(scene.camera, 0, band.y0, scene.camera.width_px, band.y1 - band.y0)
         total: Float32Array | None = None
-        for dt, weight in zip(moments.times_s, moments.weights, strict=True):
-            at_band = replace(at(band.dt_s + dt), camera=camera)
+        for dt, weight in zip(instants_.times_s, instants_.weights, strict=True):
+            at_band = replace(scene_at(band.dt_s + dt), camera=camera)
             rendered = renderer.render(at_band, target)
             part = rendered.radiance * np.float32(weight)
             total = part if total is None else np.add(total, part, out=total)
@@ -124,39 +126,44 @@ def integrate(renderer: Renderer, scene: SceneState, target: Target) -> Exposed:
     radiance = np.empty((scene.camera.height_px, *next(iter(parts.values())).shape[1:]), np.float32)
     for y0, part in sorted(parts.items(), reverse=True):
         radiance[y0 : y0 + len(part)] = part
-    return Exposed(radiance, stage_ms, len(bands) * len(moments))
+    return MeanRadiance(radiance, stage_ms, len(bands) * len(instants_))
 
 
-def drawings_of_ground(scene: SceneState, at: Callable[[float], SceneState] | None = None) -> int:
+def ground_drawings(scene: SceneState, scene_at: Callable[[float], SceneState] | None = None) -> int:
     """Return the number of drawings of a ground that fills the image; 0 if it does not fill it, or moves too far.
 
     Parameters
     ----------
-    at : result of `moments_of` for the scene.
+    scene_at : callable, optional
+        Result of `scene_propagator` for the scene.
     """
     globe = scene.globe
-    far = float(np.linalg.norm(np.subtract(scene.r_camera_eci_m, globe.r_eci_m))) > LOW_ORBIT_M
-    if not scene.environment.draws(globe.body) or globe.name != scene.central_body or far:
+    is_far = float(np.linalg.norm(np.subtract(scene.r_camera_eci_m, globe.r_eci_m))) > LOW_ORBIT_M
+    if not scene.environment.draws(globe.body) or globe.name != scene.central_body or is_far:
         return 0  # the Moon may be in front of the ground
-    at = at or moments_of(scene)
-    early, late = (at(sign * scene.exposure_s / 2) for sign in (-1, 1))
+    scene_at = scene_at or scene_propagator(scene)
+    early, late = (scene_at(sign * scene.exposure_s / 2) for sign in (-1, 1))
     c = scene.camera
-    # the Earth's disc is convex, and so is the undistorted image; a distorting lens bends its edges outward too
-    n = FEW_PLACES if c.distortion.is_none else LENS_PLACES
+    # disc and undistorted image are convex, so points along the edges suffice; a distorted image needs more points
+    n = TEST_POINTS if c.distortion.is_none else TEST_POINTS_DISTORTED
     across = [np.linspace(-0.5, size - 0.5, n) for size in (c.width_px, c.height_px)]
-    places = np.stack(np.meshgrid(*across), axis=-1).reshape(-1, 2)
-    if not all(_all_ground(then, places) for then in (early, scene, late)):
+    points = np.stack(np.meshgrid(*across), axis=-1).reshape(-1, 2)
+    if not all(_is_all_ground(then, points) for then in (early, scene, late)):
         return 0
-    ends = [background_px(scene, then, places) for then in (early, late)]
-    way = float(np.abs(ends[1] - ends[0]).max())
-    bend = float(np.abs((ends[0] + ends[1]) / 2 - places).max())
+    ends = [background_px(scene, then, points) for then in (early, late)]
+    displacement_px = float(np.abs(ends[1] - ends[0]).max())
+    sag_px = float(np.abs((ends[0] + ends[1]) / 2 - points).max())
     # negated, so that NaN is refused
-    if not (way <= LONGEST_BLUR_PX and bend <= STRAIGHT_PX):
+    if not (displacement_px <= MAX_BLUR_PX and sag_px <= MAX_PATH_SAG_PX):
         return 0
-    return 1 if way <= ONCE_PX else max(int(np.ceil(way / DRAWN_PX)), 2)
+    return (
+        1
+        if displacement_px <= SINGLE_DRAWING_PX
+        else max(int(np.ceil(displacement_px / DRAWING_SPACING_PX)), 2)
+    )
 
 
-def _all_ground(scene: SceneState, pixels: FloatArray) -> bool:
+def _is_all_ground(scene: SceneState, pixels: FloatArray) -> bool:
     """Return True if rays through (K, 2) pixels all hit the globe, even its lowest surface."""
     body = scene.globe.body
     r = np.subtract(scene.r_camera_eci_m, scene.globe.r_eci_m)
@@ -164,81 +171,88 @@ def _all_ground(scene: SceneState, pixels: FloatArray) -> bool:
     return bool(np.all((along > 0) & (r @ r - along**2 < body.polar_radius_m**2)))
 
 
-def _over_passing_ground(
+def _integrate_over_ground(
     renderer: Renderer,
     scene: SceneState,
     target: Target,
     n_drawings: int,
-    at: Callable[[float], SceneState],
-) -> Exposed:
+    scene_at: Callable[[float], SceneState],
+) -> MeanRadiance:
     """Average the moving ground and the craft separately over the exposure, then composite them. Occlusion changes
     during the exposure are ignored.
     """
     stage_ms: dict[str, float] = {"motion_blur": 0.0}
     mean: Float32Array | None = None
-    for mid, early, late in _spans(scene, n_drawings, at):
+    for mid, early, late in _spans(scene, n_drawings, scene_at):
         rendered = renderer.render(mid, target, layer="sky")
         add_times(stage_ms, rendered.stage_ms)
         start = time.perf_counter()
-        blurred = motion_blur(rendered.radiance, partial(_ways_px, mid, early, late))
+        blurred = motion_blur(rendered.radiance, partial(_background_displacements_px, mid, early, late))
         mean = blurred if mean is None else np.add(mean, blurred, out=mean)
         stage_ms["motion_blur"] += (time.perf_counter() - start) * 1e3
     if mean is None:
         raise ValueError("a ground that is never drawn has no mean")
     if n_drawings > 1:
         mean /= np.float32(n_drawings)
-    early, late = (at(sign * scene.exposure_s / 2) for sign in (-1, 1))
-    spans = _spans(scene, craft_flow(scene, early, late, target).drawings, at)
-    crafts: list[Rendered] = []
+    early, late = (scene_at(sign * scene.exposure_s / 2) for sign in (-1, 1))
+    spans = _spans(scene, craft_flow(scene, early, late, target).n_drawings, scene_at)
+    craft_images: list[Rendered] = []
     for mid, early, late in spans:
         craft = renderer.render(mid, target, layer="craft")
         add_times(stage_ms, craft.stage_ms)
         start = time.perf_counter()
-        crafts.append(_smeared(craft, craft_flow(mid, early, late, target), scene.camera))
+        craft_images.append(_smear(craft, craft_flow(mid, early, late, target), scene.camera))
         stage_ms["motion_blur"] += (time.perf_counter() - start) * 1e3
-    _put_before(mean, crafts)
-    return Exposed(mean, stage_ms, n_drawings + len(spans))
+    _composite(mean, craft_images)
+    return MeanRadiance(mean, stage_ms, n_drawings + len(spans))
 
 
 def _spans(
-    scene: SceneState, n: int, at: Callable[[float], SceneState]
+    scene: SceneState, n: int, scene_at: Callable[[float], SceneState]
 ) -> list[tuple[SceneState, SceneState, SceneState]]:
     """Return the middle, beginning and end of ``n`` equal parts of an exposure."""
     parts = [[(k + part) / n - 0.5 for part in (0.5, 0.0, 1.0)] for k in range(n)]
     return [
-        (at(m * scene.exposure_s), at(a * scene.exposure_s), at(b * scene.exposure_s)) for m, a, b in parts
+        (scene_at(m * scene.exposure_s), scene_at(a * scene.exposure_s), scene_at(b * scene.exposure_s))
+        for m, a, b in parts
     ]
 
 
-def _smeared(craft: Rendered, flow: CraftFlow, camera: Camera) -> Rendered:
+def _smear(craft: Rendered, flow: CraftFlow, camera: Camera) -> Rendered:
     """Smear a craft's radiance and coverage along its flow, in a window that contains the smear."""
-    if craft.coverage is None or not craft.radiance.size or flow.longest_px < STILL_PX:
+    if craft.coverage is None or not craft.radiance.size or flow.longest_px < MIN_MOTION_PX:
         return craft
     reach = int(np.ceil(flow.longest_px / 2)) + 2
     rows, columns = (
         slice(max(side.start - reach, 0), min(side.stop + reach, size))
         for side, size in zip(craft.window, (camera.height_px, camera.width_px), strict=True)
     )
-    both = np.dstack([craft.radiance, craft.coverage])
+    radiance_and_coverage = np.dstack([craft.radiance, craft.coverage])
     y, x = craft.window[0].start - rows.start, craft.window[1].start - columns.start
-    around = np.zeros((rows.stop - rows.start, columns.stop - columns.start, both.shape[2]), np.float32)
-    around[y : y + both.shape[0], x : x + both.shape[1]] = both
-    blurred = motion_blur(around, lambda px: flow.ways_px(px + np.array([columns.start, rows.start])))
+    around = np.zeros(
+        (rows.stop - rows.start, columns.stop - columns.start, radiance_and_coverage.shape[2]), np.float32
+    )
+    around[y : y + radiance_and_coverage.shape[0], x : x + radiance_and_coverage.shape[1]] = (
+        radiance_and_coverage
+    )
+    blurred = motion_blur(
+        around, lambda px: flow.displacements_px(px + np.array([columns.start, rows.start]))
+    )
     light = blurred[..., 0] if craft.radiance.ndim == 2 else blurred[..., :-1]
     return replace(craft, radiance=light, coverage=blurred[..., -1], window=(rows, columns))
 
 
-def _put_before(ground: Float32Array, crafts: list[Rendered]) -> None:
+def _composite(ground: Float32Array, craft_images: list[Rendered]) -> None:
     """Composite the mean of craft images over a ground (H, W[, bands]), in place."""
-    visible = [craft for craft in crafts if craft.radiance.size]
+    visible = [craft for craft in craft_images if craft.radiance.size]
     if not visible:
         return
     rows, columns = (
         slice(min(c.window[k].start for c in visible), max(c.window[k].stop for c in visible)) for k in (0, 1)
     )
     behind = ground[rows, columns]
-    light, open_ = np.zeros_like(behind), np.ones(behind.shape[:2], np.float32)
-    weight = np.float32(1 / len(crafts))
+    light, transmission = np.zeros_like(behind), np.ones(behind.shape[:2], np.float32)
+    weight = np.float32(1 / len(craft_images))
     for craft in visible:
         y, x = (
             slice(own.start - whole.start, own.stop - whole.start)
@@ -247,14 +261,16 @@ def _put_before(ground: Float32Array, crafts: list[Rendered]) -> None:
         if craft.coverage is None:
             continue
         light[y, x] += craft.radiance * weight
-        open_[y, x] -= craft.coverage * weight
-    # weights add up to one except for rounding, and a cubic overshoots
-    np.maximum(open_, 0, out=open_)
-    behind *= open_ if behind.ndim == 2 else open_[..., None]
+        transmission[y, x] -= craft.coverage * weight
+    # rounding and the overshoot of cubic interpolation may give negative values
+    np.maximum(transmission, 0, out=transmission)
+    behind *= transmission if behind.ndim == 2 else transmission[..., None]
     behind += light
 
 
-def _ways_px(mid: SceneState, early: SceneState, late: SceneState, pixels: FloatArray) -> FloatArray:
+def _background_displacements_px(
+    mid: SceneState, early: SceneState, late: SceneState, pixels: FloatArray
+) -> FloatArray:
     """Return (K, 2) displacements from ``early`` to ``late`` of the background at (K, 2) pixels of ``mid`` [px]."""
     return np.asarray(background_px(mid, late, pixels) - background_px(mid, early, pixels))
 

@@ -1,6 +1,6 @@
-"""Image formation: from radiance to digital numbers by lens, exposure, PSF, noise and quantisation. Seeded per frame.
+"""Image formation from radiance to digital numbers: lens, exposure, PSF, noise and quantisation.
 
-Frame k's noise depends on (seed, k) alone, not on earlier frames or the number of threads.
+The noise of frame k depends on (seed, k) only, not on earlier frames or the number of threads.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from flyaround.simulator.camera.detector.readout import detect, detector_sigma
 from flyaround.simulator.camera.detector.response import electrons_per_radiance, white_balance
 from flyaround.simulator.camera.detector.shading import glow, scatter, veiling_glare, vignetting
 from flyaround.simulator.camera.detector.transfer import converter, encode_numbers
-from flyaround.simulator.runtime.threads import pieces_of, share_out, threads
+from flyaround.simulator.runtime.threads import run_in_threads, split_rows, threads
 from flyaround.simulator.scene.illumination.bands import bands_of, sun_irradiance_w_m2, sunlight_balance
 from flyaround.simulator.world.constants import SUN_RADIUS_M
 
@@ -33,20 +33,24 @@ if TYPE_CHECKING:
     from flyaround.simulator.scene.state import SceneState
 
 _PERFECT_LENS = Optics()
-_PIECE_VALUES = 3 << 18  # values per task for two threads: shorter tasks would wait for Python's lock
+_PIECE_VALUES = 3 << 18  # values per task for two threads; shorter tasks would wait for Python's global lock
 _SHORT_VALUES = 3 << 16  # values per task for more threads
 
 
 @dataclass(frozen=True, eq=False)
 class ViewingConditions:
-    """Inputs of the optics besides the image.
+    """Geometry and light that vignetting, glare and defocus depend on.
 
     Parameters
     ----------
-    camera : geometry of the camera.
-    target_distance_m : distance for defocus.
-    sun_direction : unit vector, camera frame.
-    sun_irradiance_w_m2 : irradiance of the visible part per band, for glare.
+    camera : Camera
+        Geometry of the camera.
+    target_distance_m : float
+        Distance for defocus.
+    sun_direction : array
+        Unit vector, camera frame.
+    sun_irradiance_w_m2 : array
+        Irradiance of the visible part per band, for glare.
     """
 
     camera: Camera
@@ -61,23 +65,29 @@ def expose(
     exposure_s: float,
     band_gain: ArrayLike = 1.0,
     optics: Optics | None = None,
-    around: ViewingConditions | None = None,
+    conditions: ViewingConditions | None = None,
 ) -> Float32Array:
     """Return the noise-free signal on the detector: vignetting and glare, exposure, PSF.
 
     Parameters
     ----------
-    radiance_w_m2_sr : (H, W) or (H, W, 3) band radiance [W m-2 sr-1].
-    sensor : detector; ``full_scale_j_m2_sr``, or its saturation charge, maps to 1.
-    exposure_s : integration time [s].
-    band_gain : gain of each band, for example the white balance of a colour camera (for a detector in electrons, it is
-        applied after read-out instead).
-    optics : None for a perfect lens.
-    around : inputs for vignetting, glare and defocus; None to omit those.
+    radiance_w_m2_sr : (H, W) or (H, W, 3) array
+        Band radiance [W m-2 sr-1].
+    sensor : Sensor
+        Detector; ``full_scale_j_m2_sr``, or its saturation charge, maps to 1.
+    exposure_s : float
+        Integration time [s].
+    band_gain : array_like, optional
+        For a detector in electrons only: `white_balance` of a colour image.
+    optics : Optics, optional
+        None for a perfect lens.
+    conditions : ViewingConditions, optional
+        Inputs for vignetting, glare and defocus; None to omit those.
 
     Returns
     -------
-    (H, W) or (H, W, 3) float32, 1 at full scale, not clipped.
+    (H, W) or (H, W, 3) float32 array
+        1 at full scale, not clipped.
     """
     optics = optics or _PERFECT_LENS
     bands = 1 if radiance_w_m2_sr.ndim == 2 else radiance_w_m2_sr.shape[2]
@@ -86,19 +96,19 @@ def expose(
     else:
         gain = electrons_per_radiance(sensor, optics, exposure_s, bands) / sensor.saturation_e
     image, disc_px = radiance_w_m2_sr, 0.0
-    if around is not None:
-        image = _through_the_lens(image, optics, around)
-        disc_px = defocus_px(around.camera, optics, sensor, around.target_distance_m)
+    if conditions is not None:
+        image = _apply_lens_effects(image, optics, conditions)
+        disc_px = defocus_px(conditions.camera, optics, sensor, conditions.target_distance_m)
     by_band = gain.astype(np.float32) if gain.size > 1 else float(gain.flat[0])
     return blur(image, optics, sensor, disc_px, by_band)
 
 
-def _through_the_lens(image: Float32Array, optics: Optics, around: ViewingConditions) -> Float32Array:
+def _apply_lens_effects(image: Float32Array, optics: Optics, conditions: ViewingConditions) -> Float32Array:
     """Apply vignetting, veiling glare, glow and scatter; return the image itself if there are none."""
-    share = vignetting(around.camera, optics)
-    if share is not None:
-        image = image * (share if image.ndim == 2 else share[..., None])
-    glare = veiling_glare(around.camera, optics, around.sun_direction, around.sun_irradiance_w_m2)
+    transmission = vignetting(conditions.camera, optics)
+    if transmission is not None:
+        image = image * (transmission if image.ndim == 2 else transmission[..., None])
+    glare = veiling_glare(conditions.camera, optics, conditions.sun_direction, conditions.sun_irradiance_w_m2)
     return scatter(glow(image if glare is None else image + glare, optics), optics)
 
 
@@ -121,21 +131,30 @@ def digitise(
 ) -> NDArray[np.unsignedinteger]:
     """Return digital numbers of an exposed signal: by the detector, or clip, speckle, Gaussian noise, clip, quantise.
 
-    The source of the thesis recipe does not state an order; here uniform speckle ``I + n I`` comes first, then the
-    Gaussian term, then the clip, like consecutive calls of MATLAB's ``imnoise``.
+    The source of the thesis recipe does not state an order. Here uniform speckle ``I + n I`` comes first, then the
+    Gaussian term, then the clip, as in consecutive calls of MATLAB's ``imnoise``.
 
     Parameters
     ----------
-    signal : (H, W) or (H, W, 3) float32, 1 = full scale.
-    sensor : noise recipe and bit depth.
-    seed, frame_index : key of this frame's random numbers.
-    exposure_s, band_gain : for a detector in electrons only: exposure time, for dark current, and `white_balance` of a
-        colour image.
-    noise : result of `start_noise` for this sensor, seed, frame and shape; by default, drawn here.
+    signal : (H, W) or (H, W, 3) float32 array
+        1 = full scale.
+    sensor : Sensor
+        Noise recipe and bit depth.
+    seed : int
+        Seed of the random numbers.
+    frame_index : int
+        Number of the frame; with ``seed`` the key of its random numbers.
+    exposure_s : float, optional
+        For a detector in electrons only: exposure time, for dark current, and `white_balance` of a colour image.
+    band_gain : array_like, optional
+        For a detector in electrons only: exposure time, for dark current, and `white_balance` of a colour image.
+    noise : callable, optional
+        Result of `start_noise` for this sensor, seed, frame and shape; by default, drawn here.
 
     Returns
     -------
-    Array of the signal's shape, uint8 for up to 8 bits, uint16 above.
+    array
+        Array of the signal's shape, uint8 for up to 8 bits, uint16 above.
     """
     if sensor.detector is not None:
         return detect(signal, sensor, seed, frame_index, exposure_s, band_gain)
@@ -158,8 +177,8 @@ def digitise(
         np.clip(steps, 0, full, out=steps)
         out[rows] = steps
 
-    piece = _PIECE_VALUES if threads() <= 2 else _SHORT_VALUES
-    share_out(pieces_of(len(flat), flat.size // piece), digitise_rows)
+    piece_values = _PIECE_VALUES if threads() <= 2 else _SHORT_VALUES
+    run_in_threads(split_rows(len(flat), flat.size // piece_values), digitise_rows)
     return out.reshape(signal.shape)
 
 
@@ -176,16 +195,22 @@ def expose_scene(scene: SceneState, radiance_w_m2_sr: Float32Array) -> Float32Ar
 
     Parameters
     ----------
-    radiance_w_m2_sr : (H, W) or (H, W, 3) [W m-2 sr-1], row 0 at the top.
+    radiance_w_m2_sr : (H, W) or (H, W, 3) array
+        [W m-2 sr-1], row 0 at the top.
     """
-    around = ViewingConditions(
+    conditions = ViewingConditions(
         camera=scene.camera,
         target_distance_m=float(np.linalg.norm(scene.t_camera_from_target_m)),
         sun_direction=np.array(scene.sun_direction_camera),
-        sun_irradiance_w_m2=_sun_at_the_lens(scene, radiance_w_m2_sr),
+        sun_irradiance_w_m2=_sun_irradiance_at_camera(scene, radiance_w_m2_sr),
     )
     return expose(
-        radiance_w_m2_sr, scene.sensor, scene.exposure_s, sunlight_balance(scene.bands), scene.optics, around
+        radiance_w_m2_sr,
+        scene.sensor,
+        scene.exposure_s,
+        sunlight_balance(scene.bands),
+        scene.optics,
+        conditions,
     )
 
 
@@ -199,9 +224,12 @@ def digitise_scene(
 
     Parameters
     ----------
-    signal : result of `expose_scene`.
-    sensor : replaces the scene's, for example by its noiseless twin.
-    noise : result of `prefetch_scene_noise` for the scene's own sensor.
+    signal : array
+        Result of `expose_scene`.
+    sensor : Sensor, optional
+        Replaces the scene's, for example by its noiseless twin.
+    noise : callable, optional
+        Result of `prefetch_scene_noise` for the scene's own sensor.
     """
     sensor, encoding = sensor or scene.sensor, scene.camera.pixel_encoding
     balance = sunlight_balance(scene.bands)
@@ -217,10 +245,10 @@ def digitise_scene(
     return encode_numbers(numbers, sensor, encoding)
 
 
-def _sun_at_the_lens(scene: SceneState, radiance: Float32Array) -> FloatArray:
+def _sun_irradiance_at_camera(scene: SceneState, radiance: Float32Array) -> FloatArray:
     """Return the Sun's irradiance at the camera per band, without the hidden part [W m-2].
 
-    In the Earth's shadow it is the target's share; if the disc is in the image, the visible part of the image's disc.
+    The visible share is that at the target, or, if the Sun's disc is in the image, that of the drawn disc.
     """
     to_sun = np.asarray(scene.r_sun_eci_m) - np.asarray(scene.r_camera_eci_m)
     irradiance = sun_irradiance_w_m2(scene.bands, float(np.linalg.norm(to_sun))) * scene.sunlit_fraction

@@ -1,4 +1,4 @@
-"""Motion across the image during an exposure: of the craft's bounding box, and of a grid on ground and sky."""
+"""Motion in the image during an exposure: of the craft's bounding box, and of a grid on ground and sky."""
 
 from __future__ import annotations
 
@@ -20,56 +20,62 @@ if TYPE_CHECKING:
     from flyaround.simulator.scene.state import SceneState
     from flyaround.simulator.targets.model import Target
 
-SMEARED_PX, PARALLAX_PX = 2.5, 0.5
-"""Largest displacement of a craft that is drawn once and smeared, and largest deviation from the planar flow [px]; the
-ends of a smear are then within a quarter of a pixel.
+MAX_SMEAR_PX, MAX_RESIDUAL_PX = 2.5, 0.5
+"""Largest displacement of a craft that is drawn once and smeared, and largest residual of the affine flow [px]. The
+ends of a smear are then correct within a quarter of a pixel.
 """
-FASTEST_GROUND_M_S = 1.6e3
+MAX_GROUND_SPEED_M_S = 1.6e3
 """Bound on ground speed from rotation [m s-1]: the Earth's equator moves at 465, that of Mars at 240."""
 
 
 @dataclass(frozen=True, eq=False)
 class CraftFlow:
-    """Motion of a craft across the image, as a plane through the displacements of its box's corners.
+    """Optical flow of a craft as an affine function, fitted to the displacements of its bounding box's corners.
 
     Parameters
     ----------
-    affine : (3, 2) displacement at the image's origin, and its derivatives along x and y [px, 1].
-    longest_px : largest
-        displacement of a corner.
-    off_px : largest residual of the corners' displacements.
+    affine : (3, 2) array
+        Displacement at the image's origin, and its derivatives along x and y [px, 1].
+    longest_px : float
+        Largest displacement of a corner.
+    residual_px : float
+        Largest residual of the corners' displacements.
     """
 
     affine: FloatArray
     longest_px: float
-    off_px: float
+    residual_px: float
 
-    def ways_px(self, pixels: FloatArray) -> FloatArray:
+    def displacements_px(self, pixels: FloatArray) -> FloatArray:
         """Return (K, 2) displacements at (K, 2) pixels [px]."""
         return np.asarray(self.affine[0] + pixels @ self.affine[1:])
 
     @property
-    def drawings(self) -> int:
+    def n_drawings(self) -> int:
         """Number of drawings of the craft, each of which is smeared."""
-        return max(math.ceil(self.longest_px / SMEARED_PX), math.ceil(self.off_px / PARALLAX_PX), 1)
+        return max(
+            math.ceil(self.longest_px / MAX_SMEAR_PX), math.ceil(self.residual_px / MAX_RESIDUAL_PX), 1
+        )
 
 
 def craft_flow(mid: SceneState, early: SceneState, late: SceneState, target: Target) -> CraftFlow:
     """Return the flow of a craft from ``early`` to ``late`` at its position in ``mid``; zero behind the camera."""
-    places, start, end = (target_corners_px(mid, then, target) for then in (mid, early, late))
-    design = np.column_stack([np.ones(len(places)), np.nan_to_num(places)])
-    ways = np.nan_to_num(end - start)
-    affine = np.asarray(np.linalg.lstsq(design, ways, rcond=None)[0], float)
-    return CraftFlow(affine, float(np.hypot(*ways.T).max()), float(np.abs(design @ affine - ways).max()))
+    points, start, end = (target_corners_px(mid, then, target) for then in (mid, early, late))
+    design = np.column_stack([np.ones(len(points)), np.nan_to_num(points)])
+    displacements = np.nan_to_num(end - start)
+    affine = np.asarray(np.linalg.lstsq(design, displacements, rcond=None)[0], float)
+    return CraftFlow(
+        affine, float(np.hypot(*displacements.T).max()), float(np.abs(design @ affine - displacements).max())
+    )
 
 
-def moments_of(scene: SceneState) -> Callable[[float], SceneState]:
+def scene_propagator(scene: SceneState) -> Callable[[float], SceneState]:
     """Return `propagated_scene` of one scene, cached by time."""
     return cache(partial(propagated_scene, scene))
 
 
 def image_motion_px(
-    scene: SceneState, target: Target, span_s: float, at: Callable[[float], SceneState] | None = None
+    scene: SceneState, target: Target, span_s: float, scene_at: Callable[[float], SceneState] | None = None
 ) -> float:
     """Return the largest displacement of anything in the image during ``span_s`` about mid-exposure [px].
 
@@ -78,14 +84,15 @@ def image_motion_px(
 
     Parameters
     ----------
-    at : result of `moments_of` for the scene.
+    scene_at : callable, optional
+        Result of `scene_propagator` for the scene.
     """
     if span_s == 0:
         return 0.0
-    at = at or moments_of(scene)
-    early, late = (_tracked_px(scene, at(sign * span_s / 2), target) for sign in (-1, 1))
-    way = np.hypot(*(late - early).T)
-    return float(np.nanmax(way, initial=0.0))
+    scene_at = scene_at or scene_propagator(scene)
+    early, late = (_tracked_px(scene, scene_at(sign * span_s / 2), target) for sign in (-1, 1))
+    displacement = np.hypot(*(late - early).T)
+    return float(np.nanmax(displacement, initial=0.0))
 
 
 def motion_bound_px(scene: SceneState, target: Target, span_s: float) -> float:
@@ -96,18 +103,18 @@ def motion_bound_px(scene: SceneState, target: Target, span_s: float) -> float:
     height = math.dist(scene.r_camera_eci_m, central.r_eci_m) - body.radius_m
     if not camera.distortion.is_none or t[2] <= 2 * size or height <= 1e3:
         return float("inf")
-    passing = math.dist(scene.v_target_eci_m_s, scene.v_camera_eci_m_s)
-    turning, spinning = math.hypot(*scene.omega_camera_rad_s), math.hypot(*scene.omega_target_rad_s)
-    craft = (passing + size * spinning) / (t[2] - size)
-    own = np.subtract(scene.v_camera_eci_m_s, central_velocity_m_s(scene))
-    ground = (math.hypot(*own) + FASTEST_GROUND_M_S) / height
+    relative_speed = math.dist(scene.v_target_eci_m_s, scene.v_camera_eci_m_s)
+    camera_rate, target_rate = math.hypot(*scene.omega_camera_rad_s), math.hypot(*scene.omega_target_rad_s)
+    craft_px = (relative_speed + size * target_rate) / (t[2] - size)
+    relative = np.subtract(scene.v_camera_eci_m_s, central_velocity_m_s(scene))
+    ground = (math.hypot(*relative) + MAX_GROUND_SPEED_M_S) / height
     # image scale grows with the square of the distance from the axis
     x = max(camera.cx_px, camera.width_px - camera.cx_px) / camera.fx_px
     y = max(camera.cy_px, camera.height_px - camera.cy_px) / camera.fy_px
-    aside = max(math.hypot(x, y), (math.hypot(t[0], t[1]) + size) / (t[2] - size))
-    rate = turning + max(craft, ground if scene.environment.draws(body) else 0.0)
-    # a quarter more: within the span, rates change by far less
-    return 1.25 * span_s * rate * max(camera.fx_px, camera.fy_px) * (1 + aside**2)
+    off_axis = max(math.hypot(x, y), (math.hypot(t[0], t[1]) + size) / (t[2] - size))
+    rate = camera_rate + max(craft_px, ground if scene.environment.draws(body) else 0.0)
+    # margin of a quarter, which exceeds the change of the rates within the span
+    return 1.25 * span_s * rate * max(camera.fx_px, camera.fy_px) * (1 + off_axis**2)
 
 
 def _tracked_px(scene: SceneState, then: SceneState, target: Target) -> FloatArray:
@@ -123,25 +130,29 @@ def background_px(scene: SceneState, then: SceneState, pixels: FloatArray) -> Fl
     d = scene.camera.rays(pixels)
     d = d @ matrix_from_quat(scene.q_camera_from_eci_wxyz)  # in ECI
     body, states = scene.central.body, (scene.central, then.central)
-    here, there = (s.R_fixed_from_eci.T if body.turns else np.eye(3) for s in states)
+    R_now, R_then = (s.R_fixed_from_eci.T if body.turns else np.eye(3) for s in states)
     centers = [np.asarray(s.r_eci_m) for s in states]
     r = np.asarray(scene.r_camera_eci_m) - centers[0]
     along = -d @ r
     discriminant = along**2 - (r @ r - body.radius_m**2)
     ground = (discriminant > 0) & (along > 0) & scene.environment.draws(body)
-    place = r + (along - np.sqrt(np.maximum(discriminant, 0)))[:, None] * d
-    place = place @ (there @ here.T).T + centers[1] - np.asarray(then.r_camera_eci_m)
-    in_camera = np.where(ground[:, None], place, d) @ matrix_from_quat(then.q_camera_from_eci_wxyz).T
+    positions = r + (along - np.sqrt(np.maximum(discriminant, 0)))[:, None] * d
+    positions = positions @ (R_then @ R_now.T).T + centers[1] - np.asarray(then.r_camera_eci_m)
+    in_camera = np.where(ground[:, None], positions, d) @ matrix_from_quat(then.q_camera_from_eci_wxyz).T
     return np.asarray(then.camera.project(in_camera))
 
 
 def target_corners_px(scene: SceneState, then: SceneState, target: Target) -> FloatArray:
     """Return (8, 2) corners of the craft's box in the scene ``then``; zeros if they are not in the image."""
     corners, c = box_3d_m(target), scene.camera
-    craft = then.camera.project(then.camera_from_target.apply(corners))
-    at = scene.camera.project(scene.camera_from_target.apply(corners))
+    craft_px = then.camera.project(then.camera_from_target.apply(corners))
+    scene_at = scene.camera.project(scene.camera_from_target.apply(corners))
     # a craft far outside the image needs no smear
     size = np.array([c.width_px, c.height_px])
-    if not np.all(np.isfinite(at)) or np.any(at.max(axis=0) < 0) or np.any(at.min(axis=0) > size):
-        craft = np.zeros_like(craft)
-    return np.asarray(craft)
+    if (
+        not np.all(np.isfinite(scene_at))
+        or np.any(scene_at.max(axis=0) < 0)
+        or np.any(scene_at.min(axis=0) > size)
+    ):
+        craft_px = np.zeros_like(craft_px)
+    return np.asarray(craft_px)

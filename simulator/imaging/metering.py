@@ -1,7 +1,7 @@
-"""An exposure meter without an image: radiance predicted from the geometry.
+"""An exposure meter that predicts radiance from the geometry, without drawing an image.
 
-Lambert's law on a few hundred points of the craft and on the visible ground. It ignores highlights, shadows, clouds and
-interreflection, because a meter only sets an exposure.
+It applies Lambert's law at a few hundred points of the craft and of the visible ground. Highlights, shadows, clouds and
+interreflection are ignored, which is sufficient for setting an exposure.
 """
 
 from __future__ import annotations
@@ -23,10 +23,10 @@ if TYPE_CHECKING:
     from flyaround.simulator.scene.state import SceneState
     from flyaround.simulator.targets.model import Target
 
-POINTS = 600  # surface points that are metered
-GRID = (16, 12)  # columns and rows of metered background
-LOWEST_W_M2_SR = 1e-4
-"""Radiance that counts as dark: sunlit Earth or paint is five orders of magnitude brighter [W m-2 sr-1]."""
+N_POINTS = 600  # surface points that are metered
+BACKGROUND_GRID = (16, 12)  # columns and rows of metered background
+DARK_RADIANCE_W_M2_SR = 1e-4
+"""Radiance below which a point counts as dark [W m-2 sr-1]; sunlit surfaces are five orders of magnitude brighter."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,7 +47,7 @@ def meter_points(target: Target) -> MeterPoints:
     for part in target.parts:
         material = base[part.material]
         corners.append(part.positions_m[part.triangles].astype(float))
-        # a metal is specular, and mostly misses the camera
+        # most light from a metal is specular and does not reach the camera
         diffuse = float(reflectance("mono", np.asarray(material.base_color))[0]) * (
             1 - 0.7 * material.metallic
         )
@@ -56,9 +56,9 @@ def meter_points(target: Target) -> MeterPoints:
     normal = face_vectors(c)
     area = np.linalg.norm(normal, axis=1) / 2
     total = np.cumsum(area)
-    triangle = np.searchsorted(total, (np.arange(POINTS) + 0.5) / POINTS * total[-1])
+    triangle = np.searchsorted(total, (np.arange(N_POINTS) + 0.5) / N_POINTS * total[-1])
     unit = normal[triangle] / np.linalg.norm(normal[triangle], axis=1, keepdims=True)
-    return MeterPoints(c[triangle].mean(axis=1), unit, a[triangle], float(total[-1] / POINTS))
+    return MeterPoints(c[triangle].mean(axis=1), unit, a[triangle], float(total[-1] / N_POINTS))
 
 
 def metered_radiance_w_m2_sr(scene: SceneState, target: Target, share: float) -> float:
@@ -66,17 +66,18 @@ def metered_radiance_w_m2_sr(scene: SceneState, target: Target, share: float) ->
 
     Parameters
     ----------
-    share : share of the image's area, 0..1: 0.9 lets the brightest tenth exceed it.
+    share : float
+        Share of the image's area, 0..1: 0.9 lets the brightest tenth exceed it.
     """
     radiance, area = (
         np.concatenate(pair) for pair in zip(_craft(scene, target), _ground(scene), strict=True)
     )
-    is_lit = radiance > LOWEST_W_M2_SR
+    is_lit = radiance > DARK_RADIANCE_W_M2_SR
     if not is_lit.any() or area[is_lit].sum() <= 0:
         return 0.0
     order = np.argsort(radiance[is_lit])
-    below = np.cumsum(area[is_lit][order])
-    return float(radiance[is_lit][order][np.searchsorted(below, share * below[-1])])
+    cumulative_area = np.cumsum(area[is_lit][order])
+    return float(radiance[is_lit][order][np.searchsorted(cumulative_area, share * cumulative_area[-1])])
 
 
 def _craft(scene: SceneState, target: Target) -> tuple[FloatArray, FloatArray]:
@@ -96,7 +97,7 @@ def _craft(scene: SceneState, target: Target) -> tuple[FloatArray, FloatArray]:
     if scene.lamp is not None:
         light = light + scene.lamp.irradiance_w_m2(p, n, "mono")[:, 0]
     for lamp in scene.area_lights:
-        factor = lamp.placed(pose).irradiance_factor(p, n)
+        factor = lamp.in_camera_frame(pose).irradiance_factor(p, n)
         light = light + factor * lamp.radiance_w_m2_sr
     return points.albedo / np.pi * light, area
 
@@ -104,8 +105,8 @@ def _craft(scene: SceneState, target: Target) -> tuple[FloatArray, FloatArray]:
 def _ground(scene: SceneState) -> tuple[FloatArray, FloatArray]:
     """Return the radiance of the central body's ground on a grid over the image, and the pixels per point."""
     c, central, body = scene.camera, scene.central, scene.central.body
-    u = (np.arange(GRID[0]) + 0.5) / GRID[0] * c.width_px - 0.5
-    v = (np.arange(GRID[1]) + 0.5) / GRID[1] * c.height_px - 0.5
+    u = (np.arange(BACKGROUND_GRID[0]) + 0.5) / BACKGROUND_GRID[0] * c.width_px - 0.5
+    v = (np.arange(BACKGROUND_GRID[1]) + 0.5) / BACKGROUND_GRID[1] * c.height_px - 0.5
     pixels = np.stack(np.meshgrid(u, v), axis=-1).reshape(-1, 2)
     area = np.full(len(pixels), c.width_px * c.height_px / len(pixels))
     if not scene.environment.draws(body):
@@ -123,8 +124,8 @@ def _ground(scene: SceneState) -> tuple[FloatArray, FloatArray]:
     return np.where(hit, body.albedo / np.pi * sunlight * cosine, 0.0), area
 
 
-def wanted_exposure_s(auto: AutoExposure, scene: SceneState, target: Target) -> float:
+def metered_exposure_s(auto: AutoExposure, scene: SceneState, target: Target) -> float:
     """Return the meter's exposure for a scene [s]."""
     # a uniform grey image, exposed for a second, gives the sensor's response to unit radiance
     signal = float(expose(np.ones((9, 9), np.float32), scene.sensor, 1.0, optics=scene.optics)[4, 4])
-    return auto.wanted_s(metered_radiance_w_m2_sr(scene, target, auto.share), 1 / signal)
+    return auto.exposure_for_radiance_s(metered_radiance_w_m2_sr(scene, target, auto.share), 1 / signal)

@@ -58,18 +58,19 @@ def pose_at_rows(scene: SceneState, points_target_m: FloatArray) -> tuple[SceneS
 
     Parameters
     ----------
-    points_target_m : (K, 3), target frame [m].
+    points_target_m : (K, 3) array
+        Target frame [m].
     """
     if not scene.shutter.is_rolling:
         return (scene,) * len(points_target_m)
     scenes = []
     for point in points_target_m:
-        then = scene
+        row_scene = scene
         for _ in range(8):  # fixed-point iteration: quadratic in the motion during the readout
-            row = then.camera.project(then.camera_from_target.apply(point[None]))[0, 1]
+            row = row_scene.camera.project(row_scene.camera_from_target.apply(point[None]))[0, 1]
             if not np.isfinite(row):
-                then = scene
+                row_scene = scene
                 break
-            then = propagated_scene(scene, float(scene.shutter.row_time_s(row, scene.camera.height_px)))
-        scenes.append(then)
+            row_scene = propagated_scene(scene, float(scene.shutter.row_time_s(row, scene.camera.height_px)))
+        scenes.append(row_scene)
     return tuple(scenes)

@@ -1,4 +1,4 @@
-"""Boxes of the craft in the image: of the visible mask, and of the whole projected craft."""
+"""Bounding boxes of the craft in the image: of the visible mask, and of the whole projected craft (amodal)."""
 
 from __future__ import annotations
 

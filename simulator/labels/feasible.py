@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 
 from flyaround.simulator.imaging.image_formation import noise_sigma
-from flyaround.simulator.labels.wireframe import bent
+from flyaround.simulator.labels.wireframe import distort_pixels
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -22,8 +22,8 @@ if TYPE_CHECKING:
 SILHOUETTE_SHARE = 0.9
 STEP_SHARE = 0.4
 SAMPLE_SPACING_PX = 4.0
-STEP_REACH_PX = 2.0
-ALONG_PX = 0.5  # step along a curved edge to find its direction
+STEP_OFFSET_PX = 2.0
+TANGENT_STEP_PX = 0.5  # step along a curved edge to find its direction
 TOO_FAR_PX = 40.0
 
 
@@ -32,31 +32,34 @@ def visible_samples(views: Sequence[ProjectedEdge], camera: Camera) -> tuple[Flo
 
     Returns
     -------
-    pixels (S, 2), and the edge's normal in the image at each (S, 2), exact for a distorted edge.
+    tuple of array
+        Pixels (S, 2), and the edge's normal in the image at each (S, 2), exact for a distorted edge.
     """
     ends = np.array([view.ends_px for view in views]).reshape(-1, 2, 2)
     lengths = np.hypot(*(ends[:, 1] - ends[:, 0]).T)
-    rows = [(k, a, b) for k in np.flatnonzero(lengths >= 1.0).tolist() for a, b in views[k].stretches]
+    rows = [(k, a, b) for k in np.flatnonzero(lengths >= 1.0).tolist() for a, b in views[k].intervals]
     if not rows:
         return np.empty((0, 2)), np.empty((0, 2))
-    which = np.array([k for k, _, _ in rows])
+    edge_index = np.array([k for k, _, _ in rows])
     start, stop = np.array([(a, b) for _, a, b in rows]).T
-    count = np.maximum(np.rint((stop - start) * lengths[which] / SAMPLE_SPACING_PX), 1).astype(int)
-    stretch = np.repeat(np.arange(len(rows)), count)
-    place = np.arange(len(stretch)) - np.repeat(np.cumsum(count) - count, count)
-    share = start[stretch] + (place + 0.5) / count[stretch] * (stop - start)[stretch]
-    straight = np.array([v.ends_px if v.straight_px is None else v.straight_px for v in views])[which]
-    way = (straight[:, 1] - straight[:, 0])[stretch]
-    pixels = straight[stretch, 0] + share[:, None] * way
-    way /= np.hypot(*way.T)[:, None]
+    count = np.maximum(np.rint((stop - start) * lengths[edge_index] / SAMPLE_SPACING_PX), 1).astype(int)
+    interval = np.repeat(np.arange(len(rows)), count)
+    position = np.arange(len(interval)) - np.repeat(np.cumsum(count) - count, count)
+    share = start[interval] + (position + 0.5) / count[interval] * (stop - start)[interval]
+    straight = np.array([v.ends_px if v.straight_px is None else v.straight_px for v in views])[edge_index]
+    tangent = (straight[:, 1] - straight[:, 0])[interval]
+    pixels = straight[interval, 0] + share[:, None] * tangent
+    tangent /= np.hypot(*tangent.T)[:, None]
     lens = views[0].lens
     if lens is not None:
-        # far outside the image, the ends do not give the direction of a curved edge inside
-        before, after = (bent(lens, pixels + along * way) for along in (-ALONG_PX, ALONG_PX))
-        pixels, way = bent(lens, pixels), after - before
-        way /= np.hypot(*way.T)[:, None]
+        # the direction between ends far outside the image is not the tangent of a curved edge inside it
+        before, after = (
+            distort_pixels(lens, pixels + along * tangent) for along in (-TANGENT_STEP_PX, TANGENT_STEP_PX)
+        )
+        pixels, tangent = distort_pixels(lens, pixels), after - before
+        tangent /= np.hypot(*tangent.T)[:, None]
     inside = camera.contains(pixels)
-    return pixels[inside], np.stack([-way[:, 1], way[:, 0]], axis=1)[inside]
+    return pixels[inside], np.stack([-tangent[:, 1], tangent[:, 0]], axis=1)[inside]
 
 
 def wireframe_step_share(
@@ -66,24 +69,28 @@ def wireframe_step_share(
 
     Parameters
     ----------
-    views : projected edges of the target.
-    signal : (H, W) noise-free signal, 1 at full scale.
-    level : mean of the signal from `mean_level`.
+    views : sequence of ProjectedEdge
+        Projected edges of the target.
+    signal : (H, W) array
+        Noise-free signal, 1 at full scale.
+    level : float
+        Mean of the signal from `mean_level`.
 
     Returns
     -------
-    0..1; 0 when no edge is visible.
+    float
+        0..1; 0 when no edge is visible.
     """
     pixels, normals = visible_samples(views, scene.camera)
     if len(pixels) == 0:
         return 0.0
-    reach = STEP_REACH_PX * normals
+    offset = STEP_OFFSET_PX * normals
     # the signal is needed around the samples only, in coordinates of that window
     height, width = signal.shape
     low = np.clip(np.floor(pixels.min(axis=0)) - 4, 0, [width - 1, height - 1]).astype(int)
     high = np.clip(np.ceil(pixels.max(axis=0)) + 5, low + 1, [width, height]).astype(int)
     clipped = np.clip(signal[low[1] : high[1], low[0] : high[0]], 0, 1)
-    one_side, other_side = (_sample(clipped, pixels + sign * reach - low) for sign in (-1, 1))
+    one_side, other_side = (_sample(clipped, pixels + sign * offset - low) for sign in (-1, 1))
     step = np.abs(other_side - one_side)
     sigma = noise_sigma(scene.sensor, level, scene.exposure_s)
     return float(np.mean(step >= sigma))
@@ -99,7 +106,7 @@ def mono_signal(signal: Float32Array) -> Float32Array:
 def mean_level(signal: Float32Array) -> float:
     """Return the mean of a signal (H, W), clipped to the detector's scale.
 
-    In few steps that release Python's lock, because it runs beside other threads.
+    OpenCV is used because it releases Python's global lock; this runs beside other threads.
     """
     low, high, _, _ = cv2.minMaxLoc(signal)
     clipped = signal if low >= 0 and high <= 1 else np.clip(signal, 0, 1)

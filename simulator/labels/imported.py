@@ -21,16 +21,17 @@ from flyaround.simulator.runtime.arrays import Quat, Vec3
 
 
 class ImportedTruth(msgspec.Struct, frozen=True, kw_only=True):
-    """Record of an image with a pose; the fields have their meaning in `Truth`.
+    """Record of an imported image with a pose; the fields are those of `Truth`.
 
     Its illumination is unknown: a keypoint's ``state`` is geometric, out_of_frame, self_occluded or visible. The mask
     is the model's silhouette at the pose, and a frame is feasible unless it is cropped.
 
     Attributes
     ----------
-    source : the image's name in the original set.
-    t_s : seconds from the first image of a sequence; 0 if the set has no
-        times.
+    source : str
+        The image's name in the original set.
+    t_s : float
+        Seconds from the first image of a sequence; 0 if the set has no times.
     """
 
     schema: Literal["flyaround.imported"] = "flyaround.imported"

@@ -19,8 +19,8 @@ if TYPE_CHECKING:
     from flyaround.simulator.scene.state import SceneState
     from flyaround.simulator.targets.model import Target
 
-# Below this share of the Sun's disc, direct light is below the noise of any recipe.
-ECLIPSED_BELOW = 0.02
+# Visible share of the Sun's disc below which direct light is below the noise of every sensor preset.
+ECLIPSE_THRESHOLD = 0.02
 CONTRAST_RADIUS_PX = 2
 
 
@@ -31,14 +31,20 @@ def label_keypoints(
 
     Parameters
     ----------
-    scene : the frame's snapshot.
-    target, mesh : the model and its joined triangles.
-    signal : (H, W) noise-free signal, 1 at full scale, not clipped.
+    scene : SceneState
+        The frame's snapshot.
+    target : Target
+        Model of the target.
+    mesh : TriangleMesh
+        All triangles of ``target``.
+    signal : (H, W) array
+        Noise-free signal, 1 at full scale, not clipped.
 
     Returns
     -------
-    One label per keypoint; ``state`` is the first that applies of out_of_frame, self_occluded, eclipsed,
-    shadowed, saturated, below_noise, visible.
+    tuple of KeypointLabel
+        One label per keypoint; ``state`` is the first that applies of out_of_frame, self_occluded, eclipsed, shadowed,
+        saturated, below_noise, visible.
     """
     scenes = keypoint_scenes(scene, target)
     pixels = project_keypoints(scenes, target)
@@ -72,8 +78,8 @@ def project_keypoints(scenes: Sequence[SceneState], target: Target) -> FloatArra
     """Project a target's keypoints to pixels (K, 2), each in its own scene; NaN behind the camera."""
     points = _positions(target)
     pixels = np.full((len(points), 2), np.nan)
-    for scene, which in _by_scene(scenes):
-        pixels[which] = scene.camera.project(scene.camera_from_target.apply(points[which]))
+    for scene, indices in _by_scene(scenes):
+        pixels[indices] = scene.camera.project(scene.camera_from_target.apply(points[indices]))
     return pixels
 
 
@@ -94,19 +100,20 @@ def geometric_states(
 
     Parameters
     ----------
-    scenes : result of `keypoint_scenes`, if already known.
+    scenes : sequence of SceneState, optional
+        Result of `keypoint_scenes`, if already known.
     """
     scenes = keypoint_scenes(scene, target) if scenes is None else scenes
     pose = scene.camera_from_target
     points = _positions(target)
     inside = scene.camera.contains(project_keypoints(scenes, target))
     occluded = np.ones(len(points), bool)
-    for then, which in _by_scene(scenes):
-        on_image, seen_from = which[inside[which]], then.camera_from_target
-        if on_image.size:
-            occluded[on_image] = occluded_from_camera(mesh, points[on_image], seen_from)
+    for row_scene, indices in _by_scene(scenes):
+        in_image, camera_pose = indices[inside[indices]], row_scene.camera_from_target
+        if in_image.size:
+            occluded[in_image] = occluded_from_camera(mesh, points[in_image], camera_pose)
     shadowed = np.zeros(len(points), bool)
-    if not scene.has_lamps and scene.sunlit_fraction >= ECLIPSED_BELOW:
+    if not scene.has_lamps and scene.sunlit_fraction >= ECLIPSE_THRESHOLD:
         candidates = np.flatnonzero(inside & ~occluded)
         to_sun = pose.R.T @ np.asarray(scene.sun_direction_camera)
         shadowed[candidates] = hidden_from_direction(mesh, points[candidates], to_sun)
@@ -116,9 +123,9 @@ def geometric_states(
             states.append("out_of_frame")
         elif occluded[k]:
             states.append("self_occluded")
-        elif scene.has_lamps:  # a lamp at the camera lights all that the camera sees; in a room some lamps do
+        elif scene.has_lamps:  # a lamp at the camera illuminates every surface that the camera sees
             states.append(None)
-        elif scene.sunlit_fraction < ECLIPSED_BELOW:
+        elif scene.sunlit_fraction < ECLIPSE_THRESHOLD:
             states.append("eclipsed")
         else:
             states.append("shadowed" if shadowed[k] else None)
@@ -130,8 +137,10 @@ def radiometric_state(scene: SceneState, pixel: np.ndarray, signal: Float32Array
 
     Parameters
     ----------
-    pixel : (2,) projection.
-    signal : (H, W) noise-free image, 1 at full scale.
+    pixel : (2,) array
+        Projection.
+    signal : (H, W) array
+        Noise-free image, 1 at full scale.
     """
     u, v = (int(x) for x in np.rint(pixel))
     r = CONTRAST_RADIUS_PX

@@ -23,10 +23,10 @@ from flyaround.simulator.labels.layers import (
     clean_twin,
     draw_layers,
     layer_hash,
+    needs_surfaces,
     optical_flow,
     pixel_hash,
     visible_mask,
-    wants_surfaces,
 )
 from flyaround.simulator.labels.surfaces import start_surfaces
 from flyaround.simulator.labels.truth import Box, RowPose, Software, Truth, WireLabel
@@ -56,9 +56,12 @@ class Labels:
 
     Parameters
     ----------
-    mask : (H, W) uint8, 255 on the target.
-    depth_m : (H, W) camera z, NaN outside.
-    layers : the label images that were requested, by name.
+    mask : (H, W) uint8 array
+        255 on the target.
+    depth_m : (H, W) array
+        Camera z, NaN outside.
+    layers : dict
+        The label images that were requested, by name.
     """
 
     truth: Truth
@@ -82,21 +85,27 @@ def label_picture(
 
     Parameters
     ----------
-    renderer : renderer of the image.
-    scene : scene that the image shows.
-    target : model of the target.
-    request : label layers to render in addition to truth and mask.
-    signal : (H, W[, 3]) noise-free signal, 1 at full scale.
-    image : digital numbers of the image.
+    renderer : Renderer
+        Renderer of the image.
+    scene : SceneState
+        Scene that the image shows.
+    target : Target
+        Model of the target.
+    request : LabelRequest
+        Label layers to render in addition to truth and mask.
+    signal : (H, W[, 3]) array
+        Noise-free signal, 1 at full scale.
+    image : array
+        Digital numbers of the image.
     """
     mono = mono_signal(signal)
     clean = clean_twin(scene, signal) if "clean" in request.layers else None
-    with ThreadPoolExecutor(1) as aside:
-        level = aside.submit(mean_level, mono)
-        image_hash = aside.submit(pixel_hash, image)
-        clean_hash = None if clean is None else aside.submit(pixel_hash, clean)
+    with ThreadPoolExecutor(1) as executor:
+        level = executor.submit(mean_level, mono)
+        image_hash = executor.submit(pixel_hash, image)
+        clean_hash = None if clean is None else executor.submit(pixel_hash, clean)
         inside = renderer.silhouette_inside(scene, target)
-        finish = start_surfaces(renderer, scene, target, layers=wants_surfaces(request))
+        finish = start_surfaces(renderer, scene, target, layers=needs_surfaces(request))
         amodal = amodal_box(scene, target)
         truth = truth_record(
             scene,
@@ -106,20 +115,20 @@ def label_picture(
             silhouette_inside=inside,
             amodal=amodal,
             wireframe="wireframe" in request.layers,
-            software=Software(flyaround=_own_version(), gl_renderer=renderer.info.renderer),
+            software=Software(flyaround=_flyaround_version(), gl_renderer=renderer.info.renderer),
         )
         surfaces = finish()
         mask = visible_mask(surfaces)
-        mask_hash = aside.submit(pixel_hash, mask)
+        mask_hash = executor.submit(pixel_hash, mask)
         layers, origin = draw_layers(renderer, scene, target, request, surfaces, mask, amodal)
         hashes = {
             # an amodal mask with nothing beyond the image is the mask itself
-            name: mask_hash if layer is mask else aside.submit(layer_hash, name, layer, mask)
+            name: mask_hash if layer is mask else executor.submit(layer_hash, name, layer, mask)
             for name, layer in layers.items()
         }
         if "flow" in request.layers and request.flow is not None:
             layers["flow"] = optical_flow(scene, request.flow, surfaces.depth_m, mask)
-            hashes["flow"] = aside.submit(layer_hash, "flow", layers["flow"], mask)
+            hashes["flow"] = executor.submit(layer_hash, "flow", layers["flow"], mask)
         if clean is not None and clean_hash is not None:
             layers["clean"], hashes["clean"] = clean, clean_hash
         layers = {name: layers[name] for name in request.layers if name in layers}
@@ -152,12 +161,18 @@ def truth_record(
 
     Parameters
     ----------
-    signal : (H, W) noise-free signal, 1 at full scale.
-    level : function that returns the mean of ``signal``.
-    silhouette_inside : share of the target's silhouette inside the image.
-    amodal : bounding box of the whole target, or None.
-    wireframe : True to list each edge with its visible intervals.
-    software : versions to record.
+    signal : (H, W) array
+        Noise-free signal, 1 at full scale.
+    level : callable
+        Function that returns the mean of ``signal``.
+    silhouette_inside : float
+        Share of the target's silhouette inside the image.
+    amodal : Box or None
+        Bounding box of the whole target, or None.
+    wireframe : bool
+        True to list each edge with its visible intervals.
+    software : Software
+        Versions to record.
     """
     mesh = mesh_of(target)
     views = view_edges(scene.camera, scene.camera_from_target, target, mesh)
@@ -191,7 +206,7 @@ def truth_record(
         box_3d_px=tuple(
             pixel_or_none(p) for p in scene.camera.project(scene.camera_from_target.apply(corners))
         ),
-        wireframe=tuple(_wire(view) for view in views) if wireframe else (),
+        wireframe=tuple(_edge_label(view) for view in views) if wireframe else (),
         row_poses=row_poses(scene),
     )
 
@@ -209,23 +224,23 @@ def row_poses(scene: SceneState) -> tuple[RowPose, ...]:
     poses = []
     for row in rows:
         dt = float(scene.shutter.row_time_s(row, height))
-        then = propagated_scene(scene, dt)
+        row_scene = propagated_scene(scene, dt)
         poses.append(
             RowPose(
                 row_px=int(row),
                 dt_s=dt,
-                q_camera_from_target_wxyz=then.q_camera_from_target_wxyz,
-                t_camera_from_target_m=then.t_camera_from_target_m,
+                q_camera_from_target_wxyz=row_scene.q_camera_from_target_wxyz,
+                t_camera_from_target_m=row_scene.t_camera_from_target_m,
             )
         )
     return tuple(poses)
 
 
-def _wire(view: ProjectedEdge) -> WireLabel:
+def _edge_label(view: ProjectedEdge) -> WireLabel:
     (x0, y0), (x1, y1) = (map(float, end) for end in view.ends_px)
-    return WireLabel(name=view.edge.name, ends_px=((x0, y0), (x1, y1)), visible=view.stretches)
+    return WireLabel(name=view.edge.name, ends_px=((x0, y0), (x1, y1)), visible=view.intervals)
 
 
 @cache
-def _own_version() -> str:
+def _flyaround_version() -> str:
     return version("flyaround")

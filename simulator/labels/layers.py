@@ -11,7 +11,7 @@ import numpy as np
 from flyaround.simulator.camera.detector.sensor import noiseless
 from flyaround.simulator.imaging.image_formation import digitise_scene
 from flyaround.simulator.labels.boxes import craft_window
-from flyaround.simulator.labels.request import OF_SURFACES
+from flyaround.simulator.labels.request import SURFACE_LAYERS
 from flyaround.simulator.labels.surfaces import surfaces
 from flyaround.simulator.runtime.arrays import ByteArray, Float32Array
 from flyaround.simulator.world.frames.pose import Pose
@@ -28,14 +28,14 @@ if TYPE_CHECKING:
     from flyaround.simulator.scene.state import SceneState
     from flyaround.simulator.targets.model import Target
 
-ON_CRAFT = frozenset({"depth", "parts", "normals", "flow"})
+MASKED_LAYERS = frozenset({"depth", "parts", "normals", "flow"})
 STRIP_ROWS = 32
-AMODAL_REACH = 1.0  # extent of the amodal mask beyond the image, in units of its larger side
+AMODAL_MARGIN = 1.0  # extent of the amodal mask beyond the image, in units of its larger side
 
 
 @dataclass(frozen=True, eq=False)
 class AmodalMask:
-    """The whole silhouette of the craft: (H', W') 0 or 255, whose first pixel is at ``origin_px`` of the image."""
+    """Mask (H', W') of the whole silhouette, 0 or 255; its first pixel is at ``origin_px`` of the image."""
 
     mask: ByteArray
     origin_px: tuple[int, int]
@@ -44,8 +44,8 @@ class AmodalMask:
 def visible_mask(surface: Surfaces) -> ByteArray:
     """Return (H, W) 255 where the craft covers a pixel's centre."""
     mask = np.zeros(surface.depth_m.shape, np.uint8)
-    on = np.isfinite(surface.depth_m[surface.window]).view(np.uint8)
-    mask[surface.window] = np.negative(on, out=on)  # 1 becomes 255
+    on_craft = np.isfinite(surface.depth_m[surface.window]).view(np.uint8)
+    mask[surface.window] = np.negative(on_craft, out=on_craft)  # 1 becomes 255
     return mask
 
 
@@ -62,9 +62,12 @@ def draw_layers(
 
     Parameters
     ----------
-    surface : surface at the pixels' centres.
-    mask : visible mask.
-    amodal_box : bounds of the projected craft.
+    surface : Surfaces
+        Surface at the pixels' centres.
+    mask : array
+        Visible mask.
+    amodal_box : Box or None
+        Bounds of the projected craft.
     """
     layers: dict[str, NDArray[Any]] = {}
     origin = None
@@ -81,9 +84,9 @@ def draw_layers(
     return layers, origin
 
 
-def wants_surfaces(request: LabelRequest) -> bool:
+def needs_surfaces(request: LabelRequest) -> bool:
     """Return True if the label pass must write normals and parts."""
-    return not OF_SURFACES.isdisjoint(request.layers)
+    return not SURFACE_LAYERS.isdisjoint(request.layers)
 
 
 def pixel_hash(image: NDArray[Any]) -> str:
@@ -94,11 +97,11 @@ def pixel_hash(image: NDArray[Any]) -> str:
 def layer_hash(name: str, layer: NDArray[Any], mask: ByteArray) -> str:
     """Return the SHA-256 of a layer's values, row by row, independent of the file.
 
-    Depth, parts, normals and flow are hashed where ``mask`` is set, because they are empty elsewhere; other layers
-    whole.
+    Depth, parts, normals and flow are hashed where ``mask`` is set, because they are empty elsewhere. Other layers are
+    hashed completely.
     """
-    if name in ON_CRAFT and layer.shape[:2] == mask.shape:
-        # a pixel's values as one item: selecting those is several times faster
+    if name in MASKED_LAYERS and layer.shape[:2] == mask.shape:
+        # viewing a pixel's values as one item makes the selection several times faster
         whole = np.ascontiguousarray(layer)
         pixels = whole.view(f"V{whole.itemsize * whole[0, 0].size}").reshape(mask.shape)
         window = craft_window(mask)
@@ -116,20 +119,21 @@ def amodal_mask(
 ) -> AmodalMask:
     """Return the whole silhouette, up to an image's larger side beyond the edges.
 
-    Inside the image it is the visible mask, because nothing stands in front of the craft. A distorting lens is known in
-    the image only, so there the mask ends with it.
+    Inside the image it equals the visible mask, because nothing occludes the craft. A lens distortion is calibrated
+    inside the image only, so with such a lens the mask is not extended.
 
     Parameters
     ----------
-    box : bounds of the projected craft; None if part of it is behind the camera, where it has no bounds.
+    box : Box or None
+        Bounds of the projected craft; None if part of it is behind the camera.
     """
     height, width = mask.shape
-    reach = int(AMODAL_REACH * max(width, height))
+    reach = int(AMODAL_MARGIN * max(width, height))
     x0, y0, x1, y1 = box or (-np.inf, -np.inf, np.inf, np.inf)
-    over = max(-0.5 - x0, -0.5 - y0, x1 - width + 0.5, y1 - height + 0.5)
-    if over <= 0 or not mask.any() or not scene.camera.distortion.is_none:
+    overhang_px = max(-0.5 - x0, -0.5 - y0, x1 - width + 0.5, y1 - height + 0.5)
+    if overhang_px <= 0 or not mask.any() or not scene.camera.distortion.is_none:
         return AmodalMask(mask, (0, 0))
-    margin = int(min(np.ceil(over), reach))
+    margin = int(min(np.ceil(overhang_px), reach))
     whole = visible_mask(surfaces(renderer, scene, target, layers=False, margin_px=margin))
     rows, columns = np.flatnonzero(whole.any(axis=1)), np.flatnonzero(whole.any(axis=0))
     top, left = min(margin, int(rows[0])), min(margin, int(columns[0]))
@@ -137,7 +141,7 @@ def amodal_mask(
     right = max(margin + width, int(columns[-1]) + 1)
     canvas = whole[top:bottom, left:right].copy()
     origin = (left - margin, top - margin)
-    # the window's raster may round a pixel on an edge differently: keep the image's own
+    # the larger raster may round edge pixels differently, so the image's own mask is kept
     canvas[-origin[1] : -origin[1] + height, -origin[0] : -origin[0] + width] = mask
     return AmodalMask(canvas, origin)
 
@@ -147,10 +151,10 @@ def optical_flow(scene: SceneState, flow: FlowLabel, depth_m: Float32Array, mask
 
     NaN off the craft, and if the point is behind the camera in the next frame. Only for a global shutter.
     """
-    here = scene.camera_from_target
-    there = Pose.of("camera", "target", flow.q_camera_from_target_wxyz, flow.t_camera_from_target_m)
-    R = there.R @ here.R.T
-    t = np.asarray(there.t_m) - R @ np.asarray(here.t_m)
+    pose = scene.camera_from_target
+    next_pose = Pose.of("camera", "target", flow.q_camera_from_target_wxyz, flow.t_camera_from_target_m)
+    R = next_pose.R @ pose.R.T
+    t = np.asarray(next_pose.t_m) - R @ np.asarray(pose.t_m)
     out = np.full((*depth_m.shape, 2), np.nan, np.float32)
     window = craft_window(mask)
     if scene.camera.distortion.is_none:
@@ -173,25 +177,28 @@ def _pinhole_flow(
 
     Parameters
     ----------
-    R, t : motion of a point x of the camera frame to the next frame: R x + t.
+    R : (3, 3) array
+        Rotation from the camera frame to that of the next frame, for points on the target.
+    t : (3,) array
+        Translation of the same motion [m].
     """
     v, u = (np.arange(part.start, part.stop, dtype=float) for part in window)
     x, y = (u - camera.cx_px) / camera.fx_px, ((v - camera.cy_px) / camera.fy_px)[:, None]
-    # rows of the projection: pixel x, pixel y, depth. A rotated ray is a row's contribution plus a column's
+    # rows of the projection matrix. A rotated ray is the sum of a term of its image row and a term of its column
     rows = [
         f * R[k] + c * R[2] for k, f, c in ((0, camera.fx_px, camera.cx_px), (1, camera.fy_px, camera.cy_px))
     ]
-    shifts = (camera.fx_px * t[0] + camera.cx_px * t[2], camera.fy_px * t[1] + camera.cy_px * t[2])
+    offsets = (camera.fx_px * t[0] + camera.cx_px * t[2], camera.fy_px * t[1] + camera.cy_px * t[2])
     flow = np.empty((len(v), len(u), 2), np.float32)
     for first in range(0, len(v), STRIP_ROWS):  # strips stay in the processor's cache
         strip = slice(first, first + STRIP_ROWS)
         z = depth_m[window][strip].astype(float)
-        moved_z = ((R[2, 0] * x + R[2, 2]) + R[2, 1] * y[strip]) * z + t[2]
-        moved_z[moved_z <= 1e-9] = np.nan
-        for k, at in enumerate((u, v[strip, None])):
+        next_z = ((R[2, 0] * x + R[2, 2]) + R[2, 1] * y[strip]) * z + t[2]
+        next_z[next_z <= 1e-9] = np.nan
+        for k, pixel in enumerate((u, v[strip, None])):
             projected = ((rows[k][0] * x + rows[k][2]) + rows[k][1] * y[strip]) * z
-            projected += shifts[k]
-            projected /= moved_z
-            projected -= at
+            projected += offsets[k]
+            projected /= next_z
+            projected -= pixel
             flow[strip, :, k] = projected
     return flow

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 GREEN, ORANGE, BLUE, GREY = (0, 158, 115), (230, 159, 0), (86, 180, 233), (150, 150, 150)
 AXES = ((213, 94, 0), (0, 158, 115), (86, 180, 233))
 AXIS_LENGTH_M = 0.5
-_FARTHEST_PX = 1e5
+_MAX_COORDINATE_PX = 1e5
 
 
 def screen_rgb(image: NDArray[np.unsignedinteger], sensor: Sensor, encoding: Encoding) -> ByteArray:
@@ -42,18 +42,23 @@ def draw_truth(
 
     Parameters
     ----------
-    image : (H, W) or (H, W, 3), as the record's camera delivered it.
-    truth, target : the record and its model.
-    wireframe : True to draw the visible parts of the edges.
+    image : (H, W) or (H, W, 3) array
+        Image with the encoding of the record's camera.
+    truth : Truth
+        Label record.
+    target : Target
+        Model of the target.
+    wireframe : bool, optional
+        True to draw the visible parts of the edges.
     """
     pose, camera = truth.scene.camera_from_target, truth.camera
     canvas = screen_rgb(image, truth.scene.sensor, camera.pixel_encoding)
-    weight = _weight(camera)
+    width = _line_width(camera)
     if wireframe:
         canvas = draw_wireframe(canvas, camera, pose, target)
     canvas = draw_box(canvas, camera, truth.box_px)
     for axis, colour in zip(np.eye(3) * AXIS_LENGTH_M, AXES, strict=True):
-        _line(canvas, camera.project(pose.apply(np.stack([np.zeros(3), axis]))), colour, 2 * weight)
+        _line(canvas, camera.project(pose.apply(np.stack([np.zeros(3), axis]))), colour, 2 * width)
     return draw_keypoints(canvas, camera, truth.keypoints)
 
 
@@ -63,8 +68,8 @@ def draw_wireframe(
     """Draw the visible edges of a target at a pose over an RGB image."""
     picture = canvas.copy()
     for view in view_edges(camera, pose, target, mesh_of(target)):
-        for stretch in view.stretches:
-            _line(picture, view.at(np.array(stretch)), colour, _weight(camera))
+        for interval in view.intervals:
+            _line(picture, view.at(np.array(interval)), colour, _line_width(camera))
     return picture
 
 
@@ -73,20 +78,20 @@ def draw_box(canvas: ByteArray, camera: Camera, box_px: Box | None) -> ByteArray
     picture = canvas.copy()
     if box_px is not None:
         x0, y0, x1, y1 = (round(v) for v in box_px)
-        cv2.rectangle(picture, (x0, y0), (x1, y1), GREY, _weight(camera), cv2.LINE_AA)
+        cv2.rectangle(picture, (x0, y0), (x1, y1), GREY, _line_width(camera), cv2.LINE_AA)
     return picture
 
 
 def draw_keypoints(canvas: ByteArray, camera: Camera, keypoints: tuple[KeypointLabel, ...]) -> ByteArray:
     """Draw keypoints over an RGB image: green if visible, orange if unlit or saturated, grey if hidden."""
-    picture, weight = canvas.copy(), _weight(camera)
+    picture, width = canvas.copy(), _line_width(camera)
     for k in keypoints:
         if k.pixel_px is None or k.state == "out_of_frame":
             continue
         centre = (round(k.pixel_px[0]), round(k.pixel_px[1]))
         is_hidden = k.state == "self_occluded"
         colour = GREY if is_hidden else GREEN if k.state == "visible" else ORANGE
-        cv2.circle(picture, centre, 6 * weight, colour, weight if is_hidden else 2 * weight, cv2.LINE_AA)
+        cv2.circle(picture, centre, 6 * width, colour, width if is_hidden else 2 * width, cv2.LINE_AA)
     return picture
 
 
@@ -94,7 +99,7 @@ def draw_outline(canvas: ByteArray, camera: Camera, mask: ByteArray) -> ByteArra
     """Draw the outline of a mask over an RGB image."""
     picture = canvas.copy()
     outlines, _ = cv2.findContours(mask, cv2.RETR_CCOMP, cv2.CHAIN_APPROX_NONE)
-    cv2.drawContours(picture, outlines, -1, ORANGE, _weight(camera))
+    cv2.drawContours(picture, outlines, -1, ORANGE, _line_width(camera))
     return picture
 
 
@@ -103,21 +108,24 @@ def draw_axes(canvas: ByteArray, camera: Camera, pose: Pose, length_m: float) ->
 
     Parameters
     ----------
-    canvas : (H, W, 3), 8 bits.
-    pose : camera-from-target pose.
-    length_m : length of each arrow.
+    canvas : (H, W, 3) array
+        8 bits.
+    pose : Pose
+        Camera-from-target pose.
+    length_m : float
+        Length of each arrow.
     """
     picture = canvas.copy()
-    weight = max(1, round(camera.width_px / 640))
+    width = max(1, round(camera.width_px / 640))
     for axis, colour in zip(np.eye(3) * length_m, AXES, strict=True):
         ends_m = pose.apply(np.stack([np.zeros(3), axis]))
         if ends_m[:, 2].min() <= 0:
             continue
         ends = camera.project(ends_m)
-        if not np.all(np.isfinite(ends)) or np.abs(ends).max() > _FARTHEST_PX:
+        if not np.all(np.isfinite(ends)) or np.abs(ends).max() > _MAX_COORDINATE_PX:
             continue
         a, b = ((round(float(x)), round(float(y))) for x, y in ends)
-        cv2.arrowedLine(picture, a, b, colour, weight, cv2.LINE_AA, tipLength=0.15)
+        cv2.arrowedLine(picture, a, b, colour, width, cv2.LINE_AA, tipLength=0.15)
     return picture
 
 
@@ -129,13 +137,13 @@ def draw_pose(
     return draw_wireframe(canvas, truth.camera, pose, target, ORANGE)
 
 
-def _weight(camera: Camera) -> int:
+def _line_width(camera: Camera) -> int:
     """Return the width of lines [px]."""
     return max(1, round(camera.width_px / 1900))
 
 
-def _line(canvas: ByteArray, ends: NDArray[np.float64], colour: tuple[int, int, int], weight: int) -> None:
+def _line(canvas: ByteArray, ends: NDArray[np.float64], colour: tuple[int, int, int], width: int) -> None:
     if not np.all(np.isfinite(ends)) or np.abs(ends).max() > 1e5:
         return
     a, b = (tuple(int(v) for v in np.rint(p)) for p in ends)
-    cv2.line(canvas, (a[0], a[1]), (b[0], b[1]), colour, weight, cv2.LINE_AA)
+    cv2.line(canvas, (a[0], a[1]), (b[0], b[1]), colour, width, cv2.LINE_AA)

@@ -21,14 +21,14 @@ if TYPE_CHECKING:
 
 PART_CLASSES: tuple[PartClass, ...] = get_args(PartClass)
 
-_NOT_OF_A_BODY = "".join(
+_NOT_A_BODY_PANEL = "".join(
     f"(?<!{word}_)"
     for word in ("asar", "radiator", "side", "body", "access", "front", "rear", "top", "bottom", "back")
 )
 _WORDS: dict[PartClass, str] = {
     "solar_array": r"solar(?!_(?:probe|orbiter|sensors?|telescope|observatory|shield))"
     r"|(?<!fuel_)(?<!load_)cells?|wings?"
-    rf"|(?<!antenna_)(?<!phased_)arrays?|{_NOT_OF_A_BODY}panels?|busbars|trunk_cell_base|photovoltaics?|pv",
+    rf"|(?<!antenna_)(?<!phased_)arrays?|{_NOT_A_BODY_PANEL}panels?|busbars|trunk_cell_base|photovoltaics?|pv",
     "antenna": r"antennas?|antennae|aerials?|dish|dishes|(?:gnss|gps|uhf|vhf|s_band|x_band)(?:_patch)?|spirals?|^rod"
     r"|whips?|^tape|feeds?|feedhorns?|[slcxk]_band|asar|doris|ka|(?:relay|rendezvous)_boom|horns|(?<!retro_)reflectors?|relay"
     r"|hga|mga|lga|patch",
@@ -55,10 +55,10 @@ _STEM_RULES = tuple((name, re.compile(stems)) for name, stems in _STEMS.items())
 _WORD = re.compile(r"[A-Z]+(?=[A-Z][a-z])|[A-Z]?[^\W\d_A-Z]+|[A-Z]+|\d+")
 
 
-def known_class(part: str) -> PartClass | None:
+def class_from_name(part: str) -> PartClass | None:
     """Return the class that a part's name implies, or None.
 
-    Words are separated by changes of case, digits and any other sign: ``SolarPanel``, ``solar-panel.001``.
+    Words are separated by changes of case, digits and punctuation: ``SolarPanel``, ``solar-panel.001``.
     """
     name = "_".join(_WORD.findall(part)).lower()
     matches = (c for rules in (_RULES, _STEM_RULES) for c, rule in rules if rule.search(name))
@@ -66,8 +66,8 @@ def known_class(part: str) -> PartClass | None:
 
 
 def part_class(part: str) -> PartClass:
-    """Return the class of a part by its name: ``body`` if the name says none."""
-    return known_class(part) or "body"
+    """Return the class of a part by its name; ``body`` if the name implies none."""
+    return class_from_name(part) or "body"
 
 
 def target_classes(target: Target) -> tuple[PartClass, ...]:
@@ -75,22 +75,22 @@ def target_classes(target: Target) -> tuple[PartClass, ...]:
     return tuple(target.part_classes.get(part.name) or part_class(part.name) for part in target.parts)
 
 
-def class_lines(target: Target) -> list[str]:
-    """Return lines for the user: the classes of the parts, and the parts whose names imply none."""
-    of_class: dict[str, list[str]] = {}
-    unknown = []
+def class_report(target: Target) -> list[str]:
+    """Return lines of text for the user that list the classes of the parts and the unclassified parts."""
+    parts_by_class: dict[str, list[str]] = {}
+    unclassified = []
     for part, part_class_ in zip(target.parts, target_classes(target), strict=True):
-        of_class.setdefault(part_class_, []).append(part.name)
-        if part.name not in target.part_classes and known_class(part.name) is None:
-            unknown.append(part.name)
-    listing = "; ".join(f"{c} {_named(of_class[c])}" for c in PART_CLASSES if c in of_class)
+        parts_by_class.setdefault(part_class_, []).append(part.name)
+        if part.name not in target.part_classes and class_from_name(part.name) is None:
+            unclassified.append(part.name)
+    listing = "; ".join(f"{c} {_summary(parts_by_class[c])}" for c in PART_CLASSES if c in parts_by_class)
     lines = [f"classes of parts by their names (--classes FILE sets them): {listing}"]
-    if unknown:
-        lines.append(f"class not known from the name, body taken: {_named(unknown)}")
+    if unclassified:
+        lines.append(f"class not known from the name, body taken: {_summary(unclassified)}")
     return lines
 
 
-def _named(parts: list[str]) -> str:
+def _summary(parts: list[str]) -> str:
     """Return the number of parts, and the names of the first."""
     return f"{len(parts)} ({', '.join(p[:60] for p in parts[:5])}{', ...' * (len(parts) > 5)})"
 
@@ -103,15 +103,17 @@ class PartClassFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     classes: dict[str, PartClass]
 
 
-def classes_from(document: dict[str, Any], where: str, parts: Sequence[str]) -> dict[str, PartClass]:
+def classes_from_file(document: dict[str, Any], where: str, parts: Sequence[str]) -> dict[str, PartClass]:
     """Return the classes of the parts that a file sets.
 
     Parameters
     ----------
-    document : the parsed file.
+    document : dict
+        The parsed file.
     where : str
         Name of the file in messages.
-    parts : names of the target's parts.
+    parts : sequence of str
+        Names of the target's parts.
 
     Raises
     ------

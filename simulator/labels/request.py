@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 LAYERS = ("amodal", "parts", "depth", "normals", "flow", "clean", "wireframe")
 """Layer names; ``wireframe`` is part of the truth record, every other layer a file."""
 
-OF_SURFACES = frozenset({"parts", "normals"})
+SURFACE_LAYERS = frozenset({"parts", "normals"})
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -22,8 +22,10 @@ class LabelRequest:
 
     Parameters
     ----------
-    layers : names out of ``LAYERS``.
-    flow : motion of the craft to the next frame; without it a frame has no optical flow.
+    layers : tuple of str, optional
+        Names out of ``LAYERS``.
+    flow : FlowLabel, optional
+        Motion of the craft to the next frame; without it a frame has no optical flow.
     """
 
     layers: tuple[str, ...] = ()

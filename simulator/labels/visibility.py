@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from flyaround.simulator.geometry.directions import across
+from flyaround.simulator.geometry.directions import view_basis
 from flyaround.simulator.geometry.projected_mesh import ProjectedMesh, project_along, project_to_pinhole
 from flyaround.simulator.runtime.arrays import BoolArray, vec3
 
@@ -21,17 +21,17 @@ if TYPE_CHECKING:
     from flyaround.simulator.geometry.mesh import TriangleMesh
     from flyaround.simulator.world.frames.pose import Pose
 
-# Keypoints are on the surface to well below this, and no two parts of a craft are closer by design.
+# Distance below which a surface does not hide a point [m]: keypoints lie on the surface within less than this.
 SURFACE_TOLERANCE_M = 2e-3
 
 
 @lru_cache(maxsize=2)
-def seen_from_camera(mesh: TriangleMesh, camera_from_target: Pose) -> ProjectedMesh:
+def project_for_camera(mesh: TriangleMesh, camera_from_target: Pose) -> ProjectedMesh:
     """Return a mesh projected by a pinhole camera, cached for the keypoints and wireframe of a frame."""
     return project_to_pinhole(mesh, camera_from_target.R, np.asarray(camera_from_target.t_m))
 
 
-_seen_along = lru_cache(maxsize=2)(project_along)
+_project_along = lru_cache(maxsize=2)(project_along)
 
 
 def occluded_from_camera(mesh: TriangleMesh, points_m: ArrayLike, camera_from_target: Pose) -> BoolArray:
@@ -39,14 +39,15 @@ def occluded_from_camera(mesh: TriangleMesh, points_m: ArrayLike, camera_from_ta
 
     Parameters
     ----------
-    points_m : (K, 3) points on the surface, in front of the camera, target frame [m].
+    points_m : array_like
+        (K, 3) points on the surface, in front of the camera, target frame [m].
     """
     points = camera_from_target.apply(points_m)
     distance = np.linalg.norm(points, axis=1)
-    # an occluder is closer along the ray by the tolerance
-    shrink = 1 - SURFACE_TOLERANCE_M / np.maximum(distance, 1e-9)
-    projected = seen_from_camera(mesh, camera_from_target)
-    return projected.hides(points[:, :2] / points[:, 2:], 1 / (points[:, 2] * shrink))
+    # an occluder must be closer than the point by more than the tolerance, along the ray
+    scale = 1 - SURFACE_TOLERANCE_M / np.maximum(distance, 1e-9)
+    projected = project_for_camera(mesh, camera_from_target)
+    return projected.hides(points[:, :2] / points[:, 2:], 1 / (points[:, 2] * scale))
 
 
 def hidden_from_direction(mesh: TriangleMesh, points_m: ArrayLike, direction: ArrayLike) -> BoolArray:
@@ -54,9 +55,11 @@ def hidden_from_direction(mesh: TriangleMesh, points_m: ArrayLike, direction: Ar
 
     Parameters
     ----------
-    points_m : (K, 3) points on the surface, target frame [m].
-    direction : (3,) unit vector towards the source, target frame.
+    points_m : array_like
+        (K, 3) points on the surface, target frame [m].
+    direction : array_like
+        (3,) unit vector towards the source, target frame.
     """
-    towards = vec3(np.asarray(direction, float))
-    points = np.asarray(points_m, float) @ across(towards).T
-    return _seen_along(mesh, towards).hides(points[:, :2], points[:, 2] + SURFACE_TOLERANCE_M)
+    to_source = vec3(np.asarray(direction, float))
+    points = np.asarray(points_m, float) @ view_basis(to_source).T
+    return _project_along(mesh, to_source).hides(points[:, :2], points[:, 2] + SURFACE_TOLERANCE_M)

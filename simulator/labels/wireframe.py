@@ -1,13 +1,13 @@
 """Visible intervals of each model edge: analytic hidden-line removal against the mesh.
 
-The inverse depths of an edge and of a triangle are linear in the image. Therefore a triangle hides an edge over one
-interval: the part inside the triangle, bounded where the two inverse depths are equal. The union of these intervals
-over all triangles is the hidden part.
+The inverse depths of an edge and of a triangle are linear in the image. Therefore a triangle hides a single interval of
+an edge, bounded by the triangle's sides and by the point of equal inverse depth. The union of these intervals over all
+triangles is the hidden part of the edge.
 
 References
 ----------
 Appel (1967), The notion of quantitative invisibility and the machine rendering of solids. Cyrus and Beck (1978),
-Generalized two- and three-dimensional clipping, for the part inside.
+Generalized two- and three-dimensional clipping, for the part of an edge inside a triangle.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from flyaround.simulator.camera.lens.camera_model import Distortion
-from flyaround.simulator.labels.visibility import SURFACE_TOLERANCE_M, seen_from_camera
+from flyaround.simulator.labels.visibility import SURFACE_TOLERANCE_M, project_for_camera
 from flyaround.simulator.runtime.memory import cached_per_object
 
 if TYPE_CHECKING:
@@ -28,10 +28,10 @@ if TYPE_CHECKING:
     from flyaround.simulator.targets.model import Edge, Target
     from flyaround.simulator.world.frames.pose import Pose
 
-NEAR_M = 0.05  # least depth of an edge in front of the camera
-ROD = 1.2
-"""Radii around a rod's axis within which a surface counts as the rod's own: rods taper, and the radius is a mean."""
-END_ON = 0.1
+MIN_DEPTH_M = 0.05  # least depth of an edge in front of the camera
+ROD_RADIUS_FACTOR = 1.2
+"""Distance from a rod's axis, in radii, within which a surface counts as the rod's own. Rods may taper."""
+END_ON_SINE = 0.1
 """Sine of the angle between a rod and the line of sight below which the rod is seen end-on."""
 
 
@@ -41,17 +41,24 @@ class ProjectedEdge:
 
     Parameters
     ----------
-    edge : the model's edge.
-    ends_px : (2, 2) projected ends, not clipped to the image.
-    inverse_depth : (2,) inverse depth of the ends, linear along the projected edge [m-1].
-    stretches : visible intervals, as shares 0..1 of the edge's undistorted projection.
-    straight_px, lens : undistorted ends (2, 2) and the camera, if the lens distorts; else None.
+    edge : Edge
+        The model's edge.
+    ends_px : (2, 2) array
+        Projected ends, not clipped to the image.
+    inverse_depth : (2,) array
+        Inverse depth of the ends, linear along the projected edge [m-1].
+    intervals : tuple of tuple of float
+        Visible intervals, as shares 0..1 of the edge's undistorted projection.
+    straight_px : (2, 2) array, optional
+        Ends without lens distortion; None if the lens does not distort.
+    lens : Camera, optional
+        Camera, if its lens distorts; else None.
     """
 
     edge: Edge
     ends_px: FloatArray
     inverse_depth: FloatArray
-    stretches: tuple[tuple[float, float], ...]
+    intervals: tuple[tuple[float, float], ...]
     straight_px: FloatArray | None = None
     lens: Camera | None = None
 
@@ -64,10 +71,10 @@ class ProjectedEdge:
         """Return pixels (S, 2) at shares (S,) of the projected edge."""
         a, b = self.ends_px if self.straight_px is None else self.straight_px
         straight = np.asarray(a + share[:, None] * (b - a))
-        return straight if self.lens is None else bent(self.lens, straight)
+        return straight if self.lens is None else distort_pixels(self.lens, straight)
 
 
-def bent(camera: Camera, straight_px: FloatArray) -> FloatArray:
+def distort_pixels(camera: Camera, straight_px: FloatArray) -> FloatArray:
     """Apply the lens distortion to pixels (S, 2) of an undistorted projection."""
     xy = (straight_px - (camera.cx_px, camera.cy_px)) / (camera.fx_px, camera.fy_px)
     return camera.project(np.concatenate([xy, np.ones((len(xy), 1))], axis=1))
@@ -84,30 +91,35 @@ def view_edges(
 
     Parameters
     ----------
-    mesh : all triangles of ``target``.
+    mesh : TriangleMesh
+        All triangles of ``target``.
     """
-    wires = _wires(target)
-    in_camera = camera_from_target.apply(wires.ends_m)
-    ahead = np.flatnonzero(in_camera[..., 2].min(axis=1) >= NEAR_M)
+    arrays = _edge_arrays(target)
+    in_camera = camera_from_target.apply(arrays.ends_m)
+    ahead = np.flatnonzero(in_camera[..., 2].min(axis=1) >= MIN_DEPTH_M)
     in_camera = in_camera[ahead]
     # occlusion depends on rays only, so it is computed without distortion, where lines are straight
-    bends = not camera.distortion.is_none
-    straight = replace(camera, distortion=Distortion()) if bends else camera
+    is_distorted = not camera.distortion.is_none
+    straight = replace(camera, distortion=Distortion()) if is_distorted else camera
     pixels = straight.project(in_camera)
-    ends_px = camera.project(in_camera) if bends else pixels
+    ends_px = camera.project(in_camera) if is_distorted else pixels
     inverse = 1 / in_camera[..., 2]
     distance = np.linalg.norm(in_camera, axis=2)
-    across = wires.radius_m[ahead, None] / np.maximum(_sine_to_sight(in_camera), END_ON)
-    nearer = inverse / (1 - np.minimum((SURFACE_TOLERANCE_M + ROD * across) / distance, 0.9))
-    facing = np.flatnonzero(wires.facing(np.asarray(camera_from_target.inverse().t_m))[ahead])
-    stretches: list[tuple[tuple[float, float], ...]] = [()] * len(ahead)
-    projected = seen_from_camera(mesh, camera_from_target)
-    on_screen = in_camera[facing, :, :2] * inverse[facing, :, None]
-    for k, visible in zip(facing, projected.seen(on_screen, nearer[facing]), strict=True):
-        stretches[k] = visible
+    surface_offset_m = arrays.radius_m[ahead, None] / np.maximum(_sine_to_sight(in_camera), END_ON_SINE)
+    nearer = inverse / (
+        1 - np.minimum((SURFACE_TOLERANCE_M + ROD_RADIUS_FACTOR * surface_offset_m) / distance, 0.9)
+    )
+    facing = np.flatnonzero(arrays.facing(np.asarray(camera_from_target.inverse().t_m))[ahead])
+    intervals: list[tuple[tuple[float, float], ...]] = [()] * len(ahead)
+    projected = project_for_camera(mesh, camera_from_target)
+    image_plane = in_camera[facing, :, :2] * inverse[facing, :, None]
+    for k, visible in zip(facing, projected.visible_intervals(image_plane, nearer[facing]), strict=True):
+        intervals[k] = visible
     edges = target.wireframe
     return tuple(
-        ProjectedEdge(edges[n], ends_px[k], inverse[k], stretches[k], *((pixels[k], camera) if bends else ()))
+        ProjectedEdge(
+            edges[n], ends_px[k], inverse[k], intervals[k], *((pixels[k], camera) if is_distorted else ())
+        )
         for k, n in enumerate(ahead)
     )
 
@@ -116,44 +128,48 @@ def _sine_to_sight(ends_m: FloatArray) -> FloatArray:
     """Return the (E, 2) sine of the angle between each edge (E, 2, 3) and the line of sight to its ends, camera
     frame.
     """
-    way = ends_m[:, 1:] - ends_m[:, :1]
-    product = np.linalg.norm(np.cross(ends_m, way), axis=2)
-    length = np.linalg.norm(way, axis=2) * np.linalg.norm(ends_m, axis=2)
+    edge_vectors = ends_m[:, 1:] - ends_m[:, :1]
+    product = np.linalg.norm(np.cross(ends_m, edge_vectors), axis=2)
+    length = np.linalg.norm(edge_vectors, axis=2) * np.linalg.norm(ends_m, axis=2)
     return np.asarray(product / np.maximum(length, 1e-12))
 
 
 @dataclass(frozen=True, eq=False)
-class _Wires:
+class _EdgeArrays:
     """A target's edges as arrays, target frame.
 
     Parameters
     ----------
-    ends_m : (E, 2, 3) ends.
-    radius_m : (E,) radius of rods, else 0.
-    planes : (P, 4) faces that meet at the edges: outward unit normal, and negated distance from the origin [m].
-    owner : (P,) edge of each plane.
+    ends_m : (E, 2, 3) array
+        Ends.
+    radius_m : (E,) array
+        Radius of rods, else 0.
+    planes : (P, 4) array
+        Faces that meet at the edges: outward unit normal, and negated distance from the origin [m].
+    edge_index : (P,) array
+        Edge of each plane.
     """
 
     ends_m: FloatArray
     radius_m: FloatArray
     planes: FloatArray
-    owner: IntArray
+    edge_index: IntArray
 
     def facing(self, eye_m: FloatArray) -> BoolArray:
         """Return (E,) True where a face of an edge faces the eye; True for an edge without faces."""
         faces_eye = np.ones(len(self.ends_m), bool)
-        faces_eye[self.owner] = False
-        faces_eye[self.owner[self.planes @ np.append(eye_m, 1.0) > 0]] = True
+        faces_eye[self.edge_index] = False
+        faces_eye[self.edge_index[self.planes @ np.append(eye_m, 1.0) > 0]] = True
         return faces_eye
 
 
 @cached_per_object
-def _wires(target: Target) -> _Wires:
+def _edge_arrays(target: Target) -> _EdgeArrays:
     edges = target.wireframe
-    owner = np.array([k for k, edge in enumerate(edges) for _ in edge.normals], np.int64)
+    edge_index = np.array([k for k, edge in enumerate(edges) for _ in edge.normals], np.int64)
     normals = np.array([normal for edge in edges for normal in edge.normals], float).reshape(-1, 3)
     ends = np.array([(edge.a_m, edge.b_m) for edge in edges], float).reshape(-1, 2, 3)
     # an end of the edge gives the planes' offsets, because it lies in the planes of both faces
-    distance = (normals * ends[owner, 0]).sum(axis=1)
+    distance = (normals * ends[edge_index, 0]).sum(axis=1)
     radius = np.array([edge.radius_m for edge in edges], float)
-    return _Wires(ends, radius, np.column_stack([normals, -distance]), owner)
+    return _EdgeArrays(ends, radius, np.column_stack([normals, -distance]), edge_index)

@@ -9,8 +9,8 @@ import numpy as np
 
 from flyaround.simulator.piloting import control_laws as laws
 from flyaround.simulator.piloting.autopilot import Autopilot
-from flyaround.simulator.piloting.control_laws import STILL, THRUST, TURN, Demand
-from flyaround.simulator.piloting.guidance_modes import CONTROL_S
+from flyaround.simulator.piloting.control_laws import NO_DEMAND, THRUST, TURN, Demand
+from flyaround.simulator.piloting.guidance_modes import CONTROL_PERIOD_S
 from flyaround.simulator.piloting.planned_burns import BurnPlan
 from flyaround.simulator.piloting.propellant import Propellant, plume_strikes
 from flyaround.simulator.runtime.arrays import Vec3, vec3
@@ -22,7 +22,7 @@ from flyaround.simulator.world.guidance.thruster_control import retreat_impulse
 if TYPE_CHECKING:
     from flyaround.simulator.piloting.control_laws import Switch
     from flyaround.simulator.piloting.docking_watch import Docking, News
-    from flyaround.simulator.piloting.guidance_modes import Guided
+    from flyaround.simulator.piloting.guidance_modes import ActiveGuidance
     from flyaround.simulator.runtime.arrays import FloatArray
     from flyaround.simulator.world.flight.flight import Flight
     from flyaround.simulator.world.frames.lvlh import Lvlh
@@ -37,29 +37,32 @@ ATTITUDE_MODES: tuple[AttitudeMode, ...] = get_args(AttitudeMode)
 BORESIGHT: Vec3 = (0.0, 0.0, 1.0)
 ACTIVE_STEP_S = 0.2
 """Longest step while manual control, brake or autopilot thrust, or while contact is possible [s]."""
-PILOT_S = 0.1
+AUTOPILOT_PERIOD_S = 0.1
 """Period of the autopilot's decisions [s]."""
 COAST_STEP_S = 20.0
 ABORT_M_S2 = 0.25
 """Acceleration of an abort [m s-2]."""
-PLUME_AGAIN_S = 300.0
+PLUME_CAUTION_INTERVAL_S = 300.0
 """Least time between two cautions about plume impingement [s]."""
 # LVLH components (radial, along-track, cross-track) of thrust right, down, forward: up is radial, forward is
 # along-track
 LVLH_FROM_DEMAND = np.array([[0.0, -1.0, 0.0], [0.0, 0.0, 1.0], [-1.0, 0.0, 0.0]])
 
-NOT_KEPT = frozenset({"docking", "keep_out", "news", "_demand"})
-"""Attributes that a seek does not restore: other objects, news, and the manual demand."""
+UNSAVED_ATTRIBUTES = frozenset({"docking", "keep_out", "news", "_demand"})
+"""Attributes that are not part of the saved state: other objects, news, and the manual demand."""
 
 
 class Steering:
-    """Thrust and rotation of a chaser that the scenario's guidance does not fly.
+    """Thrust and rotation of a chaser that is not under the scenario's guidance.
 
     Parameters
     ----------
-    docking : source of the docking figures.
-    thrusters : thrusters, for the propellant used.
-    keep_out : sphere that manual control must not enter.
+    docking : Docking
+        Source of the docking figures.
+    thrusters : Thrusters
+        Thrusters, for the propellant used.
+    keep_out : KeepOut or None
+        Sphere that manual control must not enter.
     """
 
     def __init__(self, docking: Docking, thrusters: Thrusters, keep_out: KeepOut | None) -> None:
@@ -71,20 +74,20 @@ class Steering:
         self.propellant = Propellant(thrusters)
         self.news: list[News] = []
         self._demand = Demand()
-        self.let_go()
+        self.release_controls()
 
-    def let_go(self) -> None:
-        """Stop thrust and rotation; planned burns and the propellant used are kept."""
+    def release_controls(self) -> None:
+        """Stop thrust and rotation; planned burns and the propellant count are not changed."""
         self.attitude: AttitudeMode = "hold"
         self.aim: Vec3 = BORESIGHT
         self.braking = False
         self.guarded = False
         self.plume = False
         self._plume_told_s = -np.inf
-        self.guided: Guided | None = None
+        self.guided: ActiveGuidance | None = None
         self.aborting = False
         self.autopilot = False
-        self._demand = replace(self._demand, thrust=STILL, turn=STILL)
+        self._demand = replace(self._demand, thrust=NO_DEMAND, turn=NO_DEMAND)
         self._pulse_m_s = np.zeros(3)
         self._pulse_rad = np.zeros(3)
         self._guided_m_s2 = np.zeros(3)
@@ -92,12 +95,12 @@ class Steering:
         self._pilot_demand = Demand()
         self._pilot_until_s = -np.inf
 
-    def kept(self) -> dict[str, Any]:
+    def saved_state(self) -> dict[str, Any]:
         """Return the state that a seek must restore, without the manual demand."""
-        return {name: value for name, value in vars(self).items() if name not in NOT_KEPT}
+        return {name: value for name, value in vars(self).items() if name not in UNSAVED_ATTRIBUTES}
 
-    def bring_back(self, state: dict[str, Any]) -> None:
-        """Restore a state that `kept` returned."""
+    def restore_state(self, state: dict[str, Any]) -> None:
+        """Restore a state that `saved_state` returned."""
         vars(self).update(state)
 
     # --- the pilot's demand
@@ -109,18 +112,18 @@ class Steering:
             self._add_pulse(closed, demand.gain)
         self._demand = demand
         if demand.pushes:
-            self._end_for_hand()
+            self._end_automatic_modes()
 
     def _add_pulse(self, switches: frozenset[Switch], gain: float) -> None:
         self._pulse_m_s = self._pulse_m_s + laws.PULSE_M_S * gain * laws.direction(THRUST, switches)
         self._pulse_rad = self._pulse_rad + laws.PULSE_RAD * gain * laws.direction(TURN, switches)
 
-    def _drop_demand(self) -> None:
+    def _clear_demand(self) -> None:
         """Discard the demand, until the next `hold`."""
         self._demand = Demand()
         self._pulse_m_s = np.zeros(3)
 
-    def _end_for_hand(self) -> None:
+    def _end_automatic_modes(self) -> None:
         if self.doing and not self.docking.docked:
             self.news.append(("note", f"{self.doing} has ended: you push"))
         self.braking = False
@@ -130,7 +133,7 @@ class Steering:
         """Give one pulse in a switch's direction, in any thrust mode."""
         self._add_pulse(frozenset({switch}), 1.0)
         if switch in THRUST:
-            self._end_for_hand()
+            self._end_automatic_modes()
 
     @property
     def takes_over(self) -> bool:
@@ -140,10 +143,10 @@ class Steering:
     def brake(self) -> None:
         """Brake to rest next to the target."""
         self._end_modes()
-        self._drop_demand()
+        self._clear_demand()
         self.braking = True
 
-    def guide(self, guided: Guided | None) -> None:
+    def guide(self, guided: ActiveGuidance | None) -> None:
         """Start a guidance mode, or end it."""
         self._end_modes()
         self.braking = False
@@ -157,11 +160,11 @@ class Steering:
         self.attitude = "dock"
 
     def abort(self) -> None:
-        """Retreat from the target in the next step: straight outward, which stays in a corridor's cone."""
+        """Retreat from the target in the next step, radially outward, which stays inside an approach corridor."""
         self._end_modes()
         self.braking = False
         self.burns = BurnPlan()
-        self._drop_demand()
+        self._clear_demand()
         self.docking.docked = False
         self.aborting = True
 
@@ -181,7 +184,7 @@ class Steering:
             return "autopilot"
         return "" if self.guided is None else self.guided.title
 
-    def take_news(self) -> list[News]:
+    def pop_news(self) -> list[News]:
         """Return the news since the last call."""
         news, self.news = self.news, []
         return news
@@ -193,8 +196,10 @@ class Steering:
 
         Parameters
         ----------
-        chaser : present state.
-        wanted_s : step given by the clock's rate.
+        chaser : ChaserState
+            Present state.
+        wanted_s : float
+            Step given by the clock's rate.
         """
         longest = min(wanted_s, self._longest_s(chaser))
         edge = self.burns.next_edge_s(chaser.t_s) - chaser.t_s
@@ -206,12 +211,12 @@ class Steering:
             if t_s >= self.guided.coasts_from_s:
                 return COAST_STEP_S
             remaining_s = self._guided_until_s - t_s
-            return remaining_s if remaining_s > 1e-9 else CONTROL_S
+            return remaining_s if remaining_s > 1e-9 else CONTROL_PERIOD_S
         if self.autopilot:
             remaining_s = self._pilot_until_s - t_s
-            return remaining_s if remaining_s > 1e-9 else PILOT_S
-        busy = self.takes_over or self.braking or self.aborting
-        if busy or self._pulse_m_s.any() or self._pulse_rad.any():
+            return remaining_s if remaining_s > 1e-9 else AUTOPILOT_PERIOD_S
+        is_active = self.takes_over or self.braking or self.aborting
+        if is_active or self._pulse_m_s.any() or self._pulse_rad.any():
             return ACTIVE_STEP_S
         # half of the straight-line time to the target
         speed = max(float(np.linalg.norm(chaser.velocity_eci_m_s)), 1e-3)
@@ -219,12 +224,12 @@ class Steering:
         return max(ACTIVE_STEP_S, min(COAST_STEP_S, arrives))
 
     def command(self, chaser: ChaserState, flight: Flight, h: float) -> SteeringCommand:
-        """Return the command over a step of length ``h``, and book its propellant."""
+        """Return the command over a step of length ``h``, and add its propellant to the total."""
         frame = flight.orbit.frame(chaser.t_s)
         R_camera_from_lvlh = matrix_from_quat(chaser.q_camera_from_eci_wxyz) @ frame.R_eci_from_lvlh
-        in_camera, in_lvlh = self._push(chaser, flight, frame, h)
-        rate = laws.slewed_command(in_camera, self._turn(chaser, flight, frame, h), chaser, h)
-        command = replace(rate, acceleration_lvlh_m_s2=vec3(in_lvlh))
+        thrust_camera, thrust_lvlh = self._thrust(chaser, flight, frame, h)
+        rate = laws.slewed_command(thrust_camera, self._turn(chaser, flight, frame, h), chaser, h)
+        command = replace(rate, acceleration_lvlh_m_s2=vec3(thrust_lvlh))
         if self.keep_out is not None:
             command, self.guarded = guarded_command(chaser, command, h, frame, self.keep_out, laws.BRAKE_M_S2)
         thrust = np.array(command.acceleration_camera_m_s2) + R_camera_from_lvlh @ np.array(
@@ -236,36 +241,36 @@ class Steering:
         return command
 
     def _watch_plume(self, t_s: float, strikes: bool) -> None:  # noqa: FBT001 - result of a check
-        if strikes and t_s >= self._plume_told_s + PLUME_AGAIN_S:
+        if strikes and t_s >= self._plume_told_s + PLUME_CAUTION_INTERVAL_S:
             self._plume_told_s = t_s
             self.news.append(("caution", "the plume strikes the target: push sideways, or from farther away"))
         self.plume = strikes
 
     # --- pushes
 
-    def _push(
+    def _thrust(
         self, chaser: ChaserState, flight: Flight, frame: Lvlh, h: float
     ) -> tuple[FloatArray, FloatArray]:
         """Return (3,) thrust per mass along camera axes, and (3,) along LVLH axes [m s-2]."""
-        in_lvlh = self.burns.acceleration_lvlh_m_s2(chaser.t_s, chaser.t_s + h)
-        by_hand = self._by_hand(h)
+        thrust_lvlh = self.burns.acceleration_lvlh_m_s2(chaser.t_s, chaser.t_s + h)
+        manual = self._manual_thrust(h)
         if self.axes == "lvlh":
-            in_camera, in_lvlh = np.zeros(3), in_lvlh + LVLH_FROM_DEMAND @ by_hand
+            thrust_camera, thrust_lvlh = np.zeros(3), thrust_lvlh + LVLH_FROM_DEMAND @ manual
         else:
-            in_camera = by_hand
+            thrust_camera = manual
         if self.braking:
             brake, speed = laws.brake_camera_m_s2(chaser, frame, h)
-            in_camera = in_camera + brake
-            self.braking = speed >= laws.BRAKED_M_S
+            thrust_camera = thrust_camera + brake
+            self.braking = speed >= laws.BRAKE_RELEASE_M_S
         if self.aborting:
-            in_lvlh = in_lvlh + self._retreat(chaser, frame, h)
+            thrust_lvlh = thrust_lvlh + self._retreat(chaser, frame, h)
         elif self.guided is not None:
-            in_lvlh = in_lvlh + self._guidance(self.guided, chaser, frame)
+            thrust_lvlh = thrust_lvlh + self._guidance(self.guided, chaser, frame)
         elif self.autopilot:
-            in_camera = in_camera + self._pilot(chaser, flight)
-        return in_camera, in_lvlh
+            thrust_camera = thrust_camera + self._pilot(chaser, flight)
+        return thrust_camera, thrust_lvlh
 
-    def _by_hand(self, h: float) -> FloatArray:
+    def _manual_thrust(self, h: float) -> FloatArray:
         """Return the (3,) demanded thrust with pulses: right, down, forward [m s-2]."""
         demand = self._demand
         push = laws.ACCELERATION_M_S2 * demand.gain * np.array(demand.thrust)
@@ -289,11 +294,11 @@ class Steering:
             self.news.append(("note", "the abort is done: the chaser drifts"))
         return impulse / max(size, 1e-12) * min(ABORT_M_S2, size / h)
 
-    def _guidance(self, guided: Guided, chaser: ChaserState, frame: Lvlh) -> FloatArray:
+    def _guidance(self, guided: ActiveGuidance, chaser: ChaserState, frame: Lvlh) -> FloatArray:
         if chaser.t_s >= self._guided_until_s - 1e-9:
             state = frame.from_eci(np.array(chaser.position_eci_m), np.array(chaser.velocity_eci_m_s))
             self._guided_m_s2 = guided.acceleration_lvlh(chaser.t_s, state)
-            self._guided_until_s = chaser.t_s + CONTROL_S
+            self._guided_until_s = chaser.t_s + CONTROL_PERIOD_S
         return self._guided_m_s2
 
     def _pilot(self, chaser: ChaserState, flight: Flight) -> FloatArray:
@@ -303,8 +308,8 @@ class Steering:
             point = docking.hold_points.next
             figures = docking.figures(chaser, flight)
             goal = None if point is None else point.axial_m
-            self._pilot_demand = pilot.demand(figures, goal, PILOT_S)
-            self._pilot_until_s = chaser.t_s + PILOT_S
+            self._pilot_demand = pilot.demand(figures, goal, AUTOPILOT_PERIOD_S)
+            self._pilot_until_s = chaser.t_s + AUTOPILOT_PERIOD_S
         return self._pilot_demand.switched_thrust_m_s2()
 
     # --- turns
@@ -326,7 +331,7 @@ class Steering:
                 # integrate, so that a released key leaves the rate
                 return np.array(chaser.omega_camera_rad_s) + demanded_rate * (h / laws.RATE_TIME_S)
             case "target":
-                self.aim = laws.turned_aim(self.aim, demanded_rate, h)
+                self.aim = laws.rotated_aim(self.aim, demanded_rate, h)
                 return demanded_rate + laws.tracking_rate_rad_s(chaser, self.aim, h)
             case "dock":
                 return demanded_rate + laws.docked_rate_rad_s(

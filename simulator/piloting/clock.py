@@ -36,7 +36,7 @@ class FlightClock:
         self.reset()
 
     def reset(self) -> None:
-        """End a jump without changing the rate, and discard time that has not been flown."""
+        """End a jump without changing the rate, and discard the accumulated real time."""
         self._owed_s = 0.0
         self.jump: Jump = ""
         self.jump_until_s = 0.0
@@ -62,7 +62,7 @@ class FlightClock:
         self.end_jump()
         self.rate = RATES[min(max(RATES.index(self.rate) + places, 0), len(RATES) - 1)]
 
-    def hurry(self, jump: Jump, until_s: float) -> None:
+    def start_jump(self, jump: Jump, until_s: float) -> None:
         """Run at `JUMP_RATE` until `end_jump`, or at the latest until ``until_s``."""
         self.jump, self.jump_until_s, self.paused = jump, until_s, False
 
@@ -87,11 +87,11 @@ class FlightClock:
         return STEP_S * self._current_rate
 
     def add(self, dt_s: float) -> None:
-        """Add real time to be flown [s]."""
+        """Add real time [s], to be converted to steps."""
         self._owed_s += dt_s
 
-    def pay(self, step_s: float) -> bool:
-        """Consume the real time of a step; return False if too little is left."""
+    def consume(self, step_s: float) -> bool:
+        """Consume the real time of a step; return False if the accumulated time is too short."""
         costs = max(step_s / self._current_rate, 1 / MAX_STEPS_PER_S)
         if self._owed_s < costs * (1 - _ROUNDING):
             return False

@@ -44,7 +44,7 @@ TURN: dict[Switch, Vec3] = {
     "roll-right": (0.0, 0.0, 1.0),
 }
 SWITCHES: tuple[Switch, ...] = (*THRUST, *TURN)
-STILL: Vec3 = (0.0, 0.0, 0.0)  # no demand along any axis
+NO_DEMAND: Vec3 = (0.0, 0.0, 0.0)  # no demand along any axis
 
 ACCELERATION_M_S2 = 0.05
 """Full thrust per mass: two seconds of it give 0.1 m/s, the speed of an inspection [m s-2]."""
@@ -62,10 +62,10 @@ PULSE_RAD_S = np.radians(0.2)
 """Rate of a rotation by pulses, reached in one step [rad s-1]."""
 RATE_TIME_S = 1.0
 """Time in which a rotation reaches the demanded rate in rate-hold mode [s]."""
-ALIGN_RAD_S = np.radians(5.0)
+MAX_ALIGN_RATE_RAD_S = np.radians(5.0)
 """Largest rate on the way to the docked attitude [rad s-1]."""
 AT_REST_M_S = 1e-6  # speed below which the brake gives no thrust
-BRAKED_M_S = 1e-4
+BRAKE_RELEASE_M_S = 1e-4
 """Speed below which the brake releases [m s-1]."""
 
 
@@ -91,8 +91,8 @@ class Demand:
         If a value is out of range, or a switch does not exist.
     """
 
-    thrust: Vec3 = STILL
-    turn: Vec3 = STILL
+    thrust: Vec3 = NO_DEMAND
+    turn: Vec3 = NO_DEMAND
     switches: frozenset[Switch] = frozenset()
     gain: float = 1.0
 
@@ -129,9 +129,12 @@ def tracking_rate_rad_s(chaser: ChaserState, aim_camera: Vec3, dt_s: float) -> F
 
     Parameters
     ----------
-    chaser : present state.
-    aim_camera : unit vector, camera frame, at which the target should appear.
-    dt_s : duration of the rate.
+    chaser : ChaserState
+        Present state.
+    aim_camera : array
+        Unit vector, camera frame, at which the target should appear.
+    dt_s : float
+        Duration of the rate.
     """
     R_camera_from_eci = matrix_from_quat(chaser.q_camera_from_eci_wxyz)
     los = -R_camera_from_eci @ np.array(chaser.position_eci_m)
@@ -152,10 +155,14 @@ def docked_rate_rad_s(
 
     Parameters
     ----------
-    chaser : present state.
-    attitude : attitude of the target: ``q_eci_from_target_wxyz`` and angular velocity, target axes.
-    port : docking port of the target.
-    dt_s : duration of the rate.
+    chaser : ChaserState
+        Present state.
+    attitude : tuple of array
+        Attitude of the target: ``q_eci_from_target_wxyz`` and angular velocity, target axes.
+    port : DockingPort
+        Docking port of the target.
+    dt_s : float
+        Duration of the rate.
     """
     q_target, omega = attitude
     q_camera_from_target = quat_multiply(chaser.q_camera_from_eci_wxyz, q_target)
@@ -165,11 +172,11 @@ def docked_rate_rad_s(
     sine, cosine = float(np.linalg.norm(error_wxyz[1:])), float(error_wxyz[0])
     angle = 2 * np.arctan2(sine, abs(cosine))
     axis = error_wxyz[1:] / max(sine, 1e-12) * (1.0 if cosine >= 0 else -1.0)
-    back = min(min(TRACK_GAIN_1_S, 1 / dt_s) * angle, ALIGN_RAD_S)
+    back = min(min(TRACK_GAIN_1_S, 1 / dt_s) * angle, MAX_ALIGN_RATE_RAD_S)
     return matrix_from_quat(q_camera_from_target) @ omega - back * axis
 
 
-def turned_aim(aim_camera: Vec3, rate_camera_rad_s: FloatArray, dt_s: float) -> Vec3:
+def rotated_aim(aim_camera: Vec3, rate_camera_rad_s: FloatArray, dt_s: float) -> Vec3:
     """Return a direction in the camera frame after rotation at a rate for ``dt_s``."""
     turn = matrix_from_quat(quat_from_rotvec(-np.asarray(rate_camera_rad_s) * dt_s))
     return vec3(turn @ np.array(aim_camera))
@@ -191,9 +198,9 @@ def slewed_command(
     """Return the command of one step, with the rate slewed towards ``wanted_rate``."""
     change = wanted_rate - np.array(chaser.omega_camera_rad_s)
     size = float(np.linalg.norm(change))
-    most = SLEW_RAD_S2 * dt_s
-    if size > most:
-        change = change * (most / size)
+    max_change = SLEW_RAD_S2 * dt_s
+    if size > max_change:
+        change = change * (max_change / size)
     return SteeringCommand(
         acceleration_camera_m_s2=vec3(acceleration),
         rate_camera_rad_s=vec3(np.array(chaser.omega_camera_rad_s) + change),
@@ -202,4 +209,4 @@ def slewed_command(
 
 def direction(directions: dict[Switch, Vec3], switches: AbstractSet[Switch]) -> FloatArray:
     """Return the (3,) sum of the directions of the closed switches."""
-    return np.sum([directions[s] for s in directions if s in switches] or [STILL], axis=0)
+    return np.sum([directions[s] for s in directions if s in switches] or [NO_DEMAND], axis=0)

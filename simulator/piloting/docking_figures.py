@@ -24,8 +24,8 @@ CAPTURE_M = 0.5
 """Largest distance from the port's centre at which the docking point makes contact in its plane [m]."""
 CORRIDOR_DEG = 10.0
 """Half angle of the corridor in front of the port, if the scenario has none [deg]."""
-NEAR = 2.0
-"""Multiple of its limit up to which a figure counts as near it."""
+NEAR_LIMIT_FACTOR = 2.0
+"""Multiple of the limit up to which a figure counts as near the limit."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -34,12 +34,30 @@ class DockingFigures:
 
     Parameters
     ----------
-    axial_m : distance in front of the port's plane; negative behind it.
-    closing_m_s : rate at which the distance decreases.
-    right_m, down_m : lateral offset, as a docked camera sees right and down.
-    right_m_s, down_m_s : rate of the offset; all velocities are in the rotating target frame.
-    roll_deg, pitch_deg, yaw_deg : attitude relative to the docked one: clockwise, up, right.
-    roll_deg_s, pitch_deg_s, yaw_deg_s : angular velocity relative to the target, camera axes z, x, y.
+    axial_m : float
+        Distance in front of the port's plane; negative behind it.
+    closing_m_s : float
+        Rate at which the distance decreases.
+    right_m : float
+        Lateral offset to the right, as seen from the docked camera.
+    down_m : float
+        Lateral offset downwards.
+    right_m_s : float
+        Rate of the offset to the right, in the rotating target frame.
+    down_m_s : float
+        Rate of the offset downwards.
+    roll_deg : float
+        Roll relative to the docked attitude, clockwise.
+    pitch_deg : float
+        Pitch relative to the docked attitude, upwards.
+    yaw_deg : float
+        Yaw relative to the docked attitude, to the right.
+    roll_deg_s : float
+        Angular velocity relative to the target about the camera's z axis.
+    pitch_deg_s : float
+        Angular velocity relative to the target about the camera's x axis.
+    yaw_deg_s : float
+        Angular velocity relative to the target about the camera's y axis.
     """
 
     t_s: float
@@ -113,17 +131,22 @@ def docking_figures(
 
     Parameters
     ----------
-    chaser : state of the chaser.
-    port : docking port of the target.
-    attitude : attitude of the target: ``q_eci_from_target_wxyz`` and angular velocity, target axes [rad s-1].
+    chaser : ChaserState
+        State of the chaser.
+    attitude : tuple of array
+        Attitude of the target: ``q_eci_from_target_wxyz`` and angular velocity, target axes [rad s-1].
+    port : DockingPort
+        Docking port of the target.
     """
     q_target, omega = attitude
     R_target_from_eci = matrix_from_quat(q_target).T
     R_eci_from_camera = matrix_from_quat(chaser.q_camera_from_eci_wxyz).T
     omega_camera = np.array(chaser.omega_camera_rad_s)
-    arm = np.array(PROBE_M)
-    p = R_target_from_eci @ (np.array(chaser.position_eci_m) + R_eci_from_camera @ arm)
-    v = R_target_from_eci @ (np.array(chaser.velocity_eci_m_s) + R_eci_from_camera @ cross(omega_camera, arm))
+    lever = np.array(PROBE_M)
+    p = R_target_from_eci @ (np.array(chaser.position_eci_m) + R_eci_from_camera @ lever)
+    v = R_target_from_eci @ (
+        np.array(chaser.velocity_eci_m_s) + R_eci_from_camera @ cross(omega_camera, lever)
+    )
     R_port_from_target = matrix_from_quat(port.q_target_from_port_wxyz).T
     x, y, z = R_port_from_target @ (p - np.array(port.origin_m))
     vx, vy, vz = R_port_from_target @ (v - cross(omega, p))
@@ -156,16 +179,32 @@ def docking_point_target_m(chaser: ChaserState, q_eci_from_target_wxyz: FloatArr
 
 @dataclass(frozen=True, kw_only=True)
 class DockingLimits:
-    """Limits of the figures at contact; closing speed and offset may be larger farther away.
+    """Limits of the figures at contact; the limits of closing speed and offset grow with distance.
 
     Parameters
     ----------
-    name, title : names for commands and for people.
-    source : origin of the limits.
-    closing_m_s, lateral_m, lateral_m_s, attitude_deg, rate_deg_s : limits at contact; the last two for each axis.
-    slowest_m_s : least closing speed at contact.
-    closing_per_m : allowed closing speed per metre of distance [s-1], if larger than ``closing_m_s``.
-    lateral_per_m : growth of the allowed offset and its rate with distance.
+    name : str
+        Name in commands and files.
+    title : str
+        Name in texts for people.
+    source : str
+        Origin of the limits.
+    closing_m_s : float
+        Largest closing speed at contact [m s-1].
+    lateral_m : float
+        Largest lateral offset at contact [m].
+    lateral_m_s : float
+        Largest lateral speed at contact [m s-1].
+    attitude_deg : float
+        Largest attitude error about each axis at contact [deg].
+    rate_deg_s : float
+        Largest angular velocity about each axis at contact [deg s-1].
+    slowest_m_s : float, optional
+        Smallest closing speed at contact [m s-1].
+    closing_per_m : float, optional
+        Allowed closing speed per metre of distance [s-1], if larger than ``closing_m_s``.
+    lateral_per_m : float, optional
+        Growth of the allowed offset and its rate with distance.
     """
 
     name: str
@@ -210,14 +249,19 @@ PRESETS: dict[str, DockingLimits] = {p.name: p for p in (TWO_TENTHS, IDSS)}
 
 
 @dataclass(frozen=True, kw_only=True)
-class Judged:
+class JudgedFigure:
     """A figure with its limit.
 
     Parameters
     ----------
-    name, unit : texts for people.
-    value : figure, signed if applicable.
-    limit : limit of its magnitude at present.
+    name : str
+        Name of the quantity.
+    unit : str
+        Unit of the quantity.
+    value : float
+        Figure, signed if applicable.
+    limit : float
+        Limit of its magnitude at present.
     """
 
     name: str
@@ -238,23 +282,23 @@ class Judged:
     @property
     def state(self) -> State:
         """Within the limit, near it, or outside."""
-        return "within" if self.share <= 1.0 else "near" if self.share <= NEAR else "outside"
+        return "within" if self.share <= 1.0 else "near" if self.share <= NEAR_LIMIT_FACTOR else "outside"
 
 
 def judge(
     figures: DockingFigures, limits: DockingLimits, corridor_deg: float = CORRIDOR_DEG
-) -> tuple[Judged, ...]:
+) -> tuple[JudgedFigure, ...]:
     """Return each figure with its limit at the chaser's distance."""
-    f, away = figures, max(figures.axial_m, 0.0)
-    closing = max(limits.closing_m_s, limits.closing_per_m * away)
-    across = limits.lateral_at_m(away)
-    across_rate = limits.lateral_m_s * (1 + limits.lateral_per_m * away)
+    f, distance = figures, max(figures.axial_m, 0.0)
+    closing = max(limits.closing_m_s, limits.closing_per_m * distance)
+    lateral = limits.lateral_at_m(distance)
+    across_rate = limits.lateral_m_s * (1 + limits.lateral_per_m * distance)
     # inside the offset allowed at the port, the angle there is meaningless
     off_axis = 0.0 if f.lateral_m <= limits.lateral_m and f.axial_m > -limits.lateral_m else f.off_axis_deg
     rows = (
         ("closing", "m/s", f.closing_m_s, closing),
-        ("offset right", "m", f.right_m, across),
-        ("offset down", "m", f.down_m, across),
+        ("offset right", "m", f.right_m, lateral),
+        ("offset down", "m", f.down_m, lateral),
         ("rate right", "m/s", f.right_m_s, across_rate),
         ("rate down", "m/s", f.down_m_s, across_rate),
         ("roll", "°", f.roll_deg, limits.attitude_deg),
@@ -265,20 +309,25 @@ def judge(
         ("yaw rate", "°/s", f.yaw_deg_s, limits.rate_deg_s),
         ("off axis", "°", off_axis, corridor_deg),
     )
-    return tuple(Judged(name=n, unit=u, value=v, limit=most) for n, u, v, most in rows)
+    return tuple(JudgedFigure(name=n, unit=u, value=v, limit=most) for n, u, v, most in rows)
 
 
 @dataclass(frozen=True, kw_only=True)
 class Contact:
-    """A contact, judged.
+    """A contact with its score.
 
     Parameters
     ----------
-    t_s : time.
-    figures : figures just before it.
-    at_port : True if the docking point met the port rather than the body.
-    misses : violated limits, as text; none for a docking.
-    score : 0 to 100.
+    t_s : float
+        Time.
+    figures : DockingFigures
+        Figures just before it.
+    at_port : bool
+        True if the docking point met the port rather than the body.
+    misses : tuple of str
+        Violated limits, as text; none for a docking.
+    score : int
+        0 to 100.
     """
 
     t_s: float
@@ -343,8 +392,10 @@ def docked_state(
 
     Parameters
     ----------
-    attitude : attitude of the target: ``q_eci_from_target_wxyz`` and angular velocity, target axes [rad s-1].
-    port : docking port of the target.
+    attitude : tuple of array
+        Attitude of the target: ``q_eci_from_target_wxyz`` and angular velocity, target axes [rad s-1].
+    port : DockingPort
+        Docking port of the target.
     """
     q_target, omega = attitude
     R_eci_from_target = matrix_from_quat(q_target)

@@ -35,9 +35,12 @@ class DockingPort:
 
     Parameters
     ----------
-    name : name for people.
-    origin_m : centre of the port relative to the target's centre of mass, target axes [m].
-    q_target_from_port_wxyz : orientation of its axes.
+    name : str
+        Name for people.
+    origin_m : array
+        Centre of the port relative to the target's centre of mass, target axes [m].
+    q_target_from_port_wxyz : array
+        Orientation of its axes.
     """
 
     name: str
@@ -53,14 +56,16 @@ class DockingPort:
 def docking_port(target: Target, flight: Flight) -> DockingPort:
     """Return the port of a target at the start of a flight.
 
-    It is the frame ``docking`` of the model, or the tip of the probe that protrudes from it. Otherwise it is where the
-    approach axis through the centre of mass leaves the body: the axis of the scenario's corridor or of its hold point,
-    or else the velocity axis. From then on it rotates with the target.
+    It is the frame ``docking`` of the model, or the tip of the probe that protrudes from this frame. A model without
+    the frame gets a port where the approach axis through the centre of mass leaves the body. The approach axis is that
+    of the scenario's corridor or hold point, or else V-bar. The port then rotates with the target.
 
     Parameters
     ----------
-    target : model of the target.
-    flight : flight whose start defines the attitude, and the side of the port that is down.
+    target : Target
+        Model of the target.
+    flight : Flight
+        Flight whose start defines the attitude and the port's down direction.
     """
     R_target_from_lvlh = target_from_lvlh(flight, 0.0)
     com = np.array(target.mass.com_m)
@@ -68,9 +73,9 @@ def docking_port(target: Target, flight: Flight) -> DockingPort:
         origin, axis = (np.array(x, float) for x in target.frames[FRAME])
         axis /= np.linalg.norm(axis)
         # a probe protrudes from its port, so its tip makes contact first
-        reach = 2 * radius_m(target)
-        way = way_to_surface_m(target, origin + reach * axis, -axis)
-        tip = 0.0 if way is None else max(reach - way, 0.0)
+        body_reach = 2 * radius_m(target)
+        distance = distance_to_surface_m(target, origin + body_reach * axis, -axis)
+        tip = 0.0 if distance is None else max(body_reach - distance, 0.0)
         return _with_axes("docking port", origin - com + tip * axis, axis, R_target_from_lvlh, flight)
     lvlh = approach_axis_lvlh(flight.guidance)
     return port_along(target, R_target_from_lvlh @ np.array(lvlh), R_target_from_lvlh, flight)
@@ -83,16 +88,17 @@ def port_along(
 
     Parameters
     ----------
-    axis_target : (3,) outward axis, not normalised.
-    R_target_from_lvlh : (3, 3) attitude; nadir is the port's down
-        side.
+    axis_target : (3,) array
+        Outward axis, not normalised.
+    R_target_from_lvlh : (3, 3) array
+        Attitude; nadir is the port's down side.
     """
     axis = axis_target / np.linalg.norm(axis_target)
     com = np.array(target.mass.com_m)
-    reach = 2 * radius_m(target)
-    way = way_to_surface_m(target, com + reach * axis, -axis)
-    # if the axis misses the mesh, as of a ring, the body ends at its farthest corner
-    out = float(((mesh_of(target).hull_m - com) @ axis).max()) if way is None else reach - way
+    body_reach = 2 * radius_m(target)
+    distance = distance_to_surface_m(target, com + body_reach * axis, -axis)
+    # if the axis misses the mesh, as in a ring, use the extent of the vertices along the axis
+    out = float(((mesh_of(target).hull_m - com) @ axis).max()) if distance is None else body_reach - distance
     return _with_axes("approach axis", out * axis, axis, R_target_from_lvlh, flight)
 
 
@@ -129,16 +135,18 @@ def radius_m(target: Target) -> float:
     return max(float(np.linalg.norm(part.positions_m - com, axis=1).max()) for part in target.parts)
 
 
-def way_to_surface_m(target: Target, origin_m: FloatArray, direction: FloatArray) -> float | None:
+def distance_to_surface_m(target: Target, origin_m: FloatArray, direction: FloatArray) -> float | None:
     """Return the length of the ray from a point to the surface [m], or None if it misses.
 
     Parameters
     ----------
-    origin_m : (3,) model frame.
-    direction : (3,) unit vector.
+    origin_m : (3,) array
+        Model frame.
+    direction : (3,) array
+        Unit vector.
     """
-    way, triangle = _ray_caster(target).first_hits(origin_m[None], direction)
-    return None if triangle[0] < 0 or not np.isfinite(way[0]) else float(way[0])
+    distance, triangle = _ray_caster(target).first_hits(origin_m[None], direction)
+    return None if triangle[0] < 0 or not np.isfinite(distance[0]) else float(distance[0])
 
 
 @cached_per_object
@@ -152,9 +160,9 @@ def _with_axes(
 ) -> DockingPort:
     z = -axis / np.linalg.norm(axis)
     first = "nadir" if flight.pointing.down == "auto" else flight.pointing.down
-    names = [first, *(name for name in DOWN_AXES_LVLH if name != first)]
-    downs = [R_target_from_lvlh @ np.array(DOWN_AXES_LVLH[name]) for name in names]
-    down = next(d for d in downs if np.linalg.norm(np.cross(d, z)) > _MIN_SINE)
+    frame_names = [first, *(name for name in DOWN_AXES_LVLH if name != first)]
+    down_directions = [R_target_from_lvlh @ np.array(DOWN_AXES_LVLH[name]) for name in frame_names]
+    down = next(d for d in down_directions if np.linalg.norm(np.cross(d, z)) > _MIN_SINE)
     y = down - (down @ z) * z
     y /= np.linalg.norm(y)
     axes = np.stack([np.cross(y, z), y, z], axis=1)

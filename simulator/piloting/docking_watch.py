@@ -21,11 +21,11 @@ from flyaround.simulator.piloting.docking_figures import (
     touches_port,
 )
 from flyaround.simulator.piloting.docking_port import (
+    distance_to_surface_m,
     docking_port,
     port_along,
     radius_m,
     target_from_lvlh,
-    way_to_surface_m,
 )
 from flyaround.simulator.piloting.hold_points import HoldPoints, not_ready
 from flyaround.simulator.runtime.arrays import quat, vec3
@@ -42,25 +42,28 @@ if TYPE_CHECKING:
 
     News = tuple[Literal["note", "caution", "warning"], str]
 
-WATCHED_M = 1.5
+CONTACT_CHECK_M = 1.5
 """Distance from the target's sphere within which contact is checked [m]."""
 REBOUND = 0.3
 """Coefficient of restitution for a contact that is not a docking."""
-JUDGED_AGAIN_M = 0.5
+REARM_DISTANCE_M = 0.5
 """Distance from the port that the docking point must reach before another contact is counted [m]."""
 
-KEPT = frozenset({"limits", "contacts", "docked", "_armed", "_port", "hold_points"})
-"""Attributes that a seek restores; hold points only if they exist."""
+SAVED_ATTRIBUTES = frozenset({"limits", "contacts", "docked", "_armed", "_port", "hold_points"})
+"""Attributes of the saved state; hold points are included only if they exist."""
 
 
 class Docking:
-    """Watches a flight's approach to one port.
+    """Monitor of the approach to one port: figures, hold points and contacts.
 
     Parameters
     ----------
-    target : model of the target.
-    flight : flight whose start defines the direction of the port.
-    keep_out : sphere whose corridor, if any, bounds the approach.
+    target : Target
+        Model of the target.
+    flight : Flight
+        Flight whose start defines the direction of the port.
+    keep_out : KeepOut or None
+        Sphere whose corridor, if any, bounds the approach.
     """
 
     def __init__(self, target: Target, flight: Flight, keep_out: KeepOut | None) -> None:
@@ -114,19 +117,19 @@ class Docking:
             return ()
         return not_ready(point, self.figures(chaser, flight), self.limits, self.corridor_deg)
 
-    def kept(self) -> dict[str, Any]:
+    def saved_state(self) -> dict[str, Any]:
         """Return the state that a seek must restore."""
-        return {name: copy(value) for name, value in vars(self).items() if name in KEPT}
+        return {name: copy(value) for name, value in vars(self).items() if name in SAVED_ATTRIBUTES}
 
-    def bring_back(self, state: dict[str, Any]) -> None:
-        """Restore a state that `kept` returned."""
+    def restore_state(self, state: dict[str, Any]) -> None:
+        """Restore a state that `saved_state` returned."""
         vars(self).update(state)
 
     # --- contact
 
     def is_near(self, chaser: ChaserState) -> bool:
         """Return True if contact is possible soon."""
-        return self.gap_m(chaser) < WATCHED_M
+        return self.gap_m(chaser) < CONTACT_CHECK_M
 
     def gap_m(self, chaser: ChaserState) -> float:
         """Return the least possible distance between the target's sphere and the docking point [m]."""
@@ -139,15 +142,15 @@ class Docking:
         if not self.is_near(after):
             self._armed = True
             return after, ()
-        was, now = self.figures(before, flight), self.figures(after, flight)
-        self._armed = self._armed or now.range_m > JUDGED_AGAIN_M
-        at_port = touches_port(was, now)
+        before_figures, after_figures = self.figures(before, flight), self.figures(after, flight)
+        self._armed = self._armed or after_figures.range_m > REARM_DISTANCE_M
+        at_port = touches_port(before_figures, after_figures)
         if not at_port:
             if not self._strikes(before, after, flight):
                 return after, ()
             # guides and latches protrude around a port
-            at_port = was.lateral_m <= CAPTURE_M and 0.0 < was.axial_m <= CAPTURE_M
-        contact = judge_contact(was, self.limits, at_port=at_port)
+            at_port = before_figures.lateral_m <= CAPTURE_M and 0.0 < before_figures.axial_m <= CAPTURE_M
+        contact = judge_contact(before_figures, self.limits, at_port=at_port)
         news: tuple[News, ...] = ()
         if self._armed:
             self._armed = False
@@ -176,11 +179,11 @@ class Docking:
         com = np.array(self._target.mass.com_m)
         for point in (docking_point_target_m, _camera_point):
             a, b = (com + point(s, flight.attitude(s.t_s)[0]) for s in (before, after))
-            way = b - a
-            length = float(np.linalg.norm(way))
+            path = b - a
+            length = float(np.linalg.norm(path))
             if length == 0.0:
                 continue
-            hit = way_to_surface_m(self._target, a, way / length)
+            hit = distance_to_surface_m(self._target, a, path / length)
             if hit is not None and hit <= length:
                 return True
         return False

@@ -1,4 +1,4 @@
-"""Compact history of a flight, from any time of which the flight can be resumed.
+"""Compact history of a flight, which can be resumed from any recorded time.
 
 A sample stores the time, the 13 numbers of the manually controlled chaser's state, and the state of its controls, which
 is compressed and shared by equal successive samples. An hour at 0.1 s takes a few megabytes.
@@ -23,27 +23,29 @@ from flyaround.simulator.world.guidance.manual_control import ChaserState
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-EVERY_S = 0.1
+SAMPLE_INTERVAL_S = 0.1
 """Simulated time between samples [s]; at higher rates each step is a sample."""
-WIDTH = 15
+VALUES_PER_SAMPLE = 15
 """Values of a sample: time, the chaser's 13 (NaN while guided), index of the controls."""
 MAX_SAMPLES = 400_000
 """Largest number of samples, eleven hours at 0.1 s; beyond it every second sample is dropped."""
 MAX_CONTROLS_BYTES = 40_000_000
-LONGEST_NOTE = 200
+MAX_NOTE_LENGTH = 200
 MAX_BOOKMARKS = 500
 ROUNDING_S = 5e-4
 """Tolerance for sums of steps [s]."""
 
 
 @dataclass(frozen=True)
-class FlownPlace:
+class HistorySample:
     """One sample, unpacked.
 
     Parameters
     ----------
-    steered : the chaser under manual control, None under guidance.
-    controls : state of the controls, as passed to `Timeline.add`.
+    steered : ChaserState or None
+        The chaser under manual control, None under guidance.
+    controls : object
+        State of the controls, as passed to `Timeline.add`.
     """
 
     t_s: float
@@ -59,8 +61,8 @@ class Bookmark:
     note: str
 
 
-class FlownRows:
-    """Rows of numbers in order of time, which is the first number of each row, and the last discarded future.
+class RowHistory:
+    """Rows of numbers, sorted by their first number, the time; and the rows that were discarded last.
 
     Parameters
     ----------
@@ -72,7 +74,7 @@ class FlownRows:
     numbers : array
         Values, row after row.
     left : tuple or None
-        Number of rows that the discarded future shares with these, and its further rows.
+        Number of rows before the discarded ones, and the discarded rows.
     """
 
     def __init__(self, width: int) -> None:
@@ -88,7 +90,7 @@ class FlownRows:
         """Time of the last row [s]; 0 if there is none."""
         return self.numbers[-self._width] if self.numbers else 0.0
 
-    def wants(self, t_s: float, every_s: float) -> bool:
+    def is_due(self, t_s: float, every_s: float) -> bool:
         """Return True if a row is due at a time."""
         return not self.numbers or t_s >= self.end_s + every_s - ROUNDING_S
 
@@ -104,12 +106,12 @@ class FlownRows:
         """Return some rows, as many as there are."""
         return self.numbers[self._width * k : self._width * (k + count)]
 
-    def leave_after(self, k: int) -> None:
+    def truncate_after(self, k: int) -> None:
         """Move all rows after row k, or all rows for -1, to the discarded future."""
         self.left = k + 1, self._cut(k + 1)
 
     def swap_future(self) -> int:
-        """Exchange the future with the discarded one; return the number of shared rows."""
+        """Exchange the rows after the branching point with the discarded rows; return the number of rows before it."""
         if self.left is None:
             return len(self)
         shared, future = self.left
@@ -124,25 +126,25 @@ class FlownRows:
 
 
 class Timeline:
-    """Samples of a flight in order of time, its bookmarks, and the last discarded future.
+    """Samples of a flight in order of time, its bookmarks, and the samples that were discarded last.
 
-    Flying on from an earlier time discards the later samples. They are kept until another future is discarded, and
-    `swap_future` restores them.
+    Continuing the flight from an earlier time discards the later samples, its future. The last discarded future is
+    kept, and `swap_future` restores it.
     """
 
     def __init__(self) -> None:
-        self._rows = FlownRows(WIDTH)
+        self._rows = RowHistory(VALUES_PER_SAMPLE)
         self._packed: list[bytes] = []
         self._packed_bytes = 0
         self._first = b""
-        self._every_s = EVERY_S
+        self._every_s = SAMPLE_INTERVAL_S
         self.bookmarks: tuple[Bookmark, ...] = ()
 
     # --- while it is flown
 
-    def wants(self, t_s: float) -> bool:
+    def is_due(self, t_s: float) -> bool:
         """Return True if the state at a time is due."""
-        return self._rows.wants(t_s, self._every_s)
+        return self._rows.is_due(t_s, self._every_s)
 
     def add(self, t_s: float, steered: ChaserState | None, controls: object) -> None:
         """Add a state, unless it is not later than the last."""
@@ -153,11 +155,11 @@ class Timeline:
             self._thin()
 
     def _pack(self, controls: object) -> int:
-        plain = pickle.dumps(controls, protocol=5)
+        data = pickle.dumps(controls, protocol=5)
         # controls are similar: compress relative to the first
-        self._first = self._first or plain
+        self._first = self._first or data
         packer = zlib.compressobj(1, zdict=self._first)
-        compressed = packer.compress(plain) + packer.flush()
+        compressed = packer.compress(data) + packer.flush()
         if not self._packed or self._packed[-1] != compressed:
             self._packed.append(compressed)
             self._packed_bytes += len(compressed)
@@ -165,7 +167,7 @@ class Timeline:
 
     def _thin(self) -> None:
         """Drop every second sample of the whole flight, and the discarded future."""
-        table = np.array(self._rows.numbers).reshape(-1, WIDTH)[::2]
+        table = np.array(self._rows.numbers).reshape(-1, VALUES_PER_SAMPLE)[::2]
         unique_controls, table[:, -1] = np.unique(table[:, -1], return_inverse=True)
         self._packed = [self._packed[int(k)] for k in unique_controls]
         self._packed_bytes = sum(map(len, self._packed))
@@ -181,9 +183,9 @@ class Timeline:
         return self._rows.end_s
 
     @property
-    def bytes_kept(self) -> int:
+    def memory_bytes(self) -> int:
         """Approximate memory use [bytes]."""
-        return len(self) * 8 * WIDTH + self._packed_bytes + 40 * len(self._packed)
+        return len(self) * 8 * VALUES_PER_SAMPLE + self._packed_bytes + 40 * len(self._packed)
 
     # --- to look back
 
@@ -195,17 +197,17 @@ class Timeline:
         """Return the time of a sample [s]."""
         return self._rows.time_of(k)
 
-    def place(self, k: int) -> FlownPlace:
+    def place(self, k: int) -> HistorySample:
         """Return a sample."""
         t_s, *numbers, packed = self._rows.rows(k)
-        plain = zlib.decompressobj(zdict=self._first).decompress(self._packed[int(packed)])
+        data = zlib.decompressobj(zdict=self._first).decompress(self._packed[int(packed)])
         # only data that this class packed
-        controls = pickle.loads(plain)  # noqa: S301
-        return FlownPlace(t_s, _chaser(t_s, numbers), controls)
+        controls = pickle.loads(data)  # noqa: S301
+        return HistorySample(t_s, _chaser(t_s, numbers), controls)
 
     def chaser_between(self, t_s: float) -> ChaserState | None:
         """Interpolate the manually controlled chaser between samples by a cubic; None if guidance flies it."""
-        table = np.array(self._rows.rows(self.at(t_s), 2)).reshape(-1, WIDTH)
+        table = np.array(self._rows.rows(self.at(t_s), 2)).reshape(-1, VALUES_PER_SAMPLE)
         here = _chaser(float(table[0, 0]), table[0, 1:-1].tolist())
         if here is None or len(table) < 2 or np.isnan(table[1, 1]):
             return here
@@ -218,10 +220,10 @@ class Timeline:
         }
         return Recording(pair).chaser(t_s)
 
-    def leave_after(self, k: int) -> None:
+    def truncate_after(self, k: int) -> None:
         """Move all samples after sample k, or all for -1, to the discarded future; see `swap_future`."""
         if k + 1 < len(self):
-            self._rows.leave_after(k)
+            self._rows.truncate_after(k)
 
     @property
     def left_s(self) -> tuple[float, float] | None:
@@ -229,7 +231,7 @@ class Timeline:
         if self._rows.left is None:
             return None
         shared, future = self._rows.left
-        return self.time_of(shared - 1) if shared else 0.0, future[-WIDTH]
+        return self.time_of(shared - 1) if shared else 0.0, future[-VALUES_PER_SAMPLE]
 
     def swap_future(self) -> int:
         """Restore the discarded future in exchange for the present one; return the last common sample.
@@ -258,7 +260,7 @@ class Timeline:
         """
         if len(self.bookmarks) >= MAX_BOOKMARKS:
             raise UserError(f"there are {MAX_BOOKMARKS} bookmarks; take one away first (timeline.unbookmark)")
-        mark = Bookmark(t_s, " ".join(note.split())[:LONGEST_NOTE])
+        mark = Bookmark(t_s, " ".join(note.split())[:MAX_NOTE_LENGTH])
         other_bookmarks = (b for b in self.bookmarks if abs(b.t_s - t_s) > ROUNDING_S)
         self.bookmarks = tuple(sorted((*other_bookmarks, mark), key=lambda b: b.t_s))
         return mark
@@ -271,7 +273,7 @@ class Timeline:
 
 def _numbers(steered: ChaserState | None) -> Sequence[float]:
     if steered is None:
-        return (np.nan,) * (WIDTH - 2)
+        return (np.nan,) * (VALUES_PER_SAMPLE - 2)
     return (
         *steered.position_eci_m,
         *steered.velocity_eci_m_s,

@@ -20,12 +20,14 @@ MAX_FOLDERS = 10_000
 
 
 class FlownFiles:
-    """Incremental writer of a flight from the timeline, up to its last sample; call `go_on` until it is done.
+    """Incremental writer of a recorded flight; call `go_on` until it returns the scenario's path.
 
     Parameters
     ----------
-    session : session to export.
-    folder : empty or new folder.
+    session : FlightSession
+        Session to export.
+    folder : Path
+        Empty or new folder.
 
     Raises
     ------

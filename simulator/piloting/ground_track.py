@@ -23,12 +23,12 @@ if TYPE_CHECKING:
     from flyaround.simulator.world.ephemeris.body import Body
     from flyaround.simulator.world.flight.flight import Flight
 
-SAMPLES = 181
+SAMPLES_PER_ORBIT = 181
 """Points of the track per orbit."""
-AHEAD = 1.7
+SEARCH_ORBITS = 1.7
 """Orbits searched for eclipses; one of them is drawn."""
-_EXACT_S = 0.05
-_WHOLE = 1.0 - 1e-9  # visible share of the Sun that counts as full sunlight
+_TIME_TOLERANCE_S = 0.05
+_FULL_SUN = 1.0 - 1e-9  # visible share of the Sun that counts as full sunlight
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,11 +37,20 @@ class GroundTrack:
 
     Parameters
     ----------
-    t_s : time of the flight.
-    times_s : (n,) times from one orbit before to one after it.
-    latitude_deg, longitude_deg : (n,) geodetic coordinates below the target.
-    sunlit : (n,) share of the Sun's disc visible from the target.
-    enters_s, leaves_s : start and end of the next eclipse; None if there is none within an orbit and a half.
+    t_s : float
+        Time of the flight.
+    times_s : (n,) array
+        Times from one orbit before to one after it.
+    latitude_deg : (n,) array
+        Geodetic latitude below the target.
+    longitude_deg : (n,) array
+        Longitude below the target.
+    sunlit : (n,) array
+        Share of the Sun's disc visible from the target.
+    enters_s : float or None
+        Start of the next eclipse; None if there is none within an orbit and a half.
+    leaves_s : float or None
+        End of the next eclipse, or None.
     """
 
     t_s: float
@@ -60,23 +69,27 @@ def ground_track(flight: Flight, t_s: float) -> GroundTrack:
 
     Parameters
     ----------
-    flight : flight of the target.
-    t_s : time within it.
+    flight : Flight
+        Flight of the target.
+    t_s : float
+        Time within it.
     """
     r, v = flight.orbit(t_s)
     body, mu = flight.body, flight.body.mu_m3_s2
     period = 2 * math.pi * math.sqrt(elements_from_state(r, v, mu).semi_major_axis_m ** 3 / mu)
     now = flight.epoch.plus(t_s)
     gravity = Gravity.of(body, now)
-    before, after = (_arc(r, v, span, gravity) for span in (-period, AHEAD * period))
-    steps = np.linspace(0.0, period, SAMPLES)
+    before, after = (_arc(r, v, span, gravity) for span in (-period, SEARCH_ORBITS * period))
+    steps = np.linspace(0.0, period, SAMPLES_PER_ORBIT)
     offsets = np.concatenate([-steps[:0:-1], steps])
     r_eci = np.vstack([before(-steps[:0:-1]), after(steps)])
     fixed = r_eci @ matrix_from_quat(body.q_fixed_from_eci(now)).T
     latitude, longitude = geodetic_deg(fixed, body)
     longitude = longitude - np.degrees(body.turn_rad_s * offsets)
-    sunlit = _sunlight(flight, t_s, AHEAD * period)
-    enters, leaves = _shadow(lambda dt: float(sunlit(after(dt)[None], np.array([dt]))[0]), AHEAD * period)
+    sunlit = _sunlight(flight, t_s, SEARCH_ORBITS * period)
+    enters, leaves = _shadow(
+        lambda dt: float(sunlit(after(dt)[None], np.array([dt]))[0]), SEARCH_ORBITS * period
+    )
     return GroundTrack(
         t_s,
         t_s + offsets,
@@ -114,32 +127,32 @@ def _sunlight(flight: Flight, t_s: float, span_s: float) -> Callable[[FloatArray
     ]
     centre = next(k for k, state in enumerate(bodies) if state.name == flight.body.name)
 
-    def seen(r: FloatArray, offset_s: FloatArray) -> FloatArray:
-        share = (offset_s / span_s)[:, None]
-        suns = sun + share * (sun_then - sun)
-        geocentric = r + bodies[centre].r_eci_m + share * ways[centre]
+    def visible_fraction(r: FloatArray, offset_s: FloatArray) -> FloatArray:
+        fraction = (offset_s / span_s)[:, None]
+        suns = sun + fraction * (sun_then - sun)
+        geocentric = r + bodies[centre].r_eci_m + fraction * ways[centre]
         # bodies move: shift the positions instead
         shares = [
-            past_body(state, geocentric - share * way, suns - share * way)
-            for state, way in zip(bodies, ways, strict=True)
+            past_body(state, geocentric - fraction * offset, suns - fraction * offset)
+            for state, offset in zip(bodies, ways, strict=True)
         ]
         return np.maximum(add_shares(shares), 0.0)
 
-    return seen
+    return visible_fraction
 
 
 def _shadow(sunlit: Callable[[float], float], span_s: float) -> tuple[float | None, float | None]:
     """Return the times from now at which the next shadow begins and ends."""
-    times = np.linspace(0.0, span_s, int(AHEAD * 150))
-    is_sunlit = np.array([sunlit(float(t)) >= _WHOLE for t in times])
+    times = np.linspace(0.0, span_s, int(SEARCH_ORBITS * 150))
+    is_sunlit = np.array([sunlit(float(t)) >= _FULL_SUN for t in times])
     crossings: dict[bool, float | None] = {False: None, True: None}
     for k in np.flatnonzero(is_sunlit[1:] != is_sunlit[:-1]):
         becomes_lit = bool(is_sunlit[k + 1])
         if crossings[becomes_lit] is None:
             low, high = float(times[k]), float(times[k + 1])
-            while high - low > _EXACT_S:
+            while high - low > _TIME_TOLERANCE_S:
                 middle = (low + high) / 2
-                low, high = (low, middle) if (sunlit(middle) >= _WHOLE) == becomes_lit else (middle, high)
+                low, high = (low, middle) if (sunlit(middle) >= _FULL_SUN) == becomes_lit else (middle, high)
             crossings[becomes_lit] = high
     return crossings[False], crossings[True]
 
@@ -161,7 +174,7 @@ def geodetic_deg(r_fixed_m: FloatArray, body: Body) -> tuple[FloatArray, FloatAr
     return np.degrees(latitude), np.degrees(np.arctan2(y, x))
 
 
-def unbroken(latitude_deg: FloatArray, longitude_deg: FloatArray) -> tuple[FloatArray, FloatArray]:
+def split_at_map_edge(latitude_deg: FloatArray, longitude_deg: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Insert NaN where a line leaves the map at one side and returns at the other."""
     jumps = np.flatnonzero(np.abs(np.diff(longitude_deg)) > 180.0) + 1
     return np.insert(latitude_deg, jumps, np.nan), np.insert(longitude_deg, jumps, np.nan)
@@ -172,7 +185,8 @@ def subsolar_deg(r_sun_eci_m: FloatArray, R_fixed_from_eci: FloatArray) -> tuple
 
     Parameters
     ----------
-    r_sun_eci_m : (3,) position of the Sun from the body's centre.
+    r_sun_eci_m : (3,) array
+        Position of the Sun from the body's centre.
     """
     x, y, z = R_fixed_from_eci @ r_sun_eci_m
     return math.degrees(math.atan2(z, math.hypot(x, y))), math.degrees(math.atan2(y, x))
@@ -187,4 +201,4 @@ def terminator_deg(
     north = np.array([-math.sin(lat) * math.cos(lon), -math.sin(lat) * math.sin(lon), math.cos(lat)])
     turn = np.linspace(-np.pi, np.pi, samples)[:, None]
     x, y, z = (np.cos(turn) * east + np.sin(turn) * north).T
-    return unbroken(np.degrees(np.arcsin(np.clip(z, -1, 1))), np.degrees(np.arctan2(y, x)))
+    return split_at_map_edge(np.degrees(np.arcsin(np.clip(z, -1, 1))), np.degrees(np.arctan2(y, x)))

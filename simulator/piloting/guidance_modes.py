@@ -1,4 +1,4 @@
-"""Guidance modes flown from the present state: a joining path, then the mode's own."""
+"""Guidance modes that start from the present state, with a path that joins the mode's reference."""
 
 from __future__ import annotations
 
@@ -19,27 +19,33 @@ if TYPE_CHECKING:
 
     LvlhState = tuple[FloatArray, FloatArray]
 
-CONTROL_S = 1.0
+CONTROL_PERIOD_S = 1.0
 """Period of control with constant thrust [s]."""
 LARGEST_M_S2 = 0.05
 """Largest thrust per mass along each LVLH axis [m s-2]."""
-JOIN_M_S = 0.2
+JOIN_SPEED_M_S = 0.2
 """Mean speed on the joining path [m s-1]."""
 MIN_JOIN_S = 10.0
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Guided:
+class ActiveGuidance:
     """An active guidance mode.
 
     Parameters
     ----------
-    title : name for people.
-    mode : mode of `flyaround.simulator.world`.
-    n_rad_s : mean motion.
-    start_s : start time.
-    join : states at the start and end of the joining path.
-    join_s : duration of the transfer to the path.
+    title : str
+        Name for people.
+    mode : Chaser
+        Mode of `flyaround.simulator.world`.
+    n_rad_s : float
+        Mean motion.
+    start_s : float
+        Start time.
+    join : tuple of LvlhState
+        States at the start and end of the joining path.
+    join_s : float
+        Duration of the transfer to the path.
     """
 
     title: str
@@ -56,27 +62,28 @@ class Guided:
 
     def aim(self, t_s: float) -> LvlhState:
         """Return the reference position and velocity at a time."""
-        since = t_s - self.start_s
-        if since >= self.join_s:
+        elapsed = t_s - self.start_s
+        if elapsed >= self.join_s:
             if not self.mode.ballistic:
-                return self.mode.state_lvlh(since - self.join_s, self.n_rad_s)
+                return self.mode.state_lvlh(elapsed - self.join_s, self.n_rad_s)
             # a control period that extends beyond the joining path aims at the free flight
             p, v = self.join[1]
-            later = transition_matrix(self.n_rad_s, since - self.join_s) @ np.concatenate([p, v])
+            later = transition_matrix(self.n_rad_s, elapsed - self.join_s) @ np.concatenate([p, v])
             return later[:3], later[3:]
-        return cubic_between(*self.join, self.join_s, since)
+        return cubic_between(*self.join, self.join_s, elapsed)
 
     def phase(self, t_s: float) -> str:
         """Return the phase at a time."""
-        since = t_s - self.start_s
-        return "on the way to its start" if since < self.join_s else self.mode.phase(since - self.join_s)
+        elapsed = t_s - self.start_s
+        return "on the way to its start" if elapsed < self.join_s else self.mode.phase(elapsed - self.join_s)
 
     def acceleration_lvlh(self, t_s: float, state: LvlhState) -> FloatArray:
         """Return the (3,) thrust per mass for the next period of control [m s-2].
 
         Parameters
         ----------
-        state : present position [m] and velocity [m s-1] of the chaser, LVLH.
+        state : LvlhState
+            Present position [m] and velocity [m s-1] of the chaser, LVLH.
         """
         if t_s >= self.coasts_from_s:
             return np.zeros(3)
@@ -84,19 +91,20 @@ class Guided:
         if decide is not None and t_s - self.start_s >= self.join_s:
             impulse = decide(*state, self.n_rad_s)
         else:
-            Phi = transition_matrix(self.n_rad_s, CONTROL_S)
-            impulse = path_impulse(state, self.aim(t_s + CONTROL_S), Phi, CONTROL_S)
-        return np.asarray(np.clip(impulse / CONTROL_S, -LARGEST_M_S2, LARGEST_M_S2))
+            Phi = transition_matrix(self.n_rad_s, CONTROL_PERIOD_S)
+            impulse = path_impulse(state, self.aim(t_s + CONTROL_PERIOD_S), Phi, CONTROL_PERIOD_S)
+        return np.asarray(np.clip(impulse / CONTROL_PERIOD_S, -LARGEST_M_S2, LARGEST_M_S2))
 
 
 def begin_mode(
     title: str, mode: Chaser, state: LvlhState, n_rad_s: float, t_s: float, orbit: OrbitTrack | None = None
-) -> Guided:
-    """Start a mode now; the chaser first flies to its start on a curve that matches both velocities.
+) -> ActiveGuidance:
+    """Start a mode now; the chaser first flies to its start on a cubic that matches position and velocity at both ends.
 
     Parameters
     ----------
-    orbit : orbit of the target, to whose eccentricity free flight is adapted; by default circular.
+    orbit : OrbitTrack, optional
+        Orbit of the target, for free flight in eccentric orbits; by default circular.
     """
     end = mode.state_lvlh(0.0, n_rad_s)
     join_s = _join_s(state, end)
@@ -104,15 +112,17 @@ def begin_mode(
         mu = orbit.forces.mu_m3_s2
         now = elements_from_state(*orbit(t_s), mu)
         end = mode.start_lvlh(replace(now, true_anomaly_rad=true_anomaly_after(now, join_s, mu)), mu)
-    return Guided(title=title, mode=mode, n_rad_s=n_rad_s, start_s=t_s, join=(state, end), join_s=join_s)
+    return ActiveGuidance(
+        title=title, mode=mode, n_rad_s=n_rad_s, start_s=t_s, join=(state, end), join_s=join_s
+    )
 
 
 def _join_s(start: LvlhState, end: LvlhState) -> float:
     """Return a duration suited to the speed and to half of the available thrust."""
-    way = float(np.linalg.norm(end[0] - start[0]))
+    distance = float(np.linalg.norm(end[0] - start[0]))
     speeds = float(np.linalg.norm(start[1]) + np.linalg.norm(end[1]))
     most = LARGEST_M_S2 / 2
-    return max(MIN_JOIN_S, way / JOIN_M_S, float(np.sqrt(6 * way / most)), 4 * speeds / most)
+    return max(MIN_JOIN_S, distance / JOIN_SPEED_M_S, float(np.sqrt(6 * distance / most)), 4 * speeds / most)
 
 
 def cubic_between(start: LvlhState, end: LvlhState, duration_s: float, t_s: float) -> LvlhState:
@@ -120,8 +130,10 @@ def cubic_between(start: LvlhState, end: LvlhState, duration_s: float, t_s: floa
 
     Parameters
     ----------
-    duration_s : time between them.
-    t_s : time since the first.
+    duration_s : float
+        Time between them.
+    t_s : float
+        Time since the first.
     """
     (p0, v0), (p1, v1) = start, end
     x, T = t_s / duration_s, duration_s

@@ -28,14 +28,14 @@ if TYPE_CHECKING:
     from flyaround.simulator.piloting.piloted_craft import PilotedCraft
     from flyaround.simulator.world.guidance.chaser import Chaser
 
-CLEAR_RADII = 1.5
-"""Least distance of a mode from the centre of mass, in radii of the target."""
-NEAR_M = 10.0
+MIN_CLEARANCE_RADII = 1.5
+"""Smallest distance of a guidance mode from the centre of mass, in radii of the target."""
+HOLD_DISTANCE_M = 10.0
 """Default distance of a hold point from the centre of mass [m]; farther from a large target."""
 APPROACH_M_S = 0.1
-TURN_S = 900.0
+FLYAROUND_PERIOD_S = 900.0
 """Default period of a fly-around [s]."""
-KEPT_M = 5.0
+RANGE_AMPLITUDE_M = 5.0
 """Default amplitude of range keeping to both sides [m]."""
 MIN_SWING_M = 4.0
 
@@ -95,8 +95,8 @@ class ApproachVbar(GuidanceOrder):
         hold_m = _near_m(radius_m) if self.hold_m is None else self.hold_m
         _check_clear(hold_m, radius_m, "the hold point")
         side = -1.0 if state[0][self.along] < 0 else 1.0
-        away = max(float(np.linalg.norm(state[0])), hold_m)
-        return self.path(start_m=side * away, hold_m=side * hold_m, speed_m_s=self.speed_m_s)
+        distance = max(float(np.linalg.norm(state[0])), hold_m)
+        return self.path(start_m=side * distance, hold_m=side * hold_m, speed_m_s=self.speed_m_s)
 
 
 @dataclass(frozen=True)
@@ -110,7 +110,10 @@ class ApproachRbar(ApproachVbar):
 
 @dataclass(frozen=True)
 class FlyGlideslope(GuidanceOrder):
-    """Fly straight in to a distance; at a hundredth of the remaining distance per second, finally 1 cm/s."""
+    """Fly straight towards the target up to a distance.
+
+    The speed is 1 % of the remaining distance per second, and at least 1 cm/s.
+    """
 
     title = "glideslope"
     end_m: float | None = None
@@ -120,15 +123,15 @@ class FlyGlideslope(GuidanceOrder):
         end_m = _near_m(radius_m) if self.end_m is None else self.end_m
         _check_clear(end_m, radius_m, "the end of the glideslope")
         p = state[0]
-        away = float(np.linalg.norm(p))
-        if away <= end_m:
+        distance = float(np.linalg.norm(p))
+        if distance <= end_m:
             raise UserError(
-                f"the chaser is {away:.1f} m from the target, inside {end_m:g} m; name a nearer end"
+                f"the chaser is {distance:.1f} m from the target, inside {end_m:g} m; name a nearer end"
             )
         return Glideslope(
             start_lvlh_m=vec3(p),
-            end_lvlh_m=vec3(p * (end_m / away)),
-            start_m_s=max(0.01 * (away - end_m), 0.0101),
+            end_lvlh_m=vec3(p * (end_m / distance)),
+            start_m_s=max(0.01 * (distance - end_m), 0.0101),
             end_m_s=0.01,
         )
 
@@ -156,7 +159,7 @@ class FlyAround(GuidanceOrder):
 
     title = "fly-around"
     circle_m: float | None = None
-    period_s: float = TURN_S
+    period_s: float = FLYAROUND_PERIOD_S
 
     def mode(self, state: LvlhState, radius_m: float) -> ForcedFlyaround:
         """Return the circle, through the chaser unless its radius is given."""
@@ -211,7 +214,7 @@ class FlySafeEllipse(Circumnavigate):
 
 @dataclass(frozen=True)
 class KeepRange(GuidanceOrder):
-    """Drift between two distances, reversing at each."""
+    """Drift between two distances, and reverse the direction at each."""
 
     title = "range keeping"
     near_m: float | None = None
@@ -219,25 +222,29 @@ class KeepRange(GuidanceOrder):
 
     def mode(self, state: LvlhState, radius_m: float) -> RangeKeeping:
         """Return range keeping."""
-        away = float((state[0] @ state[0]) ** 0.5)
-        near_m = max(away - KEPT_M, CLEAR_RADII * radius_m) if self.near_m is None else self.near_m
-        far_m = away + KEPT_M if self.far_m is None else self.far_m
+        distance = float((state[0] @ state[0]) ** 0.5)
+        near_m = (
+            max(distance - RANGE_AMPLITUDE_M, MIN_CLEARANCE_RADII * radius_m)
+            if self.near_m is None
+            else self.near_m
+        )
+        far_m = distance + RANGE_AMPLITUDE_M if self.far_m is None else self.far_m
         _check_clear(near_m, radius_m, "the nearer distance")
-        away = float(np.linalg.norm(state[0]))
-        if not near_m <= away <= far_m or far_m - near_m < MIN_SWING_M:
+        distance = float(np.linalg.norm(state[0]))
+        if not near_m <= distance <= far_m or far_m - near_m < MIN_SWING_M:
             raise UserError(
-                f"the chaser is {away:.1f} m away; name two distances, at least 4 m apart, that it is between"
+                f"the chaser is {distance:.1f} m away; name two distances, at least 4 m apart, that it is between"
             )
         return RangeKeeping(position_lvlh_m=vec3(state[0]), near_m=near_m, far_m=far_m)
 
 
 def _near_m(radius_m: float) -> float:
-    return max(NEAR_M, 2 * CLEAR_RADII * radius_m)
+    return max(HOLD_DISTANCE_M, 2 * MIN_CLEARANCE_RADII * radius_m)
 
 
 def _check_clear(away_m: float, radius_m: float, what: str) -> None:
-    least = CLEAR_RADII * radius_m
-    if away_m < least:
+    min_distance = MIN_CLEARANCE_RADII * radius_m
+    if away_m < min_distance:
         raise UserError(
-            f"{what} comes within {away_m:.1f} m of the target's centre of mass; allowed: at least {least:.1f} m"
+            f"{what} comes within {away_m:.1f} m of the target's centre of mass; allowed: at least {min_distance:.1f} m"
         )

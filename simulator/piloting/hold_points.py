@@ -14,9 +14,9 @@ Decision = Literal["open", "go", "no-go", "passed"]
 
 DISTANCES_M = (150.0, 100.0, 50.0, 20.0, 10.0, 5.0)
 """Distances from the port [m]; those beyond the chaser's start are omitted."""
-AT_SHARE, AT_LEAST_M = 0.03, 0.2
+POSITION_TOLERANCE, MIN_POSITION_TOLERANCE_M = 0.03, 0.2
 """Tolerance of a hold point's position: a share of its distance, at least this distance [m]."""
-RESTS_BELOW_M_S = 0.02
+REST_SPEED_M_S = 0.02
 """Speed below which the chaser counts as at rest at a hold point [m s-1], plus 1e-3 of its distance per second."""
 
 
@@ -26,8 +26,10 @@ class HoldPoint:
 
     Parameters
     ----------
-    axial_m : distance of the docking point in front of the port.
-    decision : open until the operator decides, or until the chaser passes the point without a go.
+    axial_m : float
+        Distance of the docking point in front of the port.
+    decision : Decision, optional
+        Open until the operator decides, or until the chaser passes the point without a go.
     """
 
     name: str
@@ -37,7 +39,7 @@ class HoldPoint:
     @property
     def within_m(self) -> float:
         """Tolerance of its position [m]."""
-        return max(AT_LEAST_M, AT_SHARE * self.axial_m)
+        return max(MIN_POSITION_TOLERANCE_M, POSITION_TOLERANCE * self.axial_m)
 
 
 class HoldPoints:
@@ -45,8 +47,10 @@ class HoldPoints:
 
     Parameters
     ----------
-    start_m : distance at which the approach begins.
-    distances_m : distances of the points.
+    start_m : float
+        Distance at which the approach begins.
+    distances_m : tuple of float, optional
+        Distances of the points.
     """
 
     def __init__(self, start_m: float, distances_m: tuple[float, ...] = DISTANCES_M) -> None:
@@ -76,7 +80,7 @@ class HoldPoints:
         """Reset the hold points ahead if the chaser is outside the corridor; at least the nearest one remains."""
         if figures.off_axis_deg > corridor_deg:
             nearest_m = min(self._distances_m)
-            self.begin(max(figures.range_m, nearest_m * (1 + AT_SHARE)))
+            self.begin(max(figures.range_m, nearest_m * (1 + POSITION_TOLERANCE)))
 
     def go(
         self, figures: DockingFigures, limits: DockingLimits, corridor_deg: float = CORRIDOR_DEG
@@ -85,10 +89,10 @@ class HoldPoints:
         point = self.next
         if point is None:
             return ("there is no hold point left",)
-        against = not_ready(point, figures, limits, corridor_deg)
-        if not against:
+        reasons = not_ready(point, figures, limits, corridor_deg)
+        if not reasons:
             self._decide(point, "go")
-        return against
+        return reasons
 
     def no_go(self) -> HoldPoint | None:
         """Give a no-go for the next point, and return it, if there is one."""
@@ -105,16 +109,16 @@ def not_ready(
     point: HoldPoint, figures: DockingFigures, limits: DockingLimits, corridor_deg: float = CORRIDOR_DEG
 ) -> tuple[str, ...]:
     """Return the reasons why the chaser may not leave a hold point; empty if it may."""
-    against = []
-    away = figures.axial_m - point.axial_m
-    if abs(away) > point.within_m:
-        where = "before" if away > 0 else "behind"
-        against.append(f"{abs(away):.1f} m {where} {point.name}")
-    if figures.speed_m_s > RESTS_BELOW_M_S + 1e-3 * point.axial_m:
-        against.append(f"moving at {figures.speed_m_s:.2f} m/s")
-    against += [
+    reasons = []
+    distance = figures.axial_m - point.axial_m
+    if abs(distance) > point.within_m:
+        where = "before" if distance > 0 else "behind"
+        reasons.append(f"{abs(distance):.1f} m {where} {point.name}")
+    if figures.speed_m_s > REST_SPEED_M_S + 1e-3 * point.axial_m:
+        reasons.append(f"moving at {figures.speed_m_s:.2f} m/s")
+    reasons += [
         f"{row.name} {row.value:+.2f} {row.unit}"
         for row in judge(figures, limits, corridor_deg)
         if row.state != "within"
     ]
-    return tuple(against)
+    return tuple(reasons)

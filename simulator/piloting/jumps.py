@@ -25,10 +25,10 @@ EVENTS: dict[Event, str] = {
     "sunrise": "the target is wholly in sunlight again",
     "terminator": "the target flies over the line between day and night",
 }
-EXACT_S = 0.01
-NEAR_S = 300.0
+TIME_TOLERANCE_S = 0.01
+SEARCH_MARGIN_S = 300.0
 """Largest delay of an event relative to its time on a simplified orbit [s]."""
-_STEPS_AN_ORBIT = 200
+_STEPS_PER_ORBIT = 200
 """Steps per orbit: an eclipse lasts a third of a low orbit, and a twentieth of a geostationary one."""
 
 
@@ -47,7 +47,7 @@ def event_ahead_s(plan: Plan, flight: Flight, event: Event, now_s: float) -> flo
         # two days with all forces take 15 s: search first with a simplified orbit, then precisely
         when = next_event_s(orbit_ahead(plan, end_s + 1.0, quick=True), event, now_s)
         if when is not None:
-            near_s = when + NEAR_S
+            near_s = when + SEARCH_MARGIN_S
             near = orbit_ahead(plan, near_s + 1.0, quick=False)
             when = next_event_s(near, event, now_s, until_s=near_s)
     if when is None:
@@ -65,13 +65,14 @@ def next_event_s(flight: Flight, event: Event, after_s: float, until_s: float | 
 
     Parameters
     ----------
-    flight : must reach ``until_s``, or else `search_s` beyond ``after_s``.
+    flight : Flight
+        Must reach ``until_s``, or else `search_s` beyond ``after_s``.
     """
     margin = margin_of(flight, event)
     end_s = after_s + search_s(flight) if until_s is None else until_s
-    step = search_s(flight) / (2 * _STEPS_AN_ORBIT)
+    step = search_s(flight) / (2 * _STEPS_PER_ORBIT)
     # do not find the event again that was jumped to
-    low_s = after_s + 2 * EXACT_S
+    low_s = after_s + 2 * TIME_TOLERANCE_S
     low = margin(low_s)
     while low_s < end_s:
         high_s = min(low_s + step, end_s)
@@ -112,7 +113,7 @@ def sun_height(flight: Flight, t_s: float) -> float:
 def _crossing_s(margin: Callable[[float], float], low_s: float, high_s: float) -> float:
     """Return the time just after a margin changes sign, by bisection."""
     before = margin(low_s) > 0
-    while high_s - low_s > EXACT_S:
+    while high_s - low_s > TIME_TOLERANCE_S:
         middle = (low_s + high_s) / 2
         if (margin(middle) > 0) == before:
             low_s = middle

@@ -1,7 +1,7 @@
-"""The recorded past of a flight: seek, replay, and fly on from there.
+"""The recorded past of a flight: seek, replay, and continuation from an earlier time.
 
-Looking back loses nothing: replay shows the recorded flight up to its end. Steering, or any order that changes the
-control, continues the flight from the time shown and discards the later part.
+Seeking and replay do not change the recorded flight. Steering, or any order that changes the control, continues the
+flight from the time shown and discards the later part.
 """
 
 from __future__ import annotations
@@ -25,8 +25,8 @@ if TYPE_CHECKING:
     from flyaround.simulator.world.guidance.manual_control import ChaserState
 
 MAX_TRAIL_POINTS = 4000
-TRAIL_EVERY_S = 0.5
-SWAPPED_TRAIL_POINTS = 400
+TRAIL_INTERVAL_S = 0.5
+RESTORED_TRAIL_POINTS = 400
 """Points of the trail of a restored future."""
 
 
@@ -58,19 +58,19 @@ class LookBack:
         """Record the state before a step, if it is due."""
         self.keep()
         recorder = self.recorder
-        if recorder is not None and recorder.wants(self._craft.t_s):
+        if recorder is not None and recorder.is_due(self._craft.t_s):
             recorder.add(self._craft.world)
 
     def keep(self, *, always: bool = False) -> None:
         """Add the present state to the timeline, if it is due."""
         craft = self._craft
-        if not self.active and (always or self.timeline.wants(craft.t_s)):
+        if not self.active and (always or self.timeline.is_due(craft.t_s)):
             self.timeline.add(craft.t_s, craft.steered, craft.controls())
 
     def leave_trail(self) -> None:
         """Add the present position to the trail, if it is due."""
         craft = self._craft
-        if self.trail.wants(craft.t_s):
+        if self.trail.is_due(craft.t_s):
             self.trail.add(craft.t_s, lvlh_position(craft.flight, craft.chaser))
 
     # --- earlier times
@@ -95,10 +95,10 @@ class LookBack:
         return self._go(min(max(here + samples, 0), len(self.timeline) - 1))
 
     def _go(self, k: int) -> float:
-        place = self.timeline.place(k)
-        self._restore(place.t_s, place.steered, place.controls)
+        sample = self.timeline.place(k)
+        self._restore(sample.t_s, sample.steered, sample.controls)
         self.active = k < len(self.timeline) - 1
-        return place.t_s
+        return sample.t_s
 
     def _restore(self, t_s: float, steered: ChaserState | None, controls: object) -> None:
         self._clock.reset()
@@ -119,8 +119,8 @@ class LookBack:
         if t_s >= self.timeline.end_s:
             self._go(len(self.timeline) - 1)
             return True
-        place = self.timeline.place(self.timeline.at(t_s))
-        self._restore(t_s, self.timeline.chaser_between(t_s), place.controls)
+        sample = self.timeline.place(self.timeline.at(t_s))
+        self._restore(t_s, self.timeline.chaser_between(t_s), sample.controls)
         return False
 
     # --- futures
@@ -146,8 +146,8 @@ class LookBack:
             t_s = self.timeline.time_of(k) if k >= 0 else -1.0
             self.trail.cut(t_s)
             if self.recorder is not None:
-                self.recorder.leave_after(t_s)
-            self.timeline.leave_after(k)
+                self.recorder.truncate_after(t_s)
+            self.timeline.truncate_after(k)
 
     def swap_future(self) -> float:
         """Exchange the future with the discarded one, and seek to their common end; return that time [s].
@@ -159,7 +159,7 @@ class LookBack:
         """
         self.keep(always=True)
         k = self.timeline.swap_future()
-        flight, times = self._craft.flight, np.linspace(0.0, self.timeline.end_s, SWAPPED_TRAIL_POINTS)
+        flight, times = self._craft.flight, np.linspace(0.0, self.timeline.end_s, RESTORED_TRAIL_POINTS)
         trail = [(float(t), self.timeline.chaser_between(float(t))) for t in times]
         self.trail.replace((t, lvlh_position(flight, c or flight.chaser(t))) for t, c in trail)
         if self.recorder is not None:
@@ -173,15 +173,15 @@ class Trail:
     def __init__(self) -> None:
         self.points: list[Vec3] = []
         self._times_s: list[float] = []
-        self._every_s = TRAIL_EVERY_S
+        self._every_s = TRAIL_INTERVAL_S
 
-    def wants(self, t_s: float) -> bool:
+    def is_due(self, t_s: float) -> bool:
         """Return True if a position is due."""
         return not self._times_s or t_s - self._times_s[-1] >= self._every_s
 
-    def add(self, t_s: float, place: Vec3) -> None:
+    def add(self, t_s: float, sample: Vec3) -> None:
         """Add a position, later than the last."""
-        self.points.append(place)
+        self.points.append(sample)
         self._times_s.append(t_s)
         if len(self.points) > MAX_TRAIL_POINTS:
             self.points, self._times_s = self.points[::2], self._times_s[::2]
@@ -192,7 +192,7 @@ class Trail:
         n_kept = sum(t <= t_s for t in self._times_s)
         del self.points[n_kept:], self._times_s[n_kept:]
         if not n_kept:
-            self._every_s = TRAIL_EVERY_S
+            self._every_s = TRAIL_INTERVAL_S
 
     def replace(self, places: Iterable[tuple[float, Vec3]]) -> None:
         """Replace all positions, in order of time."""

@@ -19,8 +19,8 @@ if TYPE_CHECKING:
     from flyaround.simulator.world.flight.flight import Flight
 
 
-STILL = Hold(position_lvlh_m=(0.0, 100.0, 0.0))
-"""A chaser that is cheap to propagate, as a placeholder."""
+PLACEHOLDER_CHASER = Hold(position_lvlh_m=(0.0, 100.0, 0.0))
+"""Placeholder for the chaser, which is cheap to propagate."""
 
 
 def orbit_ahead(plan: Plan, span_s: float, *, quick: bool) -> Flight:
@@ -28,9 +28,12 @@ def orbit_ahead(plan: Plan, span_s: float, *, quick: bool) -> Flight:
 
     Parameters
     ----------
-    quick : True for a point mass with J2 instead of the scenario's forces: seconds off after some orbits.
+    quick : bool
+        True for a point mass with J2 instead of the scenario's forces: seconds off after some orbits.
     """
-    plain = msgspec.structs.replace(plan.scenario, chaser=STILL, attitude=Attitude(motion="fixed"))
+    plain = msgspec.structs.replace(
+        plan.scenario, chaser=PLACEHOLDER_CHASER, attitude=Attitude(motion="fixed")
+    )
     if quick:
         plain = msgspec.structs.replace(plain, forces=Forces())
     return fly(plain, plan.target, span_s)
@@ -39,15 +42,19 @@ def orbit_ahead(plan: Plan, span_s: float, *, quick: bool) -> Flight:
 def longer_flight(plan: Plan, flight: Flight, spans_s: tuple[float, ...], *, guided: bool) -> Flight:
     """Return the flight over a longer span; the camera's reference does not change.
 
-    Guidance by thrusters decides once a second, which takes a minute for two days. Under manual control its track is
-    not needed, and is not extended.
+    Guidance by thrusters runs once a second, so that extending its track is slow. Under manual control the track is not
+    needed and is not extended.
 
     Parameters
     ----------
-    plan : plan of the scenario.
-    flight : present flight.
-    guided : True if guidance flies to its end.
-    spans_s : spans from the start in order of preference; a later one is used if an earlier one is impossible.
+    plan : Plan
+        Plan of the scenario.
+    flight : Flight
+        Present flight.
+    spans_s : tuple of float
+        Spans from the start in order of preference; a later one is used if an earlier one is impossible.
+    guided : bool
+        True if guidance flies to its end.
 
     Raises
     ------
@@ -56,19 +63,19 @@ def longer_flight(plan: Plan, flight: Flight, spans_s: tuple[float, ...], *, gui
     """
     for span_s in spans_s[:-1]:
         with contextlib.suppress(UserError):
-            return _longer(plan, flight, span_s, guided=guided)
-    return _longer(plan, flight, spans_s[-1], guided=guided)
+            return _extend_flight(plan, flight, span_s, guided=guided)
+    return _extend_flight(plan, flight, spans_s[-1], guided=guided)
 
 
-def _longer(plan: Plan, flight: Flight, span_s: float, *, guided: bool) -> Flight:
+def _extend_flight(plan: Plan, flight: Flight, span_s: float, *, guided: bool) -> Flight:
     scenario = plan.scenario
     costly = flight.controlled is not None or flight.scripted is not None or flight.wheels is not None
     # a target with a pointing attitude may point at the chaser
     if guided or not costly or scenario.attitude.motion == "point":
         return replace(fly(scenario, plan.target, span_s), pointing=flight.pointing)
-    longer = fly(msgspec.structs.replace(scenario, chaser=STILL), plan.target, span_s)
+    extended = fly(msgspec.structs.replace(scenario, chaser=PLACEHOLDER_CHASER), plan.target, span_s)
     return replace(
-        longer,
+        extended,
         pointing=flight.pointing,
         guidance=flight.guidance,
         controlled=flight.controlled,

@@ -1,4 +1,4 @@
-"""The pilot's command as a value: a manual demand, and orders to carry out once."""
+"""Commands of a pilot: a manual demand that is held, and orders that are carried out once."""
 
 from __future__ import annotations
 
@@ -217,7 +217,7 @@ class Approach(Order):
 
 @dataclass(frozen=True)
 class Go(Order):
-    """Let the chaser pass its hold point; refused while a figure exceeds its limit."""
+    """Let the chaser pass its hold point. Refused while a figure exceeds its limit."""
 
     def carry_out(self, craft: PilotedCraft) -> News:
         """Take over, and pass the point."""

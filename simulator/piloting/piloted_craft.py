@@ -29,13 +29,13 @@ HOLD_POINTS_EVERY_S = 0.5
 """Period of the check for passed hold points."""
 FIRST_SPAN_S = 1800.0
 MARGIN_S = 60.0
-"""Least span for which the flight is propagated ahead."""
+"""Smallest span for which the flight is propagated ahead [s]."""
 PREDICTION_S = 600.0
 """Span of the prediction after the last burn."""
 
 
 class PilotedCraft:
-    """The chaser, its controls, and the flight of its target, as far as it is propagated.
+    """The chaser, its controls, and the flight of its target, which is propagated on demand.
 
     Parameters
     ----------
@@ -126,7 +126,7 @@ class PilotedCraft:
         self.steered = None
         self.reach(self.t_s)
         self.docking.docked = False
-        self.steering.let_go()
+        self.steering.release_controls()
 
     def set_attitude(self, mode: AttitudeMode) -> None:
         """Take over and select an attitude mode; ``target`` keeps the target at its position in the image."""
@@ -180,7 +180,7 @@ class PilotedCraft:
         after, news = self.docking.after_step(before, moved, self.flight)
         self.steering.news += news
         if self.docking.docked:
-            self.steering.let_go()
+            self.steering.release_controls()
         elif after.t_s >= self._hold_points_at_s:
             self._hold_points_at_s = after.t_s + HOLD_POINTS_EVERY_S
             figures = self.docking.figures(after, self.flight)
@@ -191,10 +191,10 @@ class PilotedCraft:
 
     def controls(self) -> tuple[Mode, dict[str, Any], dict[str, Any]]:
         """Return the guidance state that a seek must restore, without pressed keys."""
-        return self.mode, self.steering.kept(), self.docking.kept()
+        return self.mode, self.steering.saved_state(), self.docking.saved_state()
 
     def restore(self, t_s: float, steered: ChaserState | None, controls: Any) -> None:  # noqa: ANN401 - of `controls`
         """Restore an earlier state."""
         self.t_s, self.steered, self._hold_points_at_s = t_s, steered, t_s
-        self.steering.bring_back(controls[1])
-        self.docking.bring_back(controls[2])
+        self.steering.restore_state(controls[1])
+        self.docking.restore_state(controls[2])

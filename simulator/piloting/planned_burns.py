@@ -24,8 +24,8 @@ if TYPE_CHECKING:
 BURN_M_S2 = 0.05
 """Acceleration of a burn, which is centred on its time [m s-2]."""
 MAX_BURNS = 8
-LARGEST_M_S = 50.0
-LONGEST_AHEAD_S = 200_000.0
+MAX_DELTA_V_M_S = 50.0
+MAX_BURN_LEAD_S = 200_000.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -34,8 +34,10 @@ class PlannedBurn:
 
     Parameters
     ----------
-    t_s : time of its centre, since the scenario's start.
-    delta_v_lvlh_m_s : radial, along-track, cross-track.
+    t_s : float
+        Time of its centre, since the scenario's start.
+    delta_v_lvlh_m_s : array
+        Radial, along-track, cross-track.
     """
 
     t_s: float
@@ -78,16 +80,16 @@ class BurnPlan:
         """
         if not np.isfinite([burn.t_s, *burn.delta_v_lvlh_m_s]).all():
             raise UserError("a burn's time and its three parts of delta-v must be finite numbers")
-        if burn.size_m_s == 0.0 or burn.size_m_s > LARGEST_M_S:
+        if burn.size_m_s == 0.0 or burn.size_m_s > MAX_DELTA_V_M_S:
             raise UserError(
-                f"a burn of {burn.size_m_s:g} m/s cannot be planned; allowed: more than 0, at most {LARGEST_M_S:g}"
+                f"a burn of {burn.size_m_s:g} m/s cannot be planned; allowed: more than 0, at most {MAX_DELTA_V_M_S:g}"
             )
         if burn.start_s < now_s:
             raise UserError(
                 f"the burn would begin at T+{burn.start_s:.1f} s, and it is T+{now_s:.1f} s; plan it later"
             )
-        if burn.t_s > now_s + LONGEST_AHEAD_S:
-            raise UserError(f"the burn is more than {LONGEST_AHEAD_S:g} s ahead; plan it sooner")
+        if burn.t_s > now_s + MAX_BURN_LEAD_S:
+            raise UserError(f"the burn is more than {MAX_BURN_LEAD_S:g} s ahead; plan it sooner")
         other_burns = tuple(b for b in self.burns if b.t_s != burn.t_s)
         if len(other_burns) >= MAX_BURNS:
             raise UserError(f"{MAX_BURNS} burns are planned already; cancel one first")
@@ -130,9 +132,12 @@ class PredictedPath:
 
     Parameters
     ----------
-    times_s : (n,) times.
-    points_lvlh_m : (n, 3) positions.
-    nodes_lvlh_m : (burns, 3) position of each burn.
+    times_s : (n,) array
+        Times.
+    points_lvlh_m : (n, 3) array
+        Positions.
+    nodes_lvlh_m : (burns, 3) array
+        Position of each burn.
     """
 
     times_s: FloatArray
@@ -147,10 +152,14 @@ def predicted_path(
 
     Parameters
     ----------
-    orbit : orbit of the target.
-    chaser : present state.
-    after_s : time after the last burn.
-    samples : points per leg between burns.
+    orbit : OrbitTrack
+        Orbit of the target.
+    chaser : ChaserState
+        Present state.
+    after_s : float
+        Time after the last burn.
+    samples : int, optional
+        Points per leg between burns.
     """
     mu = orbit.forces.mu_m3_s2
     elements = elements_from_state(*orbit(chaser.t_s), mu)

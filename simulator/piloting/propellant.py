@@ -26,7 +26,8 @@ class Propellant:
 
     Parameters
     ----------
-    thrusters : mass at the start and specific impulse.
+    thrusters : Thrusters
+        Mass at the start and specific impulse.
     """
 
     thrusters: Thrusters
@@ -46,7 +47,8 @@ class Propellant:
 
         Parameters
         ----------
-        acceleration_camera_m_s2 : (3,) applied for ``dt_s``.
+        acceleration_camera_m_s2 : (3,) array
+            Applied for ``dt_s``.
         """
         if not acceleration_camera_m_s2.any():
             return self
@@ -63,8 +65,10 @@ def plume_strikes(chaser: ChaserState, acceleration_camera_m_s2: FloatArray, tar
 
     Parameters
     ----------
-    acceleration_camera_m_s2 : (3,) acceleration.
-    target_radius_m : radius of the sphere about the target.
+    acceleration_camera_m_s2 : (3,) array
+        Acceleration.
+    target_radius_m : float
+        Radius of the sphere about the target.
     """
     los = -matrix_from_quat(chaser.q_camera_from_eci_wxyz) @ np.array(chaser.position_eci_m)
     distance = float(np.linalg.norm(los))

@@ -11,7 +11,7 @@ import time
 from typing import TYPE_CHECKING, TextIO
 
 from flyaround.simulator.errors import UserError
-from flyaround.simulator.piloting.flight_history import EVERY_S, FlownRows
+from flyaround.simulator.piloting.flight_history import SAMPLE_INTERVAL_S, RowHistory
 from flyaround.simulator.runtime.files import empty_folder, write_atomic
 from flyaround.simulator.scenario.write import replay_scenario
 from flyaround.simulator.world.flight.recording import (
@@ -30,9 +30,9 @@ if TYPE_CHECKING:
     from flyaround.simulator.scenario.scenario import Scenario
     from flyaround.simulator.world.flight.world_state import WorldState
 
-REPLAY_EVERY_S = 1.0
+REPLAY_INTERVAL_S = 1.0
 """Interval between writes of ``replay.toml``, which states the flight's length [s]."""
-WHOLE, REPLAY = "flight.npz", "replay.toml"
+RECORDING_NAME, REPLAY_NAME = "flight.npz", "replay.toml"
 
 
 class FlightRecorder:
@@ -40,11 +40,12 @@ class FlightRecorder:
 
     Parameters
     ----------
-    clock : monotonic time [s].
+    clock : callable, optional
+        Monotonic time [s].
     """
 
     def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
-        self._rows = FlownRows(NUMBERS)
+        self._rows = RowHistory(NUMBERS)
         self.trouble: str | None = None
         """Reason why the flight is not on disk; None if it is."""
         self._untold: str | None = None
@@ -81,9 +82,9 @@ class FlightRecorder:
         """Time of the last state [s]; 0 if there is none."""
         return self._rows.end_s
 
-    def wants(self, t_s: float) -> bool:
+    def is_due(self, t_s: float) -> bool:
         """Return True if the state at a time is due."""
-        return self._rows.wants(t_s, EVERY_S)
+        return self._rows.is_due(t_s, SAMPLE_INTERVAL_S)
 
     def add(self, state: WorldState) -> None:
         """Add a state, later than the last. A full disk does not end a flight: see `trouble`."""
@@ -91,11 +92,11 @@ class FlightRecorder:
         self._rows.numbers.extend(row)
         self._write_row(row)
 
-    def leave_after(self, t_s: float) -> None:
+    def truncate_after(self, t_s: float) -> None:
         """Discard the recorded flight after ``t_s``."""
         k = self._rows.at(t_s)
         if not 0 < k + 1 == len(self):
-            self._rows.leave_after(k)
+            self._rows.truncate_after(k)
             self._begin()
 
     def swap_future(self) -> None:
@@ -121,7 +122,7 @@ class FlightRecorder:
             folder.mkdir(parents=True, exist_ok=True)
         replay = write_flight(folder, scenario, self.recording) if self.long_enough else None
         with contextlib.suppress(OSError):
-            (folder / WHOLE).with_suffix(CSV_SUFFIX).unlink(missing_ok=True)
+            (folder / RECORDING_NAME).with_suffix(CSV_SUFFIX).unlink(missing_ok=True)
         return replay
 
     @property
@@ -140,10 +141,10 @@ class FlightRecorder:
             return
         folder, _ = self._kept
         self._stop()
-        self.trouble, self._replay_due_s = None, self._clock() + REPLAY_EVERY_S
+        self.trouble, self._replay_due_s = None, self._clock() + REPLAY_INTERVAL_S
         try:
-            (folder / REPLAY).unlink(missing_ok=True)
-            self._lines = (folder / WHOLE).with_suffix(CSV_SUFFIX).open("w", encoding="ascii")
+            (folder / REPLAY_NAME).unlink(missing_ok=True)
+            self._lines = (folder / RECORDING_NAME).with_suffix(CSV_SUFFIX).open("w", encoding="ascii")
             self._lines.write(csv_header())
             self._lines.flush()
         except OSError as error:
@@ -160,16 +161,16 @@ class FlightRecorder:
             # flush to the system, which keeps the data if this program is killed
             self._lines.flush()
             if self.long_enough and self._clock() >= self._replay_due_s:
-                self._replay_due_s = self._clock() + REPLAY_EVERY_S
-                name = (folder / WHOLE).with_suffix(CSV_SUFFIX).name
+                self._replay_due_s = self._clock() + REPLAY_INTERVAL_S
+                name = (folder / RECORDING_NAME).with_suffix(CSV_SUFFIX).name
                 _write_replay(folder, scenario, name, row[0])
         except (OSError, UserError) as error:
             self._fail(error)
 
     def _fail(self, error: Exception) -> None:
-        why = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
+        reason = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
         self.trouble = self._untold = (
-            f"the flight is not recorded any more ({why}); it is tried again at the end"
+            f"the flight is not recorded any more ({reason}); it is tried again at the end"
         )
         self._stop()
 
@@ -188,11 +189,11 @@ def write_flight(folder: Path, scenario: Scenario, recording: Recording) -> Path
     UserError
         If it cannot be written.
     """
-    write_atomic(folder / WHOLE, recording.to_bytes())
-    return _write_replay(folder, scenario, WHOLE, recording.duration_s)
+    write_atomic(folder / RECORDING_NAME, recording.to_bytes())
+    return _write_replay(folder, scenario, RECORDING_NAME, recording.duration_s)
 
 
 def _write_replay(folder: Path, scenario: Scenario, recording: str, duration_s: float) -> Path:
-    path = folder / REPLAY
+    path = folder / REPLAY_NAME
     write_atomic(path, replay_scenario(scenario, recording, duration_s).encode())
     return path

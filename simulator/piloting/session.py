@@ -29,11 +29,11 @@ if TYPE_CHECKING:
     from flyaround.simulator.world.flight.world_state import WorldState
     from flyaround.simulator.world.guidance.manual_control import ChaserState
 
-LONGEST_JUMP_S = 7200.0
+MAX_JUMP_S = 7200.0
 """Longest jump to a hold point that is not reached [s]."""
 FRAME_STEP_S = 0.1
 """Simulated time of a single frame at 1x [s]."""
-QUIET_S = 5.0
+GUARD_RELEASE_S = 5.0
 """Least time without an intervention after which the keep-out guard counts as released [s]."""
 FUEL_SHARE = 0.04
 """Propellant as a share of the chaser's initial mass; the tanks of small craft hold some 5 %."""
@@ -60,12 +60,17 @@ class FlightState:
     propellant : Propellant
         Delta-v and propellant used under ``steer``.
     contact : Contact or None
-        The last contact, judged.
-    docked, braking, guarded, plume : bool
-        True while the port holds the chaser; while the brake is active; while the keep-out guard overrides the pilot;
-        while the plume strikes the target.
-    news : tuple of (level, text)
-        Notes, cautions and warnings that began in the last step.
+        The last contact, with its score.
+    docked : bool
+        True while the port holds the chaser.
+    braking : bool
+        True while the brake is active.
+    guarded : bool
+        True while the keep-out guard overrides the pilot.
+    plume : bool
+        True while the plume strikes the target.
+    news : tuple of News, optional
+        Notes, cautions and warnings that began in the last step, as (level, text).
     """
 
     t_s: float
@@ -153,7 +158,7 @@ class FlightSession:
     def scene(self) -> SceneState:
         """Return the present scene, for the scenario's own camera.
 
-        The frame number is the simulated time in hundredths of a second, so that each time has one noise.
+        The frame number is the simulated time in hundredths of a second, so that the noise depends on the time only.
         """
         return self.plan.scene_of(self.craft.world, round(self.t_s * 100))
 
@@ -180,13 +185,13 @@ class FlightSession:
         UserError
             If an order is refused, or the flight cannot continue.
         """
-        news = tuple(said for order in command.orders if (said := self.order(order)) is not None)
+        news = tuple(answer for order in command.orders if (answer := self.order(order)) is not None)
         steering = self.craft.steering
         steering.hold(command)
         if self.look_back.active and not (steering.takes_over or self.look_back.changed):
             if not self.clock.paused and self.look_back.play(dt_s * self.clock.rate):
                 self.clock.paused = True
-            return replace(self.state, news=(*news, *steering.take_news()))
+            return replace(self.state, news=(*news, *steering.pop_news()))
         self.look_back.fly_on()
         if steering.takes_over:
             self.craft.take_over()
@@ -194,7 +199,7 @@ class FlightSession:
             self.clock.add(dt_s)
             self._run()
         new_cautions = self._cautions.news(self.craft.world, steering.propellant, guarded=steering.guarded)
-        return replace(self.state, news=(*news, *steering.take_news(), *new_cautions))
+        return replace(self.state, news=(*news, *steering.pop_news(), *new_cautions))
 
     def order(self, order: Order) -> News | None:
         """Carry out one order now; return the answer to the pilot.
@@ -231,14 +236,14 @@ class FlightSession:
         self._cautions = CautionWatch()
 
     def _run(self) -> None:
-        stepped = False
+        n_steps = False
         try:
-            while not self.clock.paused and self.clock.pay(h := self._step_s()):
+            while not self.clock.paused and self.clock.consume(h := self._step_s()):
                 self._fly(h)
-                stepped = True
+                n_steps = True
         finally:
             # also if the flight cannot continue, so that its last state is shown
-            if stepped:
+            if n_steps:
                 self.look_back.leave_trail()
 
     def _step_s(self) -> float:
@@ -264,7 +269,7 @@ class FlightSession:
         """
         self.look_back.fly_on()
         when = event_ahead_s(self.plan, self.flight, event, self.t_s)
-        self.clock.hurry("event", when)
+        self.clock.start_jump("event", when)
         return when
 
     def jump_to_hold_point(self) -> None:
@@ -278,7 +283,7 @@ class FlightSession:
         if not self.craft.steering.autopilot:
             raise UserError("nothing flies to a hold point; engage the autopilot first (docking.approach)")
         self.look_back.fly_on()
-        self.clock.hurry("hold-point", self.t_s + LONGEST_JUMP_S)
+        self.clock.start_jump("hold-point", self.t_s + MAX_JUMP_S)
 
     def _jump_is_done(self) -> bool:
         craft = self.craft
@@ -297,7 +302,7 @@ class CautionWatch:
     """Compares a flight with its last state, and reports each caution once when it begins."""
 
     def __init__(self) -> None:
-        self._guarded_s = -QUIET_S
+        self._guarded_s = -GUARD_RELEASE_S
         self._before: tuple[bool, bool] | None = None
 
     def news(self, world: WorldState, propellant: Propellant, *, guarded: bool) -> list[News]:
@@ -307,7 +312,7 @@ class CautionWatch:
         fuel_low = propellant.used_kg >= FUEL_SHARE * propellant.thrusters.mass_kg
         was_lit, was_low = self._before or (is_sunlit, fuel_low)
         news: list[News] = []
-        if guarded and not self._guarded_s <= t_s < self._guarded_s + QUIET_S:
+        if guarded and not self._guarded_s <= t_s < self._guarded_s + GUARD_RELEASE_S:
             news.append(("caution", "keep-out sphere: the steering is overruled, the chaser turned away"))
         if is_sunlit and not was_lit:
             news.append(("note", "the target is in sunlight again"))

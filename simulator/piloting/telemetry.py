@@ -21,16 +21,28 @@ class Telemetry:
 
     Parameters
     ----------
-    range_m : distance from the camera to the target's centre of mass.
-    closing_m_s : rate of decrease of the range.
-    lateral_m_s : speed across the line of sight, in LVLH.
-    off_boresight_deg : angle between the boresight and the target's centre of mass.
-    relative_rate_deg_s : angular velocity of the target relative to the camera, camera axes.
-    camera_rate_deg_s : angular velocity of the camera relative to the stars, camera axes.
-    position_lvlh_m, velocity_lvlh_m_s : chaser relative to the target: radial, along-track, cross-track.
-    phase_deg : angle Sun - target - camera; 0 if the Sun is behind the camera.
-    sun_visible_fraction : share of the Sun's disc visible from the target past the Earth.
-    altitude_km : altitude of the target above a sphere of the central body's (equatorial) radius.
+    range_m : float
+        Distance from the camera to the target's centre of mass.
+    closing_m_s : float
+        Rate of decrease of the range.
+    lateral_m_s : float
+        Speed across the line of sight, in LVLH.
+    off_boresight_deg : float
+        Angle between the boresight and the target's centre of mass.
+    relative_rate_deg_s : array
+        Angular velocity of the target relative to the camera, camera axes.
+    camera_rate_deg_s : array
+        Angular velocity of the camera relative to the stars, camera axes.
+    position_lvlh_m : array
+        Position of the chaser relative to the target: radial, along-track, cross-track [m].
+    velocity_lvlh_m_s : array
+        Its velocity in the rotating frame [m s-1].
+    phase_deg : float
+        Angle Sun - target - camera; 0 if the Sun is behind the camera.
+    sun_visible_fraction : float
+        Share of the Sun's disc visible from the target past the Earth.
+    altitude_km : float
+        Altitude of the target above a sphere of the central body's (equatorial) radius.
     """
 
     epoch_utc: str
@@ -57,8 +69,10 @@ def telemetry_of(world: WorldState, scene: SceneState) -> Telemetry:
 
     Parameters
     ----------
-    world : state of the world.
-    scene : scene of the image.
+    world : WorldState
+        State of the world.
+    scene : SceneState
+        Scene of the image.
     """
     p, v = np.array(world.position_lvlh_m), np.array(world.velocity_lvlh_m_s)
     distance = float(np.linalg.norm(p))

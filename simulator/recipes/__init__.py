@@ -1,4 +1,4 @@
 """Plans of recipes: independent samples of scenes for training and evaluation.
 
-A sample depends on (recipe, seed, number) alone, so that workers, resumed and enlarged sets agree.
+A sample depends on (recipe, seed, number) only, so that parallel, resumed and enlarged captures agree.
 """

@@ -33,8 +33,8 @@ if TYPE_CHECKING:
 
 MAX_DRAWS = 1000
 _MIN_SUN_SHARE, _MIN_SUN_SINE = 0.999, 0.05
-"""Least share of the Sun's disc at the craft, and least sine of its elevation on the ground, for a lit view."""
-_OUT_OF_SIGHT_M = (0.0, 0.0, -1000.0)
+"""Smallest visible share of the Sun's disc at the craft, and smallest sine of its elevation on the ground."""
+_HIDDEN_POSITION_M = (0.0, 0.0, -1000.0)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -43,10 +43,14 @@ class DrawnView:
 
     Parameters
     ----------
-    reference : library and number of the view, as recorded in labels.
-    place : place and attitude of the camera.
-    euler_deg : Euler angles of the camera, left-handed axes.
-    redraws : number of draws that were rejected, for example because the ground was not lit.
+    reference : BackgroundView
+        Library and number of the view, as recorded in labels.
+    place : PlaceInSky
+        Place and attitude of the camera.
+    euler_deg : array
+        Euler angles of the camera, left-handed axes.
+    redraws : int
+        Number of draws that were rejected, for example because the ground was not lit.
     """
 
     reference: BackgroundView
@@ -60,9 +64,12 @@ def draw_view(library: Background, camera: Camera, number: int) -> DrawnView:
 
     Parameters
     ----------
-    library : settings of the library.
-    camera : camera whose image must show the body's day side.
-    number : number of the view.
+    library : Background
+        Settings of the library.
+    camera : Camera
+        Camera whose image must show the body's day side.
+    number : int
+        Number of the view.
 
     Raises
     ------
@@ -105,7 +112,7 @@ def draw_view(library: Background, camera: Camera, number: int) -> DrawnView:
 
 def without_target(scene: SceneState) -> SceneState:
     """Return the scene with the craft out of view, for a library's image."""
-    return replace(scene, t_camera_from_target_m=_OUT_OF_SIGHT_M)
+    return replace(scene, t_camera_from_target_m=_HIDDEN_POSITION_M)
 
 
 def _sunlit_share(
@@ -115,8 +122,10 @@ def _sunlit_share(
 
     Parameters
     ----------
-    r_m : (3,) camera position from the body's centre.
-    to_sun : (3,) unit vector to the Sun.
+    r_m : (3,) array
+        Camera position from the body's centre.
+    to_sun : (3,) array
+        Unit vector to the Sun.
     """
     u, v = np.meshgrid(np.linspace(0, camera.width_px - 1, 13), np.linspace(0, camera.height_px - 1, 10))
     rays = camera.rays(np.stack([u.ravel(), v.ravel()], axis=1)) @ R_eci_from_camera.T

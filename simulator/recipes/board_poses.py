@@ -16,8 +16,8 @@ if TYPE_CHECKING:
     from flyaround.simulator.runtime.arrays import FloatArray
     from flyaround.simulator.targets.model import Target
 
-_PLACES = 80  # candidate directions for each pose
-_STEPS_BACK, _STEP_BACK = 12, 1.15  # number of distances to try, and the ratio of successive ones
+_CANDIDATES = 80  # candidate directions for each pose
+_DISTANCE_STEPS, _DISTANCE_RATIO = 12, 1.15  # number of distances to try, and the ratio of successive ones
 MARGIN_PX = 6.0  # least distance of the board from the image's edge
 
 
@@ -28,19 +28,25 @@ def board_pose(
 
     Parameters
     ----------
-    rng : random generator.
-    camera : camera to calibrate.
-    target : flat target.
-    k : number of the pose, which selects the cell.
-    facing_deg : largest tilt out of the plane perpendicular to the line of sight.
+    rng : Generator
+        Random generator.
+    camera : Camera
+        Camera to calibrate.
+    target : Target
+        Flat target.
+    k : int
+        Number of the pose, which selects the cell.
+    facing_deg : float
+        Largest tilt out of the plane perpendicular to the line of sight.
 
     Returns
     -------
-    q_camera_from_target_wxyz (4,), t_camera_from_target_m (3,).
+    tuple of array
+        q_camera_from_target_wxyz (4,), t_camera_from_target_m (3,).
     """
     points = np.concatenate([p.positions_m for p in target.parts]).astype(float)
     low, high = points.min(axis=0), points.max(axis=0)
-    # include the midpoints of the sides: a fisheye projects the sides as outward curves
+    # include the midpoints of the sides, because a fish-eye lens projects the sides as outward curves
     across, up = ((a, (a + b) / 2, b) for a, b in zip(low[:2], high[:2], strict=True))
     rim = np.array([[x, y, high[2]] for x in across for y in up])
     size = np.array([camera.width_px, camera.height_px])
@@ -53,10 +59,10 @@ def board_pose(
     orientation = tilt_rotation @ _rotation(np.array([0.0, 0.0, roll])) @ facing
     share = rng.uniform(0.55, 0.8)
     near = _distance_for_span(camera, rim @ orientation.T, share * size)
-    rays = camera.rays(rng.uniform(0, 1, (_PLACES, 2)) * (size - 1))
+    rays = camera.rays(rng.uniform(0, 1, (_CANDIDATES, 2)) * (size - 1))
     # a board near the corner of a wide-angle image may not fit: if so, move it farther away
-    for step in range(_STEPS_BACK):
-        fit = _farthest_place(camera, rim @ orientation.T, near * _STEP_BACK**step, rays, towards_cell)
+    for step in range(_DISTANCE_STEPS):
+        fit = _farthest_place(camera, rim @ orientation.T, near * _DISTANCE_RATIO**step, rays, towards_cell)
         if fit is not None:
             R, t = fit
             return quat_from_matrix(R @ orientation), t
@@ -83,7 +89,7 @@ def _farthest_place(
         ):
             continue
         off = (outline.mean(axis=0) - size / 2) / size
-        # as far towards its cell as it fits; for the central cell, as near to the centre as possible
+        # move it towards its cell as far as it fits; for the central cell, towards the centre
         merit = float(off @ towards_cell) - float(np.abs(off) @ (towards_cell == 0))
         if merit > best:
             best, best_place = merit, (R, np.asarray(distance_m * ray))
@@ -91,7 +97,7 @@ def _farthest_place(
 
 
 def _distance_for_span(camera: Camera, corners_m: FloatArray, span_px: FloatArray) -> float:
-    """Return the least distance on the optical axis at which rotated corners span less than ``span_px`` in x and y."""
+    """Return the smallest distance on the optical axis at which rotated corners span less than ``span_px``."""
     distances = np.geomspace(0.3, 60.0, 100) * float(np.ptp(corners_m, axis=0).max())
     for distance in distances:
         if corners_m[:, 2].min() + distance <= 0:

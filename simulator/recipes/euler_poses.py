@@ -1,8 +1,8 @@
 """Poses by Euler angles in left-handed axes, as in a published data set.
 
-Its axes are those of its rendering engine: x right, y up, z forward, left-handed. Ours have y down and are
-right-handed: mirroring y -> -y in both the camera's and the model's axes takes a position (x, y, z) to (x, -y, z) and a
-rotation (w, x, y, z) to (w, -x, y, -z).
+The data set uses the left-handed axes of its rendering engine: x right, y up, z forward. This package uses right-handed
+axes with y down. The conversion mirrors y in both the camera's and the model's axes: a position (x, y, z) becomes
+(x, -y, z), and a rotation (w, x, y, z) becomes (w, -x, y, -z).
 
 References
 ----------

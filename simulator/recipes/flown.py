@@ -34,10 +34,10 @@ if TYPE_CHECKING:
 
 _SEQUENCES = 0x5E0  # key of the random numbers of sequences
 _MAX_STARTS = 30  # starts that are tried for a sunlit sequence
-_LIT_SHARE = 0.5  # least visible share of the Sun in a sunlit frame
+_MIN_SUNLIT_SHARE = 0.5  # least visible share of the Sun in a sunlit frame
 
 
-def flown_scene(
+def flight_scene(
     rng: Generator, recipe: Recipe, target: Target, seed: int, k: int, n_frames: int
 ) -> SceneState:
     """Return sample k of a recipe whose poses come from flights, with light and sky of that time."""
@@ -90,7 +90,7 @@ def _sequence(scenario: Scenario, poses: Sequences, seed: int, number: int, wher
         euler_deg=None,
         rate_deg_s=vec3(rate * uniform_direction(rng)),
     )
-    chaser = _started_at(scenario.chaser, distance, f"{where}: scenario {poses.scenario}")
+    chaser = _with_start_distance(scenario.chaser, distance, f"{where}: scenario {poses.scenario}")
     duration = poses.every_s * (poses.frames - 1)
     scenario = msgspec.structs.replace(
         scenario, attitude=attitude, chaser=chaser, duration_s=duration, burns=[]
@@ -102,7 +102,9 @@ def _sequence(scenario: Scenario, poses: Sequences, seed: int, number: int, wher
                 scenario, orbit=msgspec.structs.replace(scenario.orbit, true_anomaly_deg=place)
             )
         plan = plan_flight(scenario, times=(0.0,), seed=seed)
-        is_lit = all(plan.shifted((t,)).scene(0).sun_visible_fraction > _LIT_SHARE for t in (0.0, duration))
+        is_lit = all(
+            plan.shifted((t,)).scene(0).sun_visible_fraction > _MIN_SUNLIT_SHARE for t in (0.0, duration)
+        )
         if is_lit or not poses.sunlit:
             return plan
     raise UserError(
@@ -111,7 +113,7 @@ def _sequence(scenario: Scenario, poses: Sequences, seed: int, number: int, wher
     )
 
 
-def _started_at(chaser: AnyChaser, distance_m: float, where: str) -> AnyChaser:
+def _with_start_distance(chaser: AnyChaser, distance_m: float, where: str) -> AnyChaser:
     """Return the chaser with its start at another distance along the line from the target."""
     for key in ("position_lvlh_m", "start_lvlh_m"):
         start = getattr(chaser, key, None)

@@ -1,4 +1,4 @@
-"""The plan of a recipe: its samples by number, each from (recipe, seed, number) alone."""
+"""The plan of a recipe: samples by number, each of which depends on (recipe, seed, number) only."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ import numpy as np
 
 from flyaround.simulator.camera.lens.files import read_camera_file
 from flyaround.simulator.errors import UserError
-from flyaround.simulator.imaging.metering import wanted_exposure_s
+from flyaround.simulator.imaging.metering import metered_exposure_s
 from flyaround.simulator.recipes.backgrounds import draw_view
 from flyaround.simulator.recipes.clearance import is_clear, share_inside
-from flyaround.simulator.recipes.flown import flown_scene
-from flyaround.simulator.recipes.poses import DrawnPose, draw_pose, radius_m, resolved_range
+from flyaround.simulator.recipes.flown import flight_scene
+from flyaround.simulator.recipes.poses import DrawnPose, draw_pose, radius_m, resolve_range
 from flyaround.simulator.recipes.sky import choose_sky, place_in_sky, sun_and_nadir
 from flyaround.simulator.runtime.arrays import quat, vec3
 from flyaround.simulator.scenario.load import load_recipe
@@ -48,7 +48,7 @@ if TYPE_CHECKING:
     from flyaround.simulator.scenario.recipe import Background
     from flyaround.simulator.scene.sample import BackgroundView
 
-_SAMPLES, _VIEWS = 0x5CE2E, 0xBAC60
+_SAMPLE_STREAM, _VIEW_STREAM = 0x5CE2E, 0xBAC60
 """Random streams of the samples, and of the choice of backgrounds."""
 
 
@@ -58,8 +58,10 @@ class RecipePlan(DocumentPlan):
 
     Parameters
     ----------
-    n_frames : number of samples.
-    environment : replaces the recipe's layers of the world.
+    n_frames : int
+        Number of samples.
+    environment : Environment, optional
+        Replaces the recipe's layers of the world.
     """
 
     recipe: Recipe
@@ -111,19 +113,19 @@ class RecipePlan(DocumentPlan):
     def scene_before(self, library: Background, number: int) -> SceneState:
         """Return a scene in front of one view of a library, with the target on the axis."""
         pose = DrawnPose(np.array([1.0, 0.0, 0.0, 0.0]), np.array([0.0, 0.0, 1000.0]))
-        return self._placed(number, pose, draw_view(library, self.camera, number).place)
+        return self._placed_scene(number, pose, draw_view(library, self.camera, number).place)
 
     def _sample(self, k: int, frame_index: int) -> SceneState:
         """Return sample k, with another frame number."""
-        rng = numbered_generator(self.seed, k, _SAMPLES)
+        rng = numbered_generator(self.seed, k, _SAMPLE_STREAM)
         recipe = self.recipe
         if isinstance(recipe.poses, AboutTrajectory | Sequences):
-            scene = flown_scene(rng, recipe, self.target, self.seed, k, self.n_frames)
+            scene = flight_scene(rng, recipe, self.target, self.seed, k, self.n_frames)
             scene = replace(scene, seed=self.seed, bands=self.bands, quality=self.quality, camera=self.camera)
             scene = scene if self.environment is None else replace(scene, environment=self.environment)
             return replace(scene, frame_index=frame_index)
         if isinstance(recipe.poses, PoseList):
-            pose = _listed(recipe.poses.file)[k]
+            pose = _read_pose_list(recipe.poses.file)[k]
             redraws: dict[str, int] = {}
             drawn = DrawnPose(np.asarray(pose.q_wxyz), np.asarray(pose.t_m))
         else:
@@ -131,13 +133,13 @@ class RecipePlan(DocumentPlan):
         view: BackgroundView | None = None
         if recipe.background is not None:
             library = recipe.background
-            among = numbered_generator(self.seed, k, _VIEWS)
+            among = numbered_generator(self.seed, k, _VIEW_STREAM)
             behind = draw_view(library, self.camera, int(among.integers(library.views)))
             place, view = behind.place, behind.reference
         else:
             sky = choose_sky(rng, recipe.sky)
             place = place_in_sky(rng, sky, drawn.t_camera_from_target_m, *sun_and_nadir(rng, sky))
-        scene = self._placed(frame_index, drawn, place)
+        scene = self._placed_scene(frame_index, drawn, place)
         return _with_sample(scene, redraws=redraws, raw=drawn.raw, background=view)
 
     def _constrained_pose(self, rng: Generator, k: int) -> tuple[DrawnPose, dict[str, int]]:
@@ -146,10 +148,10 @@ class RecipePlan(DocumentPlan):
         redraws = {name: 0 for name in ("clearance_m", "origin_in_image", "inside") if getattr(c, name)}
         while True:
             drawn = draw_pose(rng, self.recipe, self.camera, self.target, k)
-            broken = self._broken(drawn)
-            if broken is None:
+            violated = self._violated_constraint(drawn)
+            if violated is None:
                 return drawn, redraws
-            redraws[broken] += 1
+            redraws[violated] += 1
             if sum(redraws.values()) >= c.most_draws:
                 worst = max(redraws, key=lambda name: redraws[name])
                 raise UserError(
@@ -159,7 +161,7 @@ class RecipePlan(DocumentPlan):
                     f"{worst} in [constraints]"
                 )
 
-    def _broken(self, drawn: DrawnPose) -> str | None:
+    def _violated_constraint(self, drawn: DrawnPose) -> str | None:
         """Return the first constraint that a pose violates."""
         c, camera = self.recipe.constraints, self.camera
         pose = Pose.of("camera", "target", drawn.q_camera_from_target_wxyz, drawn.t_camera_from_target_m)
@@ -173,7 +175,7 @@ class RecipePlan(DocumentPlan):
             return "inside"
         return None
 
-    def _placed(self, frame_index: int, drawn: DrawnPose, place: PlaceInSky) -> SceneState:
+    def _placed_scene(self, frame_index: int, drawn: DrawnPose, place: PlaceInSky) -> SceneState:
         q, t, now = drawn.q_camera_from_target_wxyz, drawn.t_camera_from_target_m, place.now
         recipe = self.recipe
         com = place.R_eci_from_camera @ (matrix_from_quat(q) @ np.asarray(self.target.mass.com_m))
@@ -215,7 +217,7 @@ class RecipePlan(DocumentPlan):
         )
         auto = recipe.auto_exposure
         return (
-            scene if auto is None else replace(scene, exposure_s=wanted_exposure_s(auto, scene, self.target))
+            scene if auto is None else replace(scene, exposure_s=metered_exposure_s(auto, scene, self.target))
         )
 
 
@@ -234,11 +236,16 @@ def plan_recipe(
 
     Parameters
     ----------
-    name : name of a built-in recipe, file, or the recipe itself.
-    n : number of samples, by default the recipe's.
-    target, camera : name or file to use instead of the recipe's.
-    environment : replaces the recipe's layers of the
-        world.
+    name : str, Path or Recipe
+        Name of a built-in recipe, file, or the recipe itself.
+    n : int, optional
+        Number of samples, by default the recipe's.
+    target : str, optional
+        Target to use instead of the recipe's: a name.
+    camera : str or Path, optional
+        Camera to use instead of the recipe's: a name or a file.
+    environment : Environment, optional
+        Replaces the recipe's layers of the world.
 
     Raises
     ------
@@ -257,7 +264,7 @@ def plan_recipe(
     craft = load_target(target or recipe.target)
     # the data set's card records the actual range and target
     recipe = msgspec.structs.replace(
-        recipe, target=craft.name if target is None else target, range=resolved_range(recipe.range, craft)
+        recipe, target=craft.name if target is None else target, range=resolve_range(recipe.range, craft)
     )
     plan = RecipePlan(
         recipe=recipe,
@@ -285,7 +292,7 @@ def _check_range(recipe: Recipe, target: Target) -> None:
     """
     if recipe.poses is not None or isinstance(recipe.attitude, FacingAttitude):
         return
-    kind = resolved_range(recipe.range, target)
+    kind = resolve_range(recipe.range, target)
     if isinstance(kind, UniformRange) and kind.far_m < 0.25 * radius_m(target):
         raise UserError(
             f"recipe {recipe.name}: section [range] ends at far_m = {kind.far_m:g}, inside of {target.name}, whose "
@@ -297,7 +304,9 @@ def _count(recipe: Recipe, n: int | None) -> int:
     """Return the number of frames, at most that of a list of poses."""
     if not isinstance(recipe.poses, PoseList):
         return recipe.frames if n is None else n
-    there = len(_listed(recipe.poses.file)) * (1 if recipe.pairs is None else len(recipe.pairs.environments))
+    there = len(_read_pose_list(recipe.poses.file)) * (
+        1 if recipe.pairs is None else len(recipe.pairs.environments)
+    )
     if n is not None and n > there:
         raise UserError(
             f"recipe {recipe.name}: {n} frames are asked for, and {recipe.poses.file} has poses for {there}; "
@@ -307,7 +316,7 @@ def _count(recipe: Recipe, n: int | None) -> int:
 
 
 @lru_cache(maxsize=2)
-def _listed(file: str) -> tuple[Pose, ...]:
+def _read_pose_list(file: str) -> tuple[Pose, ...]:
     return read_poses(Path(file))
 
 
@@ -322,7 +331,7 @@ def _bounds(recipe: Recipe, target: Target) -> str:
     """Return the range as text."""
     if isinstance(recipe.attitude, FacingAttitude):
         return "the distance at which it fills its place"
-    kind = resolved_range(recipe.range, target)
+    kind = resolve_range(recipe.range, target)
     return f"{kind.near_m:g} to {kind.far_m:g} m"
 
 

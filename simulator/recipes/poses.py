@@ -52,7 +52,8 @@ def draw_pose(rng: Generator, recipe: Recipe, camera: Camera, target: Target, k:
 
     Parameters
     ----------
-    k : number of the sample, which selects the cell of a board.
+    k : int
+        Number of the sample, which selects the cell of a board.
 
     Raises
     ------
@@ -75,7 +76,7 @@ def draw_pose(rng: Generator, recipe: Recipe, camera: Camera, target: Target, k:
     return DrawnPose(q, _translation_m(rng, recipe.placement, camera, target, z))
 
 
-def resolved_range(kind: AnyRange, target: Target) -> AnyRange:
+def resolve_range(kind: AnyRange, target: Target) -> AnyRange:
     """Return the range, with a ``scaled`` one resolved for the target."""
     if not isinstance(kind, ScaledRange):
         return kind
@@ -98,7 +99,7 @@ def radius_m(target: Target) -> float:
 
 
 def _depth_m(rng: Generator, kind: AnyRange, target: Target) -> float:
-    kind = resolved_range(kind, target)
+    kind = resolve_range(kind, target)
     if isinstance(kind, InverseRange):
         return 1 / float(rng.uniform(1 / kind.far_m, 1 / kind.near_m))
     if isinstance(kind, NormalRange):

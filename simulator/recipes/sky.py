@@ -1,7 +1,7 @@
 """The sky of a sample: Sun and nadir drawn in camera axes, then a matching date and position.
 
-The time is a random one of the year, which fixes the Sun; the target is placed where the angle between Sun and nadir is
-the drawn one.
+A random time of the year determines the Sun's direction. The target is then placed where the angle between Sun and
+nadir equals the drawn one.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from flyaround.simulator.errors import UserError
-from flyaround.simulator.scenario.random_draws import in_cone, uniform_direction
+from flyaround.simulator.scenario.random_draws import direction_in_cone, uniform_direction
 from flyaround.simulator.world.ephemeris.body import bodies_at, body_named
 from flyaround.simulator.world.ephemeris.sun_moon import sun_eci_m
 from flyaround.simulator.world.frames.rotation import quat_from_matrix
@@ -28,8 +28,8 @@ if TYPE_CHECKING:
 YEAR_START_UTC = "2026-01-01T00:00:00Z"
 YEAR_S = 365.0 * 86400.0
 MAX_DRAWS = 1000
-LIT_DIP_SHARE = 0.9
-"""Share of the horizon's dip by which the Sun may be below the horizontal while the target is still lit."""
+MAX_DIP_SHARE = 0.9
+"""Largest depression of the Sun below the horizontal for a sunlit target, relative to the horizon's dip."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -38,14 +38,22 @@ class PlaceInSky:
 
     Parameters
     ----------
-    R_eci_from_camera : (3, 3) attitude of the camera.
-    camera_eci_m : (3,) camera position.
-    origin_eci_m : (3,) origin of the model, if placed.
-    along_eci : (3,) direction of motion about the body, not normalised.
-    body : central body.
-    centre_m_s : (3,) its velocity.
-    r_sun_eci_m : (3,) apparent position of the Sun.
-    bodies : states of the bodies, see `SceneState`.
+    body : Body
+        Central body.
+    R_eci_from_camera : (3, 3) array
+        Attitude of the camera.
+    camera_eci_m : (3,) array
+        Camera position.
+    centre_m_s : (3,) array
+        Its velocity.
+    along_eci : (3,) array
+        Direction of motion about the body, not normalised.
+    r_sun_eci_m : (3,) array
+        Apparent position of the Sun.
+    bodies : tuple of BodyState
+        States of the bodies, see `SceneState`.
+    origin_eci_m : (3,) array, optional
+        Origin of the model, if placed.
     """
 
     now: Instant
@@ -97,10 +105,10 @@ def sun_and_nadir(rng: Generator, sky: Sky) -> tuple[FloatArray, FloatArray]:
     night = rng.random() < sky.night_share
     radius = body_named(sky.body).radius_m
     dip = np.sin(np.arccos(radius / (radius + sky.altitude_km * 1e3)))
-    lowest = -LIT_DIP_SHARE * dip if sky.least_sun_elevation_sine is None else sky.least_sun_elevation_sine
+    lowest = -MAX_DIP_SHARE * dip if sky.least_sun_elevation_sine is None else sky.least_sun_elevation_sine
     for _ in range(MAX_DRAWS):
-        sun = in_cone(rng, np.array([0.0, 0.0, -1.0]), 0.0, sky.max_phase_deg)
-        nadir = in_cone(rng, np.array([0.0, 0.0, 1.0]), *sky.nadir_off_boresight_deg)
+        sun = direction_in_cone(rng, np.array([0.0, 0.0, -1.0]), 0.0, sky.max_phase_deg)
+        nadir = direction_in_cone(rng, np.array([0.0, 0.0, 1.0]), *sky.nadir_off_boresight_deg)
         elevation = float(-nadir @ sun)  # sine of the Sun's elevation above the target's horizon
         if (elevation < 0.0) == night and elevation > lowest:
             return sun, nadir
@@ -116,8 +124,12 @@ def place_in_sky(rng: Generator, sky: Sky, t_m: FloatArray, sun: FloatArray, nad
 
     Parameters
     ----------
-    t_m : (3,) model's origin, camera axes, at the sky's altitude.
-    sun, nadir : (3,) directions, camera axes.
+    t_m : (3,) array
+        Model's origin, camera axes, at the sky's altitude.
+    sun : (3,) array
+        Direction of the Sun, camera axes.
+    nadir : (3,) array
+        Direction of nadir, camera axes.
     """
     body = body_named(sky.body)
     now = random_moment(rng)

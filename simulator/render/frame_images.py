@@ -13,7 +13,7 @@ from flyaround.simulator.render.gl.context import release
 from flyaround.simulator.render.gl.fences import draw_to, flush
 from flyaround.simulator.render.projection import PixelRect
 from flyaround.simulator.render.view import SCENE
-from flyaround.simulator.runtime.threads import pieces_of, share_out
+from flyaround.simulator.runtime.threads import run_in_threads, split_rows
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -130,7 +130,7 @@ class FrameImages:
         def move(first: int, end: int) -> None:
             cv2.mixChannels([p[first:end] for p in pairs], [r[first:end] for r in rows], order)
 
-        share_out(pieces_of(height // 2, 2 if whole.size >= _WORTH_TWO else 1), move)
+        run_in_threads(split_rows(height // 2, 2 if whole.size >= _WORTH_TWO else 1), move)
         return whole if self.bands == 1 else whole.reshape(height, width, 3)
 
     def read_part(self, rect: PixelRect) -> tuple[Float32Array, Float32Array, tuple[slice, slice]]:

@@ -147,7 +147,7 @@ def _from_far(scene: SceneState) -> Iterator[tuple[FloatArray, FloatArray]]:
     """
     origin = np.asarray(scene.t_camera_from_target_m)
     for light in scene.area_lights:
-        at_target = light.placed(scene.camera_from_target)
+        at_target = light.in_camera_frame(scene.camera_from_target)
         to = at_target.middle_m - origin
         direction = to / max(float(np.linalg.norm(to)), 1e-6)
         factor = float(at_target.irradiance_factor(origin[None], direction[None])[0])

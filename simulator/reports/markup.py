@@ -32,7 +32,8 @@ def element(name: str, /, *content: Content, **attributes: str | float | bool | 
 
     Parameters
     ----------
-    attributes : attributes by name, with ``class_`` for ``class`` and ``text_anchor`` for ``text-anchor``; ``None`` and
+    attributes : str, float or bool or None
+        Attributes by name, with ``class_`` for ``class`` and ``text_anchor`` for ``text-anchor``; ``None`` and
         ``False`` are omitted, ``True`` has no value.
     """
     attribute_text = "".join(

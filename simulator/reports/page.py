@@ -55,9 +55,14 @@ class Page:
 
     Parameters
     ----------
-    title : title of the window. heading : heading of the page, by default the title.
-    dark : light ink on dark paper, for pages that are mostly images of space.
-    style : CSS of this page alone, after the common one.
+    title : str
+        Title of the window.
+    heading : str, optional
+        Heading of the page, by default the title.
+    dark : bool, optional
+        Light ink on dark paper, for pages that are mostly images of space.
+    style : str, optional
+        CSS of this page alone, after the common one.
     """
 
     title: str
@@ -80,7 +85,8 @@ class Page:
 
         Parameters
         ----------
-        head : names of the columns; the first column names the rows, and empty cells are omitted from cards.
+        head : sequence of str
+            Names of the columns; the first column names the rows, and empty cells are omitted from cards.
         """
         cells = [[markup(cell) for cell in row] for row in rows]
         widths = [max(map(_longest_word, column)) for column in zip(head, *cells, strict=True)]

@@ -1,7 +1,7 @@
 """The user's cache folder: names of its entries, and files with a trailing checksum.
 
-An entry is named by its kind and a hash of its inputs and of the source code that makes it (`entry_name`), so output of
-older code is never read. Any edit of that source counts, even of a comment.
+The name of an entry contains its kind and a hash of its inputs and of the source code that makes it (`entry_name`).
+Therefore output of older code is never read. Any edit of that source changes the name, even of a comment.
 
 A file is its contents and a trailer of 40 bytes: `MAGIC`, the length of the contents and their 128-bit XXH3,
 little-endian. Programs that read the contents alone (NumPy, glTF readers) ignore the trailer. The checksum detects
@@ -58,8 +58,9 @@ def entry_name(name: str, makers: Sequence[Callable[..., object]], *inputs: obje
     makers : sequence of callables
         The function that makes the entry, and one of each other module on which its output depends: the source code of
         their modules is hashed.
-    *inputs : numbers, texts, bytes, arrays, dataclasses, and tuples or lists of them
-        Arguments of the maker. Floats that are computed should be rounded: processors differ in their last bits.
+    *inputs : object
+        Arguments of the maker: numbers, texts, bytes, arrays, dataclasses, and tuples or lists of these. Computed
+        floats should be rounded, because processors differ in their last bits.
 
     Raises
     ------
@@ -151,12 +152,13 @@ def store_checked(path: Path, write: Callable[[IO[bytes]], object]) -> bool:
 
     Returns
     -------
-    True if it was stored. A full, read-only or foreign disk only costs time at every start: it is logged, no error.
+    bool
+        True if it was stored. A full, read-only or foreign disk only costs time at every start: it is logged, no error.
     """
     temporary: Path | None = None
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        _forget_unfinished(path.parent)
+        _remove_temporary_files(path.parent)
         # in write-only mode NumPy writes without a copy, and releases Python's lock
         with tempfile.NamedTemporaryFile("wb", dir=path.parent, suffix=".tmp", delete=False) as file:
             temporary = Path(file.name)
@@ -167,13 +169,13 @@ def store_checked(path: Path, write: Callable[[IO[bytes]], object]) -> bool:
     except OSError as error:
         log.warning("cannot keep %s in the cache (%s)", path, error)
         if temporary is not None:
-            with contextlib.suppress(OSError):  # half a file would fill a full disk for good
+            with contextlib.suppress(OSError):  # a partly written file must not stay on a full disk
                 temporary.unlink(missing_ok=True)
         return False
     return True
 
 
-def _forget_unfinished(folder: Path) -> None:
+def _remove_temporary_files(folder: Path) -> None:
     """Remove temporary files of writers that were killed."""
     for path in folder.glob("*.tmp"):
         with contextlib.suppress(OSError):  # another program may have removed it

@@ -22,8 +22,8 @@ DEFAULT_MB = 300
 FOLDERS = ("board-models", "shaders", "boards")
 """Subfolders that this project writes to; others in the folder are not its own."""
 SUFFIXES = (".npy", ".tmp", ".lock")
-IN_USE_S = 600.0  # entries used so recently may belong to a running program
-KEPT_S = 90 * 86_400.0
+RECENT_USE_S = 600.0  # entries used so recently may belong to a running program
+MAX_UNUSED_S = 90 * 86_400.0
 
 
 @dataclass(frozen=True)
@@ -45,7 +45,7 @@ class CacheKind:
     size_bytes: int
 
 
-def most_cache_bytes() -> int:
+def max_cache_bytes() -> int:
     """Return the size limit of the cache [bytes], from ``FLYAROUND_CACHE_MB`` if set.
 
     Raises
@@ -92,16 +92,16 @@ def clear_cache() -> int:
 
 
 def trim_cache() -> None:
-    """Remove entries unused for `KEPT_S`, then the least recently used ones until the cache is below its limit.
+    """Remove entries unused for `MAX_UNUSED_S`, then the least recently used ones until the cache is below its limit.
 
-    Entries used within `IN_USE_S` stay regardless: a run would otherwise make its own again and again.
+    Entries used within `RECENT_USE_S` stay regardless: a run would otherwise make its own again and again.
     """
     files = sorted(_files(), key=lambda pair: pair[1].st_mtime)
     total = sum(stat.st_size for _, stat in files)
-    most, now = most_cache_bytes(), time.time()
+    most, now = max_cache_bytes(), time.time()
     for path, stat in files:
         unused_s = now - stat.st_mtime
-        if unused_s > KEPT_S or (total > most and unused_s > IN_USE_S):
+        if unused_s > MAX_UNUSED_S or (total > most and unused_s > RECENT_USE_S):
             with suppress(OSError):  # another program may have removed it
                 path.unlink()
                 total -= stat.st_size

@@ -32,11 +32,11 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-_LONGEST_WAIT_S = 120.0  # for another maker of the same entry, which may have been stopped
-_LONGEST_HEAD = 1 << 16  # bytes of the header of NumPy's format 1.0
+_MAX_WAIT_S = 120.0  # for another maker of the same entry, which may have been stopped
+_MAX_HEADER_BYTES = 1 << 16  # bytes of the header of NumPy's format 1.0
 _T = TypeVar("_T", bound=np.generic)
 _Array = np.typing.NDArray[np.generic]
-_kept_as: dict[int, Path] = {}  # path of each mapped array, by identity
+_mapped_paths: dict[int, Path] = {}  # path of each mapped array, by identity
 log = logging.getLogger(__name__)
 
 
@@ -45,7 +45,8 @@ def cached_array(key: str, make: Callable[[], NDArray[_T]]) -> NDArray[_T]:
 
     Parameters
     ----------
-    key : file name without suffix; it must change whenever the output of ``make`` would.
+    key : str
+        File name without suffix; it must change whenever the output of ``make`` would.
     """
     return cached_arrays((key,), lambda: (make(),))[0]
 
@@ -59,18 +60,18 @@ def cached_arrays(keys: Sequence[str], make: Callable[[], Sequence[NDArray[_T]]]
     with ExitStack() as locks:
         with suppress(OSError):  # without a lock two makers write the same bytes
             paths[0].parent.mkdir(parents=True, exist_ok=True)
-            locks.enter_context(locked_file(paths[0].with_suffix(".lock"), _LONGEST_WAIT_S))
+            locks.enter_context(locked_file(paths[0].with_suffix(".lock"), _MAX_WAIT_S))
         arrays = _read(paths, logging.WARNING)
         if arrays is not None:
             return arrays
-        shipped: list[NDArray[_T]] | None = _shipped(keys)
-        new_arrays = list(make()) if shipped is None else shipped
-        return [_stored(*pair) for pair in zip(paths, new_arrays, strict=True)]
+        prebuilt: list[NDArray[_T]] | None = _read_prebuilt(keys)
+        new_arrays = list(make()) if prebuilt is None else prebuilt
+        return [_store_entry(*pair) for pair in zip(paths, new_arrays, strict=True)]
 
 
 def entry_of(array: _Array) -> str | None:
     """Return the key of an array that came from the cache."""
-    path = _kept_as.get(id(array))
+    path = _mapped_paths.get(id(array))
     return None if path is None else path.stem
 
 
@@ -80,14 +81,14 @@ def is_cached(key: str) -> bool:
     return path.is_file() or is_prebuilt(path.name)
 
 
-def _shipped(keys: Sequence[str]) -> list[NDArray[_T]] | None:
+def _read_prebuilt(keys: Sequence[str]) -> list[NDArray[_T]] | None:
     arrays = [prebuilt_array(key) for key in keys]
     return None if any(array is None for array in arrays) else cast("list[NDArray[_T]]", arrays)
 
 
 def _read(paths: Sequence[Path], level: int) -> list[NDArray[_T]] | None:
     try:
-        arrays: list[NDArray[_T]] = [_mapped(path) for path in paths]
+        arrays: list[NDArray[_T]] = [_map_entry(path) for path in paths]
     except FileNotFoundError:
         return None
     except (OSError, ValueError) as error:
@@ -98,7 +99,7 @@ def _read(paths: Sequence[Path], level: int) -> list[NDArray[_T]] | None:
     return arrays
 
 
-def _mapped(path: Path) -> NDArray[_T]:
+def _map_entry(path: Path) -> NDArray[_T]:
     """Map the array of a cache file, so that the driver copies it straight from the page cache."""
     contents, length = map_checked(path)
     array: NDArray[_T] = _array_of(contents, length)
@@ -108,13 +109,13 @@ def _mapped(path: Path) -> NDArray[_T]:
 
 def _remember(path: Path, array: _Array) -> None:
     """Record the path of a mapped array for as long as the array lives."""
-    _kept_as[id(array)] = path
-    weakref.finalize(array, _kept_as.pop, id(array), None).atexit = False
+    _mapped_paths[id(array)] = path
+    weakref.finalize(array, _mapped_paths.pop, id(array), None).atexit = False
 
 
 def _array_of(contents: mmap.mmap, length: int) -> NDArray[_T]:
     """Return the array of NumPy's format without a copy, as an ndarray: slicing a memmap takes ten times as long."""
-    head = io.BytesIO(contents[: min(length, _LONGEST_HEAD)])
+    head = io.BytesIO(contents[: min(length, _MAX_HEADER_BYTES)])
     try:
         version = np.lib.format.read_magic(head)
         shape, is_fortran, dtype = np.lib.format.read_array_header_1_0(head)
@@ -125,14 +126,14 @@ def _array_of(contents: mmap.mmap, length: int) -> NDArray[_T]:
     return np.ndarray(shape, dtype, contents, head.tell(), order="F" if is_fortran else "C")
 
 
-def _stored(path: Path, array: NDArray[_T]) -> NDArray[_T]:
+def _store_entry(path: Path, array: NDArray[_T]) -> NDArray[_T]:
     """Store an array and return it mapped from the cache, or itself if it cannot be stored."""
     if not store_checked(path, lambda file: np.save(file, array, allow_pickle=False)):
         return array
     try:
         trim_cache()
         # the mapping lets this process free its own copy
-        return _mapped(path)
+        return _map_entry(path)
     except (OSError, ValueError) as error:
         log.warning("cache file %s cannot be read (%s)", path, error)
     return array

@@ -24,9 +24,9 @@ def open_anonymous_file() -> int:
 
 
 class Carrier:
-    """Carries one value at a time between two processes: arrays in shared memory, the rest in a message.
+    """Channel for one value at a time between two processes: arrays in shared memory, the rest in a message.
 
-    Its maker passes it to a process at the start. A value must be taken before the next is put.
+    It is passed to a process at its start. A value must be taken before the next one is put.
     """
 
     def __init__(self, fd: int | None = None) -> None:
@@ -35,14 +35,15 @@ class Carrier:
 
     def __reduce__(self) -> tuple[Callable[[Any], Carrier], tuple[Any]]:
         """Pickle for a starting process, which gets a duplicate of the descriptor."""
-        return _at_the_other_end, (reduction.DupFd(self._fd),)
+        return _from_descriptor, (reduction.DupFd(self._fd),)
 
     def put(self, value: object) -> tuple[bytes, tuple[int, ...]]:
         """Return a value's message for `take` at the other end; its arrays are copied into the shared memory.
 
         Returns
         -------
-        The pickled value without its arrays, and the size of each array [bytes].
+        tuple
+            The pickled value without its arrays, and the size of each array [bytes].
         """
         buffers: list[pickle.PickleBuffer] = []
         payload = pickle.dumps(value, protocol=5, buffer_callback=buffers.append)
@@ -86,5 +87,5 @@ class Carrier:
         return self._map
 
 
-def _at_the_other_end(descriptor: Any) -> Carrier:  # noqa: ANN401 - multiprocessing's own
+def _from_descriptor(descriptor: Any) -> Carrier:  # noqa: ANN401 - multiprocessing's own
     return Carrier(descriptor.detach())

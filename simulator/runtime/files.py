@@ -38,10 +38,10 @@ def write_atomic(path: Path, data: bytes) -> None:
         raise write_error(path, error) from error
 
 
-def write_lasting(files: Sequence[tuple[Path, bytes]]) -> None:
-    """Write files durably: no file gets its name before all are whole on the disk; they are renamed in order.
+def write_durable(files: Sequence[tuple[Path, bytes]]) -> None:
+    """Write files durably: all are synced to the disk before the first is renamed to its name, in order.
 
-    Writing many at once waits for the disk little longer than writing one.
+    Writing many files at once takes little longer than writing one, because they share the wait for the disk.
 
     Raises
     ------
@@ -55,11 +55,11 @@ def write_lasting(files: Sequence[tuple[Path, bytes]]) -> None:
             parts.append((_temporary(path), path))
             parts[-1][0].write_bytes(data)
         for temporary, _ in parts:
-            _to_disk(temporary)
+            _fsync_file(temporary)
         for temporary, path in parts:
             temporary.replace(path)
         for folder in {path.parent for _, path in parts}:
-            _names_to_disk(folder)
+            _fsync_folder(folder)
     except OSError as error:
         for temporary, _ in parts:
             with contextlib.suppress(OSError):
@@ -71,12 +71,12 @@ def _temporary(path: Path) -> Path:
     return path.with_name(f".{path.name}.{os.getpid()}.{secrets.token_hex(4)}.part")
 
 
-def _to_disk(path: Path) -> None:
+def _fsync_file(path: Path) -> None:
     with path.open("r+b") as file:
         os.fsync(file.fileno())
 
 
-def _names_to_disk(folder: Path) -> None:
+def _fsync_folder(folder: Path) -> None:
     """Flush the names in a folder to the disk; Windows and some network disks cannot."""
     with contextlib.suppress(OSError):
         handle = os.open(folder, os.O_RDONLY | getattr(os, "O_DIRECTORY", 0))
@@ -101,9 +101,12 @@ def empty_folder(path: Path, *, option: str = "-o", resume: bool | None = None, 
 
     Parameters
     ----------
-    option : command-line option that names the folder.
-    resume : True to continue with the present contents; None for a command that never does.
-    advice : further remedy for a folder that is not empty.
+    option : str, optional
+        Command-line option that names the folder.
+    resume : bool, optional
+        True to continue with the present contents; None for a command that never does.
+    advice : str, optional
+        Further remedy for a folder that is not empty.
 
     Raises
     ------

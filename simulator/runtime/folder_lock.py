@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
     from pathlib import Path
 
-_LOOK_AGAIN_S = 0.02
+_RETRY_INTERVAL_S = 0.02
 
 
 @contextmanager
@@ -82,7 +82,7 @@ def locked_file(path: Path, wait_s: float = 0.0) -> Iterator[None]:
     while (file := _locked(path)) is None:
         if time.monotonic() >= until:
             raise BlockingIOError
-        time.sleep(_LOOK_AGAIN_S)
+        time.sleep(_RETRY_INTERVAL_S)
     try:
         yield
     finally:

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-LEAST_FILES = 64
+MIN_FILES = 64
 """Files that a command has open at once: libraries, driver, caches, and a reserve."""
-LEAST_BYTES, LEAST_DRAWING_BYTES = 640 * 2**20, 1536 * 2**20
+MIN_BYTES, MIN_DRAWING_BYTES = 640 * 2**20, 1536 * 2**20
 """Address space of a command that reads a scenario, and of one that draws a frame: peaks of VmPeak plus a tenth."""
 
 
@@ -15,16 +15,17 @@ def limits_problem(*, drawing: bool) -> str | None:
 
     Parameters
     ----------
-    drawing : True if the command draws.
+    drawing : bool
+        True if the command draws.
     """
     try:
         import resource  # noqa: PLC0415 - Unix only
     except ImportError:
         return None
     files = resource.getrlimit(resource.RLIMIT_NOFILE)[0]
-    if 0 <= files < LEAST_FILES:
-        return f"this shell allows {files} open files, at least {LEAST_FILES} are needed: raise it with ulimit -n 1024"
-    least = LEAST_DRAWING_BYTES if drawing else LEAST_BYTES
+    if 0 <= files < MIN_FILES:
+        return f"this shell allows {files} open files, at least {MIN_FILES} are needed: raise it with ulimit -n 1024"
+    least = MIN_DRAWING_BYTES if drawing else MIN_BYTES
     size = resource.getrlimit(resource.RLIMIT_AS)[0]
     if 0 <= size < least:
         return (

@@ -32,8 +32,12 @@ class Plugin:
 
     Parameters
     ----------
-    name : name of the entry point.
-    package, version : distribution that provides it.
+    name : str
+        Name of the entry point.
+    package : str
+        Distribution that provides the plug-in.
+    version : str
+        Version of that distribution.
     """
 
     kind: Kind
@@ -72,11 +76,11 @@ class Plugin:
 def plugins(kind: Kind) -> dict[str, Plugin]:
     """Return the entry points of a kind by name, sorted; none is imported."""
     # sys.path is part of the cache key: it determines which packages are found
-    return dict(_found(kind, tuple(sys.path)))
+    return dict(_entry_points(kind, tuple(sys.path)))
 
 
 @lru_cache(maxsize=32)
-def _found(kind: Kind, _path: tuple[str, ...]) -> tuple[tuple[str, Plugin], ...]:
+def _entry_points(kind: Kind, _path: tuple[str, ...]) -> tuple[tuple[str, Plugin], ...]:
     by_name: dict[str, Plugin] = {}
     for entry in sorted(entry_points(group=GROUPS[kind]), key=lambda e: e.name):
         package, version = ("?", "?") if entry.dist is None else (entry.dist.name, entry.dist.version)

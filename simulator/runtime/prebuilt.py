@@ -24,27 +24,27 @@ if TYPE_CHECKING:
 
 SUFFIX = ".zst"
 log = logging.getLogger(__name__)
-_made_anew: ContextVar[bool] = ContextVar("_made_anew", default=False)
+_ignore_prebuilt: ContextVar[bool] = ContextVar("_ignore_prebuilt", default=False)
 
 
 @contextmanager
 def without_prebuilt() -> Iterator[None]:
     """Hide the prebuilt entries from this thread, to make or test them."""
-    token = _made_anew.set(True)
+    token = _ignore_prebuilt.set(True)
     try:
         yield
     finally:
-        _made_anew.reset(token)
+        _ignore_prebuilt.reset(token)
 
 
 def is_prebuilt(name: str) -> bool:
     """Return True if an entry is shipped; it may be damaged."""
-    return not _made_anew.get() and _file(name).is_file()
+    return not _ignore_prebuilt.get() and _file(name).is_file()
 
 
 def prebuilt_array(key: str) -> NDArray[np.generic] | None:
     """Return the shipped array of a cache key, or ``None`` if it is missing or damaged."""
-    if _made_anew.get():
+    if _ignore_prebuilt.get():
         return None
     name = f"{key}.npy"
     try:

@@ -11,14 +11,14 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
     from concurrent.futures import Future
 
-_MOST_BYTES = 96
+_LINE_BYTES = 96
 
 
 class ProgressLine:
     """A line of text in memory shared with child processes."""
 
     def __init__(self) -> None:
-        self._memory = multiprocessing.get_context("spawn").RawArray(c_char, _MOST_BYTES)
+        self._memory = multiprocessing.get_context("spawn").RawArray(c_char, _LINE_BYTES)
 
     def read(self) -> str:
         """Return the newest text; empty while nothing is prepared."""
@@ -26,7 +26,7 @@ class ProgressLine:
 
     def write(self, text: str) -> None:
         """Replace the text."""
-        self._memory.value = text.encode()[: _MOST_BYTES - 1]
+        self._memory.value = text.encode()[: _LINE_BYTES - 1]
 
 
 class _Reporter:
@@ -45,10 +45,10 @@ class _Reporter:
                 self._steps.clear()
             self._steps.update(steps)
         for step in steps.values():
-            step.add_done_callback(self._tell)
-        self._tell()
+            step.add_done_callback(self._report)
+        self._report()
 
-    def _tell(self, _: Future[Any] | None = None) -> None:
+    def _report(self, _: Future[Any] | None = None) -> None:
         with self._lock:
             waiting = [name for name, step in self._steps.items() if not step.done()]
             # drawing is the last step
@@ -71,6 +71,7 @@ def watch_steps(steps: Mapping[str, Future[Any]]) -> None:
 
     Parameters
     ----------
-    steps : futures by name for people, in the order in which they should end.
+    steps : mapping
+        Futures by name for people, in the order in which they should end.
     """
     _reporter.watch(steps)

@@ -43,7 +43,8 @@ def within(bounds: tuple[float, float], per_unit: float = 1) -> Meta:
 
     Parameters
     ----------
-    per_unit : units of the key per unit of the field.
+    per_unit : float, optional
+        Units of the key per unit of the field.
     """
     low, high = (x if per_unit == 1 else float(f"{x * per_unit:.12g}") for x in bounds)
     return Meta(ge=low, le=high)

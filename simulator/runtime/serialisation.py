@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from flyaround.simulator.runtime.arrays import ByteArray
 
 _T = TypeVar("_T")
-_ALIGNED = 64  # bytes: array alignment for vector instructions
+_ALIGNMENT = 64  # bytes: array alignment for vector instructions
 
 
 def pack(tree: object, *kinds: type) -> ByteArray:
@@ -28,7 +28,8 @@ def pack(tree: object, *kinds: type) -> ByteArray:
 
     Parameters
     ----------
-    kinds : types of the dataclasses in the tree, the root's first.
+    kinds : type
+        Types of the dataclasses in the tree, the root's first.
 
     Raises
     ------
@@ -36,12 +37,12 @@ def pack(tree: object, *kinds: type) -> ByteArray:
         If it holds anything else.
     """
     arrays: list[NDArray[Any]] = []
-    head = json.dumps(_described(tree, kinds, arrays)).encode()
+    head = json.dumps(_describe_tree(tree, kinds, arrays)).encode()
     pieces = [np.array([len(head)], "<u8").tobytes(), head]
     at = 8 + len(head)
     for array in arrays:
-        pieces += [b"\0" * (-at % _ALIGNED), array.tobytes()]
-        at += -at % _ALIGNED + array.nbytes
+        pieces += [b"\0" * (-at % _ALIGNMENT), array.tobytes()]
+        at += -at % _ALIGNMENT + array.nbytes
     return np.frombuffer(b"".join(pieces), np.uint8)
 
 
@@ -50,7 +51,10 @@ def unpack(packed: ByteArray, of: type[_T], *inner: type) -> _T:
 
     Parameters
     ----------
-    of, inner : the ``kinds`` that were given to `pack`.
+    of : type
+        Type of the tree's root, the first type given to `pack`.
+    inner : type
+        Further types given to `pack`, in the same order.
 
     Raises
     ------
@@ -65,7 +69,7 @@ def unpack(packed: ByteArray, of: type[_T], *inner: type) -> _T:
     return tree
 
 
-def _described(node: object, kinds: tuple[type, ...], arrays: list[NDArray[Any]]) -> object:
+def _describe_tree(node: object, kinds: tuple[type, ...], arrays: list[NDArray[Any]]) -> object:
     """Return the tree as JSON; arrays are appended to a list and represented by type and shape."""
     if isinstance(node, np.ndarray):
         if node.dtype.kind not in "biuf":
@@ -75,10 +79,10 @@ def _described(node: object, kinds: tuple[type, ...], arrays: list[NDArray[Any]]
     if dataclasses.is_dataclass(node) and not isinstance(node, type):
         if type(node) not in kinds:
             raise TypeError(f"a {type(node).__name__} cannot be stored: it is not among the kinds")
-        values = [_described(getattr(node, f.name), kinds, arrays) for f in dataclasses.fields(node)]
+        values = [_describe_tree(getattr(node, f.name), kinds, arrays) for f in dataclasses.fields(node)]
         return {"kind": kinds.index(type(node)), "values": values}
     if isinstance(node, tuple):
-        return {"tuple": [_described(one, kinds, arrays) for one in node]}
+        return {"tuple": [_describe_tree(item, kinds, arrays) for item in node]}
     if isinstance(node, np.generic):
         node = node.item()
     if node is None or isinstance(node, (bool, int, float, str)):
@@ -98,17 +102,17 @@ class _Unpacker:
         if "array" in node:
             return self._array(*node["array"])
         if "tuple" in node:
-            return tuple(self.read(one) for one in node["tuple"])
+            return tuple(self.read(item) for item in node["tuple"])
         kind = self._kinds[node["kind"]] if node["kind"] < len(self._kinds) else None
         if not dataclasses.is_dataclass(kind):
             raise TypeError(f"a dataclass of kind {node['kind']} is stored, which was not asked for")
         names = [f.name for f in dataclasses.fields(kind)]
         if len(names) != len(node["values"]):
             raise TypeError(f"{len(node['values'])} values are stored of a {kind.__name__} of {len(names)}")
-        return kind(**{name: self.read(one) for name, one in zip(names, node["values"], strict=True)})
+        return kind(**{name: self.read(item) for name, item in zip(names, node["values"], strict=True)})
 
     def _array(self, layout: str, shape: list[int]) -> NDArray[Any]:
         dtype = np.dtype(layout)
-        start = self._at + -self._at % _ALIGNED
+        start = self._at + -self._at % _ALIGNMENT
         self._at = start + dtype.itemsize * int(np.prod(shape))
         return self._data[start : self._at].view(dtype).reshape(shape)

@@ -1,4 +1,4 @@
-"""Text from other people in CSV tables, escaped so that no spreadsheet takes it for a formula."""
+"""Untrusted text in CSV tables, escaped so that spreadsheets do not interpret it as a formula."""
 
 from __future__ import annotations
 

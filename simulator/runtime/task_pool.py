@@ -36,12 +36,18 @@ def run_tasks(
 
     Parameters
     ----------
-    work : module-level function, because processes are spawned.
-    tasks : arguments of ``work``.
-    workers : number of processes.
-    start : function called once in each process before its first task.
-    arguments : arguments of ``start``.
-    at_once : tasks handed to a process at a time.
+    work : callable
+        Module-level function, because processes are spawned.
+    tasks : sequence of A
+        Arguments of ``work``.
+    workers : int
+        Number of processes.
+    start : callable, optional
+        Function called once in each process before its first task.
+    arguments : tuple of object, optional
+        Arguments of ``start``.
+    at_once : int, optional
+        Tasks handed to a process at a time.
 
     Raises
     ------
@@ -50,7 +56,7 @@ def run_tasks(
     """
     if not tasks:
         return
-    # one thread each: small matrices gain nothing from more, and processes would compete for the cores
+    # one thread per process, because small matrices gain nothing from more and processes would compete for the cores
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     older = set(active_children())
     pool = ProcessPoolExecutor(

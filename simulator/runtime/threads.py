@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-MOST_THREADS = 6  # more threads wait for Python's lock
+MAX_THREADS = 6  # more threads wait for Python's lock
 
 
 def use_one_for_matrices() -> None:
@@ -28,21 +28,22 @@ def usable_processors() -> int:
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
-def beside_the_caller() -> int:
+def helper_threads() -> int:
     """Return the number of threads that fill the processors beside a busy caller; at least one."""
     return max(usable_processors() - 1, 1)
 
 
 def share_processors(processes: int) -> None:
-    """Have a software driver in this process start its share of threads, unless the user has set their number.
+    """Limit a software driver in this process to its share of threads, unless the user has set their number.
 
-    By default llvmpipe starts one thread per processor in each process: four threads of two processes then compete,
-    which costs up to a third of the frames (docs/validation/scaling.md). With at most one processor, a process draws by
-    its own thread alone. Call it at a process's start: the driver reads the setting when its context is created.
+    By default llvmpipe starts one thread per processor in each process, so that the threads of several processes
+    compete (docs/validation/scaling.md). If a process gets at most one processor, the driver draws in the calling
+    thread. Call this at the start of a process, because the driver reads the setting when its context is created.
 
     Parameters
     ----------
-    processes : number of drawing processes, this one included; 1 changes nothing.
+    processes : int
+        Number of drawing processes, this one included; 1 changes nothing.
     """
     if processes > 1:
         share = usable_processors() // processes
@@ -51,17 +52,17 @@ def share_processors(processes: int) -> None:
         )
 
 
-def pieces_of(rows: int, count: int) -> list[tuple[int, int]]:
+def split_rows(rows: int, count: int) -> list[tuple[int, int]]:
     """Return the first and end row of up to ``count`` pieces of about equal size."""
     count = max(min(count, rows), 1)
     return [(rows * k // count, rows * (k + 1) // count) for k in range(count)]
 
 
-def share_out(pieces: list[tuple[int, int]], work: Callable[[int, int], None]) -> None:
-    """Call ``work(first, end)`` for every piece, here and on other threads.
+def run_in_threads(pieces: list[tuple[int, int]], work: Callable[[int, int], None]) -> None:
+    """Call ``work(first, end)`` for every piece, in this thread and in helper threads.
 
-    Worth it for a few long calls that release Python's lock. The result must not depend on the division into rows. Each
-    thread takes the next piece that is left, so a thread delayed by other work delays nothing.
+    It pays for a few long calls that release Python's global lock. The result must not depend on the division into
+    rows. Each thread takes the next remaining piece, so a thread that is delayed does not delay the others.
     """
     queue = deque(pieces)
 
@@ -86,7 +87,7 @@ def share_out(pieces: list[tuple[int, int]], work: Callable[[int, int], None]) -
 @lru_cache(maxsize=1)
 def threads() -> int:
     """Return the number of threads that share work, this one included: two on the smallest machines."""
-    return min(max(usable_processors(), 2), MOST_THREADS)
+    return min(max(usable_processors(), 2), MAX_THREADS)
 
 
 @lru_cache(maxsize=1)

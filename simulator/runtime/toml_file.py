@@ -1,4 +1,4 @@
-"""The one reader of TOML files: bounds bytes and depth before `tomllib`, whose time and stack have no bound."""
+"""Reader of TOML files. It limits size and nesting before parsing, because `tomllib` does not."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from flyaround.simulator.errors import UserError
 from flyaround.simulator.runtime.untrusted_files import (
-    MOST_DEEP,
+    MAX_DEPTH,
     TOML_TEXT,
     decode_text,
     read_regular,
@@ -19,11 +19,11 @@ from flyaround.simulator.runtime.untrusted_files import (
 if TYPE_CHECKING:
     from pathlib import Path
 
-MOST_TOML_BYTES = 1_000_000  # 100 times the longest built-in file
-MOST_DOTS = 16  # dots in a key, which the parser's recursion follows
-# a.b.c = 1 nests as brackets do, and tomllib's time grows with the square of the number of dots
+MAX_TOML_BYTES = 1_000_000  # 100 times the longest built-in file
+MAX_DOTS = 16  # dots in a key, which the parser's recursion follows
+# dotted keys nest like brackets, and tomllib's time grows with the square of the number of dots
 _DOTTED = re.compile(
-    rb"""(?<![\w\-."'])(?:(?:[\w-]++|"[^"\n]*+"|'[^'\n]*+')[ \t]*+\.[ \t]*+){%d}""" % (MOST_DOTS + 1)
+    rb"""(?<![\w\-."'])(?:(?:[\w-]++|"[^"\n]*+"|'[^'\n]*+')[ \t]*+\.[ \t]*+){%d}""" % (MAX_DOTS + 1)
 )
 
 
@@ -32,8 +32,10 @@ def read_toml(path: Path, name: str, advice: str) -> bytes:
 
     Parameters
     ----------
-    name : name of the file in messages.
-    advice : remedy if it cannot be read.
+    name : str
+        Name of the file in messages.
+    advice : str
+        Remedy if it cannot be read.
 
     Raises
     ------
@@ -41,7 +43,7 @@ def read_toml(path: Path, name: str, advice: str) -> bytes:
         If it cannot be read.
     """
     try:
-        return read_regular(path, MOST_TOML_BYTES)
+        return read_regular(path, MAX_TOML_BYTES)
     except OSError as error:
         raise UserError(f"{name} cannot be read: {error.strerror or error}; {advice}") from error
 
@@ -51,26 +53,29 @@ def parse_toml(content: bytes, where: str) -> dict[str, Any]:
 
     Parameters
     ----------
-    content : bytes of the file.
-    where : name of the file in messages.
+    content : bytes
+        Bytes of the file.
+    where : str
+        Name of the file in messages.
 
     Returns
     -------
-    The document. Every number in it is finite, and no table lies deeper than 64 others.
+    dict
+        The document. Every number in it is finite, and no table lies deeper than 64 others.
 
     Raises
     ------
     UserError
         If it is longer than 1 MB, nested too deeply, not UTF-8, not TOML, or holds NaN or infinity.
     """
-    if len(content) > MOST_TOML_BYTES:
+    if len(content) > MAX_TOML_BYTES:
         raise UserError(
-            f"{where} is longer than {MOST_TOML_BYTES / 1e6:g} MB, which no such file is; shorten it"
+            f"{where} is longer than {MAX_TOML_BYTES / 1e6:g} MB, which no such file is; shorten it"
         )
     text = decode_text(content, where)
     refuse_deep(content, where, skip=TOML_TEXT)
     if _DOTTED.search(content):
-        raise UserError(f"{where} has a key of more than {MOST_DOTS} dots, which no such file has")
+        raise UserError(f"{where} has a key of more than {MAX_DOTS} dots, which no such file has")
     try:
         document = tomllib.loads(text)
     except ValueError as error:  # also integers of thousands of digits
@@ -78,14 +83,14 @@ def parse_toml(content: bytes, where: str) -> dict[str, Any]:
     except RecursionError as error:
         raise UserError(f"{where} is not valid TOML: it nests too deep") from error
     if _is_deep(document):  # dotted keys within brackets multiply the depth
-        raise UserError(f"{where} nests more than {MOST_DEEP} tables in each other, which no such file does")
+        raise UserError(f"{where} nests more than {MAX_DEPTH} tables in each other, which no such file does")
     refuse_not_finite(document, where)
     return document
 
 
 def _is_deep(document: dict[str, Any]) -> bool:
     level: list[Any] = [document]
-    for _ in range(MOST_DEEP):
+    for _ in range(MAX_DEPTH):
         level = [
             inner
             for value in level

@@ -20,7 +20,7 @@ import numpy as np
 
 from flyaround.simulator.errors import UserError
 
-MOST_DEEP = 64  # brackets that may be open at once
+MAX_DEPTH = 64  # brackets that may be open at once
 _OPENING, _CLOSING = (np.isin(np.arange(256), list(kind)) for kind in (b"[{", b"]}"))
 # strings, even unterminated, and comments: brackets inside do not nest; a linear-time pattern
 JSON_TEXT = re.compile(rb'"(?:[^"\\]++|\\.?)*+"?+', re.DOTALL)
@@ -40,12 +40,13 @@ _MARKS = (
 )
 
 
-def read_regular(path: Path, most_bytes: int) -> bytes:
+def read_regular(path: Path, max_bytes: int) -> bytes:
     """Return the bytes of a regular file. Pipes and devices are refused, because they would block or never end.
 
     Parameters
     ----------
-    most_bytes : size limit; a longer file is refused before it is read.
+    max_bytes : int
+        Size limit; a longer file is refused before it is read.
 
     Raises
     ------
@@ -62,9 +63,9 @@ def read_regular(path: Path, most_bytes: int) -> bytes:
             raise UserError(f"{path} is a folder; name a file")
         if not stat.S_ISREG(status.st_mode):
             raise UserError(f"{path} is no regular file but a pipe or a device; name a file")
-        if status.st_size > most_bytes:
+        if status.st_size > max_bytes:
             raise UserError(
-                f"{path} has {_size(status.st_size)} and at most {_size(most_bytes)} are read; make it smaller"
+                f"{path} has {_size(status.st_size)} and at most {_size(max_bytes)} are read; make it smaller"
             )
         with os.fdopen(handle, "rb", closefd=False) as file:
             return file.read(status.st_size)
@@ -73,7 +74,7 @@ def read_regular(path: Path, most_bytes: int) -> bytes:
 
 
 def refuse_link_out(path: Path, folder: Path) -> None:
-    """Raise if a link, of the file or of a folder above it, leads out of ``folder``.
+    """Raise if a symbolic link, of the file or of a folder above it, points outside ``folder``.
 
     Raises
     ------
@@ -92,15 +93,19 @@ def find_beside(owner: Path, name: str, what: str, root: Path | None = None) -> 
 
     Parameters
     ----------
-    owner : file that contains the name.
-    name : relative, with / or backslashes.
-    what : kind of file, for messages.
-    root : folder that must not be left; by default that of ``owner``.
+    owner : Path
+        File that contains the name.
+    name : str
+        Relative, with / or backslashes.
+    what : str
+        Kind of file, for messages.
+    root : Path, optional
+        Folder that must not be left; by default that of ``owner``.
 
     Raises
     ------
     UserError
-        If the name leads out of the folder, or is an address.
+        If the name points outside the folder, or is a URL.
     """
     plain = name.replace("\\", "/")
     quoted = f"{owner}: {what} file {name[:80]!r}"
@@ -183,7 +188,8 @@ def refuse_deep(data: bytes, where: str, skip: re.Pattern[bytes] = JSON_TEXT) ->
 
     Parameters
     ----------
-    skip : pattern of the language's strings and comments, whose brackets do not count.
+    skip : Pattern, optional
+        Pattern of the language's strings and comments, whose brackets do not count.
 
     Raises
     ------
@@ -193,9 +199,9 @@ def refuse_deep(data: bytes, where: str, skip: re.Pattern[bytes] = JSON_TEXT) ->
     numbers = np.frombuffer(skip.sub(b"", data), np.uint8)
     steps = _OPENING[numbers].astype(np.int8)
     steps -= _CLOSING[numbers]
-    if np.cumsum(steps, dtype=np.int32).max(initial=0) > MOST_DEEP:
+    if np.cumsum(steps, dtype=np.int32).max(initial=0) > MAX_DEPTH:
         raise UserError(
-            f"{where} nests more than {MOST_DEEP} brackets in each other, which no such file does"
+            f"{where} nests more than {MAX_DEPTH} brackets in each other, which no such file does"
         )
 
 

@@ -1,4 +1,4 @@
-"""A validation error of a typed file as one sentence: key, value given, what is allowed."""
+"""Validation errors of typed files as sentences: key, value, and allowed values."""
 
 from __future__ import annotations
 
@@ -20,7 +20,8 @@ def convert_document(raw: dict[str, Any], kind: type[_T], where: str) -> _T:
 
     Parameters
     ----------
-    where : name of the file in messages.
+    where : str
+        Name of the file in messages.
 
     Raises
     ------
@@ -38,9 +39,12 @@ def explain(message: str, raw: dict[str, Any], root: type[msgspec.Struct]) -> st
 
     Parameters
     ----------
-    message : text of the error.
-    raw : the file's content, to quote the value from.
-    root : type of the file, to describe what is allowed.
+    message : str
+        Text of the error.
+    raw : dict
+        The file's content, to quote the value from.
+    root : type
+        Type of the file, to describe what is allowed.
     """
     match = _PATH.fullmatch(message)
     what, path = (match["what"], match["path"] or "") if match else (message, "")

@@ -30,7 +30,7 @@ T = TypeVar("T")
 
 # On a loaded machine a start may take minutes; a process that uses no processor time for long has failed.
 _START_TIMEOUT_S = 60.0
-_LOOK_S = 0.5
+_POLL_INTERVAL_S = 0.5
 _END_TIMEOUT_S = 1.0  # grace period before a process is killed
 
 
@@ -47,8 +47,10 @@ class ProcessDiedError(RuntimeError):
 
     Parameters
     ----------
-    name : name of the process in messages.
-    exit_code : exit code, or minus the number of the signal; None if unknown.
+    name : str
+        Name of the process in messages.
+    exit_code : int or None
+        Exit code, or minus the number of the signal; None if unknown.
     """
 
     def __init__(self, name: str, exit_code: int | None) -> None:
@@ -63,10 +65,14 @@ class WorkerProcess(Generic[T]):
 
     Parameters
     ----------
-    work : module-level function with a picklable result.
-    open_resource : picklable function, called once in the process; it returns a context manager, left at the end.
-    capacity : largest number of jobs in flight.
-    name : name of the process in messages.
+    work : callable
+        Module-level function with a picklable result.
+    open_resource : callable
+        Picklable function, called once in the process; it returns a context manager, left at the end.
+    capacity : int, optional
+        Largest number of jobs in flight.
+    name : str, optional
+        Name of the process in messages.
 
     Raises
     ------
@@ -121,7 +127,7 @@ class WorkerProcess(Generic[T]):
             If the process has used no processor time for a minute.
         """
         watch = ProgressWatch()
-        while not self._pipe.poll(min(_LOOK_S, _START_TIMEOUT_S)):
+        while not self._pipe.poll(min(_POLL_INTERVAL_S, _START_TIMEOUT_S)):
             if watch.idle_s(self.processor_time_s()) >= _START_TIMEOUT_S:
                 raise RuntimeError(
                     f"the {self._name} did not start: it has done nothing for {_START_TIMEOUT_S:.0f} s"
@@ -295,7 +301,7 @@ def _serve(
     work: Callable[..., object],
     open_resource: Callable[[], AbstractContextManager[WorkerResource]],
 ) -> None:
-    """Run in the child: do jobs until told to stop or the parent is gone."""
+    """Run jobs in the child process until the parent sends the end or exits."""
     # the parent handles Ctrl-C, and then closes this process
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     # end at once on SIGTERM: the system frees all resources
@@ -324,7 +330,7 @@ def _serve(
 
 
 def leave_with_parent() -> None:
-    """End this process once its parent has ended, which a killed parent cannot announce."""
+    """End this process when its parent ends, even if the parent was killed."""
     parent = multiprocessing.parent_process()
     if parent is None:
         return

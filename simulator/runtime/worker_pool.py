@@ -13,10 +13,10 @@ if TYPE_CHECKING:
     from collections.abc import Callable
     from contextlib import AbstractContextManager
 
-MOST_DEATHS = 3
+MAX_CONSECUTIVE_DEATHS = 3
 """Consecutive deaths without a result after which processes are not restarted."""
 
-UNMEASURED = 15.0
+UNMEASURED_FACTOR = 15.0
 """Factor on the time-out if the system does not report the processor time of another process."""
 
 T = TypeVar("T")
@@ -33,13 +33,22 @@ class WorkerPool(Generic[T]):
 
     Parameters
     ----------
-    work, open_resource, name : parameters of `WorkerProcess`.
-    count : number of processes.
-    capacity : largest number of jobs in flight in each process.
-    restarts : True to restart all processes if one dies.
-    answer_within_s : restart processes that use no processor time for this long while a result is due; None waits for
-        ever.
-    clock : monotonic time [s].
+    work : callable
+        Function that processes a job; see `WorkerProcess`.
+    count : int
+        Number of processes.
+    open_resource : callable
+        Function that opens the resource of a process; see `WorkerProcess`.
+    capacity : int, optional
+        Largest number of jobs in flight in each process.
+    name : str, optional
+        Name of the processes in messages.
+    restarts : bool, optional
+        True to restart all processes if one dies.
+    answer_within_s : float, optional
+        Restart processes that use no processor time for this long while a result is due; None waits for ever.
+    clock : callable, optional
+        Monotonic time [s].
     """
 
     def __init__(
@@ -134,7 +143,7 @@ class WorkerPool(Generic[T]):
             return
         worked_s = sum(process.processor_time_s() for process in self._processes)
         idle_s = self._progress.idle_s(worked_s)
-        if idle_s > self._answer_within_s * (1.0 if worked_s else UNMEASURED):
+        if idle_s > self._answer_within_s * (1.0 if worked_s else UNMEASURED_FACTOR):
             for process in self._processes:
                 process.kill()
             self._restart(None, f"has done nothing for {idle_s:.0f} s")
@@ -161,10 +170,10 @@ class WorkerPool(Generic[T]):
         return value
 
     def _restart(self, error: ProcessDiedError | None, what: str = "") -> NoReturn:
-        """Restart all processes after one died, unless they die again and again."""
+        """Restart all processes after one died; raise if too many died in succession."""
         self._deaths += 1
         what = f"the {self._name} " + (what if error is None else f"died (exit code {error.exit_code})")
-        if not self._restarts or self._deaths >= MOST_DEATHS:
+        if not self._restarts or self._deaths >= MAX_CONSECUTIVE_DEATHS:
             raise error or RuntimeError(what)
         self.close()
         self._start()

@@ -8,7 +8,7 @@ import msgspec
 import numpy as np
 
 from flyaround.simulator.errors import UserError
-from flyaround.simulator.scenario.messages import chaser_ephemeris, known_orbit
+from flyaround.simulator.scenario.messages import chaser_ephemeris, orbit_at_epoch
 from flyaround.simulator.scenario.recipe import EulerAttitude, PoseList, Recipe
 from flyaround.simulator.world.attitude.rigid_body import check_inertia
 from flyaround.simulator.world.ephemeris.body import body_named
@@ -30,9 +30,9 @@ if TYPE_CHECKING:
 
 _MAX_PHASE = 0.5
 """Product of bandwidth and period of the wheels' control above which it is unstable, because the torque is held."""
-_FARTHEST_M = 1e6
+_MAX_RANGE_M = 1e6
 """Largest start range, as for the other modes of a chaser [m]."""
-_PARALLEL = 1e-3
+_PARALLEL_SINE = 1e-3
 """Sine of the angle between two axes below which they count as parallel."""
 
 
@@ -42,14 +42,14 @@ def check_document(document: Scenario | Recipe, where: str) -> None:
     Raises
     ------
     UserError
-        If there is one; the message states file, key, value and allowed values.
+        If a combination is invalid; the message states file, key, value and allowed values.
     """
     problems = _recipe_problems(document) if isinstance(document, Recipe) else _scenario_problems(document)
-    refuse(problems, where)
+    raise_first_problem(problems, where)
     document.auto_exposure  # noqa: B018 - raises if its limits are reversed
 
 
-def refuse(problems: Iterator[str], where: str) -> None:
+def raise_first_problem(problems: Iterator[str], where: str) -> None:
     """Raise a `UserError` with the first problem, if there is one."""
     problem = next(problems, None)
     if problem is not None:
@@ -58,7 +58,7 @@ def refuse(problems: Iterator[str], where: str) -> None:
 
 def _scenario_problems(scenario: Scenario) -> Iterator[str]:
     """Yield combinations of values that are not physical."""
-    o = known_orbit(scenario)
+    o = orbit_at_epoch(scenario)
     body = o.body
     if isinstance(o, ElementsOrbit):
         altitude = o.lowest_altitude_m
@@ -86,7 +86,7 @@ def _scenario_problems(scenario: Scenario) -> Iterator[str]:
 
 
 def _forces_problems(f: Forces, body: Body) -> Iterator[str]:
-    """Find forces that have no model about the body."""
+    """Yield forces that have no model for the central body."""
     if f.gravity_degree is not None and f.gravity_degree not in body.degrees:
         yield (
             f"key forces.gravity_degree is {f.gravity_degree}, allowed about {body.title}: "
@@ -103,7 +103,7 @@ def _forces_problems(f: Forces, body: Body) -> Iterator[str]:
 
 
 def _attitude_problems(a: Attitude, body: Body) -> Iterator[str]:
-    """Find an attitude given twice or not at all, and sections that conflict with the motion."""
+    """Yield duplicate or missing attitudes, and sections that conflict with the motion."""
     if a.q_wxyz is not None and a.euler_deg is not None:
         yield "section [attitude] has both q_wxyz and euler_deg, allowed: one of them"
     if a.q_wxyz is not None:
@@ -148,8 +148,8 @@ def _motion_problems(a: Attitude) -> Iterator[str]:
 
 def _point_problems(p: Point) -> Iterator[str]:
     axes = np.array(p.axis, float), np.array(p.second_axis, float)
-    sizes = [float(np.linalg.norm(x)) for x in axes]
-    if min(sizes) == 0 or float(np.linalg.norm(np.cross(*axes))) < _PARALLEL * sizes[0] * sizes[1]:
+    norms = [float(np.linalg.norm(x)) for x in axes]
+    if min(norms) == 0 or float(np.linalg.norm(np.cross(*axes))) < _PARALLEL_SINE * norms[0] * norms[1]:
         yield (
             f"attitude.point.axis {list(p.axis)} and second_axis {list(p.second_axis)} must be two "
             "directions apart from each other"
@@ -169,18 +169,18 @@ def _chaser_problems(chaser: AnyChaser) -> Iterator[str]:
     if isinstance(chaser, FollowedChaser):
         return
     start, _ = chaser.state_lvlh(0.0, 1e-3)
-    distance, least = float(np.linalg.norm(start)), chaser.minimum_start_range_m
-    if distance < least:
+    distance, min_distance = float(np.linalg.norm(start)), chaser.minimum_start_range_m
+    if distance < min_distance:
         yield (
             f"section [chaser] starts {distance:.3g} m from the target, allowed: at least "
-            f"{least:g} m (key chaser.minimum_start_range_m)"
+            f"{min_distance:g} m (key chaser.minimum_start_range_m)"
         )
     if chaser.thrusters is not None and (chaser.ballistic or isinstance(chaser, CommandScript)):
-        what = (
+        reason = (
             "steered by accelerations" if isinstance(chaser, CommandScript) else "free flight without thrust"
         )
         yield (
-            f"section [chaser.thrusters] is given, but the chaser's mode is {what}: remove the section or "
+            f"section [chaser.thrusters] is given, but the chaser's mode is {reason}: remove the section or "
             "choose another mode"
         )
     yield from _keep_out_problems(chaser, start)
@@ -200,7 +200,7 @@ def _chaser_problems(chaser: AnyChaser) -> Iterator[str]:
 
 
 def _followed_problems(scenario: Scenario) -> Iterator[str]:
-    """Find sections that conflict with craft that follow files."""
+    """Yield sections that conflict with a target or chaser that follows an ephemeris file."""
     chaser = scenario.chaser
     if isinstance(chaser, FollowedChaser):
         for name in ("thrusters", "keep_out"):
@@ -211,11 +211,11 @@ def _followed_problems(scenario: Scenario) -> Iterator[str]:
                 )
         ephemeris = chaser_ephemeris(scenario)
         assert ephemeris is not None  # noqa: S101 - present in this mode
-        away = float(np.linalg.norm(ephemeris(0.0)[0] - known_orbit(scenario).state()[0]))
-        if not chaser.minimum_start_range_m <= away <= _FARTHEST_M:
+        away = float(np.linalg.norm(ephemeris(0.0)[0] - orbit_at_epoch(scenario).state()[0]))
+        if not chaser.minimum_start_range_m <= away <= _MAX_RANGE_M:
             yield (
                 f"{chaser.file} starts {away:.4g} m from the target, allowed: "
-                f"{chaser.minimum_start_range_m:g} (key chaser.minimum_start_range_m) to {_FARTHEST_M:g} m: is it the "
+                f"{chaser.minimum_start_range_m:g} (key chaser.minimum_start_range_m) to {_MAX_RANGE_M:g} m: is it the "
                 "other craft's file?"
             )
     followed = {"target": isinstance(scenario.orbit, OemOrbit), "chaser": isinstance(chaser, FollowedChaser)}
@@ -273,7 +273,7 @@ def _wheels_problems(chaser: AnyChaser) -> Iterator[str]:
 
 
 def _burns_problems(scenario: Scenario) -> Iterator[str]:
-    """Find burns outside the flight, or for a chaser whose mode determines its motion."""
+    """Yield burns outside the flight, and burns of a chaser whose mode determines its motion."""
     for k, b in enumerate(scenario.burns):
         if b.start_s + b.duration_s > scenario.duration_s:
             yield (
@@ -290,28 +290,30 @@ def _burns_problems(scenario: Scenario) -> Iterator[str]:
 
 
 def _recipe_problems(recipe: Recipe) -> Iterator[str]:
-    """Find reversed bounds, and contradictory sections."""
+    """Yield reversed bounds and contradictory sections."""
     yield from _ordered("range", recipe.range.near_m, recipe.range.far_m, "near_m", "far_m")
     if isinstance(recipe.attitude, EulerAttitude):
         yield from _ordered(
             "attitude", recipe.attitude.from_deg, recipe.attitude.to_deg, "from_deg", "to_deg"
         )
     for number, sky in enumerate(recipe.sky):
-        yield from _place_problems(f"sky[{number}]", sky)
+        yield from _location_problems(f"sky[{number}]", sky)
     if recipe.background is not None:
-        yield from _place_problems("background", recipe.background)
+        yield from _location_problems("background", recipe.background)
     for key in ("sky", "poses", "vary"):
         yield from reversed_intervals(getattr(recipe, key), key)
     yield from _poses_problems(recipe)
 
 
 def reversed_intervals(value: object, key: str = "") -> Iterator[str]:
-    """Find an interval, at any depth of a section, whose larger end comes first.
+    """Yield a message for each interval, at any depth of a section, with its larger end first.
 
     Parameters
     ----------
-    value : section, list of sections or value.
-    key : key of the value in the file.
+    value : object
+        Section, list of sections or value.
+    key : str, optional
+        Key of the value in the file.
     """
     if isinstance(value, msgspec.Struct):
         for name, inner in msgspec.structs.asdict(value).items():
@@ -325,7 +327,7 @@ def reversed_intervals(value: object, key: str = "") -> Iterator[str]:
 
 
 def _poses_problems(recipe: Recipe) -> Iterator[str]:
-    """Find sections that conflict with poses of a list or of a flight."""
+    """Yield sections that conflict with poses from a list or a flight."""
     if recipe.poses is None:
         return
     c = recipe.constraints
@@ -337,15 +339,15 @@ def _poses_problems(recipe: Recipe) -> Iterator[str]:
         yield "section [background] is given, but a flight in [poses] has its own sky: remove one of them"
 
 
-def _place_problems(section: str, place: Sky | Background) -> Iterator[str]:
-    """Find an unknown body, and an altitude below the lowest orbit about it."""
+def _location_problems(section: str, location: Sky | Background) -> Iterator[str]:
+    """Yield an unknown body, and an altitude below the lowest orbit about it."""
     try:
-        body = body_named(place.body)
+        body = body_named(location.body)
     except UserError as error:
         yield f"key {section}.body: {error}"
-    if place.altitude_km * 1e3 < body.lowest_m:
+    if location.altitude_km * 1e3 < body.lowest_m:
         yield (
-            f"key {section}.altitude_km is {place.altitude_km:g}, allowed above {body.title}: at least "
+            f"key {section}.altitude_km is {location.altitude_km:g}, allowed above {body.title}: at least "
             f"{body.lowest_m / 1e3:g}"
         )
 

@@ -17,8 +17,8 @@ from flyaround.simulator.camera.encoding import Encoding
 from flyaround.simulator.camera.lens.camera_model import Camera
 from flyaround.simulator.camera.lens.files import CameraFile, read_camera_file
 from flyaround.simulator.camera.lens.files_native import PitchUm
-from flyaround.simulator.camera.lens.intrinsics import CONSISTENT
-from flyaround.simulator.camera.sections import DetectorSection, read_part, read_sensor
+from flyaround.simulator.camera.lens.intrinsics import CONSISTENCY_TOLERANCE
+from flyaround.simulator.camera.sections import DetectorSection, crop_and_bin, read_sensor
 from flyaround.simulator.errors import UserError
 from flyaround.simulator.imaging.auto_exposure import AutoExposure
 from flyaround.simulator.runtime.sections import Section, within
@@ -33,9 +33,9 @@ class SensorSection(Section, frozen=True, kw_only=True):
 
     With a detector (``imx174``, ``cmv4000``, or a section `[sensor.detector]`) photons and electrons are counted, and
     ``full_scale_j_m2_sr`` and the two variances are unused. ``roi_px`` (x0, y0, width, height) reads a region of the
-    camera's pixels, ``binning`` joins so many in each direction; the camera is adapted to the image. ``bits`` divides
-    the same full scale into more or fewer steps, to which ``gain_e_per_dn`` and ``black_level_dn`` in
-    `[sensor.detector]` refer.
+    camera's pixels. ``binning`` is the number of pixels that are combined in each direction. The intrinsics are adapted
+    to both. ``bits`` divides the full scale into more or fewer steps; ``gain_e_per_dn`` and ``black_level_dn`` in
+    `[sensor.detector]` refer to these steps.
     """
 
     preset: Literal["speed", "thesis", "ideal", "imx174", "cmv4000"] = "speed"
@@ -87,24 +87,24 @@ class SensorSection(Section, frozen=True, kw_only=True):
 def _camera_pitch_um(camera: CameraFile, preset: Sensor, where: str) -> tuple[float, float] | None:
     """Return the pixel pitch of the camera's file; raise if it differs from that of the named detector."""
     pitch = camera.pixel_pitch_um
-    own = (preset.pixel_pitch_x_m * 1e6, preset.pixel_pitch_y_m * 1e6)
+    preset_pitch = (preset.pixel_pitch_x_m * 1e6, preset.pixel_pitch_y_m * 1e6)
     if (
         pitch is not None
         and preset.detector is not None
-        and max(abs(g / o - 1) for g, o in zip(pitch, own, strict=True)) > CONSISTENT
+        and max(abs(g / o - 1) for g, o in zip(pitch, preset_pitch, strict=True)) > CONSISTENCY_TOLERANCE
     ):
         raise UserError(
             f"{where}: the camera's file has pixels of {pitch[0]:g} x {pitch[1]:g} um, detector "
-            f"{preset.preset} has {own[0]:g} x {own[1]:g}: say which by [sensor] pixel_pitch_um"
+            f"{preset.preset} has {preset_pitch[0]:g} x {preset_pitch[1]:g}: say which by [sensor] pixel_pitch_um"
         )
     return pitch
 
 
 class Output(Section, frozen=True, kw_only=True):
-    """Bands and quality of the image, and the label layers that a capture writes (``all`` for every one).
+    """Bands and quality of the image, and the label layers that a capture writes (``all`` for every layer).
 
-    ``encoding`` is the transfer function of the image: ``linear``, ``srgb`` or ``gamma`` (a power of 1 / 2.2). Without
-    it that of the camera's file is used; without both, colour of 8 bits is ``srgb`` and everything else linear.
+    ``encoding`` is the transfer function of the image: ``linear``, ``srgb`` or ``gamma`` (a power of 1 / 2.2). By
+    default it is that of the camera file. If the file has none, 8-bit colour images are ``srgb`` and all others linear.
     """
 
     bands: Bands = "mono"
@@ -158,7 +158,7 @@ class Document(Section, frozen=True, kw_only=True):
         if problem is not None:
             raise UserError(f"{self.where}: key {problem}")
         whole = replace(file.camera(f"camera of {self.where}"), encoding=encoding)
-        return read_part(whole, self.sensor.roi_px, self.sensor.binning, self.where)
+        return crop_and_bin(whole, self.sensor.roi_px, self.sensor.binning, self.where)
 
     @property
     def sensor_model(self) -> Sensor:
@@ -183,13 +183,15 @@ class Document(Section, frozen=True, kw_only=True):
         return auto
 
 
-def with_choices(document: D, encoding: Encoding | None, *, auto_exposure: bool) -> D:
-    """Return a document with other image options.
+def with_image_options(document: D, encoding: Encoding | None, *, auto_exposure: bool) -> D:
+    """Return a document with changed image options.
 
     Parameters
     ----------
-    encoding : new encoding, or None to keep it.
-    auto_exposure : True to use automatic exposure.
+    encoding : Encoding or None
+        New encoding, or None to keep it.
+    auto_exposure : bool
+        True to use automatic exposure.
     """
     output, sensor = document.output, document.sensor
     if encoding is not None:

@@ -30,7 +30,7 @@ Direction = Literal["to_board", "to_host", "both"]
 
 
 class _Fault(Section, frozen=True, kw_only=True, tag_field="kind", tag=None):
-    """Base class of faults: start and end of the effect [s of the flight]."""
+    """Base class of faults, with start and end of the effect in flight time [s]."""
 
     start_s: Time = 0.0
     end_s: Time = 1e6
@@ -71,7 +71,7 @@ class ColumnLoss(_Fault, tag="column_loss", frozen=True, kw_only=True):
 
 
 class HalfFrame(_Fault, tag="half_frame", frozen=True, kw_only=True):
-    """The read-out stops early: the rows from ``at`` of the height on are 0."""
+    """The read-out stops early: rows below the share ``at`` of the height are 0."""
 
     chance: Share = 1.0
     at: Share = 0.5
@@ -186,8 +186,12 @@ class Faults(Section, frozen=True, kw_only=True):
 
     Parameters
     ----------
-    seed : seed of every random choice.
-    camera, line : simultaneous faults.
+    seed : int, optional
+        Seed of every random choice.
+    camera : tuple of CameraFault, optional
+        Simultaneous faults.
+    line : tuple of LineFault, optional
+        Simultaneous faults.
     """
 
     seed: Annotated[int, msgspec.Meta(ge=0, le=2**62)] = 0

@@ -12,7 +12,7 @@ from flyaround.simulator.errors import UserError
 from flyaround.simulator.runtime.untrusted_files import decode_text
 from flyaround.simulator.scenario.messages import (
     chaser_ephemeris,
-    known_orbit,
+    orbit_at_epoch,
     read_message,
     target_ephemeris,
 )
@@ -37,7 +37,7 @@ if TYPE_CHECKING:
     from flyaround.simulator.world.flight.flight import Flight
     from flyaround.simulator.world.orbit.forces import ForceModel, Forces
 
-_LOOK_EVERY_S, _MIN_STEP_S = 60.0, 1.0
+_CHECK_INTERVAL_S, _MIN_STEP_S = 60.0, 1.0
 MAX_FRAMES = 1_000_000
 """Number of frames above which a run is probably a mistake."""
 
@@ -47,11 +47,14 @@ def fly(scenario: Scenario, target: Target, duration_s: float | None = None) -> 
 
     Parameters
     ----------
-    scenario : scenario from `load_scenario`.
-    target : target with the inertia, unless the scenario overrides it.
-    duration_s : replaces the scenario's, for example in an open-ended session.
+    scenario : Scenario
+        Scenario from `load_scenario`.
+    target : Target
+        Target with the inertia, unless the scenario overrides it.
+    duration_s : float, optional
+        Replaces the scenario's, for example in an open-ended session.
     """
-    orbit, chaser = known_orbit(scenario), scenario.chaser
+    orbit, chaser = orbit_at_epoch(scenario), scenario.chaser
     r, v = orbit.state()
     epoch = Instant.from_utc(scenario.epoch_utc)
     span_s = duration_s or scenario.duration_s
@@ -60,7 +63,7 @@ def fly(scenario: Scenario, target: Target, duration_s: float | None = None) -> 
         TargetStart(
             r_eci_m=r,
             v_eci_m_s=v,
-            # a recording includes the target's attitude, and its chaser may be where pointing is undefined
+            # a recording contains the target's attitude, and at its start pointing may be undefined
             attitude=Attitude(motion="fixed", frame="eci") if replay else scenario.attitude,
             inertia_kg_m2=target.mass.inertia_kg_m2,
             history=_attitude_history(scenario, epoch),
@@ -99,14 +102,14 @@ def _attitude_history(scenario: Scenario, epoch: Instant) -> AttitudeTrack | Non
 def _check_height(flight: Flight, name: str) -> None:
     """Raise if a craft hits the ground, leaves its body's sphere of influence, or has no finite position.
 
-    The steps are short enough, for the altitude, to find every dive.
+    The time step is limited by altitude over speed, so that no dive to the surface is missed.
     """
     t_s, body = 0.0, flight.body
     while True:
         r, v = flight.orbit(t_s)
-        problem = _place_problem("the target", r, body)
+        problem = _position_problem("the target", r, body)
         chaser, _ = flight.relative(t_s)
-        problem = problem or _place_problem("the chaser", r + chaser, body)
+        problem = problem or _position_problem("the chaser", r + chaser, body)
         if problem:
             raise UserError(
                 f"scenario {name}: {problem} {t_s:.0f} s after the start: shorten duration_s, or change the "
@@ -116,10 +119,10 @@ def _check_height(flight: Flight, name: str) -> None:
             return
         height = min(float(np.linalg.norm(r)), float(np.linalg.norm(r + chaser))) - body.radius_m
         step_s = height / (2 * float(np.linalg.norm(v)))
-        t_s = min(t_s + min(max(step_s, _MIN_STEP_S), _LOOK_EVERY_S), flight.duration_s)
+        t_s = min(t_s + min(max(step_s, _MIN_STEP_S), _CHECK_INTERVAL_S), flight.duration_s)
 
 
-def _place_problem(craft: str, r_m: FloatArray, body: Body) -> str | None:
+def _position_problem(craft: str, r_m: FloatArray, body: Body) -> str | None:
     """Return why a craft cannot be at a position."""
     distance = float(np.linalg.norm(r_m))
     if not np.isfinite(distance):
@@ -184,9 +187,9 @@ def frame_times(duration_s: float, n: int | None = None, every_s: float | None =
         raise UserError(
             f"frames every {every_s:g} s are more than {MAX_FRAMES} in {duration_s:g} s; choose a longer spacing"
         )
-    fitting = int(np.floor(duration_s / every_s + 1e-9)) + 1
-    if n is not None and n > fitting:
+    n_fitting = int(np.floor(duration_s / every_s + 1e-9)) + 1
+    if n is not None and n > n_fitting:
         raise UserError(
-            f"{n} frames every {every_s:g} s do not fit the flight of {duration_s:g} s: {fitting} do"
+            f"{n} frames every {every_s:g} s do not fit the flight of {duration_s:g} s: {n_fitting} do"
         )
-    return np.minimum(np.arange(n or fitting, dtype=float) * every_s, duration_s)
+    return np.minimum(np.arange(n or n_fitting, dtype=float) * every_s, duration_s)

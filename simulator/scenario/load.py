@@ -14,10 +14,10 @@ from flyaround.simulator.camera.detector.limits import optics_problem, response_
 from flyaround.simulator.camera.lens.files import CameraFile, read_camera_file
 from flyaround.simulator.errors import UserError, near_names
 from flyaround.simulator.runtime.plugins import plugins
-from flyaround.simulator.runtime.toml_file import MOST_TOML_BYTES, parse_toml, read_toml
+from flyaround.simulator.runtime.toml_file import MAX_TOML_BYTES, parse_toml, read_toml
 from flyaround.simulator.runtime.untrusted_files import find_beside, read_regular
 from flyaround.simulator.runtime.validation_errors import convert_document
-from flyaround.simulator.scenario.checks import check_document, refuse, reversed_intervals
+from flyaround.simulator.scenario.checks import check_document, raise_first_problem, reversed_intervals
 from flyaround.simulator.scenario.faults import check_times
 from flyaround.simulator.scenario.messages import resolve_messages
 from flyaround.simulator.scenario.recipe import PoseList, Recipe
@@ -36,7 +36,7 @@ Kind = Literal["scenario", "recipe"]
 _Document = TypeVar("_Document", Scenario, Recipe)
 
 MAX_BASES = 8
-OF_TARGET = "eval-black"
+TARGET_RECIPE = "eval-black"
 """Recipe whose name may be followed by a target: eval-black-dragon is eval-black with --target dragon."""
 _NOT_INHERITED = ("base", "name", "members")
 
@@ -73,12 +73,12 @@ def load_recipe(name_or_path: str | Path) -> Recipe:
     """
     text = str(name_or_path)
     if (target := target_in(text)) is not None:
-        recipe = load_recipe(OF_TARGET)
+        recipe = load_recipe(TARGET_RECIPE)
         return msgspec.structs.replace(recipe, name=text, title=f"{recipe.title}, of {target}", target=target)
     where, stem, folder = _origin("recipe", name_or_path)
     raw = _with_base(toml_table(_source("recipe", name_or_path), where), where, folder)
-    recipe = _resolved(convert_document(raw, Recipe, where), where, stem, folder)
-    recipe = msgspec.structs.replace(recipe, poses=_beside(recipe.poses, where, folder))
+    recipe = _resolve(convert_document(raw, Recipe, where), where, stem, folder)
+    recipe = msgspec.structs.replace(recipe, poses=_resolve_pose_file(recipe.poses, where, folder))
     check_document(recipe, where)
     return recipe
 
@@ -88,7 +88,8 @@ def load_vary(path: str | Path, own: Vary | None = None) -> Vary:
 
     Parameters
     ----------
-    own : a recipe's own ranges, used for keys that the file lacks.
+    own : Vary, optional
+        Ranges of the recipe, used for keys that are missing in the file.
 
     Raises
     ------
@@ -99,8 +100,8 @@ def load_vary(path: str | Path, own: Vary | None = None) -> Vary:
     raw = toml_table(read_toml(Path(path), f"--vary {where}", "give a TOML file of ranges"), where)
     vary = convert_document(raw, Vary, where)
     if own is not None:
-        vary = msgspec.convert(_merged(msgspec.to_builtins(own), raw), Vary)
-    refuse(reversed_intervals(vary), where)
+        vary = msgspec.convert(_merge(msgspec.to_builtins(own), raw), Vary)
+    raise_first_problem(reversed_intervals(vary), where)
     return vary
 
 
@@ -110,14 +111,14 @@ def is_recipe(name_or_path: str) -> bool:
         return True
     path = Path(name_or_path)
     try:
-        return path.is_file() and b"flyaround.recipe" in read_regular(path, MOST_TOML_BYTES)
+        return path.is_file() and b"flyaround.recipe" in read_regular(path, MAX_TOML_BYTES)
     except (OSError, UserError):
         return False
 
 
 def target_in(name: str) -> str | None:
     """Return the target in a name such as eval-black-dragon, or None if there is none."""
-    target = name.removeprefix(f"{OF_TARGET}-")
+    target = name.removeprefix(f"{TARGET_RECIPE}-")
     return target if target != name and target in list_targets() else None
 
 
@@ -141,7 +142,7 @@ def built_in_text(kind: Kind, name: str) -> str:
         If there is none.
     """
     if name not in _names(kind):
-        raise UserError(_no_such(kind, name))
+        raise UserError(_unknown_name_message(kind, name))
     built_in = files("flyaround.assets").joinpath(f"{kind}s", f"{name}.toml")
     if built_in.is_file():
         return built_in.read_text(encoding="utf-8")
@@ -174,9 +175,12 @@ def parse_scenario(content: bytes, where: str, stem: str, folder: Path) -> Scena
 
     Parameters
     ----------
-    where : name of the file in messages.
-    stem : default name of the scenario.
-    folder : folder of the files that it names.
+    where : str
+        Name of the file in messages.
+    stem : str
+        Default name of the scenario.
+    folder : Path
+        Folder of the files that it names.
 
     Raises
     ------
@@ -189,7 +193,7 @@ def parse_scenario(content: bytes, where: str, stem: str, folder: Path) -> Scena
         Instant.from_utc(scenario.epoch_utc)
     except ValueError as error:
         raise UserError(f"{where}: key epoch_utc: {error}") from error
-    scenario = _with_one_mass(_resolved(scenario, where, stem, folder), raw, where)
+    scenario = _unify_masses(_resolve(scenario, where, stem, folder), raw, where)
     scenario = resolve_messages(scenario, where, folder)
     check_document(scenario, where)
     if scenario.faults is not None:
@@ -197,8 +201,8 @@ def parse_scenario(content: bytes, where: str, stem: str, folder: Path) -> Scena
     return scenario
 
 
-def _resolved(document: _Document, where: str, stem: str, folder: Path) -> _Document:
-    """Return the document with its name, and with its camera and PSF files read and checked."""
+def _resolve(document: _Document, where: str, stem: str, folder: Path) -> _Document:
+    """Return the document with its name set, and with its camera and PSF files read and checked."""
     camera = document.camera
     if not isinstance(camera, CameraFile):
         try:
@@ -235,8 +239,14 @@ def _check_detector(document: Scenario | Recipe, where: str) -> None:
         raise UserError(f"{where}: key {problem}")
 
 
-def _with_one_mass(scenario: Scenario, raw: dict[str, Any], where: str) -> Scenario:
-    """Return the scenario with the chaser's mass from its forces, if its thrusters have none."""
+def _unify_masses(scenario: Scenario, raw: dict[str, Any], where: str) -> Scenario:
+    """Copy the chaser's mass from `[forces]` to its thrusters, unless they specify one.
+
+    Raises
+    ------
+    UserError
+        If the two masses differ.
+    """
     thrusters, mass_kg = scenario.chaser.acting_thrusters, scenario.forces.chaser.mass_kg
     if thrusters is None or mass_kg is None or thrusters.mass_kg == mass_kg:
         return scenario
@@ -245,33 +255,33 @@ def _with_one_mass(scenario: Scenario, raw: dict[str, Any], where: str) -> Scena
             f"{where}: key chaser.thrusters.mass_kg is {thrusters.mass_kg:g} and forces.chaser.mass_kg {mass_kg:g}, "
             "allowed: one mass of the chaser: remove one of them"
         )
-    weighed = msgspec.structs.replace(thrusters, mass_kg=mass_kg)
-    chaser = msgspec.structs.replace(scenario.chaser, thrusters=weighed)
+    updated = msgspec.structs.replace(thrusters, mass_kg=mass_kg)
+    chaser = msgspec.structs.replace(scenario.chaser, thrusters=updated)
     return msgspec.structs.replace(scenario, chaser=chaser)
 
 
 def _with_base(raw: dict[str, Any], where: str, folder: Path) -> dict[str, Any]:
-    """Return a recipe's sections over those of its bases; ``[vary]`` is merged by key.
+    """Merge the sections of a recipe into those of its bases; ``[vary]`` is merged by key.
 
     Raises
     ------
     UserError
-        If a base is missing, or they form a circle.
+        If a base is missing, or the bases form a cycle.
     """
-    whole = raw
+    merged = raw
     for base in _bases(raw, where, folder):
-        both = _merged({"vary": base.get("vary")}, {"vary": whole["vary"]}) if "vary" in whole else {}
-        whole = {**{k: v for k, v in base.items() if k not in _NOT_INHERITED}, **whole, **both}
-    return whole
+        merged_vary = _merge({"vary": base.get("vary")}, {"vary": merged["vary"]}) if "vary" in merged else {}
+        merged = {**{k: v for k, v in base.items() if k not in _NOT_INHERITED}, **merged, **merged_vary}
+    return merged
 
 
-def _merged(under: dict[str, Any], over: dict[str, Any]) -> dict[str, Any]:
-    """Merge two nested tables by key; a value of ``over`` replaces that of ``under``."""
+def _merge(under: dict[str, Any], override: dict[str, Any]) -> dict[str, Any]:
+    """Merge two nested tables by key; a value of ``override`` replaces that of ``under``."""
     return under | {
-        key: _merged(under[key], value)
+        key: _merge(under[key], value)
         if isinstance(value, dict) and isinstance(under.get(key), dict)
         else value
-        for key, value in over.items()
+        for key, value in override.items()
     }
 
 
@@ -297,8 +307,8 @@ def _bases(raw: dict[str, Any], where: str, folder: Path) -> Iterator[dict[str, 
     )
 
 
-def _beside(poses: AnyPoses | None, where: str, folder: Path) -> AnyPoses | None:
-    """Return poses with their file's path resolved, if it is in the folder."""
+def _resolve_pose_file(poses: AnyPoses | None, where: str, folder: Path) -> AnyPoses | None:
+    """Return the poses with a path relative to the recipe's folder resolved."""
     if poses is None:
         return None
     key = "file" if isinstance(poses, PoseList) else "scenario"
@@ -334,7 +344,7 @@ def _names(kind: Kind) -> tuple[str, ...]:
 
 
 def _origin(kind: Kind, name_or_path: str | Path) -> tuple[str, str, Path]:
-    """Return a file's name for messages, and the folder of the files that it names."""
+    """Return the name for messages, the default document name, and the folder of relative paths."""
     text, path = str(name_or_path), Path(name_or_path)
     if text in _names(kind):
         return f"built-in {kind} {text}", text, Path()
@@ -348,17 +358,17 @@ def _source(kind: Kind, name_or_path: str | Path) -> bytes:
         return built_in_text(kind, text).encode()
     try:
         if not path.is_file():
-            raise UserError(_no_such(kind, text))
-        return read_regular(path, MOST_TOML_BYTES)
+            raise UserError(_unknown_name_message(kind, text))
+        return read_regular(path, MAX_TOML_BYTES)
     except OSError as error:
         raise UserError(f"{text} cannot be read: {error.strerror or error}; check the path") from error
 
 
-def _no_such(kind: Kind, text: str) -> str:
+def _unknown_name_message(kind: Kind, text: str) -> str:
     names = _names(kind)
     if text.endswith(".toml") or re.search(r"[/\\]", text):
         return f"there is no {kind} file {text!r}: give a TOML file, or one of {', '.join(names)}"
     near = near_names(text, names, 3)
     hint = f"did you mean {' or '.join(near)}?" if near else f"built-in ones are {', '.join(names)}"
-    more = f", or {OF_TARGET}-NAME of a target" if kind == "recipe" else ""
+    more = f", or {TARGET_RECIPE}-NAME of a target" if kind == "recipe" else ""
     return f"there is no {kind} {text!r}: {hint}{more}"

@@ -1,4 +1,4 @@
-"""Replaces TLEs and CCSDS messages of a scenario by the states that they imply at its epoch."""
+"""Resolution of a scenario's TLEs and CCSDS messages to states at its epoch."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ from flyaround.simulator.world.messages.aem import read_aem_state
 from flyaround.simulator.world.messages.tle import state_from_tle
 from flyaround.simulator.world.orbit.initial_orbit import (
     ElementsOrbit,
-    KnownOrbit,
     OemOrbit,
+    ResolvedOrbit,
     StateOrbit,
     TleOrbit,
 )
@@ -41,9 +41,12 @@ def resolve_messages(scenario: Scenario, where: str, folder: Path) -> Scenario:
 
     Parameters
     ----------
-    scenario : scenario as read.
-    where : name of the file in error messages.
-    folder : base of relative paths.
+    scenario : Scenario
+        Scenario as read.
+    where : str
+        Name of the file in error messages.
+    folder : Path
+        Base of relative paths.
 
     Raises
     ------
@@ -65,7 +68,7 @@ def resolve_messages(scenario: Scenario, where: str, folder: Path) -> Scenario:
 
 def _orbit(
     orbit: ElementsOrbit | StateOrbit | TleOrbit | OemOrbit, epoch: Instant, duration_s: float, folder: Path
-) -> KnownOrbit | OemOrbit:
+) -> ResolvedOrbit | OemOrbit:
     match orbit:
         case TleOrbit(line1=str(line1), line2=str(line2), file=None):
             orbit_source: Ephemeris | State = state_from_tle(line1, line2, epoch)
@@ -136,7 +139,7 @@ def chaser_ephemeris(scenario: Scenario) -> Ephemeris | None:
     return ephemeris
 
 
-def followed_words(scenario: Scenario) -> list[str]:
+def ephemeris_sentences(scenario: Scenario) -> list[str]:
     """Return a sentence for each craft of a loaded scenario that follows a file."""
     ephemerides = {"target": target_ephemeris(scenario), "chaser": chaser_ephemeris(scenario)}
     return [
@@ -146,7 +149,7 @@ def followed_words(scenario: Scenario) -> list[str]:
     ]
 
 
-def known_orbit(scenario: Scenario) -> KnownOrbit:
+def orbit_at_epoch(scenario: Scenario) -> ResolvedOrbit:
     """Return the target's orbit at the epoch, with its TLE or message already read.
 
     Raises
@@ -166,12 +169,14 @@ def _orbit_file(
     path: Path, key: str, epoch: Instant, centre: str, satellite: str | None
 ) -> Ephemeris | State:
     data = read_message(path, key)
-    return _parsed(data, str(path), epoch, centre, satellite)
+    return _parse_orbit(data, str(path), epoch, centre, satellite)
 
 
 # a flight uses the same parsed data as the check of its scenario
 @lru_cache(maxsize=4)
-def _parsed(data: bytes, where: str, epoch: Instant, centre: str, satellite: str | None) -> Ephemeris | State:
+def _parse_orbit(
+    data: bytes, where: str, epoch: Instant, centre: str, satellite: str | None
+) -> Ephemeris | State:
     return read_orbit_file(data, where, epoch, centre=centre, satellite=satellite)
 
 
@@ -188,7 +193,11 @@ def _attitude(attitude: Attitude, epoch: Instant, folder: Path) -> Attitude:
     q, rate = read_aem_state(text, name, epoch)
     x, y, z = np.degrees(rate)
     return msgspec.structs.replace(
-        attitude, aem_file=None, frame="eci", q_wxyz=quat(_unit(q)), rate_deg_s=(float(x), float(y), float(z))
+        attitude,
+        aem_file=None,
+        frame="eci",
+        q_wxyz=quat(_normalised(q)),
+        rate_deg_s=(float(x), float(y), float(z)),
     )
 
 
@@ -207,7 +216,7 @@ def _chaser(chaser: AnyChaser, duration_s: float, folder: Path) -> AnyChaser:
     return msgspec.structs.replace(chaser, file=str(path))
 
 
-def _unit(q: FloatArray) -> FloatArray:
+def _normalised(q: FloatArray) -> FloatArray:
     return q / np.linalg.norm(q)
 
 

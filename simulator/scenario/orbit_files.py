@@ -41,7 +41,7 @@ if TYPE_CHECKING:
 
 log = logging.getLogger(__name__)
 
-_BINARY = (
+_BINARY_SIGNATURES = (
     (b"DAF/SPK", "an SPK kernel (.bsp)", "write an OEM of it with SPICE's spk2oem or GMAT"),
     (b"NAIF/DAF", "an SPICE kernel", "write an OEM of it with SPICE's spk2oem or GMAT"),
     (b"DAF/", "a SPICE kernel", "write an OEM of the SPK with SPICE's spk2oem or GMAT"),
@@ -49,7 +49,7 @@ _BINARY = (
     (b"PK\x03\x04", "a zip archive", "unpack it"),
     (b"\x28\xb5\x2f\xfd", "compressed by zstd", "unpack it"),
 )
-_TEXT = (
+_TEXT_SIGNATURES = (
     ("stk.v.", "an STK ephemeris (.e), which GMAT writes too", "export it as a CCSDS OEM"),
     (("#a", "#b", "#c", "#d"), "an SP3 orbit file", "convert it to a CCSDS OEM"),
     (("H1 CPF", "h1 cpf"), "a CPF laser-ranging prediction", "convert it to a CCSDS OEM"),
@@ -65,14 +65,14 @@ _TEXT = (
     ("*****", "Horizons' text", "set its format to OEM, or write an OEM of its vectors"),
     ("API VERSION", "Horizons' text", "write a CCSDS OEM of its vectors"),
 )
-_WITHIN = (
+_TEXT_MARKERS = (
     ("$$SOE", "Horizons' text", "write a CCSDS OEM of its vectors"),
     ("BEGIN Ephemeris", "an STK ephemeris (.e)", "export it as a CCSDS OEM"),
     ("RINEX VERSION", "a RINEX file", "convert it to a CCSDS OEM"),
 )
-_SAME_ORBIT = 0.01
-"""Tolerance between a state and elements of one orbit, over the distance, because both are rounded."""
-READ = "CCSDS OEM, OPM and OMM (key = value or XML), OMM as JSON or CSV, and two-line elements"
+_ORBIT_TOLERANCE = 0.01
+"""Relative tolerance between the position of a state and of its Keplerian elements, because both are rounded."""
+SUPPORTED_FORMATS = "CCSDS OEM, OPM and OMM (key = value or XML), OMM as JSON or CSV, and two-line elements"
 
 
 def read_orbit_file(
@@ -82,18 +82,23 @@ def read_orbit_file(
 
     Parameters
     ----------
-    data : contents of the file.
-    where : name of the file in error messages.
-    epoch : origin of times.
-    centre : required central body.
-    satellite : name or number, if there are several.
+    data : bytes
+        Contents of the file.
+    where : str
+        Name of the file in error messages.
+    epoch : Instant
+        Origin of times.
+    centre : str, optional
+        Required central body.
+    satellite : str, optional
+        Name or number, if there are several.
 
     Raises
     ------
     UserError
-        If it is in another format (which the message names), or has a mistake.
+        If the format is not supported (the message names it), or the file has a mistake.
     """
-    text = _text_of(data, where)
+    text = _decode(data, where)
     start = first_line(text)
     is_text, is_xml = start.startswith("CCSDS_OEM_VERS"), start.startswith("<")
     if is_text or is_xml:
@@ -102,48 +107,48 @@ def read_orbit_file(
             states = ephemeris_of(segments, where, epoch, centre=centre.upper(), satellite=satellite)
             states.refuse_impossible(body_named(centre))
             return states
-        segment = _one(segments, where, satellite)
+        segment = _select_segment(segments, where, satellite)
         return _opm_state(segment, epoch, centre) if kind == "opm" else _omm_state(segment, epoch, centre)
     if is_state_message(text, "OPM"):
         return _opm_state(read_fields(text, where, "OPM"), epoch, centre)
     if is_state_message(text, "OMM"):
         return _omm_state(read_fields(text, where, "OMM"), epoch, centre)
     if start.startswith(("{", "[")):
-        return _omm_state(_one(read_json_objects(text, where), where, satellite), epoch, centre)
+        return _omm_state(_select_segment(read_json_objects(text, where), where, satellite), epoch, centre)
     if "MEAN_MOTION" in start and "," in start:
-        return _omm_state(_one(read_csv_objects(text, where), where, satellite), epoch, centre)
+        return _omm_state(_select_segment(read_csv_objects(text, where), where, satellite), epoch, centre)
     if is_element_file(text):
         _require_earth(centre, where, "two-line elements are")
         elements = choose_set(read_element_sets(text, where), satellite, where)
         return state_from_tle(elements.line1, elements.line2, epoch)
     hint = " (its keys must be in capitals)" if start.upper().startswith("CCSDS_") else ""
-    raise UserError(f"{where} is no orbit file that is known{hint}: read are {READ}")
+    raise UserError(f"{where} is no orbit file that is known{hint}: read are {SUPPORTED_FORMATS}")
 
 
-def _text_of(data: bytes, where: str) -> str:
-    """Return the text of a file that is in none of the known binary formats."""
-    for magic, kind, way_out in _BINARY:
+def _decode(data: bytes, where: str) -> str:
+    """Decode a text file; raise if it is in a format that is recognised but not supported."""
+    for magic, kind, way_out in _BINARY_SIGNATURES:
         if data.startswith(magic):
             raise UserError(f"{where} is {kind}: {way_out}")
     text = decode_text(data, where)
     start = first_line(text)
     if not start:
-        raise UserError(f"{where} is empty: read are {READ}")
-    foreign = [row[1:] for row in _TEXT if start.startswith(row[0])]
-    foreign += [row[1:] for row in _WITHIN if row[0] in text[:100_000]]
-    for what, remedy in foreign:
+        raise UserError(f"{where} is empty: read are {SUPPORTED_FORMATS}")
+    matches = [row[1:] for row in _TEXT_SIGNATURES if start.startswith(row[0])]
+    matches += [row[1:] for row in _TEXT_MARKERS if row[0] in text[:100_000]]
+    for what, remedy in matches:
         raise UserError(f"{where} is {what}, which is not read: {remedy}")
     return text
 
 
-def _one(segments: list[Segment], where: str, satellite: str | None) -> Segment:
-    """Return the only object, or the selected one."""
-    numbered = [
+def _select_segment(segments: list[Segment], where: str, satellite: str | None) -> Segment:
+    """Return the selected object, or the only one."""
+    by_number = [
         s
         for s in segments
         if satellite and s.meta.get("NORAD_CAT_ID", "").lstrip("0") == satellite.lstrip("0")
     ]
-    selected = numbered or one_object(segments, where, satellite)
+    selected = by_number or one_object(segments, where, satellite)
     if len(selected) > 1:
         raise UserError(
             f"{where} has {len(selected)} sets of elements of one object: keep the one nearest to the epoch"
@@ -173,11 +178,11 @@ def _opm_state(segment: Segment, epoch: Instant, centre: str) -> State:
         )
     r, v = opm.state or _state_of_elements(opm, body.mu_m3_s2)
     if opm.state is not None and opm.elements is not None:
-        other = _state_of_elements(opm, body.mu_m3_s2)[0]
-        if float(np.linalg.norm(other - r)) > _SAME_ORBIT * float(np.linalg.norm(r)):
+        r_from_elements = _state_of_elements(opm, body.mu_m3_s2)[0]
+        if float(np.linalg.norm(r_from_elements - r)) > _ORBIT_TOLERANCE * float(np.linalg.norm(r)):
             raise UserError(
-                f"{where}: the Keplerian elements put the craft {np.linalg.norm(other - r) / 1e3:.0f} km from X, Y, Z: "
-                "remove those that are wrong"
+                f"{where}: the Keplerian elements put the craft {np.linalg.norm(r_from_elements - r) / 1e3:.0f} km "
+                "from X, Y, Z: remove those that are wrong"
             )
     if opm.unused:
         log.warning("%s has %s: not used", where, ", ".join(opm.unused))

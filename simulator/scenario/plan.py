@@ -11,7 +11,7 @@ import msgspec
 from flyaround.simulator.camera.lens.camera_model import Camera
 from flyaround.simulator.errors import UserError
 from flyaround.simulator.imaging.auto_exposure import ExposureTrack
-from flyaround.simulator.imaging.metering import wanted_exposure_s
+from flyaround.simulator.imaging.metering import metered_exposure_s
 from flyaround.simulator.scenario.flight import fly, frame_times
 from flyaround.simulator.scenario.variation import FrameVariation
 from flyaround.simulator.scene.build import build_scene
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
 
 class FramePlan(Protocol):
-    """Numbered frames of one target that depend on the plan alone: of a flight, a recipe or a list of poses."""
+    """A sequence of frames of one target, from a flight, a recipe or a list of poses."""
 
     @property
     def n_frames(self) -> int:
@@ -53,12 +53,14 @@ class Exposures(Protocol):
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class DocumentPlan(ABC):
-    """Frames of a scenario or a recipe. ``scene(k)`` depends on (document, seed, k) alone.
+    """Frames of a scenario or a recipe; ``scene(k)`` depends on (document, seed, k) only.
 
     Parameters
     ----------
-    every_s : spacing of the frames, or None.
-    vary : ranges within which each frame is varied.
+    every_s : float, optional
+        Spacing of the frames, or None.
+    vary : Vary, optional
+        Ranges within which each frame is varied.
     """
 
     target: Target
@@ -131,12 +133,14 @@ P = TypeVar("P", bound=DocumentPlan)
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Plan(DocumentPlan):
-    """The times of a flight that become frames.
+    """Frames at given times of a propagated flight.
 
     Parameters
     ----------
-    times_s : mid-exposure of each frame, from the flight's start [s].
-    exposures : automatic exposure along the flight; None for a fixed one.
+    times_s : tuple of float
+        Mid-exposure of each frame, from the flight's start [s].
+    exposures : Exposures, optional
+        Automatic exposure along the flight; None for a fixed one.
     """
 
     scenario: Scenario
@@ -173,7 +177,7 @@ class Plan(DocumentPlan):
         auto = self.scenario.auto_exposure
         if auto is None:
             return scene
-        return replace(scene, exposure_s=wanted_exposure_s(auto, scene, self.target))
+        return replace(scene, exposure_s=metered_exposure_s(auto, scene, self.target))
 
     def _scene(self, world: WorldState, k: int, exposure_s: float | None) -> SceneState:
         scenario = self.scenario

@@ -29,8 +29,8 @@ if TYPE_CHECKING:
 
 MAX_BYTES = 200_000_000  # size limit of a list: a million poses
 COLUMNS = ("q_w", "q_x", "q_y", "q_z", "t_x_m", "t_y_m", "t_z_m")
-NEAREST_M, FARTHEST_M = 0.01, 1e6
-_BEYOND = "cells beyond the header"
+MIN_RANGE_M, MAX_RANGE_M = 0.01, 1e6
+_EXTRA_CELLS = "cells beyond the header"
 
 
 def read_poses(path: Path) -> tuple[Pose, ...]:
@@ -45,7 +45,7 @@ def read_poses(path: Path) -> tuple[Pose, ...]:
     """
     try:
         text = decode_text(read_regular(path, MAX_BYTES), str(path))
-        reader = csv.DictReader(io.StringIO(text, newline=""), restkey=_BEYOND)
+        reader = csv.DictReader(io.StringIO(text, newline=""), restkey=_EXTRA_CELLS)
         rows = list(reader)
         header = [name.strip() for name in reader.fieldnames or ()]
     except (OSError, csv.Error) as error:
@@ -53,9 +53,9 @@ def read_poses(path: Path) -> tuple[Pose, ...]:
     missing = [name for name in COLUMNS if name not in header]
     if missing:
         raise UserError(f"{path} lacks the column {missing[0]}; its first line must name {','.join(COLUMNS)}")
-    twice = next((name for name in COLUMNS if header.count(name) > 1), None)
-    if twice is not None:
-        raise UserError(f"{path} has the column {twice} twice; delete one")
+    duplicate = next((name for name in COLUMNS if header.count(name) > 1), None)
+    if duplicate is not None:
+        raise UserError(f"{path} has the column {duplicate} twice; delete one")
     if not rows:
         raise UserError(f"{path} has no poses; give a line for each picture below the header")
     return tuple(_pose(path, line, row) for line, row in enumerate(rows, start=2))
@@ -63,7 +63,7 @@ def read_poses(path: Path) -> tuple[Pose, ...]:
 
 def _pose(path: Path, line: int, row: dict[str, str]) -> Pose:
     values = []
-    if any(cell.strip() for cell in row.get(_BEYOND, ())):  # decimal commas leave extra cells
+    if any(cell.strip() for cell in row.get(_EXTRA_CELLS, ())):  # decimal commas leave extra cells
         raise UserError(
             f"{path} line {line} has more cells than the first line; write numbers with a decimal point"
         )
@@ -76,16 +76,16 @@ def _pose(path: Path, line: int, row: dict[str, str]) -> Pose:
         if not np.isfinite(value):
             raise UserError(f"{path} line {line}: {name} is {cells[name]!r}; give a finite number")
         values.append(value)
-    return _checked(np.array(values[:4]), np.array(values[4:]), f"{path} line {line}")
+    return _pose_from_arrays(np.array(values[:4]), np.array(values[4:]), f"{path} line {line}")
 
 
-def _checked(q: FloatArray, t: FloatArray, where: str) -> Pose:
+def _pose_from_arrays(q: FloatArray, t: FloatArray, where: str) -> Pose:
     """Return the pose of the target in the camera. Raise if it cannot be drawn."""
     if not 0.5 < math.hypot(*q) < 2:
         raise UserError(f"{where}: the quaternion's length is {math.hypot(*q):g}; it must be one")
-    if not NEAREST_M < math.hypot(*t) < FARTHEST_M:
+    if not MIN_RANGE_M < math.hypot(*t) < MAX_RANGE_M:
         raise UserError(
-            f"{where}: the target is {math.hypot(*t):g} m away, allowed: {NEAREST_M:g} to {FARTHEST_M:g}"
+            f"{where}: the target is {math.hypot(*t):g} m away, allowed: {MIN_RANGE_M:g} to {MAX_RANGE_M:g}"
         )
     return Pose.of("camera", "target", q, t)
 
@@ -120,10 +120,14 @@ def scene_at(
 
     Parameters
     ----------
-    q_camera_from_target_wxyz : (4,) unit quaternion, Hamilton, scalar first; it is normalised.
-    t_camera_from_target_m : (3,) origin of the target's axes in the camera's: x right, y down, z forward [m].
-    frame : frame of the plan that defines the time.
-    index : number of the image, the key of its noise; by default ``frame``.
+    q_camera_from_target_wxyz : array_like
+        (4,) unit quaternion, Hamilton, scalar first; it is normalised.
+    t_camera_from_target_m : array_like
+        (3,) origin of the target's axes in the camera's: x right, y down, z forward [m].
+    frame : int, optional
+        Frame of the plan that defines the time.
+    index : int, optional
+        Number of the image, the key of its noise; by default ``frame``.
 
     Raises
     ------
@@ -136,7 +140,7 @@ def scene_at(
             f"the pose is {q.tolist()}, {t.tolist()}: give a quaternion of four numbers, scalar first, and a "
             "position of three [m]"
         )
-    pose = _checked(q, t, "the pose")
+    pose = _pose_from_arrays(q, t, "the pose")
     return scene_with_pose(plan.scene(frame), plan.target, pose, frame if index is None else index)
 
 

@@ -23,7 +23,7 @@ def uniform_direction(rng: Generator) -> FloatArray:
     return np.asarray(v / np.linalg.norm(v), float)
 
 
-def in_cone(rng: Generator, axis: FloatArray, low_deg: float, high_deg: float) -> FloatArray:
+def direction_in_cone(rng: Generator, axis: FloatArray, low_deg: float, high_deg: float) -> FloatArray:
     """Draw a direction, uniform in solid angle, between two angles from an axis along z."""
     c = rng.uniform(np.cos(np.radians(high_deg)), np.cos(np.radians(low_deg)))
     azimuth = rng.uniform(0, 2 * np.pi)

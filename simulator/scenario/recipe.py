@@ -13,7 +13,7 @@ from flyaround.simulator.runtime.sections import Degrees, Interval, Metres, Rang
 from flyaround.simulator.scenario.document import Document, Output, SensorSection
 from flyaround.simulator.scenario.vary import Vary
 from flyaround.simulator.scene.environments import EnvironmentName, EnvironmentSection
-from flyaround.simulator.scene.illumination.area_light import MOST_LIGHTS, AreaLight
+from flyaround.simulator.scene.illumination.area_light import MAX_LIGHTS, AreaLight
 from flyaround.simulator.scene.illumination.lamp import Lamp
 from flyaround.simulator.scene.second_camera import SecondCamera
 
@@ -65,7 +65,10 @@ class EulerAttitude(Section, frozen=True, kw_only=True, tag_field="kind", tag="e
 
 
 class FacingAttitude(Section, frozen=True, kw_only=True, tag_field="kind", tag="facing"):
-    """For flat boards: z is within an angle of the camera, anywhere in the image. Defines range and placement too."""
+    """Attitudes of a flat board: its z axis points to the camera within an angle.
+
+    The board may be anywhere in the image, so this section defines range and placement too.
+    """
 
     within_deg: Annotated[float, Meta(gt=0, lt=80)] = 45.0
 
@@ -107,10 +110,11 @@ class AboutTrajectory(Section, frozen=True, kw_only=True, tag_field="kind", tag=
 
 
 class Sequences(Section, frozen=True, kw_only=True, tag_field="kind", tag="sequences"):
-    """Flights of a scenario, each with its own start: ``frames`` images ``every_s`` apart.
+    """Flights of a scenario with random initial conditions: ``frames`` images each, ``every_s`` apart.
 
-    Each starts at a random position in the orbit and at ``range_m`` from the target, whose attitude is uniform on SO(3)
-    and which rotates about a random axis at a rate within ``rate_deg_s``. ``sunlit``: at start and end.
+    A flight starts at a random position in the orbit, at ``range_m`` from the target. The target's initial attitude is
+    uniform on SO(3), and it rotates about a random axis at a rate within ``rate_deg_s``. With ``sunlit``, the target is
+    sunlit at start and end.
     """
 
     scenario: str
@@ -122,7 +126,7 @@ class Sequences(Section, frozen=True, kw_only=True, tag_field="kind", tag="seque
 
 
 class Sky(Section, frozen=True, kw_only=True):
-    """Directions of Sun and nadir in camera axes; a matching date and position above the body are then drawn.
+    """Distribution of the directions of Sun and nadir, camera axes; a matching date and position are then drawn.
 
     ``max_phase_deg``: largest angle at the target between Sun and camera, uniform in solid angle.
     ``nadir_off_boresight_deg``: angle between boresight and nadir, uniform in solid angle; 64 degrees puts the Earth's
@@ -142,8 +146,8 @@ class Sky(Section, frozen=True, kw_only=True):
 class Background(Section, frozen=True, kw_only=True):
     """A library of ``views`` of the sky, from random positions above a body with random camera attitudes.
 
-    The position is sunlit and the phase angle at most ``max_phase_deg``, so that a craft there is lit. ``least_share``:
-    least share of the image that shows the body's day side; position and attitude are drawn again until it does.
+    The position is sunlit and the phase angle at most ``max_phase_deg``, so that a craft there is lit. ``least_share``
+    is the smallest share of the image that shows the body's day side; views with less are rejected.
     """
 
     body: str = "earth"
@@ -155,11 +159,11 @@ class Background(Section, frozen=True, kw_only=True):
 
 
 class Constraints(Section, frozen=True, kw_only=True):
-    """Conditions on a pose; a pose that violates one is drawn again, and counted.
+    """Conditions on a pose, for rejection sampling. Rejected poses are counted.
 
-    ``clearance_m``: least distance from the camera to the mesh. ``origin_in_image``: the model's origin must be in the
-    image. ``inside``: least share of the projected mesh's bounding box in the image. ``most_draws``: number of draws
-    before an error.
+    ``clearance_m``: smallest distance from the camera to the mesh. ``origin_in_image``: the model's origin must be in
+    the image. ``inside``: smallest share of the projected mesh's bounding box in the image. ``most_draws``: number of
+    draws before an error.
     """
 
     clearance_m: Annotated[float, Meta(gt=0, le=1e4)] | None = None
@@ -183,9 +187,9 @@ AnyPoses = PoseList | AboutTrajectory | Sequences
 class Recipe(Document, frozen=True, kw_only=True):
     """A recipe file, read and checked.
 
-    ``base`` names a built-in recipe or a file next to this one, whose sections are used where this file has none. A
-    recipe with ``members`` stands for the data sets of those recipes. ``frames`` is the default number of frames.
-    ``poses`` replace range, attitude and placement; poses of flights also the sky.
+    ``base`` names a built-in recipe or a file next to this one; its sections are the defaults of this file. A recipe
+    with ``members`` is a group of recipes, each of which becomes a data set. ``frames`` is the default number of
+    frames. ``poses`` replace range, attitude and placement; poses of flights also replace the sky.
     """
 
     schema: Literal["flyaround.recipe"] = "flyaround.recipe"
@@ -216,5 +220,5 @@ class Recipe(Document, frozen=True, kw_only=True):
     environment: EnvironmentSection = EnvironmentSection()
     lamp: Lamp | None = None
     second_camera: SecondCamera | None = None
-    lights: Annotated[list[AreaLight], Meta(max_length=MOST_LIGHTS)] = msgspec.field(default_factory=list)
+    lights: Annotated[list[AreaLight], Meta(max_length=MAX_LIGHTS)] = msgspec.field(default_factory=list)
     output: Output = Output()

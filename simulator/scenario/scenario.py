@@ -12,7 +12,7 @@ from flyaround.simulator.camera.sections import OpticsSection
 from flyaround.simulator.scenario.document import Document, Output, SensorSection
 from flyaround.simulator.scenario.faults import Faults
 from flyaround.simulator.scene.environments import EnvironmentSection
-from flyaround.simulator.scene.illumination.area_light import MOST_LIGHTS, AreaLight
+from flyaround.simulator.scene.illumination.area_light import MAX_LIGHTS, AreaLight
 from flyaround.simulator.scene.illumination.lamp import Lamp
 from flyaround.simulator.scene.second_camera import SecondCamera
 from flyaround.simulator.world.attitude.target_attitude import Attitude
@@ -58,8 +58,8 @@ AnyChaser = (
 class Scenario(Document, frozen=True, kw_only=True):
     """A scenario file, read and checked.
 
-    After loading, the camera, an orbit or an attitude from a file or a TLE are replaced by their contents, so that a
-    scenario is self-contained.
+    The loader replaces references to camera files, orbit files, attitude files and TLEs by their contents, so that a
+    loaded scenario is self-contained.
     """
 
     schema: Literal["flyaround.scenario"] = "flyaround.scenario"
@@ -82,7 +82,7 @@ class Scenario(Document, frozen=True, kw_only=True):
     environment: EnvironmentSection = EnvironmentSection()
     lamp: Lamp | None = None
     second_camera: SecondCamera | None = None
-    lights: Annotated[list[AreaLight], Meta(max_length=MOST_LIGHTS)] = msgspec.field(default_factory=list)
+    lights: Annotated[list[AreaLight], Meta(max_length=MAX_LIGHTS)] = msgspec.field(default_factory=list)
     output: Output = Output()
     faults: Faults | None = None
 

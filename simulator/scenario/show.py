@@ -1,4 +1,4 @@
-"""A built-in scenario as a template: its text, with every further key commented out."""
+"""Annotated text of built-in scenarios and recipes, with all unused keys as comments, as templates for users."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from msgspec import inspect as mi
 from flyaround.simulator.runtime.toml_file import parse_toml
 from flyaround.simulator.runtime.toml_text import toml_value
 from flyaround.simulator.runtime.validation_errors import alternatives, describe_all
-from flyaround.simulator.scenario.load import OF_TARGET, built_in_text, target_in
+from flyaround.simulator.scenario.load import TARGET_RECIPE, built_in_text, target_in
 from flyaround.simulator.scenario.recipe import Recipe
 from flyaround.simulator.scenario.scenario import Scenario
 
@@ -20,31 +20,31 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
 WIDTH = 100  # width of comment lines
-_VALUES_AT = 44  # column of the allowed values
+_COMMENT_COLUMN = 44  # column of the allowed values
 _LISTS = (mi.ListType, mi.VarTupleType)
 _HEADER = re.compile(r"\[+([\w.]+)\]+")
 
 
 def show_scenario(name: str) -> str:
-    """Return a built-in scenario's file with every further key as a comment: its default and allowed values.
+    """Return the file of a built-in scenario, with each unused key as a comment: default and allowed values.
 
-    It is a valid scenario file that flies unchanged like the built-in one.
+    The text is a valid scenario file, equivalent to the built-in one.
 
     Raises
     ------
     UserError
         If there is none.
     """
-    head = [
+    header_lines = [
         f"# Scenario {name}. Keep it as mine.toml, change it, and look: flyaround render mine.toml -o mine.png",
         "# A key behind a # has the value shown unless it is given; ... is for one that has none, or is needed.",
         "# Keys are explained in docs/formats/scenario.md; units are in their names.",
     ]
-    return _annotated_text(built_in_text("scenario", name), Scenario, head)
+    return _annotated_text(built_in_text("scenario", name), Scenario, header_lines)
 
 
 def show_recipe(name: str) -> str:
-    """Return a built-in recipe's file with every further key as a comment: its default and allowed values.
+    """Return the file of a built-in recipe, with each unused key as a comment: default and allowed values.
 
     Raises
     ------
@@ -52,37 +52,39 @@ def show_recipe(name: str) -> str:
         If there is none.
     """
     target = target_in(name)
-    text = built_in_text("recipe", name if target is None else OF_TARGET)
+    text = built_in_text("recipe", name if target is None else TARGET_RECIPE)
     if target is not None:
         text = text.replace('target = "tango"', f'target = "{target}"')
-    head = [
+    header_lines = [
         f"# Recipe {name}. Keep it as mine.toml, change it, and draw: flyaround capture mine.toml -n 20 -o mine",
         "# A key behind a # has the value shown unless it is given, here or in the base; ... is for one that has none.",
         "# Keys are explained in docs/datasets.md; units are in their names.",
     ]
-    return _annotated_text(text, Recipe, head)
+    return _annotated_text(text, Recipe, header_lines)
 
 
-def _annotated_text(text: str, root: type[msgspec.Struct], head: Sequence[str]) -> str:
-    """Return the text of a typed TOML file with every further key as a comment.
+def _annotated_text(text: str, root: type[msgspec.Struct], header_lines: Sequence[str]) -> str:
+    """Return the text of a typed TOML file with each unused key as a comment.
 
     Parameters
     ----------
-    root : type of the file.
-    head : comment lines that come first.
+    root : type
+        Type of the file.
+    header_lines : sequence of str
+        Comment lines that come first.
     """
     raw = parse_toml(text.encode(), "the file shown")
     top = _struct_type(mi.type_info(root), raw)
-    lines = [*head, ""]
+    lines = [*header_lines, ""]
     for path, block in _text_by_section(text):
         table, kind = _table_at(raw, path, top)
         lines += [*_description(kind), *block] if path else block
         lines += [*_keys_to_add(kind, table), *_other_kinds(top, path), ""]
-    for path, kind, many in _sections_to_add(raw, top, ""):
-        header = f"[[{path}]]" if many else f"[{path}]"
-        tag = [f"# {kind.tag_field} = {toml_value(kind.tag)}"] if many and kind.tag_field else []
+    for path, kind, is_list in _sections_to_add(raw, top, ""):
+        header = f"[[{path}]]" if is_list else f"[{path}]"
+        tag = [f"# {kind.tag_field} = {toml_value(kind.tag)}"] if is_list and kind.tag_field else []
         lines += [*_description(kind), f"# {header}", *tag, *_keys_to_add(kind, {})]
-        lines += [*_kinds_of_items(top, path), ""] if many else [""]
+        lines += [*_kinds_of_items(top, path), ""] if is_list else [""]
     return "\n".join(lines).rstrip() + "\n"
 
 
@@ -99,13 +101,13 @@ def _text_by_section(text: str) -> list[tuple[str, list[str]]]:
 def _table_at(raw: dict[str, Any], path: str, kind: mi.StructType) -> tuple[dict[str, Any], mi.StructType]:
     """Return the table at a path, and its type."""
     table: Any = raw
-    for step in path.split(".") if path else ():
-        table = table[step]
-        field = next(f for f in kind.fields if f.encode_name == step)
+    for key in path.split(".") if path else ():
+        table = table[key]
+        field = next(f for f in kind.fields if f.encode_name == key)
         # the first of a list of tables represents all
-        many = isinstance(table, list)
-        table = table[0] if many else table
-        kind = _struct_type(_item(field.type) if many else field.type, table)
+        is_list = isinstance(table, list)
+        table = table[0] if is_list else table
+        kind = _struct_type(_item(field.type) if is_list else field.type, table)
     return table, kind
 
 
@@ -123,7 +125,7 @@ def _item(type_: mi.Type) -> mi.Type:
 def _is_section(field: mi.Field) -> bool:
     kinds = alternatives(field.type)
     if any(isinstance(t, mi.StrType) for t in kinds):
-        return False  # a name is enough
+        return False  # such a field also accepts a name
     lists = [i for t in kinds if isinstance(t, _LISTS) for i in alternatives(t.item_type)]
     return any(isinstance(t, mi.StructType) for t in (*kinds, *lists))
 
@@ -138,7 +140,7 @@ def _keys_to_add(kind: mi.StructType, table: dict[str, Any]) -> list[str]:
         value = "..." if default is None else toml_value(default)
         prefix = "needed: " if field.required else ""
         start = f"# {field.encode_name} = {value}"
-        lines.append(f"{start:{_VALUES_AT}} # {prefix}{describe_all(alternatives(field.type))}")
+        lines.append(f"{start:{_COMMENT_COLUMN}} # {prefix}{describe_all(alternatives(field.type))}")
     return lines
 
 
@@ -149,11 +151,11 @@ def _other_kinds(top: mi.StructType, path: str) -> list[str]:
 
 
 def _kinds_of_items(top: mi.StructType, path: str) -> list[str]:
-    """Return the same for the tables in a list."""
+    """Return a line with the alternatives of the tables in a list."""
     kind = top
     *sections, name = path.split(".")
-    for step in sections:
-        kind = _struct_type(next(f for f in kind.fields if f.encode_name == step).type, {})
+    for key in sections:
+        kind = _struct_type(next(f for f in kind.fields if f.encode_name == key).type, {})
     return _kinds(_item(next(f for f in kind.fields if f.encode_name == name).type))
 
 
@@ -182,15 +184,15 @@ def _sections_to_add(
         name = field.encode_name
         if not _is_section(field):
             continue
-        there, at = table.get(name), f"{path}.{name}" if path else name
-        many = any(isinstance(t, _LISTS) for t in alternatives(field.type))
-        if isinstance(there, dict):
-            sections += _sections_to_add(there, _struct_type(field.type, there), at)
-        elif there is None:
-            section = _struct_type(_item(field.type) if many else field.type, {})
-            sections.append((at, section, many))
+        section_table, section_path = table.get(name), f"{path}.{name}" if path else name
+        is_list = any(isinstance(t, _LISTS) for t in alternatives(field.type))
+        if isinstance(section_table, dict):
+            sections += _sections_to_add(section_table, _struct_type(field.type, section_table), section_path)
+        elif section_table is None:
+            section = _struct_type(_item(field.type) if is_list else field.type, {})
+            sections.append((section_path, section, is_list))
             # sections inside a section that can be added
-            sections += _sections_to_add({}, section, at)
+            sections += _sections_to_add({}, section, section_path)
     return sections
 
 

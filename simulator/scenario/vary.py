@@ -8,17 +8,17 @@ from msgspec import Meta
 
 from flyaround.simulator.runtime.sections import Interval, Section
 from flyaround.simulator.scene.environments import EnvironmentName
-from flyaround.simulator.scene.illumination.area_light import DIFFUSE_DEG, MOST_LIGHTS
+from flyaround.simulator.scene.illumination.area_light import DIFFUSE_DEG, MAX_LIGHTS
 
 Factors = Interval[Annotated[float, Meta(ge=0.01, le=100)]]
 _Positive = Annotated[float, Meta(gt=0, le=1e6)]
 
 
 class VaryCraft(Section, frozen=True, kw_only=True):
-    """The craft, drawn again every few frames, because baking a mesh takes seconds.
+    """Variation of the craft. It changes only ``every`` few frames, because baking a mesh takes seconds.
 
-    ``reflectance`` and ``roughness`` are factors of each material on its own. ``model_error_mm``: the craft is
-    stretched and sheared until one of its vertices has moved by as much, a number out of this range.
+    ``reflectance`` and ``roughness`` are factors drawn for each material. ``model_error_mm``: the craft is stretched
+    and sheared so that the largest displacement of a vertex equals a value drawn from this range.
     """
 
     every: Annotated[int, Meta(ge=1, le=1_000_000)] = 50
@@ -28,7 +28,9 @@ class VaryCraft(Section, frozen=True, kw_only=True):
 
 
 class VaryLights(Section, frozen=True, kw_only=True):
-    """A lamp on the chaser in a share of frames, with power and half angle; Earth-shine in a share of frames."""
+    """Shares of frames with a lamp on the chaser and with Earth-shine, and ranges of the lamp's power and half
+    angle.
+    """
 
     lamp_share: Annotated[float, Meta(ge=0, le=1)] = 0.0
     lamp_power_w: Interval[_Positive] = (10.0, 100.0)
@@ -39,12 +41,13 @@ class VaryLights(Section, frozen=True, kw_only=True):
 class VaryBoxes(Section, frozen=True, kw_only=True):
     """Area lights near the craft instead of the scene's own: number, position, size, radiance.
 
-    Each is at ``distance_m`` from the target's origin, in a direction within ``max_angle_deg`` of that to the camera,
-    uniform in solid angle, and shines at a place within ``aim_error_m`` of it. Sides are drawn one by one; radiance is
-    uniform in its logarithm; ``half_angle_deg`` of 60 is a diffuse box, less a lamp.
+    Each light is at ``distance_m`` from the target's origin, in a direction within ``max_angle_deg`` of that to the
+    camera, uniform in solid angle. It is aimed at a point within ``aim_error_m`` of the origin. Width and height are
+    drawn independently; radiance is uniform in its logarithm. A ``half_angle_deg`` of 60 is a diffuse box, a smaller
+    one a lamp.
     """
 
-    count: Interval[Annotated[int, Meta(ge=0, le=MOST_LIGHTS)]] = (1, 3)
+    count: Interval[Annotated[int, Meta(ge=0, le=MAX_LIGHTS)]] = (1, 3)
     distance_m: Interval[_Positive] = (1.5, 4.0)
     max_angle_deg: Annotated[float, Meta(ge=1, le=180)] = 150.0
     size_m: Interval[Annotated[float, Meta(ge=0.01, le=100)]] = (0.4, 1.5)
@@ -54,9 +57,9 @@ class VaryBoxes(Section, frozen=True, kw_only=True):
 
 
 class VaryImage(Section, frozen=True, kw_only=True):
-    """Factors of exposure and noise, uniform in the logarithm; PSF width; a detector's black level; glow.
+    """Ranges of factors on exposure and noise, of PSF width, of a detector's black level, and of glow.
 
-    ``glow_share`` is uniform in its logarithm, ``glow_radius_px`` uniform.
+    The factors and ``glow_share`` are uniform in the logarithm, the other quantities uniform.
     """
 
     exposure: Factors = (1.0, 1.0)
@@ -68,7 +71,7 @@ class VaryImage(Section, frozen=True, kw_only=True):
 
 
 class VaryBackground(Section, frozen=True, kw_only=True):
-    """One of these environments for each frame."""
+    """Environments from which each frame's is drawn."""
 
     environments: Annotated[list[EnvironmentName], Meta(min_length=1, max_length=20)]
 

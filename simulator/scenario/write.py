@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import msgspec
 
 from flyaround.simulator.runtime.toml_text import to_toml
-from flyaround.simulator.scenario.messages import known_orbit
+from flyaround.simulator.scenario.messages import orbit_at_epoch
 from flyaround.simulator.world.flight.recording import Replay
 
 if TYPE_CHECKING:
@@ -19,16 +19,19 @@ def replay_scenario(scenario: Scenario, recording_file: str, duration_s: float |
 
     Parameters
     ----------
-    scenario : scenario flown.
-    recording_file : path relative to the TOML file.
-    duration_s : duration of the recording if it differs from the scenario's.
+    scenario : Scenario
+        Scenario flown.
+    recording_file : str
+        Path relative to the TOML file.
+    duration_s : float, optional
+        Duration of the recording if it differs from the scenario's.
     """
     chaser = Replay(file=recording_file, minimum_start_range_m=scenario.chaser.minimum_start_range_m)
     replay = msgspec.structs.replace(
         scenario,
         name=f"{scenario.name}-replay",
         chaser=chaser,
-        orbit=known_orbit(scenario),
+        orbit=orbit_at_epoch(scenario),
         # the recording has flown them
         burns=[],
         duration_s=duration_s or scenario.duration_s,

@@ -45,18 +45,41 @@ def build_scene(
 ) -> SceneState:
     """Freeze the world at mid-exposure as seen by one camera.
 
-    Orbits are those of centres of mass; the label is the pose of the model frame, whose origin is at ``-com_target_m``
-    from it.
+    Orbits refer to centres of mass. The label is the pose of the model frame, whose origin is displaced by
+    ``-com_target_m`` from the centre of mass.
 
     Parameters
     ----------
-    world : state at mid-exposure.
-    camera, sensor, exposure_s, optics : imaging chain.
-    target : model to draw.
-    com_target_m : centre of mass of the target in the model frame [m].
-    frame_index, seed : key of the frame's random numbers.
-    quality, bands, environment, lamp, lights : lighting and rendering.
-    shutter : readout of the rows, by default global.
+    world : WorldState
+        State at mid-exposure.
+    camera : Camera
+        Intrinsics and lens.
+    sensor : Sensor
+        Detector and noise.
+    exposure_s : float
+        Exposure time [s].
+    target : TargetRef
+        Model to draw.
+    com_target_m : array
+        Centre of mass of the target in the model frame [m].
+    frame_index : int
+        Number of the frame; with ``seed`` the key of its random numbers.
+    seed : int
+        Seed of the random numbers.
+    quality : Quality, optional
+        Rendering quality.
+    bands : Bands, optional
+        Spectral bands of the image.
+    environment : Environment, optional
+        Layers that are drawn.
+    optics : Optics, optional
+        Effects of the lens other than distortion; by default none.
+    shutter : Shutter, optional
+        Readout of the rows, by default global.
+    lamp : Lamp, optional
+        Lamp on the chaser, if any.
+    lights : sequence of AreaLight, optional
+        Area lights.
     """
     q_ce = np.array(world.q_camera_from_eci_wxyz)
     R_camera_from_eci = matrix_from_quat(q_ce)

@@ -20,17 +20,26 @@ class Environment(msgspec.Struct, frozen=True, kw_only=True):
 
     Attributes
     ----------
-    moon : the Moon, and bodies other than the Earth.
-    earthshine : light of bodies on the target.
-    sunlight : the Sun lights the target; if False it lights only the background, as in front of a laboratory's screen.
-    seasons : land and ice of the date, otherwise of August.
-    relief : shading of mountains.
-    sea_ice : climatological
-        ice.
-    undifferentiated : land, sea and clouds reflect alike, as on a plain globe.
-    airglow : emission of the air at 85 to 100 km, visible at night.
-    atmosphere_thickness_km : height of the top of the atmosphere.
-    aerosol_optical_depth : vertical, at 550 nm: 0.05 over clear seas, 0.1 to 0.3 over most land.
+    moon : bool
+        The Moon, and bodies other than the Earth.
+    earthshine : bool
+        Light of bodies on the target.
+    sunlight : bool
+        The Sun lights the target; if False it lights only the background, as in front of a laboratory's screen.
+    seasons : bool
+        Land and ice of the date, otherwise of August.
+    relief : bool
+        Shading of mountains.
+    sea_ice : bool
+        Climatological ice.
+    undifferentiated : bool
+        Land, sea and clouds reflect alike, as on a plain globe.
+    airglow : bool
+        Emission of the air at 85 to 100 km, visible at night.
+    atmosphere_thickness_km : float
+        Height of the top of the atmosphere.
+    aerosol_optical_depth : float
+        Vertical, at 550 nm: 0.05 over clear seas, 0.1 to 0.3 over most land.
     """
 
     earth: bool = True
@@ -63,7 +72,7 @@ class EnvironmentSection(Environment, frozen=True, forbid_unknown_fields=True):
     preset: EnvironmentName = "full"
 
     def layers(self) -> Environment:
-        """Return the switches alone; the reader has already applied the preset."""
+        """Return the layers without the preset's name; the reader has already applied the preset."""
         return Environment(**{name: getattr(self, name) for name in Environment.__struct_fields__})
 
 

@@ -12,7 +12,7 @@ from flyaround.simulator.camera.detector.shutter import EXPOSURE_S, READOUT_S
 from flyaround.simulator.camera.lens.camera_model import (
     CENTRE_PX,
     FOCAL_PX,
-    LARGEST_IMAGE_PX,
+    MAX_IMAGE_PX,
     camera_problem,
 )
 from flyaround.simulator.errors import UserError
@@ -23,9 +23,9 @@ if TYPE_CHECKING:
     from flyaround.simulator.scene.state import SceneState
     from flyaround.simulator.world.ephemeris.body import BodyState
 
-FARTHEST_TARGET_M = 1e6
+MAX_TARGET_DISTANCE_M = 1e6
 MAX_STRETCH = 0.2  # largest stretch of a target along an axis, as a share
-FASTEST_M_S, FASTEST_RAD_S = 1e6, 1e4  # far beyond any craft
+MAX_SPEED_M_S, MAX_RATE_RAD_S = 1e6, 1e4  # far beyond any craft
 
 
 def scene_problem(scene: SceneState) -> str | None:
@@ -40,8 +40,8 @@ def scene_problem(scene: SceneState) -> str | None:
     except UserError as error:
         return f"scene.bodies: {error}"
     ranges = (
-        ("scene.camera.width_px", c.width_px, 1, LARGEST_IMAGE_PX),
-        ("scene.camera.height_px", c.height_px, 1, LARGEST_IMAGE_PX),
+        ("scene.camera.width_px", c.width_px, 1, MAX_IMAGE_PX),
+        ("scene.camera.height_px", c.height_px, 1, MAX_IMAGE_PX),
         ("scene.camera.fx_px", c.fx_px, *FOCAL_PX),
         ("scene.camera.fy_px", c.fy_px, *FOCAL_PX),
         ("scene.camera.cx_px", c.cx_px, *CENTRE_PX),
@@ -51,16 +51,16 @@ def scene_problem(scene: SceneState) -> str | None:
         ("scene.seed", scene.seed, 0, 2**63 - 1),
         ("scene.frame_index", scene.frame_index, 0, 2**31 - 1),
         ("scene.sun_visible_fraction", scene.sun_visible_fraction, 0.0, 1.0),
-        ("|scene.t_camera_from_target_m|", _norm(scene.t_camera_from_target_m), 0.01, FARTHEST_TARGET_M),
+        ("|scene.t_camera_from_target_m|", _norm(scene.t_camera_from_target_m), 0.01, MAX_TARGET_DISTANCE_M),
         ("|scene.r_camera_eci_m|", _norm(scene.r_camera_eci_m), 6.0e6, 1e12),
         ("|scene.r_target_eci_m|", _norm(scene.r_target_eci_m), 6.0e6, 1e12),
         ("|scene.r_sun_eci_m|", _norm(scene.r_sun_eci_m), 1e11, 2e11),
         ("|scene.r_moon_eci_m|", _norm(moon.r_eci_m), 1e8, 1e9),
-        ("|scene.v_camera_eci_m_s|", _norm(scene.v_camera_eci_m_s), 0.0, FASTEST_M_S),
-        ("|scene.v_target_eci_m_s|", _norm(scene.v_target_eci_m_s), 0.0, FASTEST_M_S),
-        ("|scene.v_target_camera_m_s|", _norm(scene.v_target_camera_m_s), 0.0, FASTEST_M_S),
-        ("|scene.omega_camera_rad_s|", _norm(scene.omega_camera_rad_s), 0.0, FASTEST_RAD_S),
-        ("|scene.omega_target_rad_s|", _norm(scene.omega_target_rad_s), 0.0, FASTEST_RAD_S),
+        ("|scene.v_camera_eci_m_s|", _norm(scene.v_camera_eci_m_s), 0.0, MAX_SPEED_M_S),
+        ("|scene.v_target_eci_m_s|", _norm(scene.v_target_eci_m_s), 0.0, MAX_SPEED_M_S),
+        ("|scene.v_target_camera_m_s|", _norm(scene.v_target_camera_m_s), 0.0, MAX_SPEED_M_S),
+        ("|scene.omega_camera_rad_s|", _norm(scene.omega_camera_rad_s), 0.0, MAX_RATE_RAD_S),
+        ("|scene.omega_target_rad_s|", _norm(scene.omega_target_rad_s), 0.0, MAX_RATE_RAD_S),
         ("scene.environment.atmosphere_thickness_km", scene.environment.atmosphere_thickness_km, 5.0, 200.0),
         ("scene.environment.aerosol_optical_depth", scene.environment.aerosol_optical_depth, 0.0, 1.0),
         ("|scene.q_camera_from_target_wxyz|", _norm(scene.q_camera_from_target_wxyz), 1 - 1e-6, 1 + 1e-6),

@@ -31,11 +31,13 @@ def propagated_scene(scene: SceneState, dt_s: float) -> SceneState:
 
     Parameters
     ----------
-    dt_s : time from mid-exposure [s], of either sign.
+    dt_s : float
+        Time from mid-exposure [s], of either sign.
 
     Returns
     -------
-    The propagated scene; its random key and epoch text stay the image's own.
+    SceneState
+        The propagated scene; random key and epoch text are unchanged.
     """
     if dt_s == 0.0:
         return scene
@@ -54,10 +56,12 @@ def propagated_scene(scene: SceneState, dt_s: float) -> SceneState:
     new_R_ce, new_R_ct = matrix_from_quat(new_q_ce), matrix_from_quat(new_q_ct)
     central = scene.central
     center, mu = np.asarray(central.r_eci_m), central.body.mu_m3_s2
-    fall_camera, fall_target = (_free_fall(r - center, mu) for r in (r_camera, r_target))
-    # differences first: summing an orbit's radius and a close approach leaves nanometres of rounding
+    acceleration_camera, acceleration_target = (_free_fall(r - center, mu) for r in (r_camera, r_target))
+    # propagate differences, because adding an orbit's radius and a close range loses nanometres to rounding
     relative = (
-        (r_target - r_camera) + dt_s * (v_target - v_camera) + 0.5 * dt_s**2 * (fall_target - fall_camera)
+        (r_target - r_camera)
+        + dt_s * (v_target - v_camera)
+        + 0.5 * dt_s**2 * (acceleration_target - acceleration_camera)
     )
     t = new_R_ce @ relative + new_R_ct @ origin_target
     rate = new_R_ce @ (v_target - v_camera) + new_R_ct @ np.cross(omega_target, origin_target)
@@ -67,12 +71,12 @@ def propagated_scene(scene: SceneState, dt_s: float) -> SceneState:
         q_camera_from_target_wxyz=quat(new_q_ct if new_q_ct[0] >= 0 else -new_q_ct),
         t_camera_from_target_m=vec3(t),
         v_target_camera_m_s=vec3(rate - np.cross(omega_camera, t)),
-        r_camera_eci_m=vec3(r_camera + dt_s * (v_camera + 0.5 * dt_s * fall_camera)),
-        v_camera_eci_m_s=vec3(v_camera + dt_s * fall_camera),
+        r_camera_eci_m=vec3(r_camera + dt_s * (v_camera + 0.5 * dt_s * acceleration_camera)),
+        v_camera_eci_m_s=vec3(v_camera + dt_s * acceleration_camera),
         q_camera_from_eci_wxyz=quat(new_q_ce),
-        r_target_eci_m=vec3(r_target + dt_s * (v_target + 0.5 * dt_s * fall_target)),
-        v_target_eci_m_s=vec3(v_target + dt_s * fall_target),
-        bodies=tuple(_moved(state, scene, dt_s) for state in scene.bodies),
+        r_target_eci_m=vec3(r_target + dt_s * (v_target + 0.5 * dt_s * acceleration_target)),
+        v_target_eci_m_s=vec3(v_target + dt_s * acceleration_target),
+        bodies=tuple(_propagate_body(state, scene, dt_s) for state in scene.bodies),
     )
 
 
@@ -85,7 +89,7 @@ def central_velocity_m_s(scene: SceneState) -> FloatArray:
     return central.body.geocentric_state(Instant.from_utc(scene.epoch_utc))[1]
 
 
-def _moved(state: BodyState, scene: SceneState, dt_s: float) -> BodyState:
+def _propagate_body(state: BodyState, scene: SceneState, dt_s: float) -> BodyState:
     """Return a body ``dt_s`` later: rotated by its rate and, if it is the central one, moved."""
     r, q = np.asarray(state.r_eci_m), np.asarray(state.q_fixed_from_eci_wxyz)
     if state.name == scene.central_body:

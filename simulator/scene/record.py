@@ -34,10 +34,14 @@ class SceneRecord(msgspec.Struct, frozen=True, kw_only=True):
 
     Attributes
     ----------
-    r_moon_eci_m : apparent geocentric position [m]; in orbit about the Moon the geometric one.
-    q_itrs_from_eci_wxyz, q_moon_from_eci_wxyz : orientation of the Earth and the Moon (mean Earth / polar axis
-        frame: x to longitude 0, z along the axis).
-    bodies : other bodies, if any.
+    r_moon_eci_m : array
+        Apparent geocentric position [m]; in orbit about the Moon the geometric one.
+    q_itrs_from_eci_wxyz : array
+        Orientation of the Earth (ITRS).
+    q_moon_from_eci_wxyz : array
+        Orientation of the Moon (mean Earth / polar axis frame: x to longitude 0, z along the axis).
+    bodies : tuple of BodyState
+        Other bodies, if any.
     """
 
     epoch_utc: str

@@ -12,9 +12,12 @@ class RawPose(msgspec.Struct, frozen=True, kw_only=True):
 
     Attributes
     ----------
-    position_m : origin of the model.
-    euler_deg : rotations about fixed axes x, y and z, in that order.
-    q_wxyz : the same rotation. In the camera's right-handed axes (y down) these are x, -y, z and w, -x, y, -z.
+    position_m : array
+        Origin of the model.
+    euler_deg : array
+        Rotations about fixed axes x, y and z, in that order.
+    q_wxyz : array
+        The same rotation. In the camera's right-handed axes (y down) these are x, -y, z and w, -x, y, -z.
     """
 
     position_m: Vec3
@@ -31,7 +34,7 @@ class BackgroundView(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class SequenceStep(msgspec.Struct, frozen=True, kw_only=True):
-    """The sequence that a frame belongs to, and its index in it."""
+    """Number of a frame's sequence, and the index of the frame in it."""
 
     sequence: int
     step: int
@@ -49,14 +52,24 @@ class VariedBy(msgspec.Struct, frozen=True, kw_only=True):
 
     Attributes
     ----------
-    exposure, noise : factors, noise on standard deviations.
-    psf_sigma_px : width of the Gaussian PSF.
-    pedestal_dn : the detector's black level.
-    glow_share : glow of the optics.
-    boxes : number of area lights.
-    lamp : True if a lamp is lit.
-    environment : name of the layers, or empty.
-    craft : number of the varied craft, which is described in the scene's target.
+    exposure : float
+        Factor on the exposure.
+    noise : float
+        Factor on the standard deviations of the noise.
+    psf_sigma_px : float or None
+        Width of the Gaussian PSF.
+    pedestal_dn : float or None
+        The detector's black level.
+    glow_share : float or None
+        Glow of the optics.
+    boxes : int or None
+        Number of area lights.
+    lamp : bool
+        True if a lamp is lit.
+    environment : str
+        Name of the layers, or empty.
+    craft : int or None
+        Number of the varied craft, which is described in the scene's target.
     """
 
     exposure: float = 1.0
@@ -76,11 +89,18 @@ class Sample(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
 
     Attributes
     ----------
-    redraws : number of poses drawn again for each of the recipe's constraints.
-    raw : Euler angles, if the attitude was drawn by them.
-    background : the view of a library, if used.
-    pair, sequence : group of frames.
-    varied : changes by `--vary` or a recipe's [vary].
+    redraws : dict
+        Number of poses drawn again for each of the recipe's constraints.
+    raw : RawPose or None
+        Euler angles, if the attitude was drawn by them.
+    background : BackgroundView or None
+        The view of a library, if used.
+    pair : PairMember or None
+        Group of frames.
+    sequence : SequenceStep or None
+        Group of frames.
+    varied : VariedBy or None
+        Changes by `--vary` or a recipe's [vary].
     """
 
     redraws: dict[str, int] = msgspec.field(default_factory=dict)

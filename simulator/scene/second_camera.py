@@ -53,7 +53,7 @@ class SecondCamera(Section, frozen=True, kw_only=True):
         return quat(rotated if rotated[0] >= 0 else -rotated), vec3(t)
 
 
-def seen_by_second(scene: SceneState, second: SecondCamera) -> SceneState:
+def second_camera_scene(scene: SceneState, second: SecondCamera) -> SceneState:
     """Return the scene at the same instant as seen by the second camera.
 
     Raises

@@ -43,7 +43,8 @@ class TargetRef:
 
         Parameters
         ----------
-        base : model of that name, or the craft itself; by default it is loaded by name.
+        base : Target, optional
+            Model of that name, or the craft itself; by default it is loaded by name.
 
         Raises
         ------
@@ -65,28 +66,59 @@ class SceneState(BodyStates):
 
     Parameters
     ----------
-    epoch_utc : mid-exposure, ISO 8601 with a trailing Z.
-    t_s : seconds since the scenario's start.
-    frame_index, seed : key of this frame's random numbers.
-    exposure_s : integration time [s].
-    shutter : exposure times of the rows.
-    optics : effects of the lens other than distortion.
-    quality : preset of the renderer.
-    bands : ``mono`` (panchromatic) or ``rgb``.
-    q_camera_from_target_wxyz, t_camera_from_target_m : pose of the model frame in the camera.
-    omega_target_rad_s : angular velocity of the target relative to ECI, target frame [rad s-1].
-    v_target_camera_m_s : velocity of the target's origin in the (rotating) camera frame [m s-1].
-    r_camera_eci_m, v_camera_eci_m_s, q_camera_from_eci_wxyz, omega_camera_rad_s : state of the camera; its angular
-        velocity in the camera frame.
-    r_target_eci_m, v_target_eci_m_s : state of the target's centre of mass.
-    r_sun_eci_m : apparent geocentric position of the Sun [m].
-    bodies : Earth, Moon and, if different, the central body, whose position is geometric, so that ``r_camera_eci_m``
-        minus it is the camera's position above its ground.
-    sun_visible_fraction : share of the Sun's disc visible from the target past the bodies, 0..1.
-    central_body : name of the body that the target orbits.
-    lamp : lamp on the chaser, if lit.
-    lights : area lights, if any.
-    sample : further random draws of a recipe, if any.
+    epoch_utc : str
+        Mid-exposure, ISO 8601 with a trailing Z.
+    t_s : float
+        Seconds since the scenario's start.
+    frame_index : int
+        Number of the frame; with ``seed`` the key of its random numbers.
+    seed : int
+        Seed of the random numbers.
+    exposure_s : float
+        Integration time [s].
+    optics : Optics, optional
+        Effects of the lens other than distortion.
+    shutter : Shutter, optional
+        Exposure times of the rows.
+    quality : Quality, optional
+        Preset of the renderer.
+    bands : Bands, optional
+        ``mono`` (panchromatic) or ``rgb``.
+    q_camera_from_target_wxyz : array
+        Rotation from the model frame to the camera frame.
+    t_camera_from_target_m : array
+        Origin of the model frame, camera frame [m].
+    omega_target_rad_s : array
+        Angular velocity of the target relative to ECI, target frame [rad s-1].
+    v_target_camera_m_s : array
+        Velocity of the target's origin in the (rotating) camera frame [m s-1].
+    r_camera_eci_m : array
+        Position of the camera, GCRS [m].
+    v_camera_eci_m_s : array
+        Velocity of the camera, GCRS [m s-1].
+    q_camera_from_eci_wxyz : array
+        Rotation from GCRS to the camera frame.
+    omega_camera_rad_s : array
+        Angular velocity of the camera, camera frame [rad s-1].
+    r_target_eci_m : array
+        Position of the target's centre of mass, GCRS [m].
+    v_target_eci_m_s : array
+        Velocity of the target's centre of mass, GCRS [m s-1].
+    r_sun_eci_m : array
+        Apparent geocentric position of the Sun [m].
+    bodies : tuple of BodyState
+        Earth, Moon and, if different, the central body. The position of the central body is geometric, not apparent, so
+        that its difference from ``r_camera_eci_m`` is the camera's position relative to the ground.
+    sun_visible_fraction : float
+        Share of the Sun's disc visible from the target past the bodies, 0..1.
+    central_body : str, optional
+        Name of the body that the target orbits.
+    lamp : Lamp, optional
+        Lamp on the chaser, if lit.
+    lights : tuple of AreaLight, optional
+        Area lights, if any.
+    sample : Sample, optional
+        Further random draws of a recipe, if any.
     """
 
     epoch_utc: str

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from flyaround.simulator.runtime.arrays import FloatArray
     from flyaround.simulator.scene.state import TargetRef
 
-AWAY_M = (0.0, 0.0, -1000.0)  # position of the target: behind the camera
+TARGET_POSITION_M = (0.0, 0.0, -1000.0)  # position of the target: behind the camera
 
 
 def place_itrs_m(
@@ -64,10 +64,14 @@ def scene_above(
 
     Parameters
     ----------
-    place : geodetic latitude and longitude [deg], altitude [km].
-    azimuth_deg, off_nadir_deg : direction of the boresight: azimuth from north to east, angle from nadir; the top of
-        the image points away from the Earth.
-    look_at : ``earth`` for that direction; ``moon`` or ``sun`` for the centre of that body.
+    place : tuple of float
+        Geodetic latitude and longitude [deg], altitude [km].
+    azimuth_deg : float, optional
+        Azimuth of the boresight, from north to east; the top of the image points away from the Earth.
+    off_nadir_deg : float, optional
+        Angle of the boresight from nadir.
+    look_at : str, optional
+        ``earth`` for that direction; ``moon`` or ``sun`` for the centre of that body.
     """
     now = Instant.from_utc(epoch_utc)
     earth, moon = bodies = bodies_at(now, EARTH)
@@ -100,14 +104,14 @@ def scene_above(
         environment=environment or Environment(),
         target=target,
         q_camera_from_target_wxyz=(1.0, 0.0, 0.0, 0.0),
-        t_camera_from_target_m=AWAY_M,
+        t_camera_from_target_m=TARGET_POSITION_M,
         omega_target_rad_s=(0.0, 0.0, 0.0),
         v_target_camera_m_s=(0.0, 0.0, 0.0),
         r_camera_eci_m=vec3(r),
         v_camera_eci_m_s=(0.0, 0.0, 0.0),
         q_camera_from_eci_wxyz=quat(quat_from_matrix(R_ce)),
         omega_camera_rad_s=(0.0, 0.0, 0.0),
-        r_target_eci_m=vec3(r + R_ce.T @ np.array(AWAY_M)),
+        r_target_eci_m=vec3(r + R_ce.T @ np.array(TARGET_POSITION_M)),
         v_target_eci_m_s=(0.0, 0.0, 0.0),
         r_sun_eci_m=vec3(sun),
         bodies=bodies,

@@ -23,10 +23,10 @@ if TYPE_CHECKING:
         Target,
     )
 
-KEYPOINT_REACH = 0.02
-"""Largest distance of a keypoint from the surface, as a share of the craft's size, for fillets and coarse levels."""
-SMALLEST_AREA_M2 = 1e-14
-"""Smallest area of a triangle: twice this is a square of 0.1 micrometre."""
+KEYPOINT_TOLERANCE = 0.02
+"""Largest distance of a keypoint from the surface, relative to the craft's size; fillets and coarse meshes need it."""
+MIN_AREA_M2 = 1e-14
+"""Smallest area of a triangle [m2]: half a square of 0.1 micrometres."""
 
 
 def check_target(target: Target, where: str) -> None:
@@ -47,54 +47,54 @@ def check_target(target: Target, where: str) -> None:
 
 def check_part(part: Part, where: str) -> None:
     """Check for finite vertices, valid indices, unit normals, and no degenerate or inverted triangle."""
-    place = f"{where}, part {part.name!r}"
+    where_part = f"{where}, part {part.name!r}"
     p, n, t = part.positions_m.astype(float), part.normals.astype(float), part.triangles
     finite = np.isfinite(p).all(axis=1)
     if not finite.all():
-        raise UserError(f"{place}: vertex {int(np.argmin(finite))} is not finite; repair the mesh")
+        raise UserError(f"{where_part}: vertex {int(np.argmin(finite))} is not finite; repair the mesh")
     if len(n) != len(p):
-        raise UserError(f"{place}: {len(p)} vertices but {len(n)} normals; export it with normals")
+        raise UserError(f"{where_part}: {len(p)} vertices but {len(n)} normals; export it with normals")
     if len(t) == 0:
-        raise UserError(f"{place}: no triangles; remove the part or export it again")
+        raise UserError(f"{where_part}: no triangles; remove the part or export it again")
     if t.min() < 0 or t.max() >= len(p):
-        raise UserError(f"{place}: a triangle uses vertex {int(t.max())} of {len(p)}; export it again")
+        raise UserError(f"{where_part}: a triangle uses vertex {int(t.max())} of {len(p)}; export it again")
     # the negated test also refuses NaN
     if not (np.abs(np.linalg.norm(n, axis=1) - 1) < 1e-3).all():
-        raise UserError(f"{place}: normals are not unit vectors; export the model with normals")
+        raise UserError(f"{where_part}: normals are not unit vectors; export the model with normals")
     face = np.cross(p[t[:, 1]] - p[t[:, 0]], p[t[:, 2]] - p[t[:, 0]])
     area = np.linalg.norm(face, axis=1)
-    if (area < SMALLEST_AREA_M2).any():
+    if (area < MIN_AREA_M2).any():
         raise UserError(
-            f"{place}: triangle {int(np.argmin(area))} has no area; remove degenerate triangles from the mesh"
+            f"{where_part}: triangle {int(np.argmin(area))} has no area; remove degenerate triangles from the mesh"
         )
     if ((face * n[t].sum(axis=1)).sum(axis=1) <= 0).any():
         raise UserError(
-            f"{place}: some triangles are wound against their normals (inside out); flip those faces or "
+            f"{where_part}: some triangles are wound against their normals (inside out); flip those faces or "
             "recompute the normals"
         )
 
 
 def check_keypoints_on_mesh(target: Target, where: str) -> None:
-    """Check that every keypoint lies on the mesh, within 1/50 of the craft, or else its visibility is undefined.
+    """Check that every keypoint lies on the mesh within `KEYPOINT_TOLERANCE`; otherwise its visibility is undefined.
 
-    Coarse levels are exempt: they keep all labels but omit small parts.
+    Coarse levels of detail are exempt, because they keep all labels but omit small parts.
     """
     if not target.keypoints or not target.parts:
         return
     corners = np.concatenate([p.positions_m[p.triangles] for p in target.parts])
     # per column: comparing contiguous arrays is several times faster
     low, high = (np.ascontiguousarray(f(corners, axis=1).T) for f in (np.min, np.max))
-    reach = KEYPOINT_REACH * float((high.max(axis=1) - low.min(axis=1)).max())
+    tolerance_m = KEYPOINT_TOLERANCE * float((high.max(axis=1) - low.min(axis=1)).max())
     for k in target.keypoints:
         p = np.asarray(k.position_m, float)
-        near = np.ones(len(corners), bool)
+        nearby = np.ones(len(corners), bool)
         for axis in range(3):
-            near &= (low[axis] <= p[axis] + reach) & (high[axis] >= p[axis] - reach)
-        some = corners[near].astype(float)
-        if len(some) == 0 or distance_to_triangles(np.tile(p, (len(some), 1)), some).min() > reach:
+            nearby &= (low[axis] <= p[axis] + tolerance_m) & (high[axis] >= p[axis] - tolerance_m)
+        some = corners[nearby].astype(float)
+        if len(some) == 0 or distance_to_triangles(np.tile(p, (len(some), 1)), some).min() > tolerance_m:
             at = ", ".join(f"{x:.3f}" for x in p)
             raise UserError(
-                f"{where}: keypoint {k.name!r} at ({at}) m is off the mesh by more than {reach:.3g} m; put it on "
+                f"{where}: keypoint {k.name!r} at ({at}) m is off the mesh by more than {tolerance_m:.3g} m; put it on "
                 "the surface, in metres in the model frame"
             )
 
@@ -143,9 +143,9 @@ def check_labels(
 ) -> None:
     """Check for unique names, finite numbers, edges of finite length, and occluder indices in range."""
     for kind, names in (("keypoint", [k.name for k in keypoints]), ("edge", [e.name for e in wireframe])):
-        twice = next((n for k, n in enumerate(names) if n in names[:k]), None)
-        if twice is not None:
-            raise UserError(f"{where}: two {kind}s are called {twice!r}; give each its own name")
+        duplicate = next((n for k, n in enumerate(names) if n in names[:k]), None)
+        if duplicate is not None:
+            raise UserError(f"{where}: two {kind}s are called {duplicate!r}; give each its own name")
     for k in keypoints:
         if not np.isfinite(k.position_m).all():
             raise UserError(f"{where}: keypoint {k.name!r} is not finite; correct its position")

@@ -55,7 +55,7 @@ def content_sha256(
     keypoints, wireframe and occluders, then for each part its positions and normals as little-endian
     float32 and its triangles as little-endian uint32, and its texture coordinates as float32 where it has
     some; then each image's name and bytes. Each block is preceded by its length in bytes (uint64).
-    Textures that a material lacks are omitted from the JSON.
+    Unused texture slots are omitted from the JSON.
     """
     head: dict[str, Any] = {
         "materials": [_material_head(m) for m in materials],

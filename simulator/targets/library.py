@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 # Suffix of the built-in targets' files, which are compressed (51 MB otherwise).
 SUFFIX = ".glb.zst"
-_MAX_IN_USE = 4  # targets cached per process, megabytes each
+_CACHE_SIZE = 4  # targets cached per process, megabytes each
 
 
 def list_targets() -> tuple[str, ...]:
@@ -49,8 +49,10 @@ def load_target(name_or_path: str | Path, detail: Detail = "full") -> Target:
 
     Parameters
     ----------
-    name_or_path : name from `list_targets`, optionally with a level (``tango@low``), or path of a target file.
-    detail : level of a built-in target whose name states none; files have one level only.
+    name_or_path : str or Path
+        Name from `list_targets`, optionally with a level (``tango@low``), or path of a target file.
+    detail : Detail, optional
+        Level of a built-in target whose name states none; files have one level only.
 
     Raises
     ------
@@ -58,24 +60,24 @@ def load_target(name_or_path: str | Path, detail: Detail = "full") -> Target:
         If the name is unknown or the file is not a target.
     """
     text = str(name_or_path)
-    name, level = split_level(text)
+    name, name_detail = split_level(text)
     if name in built_in_targets():
-        return _built_in(name, detail if name == text else level)
+        return _built_in(name, detail if name == text else name_detail)
     if text in user_targets():
         return load_glb(user_file(text))
     if text in plugins("target"):
-        return _added(plugins("target")[text])
+        return _load_plugin(plugins("target")[text])
     path = Path(name_or_path)
     if path.suffix.lower() == ".glb" or path.is_file():
         return load_glb(path)
-    near = near_names(name, list_targets(), 3) or list_targets()
+    suggestions = near_names(name, list_targets(), 3) or list_targets()
     raise UserError(
-        f"unknown target {text!r}: name one of {', '.join(near)}, or another that "
+        f"unknown target {text!r}: name one of {', '.join(suggestions)}, or another that "
         "`flyaround targets` lists (with @medium or @low for fewer triangles), or give the path of a .glb target file"
     )
 
 
-def _added(plugin: Plugin) -> Target:
+def _load_plugin(plugin: Plugin) -> Target:
     """Return a target of another package: from its function, or its target file.
 
     Raises
@@ -98,7 +100,7 @@ def _added(plugin: Plugin) -> Target:
     return target
 
 
-@functools.lru_cache(maxsize=_MAX_IN_USE)
+@functools.lru_cache(maxsize=_CACHE_SIZE)
 def target_in_use(name: str, sha256: str) -> Target:
     """Load a target as `load_target` does, and cache it together with data derived from its mesh.
 
@@ -107,7 +109,8 @@ def target_in_use(name: str, sha256: str) -> Target:
 
     Parameters
     ----------
-    sha256 : hash of the expected target.
+    sha256 : str
+        Hash of the expected target.
 
     Raises
     ------

@@ -21,18 +21,31 @@ class Material:
 
     Parameters
     ----------
-    base_color : linear reflectance, RGB, 0..1.
-    metallic, roughness : factors as in glTF 2.0.
-    clearcoat, clearcoat_roughness : factors of KHR_materials_clearcoat.
-    crinkle : amplitude of the procedural normal detail of insulation blankets, 0..1.
-    anisotropy : strength of KHR_materials_anisotropy, 0..1, by which a brushed metal's highlight is wider across its
-        grain.
-    grain : direction of the brushing, projected on each face, target frame; not normalised.
-    turned : True if the grain runs around that direction, as after turning on a lathe, instead of along it.
-    base_color_texture : name of a `TextureImage` (sRGB) that multiplies ``base_color`` where the part has texture
-        coordinates; empty for none.
-    metallic_roughness_texture : name of an image whose green and blue multiply ``roughness`` and ``metallic``.
-    normal_texture : name of an image of normals in the tangent frame, green towards the image's top.
+    base_color : array
+        Linear reflectance, RGB, 0..1.
+    metallic : float, optional
+        Metallic factor as in glTF 2.0.
+    roughness : float, optional
+        Roughness factor as in glTF 2.0.
+    clearcoat : float, optional
+        Factor of KHR_materials_clearcoat.
+    clearcoat_roughness : float, optional
+        Roughness factor of KHR_materials_clearcoat.
+    crinkle : float, optional
+        Amplitude of the procedural normal detail of insulation blankets, 0..1.
+    anisotropy : float, optional
+        Strength of KHR_materials_anisotropy, 0..1, by which a brushed metal's highlight is wider across its grain.
+    grain : array, optional
+        Direction of the brushing, projected on each face, target frame; not normalised.
+    turned : bool, optional
+        True if the grain runs around that direction, as after turning on a lathe, instead of along it.
+    base_color_texture : str, optional
+        Name of a `TextureImage` (sRGB) that multiplies ``base_color`` where the part has texture coordinates; empty for
+        none.
+    metallic_roughness_texture : str, optional
+        Name of an image whose green and blue multiply ``roughness`` and ``metallic``.
+    normal_texture : str, optional
+        Name of an image of normals in the tangent frame, green towards the image's top.
     """
 
     name: str
@@ -69,10 +82,14 @@ class Part:
 
     Parameters
     ----------
-    positions_m : (N, 3) float32, target frame.
-    normals : (N, 3) float32, outward unit normals.
-    triangles : (M, 3) indices, counter-clockwise seen from outside.
-    uv : (N, 2) float32 texture coordinates as in glTF, (0, 0) the upper left corner of an image; or None.
+    positions_m : (N, 3) float32 array
+        Target frame.
+    normals : (N, 3) float32 array
+        Outward unit normals.
+    triangles : (M, 3) array
+        Indices, counter-clockwise seen from outside.
+    uv : (N, 2) float32 array, optional
+        Coordinates as in glTF, (0, 0) the upper left corner of an image; or None.
     """
 
     name: str
@@ -113,8 +130,10 @@ class Occluders:
 
     Parameters
     ----------
-    vertices_m : (V, 3) float64, target frame.
-    triangles : (T, 3) indices, counter-clockwise seen from outside.
+    vertices_m : (V, 3) array, optional
+        float64, target frame.
+    triangles : (T, 3) array, optional
+        Indices, counter-clockwise seen from outside.
     """
 
     vertices_m: FloatArray = field(default_factory=lambda: np.zeros((0, 3)))
@@ -136,15 +155,24 @@ class Target:
 
     Parameters
     ----------
-    name : name on the command line.
-    title : name for people.
-    sha256 : hash of geometry, materials, keypoints and wireframe, recorded with every image.
-    occluders : coarse substitute of the geometry for visibility tests.
-    frames : named frames on the craft (docking port, grasp point): origin [m] and axis.
-    symmetry : rotations (quaternions, model axes) under which the craft looks nearly the same.
-    notes : sources of the dimensions.
-    pictures : the textures that materials name.
-    part_classes : explicit classes of parts, by name; other classes follow from the parts' names.
+    name : str
+        Name on the command line.
+    title : str
+        Name for people.
+    sha256 : str
+        Hash of geometry, materials, keypoints and wireframe, recorded with every image.
+    frames : dict, optional
+        Named frames on the craft (docking port, grasp point): origin [m] and axis.
+    symmetry : tuple of tuple of float, optional
+        Rotations (quaternions, model axes) under which the craft looks nearly the same.
+    notes : str, optional
+        Sources of the dimensions.
+    occluders : Occluders, optional
+        Coarse substitute of the geometry for visibility tests.
+    pictures : tuple of TextureImage, optional
+        The textures that materials name.
+    part_classes : dict, optional
+        Explicit classes of parts, by name; other classes follow from the parts' names.
     """
 
     name: str

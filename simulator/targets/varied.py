@@ -35,14 +35,18 @@ class SurfaceVariation(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class CraftVariation(msgspec.Struct, frozen=True, kw_only=True):
-    """Differences between a craft and its model.
+    """Random deviation of a craft from its nominal model.
 
     Attributes
     ----------
-    base_sha256 : hash of the model.
-    stretch : symmetric strain matrix ``A``.
-    error_m : largest displacement of a vertex.
-    surfaces : factors by material name.
+    base_sha256 : str
+        Hash of the model.
+    stretch : array
+        Symmetric strain matrix ``A``.
+    error_m : float
+        Largest displacement of a vertex.
+    surfaces : dict
+        Factors by material name.
     """
 
     base_sha256: str
@@ -50,7 +54,7 @@ class CraftVariation(msgspec.Struct, frozen=True, kw_only=True):
     error_m: float = 0.0
     surfaces: dict[str, SurfaceVariation] = msgspec.field(default_factory=dict)
 
-    def moved(self, points_m: ArrayLike) -> FloatArray:
+    def deform(self, points_m: ArrayLike) -> FloatArray:
         """Return the deformed positions of points (..., 3) of the model [m]."""
         points = np.asarray(points_m, float)
         return points + points @ np.asarray(self.stretch).T
@@ -77,7 +81,8 @@ def target_as_drawn(name: str, sha256: str, variation: CraftVariation | None, ba
 
     Parameters
     ----------
-    base : the model; by default it is loaded by name and hash.
+    base : Target or None
+        The model; by default it is loaded by name and hash.
 
     Raises
     ------
@@ -95,9 +100,9 @@ def _varied(base: Target, encoded: bytes) -> Target:
     normal_matrix = np.linalg.inv(np.eye(3) + np.asarray(v.stretch)).T
     materials = tuple(_surface(m, v.surfaces.get(m.name)) for m in base.materials)
     parts = tuple(_part(p, v, normal_matrix) for p in base.parts)
-    keypoints = tuple(replace(k, position_m=vec3(v.moved(k.position_m))) for k in base.keypoints)
+    keypoints = tuple(replace(k, position_m=vec3(v.deform(k.position_m))) for k in base.keypoints)
     wireframe = tuple(_edge(e, v, normal_matrix) for e in base.wireframe)
-    occluders = Occluders(vertices_m=v.moved(base.occluders.vertices_m), triangles=base.occluders.triangles)
+    occluders = Occluders(vertices_m=v.deform(base.occluders.vertices_m), triangles=base.occluders.triangles)
     return replace(
         base,
         sha256=content_sha256(materials, parts, keypoints, wireframe, occluders, base.pictures),
@@ -120,14 +125,14 @@ def _surface(material: Material, change: SurfaceVariation | None) -> Material:
 def _part(part: Part, v: CraftVariation, normal_matrix: FloatArray) -> Part:
     return replace(
         part,
-        positions_m=v.moved(part.positions_m).astype(np.float32),
+        positions_m=v.deform(part.positions_m).astype(np.float32),
         normals=_transform_normals(part.normals, normal_matrix).astype(np.float32),
     )
 
 
 def _edge(edge: Edge, v: CraftVariation, normal_matrix: FloatArray) -> Edge:
     normals: tuple[Vec3, ...] = tuple(vec3(_transform_normals(n, normal_matrix)) for n in edge.normals)
-    return replace(edge, a_m=vec3(v.moved(edge.a_m)), b_m=vec3(v.moved(edge.b_m)), normals=normals)
+    return replace(edge, a_m=vec3(v.deform(edge.a_m)), b_m=vec3(v.deform(edge.b_m)), normals=normals)
 
 
 def _transform_normals(normals: ArrayLike, matrix: FloatArray) -> FloatArray:

@@ -12,7 +12,7 @@ import pytest
 from flyaround.simulator.frame import Frame
 from flyaround.simulator.loop import FrameProducer, FrameRequest, open_frames
 from flyaround.simulator.runtime.worker import ProcessDiedError
-from flyaround.simulator.runtime.worker_pool import MOST_DEATHS, JobsLostError
+from flyaround.simulator.runtime.worker_pool import MAX_CONSECUTIVE_DEATHS, JobsLostError
 from flyaround.simulator.scenario.load import load_scenario
 from flyaround.simulator.scenario.plan import plan_flight
 
@@ -85,8 +85,8 @@ def test_pictures_go_on_when_the_process_hangs() -> None:
 def test_a_process_that_dies_again_and_again_is_given_up() -> None:
     request = small_request()
     with open_frames(Frame.without_radiance, processes=1, restarts=True) as source:
-        for death in range(MOST_DEATHS):
+        for death in range(MAX_CONSECUTIVE_DEATHS):
             lose_a_picture(source, request)
-            expected = ProcessDiedError if death == MOST_DEATHS - 1 else JobsLostError
+            expected = ProcessDiedError if death == MAX_CONSECUTIVE_DEATHS - 1 else JobsLostError
             with pytest.raises(expected):
                 next_picture(source)

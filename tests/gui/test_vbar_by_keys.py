@@ -20,7 +20,7 @@ from tests.harness.flown_console import console_flying
 
 START_M, MOVED_M = 15.0, -5.0
 FINE = 0.2
-PUSHES = (
+SWITCH_PAIRS = (
     # begin [s], lasts [s], key, LVLH direction, strength; up holds the chaser on the line against the orbit's turn
     (1.0, 2.0, "back", (0.0, -1.0, 0.0), 1.0),
     (3.2, 0.56, "up", (1.0, 0.0, 0.0), FINE),
@@ -38,7 +38,7 @@ def beside() -> Scenario:
 
 def script() -> str:
     lines = ["0.5 steer.lvlh on"]
-    for from_s, lasts_s, key, _, strength in PUSHES:
+    for from_s, lasts_s, key, _, strength in SWITCH_PAIRS:
         keys = [f"steer.{key}", *(["steer.fine"] if strength == FINE else [])]
         lines += [f"{from_s:.3f} hold {k}" for k in keys]
         lines += [f"{from_s + lasts_s:.3f} release {k}" for k in keys]
@@ -65,7 +65,7 @@ def test_five_metres_along_the_v_bar_are_the_worlds_own_propagation(tmp_path: Pa
             duration_s=lasts_s,
             delta_v_lvlh_m_s=tuple(strength * ACCELERATION_M_S2 * lasts_s * d for d in direction),  # type: ignore[arg-type]
         )
-        for from_s, lasts_s, _, direction, strength in PUSHES
+        for from_s, lasts_s, _, direction, strength in SWITCH_PAIRS
     )
     truth = plan_flight(
         msgspec.structs.replace(beside(), burns=burns, duration_s=END_S + 1.0), n=1
@@ -78,5 +78,5 @@ def test_five_metres_along_the_v_bar_are_the_worlds_own_propagation(tmp_path: Pa
     assert abs(flown.position_lvlh_m[2]) < 1e-3
     assert np.linalg.norm(flown.velocity_lvlh_m_s) < 5e-3
     assert session.craft.steering.propellant.delta_v_m_s == pytest.approx(
-        sum(strength * ACCELERATION_M_S2 * lasts_s for _, lasts_s, _, _, strength in PUSHES), rel=1e-3
+        sum(strength * ACCELERATION_M_S2 * lasts_s for _, lasts_s, _, _, strength in SWITCH_PAIRS), rel=1e-3
     )

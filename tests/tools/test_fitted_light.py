@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from flyaround.simulator.camera.lens.files import load_camera
-from flyaround.simulator.compare.references import Reference, fitted, read_references
+from flyaround.simulator.compare.references import Reference, read_references, resize_camera
 from flyaround.simulator.imaging.image_formation import digitise_scene, expose_scene
 from flyaround.simulator.targets.library import load_target
 from flyaround.simulator.world.frames.pose import Pose
@@ -30,7 +30,7 @@ STRONG = {40: 900.0, 33: 400.0}
 def pictures(renderer, tmp_path_factory):
     """A folder of two pictures under known boxes, SPEED's list beside it, and the references."""
     folder, target = tmp_path_factory.mktemp("pictures"), load_target(TARGET)
-    camera, rows, references = fitted(load_camera("speed"), 480, 300), [], []
+    camera, rows, references = resize_camera(load_camera("speed"), 480, 300), [], []
     for k, turn in enumerate([(0.4, 2.2, 0.3), (2.0, 0.5, -0.8)]):
         pose = Pose("camera", "target", quat_from_rotvec(np.array(turn)), (0.1, -0.05, 4.0))
         path = folder / f"img{k}.png"

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from flyaround.simulator.camera.lens.files import load_camera
-from flyaround.simulator.compare.references import Reference, fitted, read_references
+from flyaround.simulator.compare.references import Reference, read_references, resize_camera
 from flyaround.simulator.targets.library import load_target
 from flyaround.simulator.world.frames.pose import Pose
 from tools.studies.fitted_light.fit import candidate_lights, scene_at_pose
@@ -31,7 +31,7 @@ POSE = Pose.of("camera", "target", (0.5, 0.5, -0.5, 0.5), (0.1, 0.0, 5.0))
 @pytest.mark.gl
 def test_a_twin_of_our_own_picture_is_that_picture(renderer: Renderer, tmp_path: Path) -> None:
     mockup, flight = load_target("tango-mockup@low"), load_target("tango@low")
-    camera = fitted(load_camera("speed"), 480, 300)
+    camera = resize_camera(load_camera("speed"), 480, 300)
     bare = scene_at_pose(Reference(tmp_path / "a.png", np.zeros((300, 480), np.uint8), camera, POSE), mockup)
     lights = candidate_lights(bare)
     box = msgspec.structs.replace(lights[40], radiance_w_m2_sr=900.0)

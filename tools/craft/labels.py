@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from flyaround.simulator.runtime.arrays import Vec3, vec3
-from flyaround.simulator.targets.importing.propose.keypoints import across
+from flyaround.simulator.targets.importing.propose.keypoints import view_axes
 from flyaround.simulator.targets.importing.repair.normals import CREASE_RAD
 from flyaround.simulator.targets.model import Edge, Occluders
 from tools.craft.shapes.mesh import Mesh, unit
@@ -149,7 +149,7 @@ def ring_edges(
     inside : bool, optional
         The rim of a bore, whose wall looks towards the axis.
     """
-    u, v, w = across(axis)
+    u, v, w = view_axes(axis)
     t = 2 * np.pi * np.arange(segments + 1) / segments
     rim = np.asarray(centre_m, float) + radius_m * (np.cos(t)[:, None] * u + np.sin(t)[:, None] * v)
     middle = t[:-1] + np.pi / segments
@@ -166,7 +166,7 @@ def axis_edge(name: str, a_m: ArrayLike, b_m: ArrayLike, radius_m: float) -> Edg
 
 def rim_point(centre_m: ArrayLike, axis: ArrayLike, radius_m: float, quarter: int) -> Vec3:
     """Return the point of a lathe's ring at a multiple of 90 degrees: a vertex at every level of detail."""
-    u, v, _ = across(axis)
+    u, v, _ = view_axes(axis)
     side = (u, v, -u, -v)[quarter % 4]
     return vec3(np.asarray(centre_m, float) + radius_m * side)
 

@@ -22,7 +22,7 @@ import numpy as np
 from flyaround.hil.board_model.write import write_board_model
 from flyaround.hil.evaluate.greyscale import grey
 from flyaround.simulator.dataset.card import read_card
-from flyaround.simulator.dataset.formats.native import frame_paths, is_whole, read_png
+from flyaround.simulator.dataset.formats.native import frame_paths, is_frame_complete, read_png
 from flyaround.simulator.targets.library import load_target
 
 BOARD = """
@@ -62,7 +62,7 @@ def main() -> None:
     parser.add_argument("-n", type=int, default=30, help="frames")
     options = parser.parse_args()
     card = read_card(options.dataset)
-    whole = [k for k in range(card.n_frames) if is_whole(options.dataset, k)][: options.n]
+    whole = [k for k in range(card.n_frames) if is_frame_complete(options.dataset, k)][: options.n]
     with TemporaryDirectory() as name:
         folder = Path(name)
         write_board_model(load_target(options.target or card.target.name), folder / "model.json")

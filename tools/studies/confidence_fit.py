@@ -26,7 +26,7 @@ from flyaround.hil.evaluate.greyscale import grey
 from flyaround.hil.evaluate.method_choice import board_model
 from flyaround.hil.evaluate.pose_errors import COARSE_DEG, COARSE_SHARE, frame_errors, frame_record
 from flyaround.simulator.dataset.card import read_card
-from flyaround.simulator.dataset.formats.native import frame_paths, is_whole, read_png
+from flyaround.simulator.dataset.formats.native import frame_paths, is_frame_complete, read_png
 from flyaround.simulator.labels.imported import read_label_record
 from flyaround.simulator.targets.library import load_target
 
@@ -47,7 +47,7 @@ def collected(folder: Path, target: str | None) -> list[dict[str, Any]]:
     rows = []
     for k in range(card.n_frames):
         paths = frame_paths(folder, k)
-        if not is_whole(folder, k):
+        if not is_frame_complete(folder, k):
             continue
         truth = read_label_record(paths.truth)
         if not truth.feasible:

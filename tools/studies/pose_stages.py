@@ -44,7 +44,7 @@ from flyaround.hil.evaluate.greyscale import grey
 from flyaround.hil.evaluate.method_choice import board_model
 from flyaround.hil.evaluate.pose_errors import COARSE_DEG, COARSE_SHARE, frame_errors
 from flyaround.simulator.dataset.card import read_card
-from flyaround.simulator.dataset.formats.native import frame_paths, is_whole, read_png
+from flyaround.simulator.dataset.formats.native import frame_paths, is_frame_complete, read_png
 from flyaround.simulator.labels.imported import read_label_record
 from flyaround.simulator.targets.library import load_target
 
@@ -259,7 +259,7 @@ def main() -> None:
     print("|" + "---|" * len(HEAD))
     rows = []
     for k in range(card.n_frames if options.limit is None else min(options.limit, card.n_frames)):
-        if not is_whole(options.dataset, k):
+        if not is_frame_complete(options.dataset, k):
             continue
         paths = frame_paths(options.dataset, k)
         truth = read_label_record(paths.truth)

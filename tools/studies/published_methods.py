@@ -22,7 +22,7 @@ from flyaround.hil.evaluate.dataset_evaluation import ROWS, evaluate_dataset, me
 from flyaround.hil.evaluate.method_choice import MethodChoice, board_model
 from flyaround.hil.evaluate.result_rows import EvaluatedFrame, existing_rows
 from flyaround.simulator.dataset.card import read_card
-from flyaround.simulator.dataset.formats.native import frame_paths, is_whole, write_frame
+from flyaround.simulator.dataset.formats.native import frame_paths, is_frame_complete, write_frame
 from flyaround.simulator.frame import take_frame
 from flyaround.simulator.labels.truth import read_truth
 from flyaround.simulator.render.renderer import Renderer
@@ -97,7 +97,7 @@ def expose(folder: Path, out: Path, factor: float, frames: Sequence[int] | None 
     """Return a data set of the same frames, or ``frames`` of them, rendered with ``factor`` times the exposure."""
     card = read_card(folder)
     asked = range(card.n_frames) if frames is None else frames
-    missing = [k for k in asked if is_whole(folder, k) and not is_whole(out, k)]
+    missing = [k for k in asked if is_frame_complete(folder, k) and not is_frame_complete(out, k)]
     if not missing and (out / "dataset.json").is_file():
         return out
     (out / "images").mkdir(parents=True, exist_ok=True)
@@ -124,7 +124,7 @@ def feasible_frames(folder: Path, most: int) -> list[int]:
     for k in range(read_card(folder).n_frames):
         if len(found) == most:
             break
-        if is_whole(folder, k) and read_truth(frame_paths(folder, k).truth).feasible:
+        if is_frame_complete(folder, k) and read_truth(frame_paths(folder, k).truth).feasible:
             found.append(k)
     return found
 

@@ -20,7 +20,7 @@ from flyaround.hil.board.hybrid.image.noise import noise_sigma
 from flyaround.hil.board.hybrid.propose.regions import REDUCTION
 from flyaround.hil.board.hybrid.propose.saliency import CELL_PX, measures
 from flyaround.simulator.dataset.card import read_card
-from flyaround.simulator.dataset.formats.native import frame_paths, is_whole, read_png
+from flyaround.simulator.dataset.formats.native import frame_paths, is_frame_complete, read_png
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -42,7 +42,7 @@ def cells(folder: Path, rng: np.random.Generator, *, varied: bool) -> Iterator[t
         True to mirror each frame and change its exposure and noise at random.
     """
     for k in range(read_card(folder).n_frames):
-        if not is_whole(folder, k):
+        if not is_frame_complete(folder, k):
             continue
         paths = frame_paths(folder, k)
         image, mask = read_png(paths.image).astype(np.float32), read_png(paths.mask) > 0

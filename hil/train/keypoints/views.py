@@ -20,7 +20,7 @@ from flyaround.simulator.imaging.exposure import integrate
 from flyaround.simulator.imaging.image_formation import expose_scene
 from flyaround.simulator.labels.surfaces import surfaces
 from flyaround.simulator.recipes.plan import RecipePlan
-from flyaround.simulator.recipes.poses import resolved_range
+from flyaround.simulator.recipes.poses import resolve_range
 from flyaround.simulator.runtime.arrays import vec3
 from flyaround.simulator.scenario.load import load_recipe
 from flyaround.simulator.scene.environments import Environment
@@ -144,7 +144,7 @@ def _plan(target: Target, n: int, seed: int, name: str) -> RecipePlan:
         cy_px=0.5 * (EARTH_PX[1] - 1),
     )
     recipe = load_recipe(name)
-    named = msgspec.structs.replace(recipe, target=target.name, range=resolved_range(recipe.range, target))
+    named = msgspec.structs.replace(recipe, target=target.name, range=resolve_range(recipe.range, target))
     return RecipePlan(recipe=named, target=target, camera=camera, n_frames=n, seed=seed)
 
 

@@ -1,7 +1,7 @@
 """Charge of one exposure: photo-electrons, dark current and its pattern, cosmic rays, blooming, read noise.
 
-If the read noise smears single electrons and the charge is well below the full well, photon and read noise are drawn as
-one deviate: half the random numbers for the same distribution.
+If the read noise is above `JOINT_SAMPLING_MIN_E` and the charge well below the full well, photon and read noise are
+drawn as a single deviate of the same distribution, which halves the number of random numbers.
 """
 
 from __future__ import annotations
@@ -21,9 +21,9 @@ if TYPE_CHECKING:
     from flyaround.simulator.camera.detector.sensor import Detector, Sensor
     from flyaround.simulator.runtime.arrays import Float32Array
 
-JOINED_FROM_E = 2.0
+JOINT_SAMPLING_MIN_E = 2.0
 """Read noise [e] above which the sum is sampled: its skewness is then below 0.2, its quantisation below 1e-30."""
-BRIM_SIGMAS = 6.0  # shot noise below the full well at which a pixel may already overflow
+FULL_WELL_MARGIN_SIGMAS = 6.0  # shot noise below the full well at which a pixel may already overflow
 ELECTRONS_PER_M = 80e6
 """Minimum-ionising particle in silicon: Janesick (2001), Scientific charge-coupled devices, section 8."""
 _TESTED_ROWS = 8  # interval of the rows at which blooming tests whether charge is left to move
@@ -38,9 +38,12 @@ class FixedPattern:
 
     Parameters
     ----------
-    sensitivity : (H, W) factor of mean one; zero for a dead pixel.
-    offset_e : (H, W) offset [e].
-    dark_e_s : (H, W) dark current of each pixel [e s-1].
+    sensitivity : (H, W) array or None
+        Factor of mean one; zero for a dead pixel.
+    offset_e : (H, W) array or None
+        Offset [e].
+    dark_e_s : (H, W) array or None
+        Dark current of each pixel [e s-1].
     """
 
     sensitivity: Float32Array | None
@@ -53,7 +56,7 @@ def fixed_pattern(detector: Detector, height: int, width: int) -> FixedPattern:
 
     Each physical row has its own random numbers, so that a region of interest shows the same pixels as the whole image.
     """
-    # the frame's own terms do not affect the pattern, so it is cached without them
+    # the pattern does not depend on the terms that vary from frame to frame, so the cache key omits them
     return _pattern(
         replace(detector, gain_e_per_dn=1.0, black_level_dn=0.0, read_noise_e=0.0, full_well_e=1.0),
         height,
@@ -87,13 +90,13 @@ def _pattern(d: Detector, height: int, width: int) -> FixedPattern:
             dark[row] *= np.maximum(1 + d.dark_nonuniformity * dark_n, 0)
             dark[row] += np.where(hot < d.hot_pixel_share, heat * d.hot_pixel_e_s * warming, 0)
     return FixedPattern(
-        None if sensitivity is None else _binned(sensitivity, b) / np.float32(b * b),
-        None if offset is None else _binned(offset, b),
-        None if dark is None else _binned(dark, b),
+        None if sensitivity is None else _bin(sensitivity, b) / np.float32(b * b),
+        None if offset is None else _bin(offset, b),
+        None if dark is None else _bin(dark, b),
     )
 
 
-def _binned(values: Float32Array, b: int) -> Float32Array:
+def _bin(values: Float32Array, b: int) -> Float32Array:
     height, width = values.shape[0] // b, values.shape[1] // b
     return np.asarray(values.reshape(height, b, width, b).sum(axis=(1, 3), dtype=np.float32))
 
@@ -134,27 +137,27 @@ class Exposure:
         """Return the (rows, W) charge read from each pixel [e]: electrons up to the full well, with read noise."""
         d, well = self.detector, np.float32(self.well_e)
         particles = self.particles[rows] if particles_too and self.particles is not None else None
-        if not d.shot_noise or d.read_noise_per_pixel_e < JOINED_FROM_E:
+        if not d.shot_noise or d.read_noise_per_pixel_e < JOINT_SAMPLING_MIN_E:
             return self._one_by_one(mean, particles, source)
         # pixels that may partly exceed the full well, and those hit by particles
-        brim = np.float32(BRIM_SIGMAS) * np.sqrt(well)
-        apart, light = np.zeros(0, int), mean
-        bright = float(mean.max()) > well - brim
-        if bright or particles is not None:
-            special = np.abs(mean - well) < brim
+        margin = np.float32(FULL_WELL_MARGIN_SIGMAS) * np.sqrt(well)
+        separate, light = np.zeros(0, int), mean
+        is_bright = float(mean.max()) > well - margin
+        if is_bright or particles is not None:
+            bright_columns = np.abs(mean - well) < margin
             if particles is not None:
-                special |= particles > 0
-            apart = np.flatnonzero(special)
-        if apart.size > mean.size // 2:
+                bright_columns |= particles > 0
+            separate = np.flatnonzero(bright_columns)
+        if separate.size > mean.size // 2:
             return self._one_by_one(mean, particles, source)
-        at_brim = mean.ravel()[apart]
-        if bright:
+        at_brim = mean.ravel()[separate]
+        if is_bright:
             light = np.where(mean < well, mean, np.float32(0))
             mean = np.minimum(mean, well)
         out = self.join(mean, light, source)
-        if apart.size:
-            hits = None if particles is None else particles.ravel()[apart]
-            out.ravel()[apart] = self._one_by_one(at_brim, hits, source)
+        if separate.size:
+            hits = None if particles is None else particles.ravel()[separate]
+            out.ravel()[separate] = self._one_by_one(at_brim, hits, source)
         return out
 
     def _one_by_one(
@@ -208,13 +211,14 @@ def bloom(charge: Float32Array, well_e: float, share: float) -> None:
 
     Parameters
     ----------
-    share : share of the overflow that stays on the column; the rest goes into the anti-blooming drain.
+    share : float
+        Share of the overflow that stays on the column; the rest goes into the anti-blooming drain.
     """
-    over = np.maximum(charge - np.float32(well_e), 0)
-    rows = np.flatnonzero(over.any(axis=1))
+    overflow = np.maximum(charge - np.float32(well_e), 0)
+    rows = np.flatnonzero(overflow.any(axis=1))
     if not rows.size:
         return
-    over *= np.float32(0.5 * share)
+    overflow *= np.float32(0.5 * share)
     np.minimum(charge, np.float32(well_e), out=charge)
     room = np.float32(well_e) - charge
     if not room.any():
@@ -224,16 +228,16 @@ def bloom(charge: Float32Array, well_e: float, share: float) -> None:
     first, last = int(rows[0]), int(rows[-1])
     for order in (range(first, height), range(last, -1, -1)):
         # the carry is the waiting time of a single-server queue: Lindley (1952)
-        waiting = np.zeros(width, np.float32)
+        queue = np.zeros(width, np.float32)
         for row in order:
-            if row % _TESTED_ROWS == 0 and not first <= row <= last and not waiting.any():
+            if row % _TESTED_ROWS == 0 and not first <= row <= last and not queue.any():
                 break
-            here = room[row]
-            np.minimum(waiting, here, out=carry)
-            here -= carry
+            row_charge = room[row]
+            np.minimum(queue, row_charge, out=carry)
+            row_charge -= carry
             charge[row] += carry
-            np.subtract(waiting, carry, out=spill)
-            np.add(spill, over[row], out=waiting)
+            np.subtract(queue, carry, out=spill)
+            np.add(spill, overflow[row], out=queue)
 
 
 def cosmic_ray_charge(

@@ -1,9 +1,9 @@
 """Random deviates fast enough for video: normal and uniform numbers from random bytes, and Poisson counts.
 
-A normal deviate takes two bytes. Each selects one of 256 equiprobable slices of a bell curve (their means), and the two
-are added with unequal weights: 65536 values. A small cubic term corrects the fourth moment. Compared with the normal
-distribution: mean 0, variance 1 and kurtosis 3 exactly, distribution function within 6e-4, largest deviate 4.2 sigma
-(2e-5 of normal values lie beyond). Ziggurat deviates take five times as long.
+A normal deviate is made from two random bytes. Each byte selects the mean of one of 256 equiprobable slices of a bell
+curve. The two means are added with unequal weights, which gives 65536 values. A small cubic term corrects the fourth
+moment. Mean, variance and kurtosis are those of the normal distribution, the distribution function is within 6e-4 of
+it, and the largest deviate is 4.2 sigma. Ziggurat deviates take five times as long.
 """
 
 from __future__ import annotations
@@ -28,12 +28,12 @@ if TYPE_CHECKING:
 NOISE_BANDS = 8  # bands of rows that threads fill
 _WEIGHTS = (0.75, float(np.sqrt(1 - 0.75**2)))
 _FINE_WEIGHTS = (0.61, 0.58, float(np.sqrt(1 - 0.61**2 - 0.58**2)))
-EXACT_BELOW_E = 12.0
+EXACT_POISSON_MAX_E = 12.0
 """Mean up to which the distribution is sampled exactly; above, its normal expansion deviates by less than 1e-3 [e]."""
 _LEVELS_PER_E = 16  # tabulated means per electron
 _CELL_BITS = 12
 _REST_BITS = 32 - _CELL_BITS
-_LARGEST_COUNT = 64  # a mean of 12 exceeds it once in 1e26 draws
+_MAX_COUNT = 64  # a mean of 12 exceeds it once in 1e26 draws
 _UNDECIDED = 255  # code of a count that its first random bits leave open
 
 
@@ -96,7 +96,8 @@ def normal_tables(sigma: float, dtype: np.dtype[Any], *, smooth: bool = False) -
 
     Parameters
     ----------
-    smooth : True for three bytes per deviate (16.7 million values), if a histogram would show 65536.
+    smooth : bool, optional
+        True for three bytes per deviate (16.7 million values), if a histogram would show 65536.
     """
     tables = [_slices() * (w * sigma) for w in (_FINE_WEIGHTS if smooth else _WEIGHTS)]
     if dtype.kind == "i":
@@ -133,19 +134,20 @@ def poisson(mean_e: Float32Array, source: np.random.SFC64) -> Float32Array:
 
     Parameters
     ----------
-    mean_e : (rows, columns) mean number [e], not negative.
+    mean_e : (rows, columns) array
+        Mean number [e], not negative.
     """
-    few = mean_e < EXACT_BELOW_E
-    if few.all():
-        return _counted(mean_e.ravel(), source).reshape(mean_e.shape)
-    out = _expanded(mean_e, source)
-    where = np.flatnonzero(few)
-    if where.size:
-        out.ravel()[where] = _counted(mean_e.ravel()[where], source)
+    is_small = mean_e < EXACT_POISSON_MAX_E
+    if is_small.all():
+        return _sample_exact(mean_e.ravel(), source).reshape(mean_e.shape)
+    out = _sample_expansion(mean_e, source)
+    indices = np.flatnonzero(is_small)
+    if indices.size:
+        out.ravel()[indices] = _sample_exact(mean_e.ravel()[indices], source)
     return out
 
 
-def _expanded(mean_e: Float32Array, source: np.random.SFC64) -> Float32Array:
+def _sample_expansion(mean_e: Float32Array, source: np.random.SFC64) -> Float32Array:
     """Draw from the third-order normal expansion (skewness 1 / sqrt(mean), excess 1 / mean), in whole electrons.
 
     References
@@ -168,12 +170,12 @@ def _expanded(mean_e: Float32Array, source: np.random.SFC64) -> Float32Array:
     return np.asarray(np.rint(out, out=out))
 
 
-def _counted(mean_e: Float32Array, source: np.random.SFC64) -> Float32Array:
-    """Draw exactly for means below `EXACT_BELOW_E`, (n,).
+def _sample_exact(mean_e: Float32Array, source: np.random.SFC64) -> Float32Array:
+    """Draw exactly for means below `EXACT_POISSON_MAX_E`, (n,).
 
-    A mean is a multiple of 1/16 e and a remainder. Counts of the multiple come from its inverse distribution function:
-    twelve random bits decide all but one draw in two hundred, and more bits decide those. The remainder seldom adds a
-    count: one comparison decides.
+    The mean is split into a multiple of 1/16 e and a remainder. The count of the multiple is drawn from a table of its
+    inverse distribution function. Twelve random bits determine all but one draw in two hundred; these use more bits.
+    The remainder rarely adds a count, which one comparison detects.
     """
     counts, cumulated = _inverse_tables()
     words = random_words(source, mean_e.size)
@@ -182,27 +184,29 @@ def _counted(mean_e: Float32Array, source: np.random.SFC64) -> Float32Array:
     counts_drawn = counts.take((level << _CELL_BITS) + cell, mode="clip")
     out = counts_drawn.astype(np.float32)
     rng = np.random.Generator(source)
-    open_ = np.flatnonzero(counts_drawn == _UNDECIDED)
-    u = (cell[open_] + rng.random(open_.size)) / 2**_CELL_BITS
-    out[open_] = (cumulated[level[open_]] <= u[:, None]).sum(axis=1)
-    rest = mean_e - level.astype(np.float32) * np.float32(1 / _LEVELS_PER_E)
+    undecided = np.flatnonzero(counts_drawn == _UNDECIDED)
+    u = (cell[undecided] + rng.random(undecided.size)) / 2**_CELL_BITS
+    out[undecided] = (cumulated[level[undecided]] <= u[:, None]).sum(axis=1)
+    remainder = mean_e - level.astype(np.float32) * np.float32(1 / _LEVELS_PER_E)
     low = words & np.uint32(2**_REST_BITS - 1)
-    some = np.flatnonzero(low <= rest * np.float32(2**_REST_BITS))  # probability of one count, or more
-    u = (low[some] + rng.random(some.size)) / 2**_REST_BITS
-    mean, k = rest[some].astype(float), 0
-    while some.size:
+    candidates = np.flatnonzero(
+        low <= remainder * np.float32(2**_REST_BITS)
+    )  # probability of one count, or more
+    u = (low[candidates] + rng.random(candidates.size)) / 2**_REST_BITS
+    mean, k = remainder[candidates].astype(float), 0
+    while candidates.size:
         k += 1
-        more = u < gammainc(k, mean)  # probability of at least k
-        some, u, mean = some[more], u[more], mean[more]
-        out[some] += 1
+        exceeds = u < gammainc(k, mean)  # probability of at least k
+        candidates, u, mean = candidates[exceeds], u[exceeds], mean[exceeds]
+        out[candidates] += 1
     return out
 
 
 @lru_cache(maxsize=1)
 def _inverse_tables() -> tuple[ByteArray, FloatArray]:
     """Return tables for multiples of 1/16 e: counts of 4096 equal probability cells, and (levels, 64) P(<= k)."""
-    means = np.arange(int(EXACT_BELOW_E * _LEVELS_PER_E) + 1) / _LEVELS_PER_E
-    cumulated = np.asarray(pdtr(np.arange(_LARGEST_COUNT)[None, :], means[:, None]), float)
+    means = np.arange(int(EXACT_POISSON_MAX_E * _LEVELS_PER_E) + 1) / _LEVELS_PER_E
+    cumulated = np.asarray(pdtr(np.arange(_MAX_COUNT)[None, :], means[:, None]), float)
     edges = np.arange(2**_CELL_BITS + 1) / 2**_CELL_BITS
     table = np.empty((means.size, 2**_CELL_BITS), np.uint8)
     for row, chances in zip(table, cumulated, strict=True):

@@ -1,7 +1,7 @@
-"""Additive and speckle noise of an image scaled to 0..1, drawn independently of the image and ahead of it.
+"""Additive and speckle noise of an image scaled to 0..1, drawn before the image is available.
 
-The noise depends on (seed, frame, size, recipe) alone. It is drawn by a few long calls that release Python's lock, so a
-thread can draw it while the renderer issues its first commands.
+The noise depends on (seed, frame, size, recipe) only. A few long calls that release Python's global lock draw it, so a
+thread can do so while the renderer issues its first commands.
 """
 
 from __future__ import annotations
@@ -44,10 +44,12 @@ class Arithmetic:
 
     Parameters
     ----------
-    full_dn : largest digital number.
-    steps_per_dn : 1 in floating point.
-    sigma_dn : standard deviation of the additive
-        noise.
+    full_dn : int
+        Largest digital number.
+    steps_per_dn : int
+        1 in floating point.
+    sigma_dn : float
+        Standard deviation of the additive noise.
     """
 
     full_dn: int
@@ -85,9 +87,10 @@ class ImageNoise:
 
     Parameters
     ----------
-    steps : (H, W times bands) noise plus half a digital number, to be truncated; (1, 1), only the half, without
-        additive noise.
-    factors : (H, W times bands) factors of the speckle, or ``None``.
+    steps : (H, W times bands) array
+        Noise plus half a digital number, because the sum is truncated; (1, 1) without additive noise.
+    factors : (H, W times bands) array or None
+        Factors of the speckle, or ``None``.
     """
 
     steps: NDArray[Any]
@@ -101,7 +104,8 @@ def start_noise(
 
     Parameters
     ----------
-    shape : (H, W) or (H, W, bands) of the image.
+    shape : (H, W) or (H, W, bands) tuple of int
+        Of the image.
     """
     if sensor.detector is not None or int(np.prod(shape)) < MIN_THREADED_VALUES:
         return lambda: draw_noise(shape, sensor, seed, frame_index)
@@ -131,9 +135,9 @@ def draw_noise(shape: tuple[int, ...], sensor: Sensor, seed: int, frame_index: i
 
 
 def _table_sums(numbers: ByteArray, first: NDArray[Any], second: NDArray[Any]) -> NDArray[Any]:
-    """Return sums of two tables' entries for bytes (2, rows, columns), in strips too small for OpenCV's threads.
+    """Return sums of two tables' entries for bytes (2, rows, columns).
 
-    Those spin while they wait, and take processors from a software driver.
+    The strips are too small for OpenCV to use threads, which would spin and take processors from a software driver.
     """
     steps = np.empty(numbers.shape[1:], first.dtype)
     rows = max(_STRIP_VALUES // max(numbers.shape[2], 1), 1)

@@ -14,9 +14,9 @@ from flyaround.simulator.runtime.sections import bounds_of
 if TYPE_CHECKING:
     from flyaround.simulator.camera.detector.response import Curve
 
-LARGEST_KERNEL = 63
+MAX_KERNEL_SIZE = 63
 KERNEL_SUM_ERROR = 1e-3
-LARGEST_DARK_E_S = 1e9
+MAX_DARK_E_S = 1e9
 
 # field: smallest and largest value
 OPTICS, DETECTOR, SENSOR = bounds_of(Optics), bounds_of(Detector), bounds_of(Sensor)
@@ -36,11 +36,11 @@ def optics_problem(optics: Optics) -> str | None:
         kernel.size == 0
         or kernel.shape[0] % 2 == 0
         or kernel.shape[1] % 2 == 0
-        or max(kernel.shape) > LARGEST_KERNEL
+        or max(kernel.shape) > MAX_KERNEL_SIZE
     ):
         return (
             f"optics.kernel is {kernel.shape[0]} x {kernel.shape[-1]}, allowed: odd numbers of rows and columns up to "
-            f"{LARGEST_KERNEL}, so that there is a middle"
+            f"{MAX_KERNEL_SIZE}, so that there is a middle"
         )
     if not np.isfinite(kernel).all() or kernel.min() < 0:
         return "optics.kernel has a value that is negative or not finite: light is neither"
@@ -70,10 +70,10 @@ def sensor_problem(sensor: Sensor) -> str | None:
         heated = d.dark_e_s
     except OverflowError:
         heated = float("inf")
-    if heated > LARGEST_DARK_E_S:
+    if heated > MAX_DARK_E_S:
         return (
             f"sensor.detector.dark_current_e_s is {heated:.3g} at {d.temperature_c:g} deg C, doubling every "
-            f"{d.dark_doubling_c:g} K; allowed: up to {LARGEST_DARK_E_S:g} at the temperature given"
+            f"{d.dark_doubling_c:g} K; allowed: up to {MAX_DARK_E_S:g} at the temperature given"
         )
     if d.black_level_dn >= 2**sensor.bits - 1:
         return (

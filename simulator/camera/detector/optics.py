@@ -20,27 +20,40 @@ class Optics:
 
     Parameters
     ----------
-    f_number : focal length over the diameter of the aperture.
-    transmission : share of the light that the glass lets through.
-    transmission_curve : (wavelength [m], share) of a filter in ascending order, linear between and zero beyond; empty
-        for none. It multiplies ``transmission``.
-    wavelength_m : wavelength for diffraction, the centre of the band; it does not affect the amount of light.
-    psf : ``none``; ``gaussian`` with ``psf_sigma_px``; ``airy``, diffraction at the f-number with aberrations of
+    f_number : float, optional
+        Focal length over the diameter of the aperture.
+    transmission : float, optional
+        Share of the light that the glass lets through.
+    transmission_curve : tuple of tuple of float, optional
+        (wavelength [m], share) of a filter in ascending order, linear between and zero beyond; empty for none. It
+        multiplies ``transmission``.
+    wavelength_m : float, optional
+        Wavelength for diffraction, the centre of the band; it does not affect the amount of light.
+    psf : PsfKind, optional
+        ``none``; ``gaussian`` with ``psf_sigma_px``; ``airy``, diffraction at the f-number with aberrations of
         ``psf_sigma_px``; ``kernel``, measured. The sensor recipe's blur is added.
-    psf_sigma_px : standard deviation of the Gaussian part [px].
-    kernel : measured PSF, odd numbers of rows and columns, one value per pixel; its sum is one.
-    focus_distance_m : focused distance; 0 for infinity. With ``defocus`` the image is blurred by the disc at the
-        target's distance.
-    natural_vignetting : True if irradiance falls as cos^4 of the angle from the axis.
-    mechanical_vignetting : shift of the rear rim's shadow across the aperture, in aperture radii, at 45 degrees from
-        the axis; 0 for none. ``rim_radius`` is that rim's radius in aperture radii.
-    glow_share : share of the light in a wide tail of the PSF of standard deviation ``glow_radius_px`` (half of it three
-        times as wide). 0 for none.
-    scatter_share : share of the light that glass and dust scatter into wings of the PSF, which fall with the power 2.5
-        of the distance. 0 for none; about 0.01 in a good lens, 0.03 in a dusty one.
-    veiling_glare_sr : scattered sunlight, radiance over irradiance at one degree from the Sun [sr-1]; it falls with the
-        square of the angle. 0 for none.
-    glare_limit_deg : angle of the Sun from the boresight beyond which the baffle blocks it.
+    psf_sigma_px : float, optional
+        Standard deviation of the Gaussian part [px].
+    kernel : tuple of tuple of float, optional
+        Measured PSF, odd numbers of rows and columns, one value per pixel; its sum is one.
+    focus_distance_m : float, optional
+        Focused distance; 0 for infinity. With ``defocus`` the image is blurred by the disc at the target's distance.
+    natural_vignetting : bool, optional
+        True if irradiance falls as cos^4 of the angle from the axis.
+    mechanical_vignetting : float, optional
+        Shift of the rear rim's shadow across the aperture, in aperture radii, at 45 degrees from the axis; 0 for none.
+        ``rim_radius`` is that rim's radius in aperture radii.
+    glow_share : float, optional
+        Share of the light in a wide tail of the PSF of standard deviation ``glow_radius_px`` (half of it three times as
+        wide). 0 for none.
+    scatter_share : float, optional
+        Share of the light that glass and dust scatter into wings of the PSF, which fall with the power 2.5 of the
+        distance. 0 for none; about 0.01 in a good lens, 0.03 in a dusty one.
+    veiling_glare_sr : float, optional
+        Scattered sunlight, radiance over irradiance at one degree from the Sun [sr-1]; it falls with the square of the
+        angle. 0 for none.
+    glare_limit_deg : float, optional
+        Angle of the Sun from the boresight beyond which the baffle blocks it.
     """
 
     f_number: float = bounded(4.0, 0.5, 64.0)

@@ -1,7 +1,7 @@
 """The point spread function as the kernel of a convolution on the image's pixels.
 
-The renderer averages over each pixel's area, so the kernel is that of the optics alone. It is designed in the frequency
-domain: up to the Nyquist frequency its transfer function is that of the optics.
+The renderer averages over each pixel's area, so the kernel represents the optics only. It is designed in the frequency
+domain, so that its transfer function equals that of the optics up to the Nyquist frequency.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from scipy.optimize import nnls
 from scipy.special import j1
 
 from flyaround.simulator.camera.detector.psf_pyramid import Pyramid, fit_kernel, fit_pyramid
-from flyaround.simulator.runtime.threads import pieces_of, share_out
+from flyaround.simulator.runtime.threads import run_in_threads, split_rows
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from flyaround.simulator.runtime.arrays import Float32Array, FloatArray
 
 _GRID = 128  # frequencies per axis; kernels reach half as far
-_KEPT_ENERGY = 0.999  # least share of the energy in a cropped kernel
+_MIN_KERNEL_ENERGY = 0.999  # least share of the energy in a cropped kernel
 _NARROW_PX2 = 0.8  # variance of a Gaussian below which its taps are fitted
 _PYRAMID_ERROR = 0.02  # largest error of a pyramid's transfer function
 _KERNEL_ERROR = 0.01  # the same for a measured kernel
@@ -34,10 +34,10 @@ _SMALL_KERNEL = 9  # size up to which a kernel is cheaper than a pyramid
 _WIDEST_DISC_PX = 2.0  # diameter of a blur disc up to which a pyramid is fine enough
 _MAX_FREQUENCY = 0.45  # cycles per pixel; near Nyquist every kernel without negative taps deviates
 _FREQUENCIES = np.linspace(0, 0.5, 26)  # cycles per pixel at which errors are evaluated
-LARGEST_KERNEL = 63  # rows and columns
+MAX_KERNEL_SIZE = 63  # rows and columns
 _ONE_THREAD_VALUES = 1 << 19  # OpenCV uses one thread below this size
 _PIECE_VALUES = 1 << 18  # fits a processor's cache
-_WORTH_TWO = 3 << 19  # values of an image from which two threads are faster
+_TWO_THREAD_VALUES = 3 << 19  # values of an image from which two threads are faster
 
 
 def diffraction_mtf(frequency: FloatArray, cutoff: float) -> FloatArray:
@@ -45,7 +45,10 @@ def diffraction_mtf(frequency: FloatArray, cutoff: float) -> FloatArray:
 
     Parameters
     ----------
-    frequency, cutoff : spatial frequencies in the same unit; the cut-off is 1 / (wavelength x f-number).
+    frequency : array
+        Spatial frequencies.
+    cutoff : float
+        Cut-off frequency in the same unit: 1 / (wavelength x f-number).
 
     References
     ----------
@@ -68,7 +71,8 @@ def optics_mtf(
 
     Parameters
     ----------
-    disc_px : diameter of the defocus disc [px along x]; it is round on the detector.
+    disc_px : float, optional
+        Diameter of the defocus disc [px along x]; it is round on the detector.
     """
     f = np.hypot(frequency_x, frequency_y)
     out = np.exp(-2 * (np.pi * f) ** 2 * gaussian_variance_px2(optics, sensor))
@@ -81,8 +85,8 @@ def optics_mtf(
 
 def gaussian_variance_px2(optics: Optics, sensor: Sensor) -> float:
     """Return the variance of the Gaussian parts of the blur [px2]: the recipe's and the optics'."""
-    own = optics.psf_sigma_px if optics.psf in {"gaussian", "airy"} else 0.0
-    return sensor.blur_sigma_px**2 + own**2
+    optics_variance = optics.psf_sigma_px if optics.psf in {"gaussian", "airy"} else 0.0
+    return sensor.blur_sigma_px**2 + optics_variance**2
 
 
 @lru_cache(maxsize=64)
@@ -91,7 +95,8 @@ def psf_kernel(optics: Optics, sensor: Sensor, disc_px: float) -> FloatArray | N
 
     Parameters
     ----------
-    disc_px : diameter of the defocus disc, rounded by the caller so that kernels are reused.
+    disc_px : float
+        Diameter of the defocus disc, rounded by the caller so that kernels are reused.
     """
     if optics.psf != "airy" and disc_px <= 0:
         return np.array(optics.kernel) if optics.psf == "kernel" else None
@@ -106,9 +111,9 @@ def psf_kernel(optics: Optics, sensor: Sensor, disc_px: float) -> FloatArray | N
         kernel[beyond > 1 + 4 * np.sqrt(gaussian_variance_px2(optics, sensor))] = 0
     kernel /= kernel.sum()
     middle = _GRID // 2
-    for reach in range(1, LARGEST_KERNEL // 2 + 1):
+    for reach in range(1, MAX_KERNEL_SIZE // 2 + 1):
         part = kernel[middle - reach : middle + reach + 1, middle - reach : middle + reach + 1]
-        if part.sum() >= _KEPT_ENERGY:
+        if part.sum() >= _MIN_KERNEL_ENERGY:
             break
     else:
         # fade the wings in a circle: around the Sun a square's edge would be visible
@@ -116,15 +121,15 @@ def psf_kernel(optics: Optics, sensor: Sensor, disc_px: float) -> FloatArray | N
         part = part * (0.5 + 0.5 * np.cos(np.pi * np.clip(np.hypot(at, at[:, None]) * 2 - 1, 0, 1)))
     part = part / part.sum()
     if optics.psf == "kernel":
-        part = _joined(part, np.array(optics.kernel))
+        part = _convolve(part, np.array(optics.kernel))
     return np.asarray(part)
 
 
 @lru_cache(maxsize=64)
 def psf_pyramid(optics: Optics, sensor: Sensor, disc_px: float) -> Pyramid | None:
-    """Return diffraction as a pyramid, at a quarter of the kernel's cost; None if it is too coarse, as for a wide disc.
+    """Return diffraction as a pyramid, which is faster than a kernel; None if it is too coarse, as for a wide disc.
 
-    It must match the optics' transfer function within `_PYRAMID_ERROR`, or as well as the kernel does, up to
+    It must match the transfer function of the optics within `_PYRAMID_ERROR`, or as well as the kernel does, up to
     `_MAX_FREQUENCY`.
     """
     if disc_px > _WIDEST_DISC_PX or (optics.psf not in {"airy", "kernel"} and disc_px <= 0):
@@ -211,7 +216,7 @@ def gaussian_taps(sigma_px: float) -> Float32Array:
     return np.asarray(taps / taps.sum(), np.float32)
 
 
-def _joined(a: FloatArray, b: FloatArray) -> FloatArray:
+def _convolve(a: FloatArray, b: FloatArray) -> FloatArray:
     """Return the convolution of two kernels at full size."""
     shape = [n + m - 1 for n, m in zip(a.shape, b.shape, strict=True)]
     return np.asarray(np.fft.irfft2(np.fft.rfft2(a, shape) * np.fft.rfft2(b, shape), shape))
@@ -227,7 +232,7 @@ def blur(
     if isinstance(gain, np.ndarray):
         if pyramid is None and kernel is None and sigma > 0:
             return gaussian_blur(image, sigma, gain)
-        image, gain = scaled(image, gain), 1.0
+        image, gain = scale_bands(image, gain), 1.0
     if pyramid is not None:
         image, gain = pyramid.blur(image, gain), 1.0
     elif kernel is not None:
@@ -240,52 +245,54 @@ def blur(
     return image if gain == 1.0 else np.asarray(image * np.float32(gain), np.float32)
 
 
-def scaled(image: Float32Array, gain: Float32Array) -> Float32Array:
+def scale_bands(image: Float32Array, gain: Float32Array) -> Float32Array:
     """Multiply rows (K, W, n) of an image by the gain (n,) of each band."""
     by_value = np.tile(gain, image.shape[1])
     return np.asarray(image.reshape(len(image), -1) * by_value, np.float32).reshape(image.shape)
 
 
 def gaussian_blur(image: Float32Array, sigma_px: float, gain: float | Float32Array) -> Float32Array:
-    """Apply a Gaussian blur times ``gain``, in blocks of rows, so that OpenCV uses no threads.
+    """Apply a Gaussian blur times ``gain``, in blocks of rows that are too small for OpenCV to use threads.
 
-    Those would spin for two milliseconds afterwards, while the driver draws the next frame. Images above a megapixel
-    are divided between two Python threads, because another one draws the noise.
+    OpenCV's threads spin for two milliseconds afterwards, while the driver draws the next frame. Images above a
+    megapixel are divided between two Python threads, because a third one draws the noise.
 
     Parameters
     ----------
-    image : (H, W) or (H, W, n).
-    gain : scalar, or (n,) per band.
+    image : (H, W) or (H, W, n) array
+        Image to convolve.
+    gain : float or array
+        Scalar, or (n,) per band.
     """
     taps = gaussian_taps(sigma_px)
     if isinstance(gain, np.ndarray):
-        return _blurred_in_pieces(image, taps, taps, np.tile(gain, image.shape[1]))
-    down = (taps * np.float32(gain)).astype(np.float32)
-    if image.size >= _WORTH_TWO:
-        return _blurred_in_pieces(image, taps, down, None)
+        return _blur_in_blocks(image, taps, taps, np.tile(gain, image.shape[1]))
+    taps_y = (taps * np.float32(gain)).astype(np.float32)
+    if image.size >= _TWO_THREAD_VALUES:
+        return _blur_in_blocks(image, taps, taps_y, None)
     reach = len(taps) // 2
     rows = max(_ONE_THREAD_VALUES // max(image[0].size, 1), len(taps))
     out = np.empty(image.shape, np.float32)
     for first in range(0, len(image), rows):
-        # rows next to a cut are wrong: those above are restored, those below computed again
+        # rows next to a block's border are wrong: those above are restored, those below are computed again
         above, end = max(first - reach, 0), min(first + rows + reach, len(image))
         rows_above = out[above:first].copy()
         cv2.sepFilter2D(
-            image[above:end], cv2.CV_32F, taps, down, dst=out[above:end], borderType=cv2.BORDER_REPLICATE
+            image[above:end], cv2.CV_32F, taps, taps_y, dst=out[above:end], borderType=cv2.BORDER_REPLICATE
         )
         out[above:first] = rows_above
     return out
 
 
-def _blurred_in_pieces(
-    image: Float32Array, across: Float32Array, down: Float32Array, by_value: Float32Array | None
+def _blur_in_blocks(
+    image: Float32Array, taps_x: Float32Array, taps_y: Float32Array, by_value: Float32Array | None
 ) -> Float32Array:
     """Apply `gaussian_blur` by taps along rows and columns, in parallel blocks; ``by_value``: (W n,) factors of a row,
     or None.
     """
-    reach, height = len(across) // 2, len(image)
-    pieces = pieces_of(height, image.size // _PIECE_VALUES)
-    shape = (max(end - first for first, end in pieces) + 2 * reach, *image.shape[1:])
+    reach, height = len(taps_x) // 2, len(image)
+    blocks = split_rows(height, image.size // _PIECE_VALUES)
+    shape = (max(end - first for first, end in blocks) + 2 * reach, *image.shape[1:])
     scratch: list[Float32Array] = []  # reused: allocating takes longer than the filtering
     out = np.empty(image.shape, np.float32)
 
@@ -295,16 +302,16 @@ def _blurred_in_pieces(
             both = scratch.pop()
         except IndexError:
             both = np.empty((2, *shape), np.float32)
-        rows_out, piece = both[0, : below - above], image[above:below]
+        rows_out, block = both[0, : below - above], image[above:below]
         if by_value is not None:
             amplified = both[1, : below - above]
-            np.multiply(piece.reshape(len(piece), -1), by_value, out=amplified.reshape(len(amplified), -1))
-            piece = amplified
-        cv2.sepFilter2D(piece, cv2.CV_32F, across, down, dst=rows_out, borderType=cv2.BORDER_REPLICATE)
+            np.multiply(block.reshape(len(block), -1), by_value, out=amplified.reshape(len(amplified), -1))
+            block = amplified
+        cv2.sepFilter2D(block, cv2.CV_32F, taps_x, taps_y, dst=rows_out, borderType=cv2.BORDER_REPLICATE)
         out[first:end] = rows_out[first - above : end - above]
         scratch.append(both)
 
-    share_out(pieces, blur_rows)
+    run_in_threads(blocks, blur_rows)
     return out
 
 

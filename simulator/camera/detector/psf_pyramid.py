@@ -33,8 +33,8 @@ _CORNER_WEIGHT = 0.2  # weight of frequencies beyond Nyquist's circle, which occ
 _SUM_WEIGHT = 30.0  # weight of the zero frequency, which conserves the sum
 _WING_RADII_PX = np.geomspace(10.0, 450.0, 12)  # radii at which the wings are matched
 _WING_WEIGHT = 0.05  # weight of their relative error
-_BESIDE_PX = 4  # margin of the fit around a kernel
-_FAINT = 3e-4  # regularisation of the weights, over the largest value
+_FIT_MARGIN_PX = 4  # margin of the fit around a kernel
+_REGULARISATION = 3e-4  # regularisation of the weights, over the largest value
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,7 +43,8 @@ class Pyramid:
 
     Parameters
     ----------
-    taps : (2 n + 1, 2 n + 1) taps at full size, half, quarter, ... of the image.
+    taps : tuple of (2 n + 1, 2 n + 1) arrays
+        Taps at full size, half, quarter, ... of the image.
     """
 
     taps: tuple[Float32Array, ...]
@@ -63,11 +64,11 @@ class Pyramid:
     def blur(self, image: Float32Array, gain: float) -> Float32Array:
         """Blur the image, (H, W) or (H, W, n), times ``gain``; the result does not depend on the number of threads."""
         height, reach = image.shape[0], self.taps[0].shape[0] // 2
-        core = _flipped(self.taps[0], gain)
+        core = _flip(self.taps[0], gain)
         out = np.empty(image.shape, np.float32)
         edges = np.linspace(0, height, NOISE_BANDS + 1).astype(int)
 
-        def sharpest(k: int) -> None:
+        def blur_band(k: int) -> None:
             first, last = int(edges[k]), int(edges[k + 1])
             # rows beyond the band's edge belong to the neighbouring bands
             above, below = min(reach, first), min(reach, height - last)
@@ -77,12 +78,12 @@ class Pyramid:
             out[first:last] = wide[above : above + last - first]
 
         with ThreadPoolExecutor(2) as pool:
-            skirt = pool.submit(self._skirt, image, gain)
-            list(pool.map(sharpest, range(NOISE_BANDS)))
-            wide = skirt.result()
+            coarse = pool.submit(self._coarse_levels, image, gain)
+            list(pool.map(blur_band, range(NOISE_BANDS)))
+            wide = coarse.result()
         return out if wide is None else np.asarray(cv2.add(out, wide, dst=out))
 
-    def _skirt(self, image: Float32Array, gain: float) -> Float32Array | None:
+    def _coarse_levels(self, image: Float32Array, gain: float) -> Float32Array | None:
         """Return the sum of all levels but the first, at full size."""
         last = max((k for k, taps in enumerate(self.taps) if taps.any()), default=0)
         levels = [image]
@@ -91,9 +92,9 @@ class Pyramid:
         total: Float32Array | None = None
         for k in range(last, 0, -1):
             if self.taps[k].any():
-                taps = _flipped(self.taps[k], gain)
-                here = cv2.filter2D(levels[k], cv2.CV_32F, taps, borderType=cv2.BORDER_REPLICATE)
-                total = np.asarray(here if total is None else cv2.add(here, total, dst=here))
+                taps = _flip(self.taps[k], gain)
+                convolved = cv2.filter2D(levels[k], cv2.CV_32F, taps, borderType=cv2.BORDER_REPLICATE)
+                total = np.asarray(convolved if total is None else cv2.add(convolved, total, dst=convolved))
             if total is not None:
                 total = np.asarray(cv2.pyrUp(total, dstsize=levels[k - 1].shape[1::-1]))
         return total
@@ -106,9 +107,12 @@ def fit_pyramid(
 
     Parameters
     ----------
-    transfer : real function of the frequencies along x and y, cycles per pixel.
-    round_ : True if it is the same along x and y.
-    wing_px : c of the wings c / r^3 of the point spread function, r in pixels; 0 for none.
+    transfer : callable
+        Real function of the frequencies along x and y, cycles per pixel.
+    round_ : bool
+        True if it is the same along x and y.
+    wing_px : float, optional
+        C of the wings c / r^3 of the point spread function, r in pixels; 0 for none.
     """
     fx, fy = np.meshgrid(_FREQUENCIES, _FREQUENCIES)
     weight = np.where(np.hypot(fx, fy) <= 0.5, 1.0, _CORNER_WEIGHT)
@@ -127,7 +131,7 @@ def fit_pyramid(
         ]
         at_x, at_y = (
             [
-                0.5 * (_base(level, w - a * 2**level) + _base(level, w + a * 2**level))
+                0.5 * (_base_kernel(level, w - a * 2**level) + _base_kernel(level, w + a * 2**level))
                 for a in range(reach + 1)
             ]
             for w in (wing_x, wing_y)
@@ -152,7 +156,7 @@ def fit_pyramid(
 
 def fit_kernel(kernel: FloatArray) -> Pyramid:
     """Fit the taps to a non-negative kernel of odd size; their sum is one."""
-    reach_y, reach_x = (max(n // 2, 3) + _BESIDE_PX for n in kernel.shape)
+    reach_y, reach_x = (max(n // 2, 3) + _FIT_MARGIN_PX for n in kernel.shape)
     at_y, at_x = np.arange(-reach_y, reach_y + 1.0), np.arange(-reach_x, reach_x + 1.0)
     padded = np.zeros((at_y.size, at_x.size))
     down, across = ((m - n) // 2 for m, n in zip(padded.shape, kernel.shape, strict=True))
@@ -165,10 +169,12 @@ def fit_kernel(kernel: FloatArray) -> Pyramid:
             y_px, x_px = (y - n) * 2**level, (x - n) * 2**level
             # otherwise taps outside the compared area would be unconstrained
             if abs(y_px) + wide <= reach_y and abs(x_px) + wide <= reach_x:
-                columns.append(np.outer(_base(level, at_y - y_px), _base(level, at_x - x_px)).ravel())
+                columns.append(
+                    np.outer(_base_kernel(level, at_y - y_px), _base_kernel(level, at_x - x_px)).ravel()
+                )
                 places.append((level, y, x))
     # the wings are faint, but around a bright point only they are visible
-    weight = (padded.ravel() / padded.max() + _FAINT) ** -0.5
+    weight = (padded.ravel() / padded.max() + _REGULARISATION) ** -0.5
     shares, _ = nnls(np.stack(columns, axis=1) * weight[:, None], padded.ravel() * weight)
     taps = [np.zeros((2 * n + 1, 2 * n + 1)) for n in TAPS_PER_SIDE]
     for share, (level, y, x) in zip(shares / shares.sum(), places, strict=True):
@@ -176,7 +182,7 @@ def fit_kernel(kernel: FloatArray) -> Pyramid:
     return Pyramid(tuple(t.astype(np.float32) for t in taps))
 
 
-def _flipped(taps: Float32Array, gain: float) -> Float32Array:
+def _flip(taps: Float32Array, gain: float) -> Float32Array:
     """Return flipped taps for OpenCV's filter2D, which correlates."""
     return np.ascontiguousarray(taps[::-1, ::-1] * np.float32(gain), np.float32)
 
@@ -189,8 +195,8 @@ def _base_transfer(level: int, frequency: FloatArray) -> FloatArray:
     return out
 
 
-def _base(level: int, x_px: FloatArray) -> FloatArray:
-    """Return the same as a kernel, at distances from its centre."""
+def _base_kernel(level: int, x_px: FloatArray) -> FloatArray:
+    """Return the kernel of the same operation at distances from its centre."""
     kernel = np.ones(1)
     for k in range(level):
         spread = np.zeros(8 * 2**k + 1)

@@ -1,7 +1,7 @@
 """Read-out: from expected photo-electrons to digital numbers, mono or colour, in bands of rows.
 
-In physical order: photo-electrons and dark current (Poisson), particles, full well and blooming, then read-out (fixed
-offset, noise of pixel, row and column), gain, black level, converter.
+The physical order is: photo-electrons and dark current (Poisson), particles, full well and blooming, then read-out
+(fixed offset, noise of pixel, row and column), gain, black level, converter.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ import cv2
 import numpy as np
 
 from flyaround.simulator.camera.detector.charge import (
-    BRIM_SIGMAS,
+    FULL_WELL_MARGIN_SIGMAS,
     Exposure,
     bloom,
     cosmic_ray_charge,
@@ -27,7 +27,9 @@ if TYPE_CHECKING:
     from flyaround.simulator.runtime.arrays import Float32Array
 
 _ROW_KEY, _COLUMN_KEY = 0x726F77, 0x636F6C  # keys of the random numbers of rows and columns
-_COARSE_BELOW_DN = 25.0  # above this noise, a histogram of 1e5 pixels shows the steps of two-byte deviates
+_COARSE_NOISE_MAX_DN = (
+    25.0  # above this noise, a histogram of 1e5 pixels shows the steps of two-byte deviates
+)
 _MOSAIC = {"r": 0, "g": 1, "b": 2}
 _DEMOSAIC = {
     # OpenCV names a pattern by its second row's second and third pixel; the output order is RGB
@@ -70,14 +72,21 @@ def detect(
 
     Parameters
     ----------
-    signal : (H, W) or (H, W, 3) expected photo-electrons over the saturation charge.
-    seed, frame_index : key of this frame's random numbers.
-    exposure_s : exposure time, for dark current and particles [s].
-    band_gain : white balance per band, applied above the black level of a colour image: see `white_balance`.
+    signal : (H, W) or (H, W, 3) array
+        Expected photo-electrons over the saturation charge.
+    seed : int
+        Seed of the random numbers.
+    frame_index : int
+        Number of the frame; with ``seed`` the key of its random numbers.
+    exposure_s : float
+        Exposure time, for dark current and particles [s].
+    band_gain : array_like, optional
+        White balance per band, applied above the black level of a colour image: see `white_balance`.
 
     Returns
     -------
-    (H, W) or (H, W, 3), uint8 for up to 8 bits, uint16 above. A mosaic without interpolation is (H, W).
+    (H, W) or (H, W, 3) array
+        uint8 for up to 8 bits, uint16 above. A mosaic without interpolation is (H, W).
     """
     d = sensor.detector
     if d is None:
@@ -90,11 +99,11 @@ def detect(
             read_out(np.asarray(band, np.float32), sensor, d, seed, frame_index * 4 + k, exposure_s)
             for k, band in enumerate(cv2.split(signal))
         ]
-        return _balanced(np.asarray(cv2.merge(channels)), sensor, balance)
+        return _apply_balance(np.asarray(cv2.merge(channels)), sensor, balance)
     raw = read_out(mosaic(signal, d), sensor, d, seed, frame_index, exposure_s)
     if not d.demosaic:
         return raw
-    return _balanced(cv2.cvtColor(raw, _DEMOSAIC[image_filter(d)]).astype(raw.dtype), sensor, balance)
+    return _apply_balance(cv2.cvtColor(raw, _DEMOSAIC[image_filter(d)]).astype(raw.dtype), sensor, balance)
 
 
 def mosaic(signal: Float32Array, detector: Detector) -> Float32Array:
@@ -116,7 +125,7 @@ def image_filter(detector: Detector) -> str:
     return "".join(own[2 * ((y + down) % 2) + (x + right) % 2] for y in (0, 1) for x in (0, 1))
 
 
-def _balanced(
+def _apply_balance(
     image: NDArray[np.unsignedinteger], sensor: Sensor, balance: NDArray[np.float64]
 ) -> NDArray[np.unsignedinteger]:
     d = sensor.detector
@@ -140,7 +149,7 @@ def read_out(
         pattern=fixed_pattern(d, height, width),
         particles=cosmic_ray_charge(sensor, height, width, exposure_s, seed, frame_index),
         read_tables=normal_tables(d.read_noise_per_pixel_e, np.dtype(np.float32)),
-        unit_tables=normal_tables(1.0, np.dtype(np.float32), smooth=sigma_dn > _COARSE_BELOW_DN),
+        unit_tables=normal_tables(1.0, np.dtype(np.float32), smooth=sigma_dn > _COARSE_NOISE_MAX_DN),
     )
     by_row = _line_noise(height, d.row_noise_e, seed, frame_index, _ROW_KEY)
     by_column = _line_noise(width, d.column_noise_e, seed, frame_index, _COLUMN_KEY)
@@ -166,11 +175,11 @@ def read_out(
         for_each_band(height, read_band)
         return out
 
-    # blooming spreads along whole columns: those with pixels near saturation are collected first and read afterwards;
-    # the others are read at once
+    # blooming spreads along whole columns: columns with pixels near saturation are collected first and read afterwards,
+    # all others are read at once
     means = np.empty((height, width), np.float32)
     sources = {k: bit_source(seed, frame_index, k) for k in range(NOISE_BANDS)}
-    brim = well - np.float32(BRIM_SIGMAS) * np.sqrt(well)
+    brim = well - np.float32(FULL_WELL_MARGIN_SIGMAS) * np.sqrt(well)
     hit = np.zeros((NOISE_BANDS, width), bool)
 
     def light_band(k: int, rows: slice) -> None:

@@ -54,8 +54,8 @@ def sun_irradiance_between_w_m2(low_nm: float, high_nm: float) -> float:
 def electrons_per_joule(detector: Detector, optics: Optics, bands: int) -> FloatArray:
     """Return the electrons per joule of sunlight before the lens, for each band (n,) [e J-1].
 
-    Ratio of two integrals over the band: spectral irradiance, transmission, quantum efficiency and wavelength over h c;
-    and spectral irradiance. Light of another colour is treated as sunlight.
+    It is the integral over the band of spectral irradiance x transmission x quantum efficiency x wavelength / (h c),
+    divided by the integral of spectral irradiance. Light of another colour is treated as sunlight.
     """
     return np.array(
         _electrons_per_joule(
@@ -108,11 +108,12 @@ def electrons_per_radiance(sensor: Sensor, optics: Optics, exposure_s: float, ba
 
 
 def white_balance(sensor: Sensor, optics: Optics, sunlight: ArrayLike) -> FloatArray:
-    """Return (n,) factors on a detector's bands that make a white plate in sunlight grey; the least is 1.
+    """Return (n,) factors on a detector's bands that make a white plate in sunlight grey; the smallest is 1.
 
     Parameters
     ----------
-    sunlight : (n,) relative inverse irradiance of the Sun in each band.
+    sunlight : array_like
+        (n,) relative inverse irradiance of the Sun in each band.
     """
     if sensor.detector is None:
         raise ValueError("a noise recipe on a 0..1 image has no electrons")

@@ -16,33 +16,62 @@ class Detector:
 
     Parameters
     ----------
-    quantum_efficiency : electrons per photon of sunlight, mean over the band: one number, or red, green, blue.
-    quantum_efficiency_curve : replaces it: (wavelength [m], electrons per photon) in ascending order, linear between
-        and zero beyond; each band of a colour detector uses its interval.
-    full_well_e : full-well capacity [e].
-    gain_e_per_dn : system gain [e DN-1].
-    black_level_dn : offset added to the signal.
-    read_noise_e : noise of each read-out.
-    row_noise_e, column_noise_e : noise shared by a row or column of one frame.
-    dark_current_e_s : dark current at ``dark_reference_c``; it doubles every ``dark_doubling_c`` kelvin.
-    temperature_c : temperature of the detector.
-    dsnu_e : fixed offset of each pixel.
-    dark_nonuniformity : fixed relative variation of dark current.
-    prnu : fixed relative variation of sensitivity.
-    hot_pixel_share, hot_pixel_e_s : share of pixels with additional dark current, exponentially distributed with that
-        mean.
-    dead_pixel_share : share of pixels without signal.
-    blooming : share of the charge above the full well that spills into the column's neighbours.
-    cosmic_rays_cm2_s : rate of ionising particles. Each leaves 80 electrons per micrometre of its track in a layer of
-        thickness ``layer_m``.
-    layer_m : thickness of the sensitive layer.
-    colour_filter : ``none`` (each pixel sees every band) or a Bayer mosaic, named by its first two by two pixels.
-    demosaic : True to output the interpolated RGB image instead of the mosaic.
-    binning : width and height of an image pixel in physical pixels.
-    charge_binning : True to add charges before read-out (one read noise), False to add numbers after it.
-    roi_x0_px, roi_y0_px : first physical pixel of the image, for the fixed pattern.
-    serial : serial number of the device: seed of the fixed pattern, the same in every frame and scenario.
-    shot_noise : False only in clean twins, where all other noise is off too.
+    quantum_efficiency : tuple of float, optional
+        Electrons per photon of sunlight, mean over the band: one number, or red, green, blue.
+    quantum_efficiency_curve : tuple of tuple of float, optional
+        Replaces it: (wavelength [m], electrons per photon) in ascending order, linear between and zero beyond; each
+        band of a colour detector uses its interval.
+    full_well_e : float, optional
+        Full-well capacity [e].
+    gain_e_per_dn : float, optional
+        System gain [e DN-1].
+    black_level_dn : float, optional
+        Offset added to the signal.
+    read_noise_e : float, optional
+        Noise of each read-out.
+    row_noise_e : float, optional
+        Noise shared by the pixels of a row in one frame.
+    column_noise_e : float, optional
+        Noise shared by the pixels of a column in one frame.
+    dark_current_e_s : float, optional
+        Dark current at ``dark_reference_c``; it doubles every ``dark_doubling_c`` kelvin.
+    temperature_c : float, optional
+        Temperature of the detector.
+    dsnu_e : float, optional
+        Fixed offset of each pixel.
+    dark_nonuniformity : float, optional
+        Fixed relative variation of dark current.
+    prnu : float, optional
+        Fixed relative variation of sensitivity.
+    hot_pixel_share : float, optional
+        Share of pixels with additional dark current.
+    hot_pixel_e_s : float, optional
+        Mean of this additional dark current, which is exponentially distributed.
+    dead_pixel_share : float, optional
+        Share of pixels without signal.
+    blooming : float, optional
+        Share of the charge above the full well that spills into the column's neighbours.
+    cosmic_rays_cm2_s : float, optional
+        Rate of ionising particles. Each leaves 80 electrons per micrometre of its track in a layer of thickness
+        ``layer_m``.
+    layer_m : float, optional
+        Thickness of the sensitive layer.
+    colour_filter : ColourFilter, optional
+        ``none`` (each pixel sees every band) or a Bayer mosaic, named by its first two by two pixels.
+    demosaic : bool, optional
+        True to output the interpolated RGB image instead of the mosaic.
+    binning : int, optional
+        Width and height of an image pixel in physical pixels.
+    charge_binning : bool, optional
+        True to add charges before read-out (one read noise), False to add numbers after it.
+    roi_x0_px : int, optional
+        Column of the image's first pixel on the detector, which selects its fixed pattern.
+    roi_y0_px : int, optional
+        Row of the image's first pixel on the detector.
+    serial : int, optional
+        Serial number of the device: seed of the fixed pattern, the same in every frame and scenario.
+    shot_noise : bool, optional
+        False only in clean twins, where all other noise is off too.
     """
 
     quantum_efficiency: tuple[float, ...] = (0.6,)
@@ -103,14 +132,24 @@ class Sensor:
 
     Parameters
     ----------
-    preset : name of the recipe or of the built-in detector.
-    full_scale_j_m2_sr : radiance times exposure at full scale, per band [J m-2 sr-1].
-    blur_sigma_px : standard deviation of the Gaussian PSF [px].
-    speckle_variance : variance of the uniform multiplicative noise ``I + n I`` [1].
-    gaussian_variance : variance of the additive noise [1].
-    bits : bit depth of the written image.
-    pixel_pitch_x_m, pixel_pitch_y_m : distance of neighbouring image pixels on the detector [m].
-    detector : the detector in electrons, or None.
+    preset : str, optional
+        Name of the recipe or of the built-in detector.
+    full_scale_j_m2_sr : float, optional
+        Radiance times exposure at full scale, per band [J m-2 sr-1].
+    blur_sigma_px : float, optional
+        Standard deviation of the Gaussian PSF [px].
+    speckle_variance : float, optional
+        Variance of the uniform multiplicative noise ``I + n I`` [1].
+    gaussian_variance : float, optional
+        Variance of the additive noise [1].
+    bits : int, optional
+        Bit depth of the written image.
+    pixel_pitch_x_m : float, optional
+        Horizontal distance of neighbouring image pixels on the detector [m].
+    pixel_pitch_y_m : float, optional
+        Vertical distance of neighbouring image pixels on the detector [m].
+    detector : Detector, optional
+        The detector in electrons, or None.
     """
 
     preset: str = "speed"

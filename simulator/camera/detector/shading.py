@@ -16,8 +16,8 @@ if TYPE_CHECKING:
     from flyaround.simulator.runtime.arrays import Float32Array, FloatArray
 
 _STEP_PX = 16
-_NEAR_PX = 128
-_CORE_DEG = 0.3  # nearer to the Sun's centre, glare is part of its disc
+_SUN_WINDOW_PX = 128
+_SUN_CORE_DEG = 0.3  # nearer to the Sun's centre, glare is part of its disc
 _GLOW_STEP_PX = 4  # pixels binned before a wide blur; its error is far below one digital number
 # The tail is two Gaussians with half of the light each, the second wider by this factor: closer to a power law than
 # one.
@@ -45,7 +45,7 @@ def vignetting(camera: Camera, optics: Optics) -> Float32Array | None:
         share *= disc_overlap_area(shift, 1.0, optics.rim_radius) / disc_overlap_area(
             np.zeros(1), 1.0, optics.rim_radius
         )
-    return _interpolated(camera, share)
+    return _interpolate(camera, share)
 
 
 def disc_overlap_area(distance: FloatArray, a: float, b: float) -> FloatArray:
@@ -65,8 +65,10 @@ def veiling_glare(
 
     Parameters
     ----------
-    sun_direction : unit vector, camera frame.
-    sun_irradiance_w_m2 : irradiance of the visible part, per band.
+    sun_direction : array
+        Unit vector, camera frame.
+    sun_irradiance_w_m2 : array
+        Irradiance of the visible part, per band.
 
     References
     ----------
@@ -80,13 +82,13 @@ def veiling_glare(
     ):
         return None
     # the square of the angle is smooth everywhere; its inverse is not, near the Sun
-    field = _interpolated(camera, _square_deg2(_coarse_rays(camera), sun_direction))
+    field = _interpolate(camera, _square_deg2(_coarse_rays(camera), sun_direction))
     patch = _window_around(camera, sun_direction)
     if patch is not None:
         # single precision on the grid is not enough for the smallest angles
         y, x = np.meshgrid(*(np.arange(s.start, s.stop) for s in patch), indexing="ij")
         field[patch] = _square_deg2(camera.rays(np.stack([x, y], axis=-1)), sun_direction)
-    field = np.asarray(optics.veiling_glare_sr / np.maximum(field, np.float32(_CORE_DEG**2)), np.float32)
+    field = np.asarray(optics.veiling_glare_sr / np.maximum(field, np.float32(_SUN_CORE_DEG**2)), np.float32)
     irradiance = np.asarray(sun_irradiance_w_m2, np.float32)
     return field * irradiance[0] if irradiance.size == 1 else field[..., None] * irradiance
 
@@ -103,8 +105,8 @@ def _window_around(camera: Camera, direction: FloatArray) -> tuple[slice, slice]
     x, y = camera.project(direction)
     if not np.isfinite([x, y]).all():
         return None
-    rows = slice(max(int(y) - _NEAR_PX, 0), min(int(y) + _NEAR_PX, camera.height_px))
-    columns = slice(max(int(x) - _NEAR_PX, 0), min(int(x) + _NEAR_PX, camera.width_px))
+    rows = slice(max(int(y) - _SUN_WINDOW_PX, 0), min(int(y) + _SUN_WINDOW_PX, camera.height_px))
+    columns = slice(max(int(x) - _SUN_WINDOW_PX, 0), min(int(x) + _SUN_WINDOW_PX, camera.width_px))
     return (rows, columns) if rows.start < rows.stop and columns.start < columns.stop else None
 
 
@@ -117,7 +119,7 @@ def _coarse_rays(camera: Camera) -> FloatArray:
     return camera.rays(np.stack([x, y], axis=-1))
 
 
-def _interpolated(camera: Camera, coarse: FloatArray) -> Float32Array:
+def _interpolate(camera: Camera, coarse: FloatArray) -> Float32Array:
     """Interpolate the grid's values at every pixel by cubic splines."""
     down, across = _weights(coarse.shape[0], camera.height_px), _weights(coarse.shape[1], camera.width_px)
     return np.asarray(down @ (coarse.astype(np.float32) @ across.T), np.float32)
@@ -139,7 +141,8 @@ def glow(image: Float32Array, optics: Optics) -> Float32Array:
 
     Parameters
     ----------
-    image : (H, W) or (H, W, n) linear light, dark beyond its border.
+    image : (H, W) or (H, W, n) array
+        Linear light, dark beyond its border.
     """
     if optics.glow_share <= 0:
         return image

@@ -25,9 +25,12 @@ class Shutter:
 
     Parameters
     ----------
-    kind : ``global``, all rows at once; ``rolling``, one after the other from the top.
-    readout_s : time from the exposure of the first row to that after the last; for a rolling shutter [s].
-    motion_blur : True to integrate the motion during the exposure; otherwise an image is an instant.
+    kind : ShutterKind, optional
+        ``global``, all rows at once; ``rolling``, one after the other from the top.
+    readout_s : float, optional
+        Time from the exposure of the first row to that after the last; for a rolling shutter [s].
+    motion_blur : bool, optional
+        True to integrate the motion during the exposure; otherwise an image is an instant.
     """
 
     kind: ShutterKind = "global"

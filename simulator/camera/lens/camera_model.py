@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 __all__ = ["Camera", "Distortion", "DistortionModel"]
 
 # smallest and largest value, of files and of recorded scenes; every OpenGL 4 driver draws pictures so large
-LARGEST_IMAGE_PX = 16384
+MAX_IMAGE_PX = 16384
 FOCAL_PX = (1.0, 1e7)
 CENTRE_PX = (-1e5, 1e5)
 _NO_DISTORTION = Distortion()
@@ -84,11 +84,13 @@ class Camera:
 
         Parameters
         ----------
-        points_camera_m : (..., 3) [m].
+        points_camera_m : array_like
+            (..., 3) [m].
 
         Returns
         -------
-        (..., 2) pixel coordinates.
+        (..., 2) array
+            Pixel coordinates.
         """
         p = np.asarray(points_camera_m, float)
         z = np.where(p[..., 2] > 1e-9, p[..., 2], np.nan)
@@ -102,11 +104,13 @@ class Camera:
 
         Parameters
         ----------
-        pixels_px : (..., 2) pixel coordinates, at most a few per cent outside the image.
+        pixels_px : array_like
+            (..., 2) pixel coordinates, at most a few per cent outside the image.
 
         Returns
         -------
-        (..., 2) normalised coordinates: the ray is (x, y, 1).
+        (..., 2) array
+            Normalised coordinates: the ray is (x, y, 1).
         """
         image_xy = (np.asarray(pixels_px, float) - (self.cx_px, self.cy_px)) / (self.fx_px, self.fy_px)
         return image_xy if self.distortion.is_none else self.domain.undistort(image_xy)
@@ -154,14 +158,15 @@ class Camera:
         return _pixel_angle_rad(self)
 
     def bending_px_rad2(self, bounds_px: tuple[float, float, float, float] | None = None) -> float:
-        """Return how strongly the lens bends straight lines: the largest curvature of a great circle's image [px
-        rad-2].
+        """Return the largest curvature of the image of a great circle [px rad-2].
 
-        A straight line seen under a small angle a lies up to ``a**2 / 8`` times as much next to its bent image.
+        The image of a straight line that subtends a small angle a deviates from a straight line by up to ``a**2 / 8``
+        times this value.
 
         Parameters
         ----------
-        bounds_px : x0, y0, x1, y1 of the part of the image that is requested.
+        bounds_px : tuple of float, optional
+            x0, y0, x1, y1 of the part of the image that is requested.
         """
         if self.distortion.is_none:
             return 0.0

@@ -32,8 +32,8 @@ COEFFICIENT_COUNTS: dict[str, tuple[int, ...]] = {
     "kannala_brandt": (4,),
 }
 MARGIN = 1.05
-"""Radius up to which the polynomial is used, over that of the image's farthest corner, unless it folds back before."""
-LARGEST_ANGLE_RAD = np.deg2rad(85.0)
+"""Radius up to which the polynomial is used, relative to the image's farthest corner, unless it folds back before."""
+MAX_ANGLE_RAD = np.deg2rad(85.0)
 """Largest angle from the axis; camera z, the depth of labels, is ill-conditioned beyond it [rad]."""
 _TABLE = 4096  # angles in the inverse table
 _NEWTON_STEPS = 12  # at most, for the inverse
@@ -48,7 +48,7 @@ class Distortion:
 
     @property
     def is_none(self) -> bool:
-        """True if the lens keeps straight lines straight; a fish-eye does not, even with all coefficients 0."""
+        """True if the lens is a pinhole. A fish-eye is not, even with all coefficients 0."""
         return self.model != "kannala_brandt" and not any(self.coefficients)
 
 
@@ -116,8 +116,12 @@ class LensDomain:
 
     Parameters
     ----------
-    limit : largest undistorted radius [1], infinite for a pinhole.
-    radius, image_radius : table of undistorted and distorted radius, for initial guesses.
+    limit : float
+        Largest undistorted radius [1], infinite for a pinhole.
+    radius : array
+        Undistorted radii of a look-up table for initial guesses.
+    image_radius : array
+        Distorted radii of the same table.
     """
 
     distortion: Distortion
@@ -169,23 +173,24 @@ def lens_domain(distortion: Distortion, border_xy: FloatArray, *, strict: bool =
 
     Parameters
     ----------
-    strict : True to refuse an image that the lens does not fill; otherwise the lens is used as far as it reaches.
+    strict : bool, optional
+        True to refuse an image that the lens does not fill; otherwise the lens is used as far as it reaches.
 
     Raises
     ------
     ValueError
         If the lens folds back inside the image, or reaches beyond 85 degrees from its axis.
     """
-    far = np.tan(LARGEST_ANGLE_RAD)
+    far = np.tan(MAX_ANGLE_RAD)
     too_wide = (
-        f"the image reaches further than {np.rad2deg(LARGEST_ANGLE_RAD):.0f} degrees off the axis; "
+        f"the image reaches further than {np.rad2deg(MAX_ANGLE_RAD):.0f} degrees off the axis; "
         "allowed is less: make the image smaller or the focal length longer"
     )
     if distortion.is_none:
         if strict and np.hypot(border_xy[:, 0], border_xy[:, 1]).max() > far:
             raise ValueError(too_wide)
         return LensDomain(distortion, np.inf, np.zeros(1), np.zeros(1))
-    angles = np.linspace(0, LARGEST_ANGLE_RAD, _TABLE)
+    angles = np.linspace(0, MAX_ANGLE_RAD, _TABLE)
     radius = np.tan(angles)
     with np.errstate(all="ignore"):
         scale, slope = _radial(distortion, radius**2)

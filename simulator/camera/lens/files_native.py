@@ -11,7 +11,7 @@ from flyaround.simulator.camera.encoding import Encoding
 from flyaround.simulator.camera.lens.camera_model import (
     CENTRE_PX,
     FOCAL_PX,
-    LARGEST_IMAGE_PX,
+    MAX_IMAGE_PX,
     Camera,
     Distortion,
     camera_problem,
@@ -20,7 +20,7 @@ from flyaround.simulator.errors import UserError
 from flyaround.simulator.runtime.sections import within
 
 # a region or a binned image may be smaller than any camera
-SizePx = Annotated[int, Meta(ge=16, le=LARGEST_IMAGE_PX)]
+SizePx = Annotated[int, Meta(ge=16, le=MAX_IMAGE_PX)]
 FocalPx = Annotated[float, within(FOCAL_PX)]
 CentrePx = Annotated[float, within(CENTRE_PX)]
 PitchUm = Annotated[float, Meta(ge=0.1, le=1000)]

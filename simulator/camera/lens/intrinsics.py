@@ -11,7 +11,7 @@ from msgspec import Meta
 from flyaround.simulator.camera.lens.files_native import CameraFile, CentrePx, DistortionSection, SizePx
 from flyaround.simulator.errors import UserError
 
-CONSISTENT = 2e-3
+CONSISTENCY_TOLERANCE = 2e-3
 """Relative tolerance between two derivations of the same number; data sheets are rounded."""
 _Positive = Annotated[float, Meta(gt=0, le=1e6)]
 # a list, not a tuple: msgspec 0.22 corrupts memory on a union of a number and a fixed tuple
@@ -37,7 +37,7 @@ class LensFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=
     name: str = ""
     notes: str = ""
 
-    def solved(self, where: str) -> CameraFile:
+    def solve(self, where: str) -> CameraFile:
         """Return the camera in pixels; the principal point defaults to the image's centre.
 
         Raises
@@ -120,7 +120,7 @@ def _agree(where: str, what: str, first: float | None, second: float | None) -> 
     """Return the number that two derivations agree on, or the only one."""
     if first is None or second is None:
         return second if first is None else first
-    if abs(first / second - 1) > CONSISTENT:
+    if abs(first / second - 1) > CONSISTENCY_TOLERANCE:
         raise UserError(
             f"{where}: {what} is {first:.6g} by one pair of keys and {second:.6g} by another; leave one out"
         )

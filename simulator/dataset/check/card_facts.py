@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from flyaround.simulator.dataset.card import CONVENTIONS, LAYOUT, CardTarget, DatasetCard
 from flyaround.simulator.dataset.formats.labelled_frame import layer_ending
-from flyaround.simulator.dataset.formats.native import is_whole
+from flyaround.simulator.dataset.formats.native import is_frame_complete
 from flyaround.simulator.dataset.record_fields import RECORD_FIELDS
 from flyaround.simulator.dataset.split import SPLIT_NAME
 from flyaround.simulator.dataset.storage.manifest import MANIFEST_NAME, file_hash, read_manifest
@@ -33,8 +33,10 @@ def check_card(
 
     Parameters
     ----------
-    target : model that was drawn, if available.
-    layers_of_frames : names of each frame's layers.
+    target : Target or None
+        Model that was drawn, if available.
+    layers_of_frames : sequence of tuple of str
+        Names of each frame's layers.
     """
     if target is not None:
         expected = CardTarget.of(target)
@@ -52,8 +54,8 @@ def check_card(
     yield from (f"labels does not name {name}, which frames have" for name in sorted(set(counts) - listed))
     if layers_of_frames:
         # the last frame of a flight has no flow
-        lacking = listed - set(counts) - ({"flow"} if len(layers_of_frames) == 1 else set())
-        yield from (f"labels names {name}, which no frame has" for name in sorted(lacking))
+        missing = listed - set(counts) - ({"flow"} if len(layers_of_frames) == 1 else set())
+        yield from (f"labels names {name}, which no frame has" for name in sorted(missing))
     if card.is_of_this_version:
         for field, text in (
             ("conventions", CONVENTIONS),
@@ -67,16 +69,17 @@ def check_card(
 def check_frames_listed(
     card: DatasetCard, splits: Mapping[int, str], assigned: Mapping[str, Sequence[int]], folder: Path
 ) -> Iterator[str]:
-    """Compare the card's split, quarantine and sensors with the files.
+    """Compare the split, the quarantined frames and the sensors of the card with the files.
 
     Parameters
     ----------
-    splits : split of each frame in the data set's list, by number.
-    assigned : frames of each split, assigned again;
-        empty if that is impossible.
+    splits : mapping
+        Split of each frame number, as listed in ``split.json``.
+    assigned : mapping
+        Recomputed frame numbers of each split; empty if they cannot be recomputed.
     """
     for q in card.quarantined:
-        if q.frame >= card.n_frames or is_whole(folder, q.frame):
+        if q.frame >= card.n_frames or is_frame_complete(folder, q.frame):
             yield f"quarantined names frame {q.frame}, which is not kept apart"
     if not card.complete:
         return
@@ -92,10 +95,10 @@ def check_frames_listed(
             yield f"{SPLIT_NAME} has frame {other[0]} in another split than the card's ratio {card.split} gives"
     endings = ["png", "mask.png", "json", *(f"{name}.{layer_ending(name)}" for name in card.labels)]
     sensors = {f"{k:06d}.{name}.npz" for k in numbers for name in card.sensors}
-    there = {path.name for path in (folder / "images").iterdir() if not path.name.startswith(".")}
-    yield from (f"images/{name} is missing" for name in sorted(sensors - there)[:MAX_NAMED])
-    strays = there - sensors - {f"{k:06d}.{ending}" for k in numbers for ending in endings}
-    yield from (f"images/{name} is of no frame, label or sensor" for name in sorted(strays)[:MAX_NAMED])
+    existing = {path.name for path in (folder / "images").iterdir() if not path.name.startswith(".")}
+    yield from (f"images/{name} is missing" for name in sorted(sensors - existing)[:MAX_NAMED])
+    unexpected = existing - sensors - {f"{k:06d}.{ending}" for k in numbers for ending in endings}
+    yield from (f"images/{name} is of no frame, label or sensor" for name in sorted(unexpected)[:MAX_NAMED])
 
 
 def check_manifest(
@@ -118,21 +121,21 @@ def check_manifest(
 
     def faults(k: int) -> list[str]:
         lines = manifest.get(k, {})
-        wrong = []
+        problems = []
         if card.complete:
-            wrong = [f"{name} is not in {MANIFEST_NAME}" for name in sorted(files[k] - set(lines))]
-            wrong += [f"{name} is missing" for name in sorted(set(lines) - files[k])]
+            problems = [f"{name} is not in {MANIFEST_NAME}" for name in sorted(files[k] - set(lines))]
+            problems += [f"{name} is missing" for name in sorted(set(lines) - files[k])]
         for name in sorted(files[k] & set(lines)):
             try:
                 if file_hash(store.read(name, MAX_FILE_BYTES)) != lines[name]:
-                    wrong.append(f"{name} has another hash than in {MANIFEST_NAME}")
+                    problems.append(f"{name} has another hash than in {MANIFEST_NAME}")
             except (OSError, UserError) as error:
-                wrong.append(f"{name} cannot be read ({error})")
-        return wrong
+                problems.append(f"{name} cannot be read ({error})")
+        return problems
 
     if card.complete:
         for k in sorted(manifest.keys() - files.keys())[:MAX_NAMED]:
             yield None, f"{MANIFEST_NAME} lists frame {k}, which is not there"
     with ThreadPoolExecutor(threads()) as pool:  # hashing releases Python's lock
-        for k, wrong in zip(frames, pool.map(faults, frames), strict=True):
-            yield from ((k, what) for what in wrong)
+        for k, problems in zip(frames, pool.map(faults, frames), strict=True):
+            yield from ((k, message) for message in problems)

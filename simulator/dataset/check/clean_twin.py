@@ -19,21 +19,21 @@ if TYPE_CHECKING:
     from flyaround.simulator.labels.truth import Truth
     from flyaround.simulator.runtime.arrays import BoolArray, ByteArray, FloatArray
 
-LEVELS = np.linspace(0, 1, 129) ** 2  # denser for little light: the noise grows with its root
+SIGNAL_LEVELS = np.linspace(0, 1, 129) ** 2  # denser for little light: the noise grows with its root
 NOISE_SPREAD = (0.55, 1.1)  # mean |x| is 0.80 sigma for a normal distribution, 0.87 for a uniform one
 MIXED_SPREAD = (0.2, 1.5)  # demosaicing averages neighbours, a colour matrix adds unequally lit bands
-SHIFT = 0.5
+MEDIAN_TOLERANCE = 0.5
 """Tolerance of the median of the noise [sigma]."""
-QUIET_STEPS = 1.2
+MIN_NOISE_STEPS = 1.2
 """Noise, in steps of the digital numbers, below which rounding dominates the difference from the twin."""
-MIN_PIXELS, SUFFICIENT_PIXELS = 200, 500_000
+MIN_PIXELS, MAX_PIXELS = 200, 500_000
 """Minimum number of pixels for a statistic, and the number that suffices for a whole image."""
 
 
 def band_gains(truth: Truth) -> FloatArray:
-    """Return the gains (3, 3) of the detector's bands (columns) in each channel of a colour image.
+    """Return the (3, 3) matrix from the detector's bands (columns) to the channels of a colour image (rows).
 
-    White balance of a detector, and the colour matrix of sRGB.
+    It combines the detector's white balance and the sRGB colour matrix.
     """
     sensor, gains = truth.scene.sensor, np.eye(3)
     if sensor.detector is not None:
@@ -53,9 +53,9 @@ def check_clean(
         decode_numbers(x.reshape(*mask.shape, -1), truth.scene.sensor, encoding) for x in (image, clean)
     )
     for k, gain in enumerate(gains):
-        wrong = _check_band(truth, sensor, image[..., k], clean[..., k], mask > 0, gain)
-        if wrong:
-            return [wrong if len(gains) == 1 else f"{wrong} ({('red', 'green', 'blue')[k]})"]
+        faults = _check_band(truth, sensor, image[..., k], clean[..., k], mask > 0, gain)
+        if faults:
+            return [faults if len(gains) == 1 else f"{faults} ({('red', 'green', 'blue')[k]})"]
     return []
 
 
@@ -67,29 +67,31 @@ def _check_band(
     on_craft: BoolArray,
     gain: FloatArray,
 ) -> str:
-    """Return how one band (H, W) deviates from the sensor's noise; empty if it does not.
+    """Return a sentence if the difference of one band (H, W) is not the sensor's noise, otherwise an empty string.
 
     Parameters
     ----------
-    sensor : sensor whose linear numbers both images hold.
-    gain : (bands,) factors on the detector's bands, and so on their noise and dark current.
+    sensor : Sensor
+        Sensor whose linear numbers both images hold.
+    gain : (bands,) array
+        Weights of the detector's bands in this channel. They scale noise and dark current too.
     """
     factor = float(np.linalg.norm(gain))
     detector, encoding = sensor.detector, truth.camera.pixel_encoding
     full, black = sensor.scale_dn  # a detector saturates at its full well, above its black level
-    heat, spread_limits = 0.0, NOISE_SPREAD
+    dark_signal, spread_limits = 0.0, NOISE_SPREAD
     if detector is not None:
         # the twin has no dark current, the image has its mean
         dark_e = detector.dark_e_s * truth.scene.exposure_s * detector.pixels_per_bin
-        heat = float(gain.sum()) * dark_e / sensor.saturation_e
+        dark_signal = float(gain.sum()) * dark_e / sensor.saturation_e
     if np.count_nonzero(gain) > 1 or (
         detector is not None and detector.colour_filter != "none" and detector.demosaic
     ):
         spread_limits = MIXED_SPREAD
     # the expected noise depends on the twin's number alone
     signal_of = (np.arange(int(clean.max(initial=0)) + 1) - black) / full
-    noise = [noise_sigma(sensor, float(level), truth.scene.exposure_s) for level in LEVELS]
-    sigma_of = factor * np.interp(signal_of / factor, LEVELS, noise)
+    noise = [noise_sigma(sensor, float(level), truth.scene.exposure_s) for level in SIGNAL_LEVELS]
+    sigma_of = factor * np.interp(signal_of / factor, SIGNAL_LEVELS, noise)
     # the ends of the scale clip the noise
     inside_of = (signal_of > 4 * sigma_of) & (signal_of < 1 - 4 * sigma_of)
     # digital numbers were rounded, multiplied and rounded again; without noise to dither it, the twin's rounding stays
@@ -99,22 +101,24 @@ def _check_band(
         top = 2**sensor.bits - 1 - black
         step_of = step_share(signal_of * full / top, encoding) * top / full
         rounding_of = step_of / 2
-    rows = np.s_[:: clean.size // SUFFICIENT_PIXELS | 1]  # odd stride: rows of both colours of a mosaic
-    for where, what in ((on_craft, "on the craft"), (rows, "in the picture")):
+    rows = np.s_[:: clean.size // MAX_PIXELS | 1]  # odd stride: rows of both colours of a mosaic
+    for where, region in ((on_craft, "on the craft"), (rows, "in the picture")):
         twin = clean[where].ravel()
         sigma, inside, rounding = sigma_of[twin], inside_of[twin], rounding_of[twin]
-        residual = (image[where].ravel().astype(float) - twin) / full - heat
-        quiet = sigma < QUIET_STEPS * step_of[twin]
-        still, noisy = inside & quiet, inside & ~quiet
-        if np.count_nonzero(still) >= MIN_PIXELS:
-            beyond = np.abs(residual[still]) > 2 * rounding[still] + 4 * sigma[still]
+        residual = (image[where].ravel().astype(float) - twin) / full - dark_signal
+        is_quiet = sigma < MIN_NOISE_STEPS * step_of[twin]
+        quiet_pixels, noisy_pixels = inside & is_quiet, inside & ~is_quiet
+        if np.count_nonzero(quiet_pixels) >= MIN_PIXELS:
+            beyond = np.abs(residual[quiet_pixels]) > 2 * rounding[quiet_pixels] + 4 * sigma[quiet_pixels]
             if beyond.mean() > 0.01:
-                return f"{what} the image is not its clean twin, but for rounding and a noise of less than one step"
-        if np.count_nonzero(noisy) < MIN_PIXELS:
+                return f"{region} the image is not its clean twin, but for rounding and a noise of less than one step"
+        if np.count_nonzero(noisy_pixels) < MIN_PIXELS:
             continue
-        spread = float(np.minimum(np.abs(residual[noisy] / sigma[noisy]), 10).mean())
-        if not spread_limits[0] < spread < spread_limits[1] or _is_off(residual, sigma, noisy, rounding):
-            return f"{what} the image less its clean twin is {spread:.2f} sigma of the noise, not about 0.8"
+        spread = float(np.minimum(np.abs(residual[noisy_pixels] / sigma[noisy_pixels]), 10).mean())
+        if not spread_limits[0] < spread < spread_limits[1] or _is_off(
+            residual, sigma, noisy_pixels, rounding
+        ):
+            return f"{region} the image less its clean twin is {spread:.2f} sigma of the noise, not about 0.8"
     # clipping below zero does not move the median of larger values
     dark = ~inside & (signal_of < 0.5)[twin]
     if np.count_nonzero(dark) >= MIN_PIXELS and _is_off(residual, sigma, dark, rounding):
@@ -125,5 +129,5 @@ def _check_band(
 def _is_off(residual: FloatArray, sigma: FloatArray, where: BoolArray, rounding: FloatArray) -> bool:
     """Return True if the median of the noise deviates from zero by more than its distribution and rounding allow."""
     # the image's own median is an integer, too
-    allowed = SHIFT + 2 * float(np.median(rounding[where])) / float(np.median(sigma[where]))
+    allowed = MEDIAN_TOLERANCE + 2 * float(np.median(rounding[where])) / float(np.median(sigma[where]))
     return abs(float(np.median(residual[where] / sigma[where]))) > allowed

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-JPEG_MOST_DN, JPEG_RMS_DN = 8.0, 1.5
+JPEG_MAX_DN, JPEG_RMS_DN = 8.0, 1.5
 """Bounds on the difference between two decoders of the same JPEG image [DN]."""
 RELATIVE, ABSOLUTE = 1e-9, 1e-9
 """Tolerances of numbers computed with other versions of the libraries."""
@@ -45,8 +45,10 @@ class Entry:
 
     Parameters
     ----------
-    key : unique in the file, or in the shards of a split.
-    frame : number of the frame, if the entry belongs to one.
+    key : str
+        Unique in the file, or in the shards of a split.
+    frame : int, optional
+        Number of the frame, if the entry belongs to one.
     """
 
     key: str
@@ -70,7 +72,7 @@ def entries(name: str, data: bytes) -> Iterator[Entry]:
         If the file is damaged.
     """
     suffix = Path(name).suffix
-    if is_cut(name, data[-LONGEST_END:]):
+    if is_truncated(name, data[-LONGEST_END:]):
         raise UserError("it is cut off")
     try:
         yield from _READERS.get(suffix, _bytes)(data)
@@ -80,7 +82,7 @@ def entries(name: str, data: bytes) -> Iterator[Entry]:
         raise UserError(f"it cannot be read ({error})") from error
 
 
-def is_cut(name: str, last_bytes: bytes) -> bool:
+def is_truncated(name: str, last_bytes: bytes) -> bool:
     """Return True if a file is truncated, judged by its type."""
     suffix = Path(name).suffix
     if not last_bytes:
@@ -95,7 +97,7 @@ def is_same(expected: Any, actual: Any) -> bool:  # noqa: ANN401 - any value of 
         if a.shape != b.shape:
             return False
         off = np.abs(a - b)
-        return bool(off.max() <= JPEG_MOST_DN and math.sqrt(float(np.mean(off**2))) <= JPEG_RMS_DN)
+        return bool(off.max() <= JPEG_MAX_DN and math.sqrt(float(np.mean(off**2))) <= JPEG_RMS_DN)
     if isinstance(expected, np.ndarray):
         if (expected.shape, expected.dtype) != (actual.shape, actual.dtype):
             return False

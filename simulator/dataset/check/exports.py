@@ -12,7 +12,13 @@ from typing import TYPE_CHECKING, Any
 import msgspec
 import numpy as np
 
-from flyaround.simulator.dataset.check.export_contents import LONGEST_END, Entry, entries, is_cut, is_same
+from flyaround.simulator.dataset.check.export_contents import (
+    LONGEST_END,
+    Entry,
+    entries,
+    is_same,
+    is_truncated,
+)
 from flyaround.simulator.dataset.formats.registry import BUILT_IN, NATIVE, find_format, writable
 from flyaround.simulator.dataset.split import read_split
 from flyaround.simulator.errors import UserError
@@ -29,12 +35,12 @@ if TYPE_CHECKING:
     from flyaround.simulator.dataset.formats.labelled_frame import LabelledFrame
     from flyaround.simulator.world.frames.pose import Pose
 
-SHARE = 0.05  # share of the frames that are compared
-MIN_FRAMES, MAX_OF_SMALL, PICTURES = 4, 10, 24
+SAMPLE_SHARE = 0.05  # share of the frames that are compared
+MIN_FRAMES, MAX_SAMPLE, MAX_COMPARISONS = 4, 10, 24
 """Minimum number of compared frames, the number for few formats, and the limit on frames times formats."""
 MAX_BYTES = 2**30
-POSE_WITHIN = 1e-9  # relative and absolute tolerance of a pose
-LISTS = (".json", ".csv")
+POSE_TOLERANCE = 1e-9  # relative and absolute tolerance of a pose
+LIST_SUFFIXES = (".json", ".csv")
 _SHARD = re.compile(r"(.*-)\d+(\.(?:tar|parquet|mcap))")
 
 
@@ -50,14 +56,17 @@ class ExportCheck:
 class ExportsCheck:
     """Comparison of a data set's exports with its native frames, one frame at a time.
 
-    Each frame's own files must exist and not be truncated, and every row of pose lists is compared. Contents are
-    compared for a sample of the frames, or for all.
+    The files of every frame must exist and must not be truncated. Every row of the pose lists is compared. File
+    contents are compared for a sample of the frames, or for all of them.
 
     Parameters
     ----------
-    numbers : numbers of all intact frames.
-    seed : seed of the sample.
-    whole : True to compare all frames.
+    numbers : sequence of int
+        Numbers of all intact frames.
+    seed : int
+        Seed of the sample.
+    whole : bool
+        True to compare all frames.
     """
 
     def __init__(
@@ -68,14 +77,14 @@ class ExportsCheck:
         self._not_checked: list[str] = []
         self._sample: frozenset[int] = frozenset()
         self._comparisons: list[_Comparison] = []
-        there = [name for name in writable()[1:] if (folder / name).is_dir()]
-        named = [name for name in card.formats if name != NATIVE]
+        existing = [name for name in writable()[1:] if (folder / name).is_dir()]
+        listed = [name for name in card.formats if name != NATIVE]
         self._faults += [
             (None, f"{name}/ is there, and the card does not name that format")
-            for name in there
-            if name not in named
+            for name in existing
+            if name not in listed
         ]
-        names = list(dict.fromkeys([*named, *there]))
+        names = list(dict.fromkeys([*listed, *existing]))
         try:
             self.splits = read_split(folder)
         except UserError as error:
@@ -99,7 +108,7 @@ class ExportsCheck:
                 if form not in BUILT_IN:
                     self._not_checked.append(f"format {name} is of another package")
                     continue
-                self._comparisons.append(_Comparison(form, folder / name, initial_card, is_whole=whole))
+                self._comparisons.append(_Comparison(form, folder / name, initial_card, is_complete=whole))
             except UserError as error:
                 self._not_checked.append(str(error))
         self._sample = frozenset(numbers if whole else _sample(numbers, self.splits, seed, len(names)))
@@ -115,7 +124,8 @@ class ExportsCheck:
 
         Parameters
         ----------
-        poses : poses of all readable frames, by number.
+        poses : mapping
+            Poses of all readable frames, by number.
         """
         if not poses:
             return ExportCheck(0, tuple(self._faults))
@@ -126,34 +136,35 @@ class ExportsCheck:
                 *_check_others(comparison, poses, self.splits),
                 *_check_poses(comparison, poses),
             ]
-            self._faults += [(k, f"{comparison.form.name}/{what}") for k, what in faults]
+            self._faults += [(k, f"{comparison.form.name}/{message}") for k, message in faults]
         return ExportCheck(len(self._sample & set(poses)), tuple(self._faults), tuple(self._not_checked))
 
 
 def _sample(numbers: Sequence[int], splits: Mapping[int, str], seed: int, n_formats: int) -> list[int]:
     """Select the frames whose contents are compared, some from each split."""
     order = np.random.default_rng([seed % 2**63, len(numbers), 1]).permutation(numbers).tolist()
-    fewest = min(MAX_OF_SMALL, max(MIN_FRAMES, PICTURES // n_formats))
-    selected = set(order[: max(fewest, math.ceil(SHARE * len(numbers)))])
+    fewest = min(MAX_SAMPLE, max(MIN_FRAMES, MAX_COMPARISONS // n_formats))
+    selected = set(order[: max(fewest, math.ceil(SAMPLE_SHARE * len(numbers)))])
     for split in set(splits.values()):
         selected.add(next((k for k in order if splits.get(k) == split), order[0]))
     return sorted(selected)
 
 
 class _Comparison:
-    """Output of a format writer that compares each file with the existing one.
+    """A `FormatOutput` that compares each file with the existing one instead of writing it.
 
     Parameters
     ----------
-    is_whole : True if all frames are passed; otherwise existing lists and shards may hold more than the written ones.
+    is_complete : bool
+        True if all frames are passed. Otherwise existing lists and shards may hold additional frames.
     """
 
-    def __init__(self, form: DatasetFormat, root: Path, card: DatasetCard, *, is_whole: bool) -> None:
+    def __init__(self, form: DatasetFormat, root: Path, card: DatasetCard, *, is_complete: bool) -> None:
         self.form, self.root = form, root
         self.faults: list[tuple[int | None, str]] = []
         self.written: dict[int | None, list[str]] = {}
         """Names of the files of each frame, and of those for all frames."""
-        self._is_whole = is_whole
+        self._is_whole = is_complete
         self._frame: int | None = None
         self._is_varied = False
         self._next_shard: dict[str, int] = {}
@@ -175,24 +186,26 @@ class _Comparison:
 
     def write(self, name: str, data: bytes) -> None:
         """Compare one file."""
-        self._look(name, lambda: entries(name, data), data)
+        self._compare_file(name, lambda: entries(name, data), data)
 
     def write_arrays(self, name: str, arrays: Mapping[str, NDArray[Any]]) -> None:
         """Compare one file of arrays."""
-        self._look(name, lambda: itertools.starmap(Entry, arrays.items()))
+        self._compare_file(name, lambda: itertools.starmap(Entry, arrays.items()))
 
-    def _look(self, name: str, wanted: Callable[[], Iterable[Entry]], data: bytes | None = None) -> None:
+    def _compare_file(
+        self, name: str, expected_entries: Callable[[], Iterable[Entry]], data: bytes | None = None
+    ) -> None:
         is_shard = _SHARD.fullmatch(name)
-        of_frame = None if is_shard or name.startswith("models/") else self._frame
-        self.written.setdefault(of_frame, []).append(name)
+        frame_number = None if is_shard or name.startswith("models/") else self._frame
+        self.written.setdefault(frame_number, []).append(name)
         if not self._is_whole and (
             Path(name).suffix == ".md" or (self._is_varied and name.startswith("models/"))
         ):
             return  # the text counts frames; models are numbered in order of appearance
-        is_subset = of_frame is None and not self._is_whole
-        for entry, what in self._compare(name, wanted, data, is_subset=is_subset):
+        is_subset = frame_number is None and not self._is_whole
+        for entry, message in self._compare(name, expected_entries, data, is_subset=is_subset):
             self.faults.append(
-                (of_frame if entry is None or entry.frame is None else entry.frame, f"{name}: {what}")
+                (frame_number if entry is None or entry.frame is None else entry.frame, f"{name}: {message}")
             )
 
     def _compare(
@@ -204,25 +217,25 @@ class _Comparison:
             of_split = (self.root / name).parent.glob(Path(shard[1]).name + "*" + shard[2])
             paths = sorted(p for p in of_split if _SHARD.fullmatch(p.name)) or paths
             first = self._next_shard.get(shard[1], 0)  # frames are ordered in both
-        wanted: dict[str, Entry] | None = None
+        expected_entries: dict[str, Entry] | None = None
         missing: set[str] = set()
         for number, path in enumerate(paths[first:], first):
             try:
                 refuse_link_out(path, self.root)
-                found = read_regular(path, MAX_BYTES)
-                if found == data:
+                contents = read_regular(path, MAX_BYTES)
+                if contents == data:
                     return
-                if wanted is None:
-                    wanted = {entry.key: entry for entry in expected()}
-                    missing = set(wanted)
-                for entry in entries(name, found):
+                if expected_entries is None:
+                    expected_entries = {entry.key: entry for entry in expected()}
+                    missing = set(expected_entries)
+                for entry in entries(name, contents):
                     if entry.key in missing:
                         missing.remove(entry.key)
                         if not is_same(
-                            self._comparable(wanted[entry.key].value), self._comparable(entry.value)
+                            self._comparable(expected_entries[entry.key].value), self._comparable(entry.value)
                         ):
-                            yield wanted[entry.key], f"{entry.key} is not the native frame's"
-                    elif entry.key in wanted:
+                            yield expected_entries[entry.key], f"{entry.key} is not the native frame's"
+                    elif entry.key in expected_entries:
                         yield entry, f"{entry.key} is there twice"
                     elif not is_subset:
                         yield entry, f"{entry.key} is of no native frame"
@@ -236,7 +249,7 @@ class _Comparison:
                 self._next_shard[shard[1]] = number
                 return
         for key in sorted(missing):
-            yield wanted[key] if wanted else None, f"{key} is missing"
+            yield expected_entries[key] if expected_entries else None, f"{key} is missing"
 
     def _comparable(self, value: Any) -> Any:  # noqa: ANN401 - any value of a file
         """Return a name without the model numbers, which depend on earlier frames."""
@@ -270,7 +283,7 @@ def _check_others(
             except OSError as error:
                 yield k, f"{name}: it cannot be read ({error.strerror or error})"
                 continue
-            if is_cut(name, last):
+            if is_truncated(name, last):
                 yield k, f"{name}: it is cut off"
 
 
@@ -288,14 +301,14 @@ def _check_poses(comparison: _Comparison, poses: Mapping[int, Pose]) -> Iterator
     rows: dict[int, Pose] = {}
     for name in comparison.written.get(None, []):
         path = comparison.root / name
-        if path.suffix not in LISTS or not path.is_file():
+        if path.suffix not in LIST_SUFFIXES or not path.is_file():
             continue
         try:
-            found = read(path)
+            contents = read(path)
         except UserError as error:
             yield None, f"{name}: {error}"
             return
-        for picture in () if found is None else found.pictures:
+        for picture in () if contents is None else contents.pictures:
             number = re.search(r"\d+", Path(picture.name).stem)
             if number is not None:
                 rows[int(number[0])] = picture.camera_from_target
@@ -303,7 +316,7 @@ def _check_poses(comparison: _Comparison, poses: Mapping[int, Pose]) -> Iterator
         if k not in rows:
             yield k, "has no pose of the frame"
         elif not (
-            np.allclose(rows[k].R, pose.R, rtol=0, atol=POSE_WITHIN)
-            and np.allclose(rows[k].t_m, pose.t_m, rtol=POSE_WITHIN, atol=POSE_WITHIN)
+            np.allclose(rows[k].R, pose.R, rtol=0, atol=POSE_TOLERANCE)
+            and np.allclose(rows[k].t_m, pose.t_m, rtol=POSE_TOLERANCE, atol=POSE_TOLERANCE)
         ):
             yield k, "has another pose of the frame"

@@ -1,8 +1,8 @@
 """Independent checks of the two labels that decide whether a frame is feasible.
 
-``silhouette_inside``, the share of the silhouette in the image, is recomputed from triangles filled by OpenCV.
-``wireframe_step_share``, the share of visible edges whose brightness step exceeds the noise, is recomputed in double
-precision from a noise-free image. Steps too close to the threshold to decide may count either way.
+``silhouette_inside``, the share of the silhouette inside the image, is recomputed from triangles filled by OpenCV.
+``wireframe_step_share``, the share of the visible edges with a brightness step above the noise, is recomputed in double
+precision from a noise-free image. Steps within the tolerance of the threshold may count either way.
 """
 
 from __future__ import annotations
@@ -13,10 +13,10 @@ import cv2
 import numpy as np
 
 from flyaround.simulator.dataset.check.geometry import (
-    cut_for_the_lens,
     in_lens,
     project_with_opencv,
-    shown_triangles,
+    silhouette_triangles,
+    subdivide_for_lens,
 )
 from flyaround.simulator.geometry.triangle_fill import fill_triangles
 from flyaround.simulator.imaging.image_formation import noise_sigma
@@ -30,22 +30,22 @@ if TYPE_CHECKING:
     from flyaround.simulator.runtime.arrays import ByteArray, FloatArray
     from flyaround.simulator.targets.model import Target
 
-FINE_PX = 2048  # longest side of the grid on which silhouettes are filled
-LABEL_PX = 512  # longest side of the coarser grid that the label is computed on
-SHARE = 0.002  # relative tolerance of an area
+SILHOUETTE_GRID_PX = 2048  # longest side of the grid on which silhouettes are filled
+LABEL_GRID_PX = 512  # longest side of the coarser grid that the label is computed on
+AREA_TOLERANCE = 0.002  # relative tolerance of an area
 # Tolerance of a silhouette's pixel count, in square roots of its outline's length: four standard deviations if each
 # outline pixel is wrong by half a pixel at random.
-OUTLINE = 2.0
+OUTLINE_SIGMAS = 2.0
 # Nearer targets are not checked: their label counts only surfaces within one image size of the image (docs/labels.md).
-NEAREST_M = 0.01
+MIN_DISTANCE_M = 0.01
 # Spacing of samples along an edge, and distance from it at which brightness is read on either side (docs/labels.md).
 SPACING_PX, REACH_PX = (
     4.0,
     2.0,
 )
 DIRECTION_STEP = 1e-4  # step along an edge for its direction, in x / z
-ON_GRID_PX = 1 / 32  # sub-pixel resolution of cv2.remap in some versions of OpenCV
-ROUNDING = 1e-5  # rounding of float32 coordinates
+REMAP_GRID_PX = 1 / 32  # sub-pixel resolution of cv2.remap in some versions of OpenCV
+FLOAT32_ROUNDING = 1e-5  # rounding of float32 coordinates
 
 
 def check_silhouette_inside(truth: Truth, target: Target) -> list[str]:
@@ -67,7 +67,7 @@ def check_silhouette_inside(truth: Truth, target: Target) -> list[str]:
     t = np.asarray(truth.t_camera_from_target_m)
     R = truth.scene.camera_from_target.R
     in_camera = mesh.positions_m @ R.T + t
-    if in_camera[:, 2].min() <= NEAREST_M:
+    if in_camera[:, 2].min() <= MIN_DISTANCE_M:
         return []
     if not in_lens(camera, in_camera).all():
         return []  # beyond the lens's domain OpenCV's polynomial folds back
@@ -75,9 +75,9 @@ def check_silhouette_inside(truth: Truth, target: Target) -> list[str]:
     if camera.distortion.is_none:
         corners_px = project_with_opencv(camera, mesh.positions_m, q, t)[mesh.triangles]
         # in a closed shell, front faces cover the whole silhouette
-        corners_px = corners_px[shown_triangles(mesh, corners_px)]
+        corners_px = corners_px[silhouette_triangles(mesh, corners_px)]
     else:
-        points = cut_for_the_lens(camera, mesh.positions_m[mesh.triangles], R, t).reshape(-1, 3)
+        points = subdivide_for_lens(camera, mesh.positions_m[mesh.triangles], R, t).reshape(-1, 3)
         corners_px = project_with_opencv(camera, points, q, t).reshape(-1, 3, 2)
     low, high = corners_px.min(axis=(0, 1)), corners_px.max(axis=(0, 1))
     size = np.array([camera.width_px, camera.height_px])
@@ -86,7 +86,7 @@ def check_silhouette_inside(truth: Truth, target: Target) -> list[str]:
     elif np.any(high < -1) or np.any(low > size):
         expected, tolerance = 0.0, 0.0
     else:
-        scale = min(4.0, FINE_PX / float((high - low).max()))
+        scale = min(4.0, SILHOUETTE_GRID_PX / float((high - low).max()))
         shape = tuple(int(n) + 3 for n in np.ceil((high - low) * scale)[::-1])
         # pixel (0, 0) of the fine grid is one pixel before the silhouette
         start = low - 1.0 / scale
@@ -95,15 +95,15 @@ def check_silhouette_inside(truth: Truth, target: Target) -> list[str]:
         whole, part = _area(fine, start, scale, size)
         expected = part / whole if whole else 0.0
         # the label counts pixels on a grid no finer than the image
-        coarser = min(1.0, LABEL_PX / float((high - low).max())) / scale
+        coarser = min(1.0, LABEL_GRID_PX / float((high - low).max())) / scale
         outline = np.count_nonzero(fine - cv2.erode(fine, np.ones((3, 3), np.uint8))) * coarser
-        tolerance = SHARE + OUTLINE * float(np.sqrt(outline)) / max(whole * coarser**2, 1.0)
+        tolerance = AREA_TOLERANCE + OUTLINE_SIGMAS * float(np.sqrt(outline)) / max(whole * coarser**2, 1.0)
     if abs(truth.silhouette_inside - expected) > tolerance:
-        what = (
+        message = (
             f"silhouette_inside is {truth.silhouette_inside:.4f}, the projected craft says {expected:.4f} "
             f"to {tolerance:.4f}"
         )
-        return [what]
+        return [message]
     return []
 
 
@@ -117,7 +117,7 @@ def _area(fine: ByteArray, start: FloatArray, scale: float, size: FloatArray) ->
 
 
 def check_step_share(
-    truth: Truth, target: Target, signal: FloatArray, doubt: float, relative: float = 0.0
+    truth: Truth, target: Target, signal: FloatArray, absolute: float, relative: float = 0.0
 ) -> list[str]:
     """Return the errors of the label ``wireframe_step_share``: none, or one sentence.
 
@@ -125,36 +125,39 @@ def check_step_share(
 
     Parameters
     ----------
-    signal : (H, W) noise-free signal, 1 at full scale.
-    doubt : absolute uncertainty of the signal.
-    relative : relative uncertainty of the signal.
+    signal : (H, W) array
+        Noise-free signal, 1 at full scale.
+    absolute : float
+        Absolute uncertainty of the signal.
+    relative : float, optional
+        Relative uncertainty of the signal.
     """
     clipped = np.clip(signal, 0, 1)
     level = float(clipped.mean())
-    of_level = doubt + relative * level
+    level_error = absolute + relative * level
     sigmas = [
         noise_sigma(truth.scene.sensor, x, truth.scene.exposure_s)
-        for x in (max(level - of_level, 0.0), level + of_level)
+        for x in (max(level - level_error, 0.0), level + level_error)
     ]
-    surely = perhaps = count = 0
+    certain = possible = count = 0
     for pixels, normal in _samples(truth, target):
-        sides = np.array([_sides(clipped, pixels, normal, grid_px) for grid_px in (0.0, ON_GRID_PX)])
+        sides = np.array([_sides(clipped, pixels, normal, grid_px) for grid_px in (0.0, REMAP_GRID_PX)])
         steps = np.abs(sides[:, 0] - sides[:, 1])
-        off = 2 * (doubt + ROUNDING) + relative * sides.sum(axis=1).max(axis=0)
-        surely += int(np.count_nonzero(steps.min(axis=0) - off >= max(sigmas)))
-        perhaps += int(np.count_nonzero(steps.max(axis=0) + off >= min(sigmas)))
+        uncertainty = 2 * (absolute + FLOAT32_ROUNDING) + relative * sides.sum(axis=1).max(axis=0)
+        certain += int(np.count_nonzero(steps.min(axis=0) - uncertainty >= max(sigmas)))
+        possible += int(np.count_nonzero(steps.max(axis=0) + uncertainty >= min(sigmas)))
         count += len(pixels)
     if not count:
         return (
             [] if truth.wireframe_step_share == 0 else ["wireframe_step_share is not 0, and no edge is seen"]
         )
-    low, high = surely / count, perhaps / count
+    low, high = certain / count, possible / count
     if not low - 1e-9 <= truth.wireframe_step_share <= high + 1e-9:
-        what = (
+        message = (
             f"wireframe_step_share is {truth.wireframe_step_share:.4f}, the noise-free picture says "
             f"{low:.4f} to {high:.4f}"
         )
-        return [what]
+        return [message]
     return []
 
 
@@ -173,7 +176,7 @@ def _samples(truth: Truth, target: Target) -> Iterator[tuple[FloatArray, FloatAr
             continue
         rays = ends_m / ends_m[:, 2:]
         step = (rays[1] - rays[0]) * DIRECTION_STEP / np.linalg.norm(rays[1] - rays[0])
-        for a, b in view.stretches:
+        for a, b in view.intervals:
             n = max(round((b - a) * length / SPACING_PX), 1)
             share = a + (np.arange(n) + 0.5) * (b - a) / n
             along = rays[0] + share[:, None] * (rays[1] - rays[0])
@@ -184,8 +187,11 @@ def _samples(truth: Truth, target: Target) -> Iterator[tuple[FloatArray, FloatAr
                 project_with_opencv(camera, along + sign * step, *still) for sign in (-1, 0, 1)
             )
             on = camera.contains(pixels)
-            way = (after - before)[on]
-            yield pixels[on], np.stack([-way[:, 1], way[:, 0]], axis=1) / np.hypot(*way.T)[:, None]
+            tangent = (after - before)[on]
+            yield (
+                pixels[on],
+                np.stack([-tangent[:, 1], tangent[:, 0]], axis=1) / np.hypot(*tangent.T)[:, None],
+            )
 
 
 def _sides(image: FloatArray, pixels: FloatArray, normal: FloatArray, grid_px: float) -> FloatArray:
@@ -193,15 +199,16 @@ def _sides(image: FloatArray, pixels: FloatArray, normal: FloatArray, grid_px: f
 
     Parameters
     ----------
-    grid_px : sub-pixel grid of the look-up [px]; 0 for exact positions.
+    grid_px : float
+        Sub-pixel grid of the look-up [px]; 0 for exact positions.
     """
     sides = [pixels + sign * REACH_PX * normal for sign in (-1, 1)]
     if grid_px:
         sides = [np.rint(side / grid_px) * grid_px for side in sides]
-    return np.array([_between_pixels(image, side) for side in sides])
+    return np.array([_interpolate(image, side) for side in sides])
 
 
-def _between_pixels(image: FloatArray, pixels: FloatArray) -> FloatArray:
+def _interpolate(image: FloatArray, pixels: FloatArray) -> FloatArray:
     """Interpolate values (S,) at pixels (S, 2) bilinearly, clamped to the border."""
     height, width = image.shape
     x, y = (np.clip(pixels[:, k], 0, n - 1) for k, n in enumerate((width, height)))

@@ -8,7 +8,7 @@ import cv2
 import msgspec
 import numpy as np
 
-from flyaround.simulator.dataset.check.mask_statistics import lit_pixels
+from flyaround.simulator.dataset.check.mask_statistics import nonzero_pixels
 from flyaround.simulator.geometry.triangle_fill import FILL_SCALE, fill_triangles
 from flyaround.simulator.imaging.rolling_shutter import pose_at_rows
 from flyaround.simulator.runtime.arrays import vec3
@@ -32,9 +32,9 @@ POSE_TOLERANCE_RELATIVE = 1e-6
 OUTLINE_TOLERANCE_PX = 1
 # termination of OpenCV's iterative undistortion
 ITERATIONS = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 50, 1e-12)
-BENT_PX = 0.1  # largest distance of an edge's midpoint from the line between its ends
+MAX_EDGE_SAG_PX = 0.1  # largest distance of an edge's midpoint from the line between its ends
 # least covered share of a pixel in the inner and in the outer mask
-SURELY_COVERED, SURELY_TOUCHED = 0.9, 0.1
+INNER_COVERAGE, OUTER_COVERAGE = 0.9, 0.1
 
 
 def project_with_opencv(
@@ -73,18 +73,18 @@ def rays_with_opencv(camera: Camera, pixels_px: FloatArray) -> FloatArray:
 
 def check_keypoints(truth: Truth, card: DatasetCard) -> list[str]:
     """Check names, projections, the pose that they imply, and out-of-frame states."""
-    wrong = []
+    faults = []
     variation = truth.scene.target.variation
     nominal = card.target.keypoints
     if not isinstance(variation, msgspec.UnsetType):
-        nominal = {name: vec3(variation.moved(at)) for name, at in nominal.items()}
+        nominal = {name: vec3(variation.deform(at)) for name, at in nominal.items()}
     if {k.name: tuple(k.target_m) for k in truth.keypoints} != {n: tuple(p) for n, p in nominal.items()}:
-        wrong.append("keypoints differ from the card's")
+        faults.append("keypoints differ from the card's")
     elif [k.name for k in truth.keypoints] != list(card.target.keypoints):
-        wrong.append("keypoints are in another order than the card's")
+        faults.append("keypoints are in another order than the card's")
     ahead = [k for k in truth.keypoints if k.pixel_px is not None]
     if not ahead:
-        return wrong
+        return faults
     points = np.array([k.target_m for k in ahead])
     pixels = np.array([k.pixel_px for k in ahead])
     # remove the motion during a rolling shutter: the pose is that of mid-exposure
@@ -94,38 +94,38 @@ def check_keypoints(truth: Truth, card: DatasetCard) -> list[str]:
     usable = in_lens(truth.camera, pose.apply(points))
     error = float(np.abs(at_rows - pixels)[usable].max(initial=0.0))
     if not error <= PIXEL_TOLERANCE_PX:
-        wrong.append(f"a keypoint is {error:.3g} px from its projection")
-        return wrong
+        faults.append(f"a keypoint is {error:.3g} px from its projection")
+        return faults
     if usable.sum() >= 4:
-        wrong += _check_pose(truth, points[usable], (pixels - at_rows + at_middle)[usable])
+        faults += _check_pose(truth, points[usable], (pixels - at_rows + at_middle)[usable])
     inside = truth.camera.contains(pixels)
-    wrong += [
+    faults += [
         f"keypoint {k.name} at {k.pixel_px} is labelled {k.state}"
         for k, is_inside in zip(ahead, inside, strict=True)
         if (k.state == "out_of_frame") == bool(is_inside)
     ]
-    wrong += [
+    faults += [
         f"keypoint {k.name} is behind the camera and labelled {k.state}"
         for k in truth.keypoints
         if k.pixel_px is None and k.state != "out_of_frame"
     ]
-    return wrong
+    return faults
 
 
 def _projected(truth: Truth, points: FloatArray, scenes: tuple[SceneState, ...]) -> FloatArray:
     out = np.empty((len(points), 2))
     for scene in {id(s): s for s in scenes}.values():
-        which = [s is scene for s in scenes]
+        selected = [s is scene for s in scenes]
         # the record's own pose if the scene is its mid-exposure: the two are compared elsewhere
         own = scene is truth.scene
         q = truth.q_camera_from_target_wxyz if own else scene.q_camera_from_target_wxyz
         t = truth.t_camera_from_target_m if own else scene.t_camera_from_target_m
-        out[which] = project_with_opencv(truth.camera, points[which], q, np.asarray(t))
+        out[selected] = project_with_opencv(truth.camera, points[selected], q, np.asarray(t))
     return out
 
 
 def _check_pose(truth: Truth, points: FloatArray, pixels: FloatArray) -> list[str]:
-    """Check the pose by PnP, started from the label: the pixels must agree with it to 1e-6."""
+    """Check the labelled pose by PnP on the keypoints, with the label as initial value."""
     R = matrix_from_quat(truth.q_camera_from_target_wxyz)
     t = np.asarray(truth.t_camera_from_target_m)
     coefficients = np.array(truth.camera.distortion.coefficients or [0.0] * 5)
@@ -197,14 +197,15 @@ def check_box_3d(truth: Truth, target: Target) -> list[str]:
     return []
 
 
-def doubtful_pixels(
+def differing_pixels(
     truth: Truth, mask: ByteArray, target: Target, origin_px: tuple[int, int] = (0, 0)
 ) -> IntArray:
     """Return (K, 2) mask pixels x, y that differ from the triangles filled on the CPU by more than an outline.
 
     Parameters
     ----------
-    origin_px : the mask's first pixel in the image (an amodal mask starts outside).
+    origin_px : tuple of int, optional
+        The mask's first pixel in the image (an amodal mask starts outside).
     """
     mesh = mesh_of(target)
     R = matrix_from_quat(truth.q_camera_from_target_wxyz)
@@ -214,13 +215,13 @@ def doubtful_pixels(
 
     def on_image(points_m: FloatArray) -> FloatArray:
         pixels = truth.camera.project(points_m @ R.T + t)
-        return _at_their_rows(truth, pixels, points_m) - origin_px
+        return _rolling_shutter_pixels(truth, pixels, points_m) - origin_px
 
     corners_px, triangles = on_image(mesh.positions_m)[mesh.triangles], mesh.triangles
-    front = shown_triangles(mesh, corners_px)
+    front = silhouette_triangles(mesh, corners_px)
     corners_px, triangles = corners_px[front], triangles[front]
     if not truth.camera.distortion.is_none:
-        corners_m = cut_for_the_lens(truth.camera, mesh.positions_m[triangles], R, t)
+        corners_m = subdivide_for_lens(truth.camera, mesh.positions_m[triangles], R, t)
         corners_px = on_image(corners_m.reshape(-1, 3)).reshape(-1, 3, 2)
     inner, outer = filled_silhouette(corners_px, mask.shape)
     # most of the image is zero in all of them
@@ -231,13 +232,13 @@ def doubtful_pixels(
     extra = (mask > 0) & (np.asarray(cv2.dilate(outer, reach)) == 0)
     missing = (np.asarray(cv2.erode(inner, reach, borderValue=0)) > 0) & (mask == 0)
     first = np.array([around[1].start, around[0].start])
-    return np.asarray(lit_pixels((extra | missing).view(np.uint8)) + first)
+    return np.asarray(nonzero_pixels((extra | missing).view(np.uint8)) + first)
 
 
-def shown_triangles(mesh: TriangleMesh, corners_px: FloatArray) -> BoolArray:
-    """Return (M,) True for projected triangles (M, 3, 2) that a silhouette needs: in a closed shell, front faces.
+def silhouette_triangles(mesh: TriangleMesh, corners_px: FloatArray) -> BoolArray:
+    """Return (M,) True for projected triangles (M, 3, 2) that contribute to the silhouette.
 
-    They cover all that the shell does.
+    Back faces of a closed shell are omitted, because its front faces cover the same pixels.
     """
     if mesh.in_shell is None:
         return np.ones(len(corners_px), bool)
@@ -250,20 +251,23 @@ def _twice_area(corners_px: FloatArray) -> FloatArray:
     return np.asarray(e1[:, 0] * e2[:, 1] - e1[:, 1] * e2[:, 0])
 
 
-def cut_for_the_lens(camera: Camera, corners_m: FloatArray, R: FloatArray, t_m: FloatArray) -> FloatArray:
+def subdivide_for_lens(camera: Camera, corners_m: FloatArray, R: FloatArray, t_m: FloatArray) -> FloatArray:
     """Subdivide the target's triangles (M, 3, 3) until the lens bends none of their edges visibly.
 
     Parameters
     ----------
-    R, t_m : transform from the target to the camera frame; all triangles lie in front of the camera.
+    R : (3, 3) array
+        Rotation from the target to the camera frame.
+    t_m : (3,) array
+        Translation from the target to the camera frame [m]; all triangles lie in front of the camera.
     """
     straight = []
     for _ in range(8):
         middles_m = (corners_m + np.roll(corners_m, -1, axis=1)) / 2
         ends, between = (camera.project(points @ R.T + t_m) for points in (corners_m, middles_m))
-        way, aside = np.roll(ends, -1, axis=1) - ends, between - ends
-        across = np.abs(way[..., 0] * aside[..., 1] - way[..., 1] * aside[..., 0])
-        is_bent = np.any(across > BENT_PX * np.hypot(way[..., 0], way[..., 1]), axis=1)
+        edges, offset = np.roll(ends, -1, axis=1) - ends, between - ends
+        across = np.abs(edges[..., 0] * offset[..., 1] - edges[..., 1] * offset[..., 0])
+        is_bent = np.any(across > MAX_EDGE_SAG_PX * np.hypot(edges[..., 0], edges[..., 1]), axis=1)
         straight.append(corners_m[~is_bent])
         if not is_bent.any():
             break
@@ -276,8 +280,8 @@ def cut_for_the_lens(camera: Camera, corners_m: FloatArray, R: FloatArray, t_m: 
     return np.concatenate(straight)
 
 
-def _at_their_rows(truth: Truth, pixels: FloatArray, positions_m: FloatArray) -> FloatArray:
-    """Return the positions of points as a rolling shutter sees them: each at the time of its own row."""
+def _rolling_shutter_pixels(truth: Truth, pixels: FloatArray, positions_m: FloatArray) -> FloatArray:
+    """Return the pixels of points under a rolling shutter: each is projected at the read-out time of its own row."""
     if len(truth.row_poses) < 2:
         return pixels
     first, last = truth.row_poses[0], truth.row_poses[-1]
@@ -295,10 +299,10 @@ def _at_their_rows(truth: Truth, pixels: FloatArray, positions_m: FloatArray) ->
 
 
 def filled_silhouette(corners_px: FloatArray, shape: tuple[int, ...]) -> tuple[ByteArray, ByteArray]:
-    """Fill projected triangles (M, 3, 2) on a grid FILL_SCALE times finer; return certain and possible coverage.
+    """Fill projected triangles (M, 3, 2) on a grid FILL_SCALE times finer; return an inner and an outer mask.
 
-    OpenCV also fills pixels that a border touches, which closes slots narrower than a pixel: in ``outer`` they are
-    closed; ``inner`` has every border eroded by one fine pixel, which opens them.
+    OpenCV also fills the pixels that a border only touches, which closes gaps narrower than a fine pixel. The outer
+    mask keeps this result. The inner mask is eroded by one fine pixel, which opens the gaps again.
     """
     height, width = shape
     low = np.clip(np.floor(corners_px.min(axis=(0, 1))) - 4, 0, (width, height)).astype(int)
@@ -312,7 +316,7 @@ def filled_silhouette(corners_px: FloatArray, shape: tuple[int, ...]) -> tuple[B
     fill_triangles(fine, at)
     size = (int(high[0] - low[0]), int(high[1] - low[1]))
     eroded = cv2.erode(fine, np.ones((3, 3), np.uint8))
-    for place, grid, share in ((inner, eroded, SURELY_COVERED), (outer, fine, SURELY_TOUCHED)):
+    for place, grid, share in ((inner, eroded, INNER_COVERAGE), (outer, fine, OUTER_COVERAGE)):
         coarse = cv2.resize(grid, size, interpolation=cv2.INTER_AREA)
         place[low[1] : high[1], low[0] : high[0]] = np.where(
             coarse >= 255 * share, np.uint8(255), np.uint8(0)

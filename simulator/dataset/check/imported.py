@@ -36,7 +36,7 @@ def check_imported(
     if image.shape[:2] != size or mask.shape != size:
         return [f"image is {image.shape[:2]}, mask {mask.shape}, camera says {size}"]
     reason = infeasible_reason(truth.silhouette_inside, 1.0, truth.box_amodal_px)
-    wrong = {
+    faults = {
         "the image is not the one that the record describes": truth.image_sha256 != pixel_hash(image),
         "the mask is not the one that the record describes": truth.mask_sha256 != pixel_hash(mask),
         "camera differs from the card's": truth.camera != card.camera,
@@ -49,21 +49,21 @@ def check_imported(
         "keypoints differ from the card's": [(p.name, tuple(p.target_m)) for p in truth.keypoints]
         != list(card.target.keypoints.items()),
     }
-    return [what for what, is_wrong in wrong.items() if is_wrong] + _check_places(truth, target)
+    return [what for what, is_wrong in faults.items() if is_wrong] + _check_places(truth, target)
 
 
 def _check_places(truth: ImportedTruth, target: Target | None) -> list[str]:
     """Check keypoints and the box of all vertices against OpenCV's projection."""
     q, t = truth.q_camera_from_target_wxyz, np.asarray(truth.t_camera_from_target_m)
-    wrong = []
+    faults = []
     ahead = [p for p in truth.keypoints if p.pixel_px is not None]
     if ahead:
         points, pixels = np.array([p.target_m for p in ahead]), np.array([p.pixel_px for p in ahead])
         usable = in_lens(truth.camera, points @ matrix_from_quat(q).T + t)
         error = np.abs(project_with_opencv(truth.camera, points, q, t) - pixels)[usable].max(initial=0.0)
         if not error <= PIXEL_TOLERANCE_PX:
-            wrong.append(f"a keypoint is {error:.3g} px from its projection")
-        wrong += [
+            faults.append(f"a keypoint is {error:.3g} px from its projection")
+        faults += [
             f"keypoint {p.name} at {p.pixel_px} is labelled {p.state}"
             for p, inside in zip(ahead, truth.camera.contains(pixels), strict=True)
             if (p.state == "out_of_frame") == bool(inside)
@@ -76,5 +76,5 @@ def _check_places(truth: ImportedTruth, target: Target | None) -> list[str]:
             if np.abs(box - truth.box_amodal_px).max() > PIXEL_TOLERANCE_PX * max(
                 1.0, np.abs(box).max() / 1e3
             ):
-                wrong.append("box_amodal_px is not the box about the projected craft")
-    return wrong
+                faults.append("box_amodal_px is not the box about the projected craft")
+    return faults

@@ -24,15 +24,15 @@ if TYPE_CHECKING:
     from flyaround.simulator.runtime.arrays import FloatArray
     from flyaround.simulator.targets.model import Target
 
-AWAY_M = 2e-3  # docs/formats/truth.md: a surface closer to a keypoint than this does not hide it
+OCCLUDER_DISTANCE_M = 2e-3  # docs/formats/truth.md: a surface closer to a keypoint than this does not hide it
 # tolerances of that distance [m], and of barycentric coordinates: closer to the limit, either state is accepted
-DOUBT_M, DOUBT = (
+DISTANCE_TOLERANCE_M, BARYCENTRIC_TOLERANCE = (
     1e-4,
     1e-6,
 )
-NEAREST_M = 1e-3
-ECLIPSED_BELOW = 0.02
-BY_PICTURE = ("visible", "saturated", "below_noise")
+MIN_DEPTH_M = 1e-3
+ECLIPSE_THRESHOLD = 0.02
+IMAGE_STATES = ("visible", "saturated", "below_noise")
 
 
 class Triangles:
@@ -48,16 +48,19 @@ class Triangles:
         # term of the test against bounding spheres that does not depend on the ray
         self._within = (middle**2).sum(axis=1) - self._reach**2
 
-    def between(self, start_m: FloatArray, way: FloatArray, length_m: float) -> tuple[bool, bool]:
+    def between(self, start_m: FloatArray, direction: FloatArray, length_m: float) -> tuple[bool, bool]:
         """Cast a ray and return whether it certainly hits a triangle, and whether it possibly does.
 
         Parameters
         ----------
-        start_m : (3,) origin of the ray.
-        way : (3,) unit direction.
-        length_m : length of the ray; infinite towards the Sun.
+        start_m : (3,) array
+            Origin of the ray.
+        direction : (3,) array
+            Unit direction.
+        length_m : float
+            Length of the ray; infinite towards the Sun.
         """
-        along = way @ self._middle - way @ start_m
+        along = direction @ self._middle - direction @ start_m
         near = np.flatnonzero(
             self._within - 2 * (start_m @ self._middle) + start_m @ start_m <= along * along
         )
@@ -65,7 +68,7 @@ class Triangles:
         near = near[(along[near] >= -reach) & (along[near] <= length_m + reach)]
         a, b, c = self._corners[near].transpose(1, 0, 2)
         e1, e2 = b - a, c - a
-        p = np.cross(way, e2)
+        p = np.cross(direction, e2)
         area = (e1 * p).sum(axis=1)
         scale = np.linalg.norm(e1, axis=1) * np.linalg.norm(e2, axis=1)
         can_hide = np.abs(area) > 1e-12 * np.maximum(scale, 1e-30)  # an edge-on triangle hides nothing
@@ -73,12 +76,22 @@ class Triangles:
         s = start_m - a
         u = (s * p).sum(axis=1) / safe
         q = np.cross(s, e1)
-        v = (q @ way) / safe
+        v = (q @ direction) / safe
         t = (e2 * q).sum(axis=1) / safe
         inside = np.minimum(np.minimum(u, v), 1 - u - v)
-        perhaps = can_hide & (inside > -DOUBT) & (t > AWAY_M - DOUBT_M) & (t < length_m)
-        surely = can_hide & (inside > DOUBT) & (t > AWAY_M + DOUBT_M) & (t < length_m - AWAY_M)
-        return bool(surely.any()), bool(perhaps.any())
+        possible_hit = (
+            can_hide
+            & (inside > -BARYCENTRIC_TOLERANCE)
+            & (t > OCCLUDER_DISTANCE_M - DISTANCE_TOLERANCE_M)
+            & (t < length_m)
+        )
+        certain = (
+            can_hide
+            & (inside > BARYCENTRIC_TOLERANCE)
+            & (t > OCCLUDER_DISTANCE_M + DISTANCE_TOLERANCE_M)
+            & (t < length_m - OCCLUDER_DISTANCE_M)
+        )
+        return bool(certain.any()), bool(possible_hit.any())
 
 
 @cached_per_object
@@ -91,17 +104,17 @@ def check_states(truth: Truth, target: Target) -> list[str]:
     """Return faults for keypoints whose geometric state contradicts a ray."""
     mesh = triangles_of(target)
     to_sun = matrix_from_quat(truth.q_camera_from_target_wxyz).T @ np.asarray(truth.sun_direction_camera)
-    wrong = []
+    faults = []
     for keypoint in truth.keypoints:
         if keypoint.state == "out_of_frame" or keypoint.pixel_px is None:
             continue  # this state depends on the pixel alone, which is checked elsewhere
         possible = _possible(truth, keypoint, mesh, to_sun)
-        state = "in sight" if keypoint.state in BY_PICTURE else keypoint.state
+        state = "in sight" if keypoint.state in IMAGE_STATES else keypoint.state
         if state not in possible:
-            wrong.append(
+            faults.append(
                 f"keypoint {keypoint.name} is labelled {keypoint.state}, a ray says {' or '.join(possible)}"
             )
-    return wrong
+    return faults
 
 
 def _possible(
@@ -112,17 +125,17 @@ def _possible(
     row = 0.0 if keypoint.pixel_px is None else keypoint.pixel_px[1]
     eye = np.asarray(pose_of_row(truth, row).inverse().t_m) - point
     distance = float(np.linalg.norm(eye))
-    surely, perhaps = mesh.between(point, eye / distance, distance)
-    possible: list[KeypointState | str] = ["self_occluded"] if perhaps else []
-    if surely:
+    certain, possible_hit = mesh.between(point, eye / distance, distance)
+    possible: list[KeypointState | str] = ["self_occluded"] if possible_hit else []
+    if certain:
         return possible
     if truth.scene.has_lamps:
         return [*possible, "in sight"]  # lamps at the camera illuminate every point that it sees
-    if truth.scene.sunlit_fraction < ECLIPSED_BELOW:
+    if truth.scene.sunlit_fraction < ECLIPSE_THRESHOLD:
         return [*possible, "eclipsed"]
-    surely, perhaps = mesh.between(point, to_sun, np.inf)
-    possible += ["shadowed"] if perhaps else []
-    return possible if surely else [*possible, "in sight"]
+    certain, possible_hit = mesh.between(point, to_sun, np.inf)
+    possible += ["shadowed"] if possible_hit else []
+    return possible if certain else [*possible, "in sight"]
 
 
 def check_amodal_box(truth: Truth, target: Target) -> list[str]:
@@ -130,9 +143,9 @@ def check_amodal_box(truth: Truth, target: Target) -> list[str]:
     points = triangles_of(target).vertices_m
     t, R = np.asarray(truth.t_camera_from_target_m), matrix_from_quat(truth.q_camera_from_target_wxyz)
     depth = points @ R[2] + t[2]
-    if abs(float(depth.min()) - NEAREST_M) < 1e-9:
+    if abs(float(depth.min()) - MIN_DEPTH_M) < 1e-9:
         return []
-    ahead = bool(depth.min() > NEAREST_M)
+    ahead = bool(depth.min() > MIN_DEPTH_M)
     if ahead != (truth.box_amodal_px is not None):
         return [
             f"box_amodal_px is {truth.box_amodal_px}, the craft is {'' if ahead else 'not '}all before the camera"

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from flyaround.simulator.dataset.check.geometry import doubtful_pixels, project_with_opencv, rays_with_opencv
+from flyaround.simulator.dataset.check.geometry import differing_pixels, project_with_opencv, rays_with_opencv
 from flyaround.simulator.dataset.check.mask_statistics import is_binary
 from flyaround.simulator.dataset.check.ray_casting import (
     DEPTH_M,
@@ -34,8 +34,8 @@ if TYPE_CHECKING:
     from flyaround.simulator.runtime.arrays import ByteArray, FloatArray, IntArray
     from flyaround.simulator.targets.model import Target
 
-MAX_DOUBTS = 300  # differing pixels of a mask that rays may decide
-MAX_BAD = 6  # wrong pixels after which the search stops
+MAX_DIFFERING_PIXELS = 300  # differing pixels of a mask that rays may decide
+MAX_REPORTED_PIXELS = 6  # wrong pixels after which the search stops
 # Half precision keeps a normal to 5e-4.
 NORMAL_TOLERANCE = 2e-3
 NORMAL_ANGLE_RAD = 0.05
@@ -47,14 +47,16 @@ def check_layers(truth: Truth, mask: ByteArray, layers: Layers, target: Target |
 
     Parameters
     ----------
-    layers : layers by name, as drawn or read.
-    target : model for deciding by a ray where pixels are too coarse.
+    layers : Layers
+        Layers by name, as drawn or read.
+    target : Target, optional
+        Model for ray tests where a pixel is too coarse to decide.
     """
     recorded = {name for name in truth.layers if name != "wireframe"}
     if recorded != set(truth.layer_sha256):
         return [f"layers are {sorted(recorded)}, their hashes are of {sorted(truth.layer_sha256)}"]
-    wrong = [f"layer {name} is missing" for name in sorted(recorded - set(layers))]
-    wrong += [
+    faults = [f"layer {name} is missing" for name in sorted(recorded - set(layers))]
+    faults += [
         f"layer {name} is not the one that the record describes"
         for name, layer in layers.items()
         if name in truth.layer_sha256 and layer_hash(name, layer, mask) != truth.layer_sha256[name]
@@ -62,59 +64,59 @@ def check_layers(truth: Truth, mask: ByteArray, layers: Layers, target: Target |
     for name, layer in layers.items():
         shape = mask.shape if name not in {"normals", "flow", "clean"} else layer.shape[:2]
         if name != "amodal" and shape != mask.shape:
-            wrong.append(f"layer {name} is {layer.shape}, the image {mask.shape}")
-    return wrong or _check_support(truth, mask, layers, target) + _check_amodal(truth, mask, layers)
+            faults.append(f"layer {name} is {layer.shape}, the image {mask.shape}")
+    return faults or _check_support(truth, mask, layers, target) + _check_amodal(truth, mask, layers)
 
 
 def _check_support(truth: Truth, mask: ByteArray, layers: Layers, target: Target | None) -> list[str]:
     """Check for common support, unit normals towards the camera, valid parts, and keypoints at their depth."""
-    wrong, on = [], mask > 0
+    faults, with_flow = [], mask > 0
     if "depth" in layers:
         depth = layers["depth"]
-        if depth.dtype != np.float32 or not np.array_equal(np.isfinite(depth), on):
-            wrong.append("depth is not finite exactly on the mask")
-        elif on.any() and depth[on].min() <= 0:
-            wrong.append("depth is not in front of the camera")
+        if depth.dtype != np.float32 or not np.array_equal(np.isfinite(depth), with_flow):
+            faults.append("depth is not finite exactly on the mask")
+        elif with_flow.any() and depth[with_flow].min() <= 0:
+            faults.append("depth is not in front of the camera")
         else:
-            wrong += [
+            faults += [
                 f"keypoint {k.name} is {k.state}, which the depth about it contradicts"
                 for k in truth.keypoints
-                if not keypoint_at_depth(truth, k, depth)
-                and not (target is not None and keypoint_by_ray(truth, k, target))
+                if not depth_confirms_keypoint(truth, k, depth)
+                and not (target is not None and ray_confirms_keypoint(truth, k, target))
             ]
-    if "flow" in layers and (_in_any_channel(np.isfinite(layers["flow"])) & ~on).any():
-        wrong.append("there is optical flow off the mask")
+    if "flow" in layers and (_in_any_channel(np.isfinite(layers["flow"])) & ~with_flow).any():
+        faults.append("there is optical flow off the mask")
     if "parts" in layers:
         parts = layers["parts"]
-        if not np.array_equal(parts > 0, on):
-            wrong.append("the parts do not partition the mask")
+        if not np.array_equal(parts > 0, with_flow):
+            faults.append("the parts do not partition the mask")
         elif parts.max(initial=0) > len(truth.parts):
-            wrong.append(f"part {parts.max()} has no name among {len(truth.parts)}")
+            faults.append(f"part {parts.max()} has no name among {len(truth.parts)}")
     if "normals" in layers:
         # as bits without the sign: comparing half floats is by far the slowest step
         bits = np.ascontiguousarray(layers["normals"], np.float16).view(np.uint16)
         there = (_in_any_channel(bits) & 0x7FFF) > 0
-        normals = layers["normals"][on].astype(float)
-        if not np.array_equal(there, on):
-            wrong.append("normals are not there exactly on the mask")
+        normals = layers["normals"][with_flow].astype(float)
+        if not np.array_equal(there, with_flow):
+            faults.append("normals are not there exactly on the mask")
         elif not np.all(np.abs(np.linalg.norm(normals, axis=1) - 1) <= NORMAL_TOLERANCE):
-            wrong.append("normals are not of unit length")
+            faults.append("normals are not of unit length")
         else:
-            wrong += _check_facing(truth, on, normals)
-    return wrong
+            faults += _check_facing(truth, with_flow, normals)
+    return faults
 
 
 def _in_any_channel(values: NDArray[Any]) -> NDArray[Any]:
-    """Return (H, W) from (H, W, C): bits or flags set in any channel; NumPy is slow along short axes."""
+    """Combine the channels of (H, W, C) bits or flags with a bitwise or. NumPy's reduction is slow along short axes."""
     combined = values[..., 0].copy()
     for k in range(1, values.shape[2]):
         combined |= values[..., k]
     return combined
 
 
-def _check_facing(truth: Truth, on: NDArray[np.bool_], n: FloatArray) -> list[str]:
-    """Check normals (K, 3) of the pixels that are ``on``, row by row, against the viewing rays."""
-    rows, columns = np.nonzero(on)
+def _check_facing(truth: Truth, with_flow: NDArray[np.bool_], n: FloatArray) -> list[str]:
+    """Check normals (K, 3) of the pixels that are ``with_flow``, row by row, against the viewing rays."""
+    rows, columns = np.nonzero(with_flow)
     if not len(rows):
         return []
     rays = rays_with_opencv(truth.camera, np.stack([columns, rows], axis=1).astype(float))
@@ -123,7 +125,7 @@ def _check_facing(truth: Truth, on: NDArray[np.bool_], n: FloatArray) -> list[st
     return [f"{away} normals look away from the camera"] if away else []
 
 
-def keypoint_at_depth(truth: Truth, keypoint: KeypointLabel, depth_m: NDArray[np.float32]) -> bool:
+def depth_confirms_keypoint(truth: Truth, keypoint: KeypointLabel, depth_m: NDArray[np.float32]) -> bool:
     """Return True if a keypoint's label agrees with the depths of the 3 x 3 pixels around it."""
     if keypoint.pixel_px is None or keypoint.state == "out_of_frame":
         return True
@@ -138,12 +140,12 @@ def keypoint_at_depth(truth: Truth, keypoint: KeypointLabel, depth_m: NDArray[np
     if keypoint.state == "self_occluded":
         return bool(patch.min() < z_m + tolerance)
     # a thin tape seen end-on hides its neighbours' pixels, but not all around its tip
-    wide = depth_m[max(v - 2, 0) : v + 3, max(u - 2, 0) : u + 3]
-    return bool(not np.isfinite(wide).all() or wide.max() > z_m - tolerance)
+    larger_patch = depth_m[max(v - 2, 0) : v + 3, max(u - 2, 0) : u + 3]
+    return bool(not np.isfinite(larger_patch).all() or larger_patch.max() > z_m - tolerance)
 
 
-def keypoint_by_ray(truth: Truth, keypoint: KeypointLabel, target: Target) -> bool:
-    """Return True if a ray to a keypoint is blocked exactly if its label says that it is hidden.
+def ray_confirms_keypoint(truth: Truth, keypoint: KeypointLabel, target: Target) -> bool:
+    """Return True if a ray to a keypoint confirms its label: the ray is blocked if, and only if, the label is hidden.
 
     A surface thinner than a pixel, such as a wing seen edge-on, may hide a point without covering a pixel's centre.
     """
@@ -180,11 +182,11 @@ def check_against_mesh(truth: Truth, mask: ByteArray, layers: Layers, target: Ta
     if "amodal" in layers and truth.amodal_origin_px is not None:
         # inside the image it is the visible mask
         whole = np.asarray(layers["amodal"], np.uint8)
-        wrong = _check_mask(truth, whole, truth.amodal_origin_px, target, sampler, "amodal mask")
+        faults = _check_mask(truth, whole, truth.amodal_origin_px, target, sampler, "amodal mask")
     else:
-        wrong = _check_mask(truth, mask, (0, 0), target, sampler, "mask")
+        faults = _check_mask(truth, mask, (0, 0), target, sampler, "mask")
     if "parts" in layers and truth.parts != tuple(part.name for part in target.parts):
-        wrong.append("the parts' names are not the target's")
+        faults.append("the parts' names are not the target's")
     pixels = sample_pixels(truth, mask, layers, sampler)
     for name, is_right in (
         ("mask", _mask_agrees),
@@ -193,29 +195,29 @@ def check_against_mesh(truth: Truth, mask: ByteArray, layers: Layers, target: Ta
     ):
         layer = mask if name == "mask" else layers.get(name)
         if layer is not None:
-            wrong += _sentence(
+            faults += _sentence(
                 name, (p for p in pixels if not sampler.agrees(p, partial(is_right, layer[p[1], p[0]])))
             )
     if "normals" in layers and len(pixels):
         rays = rays_with_opencv(truth.camera, pixels.astype(float))
-        bad = (
+        mismatches = (
             p
             for p, ray in zip(pixels, rays, strict=True)
             if mask[p[1], p[0]]
             and not sampler.agrees(p, partial(_normal_agrees, layers["normals"][p[1], p[0]], ray))
         )
-        wrong += _sentence("normals", bad)
+        faults += _sentence("normals", mismatches)
     if "flow" in layers:
-        wrong += _check_flow(truth, layers["flow"], pixels, sampler)
-    return wrong
+        faults += _check_flow(truth, layers["flow"], pixels, sampler)
+    return faults
 
 
-def _sentence(name: str, bad: Iterable[IntArray]) -> list[str]:
+def _sentence(name: str, mismatches: Iterable[IntArray]) -> list[str]:
     """Return a sentence with the first wrong pixels; the search stops after a few."""
-    first = list(itertools.islice(bad, MAX_BAD))
+    first = list(itertools.islice(mismatches, MAX_REPORTED_PIXELS))
     if not first:
         return []
-    number = f"{MAX_BAD} or more" if len(first) == MAX_BAD else str(len(first))
+    number = f"{MAX_REPORTED_PIXELS} or more" if len(first) == MAX_REPORTED_PIXELS else str(len(first))
     return [f"{name} is not the mesh's at {number} sampled pixels, the first at {tuple(map(int, first[0]))}"]
 
 
@@ -248,7 +250,7 @@ def _normal_agrees(normal: NDArray[np.float16], ray: FloatArray, rays: SampledRa
     n = normal.astype(float)
     if np.any(np.linalg.norm(both - n, axis=1) < NORMAL_ANGLE_RAD):
         return True
-    return rays.showable is not None and rays.showable.has_normal(n, away, NORMAL_ANGLE_RAD)
+    return rays.candidates is not None and rays.candidates.has_normal(n, away, NORMAL_ANGLE_RAD)
 
 
 def _check_flow(truth: Truth, flow: NDArray[np.float32], pixels: IntArray, sampler: RaySampler) -> list[str]:
@@ -261,8 +263,8 @@ def _check_flow(truth: Truth, flow: NDArray[np.float32], pixels: IntArray, sampl
     )
     R = there.R @ here.R.T
     t = np.asarray(there.t_m) - R @ np.asarray(here.t_m)
-    on = pixels[np.isfinite(flow[pixels[:, 1], pixels[:, 0]]).any(axis=1)]
-    off = pixels[~np.isfinite(flow[pixels[:, 1], pixels[:, 0]]).all(axis=1)]
+    with_flow = pixels[np.isfinite(flow[pixels[:, 1], pixels[:, 0]]).any(axis=1)]
+    without_flow = pixels[~np.isfinite(flow[pixels[:, 1], pixels[:, 0]]).all(axis=1)]
 
     def has_none(pixel: IntArray, rays: SampledRays) -> bool:
         ray = np.array([*rays_with_opencv(truth.camera, pixel[None].astype(float))[0], 1.0])
@@ -280,22 +282,24 @@ def _check_flow(truth: Truth, flow: NDArray[np.float32], pixels: IntArray, sampl
         value = flow[pixel[1], pixel[0]]
         return bool(np.all((value >= low - tolerance) & (value <= high + tolerance)))
 
-    rays = rays_with_opencv(truth.camera, on.astype(float)) if len(on) else np.zeros((0, 2))
-    bad = (p for p, ray in zip(on, rays, strict=True) if not sampler.agrees(p, partial(is_right, p, ray)))
-    missing = (p for p in off if not sampler.agrees(p, partial(has_none, p)))
-    return _sentence("flow", itertools.chain(bad, missing))
+    rays = rays_with_opencv(truth.camera, with_flow.astype(float)) if len(with_flow) else np.zeros((0, 2))
+    mismatches = (
+        p for p, ray in zip(with_flow, rays, strict=True) if not sampler.agrees(p, partial(is_right, p, ray))
+    )
+    missing = (p for p in without_flow if not sampler.agrees(p, partial(has_none, p)))
+    return _sentence("flow", itertools.chain(mismatches, missing))
 
 
 def _check_mask(
     truth: Truth, mask: ByteArray, origin_px: tuple[int, int], target: Target, sampler: RaySampler, name: str
 ) -> list[str]:
     """Check a mask against the triangles filled on the CPU; isolated differing pixels are decided by rays."""
-    doubts = doubtful_pixels(truth, mask, target, origin_px)
-    if len(doubts) > MAX_DOUBTS:
+    doubts = differing_pixels(truth, mask, target, origin_px)
+    if len(doubts) > MAX_DIFFERING_PIXELS:
         return [f"{name} differs from the projected craft at {len(doubts)} pixels"]
-    bad = (
+    mismatches = (
         p
         for p in doubts
         if not sampler.agrees(p + np.array(origin_px), partial(_mask_agrees, mask[p[1], p[0]]))
     )
-    return _sentence(name, bad)
+    return _sentence(name, mismatches)

@@ -19,7 +19,7 @@ def is_binary(mask: ByteArray) -> bool:
     return mask.size == 0 or int((mask + np.uint8(1)).max()) <= 1
 
 
-def lit_pixels(mask: ByteArray) -> IntArray:
+def nonzero_pixels(mask: ByteArray) -> IntArray:
     """Return (K, 2) non-zero pixels x, y of a mask (H, W), row by row from the top."""
     pixels = cv2.findNonZero(np.ascontiguousarray(mask)) if mask.size else None
     return np.zeros((0, 2), np.int64) if pixels is None else pixels.reshape(-1, 2).astype(np.int64)

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flyaround.simulator.dataset.check.geometry import rays_with_opencv
-from flyaround.simulator.dataset.check.mask_statistics import lit_pixels
+from flyaround.simulator.dataset.check.mask_statistics import nonzero_pixels
 from flyaround.simulator.dataset.check.raster_tolerance import triangles_near
 from flyaround.simulator.dataset.check.row_poses import pose_of_row
 from flyaround.simulator.geometry.triangle_fill import lowest_and_highest
@@ -24,7 +24,7 @@ from flyaround.simulator.runtime.memory import cached_per_object
 from flyaround.simulator.targets.joined_mesh import mesh_of
 
 if TYPE_CHECKING:
-    from flyaround.simulator.dataset.check.raster_tolerance import ShowableTriangles
+    from flyaround.simulator.dataset.check.raster_tolerance import CandidateTriangles
     from flyaround.simulator.labels.truth import Truth
     from flyaround.simulator.runtime.arrays import ByteArray, FloatArray, IntArray
     from flyaround.simulator.targets.model import Target
@@ -37,13 +37,13 @@ N_ROLLING = 12  # samples; each needs the mesh projected at the pose of its row
 # A rasteriser rounds vertices to 1/256 px.
 _RING = np.stack([np.cos(np.arange(8) * np.pi / 4), np.sin(np.arange(8) * np.pi / 4)], axis=1)
 OFFSETS_PX = np.concatenate([[[0.0, 0.0]], 0.25 * _RING, 0.6 * _RING, _RING])
-DOUBT_PX = 0.03
-DOUBT_LENS_PX = 0.06  # a bent edge is drawn in straight pieces
-DOUBT_ROLLING_PX = 0.03 + BAND_PX / 2  # bands are drawn at the time of their middle row
+TOLERANCE_PX = 0.03
+TOLERANCE_LENS_PX = 0.06  # a bent edge is drawn in straight pieces
+TOLERANCE_ROLLING_PX = 0.03 + BAND_PX / 2  # bands are drawn at the time of their middle row
 DEPTH_RELATIVE, DEPTH_M = 2e-5, 1e-4
 COPLANAR_M = 1e-3
 NEAR_M = 1e-3
-FLAT = 1e-14  # twice the area of an edge-on triangle, in the plane z = 1
+EDGE_ON_AREA = 1e-14  # twice the area of an edge-on triangle, in the plane z = 1
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,15 +101,17 @@ class RayOracle:
         rank = np.arange(len(order)) - np.repeat(first, count)
         return np.asarray(self._xy[order[rank < 3]].mean(axis=1))
 
-    def triangles_near(self, ray: FloatArray, px_per_ray: FloatArray, doubt_px: float) -> ShowableTriangles:
+    def triangles_near(self, ray: FloatArray, px_per_ray: FloatArray, radius_px: float) -> CandidateTriangles:
         """Return the triangles that a rasteriser may draw at the pixel of the ray through (x, y, 1), camera frame.
 
         Parameters
         ----------
-        px_per_ray : (2, 2) derivative of the pixel by the ray.
-        doubt_px : largest distance from the pixel's centre.
+        px_per_ray : (2, 2) array
+            Derivative of the pixel by the ray.
+        radius_px : float
+            Largest distance from the pixel's centre.
         """
-        reach = doubt_px * np.abs(np.linalg.inv(px_per_ray)).sum(axis=1)
+        reach = radius_px * np.abs(np.linalg.inv(px_per_ray)).sum(axis=1)
         low, high = self._low, self._high
         near = np.flatnonzero(
             (low[0] <= ray[0] + reach[0])
@@ -122,7 +124,7 @@ class RayOracle:
             self._inverse[near],
             self._normals[self._triangles[near]] @ self._R.T,
             self._parts[near],
-            doubt_px,
+            radius_px,
         )
 
     def hits(self, ray: FloatArray) -> Hits:
@@ -134,7 +136,7 @@ class RayOracle:
         a, b, c = (self._xy[near, k] - ray[:2] for k in range(3))
         weights = np.stack([_cross(b, c), _cross(c, a), _cross(a, b)], axis=1)
         area = weights.sum(axis=1)
-        inside = (np.abs(area) > FLAT) & (np.all(weights >= 0, axis=1) | np.all(weights <= 0, axis=1))
+        inside = (np.abs(area) > EDGE_ON_AREA) & (np.all(weights >= 0, axis=1) | np.all(weights <= 0, axis=1))
         near, weights = near[inside], weights[inside] / area[inside, None]
         # barycentric coordinates in the image; divided by depth, those on the triangle
         inverse = (weights * self._inverse[near]).sum(axis=1)
@@ -151,17 +153,17 @@ def _ahead_of_camera(
     """Clip a triangle to the half-space in front of the camera; return its corners (3 or 4, 3) in order and their
     normals.
     """
-    points, along = [], []
+    points, hits_by_ray = [], []
     for a, b in zip(triangle, np.roll(triangle, -1), strict=True):
         za, zb = vertices[a, 2], vertices[b, 2]
         if za > NEAR_M:
             points.append(vertices[a])
-            along.append(normals[a])
+            hits_by_ray.append(normals[a])
         if (za > NEAR_M) != (zb > NEAR_M):
             share = (NEAR_M - za) / (zb - za)
             points.append(vertices[a] + share * (vertices[b] - vertices[a]))
-            along.append(normals[a] + share * (normals[b] - normals[a]))
-    return np.array(points), np.array(along)
+            hits_by_ray.append(normals[a] + share * (normals[b] - normals[a]))
+    return np.array(points), np.array(hits_by_ray)
 
 
 @lru_cache(maxsize=2)
@@ -176,25 +178,26 @@ def _cross(p: FloatArray, q: FloatArray) -> FloatArray:
 
 @dataclass(frozen=True, eq=False)
 class SampledRays:
-    """First surfaces hit by rays around one pixel's centre: depths, parts and normals (N, 3); and if a ray misses.
+    """First surfaces hit by rays around one pixel's centre: depths, parts and normals (N, 3).
 
-    ``showable`` holds the alternatives under a rasteriser's rounding, if requested.
+    ``misses`` is True if one of the rays hits nothing. ``candidates`` holds the triangles that a rasteriser may draw
+    there after rounding, if requested.
     """
 
     z_m: FloatArray
     parts: frozenset[int]
     normals: FloatArray
     misses: bool
-    showable: ShowableTriangles | None = None
+    candidates: CandidateTriangles | None = None
 
     @staticmethod
-    def of(along: list[Hits]) -> SampledRays:
+    def of(hits_by_ray: list[Hits]) -> SampledRays:
         """Merge the first surfaces of several rays; at an outline, all surfaces.
 
         There, rounding may omit the first surface and show the edge of the next one.
         """
-        with_hits = [h for h in along if len(h.z_m)]
-        misses = len(with_hits) < len(along)
+        with_hits = [h for h in hits_by_ray if len(h.z_m)]
+        misses = len(with_hits) < len(hits_by_ray)
         hits = with_hits if misses else [_first(h) for h in with_hits]
         return SampledRays(
             np.concatenate([h.z_m for h in hits] or [np.zeros(0)]),
@@ -210,9 +213,9 @@ class RaySampler:
     def __init__(self, truth: Truth, target: Target) -> None:
         self._truth, self._target = truth, target
         self._casters: dict[int, RayOracle] = {}
-        self._centers: dict[tuple[int, int], SampledRays] = {}
-        self._about: dict[tuple[int, int], SampledRays] = {}
-        self._near: dict[tuple[int, int], SampledRays] = {}
+        self._centres: dict[tuple[int, int], SampledRays] = {}
+        self._around: dict[tuple[int, int], SampledRays] = {}
+        self._drawable: dict[tuple[int, int], SampledRays] = {}
 
     def _caster(self, row: int) -> RayOracle:
         key = row if self._truth.row_poses else 0
@@ -221,42 +224,42 @@ class RaySampler:
         return self._casters[key]
 
     def agrees(self, pixel: IntArray, is_right: Callable[[SampledRays], bool]) -> bool:
-        """Return True if a label is right by the ray through a pixel's centre, by the rays around it, or under a
-        rasteriser's rounding of the triangles there.
+        """Return True if a label agrees with the ray through a pixel's centre, with the rays around it, or with the
+        triangles that a rasteriser may draw there after rounding.
         """
-        doubt_px = DOUBT_PX if self._truth.camera.distortion.is_none else DOUBT_LENS_PX
+        radius_px = TOLERANCE_PX if self._truth.camera.distortion.is_none else TOLERANCE_LENS_PX
         if self._truth.row_poses:
-            doubt_px = max(doubt_px, DOUBT_ROLLING_PX)
+            radius_px = max(radius_px, TOLERANCE_ROLLING_PX)
         return (
-            is_right(self._ask(pixel, self._centers, OFFSETS_PX[:1]))
-            or is_right(self._ask(pixel, self._about, OFFSETS_PX * doubt_px))
-            or is_right(self._rounded(pixel, doubt_px))
+            is_right(self._rays_at(pixel, self._centres, OFFSETS_PX[:1]))
+            or is_right(self._rays_at(pixel, self._around, OFFSETS_PX * radius_px))
+            or is_right(self._rounded(pixel, radius_px))
         )
 
-    def _rounded(self, pixel: IntArray, doubt_px: float) -> SampledRays:
-        """Return what may be drawn at a pixel's centre after rounding the vertices around it."""
+    def _rounded(self, pixel: IntArray, radius_px: float) -> SampledRays:
+        """Return the surfaces that may be drawn at a pixel's centre after rounding the vertices around it."""
         key = (int(pixel[0]), int(pixel[1]))
-        if key not in self._near:
+        if key not in self._drawable:
             at = pixel + np.array([[0.0, 0.0], [0.5, 0.0], [-0.5, 0.0], [0.0, 0.5], [0.0, -0.5]])
             rays = rays_with_opencv(self._truth.camera, at)
             px_per_ray = np.linalg.inv(np.stack([rays[1] - rays[2], rays[3] - rays[4]], axis=1))
-            triangles = self._caster(key[1]).triangles_near(rays[0], px_per_ray, doubt_px)
+            triangles = self._caster(key[1]).triangles_near(rays[0], px_per_ray, radius_px)
             z_m = np.concatenate([triangles.nearest_m, triangles.farthest_m])
             parts = frozenset(int(p) for p in triangles.parts)
-            self._near[key] = SampledRays(z_m, parts, np.zeros((0, 3)), not triangles.is_sure, triangles)
-        return self._near[key]
+            self._drawable[key] = SampledRays(z_m, parts, np.zeros((0, 3)), not triangles.is_sure, triangles)
+        return self._drawable[key]
 
-    def _ask(
-        self, pixel: IntArray, known: dict[tuple[int, int], SampledRays], offsets_px: FloatArray
+    def _rays_at(
+        self, pixel: IntArray, cache: dict[tuple[int, int], SampledRays], offsets_px: FloatArray
     ) -> SampledRays:
         key = (int(pixel[0]), int(pixel[1]))
-        if key not in known:
+        if key not in cache:
             caster = self._caster(key[1])
             rays = rays_with_opencv(self._truth.camera, pixel + offsets_px)
-            known[key] = SampledRays.of([caster.hits(ray) for ray in rays])
-        return known[key]
+            cache[key] = SampledRays.of([caster.hits(ray) for ray in rays])
+        return cache[key]
 
-    def where_parts_should_be(self, margin_px: float = 1.0) -> IntArray:
+    def part_pixels(self, margin_px: float = 1.0) -> IntArray:
         """Return (K, 2) pixels in the image at the centres of each part's largest triangles, visible or not."""
         pixels = self._caster((self._truth.camera.height_px - 1) // 2).largest_triangles()
         pixels = np.rint(self._truth.camera.project(np.insert(pixels, 2, 1.0, axis=1)))
@@ -277,9 +280,9 @@ def sample_pixels(truth: Truth, mask: ByteArray, layers: Layers, sampler: RaySam
     """Select (K, 2) pixels x, y to test: random ones on and next to the mask, and some on every part."""
     rng = np.random.default_rng([truth.seed, truth.frame_index, 0x1ABE1])
     n = N_ROLLING if truth.row_poses else N_SAMPLES
-    on = lit_pixels(mask)
+    on = nonzero_pixels(mask)
     near = np.asarray(cv2.dilate(mask, np.ones((9, 9), np.uint8)))
-    beside_mask = lit_pixels(np.where(mask == 0, near, np.uint8(0)))
+    beside_mask = nonzero_pixels(np.where(mask == 0, near, np.uint8(0)))
     samples = [
         group[rng.integers(0, len(group), m)] for group, m in ((on, n), (beside_mask, n // 4)) if len(group)
     ]
@@ -287,5 +290,5 @@ def sample_pixels(truth: Truth, mask: ByteArray, layers: Layers, sampler: RaySam
         parts = layers["parts"][on[:, 1], on[:, 0]]
         order = rng.permutation(len(on))
         _, first = np.unique(parts[order], return_index=True)
-        samples += [on[order[first]], sampler.where_parts_should_be()]
+        samples += [on[order[first]], sampler.part_pixels()]
     return np.concatenate(samples) if samples else np.zeros((0, 2), np.int64)

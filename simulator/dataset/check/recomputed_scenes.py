@@ -1,4 +1,4 @@
-"""Check of recorded scenes against those that the scenario or recipe in the card gives when it is planned again."""
+"""Check of the recorded scenes against scenes recomputed from the scenario or recipe in the card."""
 
 from __future__ import annotations
 
@@ -37,9 +37,9 @@ RELATIVE = 1e-7
 """Relative tolerance of a propagated state on another machine."""
 ABSOLUTE = {"_m": 1e-5, "_m_s": 1e-6}
 """Absolute tolerance by unit suffix [m, m/s], for differences of large ECI vectors."""
-ABSOLUTE_OF_OTHERS = 1e-9  # tolerance of all other numbers
+DEFAULT_ABSOLUTE = 1e-9  # tolerance of all other numbers
 MAX_SAMPLES = 50  # per recipe: a constrained pose takes as long as the labels of a frame
-NOT_COMPARED = ("camera", "target")
+EXCLUDED_FIELDS = ("camera", "target")
 """Fields that other checks cover."""
 
 
@@ -56,8 +56,10 @@ def check_scenes(card: DatasetCard, scenes: Mapping[int, SceneState], seed: int)
 
     Parameters
     ----------
-    scenes : recorded scenes by number.
-    seed : seed for the random choice of `MAX_SAMPLES` frames of a recipe.
+    scenes : mapping
+        Recorded scenes by number.
+    seed : int
+        Seed for the random choice of `MAX_SAMPLES` frames of a recipe.
     """
     if not scenes:
         return SceneCheck()
@@ -77,20 +79,20 @@ def check_scenes(card: DatasetCard, scenes: Mapping[int, SceneState], seed: int)
             return SceneCheck(
                 ((None, f"the scenario's target is {document.target}, not {card.target.name}"),)
             )
-        reasons, wrong = _wrong_fields(card, document, scenes, numbers)
+        reasons, differing = _wrong_fields(card, document, scenes, numbers)
     except (UserError, KeyError, IndexError, ValueError) as error:
         return SceneCheck(not_checked=(f"the card's scenario cannot be planned here: {error}",))
-    if len(wrong) > max(1, len(numbers) // 2):
-        common = Counter(name for fields in wrong.values() for name in fields)
+    if len(differing) > max(1, len(numbers) // 2):
+        common = Counter(name for fields in differing.values() for name in fields)
         names = ", ".join(name for name, _ in common.most_common())
         return SceneCheck(
-            ((None, f"scenes of {len(wrong)} frames are not those of the card's scenario in {names}"),),
+            ((None, f"scenes of {len(differing)} frames are not those of the card's scenario in {names}"),),
             tuple(reasons),
         )
     return SceneCheck(
         tuple(
             (k, f"the scene is not that of the card's scenario in {', '.join(fields)}")
-            for k, fields in wrong.items()
+            for k, fields in differing.items()
         ),
         tuple(reasons),
     )
@@ -124,33 +126,33 @@ def _wrong_fields(
     card: DatasetCard, document: Recipe | Scenario, scenes: Mapping[int, SceneState], numbers: list[int]
 ) -> tuple[list[str], dict[int, list[str]]]:
     """Return the skipped comparisons, and the names of each frame's wrong fields."""
-    left_out = set(NOT_COMPARED)
+    excluded = set(EXCLUDED_FIELDS)
     if document.sensor.auto_exposure is not None:
-        left_out.add("exposure_s")  # slow to compute
+        excluded.add("exposure_s")  # slow to compute
 
     def differences(environment: Environment | None) -> dict[int, list[str]]:
         plan = _plan_again(card, document, scenes, environment)
-        wrong = {k: _differences(plan.scene(k), scenes[k], left_out) for k in numbers}
-        return {k: fields for k, fields in wrong.items() if fields}
+        differing = {k: _differences(plan.scene(k), scenes[k], excluded) for k in numbers}
+        return {k: fields for k, fields in differing.items() if fields}
 
-    def is_other(wrong: dict[int, list[str]]) -> bool:
-        return 2 * sum("environment" in fields for fields in wrong.values()) > len(numbers)
+    def is_other_environment(differing: dict[int, list[str]]) -> bool:
+        return 2 * sum("environment" in fields for fields in differing.values()) > len(numbers)
 
     reasons = []
     if isinstance(document, Scenario):
-        camera = document.camera_in(_usual(scenes, "bands"))
+        camera = document.camera_in(_most_common(scenes, "bands"))
         if card.camera not in (camera, replace(camera, encoding=UNSET)):  # older sets have linear colour
             reasons.append("the camera is not the scenario's")
-        if not _has_usual_times(card, document, scenes):
+        if not _has_default_times(card, document, scenes):
             reasons.append("the frames' times are not those that the scenario's duration gives")
-    wrong = differences(None)
-    if isinstance(document, Recipe) and is_other(wrong):
+    differing = differences(None)
+    if isinstance(document, Recipe) and is_other_environment(differing):
         reasons.append("the environment is not the recipe's, as --environment replaces it")
-        wrong = differences(_usual(scenes, "environment"))
-        if is_other(wrong):
-            left_out.add("environment")
-            wrong = differences(None)
-    return reasons, wrong
+        differing = differences(_most_common(scenes, "environment"))
+        if is_other_environment(differing):
+            excluded.add("environment")
+            differing = differences(None)
+    return reasons, differing
 
 
 def _plan_again(
@@ -161,7 +163,7 @@ def _plan_again(
 ) -> DocumentPlan:
     is_second = card.stereo is not None and card.stereo.camera == "second"
     first_seed = card.seed - (SECOND_SEED if is_second else 0)
-    options: dict[str, Any] = {name: _usual(scenes, name) for name in ("bands", "quality")}
+    options: dict[str, Any] = {name: _most_common(scenes, name) for name in ("bands", "quality")}
     plan: Any
     if isinstance(document, Recipe):
         target = card.target.name
@@ -178,32 +180,32 @@ def _plan_again(
     return SecondCameraPlan.of(plan, plan.second_camera) if is_second else plan
 
 
-def _usual(scenes: Mapping[int, SceneState], name: str) -> Any:  # noqa: ANN401 - the type of the field
+def _most_common(scenes: Mapping[int, SceneState], name: str) -> Any:  # noqa: ANN401 - the type of the field
     """Return the most frequent value of a field over the scenes."""
     return Counter(getattr(scene, name) for scene in scenes.values()).most_common(1)[0][0]
 
 
-def _has_usual_times(card: DatasetCard, scenario: Scenario, scenes: Mapping[int, SceneState]) -> bool:
+def _has_default_times(card: DatasetCard, scenario: Scenario, scenes: Mapping[int, SceneState]) -> bool:
     """Return True if most frames are at the times that the command line would choose."""
-    usual = frame_times(scenario.duration_s, card.n_frames, card.every_s).tolist()
-    agreeing = sum(math.isclose(scene.t_s, usual[k], abs_tol=1e-9) for k, scene in scenes.items())
+    default_times = frame_times(scenario.duration_s, card.n_frames, card.every_s).tolist()
+    agreeing = sum(math.isclose(scene.t_s, default_times[k], abs_tol=1e-9) for k, scene in scenes.items())
     return card.every_s is not None or 2 * agreeing > len(scenes)
 
 
 def _times(card: DatasetCard, scenario: Scenario, scenes: Mapping[int, SceneState]) -> list[float]:
     """Return the times of the frames: those of the command line, unless the records follow others."""
-    if _has_usual_times(card, scenario, scenes):
+    if _has_default_times(card, scenario, scenes):
         return list(frame_times(scenario.duration_s, card.n_frames, card.every_s).tolist())
     return [scenes[k].t_s if k in scenes else 0.0 for k in range(card.n_frames)]
 
 
-def _differences(expected: SceneState, recorded: SceneState, left_out: Container[str]) -> list[str]:
+def _differences(expected: SceneState, recorded: SceneState, excluded: Container[str]) -> list[str]:
     """Return the names of the fields in which two scenes differ by more than rounding."""
     a, b = (msgspec.to_builtins(SceneRecord.of(scene)) for scene in (expected, recorded))
     return [
         name
         for name in sorted(a.keys() | b.keys())
-        if name not in left_out and not _is_near(name, a.get(name), b.get(name))
+        if name not in excluded and not _is_near(name, a.get(name), b.get(name))
     ]
 
 
@@ -217,8 +219,8 @@ def _is_near(name: str, a: Any, b: Any) -> bool:  # noqa: ANN401 - any field of 
         return False
     if name.startswith("q_") and x @ y < 0:
         y = -y
-    most = next((value for end, value in ABSOLUTE.items() if name.endswith(end)), ABSOLUTE_OF_OTHERS)
-    return bool(np.linalg.norm(x - y) <= most + RELATIVE * np.linalg.norm(x))
+    tolerance = next((value for end, value in ABSOLUTE.items() if name.endswith(end)), DEFAULT_ABSOLUTE)
+    return bool(np.linalg.norm(x - y) <= tolerance + RELATIVE * np.linalg.norm(x))
 
 
 def _is_numbers(value: Any) -> bool:  # noqa: ANN401 - the same

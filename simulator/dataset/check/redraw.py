@@ -1,8 +1,8 @@
 """Check of the images: a sample is drawn again from its records and compared.
 
-A record's hash detects accidents only, because anyone who alters an image can alter its hash. The same renderer draws
-the same bytes. Another one may round differently, so images are compared after blurring, with a tolerance for noise and
-for a shift of a fraction of a pixel.
+A record's hash detects accidental changes only, because anyone who alters an image can also alter its hash. The same
+renderer draws the same bytes. Another renderer may round differently, so images are compared after blurring, with a
+tolerance for noise and for a sub-pixel shift.
 """
 
 from __future__ import annotations
@@ -41,18 +41,18 @@ if TYPE_CHECKING:
 SHARE = 0.02  # share of a data set's frames that are rendered again
 MIN_FRAMES = 3
 BLUR_PX = 2.0
-LEFT_OF_NOISE = 1 / (2 * math.sqrt(math.pi) * BLUR_PX)  # standard deviation of white noise after that blur
+BLURRED_NOISE = 1 / (2 * math.sqrt(math.pi) * BLUR_PX)  # standard deviation of white noise after that blur
 SIGMAS = 6.0
 SHIFT_PX = 0.25  # largest shift of an edge
 RELATIVE, ABSOLUTE = 0.01, 0.004  # tolerances between renderers, as shares of the signal and of full scale
 MAX_OTHER, MAX_OF_MASK = 2e-4, 0.01  # share of the image's pixels, and of the craft's, that may differ
-FEW = 4  # pixels that may differ in any image
-EXACT = 1e-6  # tolerance of statistics if the images are equal
+MIN_PIXELS = 4  # pixels that may differ in any image
+SAME_RENDERER_TOLERANCE = 1e-6  # tolerance of statistics if the images are equal
 LAYER_RELATIVE = {"depth": 2e-5}
 """Relative tolerance for another renderer or processor."""
 LAYER_ABSOLUTE = {"depth": 1e-3, "normals": 0.02, "flow": 0.02, "clean": 1.0}
 """Absolute tolerance in the layer's unit: metres, 1, pixels, digital numbers."""
-FEW_EDGE_PX = 6
+MAX_EDGE_PIXELS = 6
 """Number of pixels that rounding at an edge may assign to another surface; or `MAX_OF_MASK`."""
 
 
@@ -75,7 +75,8 @@ def sample(frames: Sequence[int], share: float, seed: int) -> list[int]:
 
     Parameters
     ----------
-    seed : seed of the sample; it must be unpredictable for anyone who could alter the data set.
+    seed : int
+        Seed of the sample; it must be unpredictable for anyone who could alter the data set.
     """
     if share <= 0 or not frames:
         return []
@@ -91,8 +92,10 @@ def check_pictures(
 
     Parameters
     ----------
-    frames : numbers of readable frames to draw.
-    target : target named by card and records.
+    frames : sequence of int
+        Numbers of readable frames to draw.
+    target : Target
+        Target named by card and records.
     """
     from flyaround.simulator.render.earth.map_textures import prefetch_maps_of  # noqa: PLC0415 - a check without pictures needs no renderer
     from flyaround.simulator.render.renderer import Renderer  # noqa: PLC0415 - the same
@@ -115,7 +118,7 @@ def check_pictures(
             mask = np.asarray(read_png(frame_paths(folder, k).mask), np.uint8)
             layers = {name: read_layer(folder / "images", f"{k:06d}", name) for name in truth.layer_sha256}
             frame_faults = check_drawn_again(renderer, truth, image, mask, craft, layers)
-            faults += [(k, what) for what in frame_faults]
+            faults += [(k, message) for message in frame_faults]
             progress()
     return Redrawn(len(frames), tuple(faults))
 
@@ -132,19 +135,22 @@ def check_drawn_again(
 
     Parameters
     ----------
-    layers : label layers of the frame by name, as read.
+    layers : Layers, optional
+        Label layers of the frame by name, as read.
     """
     request = LabelRequest(layers=tuple(layers or ()), flow=truth.flow)
     again = take_frame(renderer, truth.scene, target, labels=request if layers else False)
-    wrong = check_same_picture(truth, image, again.image, mask)
+    problems = check_same_picture(truth, image, again.image, mask)
     if layers:
         is_same = np.array_equal(image, again.image)
-        wrong += check_same_layers(layers, again.layers, mask, is_same_renderer=is_same)
+        problems += check_same_layers(layers, again.layers, mask, is_same_renderer=is_same)
     signal = expose_scene(truth.scene, again.radiance)
     mono = np.asarray(mono_signal(signal), float)
     # the same renderer repeats the light exactly; another one within the tolerance of its image
-    doubt, relative = (EXACT, 0.0) if np.array_equal(image, again.image) else (ABSOLUTE, RELATIVE)
-    return wrong + check_step_share(truth, target, mono, doubt, relative)
+    doubt, relative = (
+        (SAME_RENDERER_TOLERANCE, 0.0) if np.array_equal(image, again.image) else (ABSOLUTE, RELATIVE)
+    )
+    return problems + check_step_share(truth, target, mono, doubt, relative)
 
 
 def check_same_picture(
@@ -164,28 +170,28 @@ def check_same_picture(
     read, redrawn = (
         cv2.GaussianBlur((x.astype(np.float32) - black) / full, (0, 0), BLUR_PX) for x in (one, two)
     )
-    off = np.abs(read - redrawn)
+    difference = np.abs(read - redrawn)
     levels = np.linspace(0, 1, 33)
     sigma = np.array([noise_sigma(sensor, float(x), truth.scene.exposure_s) for x in levels])
     # demosaicing spreads the noise of one pixel in four over all, so a blur reduces it less; white balance and a colour
     # matrix multiply it
     spread = np.maximum(3.0, 2.0 * np.linalg.norm(band_gains(truth), axis=1)) if image.ndim == 3 else 1.0
-    noise = np.interp(redrawn, levels, sigma) * (SIGMAS * math.sqrt(2) * LEFT_OF_NOISE * spread)
+    noise = np.interp(redrawn, levels, sigma) * (SIGMAS * math.sqrt(2) * BLURRED_NOISE * spread)
     near = np.ones((3, 3), np.uint8)
     slope = cv2.dilate(redrawn, near) - cv2.erode(redrawn, near)
-    bad = off > ABSOLUTE + RELATIVE * np.maximum(redrawn, 0) + noise + SHIFT_PX * slope
+    bad = difference > ABSOLUTE + RELATIVE * np.maximum(redrawn, 0) + noise + SHIFT_PX * slope
     bad = bad if bad.ndim == 2 else bad.any(axis=2)
-    about = cv2.dilate(mask, np.ones((9, 9), np.uint8)) > 0
-    on_craft, off_craft = (int(np.count_nonzero(bad & where)) for where in (about, ~about))
-    if on_craft <= max(MAX_OF_MASK * np.count_nonzero(mask), FEW) and off_craft <= max(
-        MAX_OTHER * bad.size, FEW
+    near_craft = cv2.dilate(mask, np.ones((9, 9), np.uint8)) > 0
+    on_craft, off_craft = (int(np.count_nonzero(bad & where)) for where in (near_craft, ~near_craft))
+    if on_craft <= max(MAX_OF_MASK * np.count_nonzero(mask), MIN_PIXELS) and off_craft <= max(
+        MAX_OTHER * bad.size, MIN_PIXELS
     ):
         return []
-    what = (
+    message = (
         f"the image is not what its record gives when it is drawn again: {on_craft + off_craft} pixels differ by more "
         "than noise and rounding"
     )
-    return [what]
+    return [message]
 
 
 def check_same_layers(
@@ -199,22 +205,30 @@ def check_same_layers(
 
     Parameters
     ----------
-    layers, again : layers as read, and as redrawn, by name.
-    is_same_renderer : True if the image is equal to the byte, so that only rounding at few pixels is allowed.
+    layers : mapping
+        Layers as read, by name.
+    again : mapping
+        Layers as drawn again, by name.
+    is_same_renderer : bool
+        True if the image is equal to the byte, so that only rounding at few pixels is allowed.
     """
-    most = FEW_EDGE_PX if is_same_renderer else max(FEW_EDGE_PX, MAX_OF_MASK * np.count_nonzero(mask))
-    wrong = []
+    allowed = (
+        MAX_EDGE_PIXELS if is_same_renderer else max(MAX_EDGE_PIXELS, MAX_OF_MASK * np.count_nonzero(mask))
+    )
+    problems = []
     for name in sorted(layers.keys() & again.keys()):
         read, redrawn = layers[name], again[name]
         if not is_same_renderer and (name == "clean" or read.shape != redrawn.shape):
             continue  # under another renderer the light differs, and the amodal mask may begin elsewhere
         if read.shape != redrawn.shape:
-            wrong.append(f"{name} is {read.shape}, drawn again {redrawn.shape}")
+            problems.append(f"{name} is {read.shape}, drawn again {redrawn.shape}")
             continue
         bad = _differing(name, read, redrawn)
-        if bad > most:
-            wrong.append(f"{name} differs at {bad} pixels from what the record gives when it is drawn again")
-    return wrong
+        if bad > allowed:
+            problems.append(
+                f"{name} differs at {bad} pixels from what the record gives when it is drawn again"
+            )
+    return problems
 
 
 def _differing(name: str, read: NDArray[Any], redrawn: NDArray[Any]) -> int:

@@ -36,7 +36,7 @@ def check_states_by_signal(truth: Truth, clean: NDArray[np.unsignedinteger]) -> 
     signal = _signal(truth, clean)
     if signal is None:
         return []
-    wrong = []
+    faults = []
     for k in truth.keypoints:
         if k.state not in BY_SIGNAL or k.pixel_px is None:
             continue
@@ -45,10 +45,10 @@ def check_states_by_signal(truth: Truth, clean: NDArray[np.unsignedinteger]) -> 
         patch = signal[max(v - r, 0) : v + r + 1, max(u - r, 0) : u + r + 1]
         possible = _possible_states(truth, patch, _step(truth, patch))
         if k.state not in possible:
-            wrong.append(
+            faults.append(
                 f"keypoint {k.name} is labelled {k.state}, the clean twin says {' or '.join(possible)}"
             )
-    return wrong
+    return faults
 
 
 def check_steps_by_signal(truth: Truth, target: Target, clean: NDArray[np.unsignedinteger]) -> list[str]:

@@ -31,7 +31,7 @@ from flyaround.simulator.dataset.check.row_poses import check_rows
 from flyaround.simulator.dataset.check.signal import check_states_by_signal, check_steps_by_signal
 from flyaround.simulator.dataset.check.wireframe import check_wireframe
 from flyaround.simulator.dataset.formats.labelled_frame import frame_from_folder
-from flyaround.simulator.dataset.formats.native import frame_paths, is_whole, read_layer
+from flyaround.simulator.dataset.formats.native import frame_paths, is_frame_complete, read_layer
 from flyaround.simulator.dataset.split import SplitAssigner
 from flyaround.simulator.dataset.stereo import pair_faults, second_folder
 from flyaround.simulator.dataset.storage.manifest import MANIFEST_NAME
@@ -71,11 +71,16 @@ class CheckReport:
 
     Parameters
     ----------
-    n_redrawn : number of frames redrawn from their records.
-    not_redrawn : reason if none was, although requested.
-    redraw_seed : seed of the redrawn sample, to repeat it.
-    n_exported : frames whose contents were compared in each export.
-    not_checked : impossible checks, with the reason.
+    n_redrawn : int, optional
+        Number of frames redrawn from their records.
+    not_redrawn : str, optional
+        Reason if none was, although requested.
+    redraw_seed : int, optional
+        Seed of the redrawn sample, to repeat it.
+    n_exported : int, optional
+        Frames whose contents were compared in each export.
+    not_checked : tuple of str, optional
+        Impossible checks, with the reason.
     """
 
     n_frames: int
@@ -100,11 +105,13 @@ def check_dataset(
 
     Parameters
     ----------
-    redraw : share of the frames to redraw from their records, at least three; 0 for none. Without OpenGL none is, and
-        the report says so.
-    redraw_seed : seed of the sample; by default unpredictable, so that nobody who alters a data set can know it
-        beforehand.
-    whole_exports : True to compare the contents of all frames in the exports instead of a sample.
+    redraw : float, optional
+        Share of the frames to redraw from their records, at least three; 0 for none. Without OpenGL none is, and the
+        report says so.
+    redraw_seed : int, optional
+        Seed of the sample; by default unpredictable, so that nobody who alters a data set can know it beforehand.
+    whole_exports : bool, optional
+        True to compare the contents of all frames in the exports instead of a sample.
 
     Raises
     ------
@@ -127,7 +134,7 @@ def check_dataset(
             )
         )
         target = None
-    frames = [k for k in range(card.n_frames) if is_whole(folder, k)]
+    frames = [k for k in range(card.n_frames) if is_frame_complete(folder, k)]
     faults += _check_count(folder, card, len(frames))
     seed = fresh_seed() if redraw_seed is None else redraw_seed
     readable = []
@@ -138,7 +145,9 @@ def check_dataset(
     layers_of_frames: list[tuple[str, ...]] = []
     scenes: dict[int, SceneState] = {}
     if card.complete:
-        faults += [Fault(k, "files are missing") for k in range(card.n_frames) if not is_whole(folder, k)]
+        faults += [
+            Fault(k, "files are missing") for k in range(card.n_frames) if not is_frame_complete(folder, k)
+        ]
     redrawn = sample(frames, redraw, seed)
     n_labels = n_imported = 0
     previous: Truth | None = None
@@ -174,14 +183,14 @@ def check_dataset(
         faults += [Fault(k, what) for what in faults_of_frame]
         n_labels += len(truth.keypoints) + len(truth.layers) + 7
         progress(n_done + 1, len(frames) + len(redrawn))
-    again = Redrawn(0, (), "the pictures were imported" if n_imported and redrawn else "")
+    redrawn_images = Redrawn(0, (), "the pictures were imported" if n_imported and redrawn else "")
     readable_drawn = [k for k in redrawn if k in readable]
     if target is not None and readable_drawn:
         steps = itertools.count(len(frames) + 1)
-        again = check_pictures(
+        redrawn_images = check_pictures(
             folder, readable_drawn, target, lambda: progress(next(steps), len(frames) + len(redrawn))
         )
-        faults += [Fault(k, what) for k, what in again.faults]
+        faults += [Fault(k, what) for k, what in redrawn_images.faults]
     faults += [Fault(None, what) for what in check_card(card, target, layers_of_frames)]
     is_all = len(readable) + n_imported == card.n_frames
     assigned = assigner.numbers if assigner is not None and is_all else {}
@@ -196,8 +205,8 @@ def check_dataset(
         len(frames),
         n_labels,
         tuple(faults),
-        again.n_frames,
-        again.reason,
+        redrawn_images.n_frames,
+        redrawn_images.reason,
         seed,
         compared.n_frames,
         (*planned.not_checked, *compared.not_checked, *unlisted),
@@ -234,14 +243,16 @@ def _check_flow_to(k: int, truth: Truth, previous: Truth | None) -> list[Fault]:
     return []
 
 
-def _check_count(folder: Path, card: DatasetCard, n_whole: int) -> list[Fault]:
+def _check_count(folder: Path, card: DatasetCard, n_complete: int) -> list[Fault]:
     """Check the card's number of frames against the files."""
     faults = []
     numbers = [p.stem for p in (folder / "images").glob("*.json") if p.stem.isdecimal()]
-    surplus = [number for number in numbers if int(number) >= card.n_frames]
-    if surplus:
-        faults.append(Fault(None, f"images/ holds {len(surplus)} frames beyond the card's {card.n_frames}"))
-    if n_whole == 0:
+    unexpected = [number for number in numbers if int(number) >= card.n_frames]
+    if unexpected:
+        faults.append(
+            Fault(None, f"images/ holds {len(unexpected)} frames beyond the card's {card.n_frames}")
+        )
+    if n_complete == 0:
         faults.append(Fault(None, "there is no whole frame to check"))
     return faults
 
@@ -259,90 +270,95 @@ def check_frame(
 
     Parameters
     ----------
-    layers : label layers of the frame by name, as drawn or read.
+    layers : Layers, optional
+        Label layers of the frame by name, as drawn or read.
     """
     layers = layers or {}
-    wrong: list[str] = []
+    problems: list[str] = []
     size = (truth.camera.height_px, truth.camera.width_px)
     if image.shape[:2] != size or mask.shape != size:
         return [f"image is {image.shape[:2]}, mask {mask.shape}, camera says {size}"]
     if truth.image_sha256 != pixel_hash(image):
-        wrong.append("the image is not the one that the record describes")
+        problems.append("the image is not the one that the record describes")
     if truth.mask_sha256 != pixel_hash(mask):
-        wrong.append("the mask is not the one that the record describes")
-    wrong += _check_bookkeeping(k, truth, card)
+        problems.append("the mask is not the one that the record describes")
+    problems += _check_bookkeeping(k, truth, card)
     if truth.camera != card.camera:
-        wrong.append("camera differs from the card's")
+        problems.append("camera differs from the card's")
     if not is_binary(mask):
-        wrong.append("mask has values other than 0 and 255")
+        problems.append("mask has values other than 0 and 255")
     if abs(float(np.linalg.norm(truth.q_camera_from_target_wxyz)) - 1) > 1e-9:
-        wrong.append("quaternion is not of unit length")
+        problems.append("quaternion is not of unit length")
     if truth.box_px != mask_box(mask):
-        wrong.append(f"box_px {truth.box_px} is not the mask's {mask_box(mask)}")
+        problems.append(f"box_px {truth.box_px} is not the mask's {mask_box(mask)}")
     scene = truth.scene
     if (scene.q_camera_from_target_wxyz, scene.t_camera_from_target_m) != (
         truth.q_camera_from_target_wxyz,
         truth.t_camera_from_target_m,
     ):
-        wrong.append("pose differs from the scene's")
-    wrong += _check_directions(truth)
-    wrong += check_rows(truth)
-    wrong += check_keypoints(truth, card)
-    wrong += check_visible_on_mask(truth, mask)
-    of_layers = check_layers(truth, mask, layers, target)
-    wrong += of_layers
-    if not of_layers and "clean" in layers:
-        wrong += check_clean(truth, image, mask, layers["clean"])
-        wrong += check_states_by_signal(truth, layers["clean"])
+        problems.append("pose differs from the scene's")
+    problems += _check_directions(truth)
+    problems += check_rows(truth)
+    problems += check_keypoints(truth, card)
+    problems += check_visible_on_mask(truth, mask)
+    layer_faults = check_layers(truth, mask, layers, target)
+    problems += layer_faults
+    if not layer_faults and "clean" in layers:
+        problems += check_clean(truth, image, mask, layers["clean"])
+        problems += check_states_by_signal(truth, layers["clean"])
     if target is not None:
-        if not of_layers:
-            wrong += check_against_mesh(truth, mask, layers, target)
-        wrong += check_wireframe(truth, target)
-        wrong += check_states(truth, target)
-        wrong += check_amodal_box(truth, target)
-        wrong += check_box_3d(truth, target)
-        wrong += check_silhouette_inside(truth, target)
-        if not of_layers and "clean" in layers:
-            wrong += check_steps_by_signal(truth, target, layers["clean"])
-    return wrong
+        if not layer_faults:
+            problems += check_against_mesh(truth, mask, layers, target)
+        problems += check_wireframe(truth, target)
+        problems += check_states(truth, target)
+        problems += check_amodal_box(truth, target)
+        problems += check_box_3d(truth, target)
+        problems += check_silhouette_inside(truth, target)
+        if not layer_faults and "clean" in layers:
+            problems += check_steps_by_signal(truth, target, layers["clean"])
+    return problems
 
 
 def _check_directions(truth: Truth) -> list[str]:
     """Check Sun, Earth, eclipse and exposure against the positions in the scene."""
-    scene, wrong = truth.scene, []
+    scene, problems = truth.scene, []
     to_camera = matrix_from_quat(scene.q_camera_from_eci_wxyz)
     target, sun = np.asarray(scene.r_target_eci_m), np.asarray(scene.r_sun_eci_m)
-    for name, label, way in (
+    for name, label, direction in (
         ("sun_direction_camera", truth.sun_direction_camera, sun - target),
         ("earth_direction_camera", truth.earth_direction_camera, -target),
     ):
-        if label is not None and not np.allclose(label, to_camera @ way / np.linalg.norm(way), atol=1e-9):
-            wrong.append(f"{name} is not the direction that the scene's positions give")
+        if label is not None and not np.allclose(
+            label, to_camera @ direction / np.linalg.norm(direction), atol=1e-9
+        ):
+            problems.append(f"{name} is not the direction that the scene's positions give")
     visible_share = sun_fraction_past_bodies(scene.bodies, target, sun)
     if abs(truth.sun_visible_fraction - visible_share) > 1e-9:
-        wrong.append("sun_visible_fraction is not what Earth and Moon leave of the Sun's disc")
+        problems.append("sun_visible_fraction is not what Earth and Moon leave of the Sun's disc")
     if truth.exposure_s is not None and truth.exposure_s != scene.exposure_s:
-        wrong.append("exposure_s differs from the scene's")
-    return wrong
+        problems.append("exposure_s differs from the scene's")
+    return problems
 
 
 def _check_bookkeeping(k: int, truth: Truth, card: DatasetCard) -> list[str]:
     """Check that fields recorded twice agree."""
     scene = truth.scene
-    wrong: list[str] = []
-    twice = ("epoch_utc", "t_s", "seed", "frame_index", "camera", "sun_visible_fraction")
-    wrong += [
-        f"{name} differs from the scene's" for name in twice if getattr(truth, name) != getattr(scene, name)
+    problems: list[str] = []
+    duplicated = ("epoch_utc", "t_s", "seed", "frame_index", "camera", "sun_visible_fraction")
+    problems += [
+        f"{name} differs from the scene's"
+        for name in duplicated
+        if getattr(truth, name) != getattr(scene, name)
     ]
     if truth.frame_index != k:
-        wrong.append(f"frame_index is {truth.frame_index} in the record of frame {k}")
+        problems.append(f"frame_index is {truth.frame_index} in the record of frame {k}")
     if truth.seed != card.seed:
-        wrong.append(f"seed is {truth.seed}, the card's is {card.seed}")
+        problems.append(f"seed is {truth.seed}, the card's is {card.seed}")
     if card.image_bits not in (None, truth.scene.sensor.bits):
-        wrong.append(f"its image has {truth.scene.sensor.bits} bits, the card says {card.image_bits}")
+        problems.append(f"its image has {truth.scene.sensor.bits} bits, the card says {card.image_bits}")
     reason = infeasible_reason(truth.silhouette_inside, truth.wireframe_step_share, truth.box_amodal_px)
     if (truth.feasible, truth.infeasible_reason) != (reason == "", reason):
-        wrong.append(
+        problems.append(
             f"feasible is {truth.feasible} ({truth.infeasible_reason or 'no reason'}), its shares say otherwise"
         )
-    return wrong
+    return problems

@@ -16,14 +16,17 @@ if TYPE_CHECKING:
     from flyaround.simulator.runtime.arrays import FloatArray
     from flyaround.simulator.targets.model import Edge, Target
 
-EDGE_NEAR_M = 0.05
-LONG_PX = 6.0
-MAX_STRETCHES = 60  # stretches of edges that are tested per frame
-CLEAR_M, CLEAR_COSINE = 1e-3, 0.02  # within these margins of being visible, either label is accepted
-OWN_RADII = 1.15
+MIN_DEPTH_M = 0.05
+MIN_INTERVAL_PX = 6.0
+MAX_INTERVALS = 60  # stretches of edges that are tested per frame
+VISIBILITY_MARGIN_M, FACING_MARGIN = (
+    1e-3,
+    0.02,
+)  # within these margins of being visible, either label is accepted
+ROD_RADIUS_MARGIN = 1.15
 """Radii around a rod's axis within which a surface counts as the rod's own, even if it tapers."""
-SHARPEST_COSINE = 0.985
-"""Cosine of a rod to the line of sight above which its own cap hides it (within 10 degrees)."""
+END_ON_COSINE = 0.985
+"""Cosine of the angle between a rod and the line of sight, above which the rod's own cap hides it (10 degrees)."""
 
 
 def check_wireframe(truth: Truth, target: Target) -> list[str]:
@@ -31,10 +34,10 @@ def check_wireframe(truth: Truth, target: Target) -> list[str]:
     if "wireframe" not in truth.layers:
         return ["edges are listed though the wireframe was not asked for"] if truth.wireframe else []
     pose = Pose.of("camera", "target", truth.q_camera_from_target_wxyz, truth.t_camera_from_target_m)
-    ahead = [e for e in target.wireframe if pose.apply(np.array([e.a_m, e.b_m]))[:, 2].min() >= EDGE_NEAR_M]
+    ahead = [e for e in target.wireframe if pose.apply(np.array([e.a_m, e.b_m]))[:, 2].min() >= MIN_DEPTH_M]
     if [e.name for e in ahead] != [w.name for w in truth.wireframe]:
         return ["the wireframe's edges are not the target's"]
-    wrong, caster = [], ray_oracle(target, pose)
+    faults, caster = [], ray_oracle(target, pose)
     n_tested = 0
     order = np.random.default_rng([truth.seed, truth.frame_index, 0xED6E]).permutation(len(ahead))
     # all rods, which are few and thin; a different selection of the other edges in every frame
@@ -46,25 +49,27 @@ def check_wireframe(truth: Truth, target: Target) -> list[str]:
         )
         error = np.abs(projected - np.array(wire.ends_px))[in_lens(truth.camera, pose.apply(ends))]
         if np.any(error > 1e-6 * max(1.0, np.abs(projected).max() / 1e3)):
-            wrong.append(f"edge {wire.name} is {error.max():.3g} px from its projection")
+            faults.append(f"edge {wire.name} is {error.max():.3g} px from its projection")
             continue
-        bounds = [0.0, *(x for stretch in wire.visible for x in stretch), 1.0]
+        bounds = [0.0, *(x for interval in wire.visible for x in interval), 1.0]
         if bounds != sorted(bounds):
-            wrong.append(f"edge {wire.name} has stretches {wire.visible} that are not in order within 0 to 1")
+            faults.append(
+                f"edge {wire.name} has stretches {wire.visible} that are not in order within 0 to 1"
+            )
             continue
         length = float(np.hypot(*(projected[1] - projected[0])))
         for k, (a, b) in enumerate(itertools.pairwise(bounds)):
-            if (b - a) * length < LONG_PX or n_tested >= MAX_STRETCHES:
+            if (b - a) * length < MIN_INTERVAL_PX or n_tested >= MAX_INTERVALS:
                 continue
             n_tested += 1
             is_visible, middle = k % 2 == 1, (a + b) / 2
-            if not _stretch_agrees(caster, pose, edge, middle, is_visible=is_visible):
+            if not _interval_agrees(caster, pose, edge, middle, is_visible=is_visible):
                 word = "seen" if is_visible else "hidden"
-                wrong.append(f"edge {wire.name} is {word} at {middle:.3f} of it, which a ray contradicts")
-    return wrong
+                faults.append(f"edge {wire.name} is {word} at {middle:.3f} of it, which a ray contradicts")
+    return faults
 
 
-def _stretch_agrees(caster: RayOracle, pose: Pose, edge: Edge, share: float, *, is_visible: bool) -> bool:
+def _interval_agrees(caster: RayOracle, pose: Pose, edge: Edge, share: float, *, is_visible: bool) -> bool:
     """Return True if the point at a share of the projected edge is visible or hidden as labelled."""
     ends = pose.apply(np.array([edge.a_m, edge.b_m]))
     z = ends[:, 2]
@@ -79,7 +84,7 @@ def _stretch_agrees(caster: RayOracle, pose: Pose, edge: Edge, share: float, *, 
         return nearest > point[2] - (5e-3 + 2e-4 * float(point[2]))
     # hidden: by a surface in front of it, or because all its faces face away
     facing = [float(pose.R @ np.asarray(n) @ -point) / float(np.linalg.norm(point)) for n in edge.normals]
-    return nearest < point[2] - CLEAR_M or max(facing, default=1.0) < CLEAR_COSINE
+    return nearest < point[2] - VISIBILITY_MARGIN_M or max(facing, default=1.0) < FACING_MARGIN
 
 
 def _rod_agrees(
@@ -89,12 +94,12 @@ def _rod_agrees(
 
     Surfaces in front of the axis are distinguished from the rod itself by their distance from the axis.
     """
-    way = (ends[1] - ends[0]) / max(float(np.linalg.norm(ends[1] - ends[0])), 1e-12)
-    if abs(float(way @ point)) > SHARPEST_COSINE * float(np.linalg.norm(point)):
+    rod_axis = (ends[1] - ends[0]) / max(float(np.linalg.norm(ends[1] - ends[0])), 1e-12)
+    if abs(float(rod_axis @ point)) > END_ON_COSINE * float(np.linalg.norm(point)):
         return True
-    before = hits_z_m[hits_z_m < point[2] - CLEAR_M]
-    places = before[:, None] * (point / point[2])
-    off = np.linalg.norm(np.cross(places - ends[0], way), axis=1)
+    before = hits_z_m[hits_z_m < point[2] - VISIBILITY_MARGIN_M]
+    points = before[:, None] * (point / point[2])
+    distance_m = np.linalg.norm(np.cross(points - ends[0], rod_axis), axis=1)
     if is_visible:
-        return not np.any(off > 5e-3 + 2.5 * radius_m + 2e-4 * float(point[2]))
-    return bool(np.any(off > OWN_RADII * radius_m + CLEAR_M))
+        return not np.any(distance_m > 5e-3 + 2.5 * radius_m + 2e-4 * float(point[2]))
+    return bool(np.any(distance_m > ROD_RADIUS_MARGIN * radius_m + VISIBILITY_MARGIN_M))

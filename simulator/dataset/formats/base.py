@@ -99,15 +99,25 @@ class DatasetFormat:
 
     Parameters
     ----------
-    name : name on the command line, and of the folder next to the native layout.
-    title : description.
-    carries, lacks : contents and omissions of the format, as parts of a sentence.
-    writer : function that makes a writer from output and card; None for a read-only format.
-    read : function that returns the images with poses of a folder or list, or None for one of another kind; None for a
+    name : str
+        Name on the command line, and of the folder next to the native layout.
+    title : str
+        Description.
+    carries : str, optional
+        Labels that the format holds, as part of a sentence.
+    lacks : str, optional
+        Labels that the format omits, as part of a sentence.
+    writer : callable, optional
+        Function that makes a writer from output and card; None for a read-only format.
+    read : callable, optional
+        Function that returns the images and poses of a folder or list, or None if it is in another format. None for a
         write-only format.
-    problem : function that returns why a data set cannot be written in this format, or None.
-    needs : module required for writing, and the extra that installs it.
-    deep_images : True if its readers accept images of more than eight bits.
+    problem : callable, optional
+        Function that returns why a data set cannot be written in this format, or None.
+    needs : tuple of str, optional
+        Module required for writing, and the extra that installs it.
+    deep_images : bool, optional
+        True if its readers accept images of more than eight bits.
     """
 
     name: str
@@ -135,7 +145,7 @@ class DatasetFormat:
         Raises
         ------
         UserError
-            If `check` raises it.
+            If the format cannot hold the data set; see `check`.
         """
         self.check(card)
         if self.writer is None:

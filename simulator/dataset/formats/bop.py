@@ -99,8 +99,10 @@ class BopWriter:
     def _model_of(self, frame: LabelledFrame, target: Target) -> int:
         """Return the number of the shape in a frame; a new one is written."""
         truth = frame.truth
-        varied = truth.scene.target.variation if isinstance(truth, Truth) else msgspec.UNSET
-        stretch = () if isinstance(varied, msgspec.UnsetType) else tuple(np.ravel(varied.stretch).tolist())
+        variation = truth.scene.target.variation if isinstance(truth, Truth) else msgspec.UNSET
+        stretch = (
+            () if isinstance(variation, msgspec.UnsetType) else tuple(np.ravel(variation.stretch).tolist())
+        )
         shape = stretch if any(stretch) else ()
         if shape not in self._models:
             number = self._models[shape] = len(self._models) + 1
@@ -145,9 +147,9 @@ def gt_info(frame: LabelledFrame, target: Target) -> dict[str, Any]:
         else:
             whole, bounds = visible + outside[0], outside[1]
     if visible:
-        own = np.array([[columns.min(), rows.min()], [columns.max(), rows.max()]])
-        visible_box = _way(*own)
-        obj = _way(np.fmin(own[0], bounds[0]), np.fmax(own[1], bounds[1]))
+        image_box = np.array([[columns.min(), rows.min()], [columns.max(), rows.max()]])
+        visible_box = _box_entry(*image_box)
+        obj = _box_entry(np.fmin(image_box[0], bounds[0]), np.fmax(image_box[1], bounds[1]))
     return {
         "bbox_obj": obj,
         "bbox_visib": visible_box,
@@ -163,7 +165,9 @@ def pixels_beside(camera: Camera, pose: Pose, target: Target) -> tuple[int, Floa
 
     Returns
     -------
-    Their number, and the (2, 2) x, y of the first and last column and row, NaN if there are none; None near the camera.
+    tuple or None
+        Their number, and the (2, 2) x, y of the first and last column and row, NaN if there are none; None near the
+        camera.
     """
     mesh = mesh_of(target)
     in_camera = pose.apply(mesh.positions_m)
@@ -171,8 +175,8 @@ def pixels_beside(camera: Camera, pose: Pose, target: Target) -> tuple[int, Floa
         return None
     size = np.array([camera.width_px, camera.height_px])
     vertices = camera.project(in_camera) + size + 0.5  # in a canvas of three by three images
-    across = np.diff(np.clip([vertices.min(axis=0), vertices.max(axis=0)], 0, 3 * size), axis=0)
-    scale = min(1.0, _CANVAS_PX / max(float(np.sqrt(across.prod())), 1.0))
+    extent = np.diff(np.clip([vertices.min(axis=0), vertices.max(axis=0)], 0, 3 * size), axis=0)
+    scale = min(1.0, _CANVAS_PX / max(float(np.sqrt(extent.prod())), 1.0))
     width, height = np.ceil(3 * size * scale).astype(int).tolist()
     grid = filled_mask(vertices[mesh.triangles] * scale - 0.5, (width, height))
     grid[tuple(slice(*np.rint(np.array([n, 2 * n]) * scale).astype(int)) for n in size[::-1])] = 0
@@ -182,7 +186,7 @@ def pixels_beside(camera: Camera, pose: Pose, target: Target) -> tuple[int, Floa
     return count, bounds if count else np.full((2, 2), np.nan)
 
 
-def _way(first: NDArray[Any], last: NDArray[Any]) -> list[int]:
+def _box_entry(first: NDArray[Any], last: NDArray[Any]) -> list[int]:
     """Return x, y, width and height as the toolkit does: the differences between first and last pixel."""
     return [round(float(v)) for v in (*first, *(last - first))]
 
@@ -208,13 +212,13 @@ def model_info(target: Target) -> dict[str, Any]:
     info: dict[str, Any] = {"diameter": float(pdist(mesh.hull_m).max()) * MM}
     for axis, start, size in zip("xyz", low.tolist(), (high - low).tolist(), strict=True):
         info |= {f"min_{axis}": start, f"size_{axis}": size}
-    turns = []
+    rotations = []
     for q in target.symmetry:
         pose = np.eye(4)
         pose[:3, :3] = matrix_from_quat(q)
         if not np.allclose(pose, np.eye(4)):
-            turns.append(pose.ravel().tolist())
-    return info | ({"symmetries_discrete": turns} if turns else {})
+            rotations.append(pose.ravel().tolist())
+    return info | ({"symmetries_discrete": rotations} if rotations else {})
 
 
 def _bop(output: FormatOutput, card: DatasetCard) -> FormatWriter:

@@ -1,9 +1,9 @@
 """COCO: keypoints, boxes and segmentation of the craft, as run lengths and polygons; parts by class if available.
 
-``images/SPLIT/NNNNNN.png``; ``annotations/SPLIT.json`` with run lengths, which are the mask exactly;
-``annotations/SPLIT_polygons.json`` with outlines, for loaders that take no others (holes are filled);
-``annotations/SPLIT_parts.json`` with a category for each class of parts, from the layer ``parts``. COCO's pixel (0, 0)
-is the corner of the first pixel, so all positions are moved by half a pixel.
+``images/SPLIT/NNNNNN.png``; ``annotations/SPLIT.json`` with run lengths, which represent the mask exactly;
+``annotations/SPLIT_polygons.json`` with outlines, for loaders that accept polygons only (holes are filled);
+``annotations/SPLIT_parts.json`` with a category for each class of parts, from the layer ``parts``. COCO's origin is the
+corner of the first pixel, not its centre, so all positions are shifted by half a pixel.
 
 References
 ----------
@@ -60,8 +60,8 @@ def run_lengths(mask: NDArray[Any]) -> dict[str, Any]:
     starts = np.flatnonzero(np.diff(flat, prepend=False)) + columns.start * height
     counts = np.diff(np.concatenate([[0], starts, [width * height]])).tolist()
     if flat.size and flat[-1] and columns.stop < width:
-        on = (columns.stop * height) - int(starts[-1])
-        counts[-1:] = [on, counts[-1] - on]
+        last_run = (columns.stop * height) - int(starts[-1])
+        counts[-1:] = [last_run, counts[-1] - last_run]
     return {"size": [height, width], "counts": counts}
 
 
@@ -71,9 +71,9 @@ def polygons(mask: ByteArray) -> list[list[float]]:
     part = (mask[rows, columns] > 0).astype(np.uint8)
     if not part.size:
         return []
-    twice = np.repeat(np.repeat(part, 2, axis=0), 2, axis=1)
+    doubled = np.repeat(np.repeat(part, 2, axis=0), 2, axis=1)
     first = (columns.start, rows.start)
-    outlines, _ = cv2.findContours(twice, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_SIMPLE)
+    outlines, _ = cv2.findContours(doubled, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_SIMPLE)
     return [((o.reshape(-1, 2) + 0.5) / 2 + first).ravel().tolist() for o in outlines if len(o) >= 3]
 
 
@@ -170,17 +170,17 @@ class CocoWriter:
         for split, images in self._images.items():
             objects = self._objects.get(split, [])
             lists: dict[str, tuple[list[dict[str, Any]], Any]] = {
-                split: ([one for one, _ in objects], [craft]),
-                f"{split}_polygons": ([one | {"segmentation": p} for one, p in objects if p], [craft]),
+                split: ([entry for entry, _ in objects], [craft]),
+                f"{split}_polygons": ([entry | {"segmentation": p} for entry, p in objects if p], [craft]),
             }
             if split in self._parts:
                 lists[f"{split}_parts"] = (self._parts[split], classes)
-            for name, (found, categories) in lists.items():
+            for name, (entries, categories) in lists.items():
                 document = {
                     "info": {"description": f"{self._card.scenario_name}, seed {self._card.seed}"},
                     "licenses": [{"id": 1, "name": self._card.licence}],
                     "images": images,
-                    "annotations": found,
+                    "annotations": entries,
                     "categories": categories,
                 }
                 self._output.write(f"annotations/{name}.json", json_bytes(document))

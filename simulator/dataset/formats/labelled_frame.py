@@ -39,12 +39,16 @@ class LabelledFrame:
 
     Parameters
     ----------
-    number : number in its data set.
-    read : function that returns the bytes of a file by its native suffix: ``png``, ``mask.png``, ``json``,
-        ``depth.exr``.
-    where : name of the file in error messages.
-    split : train, validation, test, or empty if the data set is not split.
-    decoded : layers that have been decoded already, by name.
+    number : int
+        Number in its data set.
+    read : callable
+        Function that returns the bytes of a file by its native suffix: ``png``, ``mask.png``, ``json``, ``depth.exr``.
+    where : str, optional
+        Name of the file in error messages.
+    split : str, optional
+        Train, validation, test, or empty if the data set is not split.
+    decoded : dict, optional
+        Layers that have been decoded already, by name.
     """
 
     number: int

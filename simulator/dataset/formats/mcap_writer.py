@@ -56,7 +56,7 @@ class McapWriter:
     def _shard(self, split: str, number: int, items: list[tuple[int, int, dict[str, Any]]]) -> None:
         place = io.BytesIO()
         writer = self._ros.Writer(place)
-        schemas = {kind: writer.register_msgdef(kind, DEFINITIONS[kind]) for kind in _once(TOPICS.values())}
+        schemas = {kind: writer.register_msgdef(kind, DEFINITIONS[kind]) for kind in _unique(TOPICS.values())}
         for frame, time_ns, messages in items:
             for topic, message in messages.items():
                 writer.write_message(topic, schemas[TOPICS[topic]], message, time_ns, time_ns, frame)
@@ -68,7 +68,7 @@ class McapWriter:
         self._shards.finish()
 
 
-def _once(names: Iterable[str]) -> list[str]:
+def _unique(names: Iterable[str]) -> list[str]:
     """Return the names without duplicates, in order."""
     return list(dict.fromkeys(names))
 

@@ -214,7 +214,7 @@ def write_encoded(folder: Path, k: int, files: EncodedFrame) -> FramePaths:
     return frame_paths(folder, k)
 
 
-def is_whole(folder: Path, k: int) -> bool:
+def is_frame_complete(folder: Path, k: int) -> bool:
     """Return True if frame k is complete.
 
     Raises

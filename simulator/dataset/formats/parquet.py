@@ -64,8 +64,8 @@ class ParquetWriter:
             "points": a.list_(numbers),
         }
         fields = columns(self._layers)
-        known = json.dumps({"info": {"features": {name: _feature(kind) for name, kind in fields.items()}}})
-        return a.schema([(n, types[k]) for n, k in fields.items()], metadata={"huggingface": known})
+        features = json.dumps({"info": {"features": {name: _feature(kind) for name, kind in fields.items()}}})
+        return a.schema([(n, types[k]) for n, k in fields.items()], metadata={"huggingface": features})
 
     def finish(self) -> None:
         """Write the last shards, and the card."""

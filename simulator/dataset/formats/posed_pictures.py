@@ -29,8 +29,8 @@ if TYPE_CHECKING:
 
 MAX_BYTES = 500_000_000  # size limit of a list of labels, for a million images
 MAX_CAMERA_BYTES = 4_000_000
-NEAREST_M, FARTHEST_M = 0.01, 1e6
-UNIT_WITHIN = 1e-3  # published quaternions are rounded, some to four digits
+MIN_RANGE_M, MAX_RANGE_M = 0.01, 1e6
+UNIT_TOLERANCE = 1e-3  # published quaternions are rounded, some to four digits
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,9 +39,12 @@ class PosedPicture:
 
     Parameters
     ----------
-    name : name in the set's own list.
-    path : image file.
-    t_s : time since the first image of a sequence [s].
+    name : str
+        Name in the set's own list.
+    path : Path
+        Image file.
+    t_s : float, optional
+        Time since the first image of a sequence [s].
     """
 
     name: str
@@ -56,21 +59,27 @@ class PosedPictures:
 
     Parameters
     ----------
-    labels : path of the list.
-    camera : camera of the set; None if it has none.
-    usual_camera, usual_target : names of the built-in ones for such sets; empty if they vary.
-    encoding : transfer function of the images of a set without a camera file.
+    labels : Path
+        Path of the list.
+    camera : Camera or None
+        Camera of the data set; None if it has no camera file.
+    default_camera : str, optional
+        Built-in camera of data sets in this format; empty if they vary.
+    default_target : str, optional
+        Built-in target of data sets in this format; empty if they vary.
+    encoding : Encoding, optional
+        Transfer function of the images of a set without a camera file.
     """
 
     labels: Path
     pictures: tuple[PosedPicture, ...]
     camera: Camera | None
-    usual_camera: str = ""
-    usual_target: str = ""
+    default_camera: str = ""
+    default_target: str = ""
     encoding: Encoding = "linear"
 
 
-def read_json(path: Path, *, most_bytes: int = MAX_BYTES) -> Any:  # noqa: ANN401 - any JSON value
+def read_json(path: Path, *, max_bytes: int = MAX_BYTES) -> Any:  # noqa: ANN401 - any JSON value
     """Read a foreign JSON file.
 
     Raises
@@ -80,7 +89,7 @@ def read_json(path: Path, *, most_bytes: int = MAX_BYTES) -> Any:  # noqa: ANN40
     """
     refuse_link_out(path, path.parent)
     try:
-        data = read_regular(path, most_bytes)
+        data = read_regular(path, max_bytes)
         refuse_deep(data, str(path))
         return json.loads(data)
     except OSError as error:
@@ -138,24 +147,28 @@ def find_picture(labels: Path, places: Iterable[Path], name: Any) -> Path:  # no
 
     Parameters
     ----------
-    labels : path of the list.
-    places : folders to search, in order.
+    labels : Path
+        Path of the list.
+    places : iterable of Path
+        Folders to search, in order.
 
     Raises
     ------
     UserError
-        If it is in none of them, or the name or a link leads out of the list's folder.
+        If no folder has the image, or the name or a symbolic link points outside the list's folder.
     """
     if not isinstance(name, str) or not name:
         raise UserError(f"{labels} names a picture {name!r}; a file name is needed")
-    looked = []
+    searched = []
     for place in places:
         path = find_beside(place / labels.name, name, "picture")
         if path.is_file():
             refuse_link_out(path, labels.parent)
             return path
-        looked.append(str(place))
-    raise UserError(f"{labels} names {name}, which is not in {' or '.join(looked)}; give the whole data set")
+        searched.append(str(place))
+    raise UserError(
+        f"{labels} names {name}, which is not in {' or '.join(searched)}; give the whole data set"
+    )
 
 
 def checked_pose(q_wxyz: Any, t_m: Any, where: str) -> Pose:  # noqa: ANN401 - values of a file
@@ -168,20 +181,22 @@ def checked_pose(q_wxyz: Any, t_m: Any, where: str) -> Pose:  # noqa: ANN401 - v
         the camera; the message starts with ``where``.
     """
     numbers = []
-    for what, values, count in (("quaternion", q_wxyz, 4), ("position", t_m, 3)):
+    for quantity, values, count in (("quaternion", q_wxyz, 4), ("position", t_m, 3)):
         try:
             row = [float(v) for v in values]
         except (TypeError, ValueError, OverflowError):
             row = []
         if len(row) != count or not all(math.isfinite(v) for v in row):
-            raise UserError(f"{where}: the {what} is {str(values)[:80]}, {count} finite numbers are needed")
+            raise UserError(
+                f"{where}: the {quantity} is {str(values)[:80]}, {count} finite numbers are needed"
+            )
         numbers.append(row)
     q, t = numbers
-    if abs(math.hypot(*q) - 1) > UNIT_WITHIN:
+    if abs(math.hypot(*q) - 1) > UNIT_TOLERANCE:
         raise UserError(f"{where}: the quaternion's length is {math.hypot(*q):g}; it must be one")
-    if not (t[2] > 0 and NEAREST_M < math.hypot(*t) < FARTHEST_M):
+    if not (t[2] > 0 and MIN_RANGE_M < math.hypot(*t) < MAX_RANGE_M):
         raise UserError(
-            f"{where}: the target is at {t} m, which is not before the camera or not {NEAREST_M:g} to "
-            f"{FARTHEST_M:g} m away; the data set's axes are another's"
+            f"{where}: the target is at {t} m, which is not before the camera or not {MIN_RANGE_M:g} to "
+            f"{MAX_RANGE_M:g} m away; the data set's axes are another's"
         )
     return Pose.of("camera", "target", q, t)

@@ -33,11 +33,11 @@ BUILT_IN = (SPEED, SPEEDPLUS, SHIRT, URSO, SPARK, BOP, COCO, YOLO, WEBDATASET, P
 
 def formats() -> dict[str, DatasetFormat]:
     """Return all formats except the native layout, by name."""
-    plugin_formats = {name: _added(plugin) for name, plugin in plugins("format").items()}
-    return {**plugin_formats, **{form.name: form for form in BUILT_IN}}
+    plugin_formats = {name: _load_plugin(plugin) for name, plugin in plugins("format").items()}
+    return {**plugin_formats, **{format_.name: format_ for format_ in BUILT_IN}}
 
 
-def _added(plugin: Plugin) -> DatasetFormat:
+def _load_plugin(plugin: Plugin) -> DatasetFormat:
     """Return a format of another package.
 
     Raises
@@ -45,20 +45,20 @@ def _added(plugin: Plugin) -> DatasetFormat:
     UserError
         If it cannot be imported, or is not a format.
     """
-    form = plugin.load()
-    if not isinstance(form, DatasetFormat) or form.name != plugin.name:
+    format_ = plugin.load()
+    if not isinstance(format_, DatasetFormat) or format_.name != plugin.name:
         raise plugin.wrong(f"is no DatasetFormat called {plugin.name}")
-    return form
+    return format_
 
 
 def readable() -> tuple[str, ...]:
     """Return the names of the formats that can be read."""
-    return tuple(form.name for form in formats().values() if form.read is not None)
+    return tuple(format_.name for format_ in formats().values() if format_.read is not None)
 
 
 def writable() -> tuple[str, ...]:
     """Return the names of the formats that can be written, the native layout first."""
-    return (NATIVE, *(form.name for form in formats().values() if form.writer is not None))
+    return (NATIVE, *(format_.name for format_ in formats().values() if format_.writer is not None))
 
 
 def find_format(name: str) -> DatasetFormat:
@@ -106,10 +106,10 @@ def check_formats(names: Iterable[str], card: DatasetCard) -> list[str]:
     UserError
         If a format cannot represent the data set.
     """
-    chosen_formats = [find_format(name) for name in names if name != NATIVE]
-    for form in chosen_formats:
-        form.check(card)
-    return [form.sentence(card) for form in chosen_formats]
+    selected = [find_format(name) for name in names if name != NATIVE]
+    for format_ in selected:
+        format_.check(card)
+    return [format_.sentence(card) for format_ in selected]
 
 
 def read_foreign(place: Path, name: str | None = None) -> tuple[PosedPictures, str]:
@@ -117,8 +117,10 @@ def read_foreign(place: Path, name: str | None = None) -> tuple[PosedPictures, s
 
     Parameters
     ----------
-    place : folder or list of labels.
-    name : name of the format; by default it is detected.
+    place : Path
+        Folder or list of labels.
+    name : str, optional
+        Name of the format; by default it is detected.
 
     Raises
     ------
@@ -127,15 +129,15 @@ def read_foreign(place: Path, name: str | None = None) -> tuple[PosedPictures, s
     """
     if not place.exists():
         raise UserError(f"there is no data set {place}; check the path")
-    readers = {form.name: form.read for form in formats().values() if form.read is not None}
+    readers = {format_.name: format_.read for format_ in formats().values() if format_.read is not None}
     if name is not None:
         if find_format(name).read is None:
             raise UserError(f"format {name} is written, not read; read are {', '.join(readers)}")
         readers = {name: readers[name]}
-    for form, read in readers.items():
+    for format_, read in readers.items():
         pictures = read(place)
         if pictures is not None:
             if not pictures.pictures:
                 raise UserError(f"{pictures.labels} lists no picture; give a list with some")
-            return pictures, form
+            return pictures, format_
     raise UserError(f"{place} holds no data set of a format that is read here ({', '.join(readers)})")

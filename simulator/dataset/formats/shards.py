@@ -17,7 +17,8 @@ class Shards(Generic[Item]):
 
     Parameters
     ----------
-    write : function that takes a split's name, the shard's number in it, and its items.
+    write : callable
+        Function that takes a split's name, the shard's number in it, and its items.
     """
 
     def __init__(self, write: Callable[[str, int, list[Item]], None]) -> None:

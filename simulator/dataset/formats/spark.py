@@ -95,13 +95,16 @@ def read_spark(place: Path) -> PosedPictures | None:
         )
         places = [folder / "images" / labels.stem, folder / "images", folder]
         if row.get("sequence"):
-            places = [*(place / row["sequence"] for place in places if _plain(row["sequence"])), *places]
+            places = [
+                *(place / row["sequence"] for place in places if _is_plain_name(row["sequence"])),
+                *places,
+            ]
         name = row["filename"]
         pictures.append(PosedPicture(name, find_picture(labels, places, name), pose))
     return PosedPictures(labels, tuple(pictures), find_camera(folder, levels=1), encoding="srgb")
 
 
-def _plain(name: str) -> bool:
+def _is_plain_name(name: str) -> bool:
     return name.replace("_", "").replace("-", "").isalnum()
 
 

@@ -59,7 +59,8 @@ class SpeedWriter:
 
     Parameters
     ----------
-    kind : ``speed`` or ``speedplus``.
+    kind : str
+        ``speed`` or ``speedplus``.
     """
 
     def __init__(self, output: FormatOutput, card: DatasetCard, kind: str) -> None:

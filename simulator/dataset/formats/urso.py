@@ -112,11 +112,11 @@ def read_urso(place: Path) -> PosedPictures | None:
     pictures = []
     for k, (name, row) in enumerate(zip(names, rows, strict=True)):
         where = f"{labels} line {k + 2}"
-        there = checked_pose(
+        urso_frame = checked_pose(
             [row["q4"], row["q1"], row["q2"], row["q3"]], [row["y"], row["z"], row["x"]], where
         )
-        R = URSO_FROM_CAMERA.T @ there.R @ MIRROR
-        t = (there.t_m[0], -there.t_m[1], there.t_m[2])
+        R = URSO_FROM_CAMERA.T @ urso_frame.R @ MIRROR
+        t = (urso_frame.t_m[0], -urso_frame.t_m[1], urso_frame.t_m[2])
         pose = checked_pose(quat_from_matrix(R), t, where)
         pictures.append(PosedPicture(name, find_picture(labels, [labels.parent], name), pose))
     return PosedPictures(labels, tuple(pictures), find_camera(labels.parent, levels=0), encoding="srgb")

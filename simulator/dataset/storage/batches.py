@@ -24,9 +24,12 @@ class FrameFiles:
 
     Parameters
     ----------
-    parts : all files but the record.
-    record : file renamed last.
-    lines : lines of the manifest.
+    parts : Files
+        All files but the record.
+    record : tuple
+        File renamed last.
+    lines : bytes
+        Lines of the manifest.
     """
 
     parts: Files
@@ -42,52 +45,52 @@ class FrameFiles:
 class FrameBatches:
     """Background writer of frames into a store, in batches. Use as a context manager.
 
-    Leaving it writes the remaining frames, also after an error elsewhere, so that the data set stays valid.
+    On exit the remaining frames are written, also after an exception, so that the data set stays valid.
 
     Raises
     ------
     UserError
-        From `add` or at the end, if the store is full or refuses; files that were not stored have no name there.
+        From `add` or on exit, if the store is full or rejects a file. A file that was not stored has no name there.
     """
 
-    def __init__(self, store: Store, *, most_bytes: int = MAX_BYTES, most_s: float = MAX_S) -> None:
-        self._store, self._most_bytes, self._most_s = store, most_bytes, most_s
-        self._held: list[FrameFiles] = []
-        self._since_s = 0.0
+    def __init__(self, store: Store, *, max_bytes: int = MAX_BYTES, max_s: float = MAX_S) -> None:
+        self._store, self._most_bytes, self._most_s = store, max_bytes, max_s
+        self._batch: list[FrameFiles] = []
+        self._batch_start_s = 0.0
         self._thread = ThreadPoolExecutor(1, thread_name_prefix="flyaround-write")
-        self._under_way: Future[None] | None = None
+        self._pending_write: Future[None] | None = None
 
     def add(self, frame: FrameFiles) -> None:
         """Add one frame; waits if the current batch is full and the previous one is still being written."""
-        if not self._held:
-            self._since_s = time.monotonic()
-        self._held.append(frame)
-        if self._under_way is not None and self._under_way.done():
+        if not self._batch:
+            self._batch_start_s = time.monotonic()
+        self._batch.append(frame)
+        if self._pending_write is not None and self._pending_write.done():
             self._wait()
         if (
-            sum(f.n_bytes for f in self._held) >= self._most_bytes
-            or time.monotonic() - self._since_s >= self._most_s
+            sum(f.n_bytes for f in self._batch) >= self._most_bytes
+            or time.monotonic() - self._batch_start_s >= self._most_s
         ):
             self._send()
 
     def flush(self) -> None:
         """Wait until everything added is on the disk."""
-        if self._held:
+        if self._batch:
             self._send()
         self._wait()
 
     def _send(self) -> None:
         self._wait()
-        batch, self._held = self._held, []
-        self._under_way = self._thread.submit(self._write, batch)
+        batch, self._batch = self._batch, []
+        self._pending_write = self._thread.submit(self._write, batch)
 
     def _wait(self) -> None:
-        under_way, self._under_way = self._under_way, None
-        if under_way is not None:
+        pending, self._pending_write = self._pending_write, None
+        if pending is not None:
             try:
-                under_way.result()
+                pending.result()
             except BaseException:
-                self._held = []  # retrying the same batch on a full disk would fail again
+                self._batch = []  # retrying the same batch on a full disk would fail again
                 raise
 
     def _write(self, batch: list[FrameFiles]) -> None:

@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from flyaround.simulator.scene.state import SceneState
 
 # Noise does not compress, so an image takes all of its bits; other sizes are typical of eval-earth at 1920x1200.
-_IMAGE = 1.02
+_IMAGE_SIZE_FACTOR = 1.02
 _MASK_PER_PIXEL = 0.01  # bytes of a compressed mask
 _RECORD_BYTES = 40_000
 # bytes per pixel of a layer; most are empty off the craft, except clean and amodal
@@ -23,7 +23,7 @@ _LAYER_PER_PIXEL = {
     "amodal": 0.02,
     "wireframe": 0.0,
 }
-_EXPORT = 1.0
+_EXPORT_SIZE_FACTOR = 1.0
 """Size of an export relative to the native images."""
 
 
@@ -31,15 +31,19 @@ def frame_bytes(scene: SceneState, labels: tuple[str, ...], n_exports: int) -> i
     """Return the approximate size of a frame on the disk."""
     camera, colours = scene.camera, 1 if scene.bands == "mono" else 3
     pixels = camera.width_px * camera.height_px
-    image = pixels * colours * (1 if scene.sensor.bits <= 8 else 2) * _IMAGE
+    image = pixels * colours * (1 if scene.sensor.bits <= 8 else 2) * _IMAGE_SIZE_FACTOR
     layers = sum(pixels * _LAYER_PER_PIXEL.get(name, 1.0) for name in labels if name != "clean")
     clean = image * 0.5 if "clean" in labels else 0.0
     return round(
-        image * (1 + _EXPORT * n_exports) + pixels * _MASK_PER_PIXEL + layers + clean + _RECORD_BYTES
+        image * (1 + _EXPORT_SIZE_FACTOR * n_exports)
+        + pixels * _MASK_PER_PIXEL
+        + layers
+        + clean
+        + _RECORD_BYTES
     )
 
 
-def refuse_without_room(store: Store, n_frames: int, each_bytes: int) -> None:
+def require_disk_space(store: Store, n_frames: int, each_bytes: int) -> None:
     """Raise if the disk has no room for a capture, before anything is written.
 
     Raises
@@ -48,11 +52,11 @@ def refuse_without_room(store: Store, n_frames: int, each_bytes: int) -> None:
         With the space needed and available.
     """
     free = store.free_bytes()
-    need = n_frames * each_bytes
-    if free is not None and need > free:
+    required = n_frames * each_bytes
+    if free is not None and required > free:
         raise UserError(
-            f"{n_frames:,} frames take about {_size(need)} and the disk of {store.title} has {_size(free)} left; ask "
-            "for fewer with -n, or name a folder on another disk with -o"
+            f"{n_frames:,} frames take about {_size(required)} and the disk of {store.title} has {_size(free)} left; "
+            "ask for fewer with -n, or name a folder on another disk with -o"
         )
 
 

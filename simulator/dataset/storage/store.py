@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Protocol
 
 from flyaround.simulator.errors import UserError, write_error
-from flyaround.simulator.runtime.files import PART_FILES, write_lasting
+from flyaround.simulator.runtime.files import PART_FILES, write_durable
 from flyaround.simulator.runtime.untrusted_files import read_regular
 
 if TYPE_CHECKING:
@@ -26,24 +26,26 @@ class Store(Protocol):
         """Name for messages."""
 
     def write(self, *waves: Files) -> None:
-        """Write files durably; a file gets its name only after it and all earlier waves are whole.
+        """Write files durably.
+
+        A file gets its final name only after it and all files of earlier waves are complete.
 
         Raises
         ------
         UserError
-            If the store is full or refuses.
+            If the store is full or rejects a file.
         """
 
     def append(self, name: str, text: bytes) -> None:
         """Append to a text file; durable after `close` at the latest."""
 
-    def read(self, name: str, most_bytes: int) -> bytes:
+    def read(self, name: str, max_bytes: int) -> bytes:
         """Read the contents of a file.
 
         Raises
         ------
         OSError
-            If there is none or it cannot be read. A file longer than ``most_bytes`` raises `UserError`.
+            If there is none or it cannot be read. A file longer than ``max_bytes`` raises `UserError`.
         """
 
     def exists(self, name: str) -> bool:
@@ -70,7 +72,8 @@ class FolderStore:
 
     Parameters
     ----------
-    others : names in it that do not belong to the data set.
+    others : frozenset of str, optional
+        Names in it that do not belong to the data set.
     """
 
     def __init__(self, folder: Path, others: frozenset[str] = frozenset()) -> None:
@@ -83,18 +86,18 @@ class FolderStore:
         return str(self.folder)
 
     def write(self, *waves: Files) -> None:
-        """Write files: all are on the disk before the first gets its name, and they get their names in order."""
-        self._refuse_if_moved()
+        """Write files. All are synced to the disk before the first is renamed to its final name, in order."""
+        self._require_not_moved()
         files = [(self.folder / name, data) for wave in waves for name, data in wave]
         for parent in {path.parent for path, _ in files}:
             try:
                 parent.mkdir(parents=True, exist_ok=True)
             except OSError as error:
                 raise write_error(parent, error) from error
-        write_lasting(files)
+        write_durable(files)
 
-    def _refuse_if_moved(self) -> None:
-        """Raise if the folder was moved: a new one in its place would hold half a data set that looks whole."""
+    def _require_not_moved(self) -> None:
+        """Raise if the folder was moved: a new folder in its place would hold an incomplete set that seems valid."""
         with contextlib.suppress(OSError):
             if os.path.samestat(self._place, self.folder.stat()):
                 return
@@ -105,7 +108,7 @@ class FolderStore:
 
     def append(self, name: str, text: bytes) -> None:
         """Append to a text file."""
-        self._refuse_if_moved()
+        self._require_not_moved()
         path = self.folder / name
         try:
             with path.open("ab") as file:
@@ -115,9 +118,9 @@ class FolderStore:
         except OSError as error:
             raise write_error(path, error) from error
 
-    def read(self, name: str, most_bytes: int) -> bytes:
+    def read(self, name: str, max_bytes: int) -> bytes:
         """Read the contents of a file."""
-        return read_regular(self.folder / name, most_bytes)
+        return read_regular(self.folder / name, max_bytes)
 
     def exists(self, name: str) -> bool:
         """Return True if there is a file of that name."""

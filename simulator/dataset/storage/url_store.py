@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
     from flyaround.simulator.dataset.storage.store import Files
 
-_APPENDED_EVERY_S = 30.0
+_APPEND_INTERVAL_S = 30.0
 """Interval at which appended text is rewritten as a whole object, because objects cannot be appended to."""
 
 
@@ -41,9 +41,9 @@ class UrlStore:
         except ImportError as error:
             raise missing_extra(f"output {without_secrets(url)}", "stores", error) from error
         self._title = without_secrets(url.rstrip("/"))
-        self._ends: dict[str, tuple[bytearray, float]] = {}
+        self._appended: dict[str, tuple[bytearray, float]] = {}
         # some file systems connect on creation
-        with self._refusals("reach"):
+        with self._store_errors("reach"):
             try:
                 self._fs, self._root = url_to_fs(url.rstrip("/"))
             except ImportError as error:
@@ -66,9 +66,9 @@ class UrlStore:
     def write(self, *waves: Files) -> None:
         """Write files, those of a wave in parallel if the store can."""
         for name, _ in (file for wave in waves for file in wave):
-            self._ends.pop(name, None)  # earlier appended data is replaced
+            self._appended.pop(name, None)  # earlier appended data is replaced
         for wave in waves:
-            with self._refusals("write to"):
+            with self._store_errors("write to"):
                 # object stores have no folders, and would create a missing bucket
                 if not self._fs.async_impl:
                     for folder in {self._path(name).rpartition("/")[0] for name, _ in wave}:
@@ -77,25 +77,23 @@ class UrlStore:
 
     def append(self, name: str, text: bytes) -> None:
         """Append to a text file; written periodically, and by `close`."""
-        if name not in self._ends:
+        if name not in self._appended:
             before = self.read(name, 2**32) if self.exists(name) else b""
-            self._ends[name] = (bytearray(before), time.monotonic())
-        whole, written_s = self._ends[name]
+            self._appended[name] = (bytearray(before), time.monotonic())
+        whole, written_s = self._appended[name]
         whole += text
-        if time.monotonic() - written_s >= _APPENDED_EVERY_S:
-            self._write_end(name)
-            self._ends[name] = (whole, time.monotonic())
+        if time.monotonic() - written_s >= _APPEND_INTERVAL_S:
+            self._write_appended(name)
+            self._appended[name] = (whole, time.monotonic())
 
-    def read(self, name: str, most_bytes: int) -> bytes:
+    def read(self, name: str, max_bytes: int) -> bytes:
         """Read the contents of a file, including appended text."""
-        if name in self._ends:
-            return bytes(self._ends[name][0])
+        if name in self._appended:
+            return bytes(self._appended[name][0])
         try:
             size = self._fs.size(self._path(name))
-            if size is not None and size > most_bytes:
-                raise UserError(
-                    f"{self._title}/{name} has {size:,} bytes and at most {most_bytes:,} are read"
-                )
+            if size is not None and size > max_bytes:
+                raise UserError(f"{self._title}/{name} has {size:,} bytes and at most {max_bytes:,} are read")
             data: bytes = self._fs.cat_file(self._path(name))
         except OSError:
             raise
@@ -107,20 +105,20 @@ class UrlStore:
 
     def exists(self, name: str) -> bool:
         """Return True if there is a file of that name."""
-        if name in self._ends:
+        if name in self._appended:
             return True
-        with self._refusals("read"):
+        with self._store_errors("read"):
             return bool(self._fs.isfile(self._path(name)))
 
     def is_empty(self) -> bool:
         """Return True if no object lies below the URL."""
-        with self._refusals("read"):
+        with self._store_errors("read"):
             return not self._fs.find(self._root, maxdepth=1) and not self._fs.find(self._root)
 
     def remove(self, name: str) -> None:
         """Remove a file."""
-        self._ends.pop(name, None)
-        with self._refusals("write to"):
+        self._appended.pop(name, None)
+        with self._store_errors("write to"):
             if self._fs.exists(self._path(name)):
                 self._fs.rm_file(self._path(name))
 
@@ -133,18 +131,18 @@ class UrlStore:
 
     def close(self) -> None:
         """Write the appended text."""
-        for name in list(self._ends):
-            self._write_end(name)
-        self._ends.clear()
+        for name in list(self._appended):
+            self._write_appended(name)
+        self._appended.clear()
 
-    def _write_end(self, name: str) -> None:
-        self.write([(name, bytes(self._ends[name][0]))])
+    def _write_appended(self, name: str) -> None:
+        self.write([(name, bytes(self._appended[name][0]))])
 
     def _path(self, name: str) -> str:
         return f"{self._root}/{name}"
 
     @contextmanager
-    def _refusals(self, what: str) -> Iterator[None]:
+    def _store_errors(self, what: str) -> Iterator[None]:
         """Convert the store's errors to one sentence."""
         try:
             yield

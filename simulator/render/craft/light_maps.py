@@ -12,7 +12,7 @@ from flyaround.simulator.render.craft.mesh_array import shadow_program
 from flyaround.simulator.render.gl.fences import draw_to
 from flyaround.simulator.render.gl.shared_blocks import MOST_PATCHES
 from flyaround.simulator.render.gl.uniform_block import vec4_of_bands
-from flyaround.simulator.scene.illumination.area_light import MOST_LIGHTS
+from flyaround.simulator.scene.illumination.area_light import MAX_LIGHTS
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from flyaround.simulator.render.craft.viewport_fit import ViewportFit
     from flyaround.simulator.render.device import Device
     from flyaround.simulator.runtime.arrays import FloatArray
-    from flyaround.simulator.scene.illumination.area_light import PlacedLight
+    from flyaround.simulator.scene.illumination.area_light import CameraFrameLight
     from flyaround.simulator.scene.state import Quality, SceneState
 
 PATCHES: dict[Quality, int] = {"draft": 4, "default": 8, "high": 16}
@@ -74,7 +74,7 @@ class LightMaps:
     ) -> tuple[moderngl.Texture, int]:
         """Draw the maps and write the block; return the image of all maps, and the number of patches of each light."""
         mesh, count = loaded.mesh, PATCHES[scene.quality]
-        lights = [light.placed(scene.camera_from_target) for light in scene.area_lights]
+        lights = [light.in_camera_frame(scene.camera_from_target) for light in scene.area_lights]
         target_from_camera = np.linalg.inv(place.camera_from_target)
         patches = [point for light in lights for point in light.points_m(count)]
         columns = math.ceil(math.sqrt(len(patches)))
@@ -120,14 +120,14 @@ class LightMaps:
 
 def _values(
     scene: SceneState,
-    lights: Sequence[PlacedLight],
+    lights: Sequence[CameraFrameLight],
     patches: Sequence[FloatArray],
     matrices: FloatArray,
     texel_rad: float,
 ) -> dict[str, FloatArray]:
     """Return the members of the block ``AreaLights``."""
     names = ("middle", "right", "down", "axis", "radiance")
-    values = {f"u_light_{name}": np.zeros((MOST_LIGHTS, 4)) for name in names}
+    values = {f"u_light_{name}": np.zeros((MAX_LIGHTS, 4)) for name in names}
     share = len(lights) / len(patches)
     for k, (light, spec) in enumerate(zip(lights, scene.area_lights, strict=True)):
         values["u_light_middle"][k, :3] = light.middle_m

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from flyaround.simulator.baking.mesh_edges import edge_gaps
-from flyaround.simulator.geometry.convex_shells import BOX, Boxes, hidden
+from flyaround.simulator.geometry.convex_shells import BOX_SIZE, Boxes, hidden
 from flyaround.simulator.render.projection import image_of
 
 if TYPE_CHECKING:
@@ -75,7 +75,7 @@ class VisibleEdges:
         self._is_border = self._faces[0] == self._faces[1]
         ends = self.edges.vertices_m[self.edges.ends]
         self._ends_m = np.ascontiguousarray(np.moveaxis(ends, 0, 2).reshape(6, -1))
-        self._boxes = Boxes.about(ends, BOX * mesh.radius_m)
+        self._boxes = Boxes.about(ends, BOX_SIZE * mesh.radius_m)
 
     def cut(self, longest_m: float) -> VisibleEdges:
         """Return the same edges in pieces no longer than ``longest_m``."""

@@ -11,8 +11,8 @@ import moderngl
 import numpy as np
 
 from flyaround.simulator.celestial.air_tables import GROUND_MU_MIN, GROUND_SAMPLES, air_tables
-from flyaround.simulator.celestial.city_lights import BRIGHTEST as CITY_BRIGHTEST
 from flyaround.simulator.celestial.city_lights import MAP_MAX_W_M2_SR as CITY_MAX_W_M2_SR
+from flyaround.simulator.celestial.city_lights import MAX_LIGHT as CITY_BRIGHTEST
 from flyaround.simulator.celestial.detail_noise import GRAIN, PERIOD_KM, SIZE, SLOPE_PER_KM
 from flyaround.simulator.celestial.earth_maps import SNOW_REFLECTANCE, TERRAIN_SLOPE_MAX, terrain_texture
 from flyaround.simulator.celestial.earth_maps import WIDTH as MAP_WIDTH

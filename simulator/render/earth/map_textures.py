@@ -17,7 +17,7 @@ from flyaround.simulator.celestial.ocean_colour import ocean_colour
 from flyaround.simulator.celestial.seasons import Season, ground_slopes, month_gains, season
 from flyaround.simulator.render.gl.mipmaps import mipmap_chain
 from flyaround.simulator.runtime.progress import watch_steps
-from flyaround.simulator.runtime.threads import beside_the_caller
+from flyaround.simulator.runtime.threads import helper_threads
 from flyaround.simulator.scene.illumination.atmosphere import earth_atmosphere
 from flyaround.simulator.scene.illumination.multiple_scattering import HEIGHTS, SUNS
 
@@ -64,7 +64,7 @@ def prefetch_earth_maps(of_bands: Bands, environment: Environment, epoch_utc: st
     bands = 1 if of_bands == "mono" else 3
     dates = season(epoch_utc) if environment.seasons else AUGUST
     # longest tasks first: the detail alone takes as long as the maps
-    pools = [ThreadPoolExecutor(1) for _ in range(min(beside_the_caller(), 2))]
+    pools = [ThreadPoolExecutor(1) for _ in range(min(helper_threads(), 2))]
     with_maps, other_pools = pools[0], pools[-1]
     maps = with_maps.submit(lambda: [mipmap_chain(image, globe=True) for image in packed_maps(bands)])
     albedo = with_maps.submit(albedo_of_day, epoch_utc, clouds=environment.clouds, ice=environment.sea_ice)

@@ -59,7 +59,7 @@ class ShineSampler:
         self._target = context.simple_framebuffer((1, 1))
 
     def field(
-        self, scene: SceneState, view: View, globe: GlobeView, earth: Earth, also_w_m2: FloatArray
+        self, scene: SceneState, view: View, globe: GlobeView, earth: Earth, additional_w_m2: FloatArray
     ) -> IrradianceField:
         """Return the field of the Earth's light plus other light, as in `field_of_samples`."""
         rays, share_sr, rim = _rays(globe, view.globe.radius_m)
@@ -86,7 +86,7 @@ class ShineSampler:
             share_sr * stretch[2] / length**3,
             rim,
             -view.R_camera_from_globe @ zenith,
-            also_w_m2,
+            additional_w_m2,
             disc=GROUND_RAYS,
         )
 

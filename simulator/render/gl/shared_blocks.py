@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from flyaround.simulator.render.gl.uniform_block import Field, UniformBlock
-from flyaround.simulator.scene.illumination.area_light import MOST_LIGHTS
+from flyaround.simulator.scene.illumination.area_light import MAX_LIGHTS
 
 if TYPE_CHECKING:
     import moderngl
@@ -105,11 +105,11 @@ AREA_LIGHTS = (
     Field(
         "vec4", "u_light_count"
     ),  # number of lights; offset of a point from its face [m at 1 m]: grazing, always
-    Field("vec4", "u_light_middle", MOST_LIGHTS),  # centre, camera frame [m]
-    Field("vec4", "u_light_right", MOST_LIGHTS),  # half a side [m]; w: area of a patch [m2]
-    Field("vec4", "u_light_down", MOST_LIGHTS),  # half the other side [m]
-    Field("vec4", "u_light_axis", MOST_LIGHTS),  # unit vector; w: exponent of the cosine from it
-    Field("vec4", "u_light_radiance", MOST_LIGHTS),  # on the axis, per band [W m-2 sr-1]
+    Field("vec4", "u_light_middle", MAX_LIGHTS),  # centre, camera frame [m]
+    Field("vec4", "u_light_right", MAX_LIGHTS),  # half a side [m]; w: area of a patch [m2]
+    Field("vec4", "u_light_down", MAX_LIGHTS),  # half the other side [m]
+    Field("vec4", "u_light_axis", MAX_LIGHTS),  # unit vector; w: exponent of the cosine from it
+    Field("vec4", "u_light_radiance", MAX_LIGHTS),  # on the axis, per band [W m-2 sr-1]
     Field("vec4", "u_patch_place", MOST_PATCHES),  # camera frame [m]
     Field("mat4", "u_patch_map", MOST_PATCHES),  # from the camera frame to texture coordinates and depth
 )

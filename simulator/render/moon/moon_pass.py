@@ -10,9 +10,9 @@ import cv2
 import numpy as np
 
 from flyaround.simulator.celestial.craters import (
-    BROAD_LARGEST_PX,
+    BROAD_MAX_PX,
     DEVIATION_MAX,
-    FINE_LARGEST_PX,
+    FINE_MAX_PX,
     SLOPE_MAX,
     crater_levels,
 )
@@ -112,7 +112,7 @@ class MoonTextures:
         albedo = moon_map()
         self.map = context.texture(albedo.shape[::-1], 1, albedo, alignment=1)
         self.craters = []
-        for largest, wide_km in ((BROAD_LARGEST_PX, BROAD_KM), (FINE_LARGEST_PX, FINE_KM)):
+        for largest, wide_km in ((BROAD_MAX_PX, BROAD_KM), (FINE_MAX_PX, FINE_KM)):
             self.craters.append(texture_of_levels(context, crater_levels(largest, wide_km / CRATERS_SIZE)))
         self.map.build_mipmaps()
         for texture in (self.map, *self.craters):

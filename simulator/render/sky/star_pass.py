@@ -14,7 +14,7 @@ from flyaround.simulator.celestial.star_catalogue import stars
 from flyaround.simulator.celestial.star_colours import (
     irradiance_of_v_mag,
     photons_over_sunlights,
-    usual_v_minus_i,
+    typical_v_minus_i,
 )
 from flyaround.simulator.render.craft.placement import TARGET
 from flyaround.simulator.render.frame_graph import Pass
@@ -159,7 +159,7 @@ def stars_in_view(
     if environment.planets:
         points = planets(scene.epoch_utc, np.asarray(scene.r_camera_eci_m))
         directions.append(points.directions.T)
-        bv, vi = points.b_minus_v, usual_v_minus_i(points.b_minus_v)
+        bv, vi = points.b_minus_v, typical_v_minus_i(points.b_minus_v)
         irradiance = irradiance_of_v_mag(points.v_mag, bv, vi, scene.bands)
         if by_photons:
             irradiance *= photons_over_sunlights(vi, scene.bands)

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 _Place = Annotated[float, Meta(ge=-1e4, le=1e4)]
 Side = Annotated[float, Meta(ge=0.01, le=100)]
-MOST_LIGHTS = 8
+MAX_LIGHTS = 8
 DIFFUSE_DEG = 60.0
 """Half angle at which a Lambertian emitter has half of its on-axis intensity [deg]."""
 
@@ -30,7 +30,7 @@ class AreaLight(Section, frozen=True, kw_only=True):
 
     ``position_m`` is its centre in the axes of ``frame``: ``camera`` (right, down, forward) or ``target``. It emits on
     one side, along ``direction``, or by default towards the target's origin; ``turn_deg`` rotates it about that axis.
-    Radiance is on the axis, panchromatic, with the Sun's spectrum. The camera does not see the light itself.
+    The radiance is that on the axis, panchromatic, with the Sun's spectrum. The rectangle itself is not drawn.
     """
 
     position_m: tuple[_Place, _Place, _Place]
@@ -48,20 +48,20 @@ class AreaLight(Section, frozen=True, kw_only=True):
         """Exponent of the cosine from the axis in the radiance; 0 for a diffuse light."""
         return max(float(np.log(0.5) / np.log(np.cos(np.radians(self.half_angle_deg)))) - 1.0, 0.0)
 
-    def placed(self, camera_from_target: Pose) -> PlacedLight:
+    def in_camera_frame(self, camera_from_target: Pose) -> CameraFrameLight:
         """Return the light in camera axes."""
         middle, along = np.asarray(self.position_m, float), self.direction
         origin = np.zeros(3) if self.frame == "target" else np.asarray(camera_from_target.t_m)
         axis = origin - middle if along is None or not np.any(along) else np.asarray(along, float)
         length = float(np.linalg.norm(axis))
         axis = np.array([0.0, 0.0, 1.0]) if length < 1e-9 else axis / length
-        across, down = axes_across(axis)
+        across, down = light_axes(axis)
         c, s = np.cos(np.radians(self.turn_deg)), np.sin(np.radians(self.turn_deg))
         right, down = c * across + s * down, c * down - s * across
         if self.frame == "target":
             R = camera_from_target.R
             middle, axis, right, down = camera_from_target.apply(middle), R @ axis, R @ right, R @ down
-        return PlacedLight(
+        return CameraFrameLight(
             middle, axis, right * (self.width_m / 2), down * (self.height_m / 2), self.exponent
         )
 
@@ -71,7 +71,7 @@ class AreaLight(Section, frozen=True, kw_only=True):
         return np.asarray(self.radiance_w_m2_sr * colour / sun_irradiance_w_m2("mono", AU_M))
 
 
-def axes_across(axis: FloatArray) -> tuple[FloatArray, FloatArray]:
+def light_axes(axis: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return two unit vectors (3,) perpendicular to an axis, the first level and the second downward in camera axes."""
     across = np.cross([0.0, 1.0, 0.0], axis)
     length = float(np.linalg.norm(across))
@@ -81,13 +81,21 @@ def axes_across(axis: FloatArray) -> tuple[FloatArray, FloatArray]:
 
 
 @dataclass(frozen=True, eq=False)
-class PlacedLight:
+class CameraFrameLight:
     """A light in camera axes.
 
     Parameters
     ----------
-    middle_m : (3,) centre. axis : (3,) unit vector of emission. right_m, down_m : (3,) half sides.
-    exponent : exponent of the cosine from the axis.
+    middle_m : (3,) array
+        Centre.
+    axis : (3,) array
+        Unit vector of emission.
+    right_m : (3,) array
+        Half of the horizontal side [m].
+    down_m : (3,) array
+        Half of the vertical side [m].
+    exponent : float
+        Exponent of the cosine from the axis.
     """
 
     middle_m: FloatArray
@@ -111,7 +119,12 @@ class PlacedLight:
 
         Parameters
         ----------
-        positions_m, normals : (K, 3) in camera axes. count : number of patches.
+        positions_m : (K, 3) array
+            Illuminated points, camera frame [m].
+        normals : (K, 3) array
+            Unit normals there, camera frame.
+        count : int, optional
+            Number of patches.
         """
         d = self.points_m(count)[None] - np.asarray(positions_m, float)[:, None]
         square = np.maximum((d * d).sum(axis=2), 1e-4)

@@ -35,15 +35,30 @@ class Atmosphere:
 
     Parameters
     ----------
-    rayleigh_m : (n,) scattering at sea level [m-1].
-    mie_scattering_m, mie_extinction_m : the same coefficients of the aerosol.
-    ozone_m : (n,) absorption at the peak of the layer [m-1].
-    layers_m, falls_m : (LAYERS,) lowest heights of exponential layers of the Rayleigh scatterers [m], and the increase
-        of the density's logarithmic slope from there on [m-1].
-    aerosol_depth : vertical optical depth of the aerosol at 550 nm. mie_height_m : scale height of the aerosol [m].
-    mie_g : asymmetry of the Cornette-Shanks phase function.
-    airglow_w_m2_sr : (n,) radiance of the airglow at the zenith [W m-2 sr-1]. airglow_m : lower and upper edge [m].
-    thickness_m : height of the top [m].
+    rayleigh_m : (n,) array
+        Scattering at sea level [m-1].
+    mie_scattering_m : array
+        Scattering coefficient of the aerosol at the ground [m-1].
+    mie_extinction_m : array
+        Extinction coefficient of the aerosol at the ground [m-1].
+    ozone_m : (n,) array
+        Absorption at the peak of the layer [m-1].
+    layers_m : (LAYERS,) array
+        Lower bounds of the exponential layers of Rayleigh scatterers [m].
+    falls_m : (LAYERS,) array
+        Increase of the density's logarithmic slope at each bound [m-1].
+    aerosol_depth : float
+        Vertical optical depth of the aerosol at 550 nm.
+    mie_height_m : float
+        Scale height of the aerosol [m].
+    mie_g : float
+        Asymmetry of the Cornette-Shanks phase function.
+    airglow_w_m2_sr : (n,) array
+        Radiance of the airglow at the zenith [W m-2 sr-1].
+    airglow_m : tuple of float
+        Lower and upper edge [m].
+    thickness_m : float
+        Height of the top [m].
     """
 
     rayleigh_m: FloatArray
@@ -97,13 +112,14 @@ def body_atmosphere(
 ) -> Atmosphere:
     """Return the atmosphere of a body, per band; without air it scatters nothing.
 
-    Depths are means over a band's wavelengths. Weighted by the Sun's energy the panchromatic Rayleigh depth would be 7
-    % larger, weighted by photons 2 % smaller.
+    Optical depths are unweighted means over a band's wavelengths.
 
     Parameters
     ----------
-    thickness_m : height of the top, by default the body's; densities below do not change.
-    aerosol_depth : vertical optical depth of the aerosol at 550 nm, by default the body's.
+    thickness_m : float, optional
+        Height of the top, by default the body's; densities below do not change.
+    aerosol_depth : float, optional
+        Vertical optical depth of the aerosol at 550 nm, by default the body's.
     """
     air = body.air or _NO_AIR
     a, b = air.rayleigh_dispersion_um
@@ -157,7 +173,10 @@ def sun_share(radius_m: FloatArray, mu_sun: FloatArray, ground_m: float) -> Floa
 
     Parameters
     ----------
-    radius_m : distance from the centre. mu_sun : cosine of the Sun's zenith angle.
+    radius_m : array
+        Distance from the centre.
+    mu_sun : array
+        Cosine of the Sun's zenith angle.
     """
     horizon = -np.sqrt(np.clip(1 - (ground_m / np.maximum(radius_m, ground_m)) ** 2, 0, None))
     x = np.clip((mu_sun - horizon) / (2 * SUN_ANGULAR_RADIUS_RAD) + 0.5, 0, 1)
@@ -192,7 +211,7 @@ def optical_depth_to_top(
 def transmittance_to_sun(air: Atmosphere, radius_m: FloatArray, mu_sun: FloatArray) -> FloatArray:
     """Return the transmittance (..., n) to the Sun at a radius, including the horizon."""
     share = np.asarray(sun_share(np.asarray(radius_m, float), np.asarray(mu_sun, float), air.radius_m))
-    # rays below the geometric horizon stand for the upper part of the disc: they see the horizon's air
+    # if the Sun's centre is below the horizon, only the upper part of the disc is visible, through the horizon's air
     r = np.maximum(np.asarray(radius_m, float), air.radius_m)
     horizon = -np.sqrt(np.clip(1 - (air.radius_m / r) ** 2, 0, None))
     mu = np.asarray(np.maximum(mu_sun, horizon))
@@ -208,7 +227,8 @@ class PathLight:
 
     Parameters
     ----------
-    multiple : (K, n) light scattered at least twice, isotropic [sr-1]; zero if not requested.
+    multiple : (K, n) array
+        Light scattered at least twice, isotropic [sr-1]; zero if not requested.
     """
 
     rayleigh: FloatArray
@@ -223,8 +243,9 @@ class MultipleScattering:
 
     Parameters
     ----------
-    psi : (HEIGHTS, SUNS, n) radiance over the Sun's irradiance [sr-1]; rows: square root of height over thickness;
-        columns: cosine of the Sun's zenith angle, -1 to 1, stretched around the horizon (``sun_column``).
+    psi : (HEIGHTS, SUNS, n) array
+        Radiance over the Sun's irradiance [sr-1]; rows: square root of height over thickness; columns: cosine of the
+        Sun's zenith angle, -1 to 1, stretched around the horizon (``sun_column``).
     """
 
     psi: FloatArray
@@ -233,10 +254,10 @@ class MultipleScattering:
     def __call__(self, height_m: FloatArray, mu_sun: FloatArray) -> FloatArray:
         """Return the linearly interpolated table: (..., n)."""
         row = np.sqrt(np.clip(height_m / self.thickness_m, 0, 1))
-        return between(self.psi, row, sun_column(np.asarray(mu_sun, float)))
+        return interpolate_table(self.psi, row, sun_column(np.asarray(mu_sun, float)))
 
 
-def between(table: FloatArray, row: FloatArray, column: FloatArray) -> FloatArray:
+def interpolate_table(table: FloatArray, row: FloatArray, column: FloatArray) -> FloatArray:
     """Interpolate a table (rows, columns, n) linearly at positions 0..1 along its axes: (..., n)."""
     rows, columns, _ = table.shape
     y, x = np.broadcast_arrays(row * (rows - 1), column * (columns - 1))
@@ -267,9 +288,14 @@ def path_light(
 
     Parameters
     ----------
-    camera_m : (3,) position from the Earth's centre. directions : (K, 3) unit vectors.
-    sun : (..., 3) unit vectors to the Sun; with several, in-scatter is (..., K, n) and transmittance (K, n).
-    multiple : table of light scattered at least twice, to be added.
+    camera_m : (3,) array
+        Position from the Earth's centre.
+    directions : (K, 3) array
+        Unit vectors.
+    sun : (..., 3) array
+        Unit vectors to the Sun; with several, in-scatter is (..., K, n) and transmittance (K, n).
+    multiple : MultipleScattering, optional
+        Table of light scattered at least twice, to be added.
     """
     d = np.asarray(directions, float)
     b = d @ camera_m
@@ -315,7 +341,8 @@ def airglow_path(air: Atmosphere, perigee_m: FloatArray) -> FloatArray:
 
     Parameters
     ----------
-    perigee_m : least distances of the rays from the centre.
+    perigee_m : array
+        Least distances of the rays from the centre.
     """
     low, high = (air.radius_m + height for height in air.airglow_m)
     a, b = low**2 - perigee_m**2, high**2 - perigee_m**2
@@ -337,9 +364,12 @@ def ground_irradiance(
 
     Parameters
     ----------
-    mu_sun : (K,) cosines of the Sun's zenith angle.
-    diffuse : ``False`` omits the sky's part, which takes nearly all of the time.
-    multiple : table of light scattered at least twice, added to the diffuse part.
+    mu_sun : (K,) array
+        Cosines of the Sun's zenith angle.
+    diffuse : bool, optional
+        False to omit the diffuse part, which takes most of the time.
+    multiple : MultipleScattering, optional
+        Table of light scattered at least twice, added to the diffuse part.
     """
     mu_sun = np.asarray(mu_sun, float)
     direct = (

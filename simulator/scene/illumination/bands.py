@@ -27,8 +27,12 @@ class Band:
 
     Parameters
     ----------
-    low_nm, high_nm : limits of a rectangular response.
-    rgb_weights : share of the band's sunlight in the red, green and blue of a linear RGB reflectance.
+    low_nm : float
+        Lower limit of a rectangular response.
+    high_nm : float
+        Upper limit of a rectangular response.
+    rgb_weights : tuple of float
+        Share of the band's sunlight in the red, green and blue of a linear RGB reflectance.
     """
 
     name: str

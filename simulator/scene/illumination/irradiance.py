@@ -34,11 +34,15 @@ class IrradianceField:
 
     Parameters
     ----------
-    irradiance_w_m2 : (10, n) coefficients per band of 1, x, y, z, xy, yz, zx, 3 z^2 - 1, x^2 - y^2 of the normal, and
-        of the fourth Legendre polynomial of its cosine with ``axis``, about which a disc is symmetric.
-    radiance_w_m2_sr : (n, 4) radiance inside the disc per band: gradient over directions, and constant.
-    disc_cosine : cosine of the disc's angular radius about ``axis``; -2 for light from everywhere.
-    axis : (3,) unit vector to the disc's centre.
+    irradiance_w_m2 : (10, n) array
+        Coefficients per band of 1, x, y, z, xy, yz, zx, 3 z^2 - 1, x^2 - y^2 of the normal, and of the fourth Legendre
+        polynomial of its cosine with ``axis``, about which a disc is symmetric.
+    radiance_w_m2_sr : (n, 4) array
+        Radiance inside the disc per band: gradient over directions, and constant.
+    disc_cosine : float
+        Cosine of the disc's angular radius about ``axis``; -2 for light from everywhere.
+    axis : (3,) array
+        Unit vector to the disc's centre.
     """
 
     irradiance_w_m2: FloatArray
@@ -95,22 +99,28 @@ def field_of_samples(
     solid_angle_sr: float | FloatArray,
     disc_cosine: float,
     axis: FloatArray,
-    also_w_m2: FloatArray | None = None,
+    additional_w_m2: FloatArray | None = None,
     disc: int | None = None,
 ) -> IrradianceField:
     """Fit the field of a disc to samples.
 
     Parameters
     ----------
-    directions : (K, 3) unit vectors from the target. radiance : (K, n) [W m-2 sr-1].
-    solid_angle_sr : solid angle of each sample, or (K,).
-    also_w_m2 : (P, n) irradiance of other light, from `moon_plate_irradiance`.
-    disc : number of samples, first in order, that are on the disc; the others surround it.
+    directions : (K, 3) array
+        Unit vectors from the target.
+    radiance : (K, n) array
+        [W m-2 sr-1].
+    solid_angle_sr : float or array
+        Solid angle of each sample, or (K,).
+    additional_w_m2 : (P, n) array, optional
+        Irradiance of other light, from `moon_plate_irradiance`.
+    disc : int, optional
+        Number of samples, first in order, that are on the disc; the others surround it.
     """
     solid_angles = np.broadcast_to(solid_angle_sr, len(directions))[:, None]
     falling = np.maximum(_NORMALS @ directions.T, 0) @ (radiance * solid_angles)
-    if also_w_m2 is not None:
-        falling += also_w_m2
+    if additional_w_m2 is not None:
+        falling += additional_w_m2
     directions, radiance, solid_angles = directions[:disc], radiance[:disc], solid_angles[:disc]
     design = np.ones((len(directions), 4))
     design[:, :3] = directions
@@ -146,16 +156,24 @@ def globe_shine(
     sun_w_m2: FloatArray,
     albedo: Float32Array,
     radius_m: float,
-    also_w_m2: FloatArray | None = None,
+    additional_w_m2: FloatArray | None = None,
 ) -> IrradianceField:
     """Compute the light of the part of a globe that is visible from a target.
 
     Parameters
     ----------
-    r_target_globe_m, sun_globe : target position [m] and unit vector to the Sun, in the globe's axes.
-    sun_w_m2 : irradiance of the Sun at the globe, per band. radius_m : radius of the globe, here a sphere.
-    albedo : (H, W) Lambertian albedo, equirectangular, row 0 in the north, column 0 at -180 degrees; or (1, 1).
-    also_w_m2 : irradiance of other light, see `field_of_samples`.
+    r_target_globe_m : array
+        Position of the target, axes of the globe [m].
+    sun_globe : array
+        Unit vector to the Sun, axes of the globe.
+    sun_w_m2 : array
+        Irradiance of the Sun at the globe, per band.
+    albedo : (H, W) array
+        Lambertian albedo, equirectangular, row 0 in the north, column 0 at -180 degrees; or (1, 1).
+    radius_m : float
+        Radius of the globe, here a sphere.
+    additional_w_m2 : array, optional
+        Irradiance of other light, see `field_of_samples`.
     """
     distance = float(np.linalg.norm(r_target_globe_m))
     sine = min(radius_m / distance, 1.0)
@@ -182,7 +200,7 @@ def globe_shine(
         solid_angle,
         rim,
         -R_camera_from_globe @ zenith,
-        also_w_m2,
+        additional_w_m2,
     )
 
 
@@ -197,8 +215,12 @@ def moon_shine(
 
     Parameters
     ----------
-    sun : unit vector to the Sun, in the frame of ``r_moon_from_target_m``. R_camera : rotation from it to the camera.
-    axis : axis of the field to which the coefficients belong, camera frame.
+    sun : array
+        Unit vector to the Sun, in the frame of ``r_moon_from_target_m``.
+    R_camera : array
+        Rotation from it to the camera.
+    axis : array
+        Axis of the field to which the coefficients belong, camera frame.
     """
     return _fit_irradiance(axis, moon_plate_irradiance(r_moon_from_target_m, sun, R_camera, sun_w_m2))
 

@@ -66,7 +66,10 @@ class Lamp(Section, frozen=True, kw_only=True):
 
         Parameters
         ----------
-        positions_m, normals : (K, 3) camera frame.
+        positions_m : (K, 3) array
+            Illuminated points, camera frame [m].
+        normals : (K, 3) array
+            Unit normals there, camera frame.
         """
         to_lamp = np.asarray(self.offset_m) - positions_m
         distance = np.linalg.norm(to_lamp, axis=1)

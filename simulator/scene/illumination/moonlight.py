@@ -41,7 +41,10 @@ def moonlight_share(r_moon_m: FloatArray, sun: FloatArray) -> float:
 
     Parameters
     ----------
-    r_moon_m : (3,) vector to the Moon from the lit point. sun : (3,) unit vector to the Sun, same frame.
+    r_moon_m : (3,) array
+        Vector to the Moon from the lit point.
+    sun : (3,) array
+        Unit vector to the Sun, same frame.
     """
     distance = float(np.linalg.norm(r_moon_m))
     phase = math.acos(min(max(float(-r_moon_m @ sun) / distance, -1.0), 1.0))
@@ -64,7 +67,7 @@ def surface_phase(angle_rad: FloatArray) -> FloatArray:
     Buratti, Hillier & Wang (1996), The lunar opposition surge: observations by Clementine, Icarus 124, 490: the ground
     at 0 degrees is 1.4 times as bright as at 4.
     """
-    # beyond 165 degrees relief dominates the crescent, which neither formula describes
+    # beyond a phase angle of 165 degrees neither formula is valid, because relief dominates the crescent
     angle = np.clip(np.abs(np.asarray(angle_rad, float)), 0, np.radians(165))
     surge = 1 + _SURGE * np.exp(-np.degrees(angle) / _SURGE_DEG)
     return surge * disc_phase(angle) / lommel_seeliger_disc(angle)

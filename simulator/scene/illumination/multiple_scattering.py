@@ -1,8 +1,11 @@
 """Multiple scattering in double precision, as a table over height and the Sun's zenith angle.
 
-Light is scattered isotropically after the first scattering, as in Hillaire (2020), A scalable and production ready sky
-and atmosphere rendering technique, Computer Graphics Forum 39(4), section 5.5. Unlike there, orders are summed along
-the rays, with the sky's light on the ground, instead of as a local geometric series.
+Light is scattered isotropically after the first scattering, as in Hillaire (2020), section 5.5. In contrast to that
+method, which assumes a local geometric series, the orders are summed along the rays, including light from the ground.
+
+References
+----------
+Hillaire (2020), A scalable and production ready sky and atmosphere rendering technique, Computer Graphics Forum 39(4).
 """
 
 from __future__ import annotations
@@ -14,7 +17,7 @@ import numpy as np
 
 from flyaround.simulator.scene.illumination.atmosphere import (
     MultipleScattering,
-    between,
+    interpolate_table,
     mie_phase,
     optical_depth_to_top,
     rayleigh_phase,
@@ -44,7 +47,7 @@ def multiple_scattering(air: Atmosphere, ground_albedo: float = EARTH.albedo) ->
     rays, weight = _sphere()
     suns = np.stack([np.sqrt(1 - mu_sun**2), np.zeros_like(mu_sun), mu_sun], axis=1)
     paths = _paths(air, air.radius_m + height, rays, suns)
-    return _second_and_on(paths, rays[:, 2], weight, air.thickness_m, ground_albedo)
+    return _higher_orders(paths, rays[:, 2], weight, air.thickness_m, ground_albedo)
 
 
 def _sphere() -> tuple[FloatArray, FloatArray]:
@@ -88,10 +91,20 @@ class _Paths:
 
     Parameters
     ----------
-    first : (H, K, S, n) radiance of single scattering. sunlit : (H, K, S, n) radiance of ground in direct sunlight.
-    scattered : (STEPS, H, K, n) share of the mean radiance that each step scatters along the ray.
-    row, column : (STEPS, H, K), (STEPS, H, K, S) positions of the steps in the table.
-    foot, foot_column : (H, K, n) radiance of white ground over its irradiance; (H, K, S) column there.
+    first : (H, K, S, n) array
+        Radiance of single scattering.
+    sunlit : (H, K, S, n) array
+        Radiance of ground in direct sunlight.
+    scattered : (STEPS, H, K, n) array
+        Share of the mean radiance that each step scatters along the ray.
+    row : (STEPS, H, K) array
+        Row of each step in the table.
+    column : (STEPS, H, K, S) array
+        Column of each step in the table.
+    foot : (H, K, n) array
+        Radiance of white ground over its irradiance.
+    foot_column : (H, K, S) array
+        Column of the ground point in the table.
     """
 
     first: FloatArray
@@ -109,8 +122,8 @@ def _paths(air: Atmosphere, radius_m: FloatArray, rays: FloatArray, suns: FloatA
     mu, at = rays[:, 2], radius_m[:, None]
     to_top = -at * mu + np.sqrt((at * mu) ** 2 + air.top_m**2 - at**2)
     under = (at * mu) ** 2 + air.radius_m**2 - at**2
-    grounded = (under > 0) & (mu < 0)
-    length = np.where(grounded, -at * mu - np.sqrt(np.clip(under, 0, None)), to_top)
+    hits_ground = (under > 0) & (mu < 0)
+    length = np.where(hits_ground, -at * mu - np.sqrt(np.clip(under, 0, None)), to_top)
     angle = rays @ suns.T
     phases = rayleigh_phase(angle)[..., None], mie_phase(angle, air.mie_g)[..., None]
     depth = np.zeros((*length.shape, len(air.rayleigh_m)))
@@ -138,13 +151,13 @@ def _paths(air: Atmosphere, radius_m: FloatArray, rays: FloatArray, suns: FloatA
         depth += extinction * dt[..., None]
     foot = start + length[..., None] * rays
     mu_sun = np.clip(foot @ suns.T / air.radius_m, -1, 1)
-    white = np.where(grounded[..., None], np.exp(-depth) / np.pi, 0.0)
+    white = np.where(hits_ground[..., None], np.exp(-depth) / np.pi, 0.0)
     direct = sunlight(np.full(mu_sun.shape, air.radius_m), mu_sun) * np.clip(mu_sun, 0, None)[..., None]
     scattered, row, column = (np.stack(part) for part in zip(*steps, strict=True))
     return _Paths(first, white[..., None, :] * direct, scattered, row, column, white, sun_column(mu_sun))
 
 
-def _second_and_on(
+def _higher_orders(
     paths: _Paths, mu: FloatArray, weight: FloatArray, thickness_m: float, albedo: float
 ) -> MultipleScattering:
     """Sum the mean radiance of all higher orders; rays have zenith cosines ``mu``."""
@@ -152,11 +165,11 @@ def _second_and_on(
     total = paths.first + albedo * paths.sunlit
     light = total
     for _ in range(_ORDERS):
-        psi = np.stack([np.einsum("k,ksn->sn", weight, one) for one in light])
-        falling = np.einsum("k,ksn->sn", up, light[0])[None]  # irradiance on the ground
+        psi = np.stack([np.einsum("k,ksn->sn", weight, order) for order in light])
+        ground_flux = np.einsum("k,ksn->sn", up, light[0])[None]  # irradiance on the ground
         more = np.zeros_like(total)
         for scattered, row, column in zip(paths.scattered, paths.row, paths.column, strict=True):
-            more += scattered[:, :, None] * between(psi, row[..., None], column)
-        ground = between(falling, np.zeros_like(paths.foot_column), paths.foot_column)
+            more += scattered[:, :, None] * interpolate_table(psi, row[..., None], column)
+        ground = interpolate_table(ground_flux, np.zeros_like(paths.foot_column), paths.foot_column)
         light = total + more + albedo * paths.foot[:, :, None] * ground
     return MultipleScattering(psi, thickness_m)

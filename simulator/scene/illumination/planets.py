@@ -22,8 +22,12 @@ class _Planet:
 
     Parameters
     ----------
-    number : SOFA's number of the planet. magnitude : V at 1 au from Sun and Earth.
-    phase : coefficients of the powers 1, 2, 3 of the phase angle in degrees.
+    number : int
+        SOFA's number of the planet.
+    magnitude : float
+        V at 1 au from Sun and Earth.
+    phase : tuple of float
+        Coefficients of the powers 1, 2, 3 of the phase angle in degrees.
     """
 
     name: str
@@ -63,7 +67,8 @@ def planets(epoch_utc: str, observer_eci_m: FloatArray) -> PlanetLight:
 
     Parameters
     ----------
-    observer_eci_m : (3,) position from the Earth's centre.
+    observer_eci_m : (3,) array
+        Position from the Earth's centre.
     """
     almanac = _almanac(epoch_utc[: len("2026-01-01T00:00")])
     relative = almanac.geocentric_m - np.asarray(observer_eci_m, float)

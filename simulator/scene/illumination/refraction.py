@@ -1,8 +1,8 @@
 """Sunlight through the Earth's limb: dimmed, reddened and refracted into the shadow; the Sun's limb darkening.
 
-One model for the Sun seen past the Earth, and for the light inside the Earth's shadow on the Moon. A straight ray that
-would pass the centre at radius + y arrives where a refracted one of perigee height h does, y = h - D e(h), with D the
-distance behind the Earth and e(h) the bending.
+The same model gives the Sun seen past the Earth and the light inside the Earth's shadow on the Moon. At a distance D
+behind the Earth, a refracted ray of perigee height h arrives where a straight ray of perigee height y = h - D e(h)
+would, where e(h) is the refraction angle.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ def _grazing(bands: Bands) -> FloatArray:
     """Return the transmittance (K, n) of the whole air along rays of perigee height ``_HEIGHTS_M``."""
     air = earth_atmosphere(bands)
     depth = optical_depth_to_top(air, air.radius_m + _HEIGHTS_M, np.zeros_like(_HEIGHTS_M), steps=48)
-    # clouds block most of the lowest rays: a tenth passes at the ground, all at 12 km
+    # clouds block most of the low rays: the transmittance increases from a tenth at the ground to one at 12 km
     clear = 0.1 + 0.9 * np.clip(_HEIGHTS_M / 12e3, 0, 1)
     return np.exp(-2 * depth) * clear[:, None]
 
@@ -47,12 +47,12 @@ def _grazing(bands: Bands) -> FloatArray:
 def _strips() -> tuple[FloatArray, FloatArray]:
     """Return the strips of the disc: position -1..1 and share of the light."""
     edges = -np.cos(np.linspace(0, np.pi, _STRIPS + 1))  # fine at both ends
-    place = 0.5 * (edges[1:] + edges[:-1])
-    half = np.sqrt(1 - place**2)
+    position = 0.5 * (edges[1:] + edges[:-1])
+    half = np.sqrt(1 - position**2)
     # brightness integrated along a strip; closed form of 1 - u + u sqrt(1 - r^2) along a chord of half length c
     light = 2 * half * (1 - LIMB_DARKENING) + LIMB_DARKENING * np.pi / 2 * half**2
     weight = light * np.diff(edges)
-    return place, weight / weight.sum()
+    return position, weight / weight.sum()
 
 
 def sunlight_past_earth(r_m: FloatArray, r_sun_m: FloatArray, bands: Bands) -> FloatArray:
@@ -60,26 +60,28 @@ def sunlight_past_earth(r_m: FloatArray, r_sun_m: FloatArray, bands: Bands) -> F
 
     Parameters
     ----------
-    r_m, r_sun_m : (3,) position and Sun from the Earth's centre, in space stretched so that the ellipsoid is a sphere
-        [m].
+    r_m : (3,) array
+        Position from the Earth's centre, in space stretched so that the ellipsoid is a sphere [m].
+    r_sun_m : (3,) array
+        Position of the Sun, in the same space [m].
     """
     air = earth_atmosphere(bands)
     to_sun = np.asarray(r_sun_m, float) - r_m
-    away = float(np.linalg.norm(to_sun))
-    u = to_sun / away
+    height_m = float(np.linalg.norm(to_sun))
+    u = to_sun / height_m
     behind = -float(np.dot(r_m, u))  # distance behind the Earth's centre
     if behind <= 0:
         return np.ones(len(air.rayleigh_m))
     # height of the straight ray from the Sun's centre
     y = float(np.linalg.norm(r_m + behind * u)) - air.radius_m
-    sun_m = behind * SUN_RADIUS_M / away
+    sun_m = behind * SUN_RADIUS_M / height_m
     if y - sun_m > _HEIGHTS_M[-1]:
         return np.ones(len(air.rayleigh_m))
-    place, weight = _strips()
+    position, weight = _strips()
     bending = BENDING_RAD * np.exp(-_HEIGHTS_M / BENDING_HEIGHT_M)
     arrives = _HEIGHTS_M - behind * bending
     light = _grazing(bands) / (1 + behind * bending / BENDING_HEIGHT_M)[:, None]
-    at = y + sun_m * place
+    at = y + sun_m * position
     return np.array([weight @ np.interp(at, arrives, column, left=0.0) for column in light.T])
 
 
@@ -89,7 +91,10 @@ def shadow_profile(distance_km: int, sun_distance_gm: int, bands: Bands) -> tupl
 
     Parameters
     ----------
-    distance_km : distance behind the Earth. sun_distance_gm : distance of the Sun from there [10^9 m].
+    distance_km : int
+        Distance behind the Earth.
+    sun_distance_gm : int
+        Distance of the Sun from there [10^9 m].
 
     Returns
     -------
@@ -103,12 +108,12 @@ def shadow_profile(distance_km: int, sun_distance_gm: int, bands: Bands) -> tupl
     # rings in the plane of the limb are mapped to where their light arrives, which conserves light, also at the axis
     h = np.concatenate([np.linspace(0, 300e3, 6001), np.linspace(300e3, reach + sun_m, 4000)[1:]])
     middle, width = 0.5 * (h[1:] + h[:-1]), np.diff(h)
-    lands = np.abs(air.radius_m + middle - behind * BENDING_RAD * np.exp(-middle / BENDING_HEIGHT_M))
+    arrival = np.abs(air.radius_m + middle - behind * BENDING_RAD * np.exp(-middle / BENDING_HEIGHT_M))
     flux = width * 2 * np.pi * (air.radius_m + middle)
     through = np.stack([np.interp(middle, _HEIGHTS_M, c, right=1.0) for c in _grazing(bands).T], axis=1)
     edges = np.linspace(0, reach + sun_m, 1201)
     area = np.pi * np.diff(edges**2)
-    point = np.stack([np.histogram(lands, edges, weights=flux * c)[0] / area for c in through.T], axis=1)
+    point = np.stack([np.histogram(arrival, edges, weights=flux * c)[0] / area for c in through.T], axis=1)
     radius = 0.5 * (edges[1:] + edges[:-1])
     # the disc of the Sun, as a plane of rays from each of its parts
     ring = (np.arange(16) + 0.5) / 16

@@ -34,8 +34,8 @@ if TYPE_CHECKING:
 
 CLEARCOAT, ANISOTROPY = "KHR_materials_clearcoat", "KHR_materials_anisotropy"
 TYPES = {5126: "<f4", 5125: "<u4", 5123: "<u2", 5121: "u1"}  # glTF 2.0 specification, section 3.6.2.2
-LARGEST_FILE_BYTES = 2 << 30
-BROKEN = (LookupError, TypeError, AttributeError, ValueError, ArithmeticError, RecursionError)
+MAX_FILE_BYTES = 2 << 30
+GLTF_ERRORS = (LookupError, TypeError, AttributeError, ValueError, ArithmeticError, RecursionError)
 """Exceptions raised when reading a document that violates glTF."""
 
 
@@ -49,7 +49,7 @@ def load_glb(path: str | Path) -> Target:
     """
     path = Path(path)
     try:
-        data = read_regular(path, LARGEST_FILE_BYTES)
+        data = read_regular(path, MAX_FILE_BYTES)
     except OSError as error:
         raise UserError(f"cannot read target {path}: {error.strerror}; check the path") from error
     return target_from(data, path)
@@ -92,7 +92,7 @@ def target_from(data: bytes, path: Path, *, checked: bool = False) -> Target:
             pictures=pictures,
             part_classes=record.part_classes or {},
         )
-    except BROKEN as error:
+    except GLTF_ERRORS as error:
         raise UserError(
             f"{path} breaks the rules of glTF 2.0 ({type(error).__name__}: {error}); export it again"
         ) from error
@@ -113,7 +113,7 @@ def target_from(data: bytes, path: Path, *, checked: bool = False) -> Target:
 def holds_target(path: Path) -> bool:
     """Return True if a GLB file claims to be a target file, valid or not."""
     try:
-        document, _ = read_chunks(read_regular(path, LARGEST_FILE_BYTES), path)
+        document, _ = read_chunks(read_regular(path, MAX_FILE_BYTES), path)
     except (OSError, UserError):
         return False
     return _extras(document) is not None

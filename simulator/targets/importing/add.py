@@ -22,9 +22,9 @@ from flyaround.simulator.targets.importing.read.textures import bake_textures
 from flyaround.simulator.targets.importing.repair.cleanup import (
     RepairCounts,
     check_surface,
-    oriented,
-    welded_body,
-    without_slivers,
+    drop_slivers,
+    orient_body,
+    weld_body,
 )
 from flyaround.simulator.targets.importing.repair.coincident_faces import coincidence_lines
 from flyaround.simulator.targets.importing.repair.holes import cap_solids
@@ -59,17 +59,32 @@ class ImportOptions:
 
     Parameters
     ----------
-    scale, units : factor to metres, or one of mm, cm, m, in.
-    up : y or z.
-    recentre : True to move the origin to the centre of the bounding box.
-    any_size : True to accept a size that no spacecraft has.
-    decimate : reduce to at most this many triangles.
-    strict : True to refuse missing textures, and open, non-manifold or one-sided surfaces, unless an option allows
-        them.
-    fill_holes, keep_holes, keep_non_manifold : treatment of open or non-manifold surfaces; holes are filled if the
-        result is a solid.
-    new_normals : True to recompute normals even if the file's are consistent.
-    mass_kg, density_kg_m3 : mass or density of the uniform solid.
+    scale : float, optional
+        Factor from the file's unit to metres.
+    units : str, optional
+        Unit of the file instead of ``scale``: mm, cm, m or in.
+    up : str, optional
+        y or z.
+    recentre : bool, optional
+        True to move the origin to the centre of the bounding box.
+    any_size : bool, optional
+        True to accept any size, even one that is implausible for a spacecraft.
+    decimate : int, optional
+        Largest number of triangles, to which the mesh is reduced.
+    strict : bool, optional
+        True to refuse missing textures, and open, non-manifold or one-sided surfaces, unless an option allows them.
+    fill_holes : bool, optional
+        True to fill holes; by default they are filled if the result is a solid.
+    keep_holes : bool, optional
+        True to keep open surfaces.
+    keep_non_manifold : bool, optional
+        True to keep non-manifold surfaces.
+    new_normals : bool, optional
+        True to recompute normals even if the file's are consistent.
+    mass_kg : float, optional
+        Mass of the uniform solid.
+    density_kg_m3 : float, optional
+        Density of the uniform solid, instead of its mass.
     """
 
     scale: float | None = None
@@ -89,13 +104,16 @@ class ImportOptions:
 
 @dataclass
 class Findings:
-    """Findings, assumptions, repairs and losses by severity: one line each, with the option that changes it.
+    """Messages about an import by severity: one line each, with the option that changes the outcome.
 
     Parameters
     ----------
-    shape : findings that affect poses, masks and labels.
-    look : findings that affect images alone.
-    repairs : repairs without loss.
+    shape : list of str, optional
+        Findings that affect poses, masks and labels.
+    look : list of str, optional
+        Findings that affect images alone.
+    repairs : list of str, optional
+        Repairs without loss.
     """
 
     shape: list[str] = field(default_factory=list)
@@ -108,26 +126,26 @@ class Findings:
 
 
 def import_mesh(path: Path, name: str, options: ImportOptions | None = None) -> tuple[Target, list[str]]:
-    """Import a target from a mesh file; return it with a line for each finding, assumption, repair and loss.
+    """Import a target from a mesh file; return it with messages about assumptions, repairs and losses.
 
     Raises
     ------
     UserError
-        If the file cannot become a target; the message says why and what to do.
+        If the file cannot become a target; the message states reason and remedy.
     """
     options = options or ImportOptions()
     _check_weights(options)
-    ready = _target_file(path, name, options)
-    if ready is not None:
+    target_file = _target_file(path, name, options)
+    if target_file is not None:
         note = "already a target file: geometry, keypoints, wireframe and mass taken as they are"
-        return ready, [note, _summary(ready)]
+        return target_file, [note, _summary(target_file)]
     model, bodies, extent, materials, parts, lines = read_surface(path, options)
-    mass, how = mass_properties_of(bodies, options.mass_kg, options.density_kg_m3)
+    mass, derivation = mass_properties_of(bodies, options.mass_kg, options.density_kg_m3)
     keypoints = propose_keypoints(bodies, extent)
-    wireframe, left_out = propose_wireframe(bodies, extent, materials)
+    wireframe, n_omitted = propose_wireframe(bodies, extent, materials)
     occluders = propose_occluders(bodies, extent)
-    lines += _proposals(len(keypoints), len(wireframe), left_out, len(occluders.triangles))
-    lines.append(how)
+    lines += _proposals(len(keypoints), len(wireframe), n_omitted, len(occluders.triangles))
+    lines.append(derivation)
     names_in_use = {p.material for p in parts}
     materials_in_use = tuple(m for m in materials if m.name in names_in_use)
     texture_names = {name for m in materials_in_use for name in m.textures if name}
@@ -161,7 +179,8 @@ def read_surface(
 
     Returns
     -------
-    The file's model, its bodies, the craft's extent [m], materials in use, parts, and lines for the user.
+    tuple
+        The file's model, its bodies, the craft's extent [m], materials in use, parts, and lines for the user.
 
     Raises
     ------
@@ -219,7 +238,7 @@ def _bodies(model: RawModel, options: ImportOptions, findings: Findings) -> tupl
     tally = RepairCounts()
     bodies = []
     for part in model.parts:
-        body = welded_body(part, low, extent, tally)
+        body = weld_body(part, low, extent, tally)
         if len(body.triangles):
             bodies.append(body)
         else:
@@ -231,7 +250,7 @@ def _bodies(model: RawModel, options: ImportOptions, findings: Findings) -> tupl
         before = sum(len(b.triangles) for b in bodies)
         original, bodies = bodies, decimate(bodies, options.decimate)
         off = deviation(original, bodies)
-        bodies = [without_slivers(b, extent, RepairCounts()) for b in bodies]
+        bodies = [drop_slivers(b, extent, RepairCounts()) for b in bodies]
         bodies = [b for b in bodies if len(b.triangles)]
         after = sum(len(b.triangles) for b in bodies)
         findings.shape.append(
@@ -241,14 +260,14 @@ def _bodies(model: RawModel, options: ImportOptions, findings: Findings) -> tupl
     if options.fill_holes:
         capped = cap_solids(bodies, extent)
         tally.filled, tally.left_open = capped.filled, capped.left
-        bodies = [without_slivers(b, extent, tally) for b in capped.bodies]
-    out = _checked(model, bodies, options, tally, findings, reduced=reduced)
+        bodies = [drop_slivers(b, extent, tally) for b in capped.bodies]
+    out = _check_surfaces(model, bodies, options, tally, findings, reduced=reduced)
     findings.repairs += tally.lines()
     findings.shape += coincidence_lines(out, extent)
     return out, extent
 
 
-def _checked(
+def _check_surfaces(
     model: RawModel,
     bodies: list[MeshBody],
     options: ImportOptions,
@@ -258,20 +277,22 @@ def _checked(
     reduced: bool,
 ) -> list[MeshBody]:
     """Return the bodies oriented outwards; open edges and non-manifold edges are counted or, if ``strict``, refused."""
-    holes = rims = branches = one_sided = 0
-    lenient = not options.strict or reduced  # reducing may open seams and merge edges
+    holes = rims = non_manifold = one_sided = 0
+    is_lenient = not options.strict or reduced  # reducing may open seams and merge edges
     out = []
     for body in bodies:
         where = f"{model.path}, part {body.name!r}"
         counts = check_surface(
             body,
             where,
-            keep_holes=options.keep_holes or lenient,
-            keep_non_manifold=options.keep_non_manifold or lenient,
+            keep_holes=options.keep_holes or is_lenient,
+            keep_non_manifold=options.keep_non_manifold or is_lenient,
             tried_to_fill=options.fill_holes,
         )
-        holes, rims, branches = holes + counts[0], rims + counts[1], branches + counts[2]
-        oriented_body, twisted = oriented(body, where, tally, lenient=options.keep_non_manifold or lenient)
+        holes, rims, non_manifold = holes + counts[0], rims + counts[1], non_manifold + counts[2]
+        oriented_body, twisted = orient_body(
+            body, where, tally, lenient=options.keep_non_manifold or is_lenient
+        )
         out.append(oriented_body)
         one_sided += twisted
     model.openings = holes
@@ -280,9 +301,9 @@ def _checked(
             f"kept {holes:,} open outlines ({rims:,} open edges) as sheets seen from both sides"
             + (" (--fill-holes caps those that then bound a solid)" if not options.fill_holes else "")
         )
-    if branches:
+    if non_manifold:
         advice = "" if options.keep_non_manifold else " (--strict refuses them and names the first)"
-        findings.shape.append(f"kept {branches:,} edges of three or more faces{advice}")
+        findings.shape.append(f"kept {non_manifold:,} edges of three or more faces{advice}")
     if one_sided:
         findings.shape.append(
             f"kept {one_sided:,} faces of one-sided surfaces (--strict refuses them and names the first)"
@@ -294,23 +315,25 @@ def _parts(
     bodies: list[MeshBody], materials: list[Material], options: ImportOptions, lines: list[str]
 ) -> list[Part]:
     parts: list[Part] = []
-    n_taken = absent = wrong = 0
+    n_taken = n_flat = n_wrong = 0
     for body in bodies:
         if not options.new_normals and normals_fit(body):
             normals: FloatArray = file_normals(body)
             n_taken += 1
         else:
-            absent += body.corner_normals is None
-            wrong += body.corner_normals is not None
+            n_flat += body.corner_normals is None
+            n_wrong += body.corner_normals is not None
             normals = smooth_normals(body)
         parts += parts_of(body, normals, materials)
-    if absent:
+    if n_flat:
         lines.append(
-            f"computed normals of {absent} part{'s' * (absent > 1)} that had none, creased at 32 degrees"
+            f"computed normals of {n_flat} part{'s' * (n_flat > 1)} that had none, creased at 32 degrees"
         )
-    if wrong:
+    if n_wrong:
         why = "as told" if options.new_normals else "that pointed inwards or were no unit vectors"
-        lines.append(f"computed normals anew of {wrong} part{'s' * (wrong > 1)} {why}, creased at 32 degrees")
+        lines.append(
+            f"computed normals anew of {n_wrong} part{'s' * (n_wrong > 1)} {why}, creased at 32 degrees"
+        )
     names = unique_names((p.name for p in parts), "part")
     return [replace(p, name=n) for p, n in zip(parts, names, strict=True)]
 
@@ -319,19 +342,19 @@ def _summary(target: Target, openings: int | None = None) -> str:
     """Return a summary of the target: size, parts, triangles and, if counted, openings."""
     size = np.ptp(np.concatenate([p.positions_m for p in target.parts]), axis=0)
     triangles, parts = sum(len(p.triangles) for p in target.parts), len(target.parts)
-    what = (
+    size_text = (
         f"{' x '.join(f'{s:.4g}' for s in size)} m, {parts} part{'s' * (parts != 1)}, "
         f"{triangles:,} triangle{'s' * (triangles != 1)}"
     )
     if openings is not None:
-        what += f", {openings:,} open outline{'s' * (openings != 1)}" if openings else ", closed"
-    return f"{target.name}: {what}"
+        size_text += f", {openings:,} open outline{'s' * (openings != 1)}" if openings else ", closed"
+    return f"{target.name}: {size_text}"
 
 
-def _proposals(keypoints: int, edges: int, left_out: int, occluders: int) -> list[str]:
+def _proposals(keypoints: int, edges: int, n_omitted: int, occluders: int) -> list[str]:
     line = f"proposed {keypoints} keypoints, {edges} edges of the wireframe, {occluders} occluder triangles"
-    if left_out:
-        line += f" ({left_out} edges that show less left out)"
+    if n_omitted:
+        line += f" ({n_omitted} edges that show less left out)"
     lines = [line]
     if edges < 8:
         lines.append(

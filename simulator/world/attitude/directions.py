@@ -37,10 +37,16 @@ class PointingContext:
 
     Parameters
     ----------
-    orbit : orbit of the target.
-    body : central body.
-    epoch, duration_s : start and length of the flight.
-    relative : function of time: chaser minus target, position [m] and velocity [m s-1], GCRS axes.
+    orbit : OrbitTrack
+        Orbit of the target.
+    body : Body
+        Central body.
+    epoch : Instant
+        Start of the flight.
+    duration_s : float
+        Length of the flight [s].
+    relative : callable
+        Function of time: chaser minus target, position [m] and velocity [m s-1], GCRS axes.
     """
 
     orbit: OrbitTrack
@@ -131,8 +137,14 @@ class TwoAxisTrack:
 
     Parameters
     ----------
-    axis_body, toward : body axis, and the direction that it follows.
-    second_axis_body, second_toward : the same for the second axis.
+    axis_body : array
+        Body axis that is pointed.
+    toward : Direction
+        Direction that it follows.
+    second_axis_body : array
+        Body axis that is pointed as closely as possible.
+    second_toward : Direction
+        Direction that the second axis follows.
     """
 
     axis_body: Vec3

@@ -58,12 +58,17 @@ class Pointing(Section, frozen=True, kw_only=True, dict=True):
 
         Parameters
         ----------
-        los_eci_m, los_rate_eci_m_s : (3,) target minus camera and its derivative, GCRS axes.
-        lvlh : the target's LVLH frame, to which ``down`` refers.
+        los_eci_m : (3,) array
+            Target minus camera, GCRS axes [m].
+        los_rate_eci_m_s : (3,) array
+            Derivative of the same [m s-1].
+        lvlh : Lvlh
+            The target's LVLH frame, to which ``down`` refers.
 
         Returns
         -------
-        ``q_camera_from_eci_wxyz`` (4,) and the rate relative to ECI in the camera frame [rad s-1] (3,).
+        tuple of array
+            ``q_camera_from_eci_wxyz`` (4,) and the rate relative to ECI in the camera frame [rad s-1] (3,).
         """
         z, z_rate = unit_and_rate(los_eci_m, los_rate_eci_m_s)
         d = self._reference(z, lvlh)

@@ -51,10 +51,18 @@ class WheelTrack:
 
     Parameters
     ----------
-    wheels : wheels of the chaser.
-    q_eci_from_camera_wxyz, omega_rad_s, momentum_nms, torque_nm : (n, 4) and (n, 3) attitude, angular velocity, wheel
-        momentum and torque on the body at the start of each period, camera axes.
-    error_rad : (n,) angle between attitude and reference.
+    wheels : Wheels
+        Wheels of the chaser.
+    q_eci_from_camera_wxyz : (n, 4) array
+        Attitude at the start of each period.
+    omega_rad_s : (n, 3) array
+        Angular velocity at the start of each period, camera axes.
+    momentum_nms : (n, 3) array
+        Momentum of the wheels at the start of each period, camera axes.
+    torque_nm : (n, 3) array
+        Torque on the body in each period, camera axes.
+    error_rad : (n,) array
+        Angle between attitude and reference.
     """
 
     wheels: Wheels
@@ -85,9 +93,12 @@ def fly_wheels(reference: Reference, duration_s: float, wheels: Wheels) -> Wheel
 
     Parameters
     ----------
-    reference : ``q_camera_from_eci_wxyz`` and angular velocity in camera axes over time, as from `Pointing.attitude`.
-    duration_s : length of the flight.
-    wheels : wheels of the chaser.
+    reference : Reference
+        ``q_camera_from_eci_wxyz`` and angular velocity in camera axes over time, as from `Pointing.attitude`.
+    duration_s : float
+        Length of the flight.
+    wheels : Wheels
+        Wheels of the chaser.
 
     References
     ----------

@@ -34,9 +34,14 @@ class RigidBodyTrack:
 
     Parameters
     ----------
-    duration_s : span [s].
-    solution : (7,) attitude and angular momentum along ECI axes, over time.
-    inertia_kg_m2, inverse_inertia : (3, 3), body axes.
+    duration_s : float
+        Span [s].
+    solution : DenseOutput
+        (7,) attitude and angular momentum along ECI axes, over time.
+    inertia_kg_m2 : (3, 3) array
+        Inertia, body axes.
+    inverse_inertia : (3, 3) array
+        Its inverse [kg-1 m-2].
     """
 
     duration_s: float
@@ -64,11 +69,16 @@ def propagate_attitude(
 
     Parameters
     ----------
-    q_eci_from_body_wxyz : (4,) attitude at t = 0.
-    omega_body_rad_s : (3,) rate relative to ECI, body axes.
-    inertia_kg_m2 : (3, 3) about the centre of mass, body axes.
-    duration_s : span [s].
-    torque : torque on the body, body axes [N m], as a function of time [s] and ``R_eci_from_body``; by default none.
+    q_eci_from_body_wxyz : array_like
+        (4,) attitude at t = 0.
+    omega_body_rad_s : array_like
+        (3,) rate relative to ECI, body axes.
+    inertia_kg_m2 : array_like
+        (3, 3) about the centre of mass, body axes.
+    duration_s : float
+        Span [s].
+    torque : Torque, optional
+        Torque on the body, body axes [N m], as a function of time [s] and ``R_eci_from_body``; by default none.
 
     Raises
     ------

@@ -135,8 +135,10 @@ class Attitude(Section, frozen=True, kw_only=True):
 
         Parameters
         ----------
-        q_eci_from_body_wxyz : (4,) initial attitude.
-        inertia_kg_m2 : (3, 3) inertia of the target's model, body axes, for a section without its own.
+        q_eci_from_body_wxyz : (4,) array
+            Initial attitude.
+        inertia_kg_m2 : array_like
+            (3, 3) inertia of the target's model, body axes, for a section without its own.
 
         Raises
         ------

@@ -39,16 +39,23 @@ def torque_on(
 
     Parameters
     ----------
-    orbit : orbit of the body.
-    inertia_kg_m2 : (3, 3) inertia about the centre of mass, body axes.
-    epoch : start of the orbit.
-    constant_nm : torque constant in body axes, for example from a leak [N m].
-    gravity_gradient : True to include the gravity-gradient torque of the central body.
-    residual_dipole_a_m2 : residual magnetic dipole moment, body axes, which acts in the Earth's field [A m2].
+    orbit : OrbitTrack
+        Orbit of the body.
+    inertia_kg_m2 : array_like
+        (3, 3) inertia about the centre of mass, body axes.
+    epoch : Instant
+        Start of the orbit.
+    constant_nm : array, optional
+        Torque constant in body axes, for example from a leak [N m].
+    gravity_gradient : bool, optional
+        True to include the gravity-gradient torque of the central body.
+    residual_dipole_a_m2 : array, optional
+        Residual magnetic dipole moment, body axes, which acts in the Earth's field [A m2].
 
     Returns
     -------
-    Function of time [s] and the rotation ``R_eci_from_body``: torque (3,) in body axes [N m].
+    Torque or None
+        Function of time [s] and the rotation ``R_eci_from_body``: torque (3,) in body axes [N m].
     """
     J, fixed = np.asarray(inertia_kg_m2, float), np.array(constant_nm, float)
     dipole = np.array(residual_dipole_a_m2, float)
@@ -83,10 +90,14 @@ def gravity_gradient_torque(
 
     Parameters
     ----------
-    r_eci_m : (3,) position of the body from the attracting centre, GCRS [m].
-    R_body_from_eci : (3, 3) rotation.
-    inertia_kg_m2 : (3, 3) inertia about the centre of mass, body frame.
-    mu_m3_s2 : gravitational parameter.
+    r_eci_m : (3,) array
+        Position of the body from the attracting centre, GCRS [m].
+    R_body_from_eci : (3, 3) array
+        Rotation.
+    inertia_kg_m2 : (3, 3) array
+        Inertia about the centre of mass, body frame.
+    mu_m3_s2 : float, optional
+        Gravitational parameter.
 
     References
     ----------
@@ -105,8 +116,10 @@ def magnetic_field_t(r_itrs_m: FloatArray, julian_year: float) -> FloatArray:
 
     Parameters
     ----------
-    r_itrs_m : (3,) Earth-fixed position.
-    julian_year : date of the field, for example 2025.5.
+    r_itrs_m : (3,) array
+        Earth-fixed position.
+    julian_year : float
+        Date of the field, for example 2025.5.
 
     References
     ----------

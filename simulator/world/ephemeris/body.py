@@ -40,20 +40,33 @@ class BodyAir:
 
     Parameters
     ----------
-    rayleigh_m_um4 : Rayleigh scattering at the ground times wavelength^4 [m-1 um^4].
-    rayleigh_dispersion_um : coefficients of wavelength^-2 [um^2] and wavelength^-4 [um^4], added to 1.
-    rayleigh_height_m, aerosol_height_m : scale heights [m].
-    density : heights, increasing from 0, and densities there, which replace ``rayleigh_height_m``; exponential between
-        and beyond them. At most `MAX_LAYERS`.
-    aerosol_m, aerosol_albedo : extinction of the aerosol at the ground at 550 nm [m-1], and its single-scattering
-        albedo.
-    aerosol_exponent : Angstrom exponent.
-    aerosol_g : asymmetry of its phase function.
-    ozone_m : absorption [m-1] at the peak, 25 km high, of a layer from 10 to 40 km, by name of the band.
-    airglow_w_m2_sr : radiance of the airglow at the zenith [W m-2 sr-1], by name of the band.
-    airglow_m : lower and
-        upper edge [m].
-    thickness_m : height of the top [m].
+    rayleigh_m_um4 : float
+        Rayleigh scattering at the ground times wavelength^4 [m-1 um^4].
+    rayleigh_height_m : float
+        Scale height of the gas [m].
+    rayleigh_dispersion_um : tuple of float, optional
+        Coefficients of wavelength^-2 [um^2] and wavelength^-4 [um^4], added to 1.
+    density : tuple of tuple of float, optional
+        Heights, increasing from 0, and densities there, which replace ``rayleigh_height_m``; exponential between and
+        beyond them. At most `MAX_LAYERS`.
+    aerosol_m : float, optional
+        Extinction of the aerosol at the ground at 550 nm [m-1].
+    aerosol_albedo : float, optional
+        Single-scattering albedo of the aerosol.
+    aerosol_height_m : float, optional
+        Scale height of the aerosol [m].
+    aerosol_exponent : float, optional
+        Angstrom exponent.
+    aerosol_g : float, optional
+        Asymmetry of its phase function.
+    ozone_m : mapping, optional
+        Absorption [m-1] at the peak, 25 km high, of a layer from 10 to 40 km, by name of the band.
+    airglow_w_m2_sr : mapping, optional
+        Radiance of the airglow at the zenith [W m-2 sr-1], by name of the band.
+    airglow_m : tuple of float, optional
+        Lower and upper edge [m].
+    thickness_m : float, optional
+        Height of the top [m].
     """
 
     rayleigh_m_um4: float
@@ -84,25 +97,44 @@ class Body(ABC):
 
     Parameters
     ----------
-    name : name in lower case.
-    title : name in a sentence.
-    mu_m3_s2 : gravitational parameter.
-    radius_m, flattening : equatorial radius and flattening of the ellipsoid; altitudes are above the equatorial radius.
-    mean_radius_m : radius of a sphere of similar size.
-    j2 : second zonal harmonic of the simple gravity model, with ``radius_m``.
-    turn_rad_s : sidereal rotation rate.
-    lowest_m : perigee altitude below which an orbit is probably a mistake.
-    reach_m : radius of its sphere of influence, which limits orbits (Vallado 2013, sec. 12.2).
-    sun_distance_m : mean distance from the Sun, for metering.
-    albedo : mean reflectance, used without a map.
+    name : str
+        Name in lower case.
+    title : str
+        Name in a sentence.
+    mu_m3_s2 : float
+        Gravitational parameter.
+    radius_m : float
+        Equatorial radius and flattening of the ellipsoid; altitudes are above the equatorial radius.
+    mean_radius_m : float
+        Radius of a sphere of similar size.
+    flattening : float, optional
+        Equatorial radius and flattening of the ellipsoid; altitudes are above the equatorial radius.
+    j2 : float, optional
+        Second zonal harmonic of the simple gravity model, with ``radius_m``.
+    turn_rad_s : float
+        Sidereal rotation rate.
+    lowest_m : float
+        Perigee altitude below which an orbit is probably a mistake.
+    reach_m : float
+        Radius of its sphere of influence, which limits orbits (Vallado 2013, sec. 12.2).
+    albedo : float
+        Mean reflectance, used without a map.
+    sun_distance_m : float, optional
+        Mean distance from the Sun, for metering.
     albedo_map : path of an equirectangular grey image of the reflectance
         (full scale: one), north up, 180 degrees west at its left.
-    air : None without atmosphere.
-    surface : render passes; see docs/adr/0025-bodies-are-objects.md.
-    layer : switch of the environment that shows the body.
-    degrees : allowed values of ``forces.gravity_degree``.
-    acting : other supported keys of [forces].
-    has_field : True if its magnetic field exerts a torque on a residual dipole.
+    air : BodyAir, optional
+        None without atmosphere.
+    surface : str, optional
+        Render passes; see docs/adr/0025-bodies-are-objects.md.
+    layer : str, optional
+        Switch of the environment that shows the body.
+    degrees : tuple of int, optional
+        Allowed values of ``forces.gravity_degree``.
+    acting : tuple of str, optional
+        Other supported keys of [forces].
+    has_field : bool, optional
+        True if its magnetic field exerts a torque on a residual dipole.
     """
 
     name: str
@@ -170,9 +202,12 @@ class BodyState:
 
     Parameters
     ----------
-    name : name of the body.
-    r_eci_m : centre of the body, GCRS axes from the Earth's centre; apparent, but geometric for the central body.
-    q_fixed_from_eci_wxyz : orientation of its axes.
+    name : str
+        Name of the body.
+    r_eci_m : array
+        Centre of the body, GCRS axes from the Earth's centre; apparent, but geometric for the central body.
+    q_fixed_from_eci_wxyz : array
+        Orientation of its axes.
     """
 
     name: str
@@ -262,8 +297,12 @@ def R_fixed_from_pole(alpha_deg: float, delta_deg: float, W_deg: float) -> Float
 
     Parameters
     ----------
-    alpha_deg, delta_deg : right ascension and declination of the pole.
-    W_deg : angle along the equator from its node on the GCRS equator to longitude 0.
+    alpha_deg : float
+        Right ascension of the pole.
+    delta_deg : float
+        Declination of the pole.
+    W_deg : float
+        Angle along the equator from its node on the GCRS equator to longitude 0.
 
     References
     ----------

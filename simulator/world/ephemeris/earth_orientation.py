@@ -22,8 +22,10 @@ def R_itrs_from_eci(instant: Instant, *, polar_motion: bool = True) -> FloatArra
 
     Parameters
     ----------
-    instant : time of the orientation.
-    polar_motion : False to use the Earth's axis as pole (up to 0.6 arcsec, 18 m).
+    instant : Instant
+        Time of the orientation.
+    polar_motion : bool, optional
+        False to use the Earth's axis as pole (up to 0.6 arcsec, 18 m).
 
     References
     ----------

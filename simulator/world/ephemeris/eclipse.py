@@ -31,8 +31,12 @@ def sun_fraction_past_bodies(
 
     Parameters
     ----------
-    bodies : states of the bodies.
-    r_eci_m, r_sun_eci_m : (3,) spacecraft and Sun from the Earth's centre [m].
+    bodies : iterable of BodyState
+        States of the bodies.
+    r_eci_m : array_like
+        (3,) position of the spacecraft from the Earth's centre [m].
+    r_sun_eci_m : array_like
+        (3,) position of the Sun from the Earth's centre [m].
     """
     r, sun = (np.asarray(x, float) for x in (r_eci_m, r_sun_eci_m))
     return max(float(add_shares([past_body(state, r, sun) for state in bodies])), 0.0)
@@ -62,12 +66,17 @@ def sun_visible_fraction(
 
     Parameters
     ----------
-    r_eci_m, r_sun_eci_m : (..., 3) spacecraft and Sun from the Earth's centre [m].
-    pole_eci : (3,) unit vector of the Earth's axis.
+    r_eci_m : array_like
+        (..., 3) position of the spacecraft from the Earth's centre [m].
+    r_sun_eci_m : array_like
+        (..., 3) position of the Sun from the Earth's centre [m].
+    pole_eci : array_like, optional
+        (3,) unit vector of the Earth's axis.
 
     Returns
     -------
-    (...) fraction, 0..1.
+    (...) array
+        Fraction, 0..1.
     """
     r, sun, pole = (np.asarray(x, float) for x in (r_eci_m, r_sun_eci_m, pole_eci))
     return _past_ellipsoid(r, sun, pole, EARTH_RADIUS_M, FLATTENING)
@@ -93,12 +102,17 @@ def sun_fraction_past_sphere(r_m: ArrayLike, r_sun_m: ArrayLike, radius_m: float
 
     Parameters
     ----------
-    r_m, r_sun_m : (..., 3) spacecraft and Sun from the body's centre [m].
-    radius_m : radius of the body.
+    r_m : array_like
+        (..., 3) position of the spacecraft from the body's centre [m].
+    r_sun_m : array_like
+        (..., 3) position of the Sun from the body's centre [m].
+    radius_m : float
+        Radius of the body.
 
     Returns
     -------
-    (...) fraction, 0..1.
+    (...) array
+        Fraction, 0..1.
 
     References
     ----------

@@ -26,10 +26,15 @@ class EphemerisTable:
 
     Parameters
     ----------
-    pieces : (k, 4, 16) coefficients, highest power first, of the rotation matrix from GCRS to CIRS (9), the Earth
-        rotation angle minus a uniform rotation (1), and the geometric positions of Sun (3) and Moon (3) [m].
-    era_start_rad, era_rate_rad_s : angle at the epoch and rate of the uniform rotation.
-    R_itrs_from_tirs : polar motion, constant over the flight.
+    pieces : (k, 4, 16) array
+        Coefficients, highest power first, of the rotation matrix from GCRS to CIRS (9), the Earth rotation angle minus
+        a uniform rotation (1), and the geometric positions of Sun (3) and Moon (3) [m].
+    era_start_rad : float
+        Angle of the uniform rotation at the epoch.
+    era_rate_rad_s : float
+        Rate of the uniform rotation.
+    R_itrs_from_tirs : array
+        Polar motion, constant over the flight.
     """
 
     pieces: FloatArray

@@ -42,11 +42,15 @@ def sun_eci_m(tt1: ArrayLike, tt2: ArrayLike) -> FloatArray:
 
     Parameters
     ----------
-    tt1, tt2 : (...) two-part Julian date of TT (used for TDB: 2 ms, negligible here).
+    tt1 : array_like
+        (...) first part of the Julian date of TT (used for TDB: 2 ms, negligible here).
+    tt2 : array_like
+        (...) second part of this date.
 
     Returns
     -------
-    (..., 3) direction as seen from the Earth's centre times the distance the light has travelled.
+    (..., 3) array
+        Direction as seen from the Earth's centre times the distance the light has travelled.
 
     References
     ----------
@@ -71,11 +75,15 @@ def moon_eci_m(tt1: ArrayLike, tt2: ArrayLike) -> FloatArray:
 
     Parameters
     ----------
-    tt1, tt2 : (...) two-part Julian date of TT.
+    tt1 : array_like
+        (...) first part of the Julian date of TT.
+    tt2 : array_like
+        (...) second part of this date.
 
     Returns
     -------
-    (..., 3) position.
+    (..., 3) array
+        Position.
 
     References
     ----------

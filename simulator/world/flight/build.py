@@ -42,12 +42,18 @@ class TargetStart:
 
     Parameters
     ----------
-    r_eci_m, v_eci_m_s : (3,) state of the centre of mass from the central body's centre, GCRS axes.
-    attitude : attitude at the start and from then on.
-    inertia_kg_m2 : (3, 3), body axes, unless ``attitude`` has its
-        own.
-    history : attitude from a file, which replaces the propagation by ``attitude``.
-    ephemeris : orbit to follow instead of propagating ``r_eci_m`` and ``v_eci_m_s``.
+    r_eci_m : array_like
+        (3,) position of the centre of mass relative to the central body, GCRS axes [m].
+    v_eci_m_s : array_like
+        (3,) velocity of the same [m s-1].
+    attitude : Attitude
+        Attitude at the start and from then on.
+    inertia_kg_m2 : array_like
+        (3, 3), body axes, unless ``attitude`` has its own.
+    history : AttitudeTrack, optional
+        Attitude from a file, which replaces the propagation by ``attitude``.
+    ephemeris : Ephemeris, optional
+        Orbit to follow instead of propagating ``r_eci_m`` and ``v_eci_m_s``.
     """
 
     r_eci_m: ArrayLike
@@ -73,12 +79,22 @@ def propagate_flight(
 
     Parameters
     ----------
-    target, chaser : the two craft.
-    epoch, duration_s : start and length.
-    forces : forces on both craft; by default the plain gravity of the body, a point mass with J2.
-    body : central body.
-    burns : burns of both craft; the chaser's must be for free flight.
-    chaser_ephemeris : ephemeris that the chaser follows; its mode is then `FollowedChaser`.
+    target : TargetStart
+        Initial state of the target.
+    chaser : Chaser
+        The chaser, with its mode.
+    epoch : Instant
+        Start of the flight.
+    duration_s : float
+        Length of the flight.
+    forces : ForceModel, optional
+        Forces on both craft; by default the plain gravity of the body, a point mass with J2.
+    body : Body, optional
+        Central body.
+    burns : tuple of Burn, optional
+        Burns of both craft; the chaser's must be for free flight.
+    chaser_ephemeris : Ephemeris, optional
+        Ephemeris that the chaser follows; its mode is then `FollowedChaser`.
     """
     r, v = np.asarray(target.r_eci_m, float), np.asarray(target.v_eci_m_s, float)
     if forces is None:

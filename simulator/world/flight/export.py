@@ -82,7 +82,8 @@ def summarise_flight(flight: Flight, rows: Sequence[Row]) -> dict[str, Any]:
 
     Parameters
     ----------
-    rows : rows of `fly_table`, whose spacing is the resolution of phases and of the closest approach.
+    rows : sequence of Row
+        Rows of `fly_table`, whose spacing is the resolution of phases and of the closest approach.
 
     Returns
     -------

@@ -42,15 +42,26 @@ class Flight:
 
     Parameters
     ----------
-    epoch : start of the flight.
-    duration_s : length [s].
-    orbit, attitude : the target's propagated tracks; the orbit is relative to the centre of ``body``.
-    guidance : guidance of the chaser.
-    n_rad_s : the target's mean motion at the start.
-    pointing : attitude of the camera.
-    controlled : the chaser's track if it flies by thrusters.
-    recording : recorded flight to replay instead.
-    burns : burns of both craft, already included in the orbits.
+    epoch : Instant
+        Start of the flight.
+    duration_s : float
+        Length [s].
+    orbit : OrbitTrack
+        Orbit of the target relative to the centre of ``body``.
+    attitude : AttitudeTrack
+        Attitude of the target.
+    guidance : Chaser
+        Guidance of the chaser.
+    n_rad_s : float
+        The target's mean motion at the start.
+    pointing : Pointing
+        Attitude of the camera.
+    controlled : ControlledTrack, optional
+        The chaser's track if it flies by thrusters.
+    recording : Recording, optional
+        Recorded flight to replay instead.
+    burns : tuple of Burn, optional
+        Burns of both craft, already included in the orbits.
     """
 
     epoch: Instant
@@ -151,7 +162,8 @@ class Flight:
 
         Parameters
         ----------
-        frame : result of `lvlh` at that time, if known; by default the track's approximation.
+        frame : Lvlh, optional
+            Result of `lvlh` at that time, if known; by default the track's approximation.
         """
         played_back = self.recording.chaser if self.recording else self.scripted
         if played_back is not None:

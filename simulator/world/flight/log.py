@@ -30,9 +30,12 @@ class Event:
 
     Parameters
     ----------
-    t_s : time since the flight's start [s].
-    kind : kind, one word.
-    what : description in one sentence.
+    t_s : float
+        Time since the flight's start [s].
+    kind : EventKind
+        Kind, one word.
+    what : str
+        Description in one sentence.
     """
 
     t_s: float
@@ -46,10 +49,14 @@ class ThrustState:
 
     Parameters
     ----------
-    phase : phase of the chaser, one or two words.
-    acceleration_lvlh_m_s2 : acceleration by thrusters alone, along the target's LVLH axes.
-    mass_kg : mass of the chaser.
-    delta_v_m_s : total since the start.
+    phase : str
+        Phase of the chaser, one or two words.
+    acceleration_lvlh_m_s2 : array, optional
+        Acceleration by thrusters alone, along the target's LVLH axes.
+    mass_kg : float, optional
+        Mass of the chaser.
+    delta_v_m_s : float, optional
+        Total since the start.
     """
 
     phase: str
@@ -64,7 +71,8 @@ class FlightLog:
 
     Parameters
     ----------
-    flight : the propagated flight.
+    flight : Flight
+        The propagated flight.
     """
 
     flight: Flight
@@ -133,8 +141,10 @@ class FlightLog:
 
         Parameters
         ----------
-        times_s, sun_fractions : samples of the share of the Sun visible from the target; without them eclipses are
-            omitted.
+        times_s : sequence of float, optional
+            Times of samples of the Sun's visibility.
+        sun_fractions : sequence of float, optional
+            Share of the Sun visible from the target at these times; without them eclipses are omitted.
         """
         f = self.flight
         events = _shadow_events(times_s, sun_fractions)

@@ -16,19 +16,43 @@ class WorldState(BodyStates):
 
     Parameters
     ----------
-    epoch_utc : this time, ISO 8601 with a trailing Z.
-    t_s : seconds since the flight's start.
-    r_target_eci_m, v_target_eci_m_s : state of the target's centre of mass.
-    q_eci_from_target_wxyz, omega_target_rad_s : target's attitude and angular velocity relative to ECI, target axes.
-    r_chaser_eci_m, v_chaser_eci_m_s : state of the camera (at the chaser's centre of mass).
-    q_camera_from_eci_wxyz, omega_camera_rad_s : camera's attitude and angular velocity relative to ECI, camera axes.
-    relative_eci_m, relative_eci_m_s : chaser minus target, without the rounding of large numbers.
-    position_lvlh_m, velocity_lvlh_m_s : relative position and velocity in the target's rotating LVLH frame.
-    r_sun_eci_m : apparent geocentric position of the Sun.
-    bodies : Earth, Moon and, if different, the central body, whose position is geometric, so that ``r_target_eci_m``
-        minus it is the orbit.
-    sun_visible_fraction : share of the Sun's disc visible from the target past the bodies, 0..1.
-    central_body : body that the target orbits, and the centre of LVLH.
+    epoch_utc : str
+        This time, ISO 8601 with a trailing Z.
+    t_s : float
+        Seconds since the flight's start.
+    r_target_eci_m : array
+        Position of the target's centre of mass, GCRS axes [m].
+    v_target_eci_m_s : array
+        Velocity of the target's centre of mass [m s-1].
+    q_eci_from_target_wxyz : array
+        Attitude of the target.
+    omega_target_rad_s : array
+        Angular velocity of the target relative to ECI, target axes.
+    r_chaser_eci_m : array
+        Position of the camera, which is at the chaser's centre of mass [m].
+    v_chaser_eci_m_s : array
+        Velocity of the camera [m s-1].
+    q_camera_from_eci_wxyz : array
+        Attitude of the camera.
+    omega_camera_rad_s : array
+        Angular velocity of the camera relative to ECI, camera axes.
+    relative_eci_m : array
+        Chaser minus target, GCRS axes, without the rounding of large numbers [m].
+    relative_eci_m_s : array
+        Derivative of the same [m s-1].
+    position_lvlh_m : array
+        Position of the chaser in the target's rotating LVLH frame [m].
+    velocity_lvlh_m_s : array
+        Velocity of the chaser in the same frame [m s-1].
+    r_sun_eci_m : array
+        Apparent geocentric position of the Sun.
+    bodies : tuple of BodyState
+        Earth, Moon and, if different, the central body, whose position is geometric, so that ``r_target_eci_m`` minus
+        it is the orbit.
+    sun_visible_fraction : float
+        Share of the Sun's disc visible from the target past the bodies, 0..1.
+    central_body : str, optional
+        Body that the target orbits, and the centre of LVLH.
     """
 
     epoch_utc: str

@@ -20,8 +20,10 @@ class Lvlh:
 
     Parameters
     ----------
-    R_eci_from_lvlh : (3, 3) rotation; its columns are the radial, along-track and cross-track axes.
-    omega_eci_rad_s : (3,) rate of the frame relative to GCRS, along GCRS axes [rad s-1].
+    R_eci_from_lvlh : (3, 3) array
+        Rotation; its columns are the radial, along-track and cross-track axes.
+    omega_eci_rad_s : (3,) array
+        Rate of the frame relative to GCRS, along GCRS axes [rad s-1].
     """
 
     R_eci_from_lvlh: FloatArray

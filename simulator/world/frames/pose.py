@@ -38,9 +38,14 @@ class Pose:
 
     Parameters
     ----------
-    to, frm : names of the frames, e.g. ``"camera"``, ``"target"``.
-    q_wxyz : unit quaternion ``q_to_from_frm``, scalar first.
-    t_m : origin of ``frm`` in ``to`` [m].
+    to : str
+        Frame of the result, for example ``"camera"``.
+    frm : str
+        Frame of the argument, for example ``"target"``.
+    q_wxyz : array
+        Unit quaternion ``q_to_from_frm``, scalar first.
+    t_m : array
+        Origin of ``frm`` in ``to`` [m].
     """
 
     to: str

@@ -17,7 +17,10 @@ def quat_multiply(p_wxyz: ArrayLike, q_wxyz: ArrayLike) -> FloatArray:
 
     Parameters
     ----------
-    p_wxyz, q_wxyz : (..., 4) quaternions, scalar first.
+    p_wxyz : array_like
+        (..., 4) left quaternion, scalar first.
+    q_wxyz : array_like
+        (..., 4) right quaternion, scalar first.
     """
     p, q = np.asarray(p_wxyz, float), np.asarray(q_wxyz, float)
     if p.ndim == 1 and q.ndim == 1:
@@ -62,11 +65,13 @@ def matrix_from_quat(q_wxyz: ArrayLike) -> FloatArray:
 
     Parameters
     ----------
-    q_wxyz : (..., 4) unit quaternion.
+    q_wxyz : array_like
+        (..., 4) unit quaternion.
 
     Returns
     -------
-    (..., 3, 3) matrix.
+    (..., 3, 3) array
+        Matrix.
     """
     q = np.asarray(q_wxyz, float)
     if q.ndim == 1:
@@ -88,7 +93,8 @@ def quat_from_matrix(R: ArrayLike) -> FloatArray:
 
     Parameters
     ----------
-    R : (3, 3) rotation matrix.
+    R : array_like
+        (3, 3) rotation matrix.
 
     References
     ----------
@@ -115,7 +121,8 @@ def quat_from_rotvec(rotvec_rad: ArrayLike) -> FloatArray:
 
     Parameters
     ----------
-    rotvec_rad : (..., 3) axis times angle [rad].
+    rotvec_rad : array_like
+        (..., 3) axis times angle [rad].
     """
     v = np.asarray(rotvec_rad, float)
     angle = np.linalg.norm(v, axis=-1, keepdims=True)

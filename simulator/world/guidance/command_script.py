@@ -80,13 +80,22 @@ class ScriptedTrack:
 
     Parameters
     ----------
-    orbit : orbit of the target.
-    pointing : pointing of the camera while it tracks.
-    script : script that was flown.
-    times_s, states, commands : values at the start of each step.
-    guarded_s : first time that the guard intervened, or
-        None.
-    overruled : True for each step with an intervention.
+    orbit : OrbitTrack
+        Orbit of the target.
+    pointing : Pointing
+        Pointing of the camera while it tracks.
+    script : CommandScript
+        Script that was flown.
+    times_s : list of float
+        Values at the start of each step.
+    states : list of ChaserState
+        State at the start of each step.
+    commands : list of SteeringCommand
+        Command of each step.
+    guarded_s : float or None
+        First time that the guard intervened, or None.
+    overruled : list of bool
+        True for each step with an intervention.
     """
 
     orbit: OrbitTrack
@@ -111,9 +120,12 @@ def fly_script(orbit: OrbitTrack, script: CommandScript, n_rad_s: float) -> Scri
 
     Parameters
     ----------
-    orbit : orbit of the target.
-    script : start and commands.
-    n_rad_s : mean motion.
+    orbit : OrbitTrack
+        Orbit of the target.
+    script : CommandScript
+        Start and commands.
+    n_rad_s : float
+        Mean motion.
     """
     pointing, keep_out = script.pointing, script.keep_out
     p, v = orbit.frame(0.0).to_eci(*script.state_lvlh(0.0, n_rad_s))

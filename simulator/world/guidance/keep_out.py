@@ -49,9 +49,16 @@ class KeepOut(Section, frozen=True, kw_only=True):
 
         Parameters
         ----------
-        position_lvlh_m, velocity_lvlh_m_s, asked_m_s2 : (3,) state and command.
-        dt_s : duration of the command.
-        brake_m_s2 : available deceleration.
+        position_lvlh_m : (3,) array
+            Position of the chaser [m].
+        velocity_lvlh_m_s : (3,) array
+            Velocity of the chaser [m s-1].
+        asked_m_s2 : (3,) array
+            Commanded acceleration [m s-2].
+        dt_s : float
+            Duration of the command.
+        brake_m_s2 : float
+            Available deceleration.
         """
         p, v, a = position_lvlh_m, velocity_lvlh_m_s, asked_m_s2
         distance = float(np.linalg.norm(p))

@@ -32,9 +32,12 @@ class SteeringCommand:
 
     Parameters
     ----------
-    acceleration_camera_m_s2 : thrust per mass along camera axes (x right, y down, z forward).
-    acceleration_lvlh_m_s2 : the same along the target's LVLH axes (radial, along-track, cross-track); both are added.
-    rate_camera_rad_s : angular velocity relative to ECI, camera axes; attitude control follows it exactly.
+    acceleration_camera_m_s2 : array, optional
+        Thrust per mass along camera axes (x right, y down, z forward).
+    rate_camera_rad_s : array, optional
+        Angular velocity relative to ECI, camera axes; attitude control follows it exactly.
+    acceleration_lvlh_m_s2 : array, optional
+        The same along the target's LVLH axes (radial, along-track, cross-track); both are added.
     """
 
     acceleration_camera_m_s2: Vec3 = (0.0, 0.0, 0.0)
@@ -48,9 +51,14 @@ class ChaserState:
 
     Parameters
     ----------
-    position_eci_m, velocity_eci_m_s : chaser minus target's centre of mass, along GCRS axes.
-    q_camera_from_eci_wxyz : attitude of the camera.
-    omega_camera_rad_s : camera's angular velocity relative to ECI, camera axes.
+    position_eci_m : array
+        Chaser minus the target's centre of mass, GCRS axes [m].
+    velocity_eci_m_s : array
+        Derivative of the same [m s-1].
+    q_camera_from_eci_wxyz : array
+        Attitude of the camera.
+    omega_camera_rad_s : array, optional
+        Camera's angular velocity relative to ECI, camera axes.
     """
 
     t_s: float
@@ -67,10 +75,14 @@ def step(state: ChaserState, command: SteeringCommand, dt_s: float, orbit: Orbit
 
     Parameters
     ----------
-    state : state of the chaser.
-    command : command held over the step.
-    dt_s : step [s], positive.
-    orbit : the target's track, for the difference of gravity.
+    state : ChaserState
+        State at the start of the step.
+    command : SteeringCommand
+        Command of the step.
+    dt_s : float
+        Step [s], positive.
+    orbit : OrbitTrack
+        The target's track, for the difference of gravity.
     """
     omega = np.array(command.rate_camera_rad_s, float)
     push = np.array(command.acceleration_camera_m_s2, float)
@@ -112,10 +124,18 @@ def guarded_command(
 
     Parameters
     ----------
-    state, command, dt_s : step to check.
-    frame : the target's present LVLH frame.
-    keep_out : sphere around the target.
-    brake_m_s2 : available deceleration.
+    state : ChaserState
+        State at the start of the step.
+    command : SteeringCommand
+        Command of the step.
+    dt_s : float
+        Length of the step [s].
+    frame : Lvlh
+        The target's present LVLH frame.
+    keep_out : KeepOut
+        Sphere around the target.
+    brake_m_s2 : float
+        Available deceleration.
     """
     p, v = frame.from_eci(np.array(state.position_eci_m), np.array(state.velocity_eci_m_s))
     R_lvlh_from_camera = frame.R_eci_from_lvlh.T @ matrix_from_quat(state.q_camera_from_eci_wxyz).T
@@ -136,11 +156,14 @@ def predicted_drift_lvlh_m(
 
     Parameters
     ----------
-    orbit : orbit of the target.
-    chaser : present state.
-    horizon_s : length of the prediction.
-    samples : number of
-        points.
+    orbit : OrbitTrack
+        Orbit of the target.
+    chaser : ChaserState
+        Present state.
+    horizon_s : float
+        Length of the prediction.
+    samples : int, optional
+        Number of points.
     """
     mu = orbit.forces.mu_m3_s2
     elements = elements_from_state(*orbit(chaser.t_s), mu)

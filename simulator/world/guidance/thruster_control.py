@@ -27,14 +27,24 @@ class ControlledTrack:
 
     Parameters
     ----------
-    orbit : trajectory of the target.
-    period_s : control period.
-    position_eci_m, velocity_eci_m_s : (n, 3) chaser minus target along GCRS axes.
-    thrust_eci_m_s2 : (n, 3) acceleration held over each period.
-    mass_kg : (n,) mass of the chaser.
-    abort_s : time of an abort at the keep-out sphere, or None.
-    end_mass_kg : mass after the last period.
-    keep_out : the keep-out sphere, or None.
+    orbit : OrbitTrack
+        Trajectory of the target.
+    period_s : float
+        Control period.
+    position_eci_m : (n, 3) array
+        Chaser minus target, GCRS axes [m].
+    velocity_eci_m_s : (n, 3) array
+        Derivative of the same [m s-1].
+    thrust_eci_m_s2 : (n, 3) array
+        Acceleration held over each period.
+    mass_kg : (n,) array
+        Mass of the chaser.
+    abort_s : float or None
+        Time of an abort at the keep-out sphere, or None.
+    end_mass_kg : float
+        Mass after the last period.
+    keep_out : KeepOut, optional
+        The keep-out sphere, or None.
     """
 
     orbit: OrbitTrack
@@ -75,11 +85,16 @@ def fly_controlled(
 
     Parameters
     ----------
-    orbit : trajectory of the target.
-    guidance : reference path, or guidance that computes impulses itself.
-    n_rad_s : mean motion.
-    thrusters : thrusters of the chaser.
-    keep_out : sphere that the chaser must not enter; if it does, it retreats to the end.
+    orbit : OrbitTrack
+        Trajectory of the target.
+    guidance : Chaser
+        Reference path, or guidance that computes impulses itself.
+    n_rad_s : float
+        Mean motion.
+    thrusters : Thrusters
+        Thrusters of the chaser.
+    keep_out : KeepOut, optional
+        Sphere that the chaser must not enter; if it does, it retreats to the end.
     """
     h = thrusters.period_s
     Phi = transition_matrix(n_rad_s, h)
@@ -131,10 +146,14 @@ def path_impulse(
 
     Parameters
     ----------
-    state_lvlh : present position [m] and velocity [m s-1].
-    aim_lvlh : reference state one period later.
-    transition : (6, 6) Clohessy-Wiltshire transition matrix of one period.
-    period_s : control period.
+    state_lvlh : tuple of array
+        Present position [m] and velocity [m s-1].
+    aim_lvlh : tuple of array
+        Reference state one period later.
+    transition : (6, 6) array
+        Clohessy-Wiltshire transition matrix of one period.
+    period_s : float
+        Control period.
     """
     coasted = transition @ np.concatenate(state_lvlh)
     aim_p, aim_v = aim_lvlh

@@ -33,8 +33,10 @@ class Thrusters(Section, frozen=True, kw_only=True):
 
         Parameters
         ----------
-        wanted_m_s : (3,) commanded change, LVLH.
-        mass_kg : mass before it.
+        wanted_m_s : (3,) array
+            Commanded change, LVLH.
+        mass_kg : float
+            Mass before it.
         """
         impulse = np.clip(wanted_m_s * mass_kg, -self.force_n * self.period_s, self.force_n * self.period_s)
         impulse = np.where(np.abs(impulse) < self.minimum_impulse_ns, 0.0, impulse)

@@ -64,8 +64,10 @@ class AttitudeHistory:
 
     Parameters
     ----------
-    spline : spline over the flight.
-    end_s : end of the requested span, after which the last rate continues.
+    spline : RotationSpline
+        Spline over the flight.
+    end_s : float
+        End of the requested span, after which the last rate continues.
     """
 
     spline: RotationSpline
@@ -205,10 +207,14 @@ def write_aem(
 
     Parameters
     ----------
-    name : name of the object.
-    body_frame : name of its axes, for example SC_BODY_1.
-    epochs_utc : ISO 8601 with Z, in order.
-    q_eci_from_body_wxyz : (n, 4) attitudes.
+    name : str
+        Name of the object.
+    body_frame : str
+        Name of its axes, for example SC_BODY_1.
+    epochs_utc : sequence of str
+        ISO 8601 with Z, in order.
+    q_eci_from_body_wxyz : array_like
+        (n, 4) attitudes.
     """
     lines = header("AEM", "1.0", epochs_utc[0])
     lines += [

@@ -80,9 +80,12 @@ class Segment:
 
     Parameters
     ----------
-    where : file name in messages.
-    meta : keys of the metadata block.
-    rows : (line number, words) of the data.
+    where : str
+        File name in messages.
+    meta : dict, optional
+        Keys of the metadata block.
+    rows : list of tuple, optional
+        (line number, words) of the data.
     """
 
     where: str
@@ -181,7 +184,8 @@ class Segment:
 
         Parameters
         ----------
-        lengths : allowed numbers of values per line; by default any from ``count`` on.
+        lengths : tuple of int, optional
+            Allowed numbers of values per line; by default any from ``count`` on.
 
         Raises
         ------

@@ -34,15 +34,24 @@ class Piece:
 
     Parameters
     ----------
-    segment : source, for messages.
-    frame : frame of the lines.
-    frozen : time at which a frame of date is frozen, or
-        None.
-    times_s : (n,) times of the lines.
-    states : (n, 6) position [m] and velocity [m s-1].
-    method : HERMITE, LAGRANGE or LINEAR.
-    lines : number of lines per polynomial.
-    first_s, last_s : span in which the message allows interpolation.
+    segment : Segment
+        Source, for messages.
+    frame : str
+        Frame of the lines.
+    frozen : Instant or None
+        Time at which a frame of date is frozen, or None.
+    times_s : (n,) array
+        Times of the lines.
+    states : (n, 6) array
+        Position [m] and velocity [m s-1].
+    method : str
+        HERMITE, LAGRANGE or LINEAR.
+    lines : int
+        Number of lines per polynomial.
+    first_s : float
+        Start of the span in which the message allows interpolation.
+    last_s : float
+        End of this span.
     """
 
     segment: Segment
@@ -106,9 +115,12 @@ class Ephemeris:
 
     Parameters
     ----------
-    where : file name in messages.
-    epoch : origin of times.
-    pieces : segments in order of their first times.
+    where : str
+        File name in messages.
+    epoch : Instant
+        Origin of times.
+    pieces : sequence of Piece
+        Segments in order of their first times.
     """
 
     where: str

@@ -117,13 +117,16 @@ def read_ndm(text: str, where: str) -> tuple[str, list[Segment]]:
 
     Parameters
     ----------
-    text : contents of the file.
-    where : name of the file in error messages.
+    text : str
+        Contents of the file.
+    where : str
+        Name of the file in error messages.
 
     Returns
     -------
-    ``oem``, ``opm`` or ``omm``, and the segments; keys of an OPM or OMM are all in ``meta``, ignition times in
-    ``rows``.
+    tuple
+        ``oem``, ``opm`` or ``omm``, and the segments; keys of an OPM or OMM are all in ``meta``, ignition times in
+        ``rows``.
 
     Raises
     ------

@@ -34,11 +34,16 @@ def read_oem(
 
     Parameters
     ----------
-    text : contents of the file.
-    where : name of the file in error messages.
-    epoch : origin of times.
-    centre : required central body.
-    satellite : name or identifier, if there are several.
+    text : str
+        Contents of the file.
+    where : str
+        Name of the file in error messages.
+    epoch : Instant
+        Origin of times.
+    centre : str, optional
+        Required central body.
+    satellite : str, optional
+        Name or identifier, if there are several.
 
     Raises
     ------
@@ -137,11 +142,18 @@ def write_oem(
 
     Parameters
     ----------
-    name : name of the object.
-    epochs_utc : ISO 8601 with Z, in order.
-    r_eci_m, v_eci_m_s : (n, 3) states from the centre.
-    note : text of the message's comment.
-    centre : central body.
+    name : str
+        Name of the object.
+    epochs_utc : sequence of str
+        ISO 8601 with Z, in order.
+    r_eci_m : array_like
+        (n, 3) positions from the centre [m].
+    v_eci_m_s : array_like
+        (n, 3) velocities [m s-1].
+    note : str, optional
+        Text of the message's comment.
+    centre : str, optional
+        Central body.
     """
     lines = header("OEM", "2.0", epochs_utc[0])
     lines += [

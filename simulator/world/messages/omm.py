@@ -114,7 +114,8 @@ def satellite_of(segment: Segment) -> Satrec:
 
     Parameters
     ----------
-    segment : keys of the message.
+    segment : Segment
+        Keys of the message.
 
     Raises
     ------

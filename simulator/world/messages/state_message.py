@@ -114,13 +114,19 @@ class OrbitParameters:
 
     Parameters
     ----------
-    frame : frame of the values.
-    epoch : time of the state.
-    state : position [m] and velocity [m s-1], or None if there are only elements.
-    elements : SEMI_MAJOR_AXIS [m], ECCENTRICITY, INCLINATION, RA_OF_ASC_NODE, ARG_OF_PERICENTER, anomaly [rad], True if
-        it is the mean one, gravitational parameter [m3 s-2]; or None.
-    unused : other contents of the message.
-    frozen : time at which a frame of date is frozen, or the epoch.
+    frame : str
+        Frame of the values.
+    epoch : Instant
+        Time of the state.
+    frozen : Instant
+        Time at which a frame of date is frozen, or the epoch.
+    state : tuple of array or None
+        Position [m] and velocity [m s-1], or None if there are only elements.
+    elements : tuple or None
+        SEMI_MAJOR_AXIS [m], ECCENTRICITY, INCLINATION, RA_OF_ASC_NODE, ARG_OF_PERICENTER, anomaly [rad], True if it is
+        the mean one, gravitational parameter [m3 s-2]; or None.
+    unused : tuple of str
+        Other contents of the message.
     """
 
     frame: str

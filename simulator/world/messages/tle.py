@@ -53,9 +53,12 @@ def sgp4_state(satellite: Satrec, epoch: Instant, what: str) -> tuple[FloatArray
 
     Parameters
     ----------
-    satellite : mean elements.
-    epoch : time of the state, at most 30 days from the elements'.
-    what : their name in messages.
+    satellite : Satrec
+        Mean elements.
+    epoch : Instant
+        Time of the state, at most 30 days from the elements'.
+    what : str
+        Their name in messages.
 
     Raises
     ------

@@ -38,9 +38,12 @@ class DenseOutput:
 
     Parameters
     ----------
-    starts_s : (n,) start of each piece, increasing; at a start the later piece applies, so that a jump is included.
-    lengths_s : (n,) lengths of the pieces.
-    coefficients : (n, 8, width) of powers of the elapsed share of the piece, from zero up.
+    starts_s : (n,) list of float
+        Start of each piece, increasing; at a start the later piece applies, so that a jump is included.
+    lengths_s : (n,) list of float
+        Lengths of the pieces.
+    coefficients : (n, 8, width) array
+        Of powers of the elapsed share of the piece, from zero up.
     """
 
     starts_s: list[float]
@@ -89,11 +92,18 @@ def integrate(
 
     Parameters
     ----------
-    derivative : function of time [s] and state (width,).
-    start : (width,) initial state.
-    span_s : start and end.
-    rtol, atol : tolerances of the step control.
-    max_step_s : bounds the error of the polynomials.
+    derivative : callable
+        Function of time [s] and state (width,).
+    start : (width,) array
+        Initial state.
+    span_s : tuple of float
+        Start and end.
+    rtol : float
+        Tolerances of the step control.
+    atol : array or float
+        Tolerances of the step control.
+    max_step_s : float
+        Bounds the error of the polynomials.
 
     Raises
     ------

@@ -47,8 +47,10 @@ class FollowedCraft:
 
     Parameters
     ----------
-    ephemeris : motion up to ``end_s``.
-    tail : [r, v] after it; None if the ephemeris covers the flight.
+    ephemeris : Ephemeris
+        Motion up to ``end_s``.
+    tail : DenseOutput or None
+        [r, v] after it; None if the ephemeris covers the flight.
     """
 
     ephemeris: Ephemeris
@@ -74,9 +76,12 @@ class CraftPair:
 
     Parameters
     ----------
-    target : [r, v, ...].
-    chaser : [r, v] from the same centre; or None.
-    apart : [..., rho, rho'] of a chaser in free flight.
+    target : Solution
+        [r, v, ...].
+    chaser : Solution, optional
+        [r, v] from the same centre; or None.
+    apart : Solution, optional
+        [..., rho, rho'] of a chaser in free flight.
     """
 
     target: Solution
@@ -144,11 +149,16 @@ def follow(
 
     Parameters
     ----------
-    target : target on its ephemeris.
-    duration_s : span [s].
-    forces : forces whose difference acts.
-    relative : chaser minus target at t = 0, GCRS axes.
-    burns : burns of the chaser.
+    target : FollowedCraft
+        Target on its ephemeris.
+    duration_s : float
+        Span [s].
+    forces : ForceModel
+        Forces whose difference acts.
+    relative : tuple of array, optional
+        Chaser minus target at t = 0, GCRS axes.
+    burns : tuple of Burn, optional
+        Burns of the chaser.
 
     Raises
     ------

@@ -145,9 +145,12 @@ class EarthForces:
 
     Parameters
     ----------
-    sky : Earth orientation, Sun and Moon over the flight.
-    forces : forces besides the Earth's gravity; drag and sunlight need masses.
-    harmonics : harmonics of degree 2 and up; None for a spherical Earth.
+    sky : EphemerisTable
+        Earth orientation, Sun and Moon over the flight.
+    forces : Forces, optional
+        Forces besides the Earth's gravity; drag and sunlight need masses.
+    harmonics : HarmonicField, optional
+        Harmonics of degree 2 and up; None for a spherical Earth.
     """
 
     sky: EphemerisTable

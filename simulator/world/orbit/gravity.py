@@ -22,10 +22,14 @@ class Gravity:
 
     Parameters
     ----------
-    j2 : second zonal harmonic; 0 gives the two-body problem.
-    pole_eci : unit vector along the body's axis of symmetry, constant over a flight (the Earth's moves 20 arcsec a
-        year).
-    mu_m3_s2, radius_m : gravitational parameter and the reference radius of ``j2``.
+    j2 : float, optional
+        Second zonal harmonic; 0 gives the two-body problem.
+    pole_eci : array, optional
+        Unit vector along the body's axis of symmetry, constant over a flight (the Earth's moves 20 arcsec a year).
+    mu_m3_s2 : float, optional
+        Gravitational parameter.
+    radius_m : float, optional
+        Reference radius of ``j2``.
     """
 
     solar_pressure: ClassVar[bool] = False

@@ -128,5 +128,5 @@ class OemOrbit(Section, tag_field="kind", tag="oem", frozen=True, kw_only=True):
     satellite: str | None = None
 
 
-KnownOrbit = ElementsOrbit | StateOrbit
+ResolvedOrbit = ElementsOrbit | StateOrbit
 """Orbits that give a state; the others become a `StateOrbit` when their message is read."""

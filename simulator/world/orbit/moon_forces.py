@@ -41,9 +41,12 @@ class MoonForces:
 
     Parameters
     ----------
-    epoch : start of the flight.
-    sky : Sun and Moon over it.
-    forces : forces beside point-mass gravity; of degree 2 are the Moon's flattening and its bulge towards the Earth.
+    epoch : Instant
+        Start of the flight.
+    sky : EphemerisTable
+        Sun and Moon over it.
+    forces : Forces, optional
+        Forces beside point-mass gravity; of degree 2 are the Moon's flattening and its bulge towards the Earth.
     """
 
     epoch: Instant

@@ -34,9 +34,18 @@ class Elements:
 
     Parameters
     ----------
-    semi_major_axis_m : semi-major axis [m].
-    eccentricity : 0 <= e < 1.
-    inclination_rad, raan_rad, argument_of_perigee_rad, true_anomaly_rad : [rad].
+    semi_major_axis_m : float
+        Semi-major axis [m].
+    eccentricity : float, optional
+        0 <= e < 1.
+    inclination_rad : float, optional
+        Inclination.
+    raan_rad : float, optional
+        Right ascension of the ascending node.
+    argument_of_perigee_rad : float, optional
+        Argument of perigee.
+    true_anomaly_rad : float, optional
+        True anomaly.
     """
 
     semi_major_axis_m: float
@@ -133,10 +142,14 @@ class OrbitTrack:
 
     Parameters
     ----------
-    forces : forces of the propagation.
-    duration_s : end of the propagated span [s].
-    solution : [r, v] or [r, v, rho, rho'] along GCRS axes, and its derivative ``solution.rate``.
-    burns : burns of the target, which are in ``solution`` already.
+    forces : ForceModel
+        Forces of the propagation.
+    duration_s : float
+        End of the propagated span [s].
+    solution : Solution
+        [r, v] or [r, v, rho, rho'] along GCRS axes, and its derivative ``solution.rate``.
+    burns : tuple of Burn, optional
+        Burns of the target, which are in ``solution`` already.
     """
 
     forces: ForceModel
@@ -185,12 +198,20 @@ def propagate(
 
     Parameters
     ----------
-    r_eci_m, v_eci_m_s : (3,) target at t = 0, GCRS.
-    duration_s : span [s].
-    forces : forces on both craft.
-    relative : chaser minus target at t = 0, position [m] and velocity [m s-1] along GCRS axes.
-    burns : burns of both craft; the chaser's are for one in free flight.
-    along : the target's states where something else than the forces gives them; only the difference is integrated.
+    r_eci_m : (3,) array
+        Position of the target at t = 0, GCRS [m].
+    v_eci_m_s : (3,) array
+        Velocity of the target at t = 0, GCRS [m s-1].
+    duration_s : float
+        Span [s].
+    forces : ForceModel
+        Forces on both craft.
+    relative : tuple of array, optional
+        Chaser minus target at t = 0, position [m] and velocity [m s-1] along GCRS axes.
+    burns : tuple of Burn, optional
+        Burns of both craft; the chaser's are for one in free flight.
+    along : Solution, optional
+        The target's states where something else than the forces gives them; only the difference is integrated.
 
     References
     ----------

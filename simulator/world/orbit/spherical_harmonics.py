@@ -29,11 +29,20 @@ class HarmonicField:
 
     Parameters
     ----------
-    degree : highest degree and order.
-    mu_m3_s2, radius_m : gravitational parameter and reference radius of the coefficients.
-    vertical, lower : (degree + 2, degree + 2) factors of the recursion over degrees.
-    sectoral : (degree + 2,) running product that starts each order.
-    table : (3, (degree + 2)^2) coefficients of x, y, z acceleration [m s-2].
+    degree : int
+        Highest degree and order.
+    mu_m3_s2 : float
+        Gravitational parameter of the coefficients.
+    radius_m : float
+        Reference radius of the coefficients.
+    vertical : array
+        (degree + 2, degree + 2) factors of the recursion over degrees, for degree n - 1.
+    lower : array
+        The same factors for degree n - 2.
+    sectoral : array
+        (degree + 2,) running product that starts each order.
+    table : array
+        (3, (degree + 2)^2) coefficients of x, y, z acceleration [m s-2].
 
     References
     ----------

@@ -20,8 +20,10 @@ def transition_matrix(n_rad_s: float, t_s: float) -> FloatArray:
 
     Parameters
     ----------
-    n_rad_s : mean motion of the target's circular orbit.
-    t_s : elapsed time [s].
+    n_rad_s : float
+        Mean motion of the target's circular orbit.
+    t_s : float
+        Elapsed time [s].
 
     References
     ----------
@@ -63,7 +65,8 @@ def bounded_ellipse(
 
     Returns
     -------
-    Position [m] and velocity [m s-1] in LVLH, each (3,).
+    tuple of array
+        Position [m] and velocity [m s-1] in LVLH, each (3,).
 
     References
     ----------

@@ -43,10 +43,16 @@ def relative_step(
 
     Parameters
     ----------
-    orbit : the target's track.
-    t_s, h : start and length of the step [s].
-    state : (3,) position [m] and (3,) velocity [m s-1], GCRS axes.
-    thrust : the chaser's acceleration along GCRS axes [m s-2], of the time since ``t_s``.
+    orbit : OrbitTrack
+        The target's track.
+    t_s : float
+        Start of the step [s].
+    h : float
+        Length of the step [s].
+    state : (3,) tuple of array
+        Position [m] and (3,) velocity [m s-1], GCRS axes.
+    thrust : Thrust
+        The chaser's acceleration along GCRS axes [m s-2], of the time since ``t_s``.
     """
     if not orbit.burns:
         return _runge_kutta_step(orbit, t_s, h, state, thrust, 0.0)

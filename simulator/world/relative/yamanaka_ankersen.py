@@ -46,9 +46,12 @@ def elliptic_transition_matrix(orbit: Elements, t_s: float, mu_m3_s2: float = MU
 
     Parameters
     ----------
-    orbit : the target's elements at the start; for a circle this is Clohessy-Wiltshire.
-    t_s : elapsed time [s].
-    mu_m3_s2 : gravitational parameter.
+    orbit : Elements
+        The target's elements at the start; for a circle this is Clohessy-Wiltshire.
+    t_s : float
+        Elapsed time [s].
+    mu_m3_s2 : float, optional
+        Gravitational parameter.
 
     References
     ----------

@@ -24,9 +24,12 @@ class EarthParameters:
 
     Parameters
     ----------
-    first_mjd : modified Julian date of the first row.
-    ut1_minus_tai_s : (n,) [s]; against TAI, so that leap seconds make no steps.
-    pole_rad : (n, 2) x and y of the pole [rad].
+    first_mjd : float
+        Modified Julian date of the first row.
+    ut1_minus_tai_s : (n,) array
+        [s]; against TAI, so that leap seconds make no steps.
+    pole_rad : (n, 2) array
+        x and y of the pole [rad].
     """
 
     first_mjd: float

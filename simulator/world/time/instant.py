@@ -38,7 +38,10 @@ class Instant:
 
     Parameters
     ----------
-    tt1, tt2 : their sum is the Julian date; ``tt2`` is the small part, good to 0.1 ns.
+    tt1 : float
+        Large part of the Julian date (TT).
+    tt2 : float
+        Small part of the Julian date, accurate to 0.1 ns.
     """
 
     tt1: float

@@ -22,7 +22,7 @@ from flyaround.simulator.errors import UserError
 from flyaround.simulator.frame import NO_RADIANCE, Frame
 from flyaround.simulator.piloting.session import FlightSession
 from flyaround.simulator.piloting.telemetry import telemetry_of
-from flyaround.simulator.runtime.worker_pool import MOST_DEATHS
+from flyaround.simulator.runtime.worker_pool import MAX_CONSECUTIVE_DEATHS
 from flyaround.simulator.scenario.load import load_scenario
 from tests.harness.turned_clock import TurnedClock
 
@@ -193,7 +193,7 @@ def test_one_that_dies_again_and_again_is_left_off(session: FlightSession) -> No
         picture = picture_of(session)
         until(lambda: not estimates.on, lambda: estimates.update(picture))
         told = estimates.take_troubles()
-        assert len(told) == MOST_DEATHS
+        assert len(told) == MAX_CONSECUTIVE_DEATHS
         assert "exit code 7" in told[0]
         assert "is off" in told[-1]
         estimates.choose("hybrid")

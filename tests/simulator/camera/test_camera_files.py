@@ -16,7 +16,7 @@ from flyaround.simulator.camera.detector.optics import Optics
 from flyaround.simulator.camera.detector.presets import sensor_preset
 from flyaround.simulator.camera.lens.files import parse_camera, read_camera_file
 from flyaround.simulator.camera.lens.files_native import CameraFile, DistortionSection
-from flyaround.simulator.camera.lens.formats.registry import WRITTEN, camera_text
+from flyaround.simulator.camera.lens.formats.registry import WRITABLE_FORMATS, camera_text
 from flyaround.simulator.camera.sections import OpticsSection
 from flyaround.simulator.errors import UserError
 from flyaround.simulator.scenario.load import load_scenario
@@ -45,7 +45,7 @@ FISHEYE = msgspec.structs.replace(
 PLAIN = msgspec.structs.replace(BROWN, distortion=DistortionSection())
 
 
-@pytest.mark.parametrize("form", WRITTEN)
+@pytest.mark.parametrize("form", WRITABLE_FORMATS)
 @pytest.mark.parametrize(
     "camera", [PLAIN, BROWN, FIVE, EIGHT, FISHEYE], ids=["plain", "brown", "five", "eight", "fisheye"]
 )

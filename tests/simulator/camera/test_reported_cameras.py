@@ -352,9 +352,9 @@ def test_of_a_rig_the_first_camera_is_taken_and_said():
     two["value0"]["intrinsics"] *= 2
     assert "first of 2" in parse_camera(json.dumps(two).encode(), "x").notes
     assert "first" in parse_camera(ORB_SLAM_3.encode(), "x").notes
-    scaled = parse_camera((ORB_SLAM_3 + "Camera.newWidth: 320\nCamera.newHeight: 240\n").encode(), "x")
-    assert "before the program scales" in scaled.notes
-    assert scaled.width_px == 640
+    scale_bands = parse_camera((ORB_SLAM_3 + "Camera.newWidth: 320\nCamera.newHeight: 240\n").encode(), "x")
+    assert "before the program scales" in scale_bands.notes
+    assert scale_bands.width_px == 640
 
 
 def test_a_stereo_pair_s_rectification_is_said_to_be_left_out():

@@ -135,7 +135,7 @@ def test_a_wide_measured_kernel_is_drawn_as_it_is_also_where_it_is_lopsided():
 def test_a_blur_of_some_rows_beside_the_others_is_that_of_all_at_once(shape, sigma_px, least, monkeypatch):
     monkeypatch.setattr(psf, "_PIECE_VALUES", 1000)
     monkeypatch.setattr(psf, "_ONE_THREAD_VALUES", 1000)
-    monkeypatch.setattr(psf, "_WORTH_TWO", least)
+    monkeypatch.setattr(psf, "_TWO_THREAD_VALUES", least)
     image = np.random.default_rng(2).random(shape, np.float32)
     taps = psf.gaussian_taps(sigma_px)
     whole = cv2.sepFilter2D(image, cv2.CV_32F, taps, taps * np.float32(0.3), borderType=cv2.BORDER_REPLICATE)

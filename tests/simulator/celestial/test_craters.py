@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from flyaround.simulator.celestial.craters import fresh_profile, make_craters, worn_profiles
+from flyaround.simulator.celestial.craters import eroded_profiles, fresh_profile, make_craters
 
 NODES = np.arange(101) * 0.04
 
@@ -17,7 +17,7 @@ def test_a_fresh_crater_is_as_deep_as_measured(diameter_km, depth_km):
 
 
 def test_wear_makes_craters_shallow_and_round_and_loses_no_ground():
-    worn = worn_profiles(1.0)
+    worn = eroded_profiles(1.0)
     depth = worn.max(axis=1) - worn[:, 0]
     assert np.all(np.diff(depth) < 0)
     # Fassett & Thomson (2014): at 5.5 m2 a million years 1 km keeps 0.52 of its depth after 3 Ga, 300 m 0.07

@@ -19,7 +19,7 @@ from flyaround.simulator.compare.image_statistics import (
     sobel,
 )
 from flyaround.simulator.compare.page import write_comparison
-from flyaround.simulator.compare.references import fitted, read_references, read_speed_labels
+from flyaround.simulator.compare.references import read_references, read_speed_labels, resize_camera
 from flyaround.simulator.dataset.single_frames import save_picture
 from flyaround.simulator.errors import UserError
 from flyaround.simulator.frame import take_frame
@@ -65,7 +65,7 @@ def compared(renderer, tmp_path_factory):
     folder, page = tmp_path_factory.mktemp("pictures"), tmp_path_factory.mktemp("page")
     for recipe in ("eval-black", "eval-earth"):
         plan = plan_recipe(recipe, 2, seed=1)
-        plan = replace(plan, camera=fitted(plan.camera, 288, 180))
+        plan = replace(plan, camera=resize_camera(plan.camera, 288, 180))
         save_picture(take_frame(renderer, plan.scene(1), plan.target), folder / f"{recipe}.png")
     references = read_references(folder, load_camera("speed"), 2)
     pairs = compare_pictures(renderer, references, load_target("tango"), lambda _: None)

@@ -103,7 +103,7 @@ def test_an_imported_set_is_evaluated(lightbox, tmp_path):
 def test_speed_and_shirt_have_their_own_places(tmp_path):
     write_set(tmp_path / "speed", key="q_vbs2tango", labels="train.json", images="images/train")
     found, form = read_foreign(tmp_path / "speed")
-    assert (form, found.usual_camera, len(found.pictures)) == ("speed", "speed", 2)
+    assert (form, found.default_camera, len(found.pictures)) == ("speed", "speed", 2)
     roe1 = write_set(tmp_path / "shirtv1" / "roe1", labels="roe1.json", images="lightbox/images")
     shutil.copytree(roe1 / "lightbox", roe1 / "synthetic")
     found, form = read_foreign(roe1 / "synthetic")

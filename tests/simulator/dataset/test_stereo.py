@@ -18,7 +18,7 @@ from flyaround.simulator.recipes.plan import plan_recipe
 from flyaround.simulator.scenario.load import load_recipe, load_scenario
 from flyaround.simulator.scenario.plan import plan_flight
 from flyaround.simulator.scene.illumination.lamp import Lamp
-from flyaround.simulator.scene.second_camera import SecondCamera, seen_by_second
+from flyaround.simulator.scene.second_camera import SecondCamera, second_camera_scene
 from flyaround.simulator.world.frames.rotation import matrix_from_quat
 
 RECIPE = """
@@ -115,7 +115,7 @@ def test_a_flight_has_pairs_whose_rates_are_of_one_body():
         second_camera=SecondCamera(position_m=(0.5, -0.2, 0.1), turn_deg=(1.0, -4.0, 2.0)),
     )
     plan = plan_flight(scenario, times=(10.0, 10.01))
-    first, second = (seen_by_second(plan.scene(k), plan.second_camera) for k in (0, 1))
+    first, second = (second_camera_scene(plan.scene(k), plan.second_camera) for k in (0, 1))
     step = np.subtract(second.t_camera_from_target_m, first.t_camera_from_target_m)
     np.testing.assert_allclose(step / 0.01, first.v_target_camera_m_s, atol=2e-5)
     away = np.subtract(second.r_camera_eci_m, first.r_camera_eci_m)
@@ -132,7 +132,7 @@ def test_the_second_camera_moves_as_the_end_of_an_arm_of_the_first():
     """Central differences of the way between the two, which a turning pair carries round."""
     pair = SecondCamera(position_m=(0.5, -0.2, 0.1), turn_deg=(1.0, -4.0, 2.0))
     plan = plan_flight(load_scenario("tango-flyaround"), times=(9.9, 10.0, 10.1))
-    scenes = [(plan.scene(k), seen_by_second(plan.scene(k), pair)) for k in range(3)]
+    scenes = [(plan.scene(k), second_camera_scene(plan.scene(k), pair)) for k in range(3)]
     arms = [np.subtract(second.r_camera_eci_m, first.r_camera_eci_m) for first, second in scenes]
     speed = (arms[2] - arms[0]) / 0.2
     first, second = scenes[1]
@@ -143,10 +143,10 @@ def test_the_second_camera_moves_as_the_end_of_an_arm_of_the_first():
 def test_a_lamp_of_the_first_camera_cannot_be_told_to_a_turned_one():
     recipe = msgspec.structs.replace(load_recipe("eval-black"), lamp=Lamp(power_w=50.0))
     scene = plan_recipe(recipe, 1).scene(0)
-    beside = seen_by_second(scene, SecondCamera(position_m=(0.4, 0.0, 0.0)))
+    beside = second_camera_scene(scene, SecondCamera(position_m=(0.4, 0.0, 0.0)))
     assert beside.lamp.offset_m == (-0.4, 0.0, 0.0)
     with pytest.raises(UserError, match="boresight"):
-        seen_by_second(scene, SecondCamera(position_m=(0.4, 0.0, 0.0), turn_deg=(0.0, 1.0, 0.0)))
+        second_camera_scene(scene, SecondCamera(position_m=(0.4, 0.0, 0.0), turn_deg=(0.0, 1.0, 0.0)))
     assert replace(beside, lamp=None).seed != scene.seed
 
 

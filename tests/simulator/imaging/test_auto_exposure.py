@@ -33,9 +33,9 @@ def test_the_exposure_is_a_function_of_time_alone():
 
 def test_limits_and_darkness():
     auto = AutoExposure(level=0.5, shortest_s=1e-4, longest_s=0.05)
-    assert auto.wanted_s(0.0, 0.1) == 0.05
-    assert auto.wanted_s(1e9, 0.1) == 1e-4
-    assert auto.wanted_s(10.0, 0.1) == pytest.approx(0.005)
+    assert auto.exposure_for_radiance_s(0.0, 0.1) == 0.05
+    assert auto.exposure_for_radiance_s(1e9, 0.1) == 1e-4
+    assert auto.exposure_for_radiance_s(10.0, 0.1) == pytest.approx(0.005)
 
 
 def _with_auto(scenario, **settings):

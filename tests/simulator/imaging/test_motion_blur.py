@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from flyaround.simulator.camera.lens.camera_model import Camera
-from flyaround.simulator.imaging.exposure import GAUSS_PX, INSTANT_PX, instants_of
+from flyaround.simulator.imaging.exposure import GAUSS_LIMITS_PX, INSTANT_SPACING_PX, instants_of
 from flyaround.simulator.imaging.image_motion import background_px
 from flyaround.simulator.imaging.motion_blur import motion_blur
 from flyaround.simulator.recipes.plan import plan_recipe
@@ -47,14 +47,14 @@ def test_a_turning_picture_is_smeared_as_its_instants_are(bands):
 
 def test_instants_smear_every_contrast_as_the_whole_way_does():
     frequency = np.linspace(0, 0.5, 101)  # per pixel, up to Nyquist's
-    for motion in (0.3, 0.7, *GAUSS_PX, 4.0, 9.7, 40.0):
+    for motion in (0.3, 0.7, *GAUSS_LIMITS_PX, 4.0, 9.7, 40.0):
         moments = instants_of(motion, 2.0)
         place = motion * np.array(moments.times_s) / 2.0
         seen = np.array(moments.weights) @ np.cos(2 * np.pi * frequency * place[:, None])
         error = np.sinc(frequency) * np.abs(seen - np.sinc(frequency * motion))
         assert sum(moments.weights) == pytest.approx(1)
-        assert error.max() < (0.02 if motion <= GAUSS_PX[-1] else 0.05)
-        assert len(moments) <= max(np.ceil(motion / INSTANT_PX), 2) + 1
+        assert error.max() < (0.02 if motion <= GAUSS_LIMITS_PX[-1] else 0.05)
+        assert len(moments) <= max(np.ceil(motion / INSTANT_SPACING_PX), 2) + 1
 
 
 def test_ground_passes_at_the_speed_over_the_height():

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from flyaround.simulator.camera.lens.files import load_camera
-from flyaround.simulator.imaging.exposure import drawings_of_ground, integrate
+from flyaround.simulator.imaging.exposure import ground_drawings, integrate
 from flyaround.simulator.imaging.image_formation import expose_scene
 from flyaround.simulator.imaging.image_motion import image_motion_px
 from flyaround.simulator.render.renderer import Renderer
@@ -63,7 +63,7 @@ def test_the_smear_is_the_mean_of_four_times_the_instants(
     if lens:
         bent = replace(scene.camera, distortion=load_camera(lens).distortion)
         scene = replace(scene, camera=bent)
-    assert drawings_of_ground(scene) > 0
+    assert ground_drawings(scene) > 0
     motion = image_motion_px(scene, plan.target, exposure_s)
     n = 4 * max(3, int(np.ceil(motion)))
     times = exposure_s * ((np.arange(n) + 0.5) / n - 0.5)
@@ -83,20 +83,18 @@ def test_the_smear_is_the_mean_of_four_times_the_instants(
 
 def test_sky_in_view_is_drawn_instant_by_instant(plan):
     scene = _exposed(plan, 0.1)
-    assert drawings_of_ground(scene) > 0
+    assert ground_drawings(scene) > 0
     assert (
-        drawings_of_ground(
-            replace(scene, environment=msgspec.structs.replace(scene.environment, earth=False))
-        )
+        ground_drawings(replace(scene, environment=msgspec.structs.replace(scene.environment, earth=False)))
         == 0
     )
     # the ground goes too far
-    assert drawings_of_ground(_exposed(plan, 60.0)) == 0
+    assert ground_drawings(_exposed(plan, 60.0)) == 0
     # a lens that sees past the Earth on both sides
     wide = replace(scene, camera=load_camera("fisheye-140"))
-    assert drawings_of_ground(wide) == 0
+    assert ground_drawings(wide) == 0
     limb = plan_flight(load_scenario("tango-limb"), times=(30.0,)).scene(0)
-    assert drawings_of_ground(replace(limb, exposure_s=0.1)) == 0
+    assert ground_drawings(replace(limb, exposure_s=0.1)) == 0
 
 
 def test_the_first_smeared_picture_is_as_any_later_one(renderer, plan):

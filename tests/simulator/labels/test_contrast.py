@@ -80,7 +80,7 @@ def test_contrast_counts_from_one_sigma_of_the_noise_on(scene, preset, level):
         assert radiometric_state(scene, np.array([20.0, 15.0]), signal) == state
 
 
-def seen(a, b):
+def visible_intervals(a, b):
     """An edge in sight from end to end [px]."""
     edge = Edge(name="edge", a_m=(0.0, 0.0, 0.0), b_m=(1.0, 0.0, 0.0))
     return ProjectedEdge(edge, np.array([a, b], float), np.ones(2), ((0.0, 1.0),))
@@ -107,12 +107,12 @@ def test_a_step_is_taken_from_two_pixels_before_the_edge_to_two_behind_it(scene,
     """A ramp of four pixels, of 1.4 sigma in all: half of it, one side alone, or half the reach would be too little."""
     ramp = np.clip(across(way) / 4, -0.5, 0.5)
     bright = (LEVEL + sign * 1.4 * sigma * ramp).astype(np.float32)
-    assert wireframe_step_share(scene, [seen(*way)], bright, LEVEL) == 1.0
+    assert wireframe_step_share(scene, [visible_intervals(*way)], bright, LEVEL) == 1.0
     faint = (LEVEL + sign * 0.9 * sigma * ramp).astype(np.float32)
-    assert wireframe_step_share(scene, [seen(*way)], faint, LEVEL) == 0.0
+    assert wireframe_step_share(scene, [visible_intervals(*way)], faint, LEVEL) == 0.0
     # a ramp twice as long shows half its height within reach
     long = (LEVEL + sign * 1.8 * sigma * np.clip(across(way) / 8, -0.5, 0.5)).astype(np.float32)
-    assert wireframe_step_share(scene, [seen(*way)], long, LEVEL) == 0.0
+    assert wireframe_step_share(scene, [visible_intervals(*way)], long, LEVEL) == 0.0
 
 
 @pytest.mark.parametrize("way", [((-0.5, 0.3), (20, 0.3)), ((-0.3, 0.3), (8, 0.3)), ((-0.7, 0.1), (0.3, 20))])
@@ -150,7 +150,7 @@ def test_a_step_is_taken_across_a_bent_edge_where_it_is_not_where_its_ends_are(s
 def test_a_bright_line_on_the_edge_is_no_step(scene, sigma, way):
     """Both sides are as bright: seen from the line itself either would be a step."""
     line = (LEVEL + 5 * sigma * np.clip(1.5 - np.abs(across(way)), 0, 1)).astype(np.float32)
-    assert wireframe_step_share(scene, [seen(*way)], line, LEVEL) == 0.0
+    assert wireframe_step_share(scene, [visible_intervals(*way)], line, LEVEL) == 0.0
 
 
 def test_the_share_is_one_of_length(scene, sigma):
@@ -158,7 +158,7 @@ def test_the_share_is_one_of_length(scene, sigma):
     way = ((10.0, 20.0), (50.0, 20.0))
     signal = flat()
     signal[20:, :20] += 5 * sigma
-    share = wireframe_step_share(scene, [seen(*way)], signal, LEVEL)
+    share = wireframe_step_share(scene, [visible_intervals(*way)], signal, LEVEL)
     assert share == pytest.approx(0.25, abs=0.051)
-    both = [seen(*way), seen((10.0, 5.0), (50.0, 5.0))]
+    both = [visible_intervals(*way), visible_intervals((10.0, 5.0), (50.0, 5.0))]
     assert wireframe_step_share(scene, both, signal, LEVEL) == pytest.approx(share / 2, abs=1e-9)

@@ -34,7 +34,7 @@ def _box(size, centre):
 
 
 def visible_share(view):
-    return sum(b - a for a, b in view.stretches)
+    return sum(b - a for a, b in view.intervals)
 
 
 def test_a_bar_behind_a_plate_is_hidden_exactly_where_the_plate_is():
@@ -43,7 +43,7 @@ def test_a_bar_behind_a_plate_is_hidden_exactly_where_the_plate_is():
     line = Edge(name="line", a_m=(-1.0, 0.1, 2.0), b_m=(1.0, 0.1, 2.0))
     pose = Pose.of("camera", "target", (1.0, 0, 0, 0), (0.0, 0.0, 10.0))
     (view,) = view_edges(CAMERA, pose, _Model([line]), plate)
-    (left, right) = view.stretches
+    (left, right) = view.intervals
     # the plate's front face is at 10 m less half its thickness
     edge = 0.5 * 12.0 / (10.0 - 5e-5)
     assert left == pytest.approx((0.0, (1 - edge) / 2), abs=1e-9)
@@ -55,7 +55,7 @@ def test_a_line_that_pierces_a_plate_is_hidden_behind_it():
     line = Edge(name="line", a_m=(-1.0, 0.0, -1.0), b_m=(1.0, 0.0, 1.0))
     pose = Pose.of("camera", "target", (1.0, 0, 0, 0), (0.0, 0.0, 10.0))
     (view,) = view_edges(CAMERA, pose, _Model([line]), plate)
-    ((first, last),) = view.stretches
+    ((first, last),) = view.intervals
     assert first == 0.0
     # it dives at x = 0: on the screen the ends are at -1/9 and +1/11, so the share is (1/9) / (1/9 + 1/11); the
     # tolerance of 2 mm lets it show a little longer
@@ -80,9 +80,9 @@ def test_a_cube_from_its_corner_shows_nine_edges_and_from_a_face_four():
         views = view_edges(
             CAMERA, Pose.of("camera", "target", q, (0.0, 0.0, 8.0)), _Model(edges), _mesh(cube)
         )
-        seen = [visible_share(v) for v in views]
-        assert sum(s > 0.999 for s in seen) == shown
-        assert sum(s < 0.001 for s in seen) == 12 - shown
+        visible_intervals = [visible_share(v) for v in views]
+        assert sum(s > 0.999 for s in visible_intervals) == shown
+        assert sum(s < 0.001 for s in visible_intervals) == 12 - shown
 
 
 @pytest.mark.parametrize("lean_deg", [90, 60, 45, 30, 15])
@@ -121,7 +121,7 @@ def test_lines_through_a_cloud_of_triangles_are_hidden_where_rays_are():
     pose = Pose.of("camera", "target", (1.0, 0, 0, 0), (0.0, 0.0, 4.0))
     seen_of_all = 0.0
     for view, (a, b) in zip(view_edges(CAMERA, pose, _Model(lines), mesh), pose.apply(ends), strict=True):
-        bounds = np.array(view.stretches).ravel()
+        bounds = np.array(view.intervals).ravel()
         share = (np.arange(25) + 0.5) / 25
         # shares of the projection are shares of the line over depth
         along = share / b[2] / ((1 - share) / a[2] + share / b[2])

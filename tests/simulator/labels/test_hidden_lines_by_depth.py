@@ -34,13 +34,13 @@ def test_visible_stretches_agree_with_the_depth_map(renderer):
                 u, v = np.rint(pixel).astype(int)
                 patch = filled[max(v - 1, 0) : v + 2, max(u - 1, 0) : u + 2]
                 margin = UNCLEAR_M + 1.5 * view.edge.radius_m
-                seen = any(a <= share <= b for a, b in view.stretches)
+                visible_intervals = any(a <= share <= b for a, b in view.intervals)
                 if patch.max() < own - margin:  # the whole neighbourhood is in front: hidden
                     told += 1
-                    wrong += seen
+                    wrong += visible_intervals
                 elif patch.min() > own - SLACK_M and view.edge.radius_m == 0 and not view.edge.normals:
                     told += 1
-                    wrong += not seen
+                    wrong += not visible_intervals
     assert told > 500
     # samples whose 3 x 3 pixels straddle a slot that the pixel grid does not resolve
     assert wrong / told < 0.005

@@ -7,9 +7,9 @@ import pytest
 from flyaround.simulator.errors import UserError
 from flyaround.simulator.labels.part_classes import (
     PART_CLASSES,
-    class_lines,
-    classes_from,
-    known_class,
+    class_from_name,
+    class_report,
+    classes_from_file,
     part_class,
     target_classes,
 )
@@ -72,7 +72,7 @@ def test_the_papers_craft_have_all_or_nearly_all_of_the_seven():
     ],
 )
 def test_words_are_told_apart_by_case_and_any_separator(part, expected):
-    assert known_class(part) == expected
+    assert class_from_name(part) == expected
     assert part_class(part) == (expected or "body")
 
 
@@ -89,7 +89,7 @@ def test_a_file_sets_classes_by_name_or_pattern():
         "version": 1,
         "classes": {"Cube.*": "antenna", "Cube.002": "sensor", "wing [left]": "radiator"},
     }
-    chosen = classes_from(document, "classes.toml", [p.name for p in target.parts])
+    chosen = classes_from_file(document, "classes.toml", [p.name for p in target.parts])
     assert target_classes(replace(target, part_classes=chosen)) == ("antenna", "sensor", "body", "radiator")
     for change, says in (
         ({"classes": {"Cub": "antenna"}}, "is no part; name one, such as Cube"),
@@ -98,14 +98,14 @@ def test_a_file_sets_classes_by_name_or_pattern():
         ({"version": 2}, "version"),
     ):
         with pytest.raises(UserError, match=says):
-            classes_from(document | change, "classes.toml", [p.name for p in target.parts])
+            classes_from_file(document | change, "classes.toml", [p.name for p in target.parts])
 
 
 def test_classes_that_were_taken_and_parts_that_are_not_known_are_said():
-    lines = class_lines(craft("SolarPanel", "Cube.001", "Hull"))
+    lines = class_report(craft("SolarPanel", "Cube.001", "Hull"))
     assert "solar_array 1 (SolarPanel); body 2 (Cube.001, Hull)" in lines[0]
     assert lines[1] == "class not known from the name, body taken: 1 (Cube.001)"
-    assert len(class_lines(craft("Hull"))) == 1
+    assert len(class_report(craft("Hull"))) == 1
 
 
 def test_classes_that_were_set_are_kept_in_the_target_file(tmp_path):

@@ -109,7 +109,7 @@ def test_an_open_sheet_hides_what_is_behind_it_whichever_way_it_looks(normal_z):
     assert not hidden_from_direction(mesh, points, (0.8, 0.0, -0.6)).any()
     line = SimpleNamespace(a_m=(-0.4, 0.1, -0.5), b_m=(0.4, 0.1, -0.5), normals=(), radius_m=0.0)
     (view,) = view_edges(load_camera("speed"), pose, _Wires([line]), mesh)
-    assert view.stretches == ()
+    assert view.intervals == ()
 
 
 @lru_cache(maxsize=1)

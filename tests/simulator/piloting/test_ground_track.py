@@ -12,9 +12,9 @@ from flyaround.simulator.piloting.ground_track import (
     GroundTrack,
     geodetic_deg,
     ground_track,
+    split_at_map_edge,
     subsolar_deg,
     terminator_deg,
-    unbroken,
 )
 from flyaround.simulator.piloting.session import FlightSession
 from flyaround.simulator.scenario.load import load_scenario
@@ -94,7 +94,7 @@ def test_on_the_terminator_the_sun_is_on_the_horizon(latitude: float, longitude:
 
 
 def test_a_line_over_the_date_line_is_broken_there() -> None:
-    latitude, longitude = unbroken(np.array([0.0, 1.0, 2.0]), np.array([178.0, -179.0, -175.0]))
+    latitude, longitude = split_at_map_edge(np.array([0.0, 1.0, 2.0]), np.array([178.0, -179.0, -175.0]))
     assert np.isnan(latitude[1])
     assert longitude[[0, 2, 3]].tolist() == [178.0, -179.0, -175.0]
 

@@ -7,7 +7,7 @@ import pytest
 
 from flyaround.simulator.errors import UserError
 from flyaround.simulator.runtime.cache import entry_name
-from flyaround.simulator.runtime.cache_contents import IN_USE_S, cache_kinds, clear_cache, trim_cache
+from flyaround.simulator.runtime.cache_contents import RECENT_USE_S, cache_kinds, clear_cache, trim_cache
 
 
 @pytest.fixture
@@ -27,15 +27,15 @@ def entry(folder, name, size, unused_s):
 
 
 def test_the_least_recently_used_go_until_the_cache_is_under_its_size(folder):
-    old = entry(folder, "maps-v1-a.npy", 600_000, 3 * IN_USE_S)
-    newer = entry(folder, "board-models/faces.json", 600_000, 2 * IN_USE_S)
+    old = entry(folder, "maps-v1-a.npy", 600_000, 3 * RECENT_USE_S)
+    newer = entry(folder, "board-models/faces.json", 600_000, 2 * RECENT_USE_S)
     trim_cache()
     assert not old.exists()
     assert newer.exists()
 
 
 def test_entries_in_use_stay_whatever_their_size(folder):
-    kept = [entry(folder, f"maps-v1-{k}.npy", 900_000, IN_USE_S / 2) for k in range(3)]
+    kept = [entry(folder, f"maps-v1-{k}.npy", 900_000, RECENT_USE_S / 2) for k in range(3)]
     trim_cache()
     assert all(path.exists() for path in kept)
 

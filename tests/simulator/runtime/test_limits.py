@@ -7,7 +7,7 @@ import pytest
 from programs import completed
 
 from flyaround.simulator.errors import machine_sentence
-from flyaround.simulator.runtime.limits import LEAST_FILES, limits_problem
+from flyaround.simulator.runtime.limits import MIN_FILES, limits_problem
 
 GB = 2**30
 
@@ -16,7 +16,7 @@ GB = 2**30
     ("name", "limit", "drawing", "words"),
     [
         ("RLIMIT_NOFILE", 24, False, "24 open files"),
-        ("RLIMIT_NOFILE", LEAST_FILES, True, None),
+        ("RLIMIT_NOFILE", MIN_FILES, True, None),
         ("RLIMIT_AS", GB, True, "1024 MB of memory"),
         ("RLIMIT_AS", GB, False, None),
         ("RLIMIT_AS", GB // 2, False, "512 MB of memory"),

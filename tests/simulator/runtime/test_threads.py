@@ -24,7 +24,7 @@ def test_the_users_choice_is_kept(monkeypatch):
 def test_the_caller_keeps_a_processor_and_somebody_works_beside_it(monkeypatch):
     for processors, beside in ((1, 1), (2, 1), (16, 15)):
         monkeypatch.setattr(threads, "usable_processors", lambda count=processors: count)
-        assert threads.beside_the_caller() == beside
+        assert threads.helper_threads() == beside
 
 
 def test_processes_that_draw_at_once_share_the_processors(monkeypatch):

@@ -7,7 +7,7 @@ import pytest
 
 from flyaround.hil.campaign.definitions import read_campaign
 from flyaround.simulator.errors import UserError
-from flyaround.simulator.runtime.toml_file import MOST_TOML_BYTES, parse_toml
+from flyaround.simulator.runtime.toml_file import MAX_TOML_BYTES, parse_toml
 from flyaround.simulator.scenario.faults import read_faults
 from flyaround.simulator.scenario.load import load_recipe, load_scenario, load_vary
 
@@ -50,7 +50,7 @@ def test_every_reader_has_the_guard(reader, tmp_path):
         (HOSTILE[5], "64 brackets"),
         (b"a = inf", "key a is inf"),
         ("a = 1".encode("utf-16"), "UTF-16"),
-        (b"#" * (MOST_TOML_BYTES + 1), "smaller"),
+        (b"#" * (MAX_TOML_BYTES + 1), "smaller"),
         (b"\xef\xbb\xbfno_such_key = 1", "no_such_key"),
     ):
         path.write_bytes(data)

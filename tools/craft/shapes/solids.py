@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from flyaround.simulator.targets.importing.propose.keypoints import across
+from flyaround.simulator.targets.importing.propose.keypoints import view_axes
 from flyaround.simulator.targets.importing.repair.normals import CREASE_RAD
 from tools.craft.shapes.mesh import Mesh, convex_solid, cross, following, merge, unit
 
@@ -93,7 +93,7 @@ def lathe(profile: ArrayLike, origin_m: ArrayLike, axis: ArrayLike, segments: in
         Facets round the axis.
     """
     p = np.asarray(profile, float)
-    u, v, w = across(axis)
+    u, v, w = view_axes(axis)
     angle = 2 * np.pi * np.arange(segments) / segments
     radial = np.cos(angle)[:, None] * u + np.sin(angle)[:, None] * v
     step = np.diff(p, axis=0)

@@ -16,7 +16,7 @@ import msgspec
 import numpy as np
 from scipy.optimize import nnls
 
-from flyaround.simulator.camera.sections import read_part
+from flyaround.simulator.camera.sections import crop_and_bin
 from flyaround.simulator.compare.references import Reference
 from flyaround.simulator.errors import UserError
 from flyaround.simulator.imaging.image_formation import expose
@@ -24,7 +24,7 @@ from flyaround.simulator.labels.boxes import amodal_box
 from flyaround.simulator.recipes.plan import plan_recipe
 from flyaround.simulator.runtime.arrays import vec3
 from flyaround.simulator.scenario.poses import scene_with_pose
-from flyaround.simulator.scene.illumination.area_light import MOST_LIGHTS, AreaLight
+from flyaround.simulator.scene.illumination.area_light import MAX_LIGHTS, AreaLight
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -135,7 +135,9 @@ def light_basis(
     lights = candidate_lights(scene) if lights is None else lights
     roi, binning = _window(scene, target)
     x0, y0, width, height = roi
-    small = replace(scene, camera=read_part(scene.camera, roi, binning, str(reference.path)), quality="draft")
+    small = replace(
+        scene, camera=crop_and_bin(scene.camera, roi, binning, str(reference.path)), quality="draft"
+    )
     parts = renderer.surfaces(small, target, layers=True).parts
     if parts is None or not parts.any():
         raise UserError(f"{reference.path}: the craft is outside the image at its pose; check --poses")
@@ -171,7 +173,7 @@ def _window(scene: SceneState, target: Target) -> tuple[tuple[int, int, int, int
     return (max(x, 0), max(y, 0), width, height), binning
 
 
-def fit_light(basis: LightBasis, factors: FloatArray | None = None, most: int = MOST_LIGHTS) -> FittedLight:
+def fit_light(basis: LightBasis, factors: FloatArray | None = None, most: int = MAX_LIGHTS) -> FittedLight:
     """Return the boxes whose light is closest to the image.
 
     Parameters

@@ -11,7 +11,7 @@ import numpy as np
 from flyaround.simulator.compare.image_statistics import (
     EDGE_BLUR_PX,
     GRADIENT_BINS,
-    GRADIENT_LARGEST_DN,
+    MAX_GRADIENT_DN,
     histogram_distance_dn,
     sobel,
 )
@@ -186,7 +186,7 @@ def _pair(
     cv2.fillConvexPoly(hull, cv2.convexHull(np.argwhere(on)[:, ::-1].astype(np.int32)), 1)
     seen = reference.image
     gradients = [
-        np.histogram(sobel(one)[on], GRADIENT_BINS, (0, GRADIENT_LARGEST_DN))[0] / on.sum()
+        np.histogram(sobel(one)[on], GRADIENT_BINS, (0, MAX_GRADIENT_DN))[0] / on.sum()
         for one in (seen, image)
     ]
     return FittedPair(
@@ -198,7 +198,7 @@ def _pair(
         ssim=float(structural_similarity(seen, image)[on].mean()),
         theirs=_look(seen, hull > 0),
         ours=_look(image, hull > 0),
-        gradient_moved_dn=histogram_distance_dn(gradients[0], gradients[1], GRADIENT_LARGEST_DN),
+        gradient_moved_dn=histogram_distance_dn(gradients[0], gradients[1], MAX_GRADIENT_DN),
         outline_px=_outline_px(seen, image, on),
         fitted_on=fitted_on,
     )

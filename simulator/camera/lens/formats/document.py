@@ -72,8 +72,10 @@ def parse_document(content: bytes, where: str) -> Document:
 
     Parameters
     ----------
-    content : bytes of the file.
-    where : name of the file in messages.
+    content : bytes
+        Bytes of the file.
+    where : str
+        Name of the file in messages.
 
     Raises
     ------

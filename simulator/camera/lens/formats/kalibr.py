@@ -8,7 +8,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from flyaround.simulator.camera.lens.formats.keys import Keys, flat_numbers
-from flyaround.simulator.camera.lens.formats.lens import camera_file, named_model, not_drawn
+from flyaround.simulator.camera.lens.formats.lens import camera_file, named_model, unsupported_model
 from flyaround.simulator.camera.lens.formats.yaml_text import yaml_text
 from flyaround.simulator.errors import UserError
 
@@ -75,7 +75,7 @@ def read_kalibr(document: Document, where: str) -> CameraFile:
 def _read_one(keys: Keys, name: str, notes: list[str]) -> CameraFile:
     kind = keys.get("camera_model")
     if str(kind or "pinhole").lower() != "pinhole":
-        raise not_drawn(f"{keys.where}: key {keys.path}camera_model", kind, "pinhole")
+        raise unsupported_model(f"{keys.where}: key {keys.path}camera_model", kind, "pinhole")
     model = named_model([("distortion_model", keys.get("distortion_model"))], keys)
     size, intrinsics = keys.numbers("resolution"), keys.numbers("intrinsics")
     if size is None or intrinsics is None or len(size) != 2 or len(intrinsics) != 4:
@@ -150,7 +150,7 @@ def read_basalt(document: Document, where: str) -> CameraFile:
     camera = Keys(listed[0], where, "a Basalt calibration", "intrinsics[0].")
     kind = str(camera.get("camera_type"))
     if kind not in _BASALT_MODELS:
-        raise not_drawn(f"{where}: key intrinsics[0].camera_type", kind, ", ".join(_BASALT_MODELS))
+        raise unsupported_model(f"{where}: key intrinsics[0].camera_type", kind, ", ".join(_BASALT_MODELS))
     model, names = _BASALT_MODELS[kind]
     lens = camera.inner("intrinsics")
     camera.done()

@@ -16,11 +16,11 @@ Matrix = tuple[float, float, float, float]
 """fx, fy, cx, cy [px]."""
 _MATRIX_KEYS = {"rows", "cols", "dt", "data", "type_id", "sizes"}  # OpenCV's
 _NUMBER = re.compile(NUMBER)
-_ROUNDED = 1e-9  # skew relative to fx that is only rounding of a product of matrices
+_SKEW_TOLERANCE = 1e-9  # skew relative to fx that is only rounding of a product of matrices
 
 
 class Keys:
-    """Keys of one table, each to be read or named before `done`.
+    """Reader of one table; every key must be read or ignored before `done` is called.
 
     Names are compared without case, ``_``, ``-`` and blanks, because programs write camera_matrix, Camera_Matrix and
     cameraMatrix.
@@ -229,11 +229,11 @@ def camera_matrix(m: list[float], where: str) -> Matrix:
         raise UserError(f"{where} has {len(m)} numbers, a 3 x 3 matrix is needed")
     if not any(m[:8]):
         raise UserError(f"{where} is 0: the camera is not calibrated; calibrate it")
-    if abs(m[8] - 1) > _ROUNDED or any(abs(v) > 1e-12 for v in (m[3], m[6], m[7])):
+    if abs(m[8] - 1) > _SKEW_TOLERANCE or any(abs(v) > 1e-12 for v in (m[3], m[6], m[7])):
         raise UserError(
             f"{where} is no camera matrix in rows: its last row must be 0 0 1, and the one before 0 fy cy"
         )
-    if abs(m[1]) > _ROUNDED * abs(m[0]):
+    if abs(m[1]) > _SKEW_TOLERANCE * abs(m[0]):
         raise UserError(
             f"{where} has a skew of {m[1]:g} px, which is not drawn; calibrate with the skew fixed at 0"
         )

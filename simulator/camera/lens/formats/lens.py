@@ -31,7 +31,8 @@ def named_model(names: Iterable[tuple[str, object]], keys: Keys) -> DistortionMo
 
     Parameters
     ----------
-    names : pairs of a key and its value.
+    names : iterable of tuple
+        Pairs of a key and its value.
 
     Raises
     ------
@@ -51,7 +52,7 @@ def named_model(names: Iterable[tuple[str, object]], keys: Keys) -> DistortionMo
             models["kannala_brandt"] = key
         else:
             place = f"{keys.where}: key {keys.path}{key}"
-            raise not_drawn(
+            raise unsupported_model(
                 place, value, "plumb_bob, rational_polynomial, radtan, equidistant, fisheye, none"
             )
     if len(models) > 1:
@@ -62,14 +63,17 @@ def named_model(names: Iterable[tuple[str, object]], keys: Keys) -> DistortionMo
     return next(iter(models), None)
 
 
-def not_drawn(place: str, value: object, read: str) -> UserError:
+def unsupported_model(place: str, value: object, read: str) -> UserError:
     """Return the error for an unsupported lens model, with the alternative.
 
     Parameters
     ----------
-    place : file and key.
-    value : value of the key.
-    read : names of the models that are read.
+    place : str
+        File and key.
+    value : object
+        Value of the key.
+    read : str
+        Names of the models that are read.
     """
     return UserError(
         f"{place} is {str(value)[:60]!r}, a lens that is not drawn (read are {read}); {_RECALIBRATE}"
@@ -92,12 +96,18 @@ def camera_file(
 
     Parameters
     ----------
-    keys : keys of the file; `Keys.done` is called.
-    size : width and height of the image.
-    intrinsics : fx, fy, cx, cy; pixel (0, 0) is the centre of the top-left pixel.
-    coefficients : coefficients of the model in OpenCV's order, or None.
-    notes : remarks for the user about other content of the file.
-    encoding : transfer function of the images as the file names it, or None.
+    keys : Keys
+        Keys of the file; `Keys.done` is called.
+    size : sequence of float
+        Width and height of the image.
+    intrinsics : sequence of float
+        fx, fy, cx, cy; pixel (0, 0) is the centre of the top-left pixel.
+    coefficients : sequence of float or None
+        Coefficients of the model in OpenCV's order, or None.
+    notes : iterable of str, optional
+        Remarks for the user about other content of the file.
+    encoding : object, optional
+        Transfer function of the images as the file names it, or None.
 
     Raises
     ------

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from flyaround.simulator.camera.lens.formats.keys import Keys, camera_matrix
-from flyaround.simulator.camera.lens.formats.lens import camera_file, not_drawn
+from flyaround.simulator.camera.lens.formats.lens import camera_file, unsupported_model
 
 if TYPE_CHECKING:
     from flyaround.simulator.camera.lens.files_native import CameraFile
@@ -52,7 +52,9 @@ def read_matlab(document: Document, where: str) -> CameraFile:
         keys.done()
         keys = inner
     if any(keys.find(name) for name in _FISHEYE):
-        raise not_drawn(f"{where}: its class", "fisheyeIntrinsics", "cameraParameters, cameraIntrinsics")
+        raise unsupported_model(
+            f"{where}: its class", "fisheyeIntrinsics", "cameraParameters, cameraIntrinsics"
+        )
     size = keys.numbers("ImageSize")
     if not size or len(size) != 2:
         raise keys.error("lacks ImageSize [rows, columns]: set it in MATLAB, or add it")

@@ -40,7 +40,7 @@ def read_native(document: Document, where: str) -> CameraFile:
         LensFile if _DATA_SHEET.intersection(raw) and "fx_px" not in raw else CameraFile
     )
     camera = convert_document(raw, kind, where)
-    return camera.solved(where) if isinstance(camera, LensFile) else camera
+    return camera.solve(where) if isinstance(camera, LensFile) else camera
 
 
 def write_native(camera: CameraFile, where: str) -> str:  # noqa: ARG001 - a writer's signature

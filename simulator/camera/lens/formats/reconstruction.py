@@ -10,7 +10,7 @@ import math
 from typing import TYPE_CHECKING, Any
 
 from flyaround.simulator.camera.lens.formats.keys import Keys, camera_matrix, flat_numbers
-from flyaround.simulator.camera.lens.formats.lens import camera_file, not_drawn
+from flyaround.simulator.camera.lens.formats.lens import camera_file, unsupported_model
 from flyaround.simulator.errors import UserError
 
 if TYPE_CHECKING:
@@ -43,7 +43,7 @@ _NERF_FRAME = """
     transform_matrix depth_file_path normal_file_path colmap_im_id camera_index rotation frame_index cam_id
     semantic_path timestamp time camera_id file_path mask_path sharpness
 """
-_AGREE = 2e-3  # relative tolerance between a focal length and an angle, which files round
+_LENGTH_TOLERANCE = 2e-3  # relative tolerance between a focal length and an angle, which files round
 CORNER_TO_CENTRE_PX = -0.5
 
 
@@ -65,7 +65,9 @@ def read_colmap(document: Document, where: str) -> CameraFile:
         raise UserError(f"{where} holds {len(cameras)} cameras that differ; keep the line of one")
     number, name, width, height, *words = cameras[0]
     if name not in _COLMAP_MODELS:
-        raise not_drawn(f"{where}: COLMAP's model of camera {number}", name, ", ".join(_COLMAP_MODELS))
+        raise unsupported_model(
+            f"{where}: COLMAP's model of camera {number}", name, ", ".join(_COLMAP_MODELS)
+        )
     model, parameters, order = _COLMAP_MODELS[name]
     values = flat_numbers(words, f"{where}: camera {number}")
     if len(values) != len(parameters.split()):
@@ -156,7 +158,7 @@ def _nerf_focal_px(keys: Keys, length: str, angle: str, count: int) -> float | N
     by_angle = count / (2 * math.tan(angle_rad / 2))
     if by_length is None:
         return by_angle
-    if abs(by_length - by_angle) > _AGREE * abs(by_length):
+    if abs(by_length - by_angle) > _LENGTH_TOLERANCE * abs(by_length):
         raise UserError(
             f"{keys.where}: key {length} is {by_length:g} px, by {angle} it is {by_angle:g} px; delete one"
         )
@@ -167,7 +169,9 @@ def _nerf_lens(keys: Keys) -> tuple[DistortionModel, list[float] | None]:
     model_name = str(keys.get("camera_model") or "").upper()
     fisheye = bool(keys.get("is_fisheye")) or model_name == "OPENCV_FISHEYE"
     if model_name not in ("", "OPENCV", "OPENCV_FISHEYE", "PINHOLE", "SIMPLE_PINHOLE", "PERSPECTIVE"):
-        raise not_drawn(f"{keys.where}: key camera_model", model_name, "OPENCV, OPENCV_FISHEYE, PINHOLE")
+        raise unsupported_model(
+            f"{keys.where}: key camera_model", model_name, "OPENCV, OPENCV_FISHEYE, PINHOLE"
+        )
     if fisheye and model_name not in ("", "OPENCV_FISHEYE"):
         raise UserError(
             f"{keys.where}: keys camera_model and is_fisheye name different lenses; delete the wrong one"

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from flyaround.simulator.camera.lens.files_native import CameraFile
     from flyaround.simulator.camera.lens.formats.document import Document
 
-__all__ = ["CAMERA_FORMATS", "WRITTEN", "CameraFormat", "camera_text", "read_camera_document"]
+__all__ = ["CAMERA_FORMATS", "WRITABLE_FORMATS", "CameraFormat", "camera_text", "read_camera_document"]
 
 
 @dataclass(frozen=True)
@@ -84,7 +84,7 @@ CAMERA_FORMATS = (
 """All formats, the most specific first: the first that recognises a document reads it."""
 WITH_ENCODING = ("native", "speed")
 """Formats that state the transfer function of the images."""
-WRITTEN = tuple(form.name for form in CAMERA_FORMATS if form.write is not None)
+WRITABLE_FORMATS = tuple(form.name for form in CAMERA_FORMATS if form.write is not None)
 
 
 def read_camera_document(document: Document, where: str) -> CameraFile:
@@ -119,10 +119,10 @@ def camera_text(camera: CameraFile, form: str, where: str) -> str:
     """
     writers = {entry.name: entry.write for entry in CAMERA_FORMATS if entry.write is not None}
     if form not in writers:
-        near = near_names(form, WRITTEN)
+        near = near_names(form, WRITABLE_FORMATS)
         hint = f"did you mean {near[0]}? " if near else ""
         raise UserError(
-            f"there is no camera format {form!r} to write: {hint}choose one of {', '.join(WRITTEN)}"
+            f"there is no camera format {form!r} to write: {hint}choose one of {', '.join(WRITABLE_FORMATS)}"
         )
     if camera.encoding is not UNSET and camera.encoding != "linear" and form not in WITH_ENCODING:
         raise UserError(

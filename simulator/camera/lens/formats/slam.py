@@ -8,7 +8,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from flyaround.simulator.camera.lens.formats.keys import Keys
-from flyaround.simulator.camera.lens.formats.lens import camera_file, not_drawn
+from flyaround.simulator.camera.lens.formats.lens import camera_file, unsupported_model
 from flyaround.simulator.errors import UserError
 
 if TYPE_CHECKING:
@@ -63,7 +63,7 @@ def read_orb(document: Document, where: str) -> CameraFile:
     kind = str(keys.get("Camera.type", "Camera.model") or "pinhole")
     plain = kind.lower()
     if plain not in (*_PINHOLES, *_FISHEYES, "rectified"):
-        raise not_drawn(
+        raise unsupported_model(
             f"{where}: key Camera.type", kind, "PinHole, KannalaBrandt8, Rectified, perspective, fisheye"
         )
     intrinsics = [keys.number(*_spelled(name)) for name in ("fx", "fy", "cx", "cy")]
@@ -127,7 +127,7 @@ def read_vins(document: Document, where: str) -> CameraFile:
         )
     kind = str(keys.get("model_type") or "")
     if kind not in ("PINHOLE", "KANNALA_BRANDT"):
-        raise not_drawn(f"{where}: key model_type", kind, "PINHOLE, KANNALA_BRANDT")
+        raise unsupported_model(f"{where}: key model_type", kind, "PINHOLE, KANNALA_BRANDT")
     size = [keys.count("image_width"), keys.count("image_height")]
     projection = keys.inner("projection_parameters")
     lens = keys.inner("distortion_parameters") if keys.find("distortion_parameters") else None

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 _PITCH_UM = 5.86  # pixel pitch of SPEED's camera
 _CENTRE_PX = 1.0  # tolerance between matrix and ccx, ccy: some sets count from corners
-_AGREE = 2e-3  # tolerance between lengths and matrix, which the sets round
+_LENGTH_TOLERANCE = 2e-3  # tolerance between lengths and matrix, which the sets round
 
 
 def is_speed(document: Document) -> bool:
@@ -97,7 +97,7 @@ def _disagreement(keys: Keys, matrix: Matrix, by_length: Matrix | None) -> list[
         keys.number(name, default=there) for name, there in zip(("fx_px", "fy_px"), matrix[:2], strict=True)
     ]
     alike = np.allclose(matrix[2:], values[2:], rtol=0, atol=_CENTRE_PX)
-    if alike and all(np.allclose(matrix[:2], focal, rtol=_AGREE) for focal in (values[:2], in_px)):
+    if alike and all(np.allclose(matrix[:2], focal, rtol=_LENGTH_TOLERANCE) for focal in (values[:2], in_px)):
         return []
     focal = in_px if values[:2] == list(matrix[:2]) else values[:2]
     return [

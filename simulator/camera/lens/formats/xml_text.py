@@ -8,7 +8,7 @@ from xml.etree import ElementTree as ET
 
 from flyaround.simulator.camera.lens.formats.yaml_text import scalar
 from flyaround.simulator.errors import UserError
-from flyaround.simulator.runtime.untrusted_files import MOST_DEEP
+from flyaround.simulator.runtime.untrusted_files import MAX_DEPTH
 
 ROOT = "opencv_storage"
 
@@ -20,8 +20,8 @@ class _Tree(ET.TreeBuilder):
 
     def start(self, tag: str, attrs: dict[str, str], /) -> ET.Element:
         self.depth += 1
-        if self.depth > MOST_DEEP:
-            raise ValueError(f"it nests more than {MOST_DEEP} elements in each other")
+        if self.depth > MAX_DEPTH:
+            raise ValueError(f"it nests more than {MAX_DEPTH} elements in each other")
         return super().start(tag, attrs)
 
     def end(self, tag: str, /) -> ET.Element:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import yaml
 
 from flyaround.simulator.errors import UserError
-from flyaround.simulator.runtime.untrusted_files import MOST_DEEP
+from flyaround.simulator.runtime.untrusted_files import MAX_DEPTH
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -38,7 +38,7 @@ def scalar(text: str) -> Any:  # noqa: ANN401 - number, truth value, text or Non
 
 
 def parse_yaml(text: str, where: str) -> tuple[Any, bool]:
-    """Parse the first document that is not empty; also return True if others follow.
+    """Parse the first document that is not empty; return it, and True if other documents follow.
 
     Raises
     ------
@@ -95,8 +95,8 @@ class _Composer:
         if isinstance(event, yaml.ScalarEvent):
             return scalar(event.value) if event.implicit[0] else event.value
         self._depth += 1
-        if self._depth > MOST_DEEP:
-            raise ValueError(f"line {line} nests more than {MOST_DEEP} tables in each other")
+        if self._depth > MAX_DEPTH:
+            raise ValueError(f"line {line} nests more than {MAX_DEPTH} tables in each other")
         value = self._list() if isinstance(event, yaml.SequenceStartEvent) else self._table()
         self._depth -= 1
         return value

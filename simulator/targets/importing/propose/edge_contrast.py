@@ -1,7 +1,8 @@
-"""Contrast of edges, measured in small shaded images from many sides, drawn on the CPU.
+"""Contrast of edges, measured in small shaded images from many directions, drawn on the CPU.
 
-A modelled crease may be invisible: a groove finer than a pixel, equally lit faces, an edge behind another body. So the
-step of brightness across each candidate is measured wherever it is in view.
+A crease of the model may be invisible in images: its groove may be finer than a pixel, its faces equally lit, or
+another body in front of it. Therefore the brightness step across each candidate edge is measured in all views that show
+it.
 """
 
 from __future__ import annotations
@@ -24,13 +25,13 @@ if TYPE_CHECKING:
 VIEWS = sphere_directions(40)
 SIZE_PX = 256
 POINTS = 450_000  # surface points that are projected
-ASIDE_PX = 2.5
-"""Distance from the edge at which brightness is compared [px of 256], as by an estimator at 100 to 200 px."""
+SAMPLE_OFFSET_PX = 2.5
+"""Distance from the edge at which brightness is sampled [px], similar to that of an estimator on a small craft."""
 SURFACE_TOLERANCE = 0.012
-"""Distance behind the drawn surface at which a point of an edge still counts as visible, as a share of the craft."""
+"""Distance behind the drawn surface up to which a point of an edge counts as visible, relative to the craft's size."""
 LIGHTS = ((0.0, 0.0), (50.0, 30.0), (50.0, 150.0), (50.0, 270.0))
 """Angles [deg] of the Sun from the line of sight and around it: frontal, and three from the side."""
-AMBIENT = 0.02  # light in the shade, as a share of the Sun's
+AMBIENT = 0.02  # light in the shade, relative to the Sun's
 
 
 def contrast_of(
@@ -38,7 +39,7 @@ def contrast_of(
     materials: Sequence[Material],
     a_m: FloatArray,
     b_m: FloatArray,
-    skin_m: FloatArray,
+    depth_m: FloatArray,
 ) -> tuple[FloatArray, FloatArray]:
     """Return the mean brightness step (K,) across line segments where they are visible, and their visibility (K,).
 
@@ -47,32 +48,36 @@ def contrast_of(
 
     Parameters
     ----------
-    a_m, b_m : (K, 3) ends.
-    skin_m : (K,) depth of each segment below the surface, for example of a rod's axis.
+    a_m : (K, 3) array
+        First end of each edge [m].
+    b_m : (K, 3) array
+        Second end of each edge [m].
+    depth_m : (K,) array
+        Depth of each segment below the surface, for example of a rod's axis.
     """
     surface = surface_points(bodies, POINTS)
     albedo = np.array([float(np.mean(m.base_color)) for m in materials])[surface.material]
     low, high = surface.points_m.min(axis=0), surface.points_m.max(axis=0)
     center, radius = (low + high) / 2, float(np.linalg.norm(high - low)) / 2
-    places = np.stack([a_m + s * (b_m - a_m) for s in (0.2, 0.5, 0.8)], axis=1) - center
-    step, visibility = np.zeros(places.shape[:2]), np.zeros(places.shape[:2])
+    points = np.stack([a_m + s * (b_m - a_m) for s in (0.2, 0.5, 0.8)], axis=1) - center
+    step, visibility = np.zeros(points.shape[:2]), np.zeros(points.shape[:2])
     for direction in VIEWS:
         axes = _axes(direction)
         depth, light = _picture(surface, albedo, center, radius, axes)
-        at = places @ axes.T
-        xy = _pixels(at[..., :2], radius)
+        cells = points @ axes.T
+        xy = _pixels(cells[..., :2], radius)
         along = np.stack([(b_m - a_m) @ axes[0], (b_m - a_m) @ axes[1]], axis=1)
         length = np.linalg.norm(along, axis=1)
         across = np.stack([-along[:, 1], along[:, 0]], axis=1) / np.maximum(length[:, None], 1e-12)
         row, column = np.rint(xy).astype(int)[..., 1], np.rint(xy).astype(int)[..., 0]
-        visible = (at[..., 2] >= depth[row, column] - SURFACE_TOLERANCE * 2 * radius - skin_m[:, None]) & (
-            length > 0.02 * radius
-        )[:, None]
+        visible = (
+            cells[..., 2] >= depth[row, column] - SURFACE_TOLERANCE * 2 * radius - depth_m[:, None]
+        ) & (length > 0.02 * radius)[:, None]
         sides = []
         for sign in (-1.0, 1.0):
-            sides_px = np.rint(xy + sign * ASIDE_PX * across[:, None]).astype(int)
+            sides_px = np.rint(xy + sign * SAMPLE_OFFSET_PX * across[:, None]).astype(int)
             sides.append(light[:, sides_px[..., 1], sides_px[..., 0]])
-        # the best of the lights, because some Sun direction will show the edge
+        # take the light with the largest step, because the edge is visible under some direction of the Sun
         best = np.abs(sides[0] - sides[1]).mean(axis=0)
         step += np.where(visible, best, 0.0)
         visibility += visible
@@ -97,20 +102,20 @@ def _picture(
 ) -> tuple[FloatArray, FloatArray]:
     """Return the nearest surface to the camera (H, W), -inf outside, and its brightness under each light (L, H, W)."""
     # single precision suffices for positions in a small image
-    at = (surface.points_m - center).astype(np.float32) @ axes.T.astype(np.float32)
-    x, y = np.rint(_pixels(at[:, :2], radius)).astype(np.int32).T
+    cells = (surface.points_m - center).astype(np.float32) @ axes.T.astype(np.float32)
+    x, y = np.rint(_pixels(cells[:, :2], radius)).astype(np.int32).T
     cell = y * SIZE_PX + x
-    height = at[:, 2].astype(float)
+    height = cells[:, 2].astype(float)
     nearest = np.full(SIZE_PX * SIZE_PX, -np.inf)
     np.maximum.at(nearest, cell, height)
     depth = nearest.reshape(SIZE_PX, SIZE_PX)
     # cells without a point take the value of their neighbours
-    filled = _closed(depth)
+    filled = _close_gaps(depth)
     winner = np.full(SIZE_PX * SIZE_PX, -1, np.int64)
     front = height >= nearest[cell]
     index = np.flatnonzero(front)
     winner[cell[index]] = index
-    winner = _spread(winner.reshape(SIZE_PX, SIZE_PX), np.isfinite(filled))
+    winner = _copy_to_neighbours(winner.reshape(SIZE_PX, SIZE_PX), np.isfinite(filled))
     normal = surface.normals[winner] @ axes.T
     light = []
     for lean, turn in np.deg2rad(LIGHTS):
@@ -122,7 +127,7 @@ def _picture(
     return filled, np.asarray(light, float) / max(float(albedo.max()), 1e-6)
 
 
-def _closed(depth: FloatArray) -> FloatArray:
+def _close_gaps(depth: FloatArray) -> FloatArray:
     """Fill empty cells that have at least five full neighbours with the nearest of them."""
     padded = np.pad(depth, 1, constant_values=-np.inf)
     near = np.stack(
@@ -132,7 +137,7 @@ def _closed(depth: FloatArray) -> FloatArray:
     return np.where(np.isfinite(depth) | (full < 5), depth, near.max(axis=0))
 
 
-def _spread(winner: np.ndarray, filled: np.ndarray) -> np.ndarray:
+def _copy_to_neighbours(winner: np.ndarray, filled: np.ndarray) -> np.ndarray:
     """Assign filled cells without a point of their own to a neighbour's point."""
     out = winner.copy()
     padded = np.pad(winner, 1, constant_values=-1)

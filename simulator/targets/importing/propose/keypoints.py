@@ -31,7 +31,7 @@ MIN_DISTANCE = 0.02
 """Least distance between keypoints, as a share of the craft, for an estimator to separate them."""
 SAMPLES, NEIGHBOURHOOD = 6000, 0.12
 """Number of surface points, and the radius around a keypoint as a share of the craft, for detecting booms."""
-BROAD_RATIO, BOOM_WEIGHT = 0.4, 0.3
+BOOM_AXIS_RATIO, BOOM_WEIGHT = 0.4, 0.3
 """Ratio of principal axes below which a surface is a boom, and the weight of a point on a boom."""
 TURN_COS = float(np.cos(np.deg2rad(25.0)))  # cosine of the least angle by which a crease turns at a corner
 
@@ -39,9 +39,9 @@ TURN_COS = float(np.cos(np.deg2rad(25.0)))  # cosine of the least angle by which
 def propose_keypoints(bodies: list[MeshBody], extent: float) -> tuple[Keypoint, ...]:
     """Propose up to sixteen vertices of the mesh: corners where creases meet or end, and the tips of its hull.
 
-    The first is the vertex farthest from the centre, each next one the farthest from those before. Weights favour
-    visibility from many sides, corners over round rims, and vertices of the convex hull, and reduce points along booms.
-    The result is deterministic.
+    The first keypoint is the vertex farthest from the centre. Each further one is the vertex farthest from the
+    keypoints selected before (farthest-point sampling). Distances are weighted: corners, hull vertices and vertices
+    visible from many directions are preferred, points along booms are not. The result is deterministic.
     """
     points, is_corner = _candidates(bodies)
     if not len(points):
@@ -60,7 +60,8 @@ def propose_keypoints(bodies: list[MeshBody], extent: float) -> tuple[Keypoint, 
         * np.where(
             on_hull,
             1.0,
-            BOOM_WEIGHT + (1 - BOOM_WEIGHT) * np.clip(_breadth(bodies, points, extent) / BROAD_RATIO, 0, 1),
+            BOOM_WEIGHT
+            + (1 - BOOM_WEIGHT) * np.clip(_breadth(bodies, points, extent) / BOOM_AXIS_RATIO, 0, 1),
         )
         * (0.3 + n_directions / len(DIRECTIONS)) ** 1.5
     )
@@ -121,8 +122,8 @@ def _corner_vertices(body: MeshBody) -> np.ndarray:
     np.add.at(total, ends[:, 0], direction)
     np.add.at(total, ends[:, 1], -direction)
     # the sum of two unit vectors at an angle has length 2 cos(angle / 2)
-    bend = np.linalg.norm(total, axis=1) > np.sqrt(2 * (1 - TURN_COS))
-    return np.flatnonzero((degree >= 3) | (degree == 1) | ((degree == 2) & bend))
+    is_bent = np.linalg.norm(total, axis=1) > np.sqrt(2 * (1 - TURN_COS))
+    return np.flatnonzero((degree >= 3) | (degree == 1) | ((degree == 2) & is_bent))
 
 
 def _tips(points: FloatArray) -> FloatArray:
@@ -162,7 +163,7 @@ def visible_directions_count(bodies: list[MeshBody], points_m: FloatArray) -> In
     centre = (low + high) / 2
     count = np.zeros(len(points_m), np.int64)
     for direction in DIRECTIONS:
-        u, v, w = across(direction)
+        u, v, w = view_axes(direction)
         basis = np.stack([u, v, -w])  # third: distance from a camera at infinity, up to a constant
         depth_picture = _depth_picture((corners - centre) @ basis.T, radius)
         at = (points_m - centre) @ basis.T
@@ -171,7 +172,7 @@ def visible_directions_count(bodies: list[MeshBody], points_m: FloatArray) -> In
     return count
 
 
-def across(axis: ArrayLike) -> tuple[FloatArray, FloatArray, FloatArray]:
+def view_axes(axis: ArrayLike) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return right-handed orthonormal axes ``(u, v, w)`` with ``w`` along ``axis``."""
     w = _unit(np.asarray(axis, float))
     u = _unit(np.cross(np.eye(3)[int(np.argmin(np.abs(w)))], w))

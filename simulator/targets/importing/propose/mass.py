@@ -25,9 +25,12 @@ def mass_properties_of(
 
     Parameters
     ----------
-    bodies : meshes of the craft.
-    mass_kg : total mass; None to derive it from the density.
-    density_kg_m3 : density of a solid; None for `DENSITY_KG_M3`.
+    bodies : list of MeshBody
+        Meshes of the craft.
+    mass_kg : float or None
+        Total mass; None to derive it from the density.
+    density_kg_m3 : float or None
+        Density of a solid; None for `DENSITY_KG_M3`.
 
     References
     ----------
@@ -43,24 +46,24 @@ def mass_properties_of(
         moments = _moments(c, volume, apex=True)
         if moments is not None:
             mass = mass_kg or total_m3 * (density_kg_m3 or DENSITY_KG_M3)
-            how = f"{total_m3:.4g} m3" + (
+            derivation = f"{total_m3:.4g} m3" + (
                 ""
                 if mass_kg
                 else f" at {density_kg_m3 or DENSITY_KG_M3:g} kg/m3 (--density or --mass to say better)"
             )
-            return _scaled(moments, origin, mass, total_m3), f"mass {mass:.4g} kg: {how}"
+            return _mass_properties(moments, origin, mass, total_m3), f"mass {mass:.4g} kg: {derivation}"
     moments = _moments(c, area, apex=False)
     mass = mass_kg or float(area.sum()) * SHELL_KG_M2
-    how = f"a shell of {float(area.sum()):.4g} m2" + (
+    derivation = f"a shell of {float(area.sum()):.4g} m2" + (
         "" if mass_kg else f" at {SHELL_KG_M2:g} kg/m2 (--mass to say better)"
     )
     if moments is None:
         raise ArithmeticError("a surface with area has moments")
-    return _scaled(moments, origin, mass, float(area.sum())), f"mass {mass:.4g} kg: {how}"
+    return _mass_properties(moments, origin, mass, float(area.sum())), f"mass {mass:.4g} kg: {derivation}"
 
 
 def _moments(c: FloatArray, weight: FloatArray, *, apex: bool) -> tuple[FloatArray, FloatArray] | None:
-    """Return the centre and second moments about it of simplices with corners (F, 3, 3), and the origin if ``apex``."""
+    """Return centre of mass and second moments of simplices with corners (F, 3, 3), plus the origin with ``apex``."""
     total = weight.sum()
     corners, n = c.sum(axis=1), 4 if apex else 3
     centre = (weight[:, None] * corners).sum(axis=0) / n / total
@@ -72,7 +75,7 @@ def _moments(c: FloatArray, weight: FloatArray, *, apex: bool) -> tuple[FloatArr
     )
 
 
-def _scaled(
+def _mass_properties(
     moments: tuple[FloatArray, FloatArray], origin: FloatArray, mass: float, total: float
 ) -> MassProperties:
     centre, second = moments

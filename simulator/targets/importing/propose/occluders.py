@@ -1,7 +1,8 @@
 """Coarse convex bodies that represent the craft in visibility tests and as its silhouette.
 
-Each connected piece is one hull; a piece that fills its hull poorly is split in two where the hulls of the halves are
-smallest, worst first. The outline matters: background visible beside it would make a correct pose look wrong.
+Each connected piece starts as one convex hull. The hull with the largest empty share is split where the hulls of both
+halves are smallest, and so on. A close outline matters, because background inside it would make a correct pose seem
+wrong.
 """
 
 from __future__ import annotations
@@ -27,12 +28,20 @@ MIN_PIECE_SHARE = 0.0015
 """Share of the craft's mean silhouette below which a piece is dropped."""
 HULL_TOLERANCE = 0.01
 """Share of the craft's mean silhouette by which a piece's hull may be too large."""
-CUTS = (0.15, 0.3, 0.4, 0.5, 0.6, 0.7, 0.85)  # positions of a cut along a piece, as shares of its length
+CUT_POSITIONS = (
+    0.15,
+    0.3,
+    0.4,
+    0.5,
+    0.6,
+    0.7,
+    0.85,
+)  # positions of a cut along a piece, as shares of its length
 SIDE_PX = 48
 VIEWS = sphere_directions(14)[:7]
-FACETS = (64, 40, 26, 14, 10)
+HULL_DIRECTIONS = (64, 40, 26, 14, 10)
 """Directions of a hull's vertices; the largest set within the triangle budget is used."""
-INSET = 0.99
+OCCLUDER_SCALE = 0.99
 """Scale of occluders, slightly below 1 so that they do not hide edges on their own surface."""
 
 
@@ -50,28 +59,28 @@ def propose_occluders(bodies: list[MeshBody], extent: float) -> Occluders:
     surface = surface_points(bodies, POINTS)
     order = np.argsort(surface.piece, kind="stable")
     ends = np.searchsorted(surface.piece[order], np.arange(surface.pieces + 1))
-    whole = _shadow(surface.points_m)
+    whole = _mean_silhouette(surface.points_m)
     leaves = [
         leaf
         for a, b in itertools.pairwise(ends.tolist())
         if (leaf := _leaf(surface.points_m[order[a:b]], extent, MIN_PIECE_SHARE * whole)) is not None
     ]
-    leaves = _not_inside(sorted(leaves, key=lambda x: -x.shadow), extent)[: 2 * MAX_PIECES]
+    leaves = _drop_enclosed(sorted(leaves, key=lambda x: -x.shadow), extent)[: 2 * MAX_PIECES]
     total = sum(x.shadow for x in leaves)
     while leaves and len(leaves) < MAX_PIECES:
-        worst = max(leaves, key=lambda x: x.excess)
-        if worst.excess < HULL_TOLERANCE * total:
+        largest = max(leaves, key=lambda x: x.excess)
+        if largest.excess < HULL_TOLERANCE * total:
             break
-        leaves.remove(worst)
-        halves = _cut(worst, extent)
-        leaves += halves if len(halves) == 2 else [_Leaf(worst.points, worst.shadow, 0.0)]
+        leaves.remove(largest)
+        halves = _cut(largest, extent)
+        leaves += halves if len(halves) == 2 else [_Leaf(largest.points, largest.shadow, 0.0)]
     leaves = sorted(leaves, key=lambda x: -x.shadow)[:MAX_PIECES]
-    return _joined(leaves)
+    return _join(leaves)
 
 
-def _joined(leaves: list[_Leaf]) -> Occluders:
+def _join(leaves: list[_Leaf]) -> Occluders:
     """Join the hulls, all with the same number of directions, as many as the budget allows."""
-    for fineness in FACETS:
+    for fineness in HULL_DIRECTIONS:
         directions = sphere_directions(fineness)
         hulls = [h for leaf in leaves if (h := _hull(_extremes(leaf.points, directions))) is not None]
         if sum(len(h.simplices) for h in hulls) <= MAX_TRIANGLES:
@@ -85,7 +94,7 @@ def _joined(leaves: list[_Leaf]) -> Occluders:
             continue
         middle = (v.min(axis=0) + v.max(axis=0)) / 2
         triangles.append(t + sum(len(x) for x in vertices))
-        vertices.append(middle + INSET * (v - middle))
+        vertices.append(middle + OCCLUDER_SCALE * (v - middle))
         count += len(t)
     if not vertices:
         return Occluders()
@@ -93,16 +102,16 @@ def _joined(leaves: list[_Leaf]) -> Occluders:
 
 
 def _extremes(points: FloatArray, directions: FloatArray) -> FloatArray:
-    """Return the extreme points in each direction, and towards the corners of the axes, which keeps boxes whole."""
+    """Return the extreme points in each direction, and towards the box's corners, so that boxes keep their corners."""
     corners = np.array([[x, y, z] for x in (-1.0, 1.0) for y in (-1.0, 1.0) for z in (-1.0, 1.0)])
     size = np.maximum(np.ptp(points, axis=0), 1e-9)
-    # in the box's own proportions, so that a plate is treated like a cube
+    # directions are scaled by the bounding box, so that a plate is sampled like a cube
     reach = (points / size) @ np.concatenate([corners, directions]).T
     return points[np.unique(np.argmax(reach, axis=0))]
 
 
 def _leaf(points: FloatArray, extent: float, smallest: float = 0.0) -> _Leaf | None:
-    """Return a set of points with its hull's silhouette; sheets are thickened slightly; None for lines and points."""
+    """Return a set of points with the silhouette of its hull; None for lines and points. Sheets are thickened."""
     if len(points) < 4:
         return None
     hull = _hull(points)
@@ -110,7 +119,7 @@ def _leaf(points: FloatArray, extent: float, smallest: float = 0.0) -> _Leaf | N
         low, high = points.min(axis=0), points.max(axis=0)
         if np.sort(high - low)[1] < 1e-3 * extent:
             return None
-        points = _thickened(points, 2e-3 * extent)
+        points = _thicken(points, 2e-3 * extent)
         hull = _hull(points)
         if hull is None:
             return None
@@ -121,7 +130,7 @@ def _leaf(points: FloatArray, extent: float, smallest: float = 0.0) -> _Leaf | N
     return _Leaf(points, shadow, shadow * (1 - _filled_share(points, hull)))
 
 
-def _thickened(points: FloatArray, thickness: float) -> FloatArray:
+def _thicken(points: FloatArray, thickness: float) -> FloatArray:
     """Return a flat sheet's points offset to both sides."""
     normal = np.linalg.svd(points - points.mean(axis=0), full_matrices=False)[2][2]
     return np.concatenate([points + normal * thickness / 2, points - normal * thickness / 2])
@@ -129,7 +138,7 @@ def _thickened(points: FloatArray, thickness: float) -> FloatArray:
 
 def _filled_share(points: FloatArray, hull: ConvexHull) -> float:
     """Return the share of its hull's silhouette that a set of points fills, averaged over views."""
-    own = all_of = 0
+    occupied = all_of = 0
     for view in VIEWS:
         helper = np.eye(3)[int(np.argmin(np.abs(view)))]
         x = np.cross(helper, view)
@@ -147,23 +156,23 @@ def _filled_share(points: FloatArray, hull: ConvexHull) -> float:
         inside = (places @ outline.equations[:, :2].T + outline.equations[:, 2] <= 0.5 * size / side).all(
             axis=1
         )
-        own += np.isin(grid[inside] @ (side, 1), cells).sum()
+        occupied += np.isin(grid[inside] @ (side, 1), cells).sum()
         all_of += inside.sum()
-    return float(own / max(all_of, 1))
+    return float(occupied / max(all_of, 1))
 
 
 def _cut(leaf: _Leaf, extent: float) -> list[_Leaf]:
     """Split the leaf by the axis-aligned plane for which both hulls together are smallest."""
     p = leaf.points
     step = max(1, len(p) // HULL_POINTS)
-    few = p[::step]
+    sample = p[::step]
     best, choice = np.inf, (0, 0.0)
     low, high = p.min(axis=0), p.max(axis=0)
     for axis in range(3):
-        for share in CUTS:
+        for share in CUT_POSITIONS:
             level = low[axis] + share * (high[axis] - low[axis])
             area = 0.0
-            for side in (few[few[:, axis] <= level], few[few[:, axis] > level]):
+            for side in (sample[sample[:, axis] <= level], sample[sample[:, axis] > level]):
                 hull = _hull(side)
                 area += np.inf if hull is None else float(hull.area)
             if area < best:
@@ -175,26 +184,26 @@ def _cut(leaf: _Leaf, extent: float) -> list[_Leaf]:
     return [h for h in halves if h is not None]
 
 
-def _not_inside(leaves: list[_Leaf], extent: float) -> list[_Leaf]:
+def _drop_enclosed(leaves: list[_Leaf], extent: float) -> list[_Leaf]:
     """Drop the leaves within the hull of a larger one: cells on a panel, fittings on a plate."""
-    outer: list[_Leaf] = []
+    larger: list[_Leaf] = []
     planes: list[FloatArray] = []
     for leaf in leaves:
-        few = leaf.points[:: max(1, len(leaf.points) // 60)]
+        sample = leaf.points[:: max(1, len(leaf.points) // 60)]
         inside = any(
-            ((few @ e[:, :3].T + e[:, 3]).max(axis=1) < 0.008 * extent).mean() > 0.97 for e in planes
+            ((sample @ e[:, :3].T + e[:, 3]).max(axis=1) < 0.008 * extent).mean() > 0.97 for e in planes
         )
         if inside:
             continue
-        outer.append(leaf)
+        larger.append(leaf)
         hull = _hull(leaf.points)
         # only a leaf that fills its hull hides others
         if hull is not None and leaf.excess < 0.15 * leaf.shadow:
             planes.append(hull.equations)
-    return outer
+    return larger
 
 
-def _shadow(points: FloatArray) -> float:
+def _mean_silhouette(points: FloatArray) -> float:
     hull = _hull(points)
     return 0.0 if hull is None else float(hull.area) / 4
 

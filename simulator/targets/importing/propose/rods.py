@@ -17,7 +17,7 @@ MAX_ROUNDNESS_SPREAD = 0.25
 """Relative spread of the surface's distance from the axis; below it for tapered and faceted rods, above it for bars."""
 MAX_RADIUS, MIN_LENGTH = 0.05, 0.03
 """Largest radius and least length of a rod, as shares of the craft."""
-FEWEST_FACES = 12  # faces of one rod, fewer of which are ignored
+MIN_FACES = 12  # faces of one rod, fewer of which are ignored
 
 
 def rods_of(body: MeshBody, extent: float) -> list[Edge]:
@@ -27,7 +27,7 @@ def rods_of(body: MeshBody, extent: float) -> list[Edge]:
     ends = np.searchsorted(label[order], np.arange(count + 1))
     rods = []
     for first, last in itertools.pairwise(ends.tolist()):
-        if last - first >= FEWEST_FACES:
+        if last - first >= MIN_FACES:
             rod = _rod(body.positions_m[body.triangles[order[first:last]]], extent)
             if rod is not None:
                 rods.append(rod)
@@ -46,19 +46,19 @@ def _rod(corners: FloatArray, extent: float) -> Edge | None:
     length = float(np.ptp(along))
     # end caps are across the axis and do not constrain the radius
     normal = face_vectors(corners) / np.maximum(area, 1e-300)[:, None]
-    side = np.abs(normal @ axis) < 0.5
-    if not side.any() or weight[side].sum() < 0.6:
+    radial = np.abs(normal @ axis) < 0.5
+    if not radial.any() or weight[radial].sum() < 0.6:
         return None
     away = points - along[:, None] * axis
-    distance = np.linalg.norm(away, axis=1).reshape(-1, 3)[side].mean(axis=1)
-    share = weight[side] / weight[side].sum()
+    distance = np.linalg.norm(away, axis=1).reshape(-1, 3)[radial].mean(axis=1)
+    share = weight[radial] / weight[radial].sum()
     radius = float(share @ distance)
     if length < MIN_SLENDERNESS * radius or length < MIN_LENGTH * extent or radius > MAX_RADIUS * extent:
         return None
     if np.sqrt(share @ (distance - radius) ** 2) > MAX_ROUNDNESS_SPREAD * radius:
         return None
     # round: its normals point all ways about the axis, unlike those of a flat bar
-    normal_moments = np.einsum("ij,ik,i->jk", normal[side], normal[side], share)
+    normal_moments = np.einsum("ij,ik,i->jk", normal[radial], normal[radial], share)
     moments = np.linalg.eigvalsh(normal_moments)
     if moments[1] < 0.35 * moments[2]:
         return None

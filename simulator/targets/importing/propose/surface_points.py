@@ -16,10 +16,16 @@ class SurfacePoints:
 
     Parameters
     ----------
-    points_m, normals : (N, 3) positions and unit normals.
-    material : (N,) material indices.
-    piece : (N,) number of the connected piece.
-    pieces : number of connected pieces.
+    points_m : (N, 3) array
+        Positions [m].
+    normals : (N, 3) array
+        Unit normals.
+    material : (N,) array
+        Material indices.
+    piece : (N,) array
+        Number of the connected piece.
+    pieces : int
+        Number of connected pieces.
     """
 
     points_m: FloatArray
@@ -36,7 +42,8 @@ def surface_points(bodies: list[MeshBody], count: int, *, vertices: bool = True)
 
     Parameters
     ----------
-    vertices : True to add the vertices.
+    vertices : bool, optional
+        True to add the vertices.
     """
     rng = np.random.default_rng(0)
     areas = [np.linalg.norm(b.face_vectors, axis=1) for b in bodies]

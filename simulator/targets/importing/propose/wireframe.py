@@ -31,11 +31,11 @@ BEND_COS = float(np.cos(np.deg2rad(35.0)))
 """Cosine of the largest bend within a chain: rims with at least twelve sides are followed."""
 MAX_DEVIATION = 0.004  # largest deviation of a segment from its straight line, as a share of the craft
 MIN_LENGTH = 0.03  # least length of a segment, as a share of the craft
-BEVEL = 0.006
+MERGE_DISTANCE = 0.006
 """Distance within which parallel edges are merged, as a share of the craft."""
-FEWEST_EDGES, MAX_EDGES = 40, 100  # limits on the number of proposed edges
-MAX_LOOKED_AT = 600  # longest segments whose visibility is computed
-FEWEST_SEEN = 0.04
+MIN_EDGES, MAX_EDGES = 40, 100  # limits on the number of proposed edges
+MAX_EVALUATED_EDGES = 600  # longest segments whose visibility is computed
+MIN_VISIBLE_SHARE = 0.04
 """Least visible share of an edge, over views and its length."""
 MIN_CONTRAST = 0.1
 """Least mean brightness step across an edge, relative to the brightest surface."""
@@ -43,11 +43,11 @@ VISIBILITY_SHARE = 0.97
 """Share of the total rank (length times contrast times visibility) after which further edges are dropped."""
 MAX_GAP = 0.06
 """Largest gap between collinear segments to be joined, as a share of the craft. Fittings cause such gaps."""
-PARALLEL = float(np.cos(np.deg2rad(1.0)))  # cosine between edges that count as parallel
+PARALLEL_COSINE = float(np.cos(np.deg2rad(1.0)))  # cosine between edges that count as parallel
 
 
 @dataclass(frozen=True, eq=False)
-class _Stretch:
+class _Segment:
     a: FloatArray
     b: FloatArray
     normals: FloatArray  # (1 or 2, 3)
@@ -62,51 +62,57 @@ def propose_wireframe(
 
     Parameters
     ----------
-    bodies : welded meshes of the craft, model frame.
-    extent : size of the craft [m].
-    materials : materials of the bodies, for the contrast.
+    bodies : list of MeshBody
+        Welded meshes of the craft, model frame.
+    extent : float
+        Size of the craft [m].
+    materials : sequence of Material
+        Materials of the bodies, for the contrast.
 
     Returns
     -------
-    The proposed edges, and the number of edges that were dropped.
+    tuple
+        The proposed edges, and the number of edges that were dropped.
     """
     rods = [r for b in bodies for r in rods_of(b, extent)]
-    stretches = [s for b in bodies for s in _stretches(with_separate_components(b), extent)]
-    stretches = [s for s in stretches if np.linalg.norm(s.b - s.a) >= MIN_LENGTH * extent]
-    if stretches:
-        on_rod = along_rods(rods, np.array([s.a for s in stretches]), np.array([s.b for s in stretches]))
-        stretches = [s for s, c in zip(stretches, on_rod, strict=True) if not c]
+    intervals = [s for b in bodies for s in _segments(with_separate_components(b), extent)]
+    intervals = [s for s in intervals if np.linalg.norm(s.b - s.a) >= MIN_LENGTH * extent]
+    if intervals:
+        on_rod = along_rods(rods, np.array([s.a for s in intervals]), np.array([s.b for s in intervals]))
+        intervals = [s for s, c in zip(intervals, on_rod, strict=True) if not c]
     # longest first; rounded, because rounding errors must not change the order of equal lengths
-    stretches.sort(key=lambda s: -round(float(np.linalg.norm(s.b - s.a)) / extent, 5))
-    stretches = _one_line(_distinct(stretches[: 2 * MAX_LOOKED_AT], extent), extent)[:MAX_LOOKED_AT]
-    ends = np.array([(s.a, s.b) for s in stretches] + [(r.a_m, r.b_m) for r in rods]).reshape(-1, 2, 3)
+    intervals.sort(key=lambda s: -round(float(np.linalg.norm(s.b - s.a)) / extent, 5))
+    intervals = _join_collinear(_merge_parallel(intervals[: 2 * MAX_EVALUATED_EDGES], extent), extent)[
+        :MAX_EVALUATED_EDGES
+    ]
+    ends = np.array([(s.a, s.b) for s in intervals] + [(r.a_m, r.b_m) for r in rods]).reshape(-1, 2, 3)
     if not len(ends):
         return (), 0
-    skin = np.array([0.0] * len(stretches) + [r.radius_m for r in rods])
-    step, visibility = contrast_of(bodies, materials, ends[:, 0], ends[:, 1], skin)
-    # a rod's axis is no brightness edge of its own: its two outlines contrast with the background
-    step = np.where(skin > 0, np.maximum(step, 0.3), step)
-    shows = np.round(np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1) * step * visibility / extent, 6)
-    good = np.flatnonzero((visibility >= FEWEST_SEEN) & (step >= MIN_CONTRAST))
-    good = good[np.argsort(-shows[good], kind="stable")]
-    share = np.cumsum(shows[good]) / max(float(shows[good].sum()), 1e-12)
-    count = int(np.clip(np.searchsorted(share, VISIBILITY_SHARE) + 1, FEWEST_EDGES, MAX_EDGES))
+    depth = np.array([0.0] * len(intervals) + [r.radius_m for r in rods])
+    step, visibility = contrast_of(bodies, materials, ends[:, 0], ends[:, 1], depth)
+    # the contrast of a rod is that of its two outlines against the background, not of its axis
+    step = np.where(depth > 0, np.maximum(step, 0.3), step)
+    contrast = np.round(np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1) * step * visibility / extent, 6)
+    is_valid = np.flatnonzero((visibility >= MIN_VISIBLE_SHARE) & (step >= MIN_CONTRAST))
+    is_valid = is_valid[np.argsort(-contrast[is_valid], kind="stable")]
+    share = np.cumsum(contrast[is_valid]) / max(float(contrast[is_valid].sum()), 1e-12)
+    count = int(np.clip(np.searchsorted(share, VISIBILITY_SHARE) + 1, MIN_EDGES, MAX_EDGES))
     edges = []
-    for number, k in enumerate(good[:count], start=1):
+    for number, k in enumerate(is_valid[:count], start=1):
         name = f"edge_{number:03d}"
-        if k >= len(stretches):
-            edges.append(replace(rods[k - len(stretches)], name=name))
+        if k >= len(intervals):
+            edges.append(replace(rods[k - len(intervals)], name=name))
         else:
-            s = stretches[k]
+            s = intervals[k]
             edges.append(Edge(name=name, a_m=vec3(s.a), b_m=vec3(s.b), normals=_both_sides(s.normals)))
-    return tuple(edges), max(len(good) - count, 0)
+    return tuple(edges), max(len(is_valid) - count, 0)
 
 
-def _one_line(stretches: list[_Stretch], extent: float) -> list[_Stretch]:
+def _join_collinear(intervals: list[_Segment], extent: float) -> list[_Segment]:
     """Join collinear segments that are separated by a small gap and have adjacent faces of similar orientation."""
-    out: list[_Stretch] = []
-    a, b = np.empty((len(stretches), 3)), np.empty((len(stretches), 3))
-    for s in stretches:
+    out: list[_Segment] = []
+    a, b = np.empty((len(intervals), 3)), np.empty((len(intervals), 3))
+    for s in intervals:
         n = len(out)
         twin = next(
             (
@@ -124,17 +130,17 @@ def _one_line(stretches: list[_Stretch], extent: float) -> list[_Stretch]:
         ends = np.array([t.a, t.b, s.a, s.b])
         along = (ends - t.a) @ (t.b - t.a)
         # keep the normals of the longer segment, which comes first
-        merged = _Stretch(ends[int(np.argmin(along))], ends[int(np.argmax(along))], t.normals)
+        merged = _Segment(ends[int(np.argmin(along))], ends[int(np.argmax(along))], t.normals)
         out[twin], a[twin], b[twin] = merged, merged.a, merged.b
     return out
 
 
-def _in_line(a: FloatArray, b: FloatArray, s: _Stretch, extent: float) -> BoolArray:
+def _in_line(a: FloatArray, b: FloatArray, s: _Segment, extent: float) -> BoolArray:
     """Return (K,) True where the segment ``a`` to ``b`` (K, 3) is collinear with ``s``, with at most a small gap."""
     chord, other = b - a, s.b - s.a
     length = np.linalg.norm(chord, axis=1)
     direction = chord / length[:, None]
-    parallel = np.abs(direction @ other) > PARALLEL * np.linalg.norm(other)
+    parallel = np.abs(direction @ other) > PARALLEL_COSINE * np.linalg.norm(other)
     offset = np.stack([s.a - a, s.b - a], axis=1)
     along = np.einsum("kij,kj->ki", offset, direction)
     aside = np.linalg.norm(offset - along[..., None] * direction[:, None], axis=2).max(axis=1)
@@ -172,21 +178,21 @@ def crease_edges(body: MeshBody, table: EdgeTable) -> tuple[IntArray, FloatArray
     return np.concatenate([ends, rim]), np.concatenate([left, rim_face]), np.concatenate([right, blank])
 
 
-def _stretches(body: MeshBody, extent: float) -> list[_Stretch]:
+def _segments(body: MeshBody, extent: float) -> list[_Segment]:
     ends, left, right = crease_edges(body, edge_table(body.triangles))
     if not len(ends):
         return []
     p = body.positions_m
     follow = _followers(p, ends, left, right)
     is_used = np.zeros(len(ends), bool)
-    out: list[_Stretch] = []
+    out: list[_Segment] = []
     # start at the ends of open chains first; the remaining edges form closed rings, which may start at any edge
     order = [k for k in range(len(ends)) if follow[k, 0] < 0 or follow[k, 1] < 0]
-    for seed in [*order, *range(len(ends))]:
-        if is_used[seed]:
+    for first_edge in [*order, *range(len(ends))]:
+        if is_used[first_edge]:
             continue
-        side = 1 if follow[seed, 0] < 0 or follow[seed, 1] >= 0 else 0
-        chain = _walk(seed, side, ends, follow, is_used)
+        side = 1 if follow[first_edge, 0] < 0 or follow[first_edge, 1] >= 0 else 0
+        chain = _walk(first_edge, side, ends, follow, is_used)
         out += _split(chain, p, ends, (left, right), MAX_DEVIATION * extent)
     return out
 
@@ -208,8 +214,8 @@ def _followers(p: FloatArray, ends: IntArray, left: FloatArray, right: FloatArra
         for i, (e, s) in enumerate(here):
             for f, r in here[i + 1 :]:
                 # both directions point away from the vertex, so they are opposite if the edges form a straight line
-                away = direction[e] * (1 - 2 * s), direction[f] * (1 - 2 * r)
-                cosine = -float(away[0] @ away[1])
+                distance = direction[e] * (1 - 2 * s), direction[f] * (1 - 2 * r)
+                cosine = -float(distance[0] @ distance[1])
                 if cosine > BEND_COS and _same_faces(e, s, f, r, left, right):
                     pairs.append((-round(cosine, 6), e, s, f, r))
         used_edges: set[int] = set()
@@ -232,10 +238,10 @@ def _same_faces(e: int, s: int, f: int, r: int, left: FloatArray, right: FloatAr
 
 
 def _walk(
-    seed: int, side: int, ends: IntArray, follow: IntArray, visited: np.ndarray
+    first_edge: int, side: int, ends: IntArray, follow: IntArray, visited: np.ndarray
 ) -> list[tuple[int, bool]]:
     """Return the edges of a chain in order, each with True if it is traversed backwards."""
-    chain, edge, out = [], seed, side
+    chain, edge, out = [], first_edge, side
     while edge >= 0 and not visited[edge]:
         visited[edge] = True
         chain.append((edge, out == 0))
@@ -253,7 +259,7 @@ def _split(
     ends: IntArray,
     sides: tuple[FloatArray, FloatArray],
     tolerance: float,
-) -> list[_Stretch]:
+) -> list[_Segment]:
     """Split a chain into straight stretches (Douglas and Peucker 1973)."""
     first, backwards = chain[0]
     vertices = [int(ends[first, 1 if backwards else 0])]
@@ -267,12 +273,12 @@ def _split(
         offset = line[i : j + 1] - line[i]
         # a closed ring has no chord: split it at its farthest point
         along = np.clip(offset @ chord / length**2, 0, 1) if length > tolerance else np.zeros(len(offset))
-        away = np.linalg.norm(offset - along[:, None] * chord, axis=1)
-        worst = int(np.argmax(away))
-        if away[worst] > tolerance and 0 < worst < j - i:
+        distance = np.linalg.norm(offset - along[:, None] * chord, axis=1)
+        worst = int(np.argmax(distance))
+        if distance[worst] > tolerance and 0 < worst < j - i:
             todo += [(i + worst, j), (i, i + worst)]
         elif length > 0:
-            out.append(_Stretch(line[i], line[j], _mean_normals(chain[i:j], p, ends, sides)))
+            out.append(_Segment(line[i], line[j], _mean_normals(chain[i:j], p, ends, sides)))
     return out
 
 
@@ -289,27 +295,29 @@ def _mean_normals(
     return nonzero / np.linalg.norm(nonzero, axis=1, keepdims=True)
 
 
-def _distinct(stretches: list[_Stretch], extent: float) -> list[_Stretch]:
+def _merge_parallel(intervals: list[_Segment], extent: float) -> list[_Segment]:
     """Merge segments that run side by side within a bevel's width.
 
-    The longest is kept, with the two normals that differ most. Touching bodies duplicate common edges, and a bevelled
-    edge consists of two lines that no camera separates.
+    The longest is kept, with the two normals that differ most. Touching bodies duplicate their common edges, and a
+    bevelled edge consists of two lines that a camera cannot resolve.
     """
-    distinct: list[_Stretch] = []
-    a, b = np.empty((len(stretches), 3)), np.empty((len(stretches), 3))
-    for s in stretches:
+    distinct: list[_Segment] = []
+    a, b = np.empty((len(intervals), 3)), np.empty((len(intervals), 3))
+    for s in intervals:
         n = len(distinct)
-        twins = np.flatnonzero(_beside(a[:n], b[:n], s, BEVEL * extent))
+        twins = np.flatnonzero(_beside(a[:n], b[:n], s, MERGE_DISTANCE * extent))
         if len(twins) == 0:
             a[n], b[n] = s.a, s.b
             distinct.append(s)
         else:
             t = distinct[int(twins[0])]
-            distinct[int(twins[0])] = _Stretch(t.a, t.b, _widest(np.concatenate([t.normals, s.normals])))
+            distinct[int(twins[0])] = _Segment(
+                t.a, t.b, _most_different_pair(np.concatenate([t.normals, s.normals]))
+            )
     return distinct
 
 
-def _beside(a: FloatArray, b: FloatArray, s: _Stretch, reach: float) -> BoolArray:
+def _beside(a: FloatArray, b: FloatArray, s: _Segment, reach: float) -> BoolArray:
     """Return (K,) True where both ends of ``s`` lie within ``reach`` of the segments from ``a`` to ``b`` (K, 3)."""
     chord = b - a
     length2 = np.einsum("ij,ij->i", chord, chord)
@@ -320,7 +328,7 @@ def _beside(a: FloatArray, b: FloatArray, s: _Stretch, reach: float) -> BoolArra
     return near
 
 
-def _widest(normals: FloatArray) -> FloatArray:
+def _most_different_pair(normals: FloatArray) -> FloatArray:
     """Return the two normals that differ most."""
     cosines = normals @ normals.T
     i, j = np.unravel_index(int(np.argmin(cosines)), cosines.shape)

@@ -6,7 +6,7 @@ import os
 import subprocess
 import sys
 
-DEADLINE_S = 120.0
+TIMEOUT_S = 120.0
 
 
 class DecoderError(Exception):
@@ -35,10 +35,10 @@ def run_decoder(module: str, arguments: list[str], data: bytes) -> bytes:
     environment = {**os.environ, "OPENBLAS_NUM_THREADS": "1"}
     try:
         process = subprocess.run(
-            command, input=data, capture_output=True, timeout=DEADLINE_S, check=False, env=environment
+            command, input=data, capture_output=True, timeout=TIMEOUT_S, check=False, env=environment
         )
     except subprocess.TimeoutExpired as error:
-        raise DecoderError(f"the decoder found no end within {DEADLINE_S:g} s") from error
+        raise DecoderError(f"the decoder found no end within {TIMEOUT_S:g} s") from error
     if process.returncode != 0:
         lines = process.stderr.decode("utf-8", "replace").strip().splitlines()
         raise DecoderError(
@@ -47,13 +47,13 @@ def run_decoder(module: str, arguments: list[str], data: bytes) -> bytes:
     return process.stdout
 
 
-def bound_memory(most_bytes: int) -> None:
-    """Limit the memory of this process, because a few bytes may request any amount."""
+def bound_memory(max_bytes: int) -> None:
+    """Limit the memory of this process, because a few bytes of input may request any amount."""
     try:
         import resource  # noqa: PLC0415 - Unix alone has it
     except ImportError:
         return
-    resource.setrlimit(resource.RLIMIT_AS, (most_bytes, most_bytes))
+    resource.setrlimit(resource.RLIMIT_AS, (max_bytes, max_bytes))
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
 
 

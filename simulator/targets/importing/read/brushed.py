@@ -12,7 +12,7 @@ from flyaround.simulator.runtime.arrays import Vec3, vec3
 if TYPE_CHECKING:
     from flyaround.simulator.runtime.arrays import FloatArray, IntArray
 
-STRAIGHT = 0.8
+MIN_AGREEING_SHARE = 0.8
 """Share of the faces' grain along one direction above which the material has that grain."""
 
 
@@ -30,10 +30,14 @@ def face_grain(
 
     Parameters
     ----------
-    corners_m : (F, 3, 3) corners.
-    tangents : (F, 3, 4) glTF tangents of the corners, rotated with the mesh; or None to derive them from ``corner_uv``.
-    corner_uv : (F, 3, 2) texture coordinates, or None; a mesh without either has no direction.
-    turn_rad : angle, counter-clockwise, from the tangent to the direction in which the highlight is wide.
+    corners_m : (F, 3, 3) array
+        Corners.
+    tangents : (F, 3, 4) array or None
+        glTF tangents of the corners, rotated with the mesh; or None to derive them from ``corner_uv``.
+    corner_uv : (F, 3, 2) array or None
+        Texture coordinates, or None; a mesh without either has no direction.
+    turn_rad : float
+        Angle, counter-clockwise, from the tangent to the direction in which the highlight is wide.
 
     References
     ----------
@@ -62,7 +66,7 @@ def face_grain(
 
 @dataclass(frozen=True)
 class Grain:
-    """The grain of a material: along ``axis`` or, if ``turned``, around it; ``fits`` if nearly all faces agree.
+    """The grain direction of a material: along ``axis`` or, if ``turned``, around it; ``fits`` if most faces agree.
 
     Without tangents or texture coordinates the axis is zero.
     """
@@ -78,9 +82,9 @@ def common_grain(dyads: FloatArray) -> Grain:
     if total <= 0:
         return Grain((0.0, 0.0, 0.0), turned=False, fits=True)
     values, vectors = np.linalg.eigh(dyads)
-    straight = bool(values[2] > STRAIGHT * total)
+    straight = bool(values[2] > MIN_AGREEING_SHARE * total)
     # around an axis, the grain has all directions perpendicular to it
-    is_around = not straight and bool(values[0] < 0.5 * (1 - STRAIGHT) * total)
+    is_around = not straight and bool(values[0] < 0.5 * (1 - MIN_AGREEING_SHARE) * total)
     axis = vectors[:, 0 if is_around else 2]
     return Grain(vec3(axis * np.sign(axis[np.argmax(np.abs(axis))])), is_around, straight or is_around)
 

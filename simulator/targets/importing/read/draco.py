@@ -43,8 +43,8 @@ def unpack_draco(path: Path, document: dict[str, Any], buffers: list[bytes]) -> 
     if not primitives:
         return buffers
     views = list(dict.fromkeys(int(p["extensions"][DRACO]["bufferView"]) for p in primitives))
-    arrays = decoded(path, [_stream(document, buffers, view) for view in views])
-    added_buffer = _Added(document, len(buffers))
+    arrays = decode_streams(path, [_stream(document, buffers, view) for view in views])
+    added_buffer = _AddedBuffer(document, len(buffers))
     for p in primitives:
         extension = p["extensions"][DRACO]
         stream = views.index(int(extension["bufferView"]))
@@ -58,7 +58,7 @@ def unpack_draco(path: Path, document: dict[str, Any], buffers: list[bytes]) -> 
     return [*buffers, added_buffer.data()]
 
 
-class _Added:
+class _AddedBuffer:
     """An added buffer, with its views and accessors."""
 
     def __init__(self, document: dict[str, Any], buffer: int) -> None:
@@ -72,7 +72,8 @@ class _Added:
 
         Parameters
         ----------
-        was : placeholder accessor in the document, whose component type and ``normalized`` apply: the decoder returns
+        was : dict
+            Placeholder accessor in the document, whose component type and ``normalized`` apply: the decoder returns
             integers as floats.
         """
         array = arrays[key].reshape(-1, 1) if key.startswith("faces") else arrays[key]
@@ -126,21 +127,24 @@ def _stream(document: dict[str, Any], buffers: list[bytes], number: int) -> byte
     return data
 
 
-def decoded(path: Path, streams: list[bytes], most_bytes: int = MAX_RESULT_BYTES) -> dict[str, NDArray[Any]]:
+def decode_streams(
+    path: Path, streams: list[bytes], max_bytes: int = MAX_RESULT_BYTES
+) -> dict[str, NDArray[Any]]:
     """Return arrays by stream and attribute, named as in `draco_process`.
 
     Parameters
     ----------
-    most_bytes : limit on the total size, because a stream of a few bytes may request any size.
+    max_bytes : int, optional
+        Limit on the total size, because a stream of a few bytes may request any size.
 
     Raises
     ------
     UserError
-        If a stream cannot be decoded, or the total exceeds ``most_bytes``.
+        If a stream cannot be decoded, or the total exceeds ``max_bytes``.
     """
     request = b"".join(len(s).to_bytes(8, "little") + s for s in streams)
     try:
-        arrays = run_decoder("draco_process", [str(most_bytes)], request)
+        arrays = run_decoder("draco_process", [str(max_bytes)], request)
     except DecoderError as error:
         raise UserError(
             f"{path} is packed with Draco and cannot be unpacked: {error}; export it without mesh compression"

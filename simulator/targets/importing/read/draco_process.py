@@ -17,12 +17,13 @@ from flyaround.simulator.targets.importing.read.bounded_process import bound_mem
 MAX_MEMORY_BYTES = 1 << 30
 
 
-def main(most_bytes: int) -> int:
+def main(max_bytes: int) -> int:
     """Decode standard input; return 0, or 1 with the reason on standard error.
 
     Parameters
     ----------
-    most_bytes : limit on the total size of all arrays.
+    max_bytes : int
+        Limit on the total size of all arrays.
     """
     try:
         import DracoPy  # noqa: PLC0415 - before memory is limited
@@ -43,7 +44,7 @@ def main(most_bytes: int) -> int:
         except Exception as error:  # noqa: BLE001 - the decoder raises its own types
             return finish(f"a stream is damaged ({error})")
         size += sum(a.nbytes for a in stream_arrays.values())
-        if size > most_bytes:
+        if size > max_bytes:
             return finish("it unpacks to more than is read")
         arrays |= stream_arrays
         at += 8 + length

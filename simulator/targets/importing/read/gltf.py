@@ -14,8 +14,8 @@ from flyaround.simulator.errors import UserError
 from flyaround.simulator.runtime.untrusted_files import find_beside, read_regular
 from flyaround.simulator.targets.glb.read import (
     ANISOTROPY,
-    BROKEN,
-    LARGEST_FILE_BYTES,
+    GLTF_ERRORS,
+    MAX_FILE_BYTES,
     parse_json,
     read_chunks,
 )
@@ -28,7 +28,7 @@ from flyaround.simulator.targets.importing.read.brushed import (
 from flyaround.simulator.targets.importing.read.draco import unpack_draco
 from flyaround.simulator.targets.importing.read.gltf_accessors import read_accessor
 from flyaround.simulator.targets.importing.read.gltf_extensions import check_extensions
-from flyaround.simulator.targets.importing.read.gltf_materials import GltfMaterials, moved, transform
+from flyaround.simulator.targets.importing.read.gltf_materials import GltfMaterials, transform, transform_uv
 from flyaround.simulator.targets.importing.read.gltf_nodes import (
     FAN,
     STRIP,
@@ -78,7 +78,7 @@ def read_gltf(path: Path, data: bytes) -> RawModel:
     lost, notes = check_extensions(path, document)
     try:
         return _Reader(path, document, blob, lost, notes).model()
-    except BROKEN as error:
+    except GLTF_ERRORS as error:
         raise UserError(
             f"{path} breaks the rules of glTF 2.0 ({type(error).__name__}: {str(error)[:200]}); export it again"
         ) from error
@@ -160,7 +160,7 @@ class _Reader:
             return None
         linear = matrix[:3, :3]
         all_triangles = np.concatenate(triangles)
-        uv = _joined(corners, triangles, (3, 2))
+        uv = _join_faces(corners, triangles, (3, 2))
         if np.linalg.det(linear) < 0:  # a mirrored node reverses the winding
             all_triangles = all_triangles[:, ::-1]
             uv = None if uv is None else uv[:, ::-1]
@@ -175,7 +175,7 @@ class _Reader:
             triangles=all_triangles,
             face_material=np.concatenate(materials),
             normals=all_normals,
-            face_colour=_joined(colours, triangles, (3,)),
+            face_colour=_join_faces(colours, triangles, (3,)),
             corner_uv=uv,
         )
 
@@ -247,7 +247,7 @@ class _Reader:
             return None
         uv = self._read(primitive["attributes"][key])[:, :2]
         with np.errstate(invalid="ignore"):
-            corners = moved(uv, change)[np.clip(triangles, 0, len(uv) - 1)]
+            corners = transform_uv(uv, change)[np.clip(triangles, 0, len(uv) - 1)]
         for reference in textures:
             self.materials.check_wrapping(reference, corners)
         return np.asarray(corners)
@@ -258,25 +258,25 @@ class _Reader:
             view = self.document["bufferViews"][image["bufferView"]]
             start = view.get("byteOffset", 0)
             return self.buffers[view["buffer"]][start : start + view["byteLength"]] if start >= 0 else b""
-        return embedded(self.path, image["uri"], "texture")
+        return embedded_file(self.path, image["uri"], "texture")
 
     def _buffer(self, record: dict[str, Any], blob: bytes, number: int) -> bytes:
         length = int(record["byteLength"])
-        data = self._file(record["uri"], "buffer", LARGEST_FILE_BYTES) if "uri" in record else blob
+        data = self._file(record["uri"], "buffer", MAX_FILE_BYTES) if "uri" in record else blob
         if len(data) < length:
             raise UserError(
                 f"{self.path}: buffer {number} has {len(data)} of {length} bytes; copy or export it again"
             )
         return data
 
-    def _file(self, uri: str, what: str, most_bytes: int) -> bytes:
-        data = embedded(self.path, uri, what)
+    def _file(self, uri: str, what: str, max_bytes: int) -> bytes:
+        data = embedded_file(self.path, uri, what)
         if data is not None:
             return data
         place = find_beside(self.path, unquote(uri), what)
         try:
             if place not in self.files:  # any number of buffers may name one file
-                self.files[place] = read_regular(place, most_bytes)
+                self.files[place] = read_regular(place, max_bytes)
             return self.files[place]
         except OSError as error:
             raise UserError(
@@ -287,7 +287,7 @@ class _Reader:
         return read_accessor(self.document, self.buffers, number)
 
 
-def embedded(path: Path, uri: str, what: str) -> bytes | None:
+def embedded_file(path: Path, uri: str, what: str) -> bytes | None:
     """Return the bytes of a data URI; None if it is not one.
 
     Raises
@@ -303,7 +303,7 @@ def embedded(path: Path, uri: str, what: str) -> bytes | None:
         raise UserError(f"{path}: an embedded {what} is damaged; export it again") from error
 
 
-def _joined(
+def _join_faces(
     rows: list[FloatArray | None], triangles: list[IntArray], shape: tuple[int, ...]
 ) -> FloatArray | None:
     """Join per-face values of all primitives, NaN where missing; None if all are."""

@@ -30,7 +30,7 @@ READ = {
     "EXT_texture_avif",
     "MSFT_texture_dds",
 }
-HARMLESS = {
+IGNORED_STATEMENTS = {
     "KHR_xmp",
     "KHR_xmp_json_ld",
     "KHR_node_hoverability",
@@ -95,13 +95,15 @@ def check_extensions(path: Path, document: dict[str, Any]) -> tuple[list[str], l
             "with `npx @gltf-transform/cli copy IN.glb OUT.glb`"
         )
     for name in required:
-        if name not in READ and name not in HARMLESS and name not in LOST:
+        if name not in READ and name not in IGNORED_STATEMENTS and name not in LOST:
             raise UserError(
                 f"{path} requires the glTF extension {name[:80]}, which is not read; export it without"
             )
     lost = [LOST[name] for name in present if name in LOST]
     unknown = [
-        n for n in present if n not in READ and n not in HARMLESS and n not in LOST and n not in MESHOPT
+        n
+        for n in present
+        if n not in READ and n not in IGNORED_STATEMENTS and n not in LOST and n not in MESHOPT
     ]
     notes = []
     if unknown:

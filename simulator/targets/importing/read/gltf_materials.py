@@ -32,10 +32,14 @@ class GltfMaterials:
 
     Parameters
     ----------
-    document : parsed JSON.
-    reader : reader of images.
-    image_bytes : function that returns the bytes of an embedded image; None for a separate file.
-    lost : set to which properties are added that are not carried over.
+    document : dict
+        Parsed JSON.
+    reader : PictureReader
+        Reader of images.
+    image_bytes : callable
+        Function that returns the bytes of an embedded image; None for a separate file.
+    lost : set of str
+        Set to which properties are added that are not carried over.
     """
 
     def __init__(
@@ -177,7 +181,7 @@ def transform(reference: dict[str, Any]) -> tuple[Change, int]:
     return ((float(su), float(sv)), float(change.get("rotation", 0.0)), (float(ou), float(ov))), int(number)
 
 
-def moved(uv: FloatArray, change: Change) -> FloatArray:
+def transform_uv(uv: FloatArray, change: Change) -> FloatArray:
     """Return texture coordinates (N, 2) after KHR_texture_transform: offset x rotation x scale."""
     (su, sv), angle, (ou, ov) = change
     c, s = np.cos(angle), np.sin(angle)

@@ -20,13 +20,13 @@ MAX_ROWS = 4_000_000
 MAX_PLACED = 100_000
 INSTANCE_KEYS = {"TRANSLATION": "translation", "ROTATION": "rotation", "SCALE": "scale"}
 
-Placed = tuple[str, int, "FloatArray"]
+PlacedMesh = tuple[str, int, "FloatArray"]
 """Name, mesh number, and (4, 4) scene from mesh."""
 
 
 def placed_meshes(
     document: dict[str, Any], notes: list[str], read: Callable[[int], FloatArray]
-) -> list[Placed]:
+) -> list[PlacedMesh]:
     """Return the meshes of the default scene with their transforms, in tree order.
 
     Parameters
@@ -39,12 +39,12 @@ def placed_meshes(
     ValueError, LookupError, TypeError, AttributeError
         If the document violates glTF, for example a node has two parents.
     """
-    nodes, placed = document.get("nodes", []), list[Placed]()
-    waiting = [(int(k), np.eye(4)) for k in reversed(_roots(document, notes))]
+    nodes, placed = document.get("nodes", []), list[PlacedMesh]()
+    stack = [(int(k), np.eye(4)) for k in reversed(_roots(document, notes))]
     visited: set[int] = set()
     n_hidden = 0
-    while waiting:
-        number, parent = waiting.pop()
+    while stack:
+        number, parent = stack.pop()
         if number in visited:
             raise ValueError(f"node {number} is reached twice: nodes form no tree")
         visited.add(number)
@@ -61,7 +61,7 @@ def placed_meshes(
             placed += [(name, int(node["mesh"]), matrix @ place) for place in places]
             if len(placed) > MAX_PLACED:
                 raise ValueError(f"its nodes place more than {MAX_PLACED:,} meshes")
-        waiting += [(int(child), matrix) for child in reversed(node.get("children", []))]
+        stack += [(int(child), matrix) for child in reversed(node.get("children", []))]
     if n_hidden:
         notes.append(f"left out {n_hidden:,} nodes that {VISIBILITY} hides, with all below them")
     return placed
@@ -81,12 +81,13 @@ def _instances(extension: dict[str, Any], read: Callable[[int], FloatArray]) -> 
     ]
 
 
-def check_weight(document: dict[str, Any], placed: list[Placed], n_bytes: int) -> None:
+def check_weight(document: dict[str, Any], placed: list[PlacedMesh], n_bytes: int) -> None:
     """Raise if meshes are instanced far beyond the file's size, before any is read.
 
     Parameters
     ----------
-    n_bytes : size of the file's buffers: each row takes at least one byte.
+    n_bytes : int
+        Size of the file's buffers: each row takes at least one byte.
 
     Raises
     ------

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from flyaround.simulator.errors import UserError
 from flyaround.simulator.runtime.untrusted_files import read_regular
-from flyaround.simulator.targets.glb.read import LARGEST_FILE_BYTES
+from flyaround.simulator.targets.glb.read import MAX_FILE_BYTES
 from flyaround.simulator.targets.importing.read.bounded_process import DecoderError, run_decoder
 from flyaround.simulator.targets.importing.read.gltf import read_gltf
 from flyaround.simulator.targets.importing.read.named_files import split_word, text_lines
@@ -25,7 +25,7 @@ KINDS = {"ply": "PLY", "off": "OFF", "dae": "COLLADA", "3mf": "3MF", "step": "ST
 """Suffixes and names of the formats."""
 ENDINGS = ("glb", "gltf", "obj", "stl", *KINDS)
 OBJ_WORDS = {"v", "vn", "vt", "f", "o", "g", "mtllib", "usemtl", "s", "vp", "l", "p"}
-MARKS = {b"ply": "ply", b"OFF": "off", b"COFF": "off", b"NOFF": "off", b"ISO-10303-21": "step"}
+SIGNATURES = {b"ply": "ply", b"OFF": "off", b"COFF": "off", b"NOFF": "off", b"ISO-10303-21": "step"}
 FOREIGN_MARKS = {
     b"version https://git-lfs": "a Git LFS pointer instead of the mesh (`git lfs pull` brings it)",
     b"PK": "a ZIP archive (USDZ or packed files)",
@@ -51,7 +51,7 @@ def read_mesh(path: Path) -> RawModel:
             f"{path}: meshes of kind {path.suffix or 'without ending'} are not read; export it as .glb"
         )
     try:
-        data = read_regular(path, LARGEST_FILE_BYTES)
+        data = read_regular(path, MAX_FILE_BYTES)
     except OSError as error:
         raise UserError(f"cannot read {path}: {error.strerror}; check the path") from error
     if not data.strip():
@@ -60,13 +60,13 @@ def read_mesh(path: Path) -> RawModel:
     kind = "step" if kind == "stp" else kind
     # a binary STL has no signature
     if detected != kind and not (detected == "" and kind == "stl"):
-        what = f"a .{detected} file" if detected in ENDINGS else detected or "no mesh that is known"
+        found = f"a .{detected} file" if detected in ENDINGS else detected or "no mesh that is known"
         hint = (
             f"rename it to {path.with_suffix('.' + detected).name}"
             if detected in ENDINGS
             else "export it as .glb"
         )
-        raise UserError(f"{path} ends in .{kind} but holds {what}; {hint}")
+        raise UserError(f"{path} ends in .{kind} but holds {found}; {hint}")
     match kind:
         case "glb" | "gltf":
             model = read_gltf(path, data)
@@ -92,16 +92,16 @@ def detected_format(data: bytes) -> str:
     head = data[:4096].removeprefix(b"\xef\xbb\xbf").lstrip()
     if head[:1] == b"{":
         return "gltf"
-    for magic, kind in MARKS.items():
+    for magic, kind in SIGNATURES.items():
         if head.startswith(magic):
             return kind
     if head[:1] == b"<" and b"<COLLADA" in head:
         return "dae"
     if data[:2] == b"PK" and b"3D/" in data:
         return "3mf"
-    for magic, what in FOREIGN_MARKS.items():
+    for magic, found in FOREIGN_MARKS.items():
         if head.startswith(magic):
-            return what
+            return found
     words = [split_word(line)[0].lower() for line in text_lines(data[:65536])[:-1] or text_lines(data)]
     real = [w for w in words if w and not w.startswith("#")]
     if not real or sum(w in OBJ_WORDS for w in real) > len(real) // 2:
@@ -129,13 +129,13 @@ def read_foreign(path: Path, kind: str, data: bytes) -> RawModel:
     try:
         line, _, glb = run_decoder("foreign_process", [kind, str(path)], data).partition(b"\n")
     except DecoderError as error:
-        why = str(error)
-        if why.startswith("MISSING"):
+        reason = str(error)
+        if reason.startswith("MISSING"):
             raise UserError(
-                f"reading {KINDS[kind]} needs more libraries ({why.removeprefix('MISSING ')}): "
+                f"reading {KINDS[kind]} needs more libraries ({reason.removeprefix('MISSING ')}): "
                 "pip install 'flyaround[meshes]', or export the model as .glb"
             ) from error
-        raise UserError(f"{path} cannot be read as {KINDS[kind]} ({why}); export it as .glb") from error
+        raise UserError(f"{path} cannot be read as {KINDS[kind]} ({reason}); export it as .glb") from error
     facts = json.loads(line)
     model = read_gltf(path, glb)
     model.kind, model.up, model.in_metres = KINDS[kind], facts["up"], facts["metres"] is not None
@@ -144,7 +144,7 @@ def read_foreign(path: Path, kind: str, data: bytes) -> RawModel:
             part.positions_m = part.positions_m * facts["metres"]
         if part.face_colour is not None and kind in ("ply", "off"):
             part.face_colour = linear_from_srgb(part.face_colour)
-    model.notes += [f"not carried over: {what}" for what in dict.fromkeys(facts["lost"])]
+    model.notes += [f"not carried over: {found}" for found in dict.fromkeys(facts["lost"])]
     if kind == "3mf" and (b"PK" in data[:2]):
         model.notes.append("colours of 3MF are not read: given a mid-grey paint")
     return model

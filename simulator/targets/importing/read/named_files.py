@@ -9,7 +9,7 @@ from flyaround.simulator.errors import UserError
 from flyaround.simulator.runtime.untrusted_files import find_beside, read_regular
 
 _LINE_END = re.compile(r"\r\n?")
-_CONTINUED = re.compile(r"\\[ \t]*\n")
+_LINE_CONTINUATION = re.compile(r"\\[ \t]*\n")
 
 
 class NotReadError(Exception):
@@ -25,7 +25,7 @@ def text_lines(data: bytes) -> list[str]:
             text = data.decode("utf-8-sig")
         except UnicodeDecodeError:
             text = data.decode("cp1252", "replace")
-    return _CONTINUED.sub(" ", _LINE_END.sub("\n", text)).split("\n")
+    return _LINE_CONTINUATION.sub(" ", _LINE_END.sub("\n", text)).split("\n")
 
 
 def split_word(line: str) -> tuple[str, str]:
@@ -40,7 +40,7 @@ def unquoted(name: str) -> str:
     return name[1:-1].strip() if quote in ("'", '"') and name.find(quote, 1) == len(name) - 1 > 0 else name
 
 
-def read_named(model: Path, owner: Path, name: str, what: str, most_bytes: int) -> tuple[Path, bytes]:
+def read_named(model: Path, owner: Path, name: str, what: str, max_bytes: int) -> tuple[Path, bytes]:
     """Find and read a file to which ``owner`` refers.
 
     Exporters often write absolute paths of their own machine: if there is no such file, the one of the same name beside
@@ -56,7 +56,7 @@ def read_named(model: Path, owner: Path, name: str, what: str, most_bytes: int) 
         Name as written in ``owner``.
     what : str
         Kind of file, for the message.
-    most_bytes : int
+    max_bytes : int
         Size above which the file is not read.
 
     Raises
@@ -70,7 +70,7 @@ def read_named(model: Path, owner: Path, name: str, what: str, most_bytes: int) 
             continue
         try:
             place = _in_other_capitals(find_beside(owner, candidate, what, model.parent))
-            return place, read_regular(place, most_bytes)
+            return place, read_regular(place, max_bytes)
         except UserError as error:
             first = first or error
         except OSError:

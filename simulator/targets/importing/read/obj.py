@@ -28,13 +28,13 @@ if TYPE_CHECKING:
     from flyaround.simulator.targets.importing.read.obj_materials import ObjMaterial
 
 
-LARGEST_NUMBER = 2**40
+MAX_INDEX = 2**40
 MAX_CLIPPING = 50e6
 """Bound on the sum of squared corner counts of concave polygons."""
 
 
 CURVES = ("l", "p", "curv", "curv2", "surf")
-HARMLESS = (
+IGNORED_STATEMENTS = (
     "s", "mg", "vp", "bevel", "c_interp", "d_interp", "lod", "shadow_obj", "trace_obj", "ctech", "stech", "cstype",
     "deg", "bmat", "step", "parm", "trim", "hole", "scrv", "sp", "end", "con",
 )  # fmt: skip
@@ -141,7 +141,7 @@ def _statements(path: Path, data: bytes) -> _Statements:
             statements.libraries.append(rest)
         elif word in CURVES:
             statements.has_curves = True
-        elif word and not word.startswith("#") and word not in HARMLESS:
+        elif word and not word.startswith("#") and word not in IGNORED_STATEMENTS:
             statements.unknown += 1
             statements.first_unknown = statements.first_unknown or f"{word[:20]!r}, line {number:,}"
     return statements
@@ -302,7 +302,7 @@ def _whole_numbers(text: str) -> IntArray:
 
 def _corner(token: str) -> tuple[int, int, int]:
     fields = [int(x) if x else 0 for x in token.split("/")] + [0, 0]
-    if max(fields) > LARGEST_NUMBER or min(fields) < -LARGEST_NUMBER:
+    if max(fields) > MAX_INDEX or min(fields) < -MAX_INDEX:
         raise ValueError("no file has so many vertices")
     return (fields[0], fields[1], fields[2])
 

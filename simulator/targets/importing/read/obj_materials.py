@@ -23,12 +23,12 @@ if TYPE_CHECKING:
     from pathlib import Path
 
 
-LARGEST_LIBRARY_BYTES = 16 << 20
+MAX_LIBRARY_BYTES = 16 << 20
 MAX_LIBRARIES = 100
 MAX_OPTIONS = 64
 """Largest number of option words before a texture's name."""
 _NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:e[+-]?\d+)?", re.IGNORECASE)
-_SEVERAL = re.compile(r"\S.*?\.mtl[\"']?(?=\s|$)", re.IGNORECASE)
+_LIBRARY_NAME = re.compile(r"\S.*?\.mtl[\"']?(?=\s|$)", re.IGNORECASE)
 OPTION_WORDS = {
     "-s": 3, "-o": 3, "-t": 3, "-mm": 2, "-blendu": 1, "-blendv": 1, "-boost": 1, "-cc": 1, "-clamp": 1, "-texres": 1,
     "-bm": 1, "-imfchan": 1, "-type": 1,
@@ -45,7 +45,7 @@ HARMLESS_OPTIONS = {
 """Default values of options, which may be ignored."""
 UNUSED_OPTIONS = ("-boost", "-texres", "-bm")
 READ_WORDS = ("kd", "ns", "pm", "pr", "pc", "pcr", "map_kd")
-HARMLESS_WORDS = ("ka", "ks", "ni", "illum", "sharpness", "map_ka", "map_aat", "ps", "anisor")
+IGNORED_WORDS = ("ka", "ks", "ni", "illum", "sharpness", "map_ka", "map_aat", "ps", "anisor")
 """Statements that are ignored silently: ambient and specular colours belong to another lighting model."""
 
 
@@ -78,8 +78,10 @@ class MaterialLibraries:
 
     Parameters
     ----------
-    path : path of the model.
-    libraries : texts after ``mtllib`` in each of its lines.
+    path : Path
+        Path of the model.
+    libraries : list of str
+        Texts after ``mtllib`` in each of its lines.
 
     Raises
     ------
@@ -120,7 +122,7 @@ class MaterialLibraries:
 
     def _read_line(self, line: str) -> None:
         """Read the libraries of one line: one whose name contains blanks, or several."""
-        several = [unquoted(n) for n in (_SEVERAL.findall(line) or line.split())][:MAX_LIBRARIES]
+        several = [unquoted(n) for n in (_LIBRARY_NAME.findall(line) or line.split())][:MAX_LIBRARIES]
         failures = []
         for names in [[line], several] if several != [line] else [[line]]:
             failures = [why for name in names if (why := self._read(name))]
@@ -131,7 +133,7 @@ class MaterialLibraries:
     def _read(self, library: str) -> str:
         """Read a library; return why it could not be read, or an empty string."""
         try:
-            place, data = read_named(self._path, self._path, library, "material", LARGEST_LIBRARY_BYTES)
+            place, data = read_named(self._path, self._path, library, "material", MAX_LIBRARY_BYTES)
         except NotReadError as error:
             return str(error)
         name, fields = "", dict[str, str]()
@@ -204,7 +206,7 @@ def _lost_words(fields: dict[str, str]) -> list[str]:
     for word, rest in fields.items():
         value = next((x for x in rest.split() if not x.startswith("-")), "")
         number = float(value) if _NUMBER.fullmatch(value) else None
-        if word in READ_WORDS or word in HARMLESS_WORDS:
+        if word in READ_WORDS or word in IGNORED_WORDS:
             continue
         if word in ("d", "tr"):
             if number is None or (number < 1 if word == "d" else number > 0):

@@ -40,10 +40,12 @@ def polygon_triangles(corners: FloatArray) -> list[tuple[int, int, int]]:
     Parameters
     ----------
     corners : (N, 3) array
+        Corners of the polygon, in order.
 
     Returns
     -------
-    Positions of the three corners of each triangle.
+    list of tuple of int
+        Positions of the three corners of each triangle.
 
     Raises
     ------

@@ -22,13 +22,18 @@ class RawPart:
 
     Parameters
     ----------
-    positions_m : (N, 3) in the file's axes; after placement in the model frame.
-    triangles : (F, 3) indices.
-    face_material : (F,) index into the model's materials.
-    normals : (N, 3) normals from the file, or None.
-    face_colour : (F, 3) linear colour of the vertices or of a texture, NaN where missing; or None.
-    corner_uv : (F, 3, 2) texture coordinates of the corners, origin at the image's top left, NaN where missing; or
-        None.
+    positions_m : (N, 3) array
+        Vertices in the axes of the file; after placement, in the model frame.
+    triangles : (F, 3) array
+        Indices.
+    face_material : (F,) array
+        Index into the model's materials.
+    normals : (N, 3) array, optional
+        Normals from the file, or None.
+    face_colour : (F, 3) array, optional
+        Linear colour of the vertices or of a texture, NaN where missing; or None.
+    corner_uv : (F, 3, 2) array, optional
+        Texture coordinates of the corners, origin at the image's top left, NaN where missing; or None.
     """
 
     name: str
@@ -46,13 +51,20 @@ class RawModel:
 
     Parameters
     ----------
-    kind : suffix of the file, without its dot.
-    in_metres : True if the format defines metres (glTF); STL and OBJ have no unit.
-    up : up axis by the format's rules (glTF: y), or None.
-    notes : conversions and losses, one line each, for the user.
-    faults : missing or wrong data that are not needed for drawing, one line each; ``--strict`` refuses them.
-    pictures : the textures that materials name, by name.
-    openings : number of open outlines, once the surface has been checked.
+    kind : str
+        Suffix of the file, without its dot.
+    in_metres : bool, optional
+        True if the format defines metres (glTF); STL and OBJ have no unit.
+    up : str, optional
+        Up axis by the format's rules (glTF: y), or None.
+    notes : list of str, optional
+        Conversions and losses, one line each, for the user.
+    faults : list of str, optional
+        Missing or wrong data that are not needed for drawing, one line each; ``--strict`` refuses them.
+    pictures : dict, optional
+        The textures that materials name, by name.
+    openings : int, optional
+        Number of open outlines, once the surface has been checked.
     """
 
     path: Path

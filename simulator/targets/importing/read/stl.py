@@ -92,8 +92,8 @@ def _binary_corners(path: Path, data: bytes, notes: list[str]) -> FloatArray:
             "export it again"
         )
     count = int.from_bytes(data[80:84], "little")
-    whole, rest = divmod(len(data) - HEADER_BYTES, RECORD.itemsize)
-    if count == 0 and whole and not rest:
+    whole, position = divmod(len(data) - HEADER_BYTES, RECORD.itemsize)
+    if count == 0 and whole and not position:
         notes.append(f"its header counts no triangles: all {whole:,} that follow were read")
         count = whole
     if count > whole:
@@ -111,8 +111,8 @@ def _binary_corners(path: Path, data: bytes, notes: list[str]) -> FloatArray:
 
 def _text_solids(path: Path, text: bytes) -> list[tuple[str, FloatArray]]:
     """Return name and corners (3 F, 3) of each solid."""
-    *solids, rest = _END.split(text)
-    if _VERTEX.search(rest) or not solids:
+    *solids, position = _END.split(text)
+    if _VERTEX.search(position) or not solids:
         raise UserError(f"{path} is cut short (no endsolid); copy or export it again")
     if len(solids) > MAX_SOLIDS:
         raise UserError(

@@ -20,10 +20,10 @@ if TYPE_CHECKING:
     from flyaround.simulator.runtime.arrays import ByteArray, FloatArray, IntArray
     from flyaround.simulator.targets.importing.read.raw_model import RawModel
 
-LARGEST_PX = 4096
+MAX_TEXTURE_SIDE_PX = 4096
 MAX_PIXELS_OF_ALL = 512 << 20
 """Largest total size of a model's images: thirty of 4096 on a side."""
-LARGEST_PICTURE_BYTES, MAX_BYTES_OF_ALL = 256 << 20, 512 << 20
+MAX_PICTURE_BYTES, MAX_BYTES_OF_ALL = 256 << 20, 512 << 20
 MAX_PICTURES = 1000
 NOT_READ = {
     b"\xabKTX": "a KTX texture (KHR_texture_basisu), which is not read",
@@ -34,7 +34,7 @@ NOT_READ = {
 }
 """Signatures of image formats that are not supported."""
 MAX_COLOURS = 6
-SAME_COLOUR = 0.04
+COLOUR_TOLERANCE = 0.04
 """RMS distance in linear RGB within which faces have the same colour."""
 # weights of the corners at the points of a triangle that are sampled
 BARYCENTRIC = np.array([[1, 1, 1], [4, 1, 1], [1, 4, 1], [1, 1, 4]], float)
@@ -60,13 +60,18 @@ class PictureReader:
 
     Parameters
     ----------
-    model : path of the model.
+    model : Path
+        Path of the model.
     notes : list of str
         Changes made to the images.
     missing : dict
         Unreadable textures by name, with the reason; their materials keep their factor colour.
-    count, pixels, n_bytes : int
-        Totals of the images so far.
+    count : int
+        Number of images so far.
+    pixels : int
+        Number of their pixels.
+    n_bytes : int
+        Number of their bytes.
     """
 
     model: Path
@@ -96,7 +101,7 @@ class PictureReader:
             If the textures are too large.
         """
         try:
-            place, data = read_named(self.model, owner, name, "texture", LARGEST_PICTURE_BYTES)
+            place, data = read_named(self.model, owner, name, "texture", MAX_PICTURE_BYTES)
         except NotReadError as error:
             self.missing[name] = str(error).replace(
                 f"texture file {name[:80]!r}", f"texture {name[:80]!r} of material {material[:80]!r}"
@@ -136,9 +141,9 @@ class PictureReader:
         if image is None:
             self.missing[name] = _unreadable(name)
             return None
-        if max(image.shape[:2]) > LARGEST_PX:
+        if max(image.shape[:2]) > MAX_TEXTURE_SIDE_PX:
             before = f"{image.shape[1]} x {image.shape[0]}"
-            factor = LARGEST_PX / max(image.shape[:2])
+            factor = MAX_TEXTURE_SIDE_PX / max(image.shape[:2])
             size = (max(1, round(image.shape[1] * factor)), max(1, round(image.shape[0] * factor)))
             image = np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_AREA), np.uint8)
             self.notes.append(f"texture {name!r} reduced from {before} to {size[0]} x {size[1]}")
@@ -157,7 +162,8 @@ def face_colours(image: ByteArray, corner_uv: FloatArray) -> FloatArray:
 
     Parameters
     ----------
-    corner_uv : (F, 3, 2) texture coordinates, origin at the image's top left as in glTF; they repeat outside 0..1.
+    corner_uv : (F, 3, 2) array
+        Texture coordinates, origin at the image's top left as in glTF; they repeat outside 0..1.
     """
     height, width = image.shape[:2]
     weights = BARYCENTRIC / BARYCENTRIC.sum(axis=1, keepdims=True)
@@ -243,7 +249,7 @@ def group_colours(colours: FloatArray) -> tuple[FloatArray, IntArray]:
     for k in range(1, MAX_COLOURS + 1):
         centres = _lloyd(sample, _spread(sample, k))
         label = np.argmin(((colours[:, None] - centres) ** 2).sum(axis=2), axis=1)
-        if float(np.sqrt(((colours - centres[label]) ** 2).sum(axis=1).mean())) <= SAME_COLOUR:
+        if float(np.sqrt(((colours - centres[label]) ** 2).sum(axis=1).mean())) <= COLOUR_TOLERANCE:
             break
     clusters, label = np.unique(label, return_inverse=True)
     return centres[clusters], label.ravel()

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 MIN_FACE_HEIGHT = 3e-7
 """Height of a face, as a share of the craft, below which float32 cannot represent its normal."""
-ALMOST_CLOSED = 0.02
+MAX_OPEN_SHARE = 0.02
 """Share of open edges up to which the signed volume decides which side is outside."""
 
 
@@ -61,7 +61,7 @@ class RepairCounts:
         return out
 
 
-def welded_body(part: RawPart, low: FloatArray, extent: float, counts: RepairCounts) -> MeshBody:
+def weld_body(part: RawPart, low: FloatArray, extent: float, counts: RepairCounts) -> MeshBody:
     """Weld the part's vertices and drop degenerate and duplicate faces."""
     vertices = used_vertices(part.triangles, len(part.positions_m))
     places, index = weld(part.positions_m[vertices], low, extent)
@@ -79,24 +79,24 @@ def welded_body(part: RawPart, low: FloatArray, extent: float, counts: RepairCou
         corner_normals=normals,
         corner_uv=part.corner_uv,
     )
-    return without_slivers(body, extent, counts)
+    return drop_slivers(body, extent, counts)
 
 
-def without_slivers(body: MeshBody, extent: float, counts: RepairCounts) -> MeshBody:
+def drop_slivers(body: MeshBody, extent: float, counts: RepairCounts) -> MeshBody:
     """Drop faces too thin for float32, and duplicates in either winding."""
     p = body.positions_m[body.triangles]
     longest = np.linalg.norm(p - np.roll(p, -1, axis=1), axis=2).max(axis=1)
     twice_area = np.linalg.norm(body.face_vectors, axis=1)
     thin = twice_area <= np.maximum(MIN_FACE_HEIGHT * extent * longest, 2e-14)
     counts.zero_area += int(thin.sum())
-    body = body.kept(~thin)
+    body = body.submesh(~thin)
     again = _copies(body.triangles)
     counts.twice += int(again.sum())
-    return body.kept(~again)
+    return body.submesh(~again)
 
 
 def _copies(triangles: IntArray) -> BoolArray:
-    """Return the faces that duplicate an earlier face with the same winding; the opposite winding is a sheet's back."""
+    """Return True for faces that duplicate an earlier face. The opposite winding is a sheet's back, not a duplicate."""
     # rotate each face to its lowest corner first, which keeps the winding
     start = np.argmin(triangles, axis=1)
     rows = np.arange(len(triangles))
@@ -109,10 +109,11 @@ def _copies(triangles: IntArray) -> BoolArray:
     return again
 
 
-def oriented(body: MeshBody, where: str, counts: RepairCounts, *, lenient: bool) -> tuple[MeshBody, int]:
+def orient_body(body: MeshBody, where: str, counts: RepairCounts, *, lenient: bool) -> tuple[MeshBody, int]:
     """Orient every connected piece consistently and outwards; return it with the number of faces in one-sided pieces.
 
-    Closed pieces by their volume; open ones by the file's normals or, without those, by the majority of their area.
+    The outside of a closed piece follows from the sign of its volume. That of an open piece follows from the file's
+    normals or, without those, from the majority of its area.
 
     Raises
     ------
@@ -172,7 +173,7 @@ def _look_inwards(body: MeshBody, table: EdgeTable, piece: IntArray, flip: BoolA
     edge_piece = piece[table.first // 3]
     share_open = np.bincount(edge_piece, table.open, n) / np.maximum(np.bincount(edge_piece, minlength=n), 1)
     # a closed sphere has V = 0.094 A^1.5; a double sheet has none
-    solid = (share_open <= ALMOST_CLOSED) & (np.abs(volume) > 1e-4 * total**1.5)
+    solid = (share_open <= MAX_OPEN_SHARE) & (np.abs(volume) > 1e-4 * total**1.5)
     vote = np.bincount(piece, area * sign, n)
     if body.corner_normals is not None:
         agree = np.sign(np.einsum("ij,ij->i", area_vector, np.nan_to_num(body.corner_normals).sum(axis=1)))
@@ -188,7 +189,8 @@ def check_surface(
 
     Returns
     -------
-    Numbers of remaining holes, open edges and non-manifold edges.
+    tuple of int
+        Numbers of remaining holes, open edges and non-manifold edges.
 
     Raises
     ------

@@ -26,9 +26,9 @@ if TYPE_CHECKING:
     from flyaround.simulator.geometry.topology import MeshBody
     from flyaround.simulator.runtime.arrays import BoolArray, FloatArray, IntArray
 
-NEAREST = 1e-5
-"""Distance between surfaces, over the craft's size, that a depth buffer cannot resolve ten sizes away."""
-TURN_RAD = 2e-3
+MIN_SEPARATION = 1e-5
+"""Distance between surfaces, relative to the craft's size, below which a depth buffer cannot resolve them."""
+MAX_ANGLE_RAD = 2e-3
 MAX_ALL_PAIRS = 24
 """Number of faces in a plane up to which all pairs are compared."""
 MAX_PAIRS = 20_000_000
@@ -45,11 +45,18 @@ class FaceTable:
 
     Parameters
     ----------
-    corners_m : (F, 3, 3).
-    outward : (F, 3) unit normals, outwards on closed pieces.
-    closed : (F,) True on a closed
-        piece.
-    body, piece, material : (F,) indices.
+    corners_m : (F, 3, 3) array
+        Corners of the triangles.
+    outward : (F, 3) array
+        Unit normals, outwards on closed pieces.
+    closed : (F,) array
+        True on a closed piece.
+    body : (F,) array
+        Index of the body of each face.
+    piece : (F,) array
+        Index of the connected piece of each face.
+    material : (F,) array
+        Index of the material of each face.
     """
 
     corners_m: FloatArray
@@ -87,11 +94,11 @@ class FaceTable:
             material=np.concatenate([b.face_material for b in bodies]),
         )
 
-    def fighting(self, pairs: IntArray) -> IntArray:
+    def visible_conflicts(self, pairs: IntArray) -> IntArray:
         """Return the pairs of coincident faces that can be visible at the same time.
 
-        Where two closed bodies touch, the faces look at each other and neither is visible; a sheet is visible from both
-        sides. Two faces of one material and body look alike.
+        Where two closed bodies touch, the faces are opposite and neither is visible. A sheet is visible from both
+        sides. Faces of the same material and body are omitted, because they look alike.
         """
         a, b = pairs.T
         same_way = np.einsum("ij,ij->i", self.outward[a], self.outward[b]) > 0
@@ -114,13 +121,17 @@ def coincident_pairs(
 
     Parameters
     ----------
-    corners_m : (F, 3, 3).
-    extent_m : size of the craft.
-    within_m : (F,) largest distance of a face from its partner, by
-        default `NEAREST` of the craft; the larger of both counts.
-    required : (F,) faces, of which a pair must contain one.
+    corners_m : (F, 3, 3) array
+        Corners of the triangles.
+    extent_m : float
+        Size of the craft.
+    within_m : (F,) array, optional
+        Largest distance of a face from its partner, by default `MIN_SEPARATION` of the craft; the larger of both
+        counts.
+    required : (F,) array, optional
+        Faces, of which a pair must contain one.
     """
-    nearest = NEAREST * extent_m
+    nearest = MIN_SEPARATION * extent_m
     tolerance_m = np.full(len(corners_m), nearest) if within_m is None else within_m
     normal = face_vectors(corners_m)
     area = np.linalg.norm(normal, axis=1)
@@ -135,10 +146,14 @@ def coincident_pairs(
             if total > MAX_PAIRS:
                 return None
             for start in range(0, len(some), CHUNK):
-                few = some[start : start + CHUNK]
-                few = np.where((area[few[:, 0]] < area[few[:, 1]])[:, None], few[:, ::-1], few)
-                apart = tolerance_m[few].max(axis=1)
-                overlapping.append(few[_overlap(corners_m, unit, few, apart, 2 * nearest)])
+                batch = some[start : start + CHUNK]
+                batch = np.where(
+                    (area[batch[:, 0]] < area[batch[:, 1]])[:, None],
+                    batch[:, ::-1],
+                    batch,
+                )
+                separated = tolerance_m[batch].max(axis=1)
+                overlapping.append(batch[_overlap(corners_m, unit, batch, separated, 2 * nearest)])
     except TooManyFacesError:
         return None
     return np.unique(np.sort(np.concatenate(overlapping), axis=1), axis=0)
@@ -148,14 +163,14 @@ def _plane_groups(corners: FloatArray, unit: FloatArray, within_m: float) -> Int
     """Return (F,) the group of nearly identical planes of each face, regardless of orientation."""
     middle = (corners.min(axis=(0, 1)) + corners.max(axis=(0, 1))) / 2
     # scaled so that one radius limits angle and distance
-    distance = ((corners.mean(axis=1) - middle) * unit).sum(axis=1) * (TURN_RAD / within_m)
+    distance = ((corners.mean(axis=1) - middle) * unit).sum(axis=1) * (MAX_ANGLE_RAD / within_m)
     planes = np.column_stack([unit, distance])
-    fine = np.round(planes / (TURN_RAD / 8)).astype(np.int64)
+    fine = np.round(planes / (MAX_ANGLE_RAD / 8)).astype(np.int64)
     key = fine @ np.array([1, 1_000_003, 7_368_787, 2_147_483_647], np.int64)
     _, first, of_plane = np.unique(key, return_index=True, return_inverse=True)
     distinct = planes[first]
     tree = cKDTree(np.concatenate([distinct, -distinct]))
-    links = tree.query_pairs(1.5 * TURN_RAD, output_type="ndarray") % len(distinct)
+    links = tree.query_pairs(1.5 * MAX_ANGLE_RAD, output_type="ndarray") % len(distinct)
     _, label = components(links.reshape(-1, 2), len(distinct))
     return label[of_plane.ravel()]
 
@@ -171,15 +186,15 @@ def _candidates(
         is_wanted = np.add.reduceat(required[order].astype(np.int64), begin) > 0
         begin, size = begin[is_wanted], size[is_wanted]
     low, high = corners.min(axis=1) - within_m, corners.max(axis=1) + within_m
-    few = (size > 1) & (size <= MAX_ALL_PAIRS)
-    n = size[few]
+    small_groups = (size > 1) & (size <= MAX_ALL_PAIRS)
+    n = size[small_groups]
     # positions of all faces of small groups, and the number of later faces in the group
     ends = np.cumsum(n)
-    place = np.arange(n.sum()) + np.repeat(begin[few] - ends + n, n)
-    n_later = np.repeat(begin[few] + n, n) - place - 1
+    place = np.arange(n.sum()) + np.repeat(begin[small_groups] - ends + n, n)
+    n_later = np.repeat(begin[small_groups] + n, n) - place - 1
     a = np.repeat(place, n_later)
     b = a + 1 + np.arange(len(a)) - np.repeat(np.cumsum(n_later) - n_later, n_later)
-    yield _meeting(np.stack([order[a], order[b]], axis=1), low, high)
+    yield _overlapping_boxes(np.stack([order[a], order[b]], axis=1), low, high)
     for start, count in zip(begin[size > MAX_ALL_PAIRS], size[size > MAX_ALL_PAIRS], strict=True):
         faces = order[start : start + count]
         flat = [k for k in range(3) if k != int(np.argmax(np.abs(unit[faces[0]])))]
@@ -190,21 +205,21 @@ def _candidates(
         for f, m in zip(grid.first[:-1][listed > 1], listed[listed > 1], strict=True):
             members = faces[grid.listed[f : f + m]]
             i, j = np.triu_indices(m, 1)
-            yield _meeting(np.stack([members[i], members[j]], axis=1), low, high)
+            yield _overlapping_boxes(np.stack([members[i], members[j]], axis=1), low, high)
 
 
-def _meeting(pairs: IntArray, low: FloatArray, high: FloatArray) -> IntArray:
+def _overlapping_boxes(pairs: IntArray, low: FloatArray, high: FloatArray) -> IntArray:
     a, b = pairs.T
     return pairs[((low[a] <= high[b]) & (low[b] <= high[a])).all(axis=1)]
 
 
 def _overlap(
-    corners: FloatArray, unit: FloatArray, pairs: IntArray, within_m: FloatArray, least_m: float
+    corners: FloatArray, unit: FloatArray, pairs: IntArray, within_m: FloatArray, min_overlap_m: float
 ) -> BoolArray:
-    """Return (K,) True where the faces of a pair are coplanar and overlap by more than ``least_m``."""
+    """Return (K,) True where the faces of a pair are coplanar and overlap by more than ``min_overlap_m``."""
     a, b = pairs.T
     n = unit[a]
-    parallel = np.abs(np.einsum("ij,ij->i", n, unit[b])) > 1 - TURN_RAD**2 / 2
+    parallel = np.abs(np.einsum("ij,ij->i", n, unit[b])) > 1 - MAX_ANGLE_RAD**2 / 2
     A, B = corners[a], corners[b]
     off = np.abs(np.einsum("kij,kj->ki", B - A[:, :1], n)).max(axis=1, initial=0.0)
     overlap = parallel & (off <= within_m)
@@ -216,7 +231,7 @@ def _overlap(
             depth = np.minimum(on_a.max(axis=1), on_b.max(axis=1)) - np.maximum(
                 on_a.min(axis=1), on_b.min(axis=1)
             )
-            overlap &= depth > least_m
+            overlap &= depth > min_overlap_m
     return np.asarray(overlap)
 
 
@@ -226,7 +241,7 @@ def coincidence_lines(bodies: list[MeshBody], extent_m: float) -> list[str]:
     pairs = coincident_pairs(faces.corners_m, extent_m)
     if pairs is None:
         return ["too many faces lie in one plane to look for those that coincide: look at the contact sheet"]
-    pairs = faces.fighting(pairs)
+    pairs = faces.visible_conflicts(pairs)
     if not len(pairs):
         return []
     first = pairs[0]

@@ -14,7 +14,7 @@ import numpy as np
 from flyaround.simulator.geometry.topology import edge_table, face_bodies
 from flyaround.simulator.geometry.triangles import face_vectors
 from flyaround.simulator.targets.importing.repair.coincident_faces import (
-    NEAREST,
+    MIN_SEPARATION,
     FaceTable,
     coincident_pairs,
     six_volumes,
@@ -26,12 +26,12 @@ if TYPE_CHECKING:
 
 SHEET_RATIO = 1e-4
 """Volume over area to the 3/2 below which a closed surface is a double sheet; a sphere has 0.094."""
-BEFORE_GLASS = 0.01
-"""Share of an opening's width within which another part's face counts as its filling."""
+FILLING_DISTANCE = 0.01
+"""Distance, relative to an opening's width, within which another part's face counts as its filling."""
 
 
 @dataclass(frozen=True, eq=False)
-class Capped:
+class CappingResult:
     """Bodies after capping, with the number of openings that were capped (``filled``) and that were not (``left``)."""
 
     bodies: list[MeshBody]
@@ -51,7 +51,7 @@ class _Cap:
     width_m: float
 
 
-def cap_solids(bodies: list[MeshBody], extent_m: float) -> Capped:
+def cap_solids(bodies: list[MeshBody], extent_m: float) -> CappingResult:
     """Cap the openings of the pieces that become solids."""
     faces = FaceTable.of(bodies)
     caps: list[_Cap] = []
@@ -60,46 +60,46 @@ def cap_solids(bodies: list[MeshBody], extent_m: float) -> Capped:
     for number, body in enumerate(bodies):
         table = edge_table(body.triangles)
         n, piece = face_bodies(body.triangles, table)
-        loops, whole = _rings(body, piece)
-        openings += len(loops) + int((~np.array(list(whole.values()), bool)).sum())
-        mine = [_cap(body, number, piece[owner], count, loop, owner) for loop, owner in loops]
-        caps += [c for c in mine if whole[c.piece - count]]
+        loops, is_capable = _rings(body, piece)
+        openings += len(loops) + int((~np.array(list(is_capable.values()), bool)).sum())
+        own_caps = [_cap(body, number, piece[owner], count, loop, owner) for loop, owner in loops]
+        caps += [c for c in own_caps if is_capable[c.piece - count]]
         count += n
     solid = _solid_pieces(faces, caps)
     caps = [c for c in caps if c.piece in solid]
-    clash = _clashing(faces, caps, extent_m)
-    caps = [c for c in caps if c.piece not in clash]
-    out = [_with_caps(b, [c for c in caps if c.body == k]) for k, b in enumerate(bodies)]
-    return Capped(out, len(caps), openings - len(caps))
+    conflicts = _find_conflicts(faces, caps, extent_m)
+    caps = [c for c in caps if c.piece not in conflicts]
+    out = [_add_caps(b, [c for c in caps if c.body == k]) for k, b in enumerate(bodies)]
+    return CappingResult(out, len(caps), openings - len(caps))
 
 
 def _rings(body: MeshBody, piece: IntArray) -> tuple[list[tuple[IntArray, int]], dict[int, bool]]:
-    """Return the simple rings of open edges with a face of each, and for each open piece True if all its edges form
-    such rings.
+    """Return the simple rings of open edges, each with one of its faces; and for each open piece, whether all of its
+    open edges form such rings.
     """
     table = edge_table(body.triangles)
     half = table.first[table.open]
     start = body.triangles.ravel()[half]
     end = np.roll(body.triangles, -1, axis=1).ravel()[half]
-    whole = dict.fromkeys(np.unique(piece[half // 3]).tolist(), True)
+    is_capable = dict.fromkeys(np.unique(piece[half // 3]).tolist(), True)
     for k in np.unique(piece[table.first[table.non_manifold] // 3]).tolist():
-        whole[k] = False
+        is_capable[k] = False
     follow = dict(zip(start.tolist(), end.tolist(), strict=True))
     owner = dict(zip(start.tolist(), (half // 3).tolist(), strict=True))
     if len(follow) < len(start):  # rings that meet in a corner
         corner, times = np.unique(start, return_counts=True)
         for k in np.unique(piece[(half // 3)[np.isin(start, corner[times > 1])]]).tolist():
-            whole[k] = False
+            is_capable[k] = False
     loops = []
     while follow:
         ring = [next(iter(follow))]
         while ring[-1] in follow:
             ring.append(follow.pop(ring[-1]))
         if ring[-1] != ring[0] or len(ring) < 4:
-            whole[int(piece[owner[ring[0]]])] = False
+            is_capable[int(piece[owner[ring[0]]])] = False
         else:
             loops.append((np.array(ring[:-1]), owner[ring[0]]))
-    return loops, whole
+    return loops, is_capable
 
 
 def _cap(body: MeshBody, number: int, piece: int, first_piece: int, loop: IntArray, owner: int) -> _Cap:
@@ -130,7 +130,7 @@ def _solid_pieces(faces: FaceTable, caps: list[_Cap]) -> set[int]:
     return {c.piece for c in caps if volume[c.piece] > SHEET_RATIO * area[c.piece] ** 1.5}
 
 
-def _clashing(faces: FaceTable, caps: list[_Cap], extent_m: float) -> set[int]:
+def _find_conflicts(faces: FaceTable, caps: list[_Cap], extent_m: float) -> set[int]:
     """Return the pieces with a cap on another face, or close to another piece's face."""
     if not caps:
         return set()
@@ -140,7 +140,7 @@ def _clashing(faces: FaceTable, caps: list[_Cap], extent_m: float) -> set[int]:
     piece = np.concatenate([faces.piece, np.repeat([c.piece for c in caps], lengths)])
     ring = np.concatenate([np.full(n, -1), np.repeat(np.arange(len(caps)), lengths)])
     width = np.concatenate([np.zeros(n), np.repeat([c.width_m for c in caps], lengths)])
-    tolerance_m = np.maximum(NEAREST * extent_m, BEFORE_GLASS * width)
+    tolerance_m = np.maximum(MIN_SEPARATION * extent_m, FILLING_DISTANCE * width)
     pairs = coincident_pairs(corners, extent_m, tolerance_m, ring >= 0)
     if pairs is None:  # too many to decide: leave them open
         return {c.piece for c in caps}
@@ -165,7 +165,7 @@ def _outward_sign(corners: FloatArray, piece: IntArray) -> FloatArray:
     return np.where(volume < 0, -1.0, 1.0)[piece]
 
 
-def _with_caps(body: MeshBody, caps: list[_Cap]) -> MeshBody:
+def _add_caps(body: MeshBody, caps: list[_Cap]) -> MeshBody:
     if not caps:
         return body
     points, faces, materials = [body.positions_m], [body.triangles], [body.face_material]

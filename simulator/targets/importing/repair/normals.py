@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 CREASE_RAD = np.deg2rad(32.0)
 """Crease angle above which an edge stays sharp, as in most modelling tools (30 to 35 deg) [rad]."""
-BEST_COSINE = 0.1
+MIN_NORMAL_COSINE = 0.1
 """Least cosine between a corner's normal and its face; smooth rims stay above it."""
 
 
@@ -32,7 +32,7 @@ def normals_fit(body: MeshBody) -> bool:
         return False
     face = body.face_vectors
     face = face / np.linalg.norm(face, axis=1, keepdims=True)
-    return bool((np.einsum("fkj,fj->fk", n / length[..., None], face) > BEST_COSINE).mean() > 0.999)
+    return bool((np.einsum("fkj,fj->fk", n / length[..., None], face) > MIN_NORMAL_COSINE).mean() > 0.999)
 
 
 def smooth_normals(body: MeshBody) -> FloatArray:
@@ -66,7 +66,7 @@ def smooth_normals(body: MeshBody) -> FloatArray:
     )
     length = np.linalg.norm(total, axis=2, keepdims=True)
     normals = np.where(length > 1e-9, total / np.maximum(length, 1e-12), unit[:, None])
-    return _flat_where_wrong(normals, unit)
+    return _replace_inconsistent(normals, unit)
 
 
 def file_normals(body: MeshBody) -> FloatArray:
@@ -76,13 +76,13 @@ def file_normals(body: MeshBody) -> FloatArray:
         return smooth_normals(body)
     face = body.face_vectors
     unit = face / np.linalg.norm(face, axis=1, keepdims=True)
-    return _flat_where_wrong(n / np.linalg.norm(n, axis=2, keepdims=True), unit)
+    return _replace_inconsistent(n / np.linalg.norm(n, axis=2, keepdims=True), unit)
 
 
-def _flat_where_wrong(normals: FloatArray, unit: FloatArray) -> FloatArray:
-    wrong: BoolArray = (np.einsum("fkj,fj->fk", normals, unit) <= BEST_COSINE).any(axis=1)
+def _replace_inconsistent(normals: FloatArray, unit: FloatArray) -> FloatArray:
+    inconsistent: BoolArray = (np.einsum("fkj,fj->fk", normals, unit) <= MIN_NORMAL_COSINE).any(axis=1)
     out = normals.copy()
-    out[wrong] = unit[wrong][:, None]
+    out[inconsistent] = unit[inconsistent][:, None]
     return out
 
 

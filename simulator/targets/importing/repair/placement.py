@@ -13,14 +13,14 @@ from flyaround.simulator.targets.importing.read.raw_model import RawModel
 
 UNITS_M = {"mm": 1e-3, "cm": 1e-2, "m": 1.0, "in": 0.0254}
 UNIT_NAMES = {"mm": "millimetres", "cm": "centimetres", "m": "metres", "in": "inches"}
-SMALLEST_M, LARGEST_M = 0.05, 150.0
+MIN_SIZE_M, MAX_SIZE_M = 0.05, 150.0
 """Sizes accepted without ``--yes``: from a PocketQube (50 mm) to beyond the International Space Station (109 m)."""
-SMALLEST_DRAWN_M, LARGEST_DRAWN_M = 0.005, 10_000.0
-"""Sizes that the cameras' ranges and the depth buffer support."""
-LIKELY_M = 30.0
+MIN_DRAWABLE_M, MAX_DRAWABLE_M = 0.005, 10_000.0
+"""Sizes that the depth buffer and the ranges of the cameras support [m]."""
+MAX_PROPOSED_SIZE_M = 30.0
 """Largest size for which a unit is proposed."""
 MAX_TRIANGLES, MAX_PARTS = 500_000, 4000
-OFF, FARTHEST = 0.1, 100.0
+ORIGIN_OFFSET_WARNING, MAX_ORIGIN_OFFSET = 0.1, 100.0
 """Distance of the origin from the model, in extents, that is reported; and that loses too much precision."""
 
 
@@ -94,8 +94,10 @@ def place_model(
 
     Parameters
     ----------
-    recentre : True to move the origin to the centre of the bounding box.
-    any_size : True to accept a size that no spacecraft has.
+    recentre : bool, optional
+        True to move the origin to the centre of the bounding box.
+    any_size : bool, optional
+        True to accept a size that no spacecraft has.
 
     Raises
     ------
@@ -155,12 +157,12 @@ def _origin_lines(model: RawModel, low: FloatArray, high: FloatArray, *, recentr
             part.positions_m = part.positions_m - middle
         return [f"moved the origin by ({at}) m, to the middle of the box about the model"]
     off_box = float(np.linalg.norm(np.maximum(np.maximum(low, -high), 0.0)))
-    if off_box > FARTHEST * extent:
+    if off_box > MAX_ORIGIN_OFFSET * extent:
         raise UserError(
             f"{model.path} is {off_box:.4g} m away from its origin, too far for single precision to hold a shape of "
             f"{extent:.4g} m; add --recentre to move the origin to its middle"
         )
-    if off_box <= OFF * extent:
+    if off_box <= ORIGIN_OFFSET_WARNING * extent:
         return []
     distance = float(np.linalg.norm(middle))
     line = (
@@ -174,32 +176,36 @@ def _check_size(
     model: RawModel, extent_m: float, factor: float, *, is_stated: bool, any_size: bool
 ) -> list[str]:
     """Raise for a size that no spacecraft has, or return a line about it if the user confirms it."""
-    if SMALLEST_M <= extent_m <= LARGEST_M:
+    if MIN_SIZE_M <= extent_m <= MAX_SIZE_M:
         return []
-    if not SMALLEST_DRAWN_M <= extent_m <= LARGEST_DRAWN_M and (any_size or extent_m == 0):
+    if not MIN_DRAWABLE_M <= extent_m <= MAX_DRAWABLE_M and (any_size or extent_m == 0):
         raise UserError(
-            f"{model.path} would be {extent_m:.4g} m across, which cannot be drawn ({SMALLEST_DRAWN_M:g} to "
-            f"{LARGEST_DRAWN_M:,.0f} m can); correct --units or --scale"
+            f"{model.path} would be {extent_m:.4g} m across, which cannot be drawn ({MIN_DRAWABLE_M:g} to "
+            f"{MAX_DRAWABLE_M:,.0f} m can); correct --units or --scale"
         )
     if any_size:
         return [
-            f"{extent_m:.4g} m across, outside the sizes of spacecraft ({SMALLEST_M:g} to {LARGEST_M:g} m): confirmed"
+            f"{extent_m:.4g} m across, outside the sizes of spacecraft ({MIN_SIZE_M:g} to {MAX_SIZE_M:g} m): confirmed"
         ]
     across = f"{extent_m:.4g} m across" + (f" (scaled by {factor:g})" if is_stated else "")
     confirm = (
         "--yes if it is that size"
-        if SMALLEST_DRAWN_M <= extent_m <= LARGEST_DRAWN_M
+        if MIN_DRAWABLE_M <= extent_m <= MAX_DRAWABLE_M
         else "--scale with the factor to metres"
     )
     raise UserError(
-        f"{model.path} is {across}, not the size of a spacecraft ({SMALLEST_M:g} to {LARGEST_M:g} m); "
+        f"{model.path} is {across}, not the size of a spacecraft ({MIN_SIZE_M:g} to {MAX_SIZE_M:g} m); "
         f"{_proposed_unit(extent_m / factor, units_in_metres=factor)}{confirm}"
     )
 
 
 def _proposed_unit(extent: float, units_in_metres: float) -> str:
     """Return advice on the most plausible unit for a craft of ``extent`` units, if there is one."""
-    fits = [u for u, m in UNITS_M.items() if m != units_in_metres and SMALLEST_M <= extent * m <= LIKELY_M]
+    fits = [
+        u
+        for u, m in UNITS_M.items()
+        if m != units_in_metres and MIN_SIZE_M <= extent * m <= MAX_PROPOSED_SIZE_M
+    ]
     if not fits:
         return (
             f"add --scale with the factor to metres (--scale {1 / extent:.3g} makes it 1 m), or "

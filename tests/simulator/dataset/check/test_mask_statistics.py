@@ -3,16 +3,16 @@
 import numpy as np
 import pytest
 
-from flyaround.simulator.dataset.check.mask_statistics import is_binary, lit_pixels
+from flyaround.simulator.dataset.check.mask_statistics import is_binary, nonzero_pixels
 
 
 @pytest.mark.parametrize("shape", [(7, 5), (1, 9), (0, 4)])
 def test_pixels_and_their_order_are_numpys(shape):
     rng = np.random.default_rng(3)
     mask = rng.choice([0, 255], shape).astype(np.uint8)
-    assert np.array_equal(lit_pixels(mask), np.argwhere(mask)[:, ::-1])
-    assert np.array_equal(lit_pixels(mask[:, ::2]), np.argwhere(mask[:, ::2])[:, ::-1])
-    assert lit_pixels(np.zeros(shape, np.uint8)).shape == (0, 2)
+    assert np.array_equal(nonzero_pixels(mask), np.argwhere(mask)[:, ::-1])
+    assert np.array_equal(nonzero_pixels(mask[:, ::2]), np.argwhere(mask[:, ::2])[:, ::-1])
+    assert nonzero_pixels(np.zeros(shape, np.uint8)).shape == (0, 2)
     assert is_binary(mask)
 
 

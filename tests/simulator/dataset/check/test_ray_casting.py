@@ -21,7 +21,7 @@ def test_every_part_is_asked_about_once_though_it_be_a_pixel(*, rolling):
     for part, (y, x) in single.items():
         parts[y, x] = part
     should = np.array([[5, 6]])
-    sampler = SimpleNamespace(where_parts_should_be=lambda: should)
+    sampler = SimpleNamespace(part_pixels=lambda: should)
     truth = SimpleNamespace(seed=4, frame_index=9, row_poses=(1,) if rolling else ())
     asked = {tuple(p) for p in sample_pixels(truth, mask, {"parts": parts}, sampler).tolist()}
     assert len(asked) > 10

@@ -20,7 +20,7 @@ from flyaround.simulator.dataset.check import verify as check_module
 from flyaround.simulator.dataset.check.feasibility import check_silhouette_inside, check_step_share
 from flyaround.simulator.dataset.check.geometry import in_lens
 from flyaround.simulator.dataset.check.keypoint_states import check_amodal_box, check_states, triangles_of
-from flyaround.simulator.dataset.check.redraw import EXACT, check_same_picture, sample
+from flyaround.simulator.dataset.check.redraw import SAME_RENDERER_TOLERANCE, check_same_picture, sample
 from flyaround.simulator.dataset.check.verify import check_dataset
 from flyaround.simulator.dataset.formats.native import frame_paths, read_png
 from flyaround.simulator.errors import UserError
@@ -146,7 +146,7 @@ def test_another_renderer_s_light_does_not_make_a_step_share_wrong(pictures, pla
             assert not np.array_equal(other.image, image)
             monkeypatch.setattr(check_picture, "take_frame", lambda *_, found=other, **__: found)
             signal = np.asarray(expose_scene(truth.scene, radiance), float)
-            flipped += bool(check_step_share(truth, plan.target, signal, EXACT))
+            flipped += bool(check_step_share(truth, plan.target, signal, SAME_RENDERER_TOLERANCE))
             assert check_picture.check_drawn_again(renderer, truth, image, mask, plan.target) == []
             half = msgspec.structs.replace(truth, wireframe_step_share=truth.wireframe_step_share / 2)
             assert check_picture.check_drawn_again(renderer, half, image, mask, plan.target)
@@ -167,8 +167,10 @@ def test_shares_that_are_off_by_little_are_caught(copy, pictures, plan):
         wrong = msgspec.structs.replace(truth, **off)
         assert check_silhouette_inside(truth, plan.target) == []
         assert "silhouette_inside" in check_silhouette_inside(wrong, plan.target)[0]
-        assert check_step_share(truth, plan.target, mono, EXACT) == []
-        assert "wireframe_step_share" in check_step_share(wrong, plan.target, mono, EXACT)[0]
+        assert check_step_share(truth, plan.target, mono, SAME_RENDERER_TOLERANCE) == []
+        assert (
+            "wireframe_step_share" in check_step_share(wrong, plan.target, mono, SAME_RENDERER_TOLERANCE)[0]
+        )
         edit(copy, k, **off)
     faults = check_dataset(copy, redraw=1).faults
     for name in ("silhouette_inside", "wireframe_step_share"):
@@ -204,7 +206,7 @@ def test_no_step_share_is_refused_of_a_craft_whose_edges_end_beyond_the_lens(cam
                 plan.camera, scene.camera_from_target.apply(mesh_of(target).positions_m)
             ).all()
             mono = np.asarray(mono_signal(expose_scene(scene, frame.radiance)), float)
-            assert check_step_share(frame.truth, target, mono, EXACT) == []
+            assert check_step_share(frame.truth, target, mono, SAME_RENDERER_TOLERANCE) == []
     assert beyond
 
 

@@ -21,7 +21,7 @@ from flyaround.simulator.dataset.storage.manifest import (
 from flyaround.simulator.dataset.storage.store import FolderStore
 from flyaround.simulator.errors import UserError
 from flyaround.simulator.runtime import files
-from flyaround.simulator.runtime.files import write_lasting
+from flyaround.simulator.runtime.files import write_durable
 
 
 def _frame(k, size=100):
@@ -37,12 +37,12 @@ def _add_all(store, frames, **limits):
 
 def test_nothing_has_its_name_before_all_of_the_batch_is_on_the_disk(tmp_path, monkeypatch):
     happened = []
-    monkeypatch.setattr(files, "_to_disk", lambda path: happened.append(("disk", path.suffix)))
+    monkeypatch.setattr(files, "_fsync_file", lambda path: happened.append(("disk", path.suffix)))
     rename = Path.replace
     monkeypatch.setattr(
         Path, "replace", lambda self, to: (happened.append(("name", to.name)), rename(self, to))[1]
     )
-    write_lasting([(tmp_path / name, b"x") for name in ("a.png", "b.png", "a.json")])
+    write_durable([(tmp_path / name, b"x") for name in ("a.png", "b.png", "a.json")])
     assert happened == [("disk", ".part")] * 3 + [("name", "a.png"), ("name", "b.png"), ("name", "a.json")]
 
 
@@ -71,13 +71,13 @@ def test_a_disk_that_is_full_says_so_and_leaves_nothing_half_written(tmp_path, m
 
     monkeypatch.setattr(files.os, "fsync", full)
     with pytest.raises(UserError, match="no space left on its disk"):
-        write_lasting([(tmp_path / name, b"x") for name in ("a", "b", "c")])
+        write_durable([(tmp_path / name, b"x") for name in ("a", "b", "c")])
     assert list(tmp_path.iterdir()) == []
 
 
 def test_batches_write_every_frame_and_its_lines(tmp_path):
     store = FolderStore(tmp_path)
-    with FrameBatches(store, most_bytes=700) as batches:
+    with FrameBatches(store, max_bytes=700) as batches:
         for k in range(5):
             batches.add(_frame(k))
     manifest = read_manifest(store)
@@ -92,7 +92,7 @@ def test_batches_write_every_frame_and_its_lines(tmp_path):
 
 
 def test_frames_are_on_the_disk_within_a_time(tmp_path):
-    with FrameBatches(FolderStore(tmp_path), most_s=0.05) as batches:
+    with FrameBatches(FolderStore(tmp_path), max_s=0.05) as batches:
         batches.add(_frame(0))
         time.sleep(0.06)
         batches.add(_frame(1))
@@ -119,7 +119,7 @@ def test_an_error_elsewhere_keeps_the_frames_and_an_error_of_the_disk_is_told(tm
             raise UserError("cannot write: no space left on its disk")
 
     with pytest.raises(UserError, match="no space"):
-        _add_all(Full(tmp_path), (_frame(k) for k in range(1, 4)), most_bytes=1)
+        _add_all(Full(tmp_path), (_frame(k) for k in range(1, 4)), max_bytes=1)
     # lines come before names: those of the frame that was not written are there, and no later ones
     assert sorted(read_manifest(store)) == [0, 1]
     assert not store.exists("images/000001.json")
@@ -141,10 +141,10 @@ def test_a_torn_last_line_and_nonsense_are_left_out(tmp_path):
 def test_too_little_room_is_said_with_both_figures(tmp_path, monkeypatch):
     store = FolderStore(tmp_path)
     monkeypatch.setattr(FolderStore, "free_bytes", lambda _: 12_000_000_000)
-    space.refuse_without_room(store, 1000, 2_400_000)
+    space.require_disk_space(store, 1000, 2_400_000)
     with pytest.raises(
         UserError, match=r"10,000 frames take about 24\.0 GB and the disk of .* has 12\.0 GB left"
     ):
-        space.refuse_without_room(store, 10_000, 2_400_000)
+        space.require_disk_space(store, 10_000, 2_400_000)
     monkeypatch.setattr(FolderStore, "free_bytes", lambda _: None)
-    space.refuse_without_room(store, 10_000, 2_400_000)
+    space.require_disk_space(store, 10_000, 2_400_000)

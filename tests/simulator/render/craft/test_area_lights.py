@@ -69,7 +69,7 @@ def test_a_plate_gives_back_what_the_sum_over_the_light_does(
     )
     scene = dark(draw_kit.scene(target), light)
     p = np.array([0.0, 0.0, 5.0])
-    placed, towards = light.placed(scene.camera_from_target), np.array([0, 0, -1.0])
+    placed, towards = light.in_camera_frame(scene.camera_from_target), np.array([0, 0, -1.0])
     lobe, below = integrated(material, placed, p, towards, towards)
     seen = float(renderer.render(scene, target).radiance[119, 161])
     assert seen == pytest.approx(lobe + below, rel=close)
@@ -163,7 +163,7 @@ def test_light_boxes_are_drawn_about_the_craft_and_shine_at_it():
             camera = -np.asarray(scene.t_camera_from_target_m)
             cosine = to @ camera / distance / np.linalg.norm(camera)
             assert cosine > np.cos(np.radians(ranges.max_angle_deg)) - 1e-9
-            towards = light.placed(scene.camera_from_target).axis
+            towards = light.in_camera_frame(scene.camera_from_target).axis
             assert np.linalg.norm(np.cross(-to, towards)) <= ranges.aim_error_m + 1e-9
     assert {len(s.area_lights) for s in scenes} == {1, 2, 3}
     assert scenes == [plan_recipe("lightbox", 40, seed=3).scene(k) for k in range(30)]

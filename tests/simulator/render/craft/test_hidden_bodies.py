@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from flyaround.simulator.camera.lens.distortion import Distortion
-from flyaround.simulator.dataset.check.geometry import OUTLINE_TOLERANCE_PX, doubtful_pixels
+from flyaround.simulator.dataset.check.geometry import OUTLINE_TOLERANCE_PX, differing_pixels
 from flyaround.simulator.frame import take_frame
 from flyaround.simulator.runtime.arrays import vec3
 from flyaround.simulator.world.frames.rotation import matrix_from_quat
@@ -73,7 +73,7 @@ def test_an_outline_may_be_off_by_a_pixel_and_no_more_to_any_side(renderer, draw
     frame = take_frame(renderer, draw_kit.scene(target), target)
 
     def doubts(by):
-        return len(doubtful_pixels(frame.truth, np.roll(frame.mask, (dy * by, dx * by), (0, 1)), target))
+        return len(differing_pixels(frame.truth, np.roll(frame.mask, (dy * by, dx * by), (0, 1)), target))
 
     assert doubts(OUTLINE_TOLERANCE_PX) == 0
     assert doubts(OUTLINE_TOLERANCE_PX + 1) > 100
@@ -86,4 +86,4 @@ def test_straight_edges_of_large_triangles_are_bent_by_the_lens(renderer, draw_k
     target = draw_kit.target([draw_kit.plate("p", "white", (0.0, 0.0, 0.0), 1.9)], [draw_kit.white()])
     frame = take_frame(renderer, draw_kit.scene(target, camera=camera), target)
     assert 0.3 < np.mean(frame.mask > 0) < 0.95
-    assert len(doubtful_pixels(frame.truth, frame.mask, target)) == 0
+    assert len(differing_pixels(frame.truth, frame.mask, target)) == 0

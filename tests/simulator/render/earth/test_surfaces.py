@@ -7,7 +7,7 @@ import msgspec
 import numpy as np
 import pytest
 
-from flyaround.simulator.celestial.city_lights import BRIGHTEST, night_texture
+from flyaround.simulator.celestial.city_lights import MAX_LIGHT, night_texture
 from flyaround.simulator.celestial.detail_noise import detail_texture
 from flyaround.simulator.render.gl.mipmaps import mipmap_chain
 from flyaround.simulator.render.gl.programs import read_source
@@ -119,7 +119,7 @@ def test_streets_keep_the_light_of_a_cell():
         levels.append(chain.smaller[at : at + 4 * size * size].reshape(size, size, 4)[..., 1:3])
         at, size = at + 4 * size * size, size // 2
     for level in levels:
-        assert level.mean(axis=(0, 1)) * (BRIGHTEST / 255) == pytest.approx([1.0, 1.0], abs=0.05)
+        assert level.mean(axis=(0, 1)) * (MAX_LIGHT / 255) == pytest.approx([1.0, 1.0], abs=0.05)
 
 
 @pytest.mark.parametrize("city", CITIES)

@@ -10,7 +10,7 @@ import pytest
 
 from flyaround.simulator.errors import UserError
 from flyaround.simulator.frame import take_frame
-from flyaround.simulator.imaging.exposure import drawings_of_ground, integrate
+from flyaround.simulator.imaging.exposure import ground_drawings, integrate
 from flyaround.simulator.imaging.image_motion import image_motion_px, motion_bound_px
 from flyaround.simulator.labels.truth import read_truth, truth_to_json
 from flyaround.simulator.recipes.backgrounds import without_target
@@ -184,7 +184,7 @@ def test_an_exposure_smears_the_ground_by_the_orbits_motion(renderer, plan):
     way = image_motion_px(scene, target, 0.05)
     assert way == pytest.approx(rate * 0.05 * scene.camera.fx_px, rel=0.1)
     assert way < motion_bound_px(scene, target, 0.05) < 2.5 * way
-    assert drawings_of_ground(replace(scene, exposure_s=0.05)) > 0
+    assert ground_drawings(replace(scene, exposure_s=0.05)) > 0
     still, smeared = (
         integrate(renderer, replace(scene, exposure_s=s), target).radiance for s in (1e-4, 0.05)
     )

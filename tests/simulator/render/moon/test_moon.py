@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from flyaround.simulator.camera.lens.camera_model import Camera
-from flyaround.simulator.celestial.craters import BROAD_LARGEST_PX, SIZE, SLOPE_MAX, crater_texture
+from flyaround.simulator.celestial.craters import BROAD_MAX_PX, SIZE, SLOPE_MAX, crater_texture
 from flyaround.simulator.render.moon.moon_pass import BROAD_KM
 from flyaround.simulator.scene.environments import Environment
 from flyaround.simulator.scene.illumination.bands import sun_irradiance_w_m2
@@ -157,7 +157,7 @@ def test_ground_that_rises_to_the_sun_is_dark_and_ground_that_falls_to_it_bright
 ):
     """Over a pole, where the plane of the craters has the Moon's own x and y; or craters would look like hills."""
     moon_km = 1737.4
-    broad = crater_texture(BROAD_LARGEST_PX, BROAD_KM / SIZE)[..., :2].astype(float) / 255 - 0.5
+    broad = crater_texture(BROAD_MAX_PX, BROAD_KM / SIZE)[..., :2].astype(float) / 255 - 0.5
     for azimuth in np.radians([10.0, 130.0, 250.0]):
         sun = np.array([np.cos(azimuth), np.sin(azimuth), 0.5 * pole])
         scene = _scene(

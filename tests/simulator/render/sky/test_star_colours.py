@@ -13,7 +13,7 @@ from flyaround.simulator.celestial.star_colours import (
     hp_minus_v,
     irradiance_of_v_mag,
     photons_over_sunlights,
-    usual_v_minus_i,
+    typical_v_minus_i,
 )
 from flyaround.simulator.render.sky.star_pass import stars_in_view
 from flyaround.simulator.render.view import build_view
@@ -91,7 +91,9 @@ def test_hot_stars_are_black_bodies_scaled_to_v(temperature_k, bv):
         planck = nm**-5.0 / np.expm1(1.438777e7 / (nm * temperature))
         return planck[nm > 450].sum() / np.interp(550.0, nm, planck)
 
-    got = irradiance_of_v_mag(np.array([5.0]), np.array([bv]), usual_v_minus_i(np.array([bv])), "mono")[0, 0]
+    got = irradiance_of_v_mag(np.array([5.0]), np.array([bv]), typical_v_minus_i(np.array([bv])), "mono")[
+        0, 0
+    ]
     sun = sun_irradiance_w_m2("mono", 149_597_870_700.0)[0] * 10 ** (-0.4 * (5.0 - SUN_V_MAG))
     assert got / sun == pytest.approx(ratio(temperature_k) / ratio(5772), rel=0.03)
 
@@ -162,7 +164,7 @@ def test_a_blue_star_with_the_v_minus_i_of_an_m_star_is_drawn_by_its_b_minus_v()
         assert (vi > 2).all()
         usual = star_irradiance_w_m2(hp, bv, bands)[0]
         assert drawn_irradiance(87221, bands) == pytest.approx(usual, rel=1e-6)
-        by_photons = usual * photons_over_sunlights(usual_v_minus_i(bv), bands)[0]
+        by_photons = usual * photons_over_sunlights(typical_v_minus_i(bv), bands)[0]
         assert drawn_irradiance(87221, bands, by_photons=True) == pytest.approx(by_photons, rel=1e-6)
     hp, bv, vi, _ = of_the_catalogue(10826)
     assert drawn_irradiance(10826, "mono")[0] > 1.1 * star_irradiance_w_m2(hp, bv, "mono")[0, 0]

@@ -10,7 +10,7 @@ from gltf_model import join_glb, split_glb
 
 from flyaround.simulator.errors import UserError
 from flyaround.simulator.targets.importing.add import ImportOptions, read_surface
-from flyaround.simulator.targets.importing.read.draco import DRACO, decoded
+from flyaround.simulator.targets.importing.read.draco import DRACO, decode_streams
 from flyaround.simulator.targets.importing.read.mesh_file import read_mesh
 
 BALL = trimesh.creation.icosphere(2, 1.0)
@@ -140,5 +140,5 @@ def test_a_stream_that_is_damaged_or_no_mesh(tmp_path, stream):
 
 def test_a_stream_that_unpacks_to_more_than_is_read(stream):
     with pytest.raises(UserError, match="unpacks to more than is read"):
-        decoded(Path("a.glb"), [stream], most_bytes=1000)
-    assert decoded(Path("a.glb"), [stream])["faces_0"].shape == BALL.faces.shape
+        decode_streams(Path("a.glb"), [stream], max_bytes=1000)
+    assert decode_streams(Path("a.glb"), [stream])["faces_0"].shape == BALL.faces.shape
