@@ -16,6 +16,9 @@ Array = np.ndarray
 # on which brightness varies with direction as much as between materials.
 NORMAL_STEPS, CURVED_NORMAL_STEPS = 3, 6
 
+# Most groups that a byte numbers, lit and in shadow, beside the background.
+FEWEST_GROUPS = 127
+
 
 @dataclass(frozen=True, eq=False)
 class Faces:
@@ -41,6 +44,8 @@ class Faces:
         Child nodes in front of and behind the plane; -1 for none.
     members : tuple of array
         Indices of the faces of each node; node 0 is the root.
+    steps : int
+        Quantisation steps of the normals by which the faces are grouped.
     """
 
     corners: Array
@@ -52,6 +57,7 @@ class Faces:
     plane: Array
     children: Array
     members: Tuple[Array, ...]
+    steps: int = NORMAL_STEPS
 
     @staticmethod
     def from_dict(record: Dict[str, Any]) -> Faces:
@@ -92,12 +98,19 @@ class Faces:
     def grouped(self, steps: int) -> Faces:
         """Return the faces regrouped by material and by normals quantised to ``steps`` steps per component."""
         group, groups = _brightness_groups(self.material, self.normals, steps)
-        return replace(self, group=group, groups=groups)
+        return replace(self, group=group, groups=groups, steps=steps)
+
+    @cached_property
+    def coarser(self) -> Faces:
+        """The same faces in fewer groups: by coarser normals, or at the last by `FEWEST_GROUPS` groups of materials."""
+        if self.steps > 0:
+            return self.grouped(self.steps - 1)
+        return replace(self, group=self.material % FEWEST_GROUPS, groups=FEWEST_GROUPS)
 
     @cached_property
     def labels(self) -> Array:
-        """Drawing label of each face (T + 1,): its group plus 1. The first entry, 0, is the background."""
-        return np.concatenate([[0], self.group + 1]).astype(np.uint8 if self.groups < 255 else np.uint16)
+        """(T + 1,) label of each face, its group plus 1; the first entry is 0, for the background."""
+        return np.concatenate([[0], self.group + 1]).astype(np.uint16)
 
     @cached_property
     def area_m2(self) -> Array:

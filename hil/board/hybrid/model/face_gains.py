@@ -10,9 +10,7 @@ import numpy as np
 from flyaround.hil.board.estimation.faces import Faces
 from flyaround.hil.board.hybrid.geometry.image_patch import ImagePatch
 from flyaround.hil.board.hybrid.geometry.shading import Shading
-from flyaround.hil.board.hybrid.model import many_groups
-from flyaround.hil.board.hybrid.model.image_formation import gaussian, response_tables
-from flyaround.hil.board.hybrid.model.many_groups import blurred
+from flyaround.hil.board.hybrid.model.image_formation import blurred, gaussian, response_tables
 from flyaround.hil.board.hybrid.native.interface import contiguous
 from flyaround.hil.board.hybrid.native.library import library
 
@@ -72,10 +70,11 @@ def _with_background(patch: ImagePatch, view_data: Tuple[Array, ...], blur_px: f
     blur_px : float
         Standard deviation of the blur, in units of 4 x 4 pixels.
     """
-    if view_data[0].dtype != np.uint8 or min(patch.gray.shape) < 2:
-        return many_groups.with_background(patch, view_data, blur_px)
     _, level, picture, centre, core, empty, background_level = view_data
     h, w = patch.gray.shape
+    if min(h, w) < 2:
+        # a single row has no surroundings
+        return np.zeros((h, w), np.float32), picture
     gray, out = contiguous(patch.gray, "float32"), np.empty((h, w), np.float32)
     curve, blur, picture = response_tables(patch.response), gaussian(blur_px), contiguous(picture, "float32")
     ground = float(background_level[0]), float(level[0])
@@ -124,7 +123,8 @@ def _shade_groups(faces: Faces, seen: Array, patch: ImagePatch, dark: Optional[A
     if n < 0:
         raise MemoryError("out of memory while fitting the brightness of faces")
     if n == 0:
-        return many_groups.shaded(faces, seen, patch, dark)
+        # a byte does not number the groups in view
+        return _shade_groups(faces.coarser, seen, patch, dark)
     return group, level[:n], picture, centre, area[:n], core, share, ground
 
 

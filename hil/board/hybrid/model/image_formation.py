@@ -13,6 +13,8 @@ from flyaround.hil.board.hybrid.geometry.image_patch import ImagePatch
 from flyaround.hil.board.hybrid.geometry.response import Response
 from flyaround.hil.board.hybrid.native.interface import STRUCTURES, Structure
 
+Array = np.ndarray
+
 # Largest radius of a blur kernel in the library [px].
 MAX_RADIUS_PX = 64
 
@@ -39,6 +41,11 @@ def gaussian(sigma_px: float) -> Structure:
         raise ValueError(f"the library blurs by {MAX_RADIUS_PX} px at most, not {r}")
     taps = cv2.getGaussianKernel(2 * r + 1, sigma_px, cv2.CV_32F) if r else np.ones(1, np.float32)
     return STRUCTURES["gaussian"](taps=np.ascontiguousarray(taps, np.float32), reach=r)
+
+
+def blurred(image: Array, sigma: float) -> Array:
+    """Return an image (h, w) or (h, w, channels) after a Gaussian blur, unchanged below ``MIN_BLUR_SIGMA_PX``."""
+    return cv2.GaussianBlur(image, (0, 0), sigma) if sigma > MIN_BLUR_SIGMA_PX else image
 
 
 @functools.lru_cache(maxsize=16)

@@ -243,8 +243,7 @@ class ShadowMapTable:
         good = shading.area > 0
         good[0] = False
         (h, w), f = patch.gray.shape, patch.fine
-        kind = "uint8" if shading.centre.dtype == np.uint8 else "uint16"
-        centre = contiguous(shading.centre, kind, (h, w))
+        centre = contiguous(shading.centre, "uint8", (h, w))
         picture = STRUCTURES["sun_image"](
             seen=contiguous(shading.seen, "int32", (h * f, w * f)),
             centre=centre,

@@ -10,7 +10,6 @@ from flyaround.hil.board.hybrid.geometry.image_patch import ImagePatch
 from flyaround.hil.board.hybrid.geometry.shading import Shading
 from flyaround.hil.board.hybrid.native.interface import STRUCTURES, Structure, contiguous
 from flyaround.hil.board.hybrid.native.library import library
-from flyaround.hil.board.hybrid.refine import many_groups
 
 Array = np.ndarray
 
@@ -37,8 +36,6 @@ def motion_images(
     t : (3,) array
         Position of the target, camera axes [m].
     """
-    if shading.group.dtype != np.uint8:
-        return many_groups.motion_images(shading, faces, patch, camera, R, t)
     (h, w), f = patch.gray.shape, patch.fine
     out = np.empty((6, h, w), np.float32)
     moving = pose_motion(shading, faces, patch, camera, R, t)

@@ -15,15 +15,12 @@ from flyaround.hil.board.hybrid.geometry.image_patch import ImagePatch
 from flyaround.hil.board.hybrid.geometry.shading import Shading
 from flyaround.hil.board.hybrid.hypotheses.hypothesis import PoseFit
 from flyaround.hil.board.hybrid.model.face_gains import OPTICS_PX, shade
-from flyaround.hil.board.hybrid.model.image_formation import gaussian, response_tables
-from flyaround.hil.board.hybrid.model.many_groups import blurred
+from flyaround.hil.board.hybrid.model.image_formation import blurred, gaussian, response_tables
 from flyaround.hil.board.hybrid.model.rasteriser import draw_faces, order_faces
 from flyaround.hil.board.hybrid.model.shadow_map import ShadowMap
 from flyaround.hil.board.hybrid.native.interface import contiguous
 from flyaround.hil.board.hybrid.native.library import library
-from flyaround.hil.board.hybrid.refine import many_groups
 from flyaround.hil.board.hybrid.refine.edges import limit_one_step
-from flyaround.hil.board.hybrid.refine.many_groups import bounded
 from flyaround.hil.board.hybrid.refine.motion_images import pose_motion
 from flyaround.hil.board.svd.refinement import parameter_scale
 
@@ -202,8 +199,6 @@ def _gram(
     joint : int
         Number of groups whose brightness is estimated with the pose.
     """
-    if shading.group.dtype != np.uint8:
-        return many_groups.gram(shading, faces, patch, camera, R, t, blurs_px, noise, slack, tukey, joint)
     (h, w), f = patch.gray.shape, patch.fine
     out, total = np.empty(MATRIX_SIZE), np.zeros(1)
     packed = library().fly_normal_equations(
@@ -307,8 +302,6 @@ def _unexplained(
     covered : float
         Minimum coverage of a pixel that counts.
     """
-    if shading.group.dtype != np.uint8:
-        return many_groups.unexplained(shading, patch, noise, none, blurs_px, bound, covered)
     (h, w), f = patch.gray.shape, patch.fine
     optics, score, cover = (gaussian(b) for b in blurs_px)
     residual: float = library().fly_photometric_cost(
@@ -330,6 +323,11 @@ def _unexplained(
     if residual < 0:
         raise MemoryError("no memory to compare a drawn craft with the picture")
     return residual
+
+
+def bounded(e: Array, bound: float) -> float:
+    """Return the sum of squared residuals, each bounded and reduced by the expectation of noise."""
+    return float(np.maximum(np.minimum(e * e, bound) - 1.5, 0.0).sum())
 
 
 def likeness(shading: Shading, patch: ImagePatch) -> Tuple[float, float]:

@@ -10,8 +10,8 @@ import numpy as np
 from flyaround.hil.board.estimation import quaternion as quat
 from flyaround.hil.board.hybrid.image.observation import Observation
 from flyaround.hil.board.hybrid.model.face_gains import OPTICS_PX
+from flyaround.hil.board.hybrid.model.image_formation import blurred
 from flyaround.hil.board.hybrid.model.image_patch import cut_patch, target_box
-from flyaround.hil.board.hybrid.model.many_groups import blurred
 from flyaround.hil.board.hybrid.model.prepared_target import PreparedTarget
 from flyaround.hil.board.hybrid.refine.photometric import photo_draw
 from flyaround.hil.board.hybrid.refine.shadows import search_sun
