@@ -9,7 +9,7 @@ from flyaround.hil.board.estimation import quaternion as quat
 from flyaround.hil.board.hybrid.decide.confidence import Evidence
 from flyaround.hil.board.hybrid.geometry.image_patch import ImagePatch
 from flyaround.hil.board.hybrid.image.observation import Observation
-from flyaround.hil.board.hybrid.model.many_groups import blurred
+from flyaround.hil.board.hybrid.model.image_formation import blurred
 from flyaround.hil.board.hybrid.model.prepared_target import PreparedTarget, faces_of
 from flyaround.hil.board.hybrid.model.rasteriser import draw_faces, order_faces
 

@@ -18,8 +18,8 @@ from flyaround.hil.board.hybrid.hypotheses.hypothesis import Hypothesis, PoseFit
 from flyaround.hil.board.hybrid.image.edge_field import edge_field
 from flyaround.hil.board.hybrid.image.observation import Observation
 from flyaround.hil.board.hybrid.model.face_gains import OPTICS_PX
+from flyaround.hil.board.hybrid.model.image_formation import blurred
 from flyaround.hil.board.hybrid.model.image_patch import cut_patch, target_box
-from flyaround.hil.board.hybrid.model.many_groups import blurred
 from flyaround.hil.board.hybrid.model.prepared_target import PreparedTarget
 from flyaround.hil.board.hybrid.refine.close import CLOSE_PX
 from flyaround.hil.board.hybrid.refine.final import refine_to_end

@@ -25,8 +25,8 @@ from flyaround.hil.board.hybrid.hypotheses.hypothesis import PoseFit
 from flyaround.hil.board.hybrid.image.noise import clipped_noise
 from flyaround.hil.board.hybrid.image.observation import Observation
 from flyaround.hil.board.hybrid.model.face_gains import shade
+from flyaround.hil.board.hybrid.model.image_formation import blurred
 from flyaround.hil.board.hybrid.model.image_patch import cut_patch, undistort
-from flyaround.hil.board.hybrid.model.many_groups import blurred
 from flyaround.hil.board.hybrid.model.rasteriser import draw_faces, fill_faces, order_faces
 from flyaround.hil.board.hybrid.model.shadow_map import ShadowMap, ShadowMapTable
 from flyaround.hil.board.hybrid.refine.motion_images import motion_images

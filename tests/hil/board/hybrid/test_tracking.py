@@ -12,7 +12,7 @@ from flyaround.__main__ import run
 from flyaround.hil.board.estimation import BoardModel, CameraIntrinsics
 from flyaround.hil.board.estimation import quaternion as quat
 from flyaround.hil.board.hybrid.geometry.image_patch import ImagePatch
-from flyaround.hil.board.hybrid.model.many_groups import blurred
+from flyaround.hil.board.hybrid.model.image_formation import blurred
 from flyaround.hil.board.hybrid.model.rasteriser import draw_faces, order_faces
 from flyaround.hil.board.hybrid.tracking.pose_filter import first_state, innovation, predict, update
 from flyaround.hil.board.hybrid.tracking.tracking_estimator import CONFIDENT, TrackingEstimator

@@ -8,16 +8,15 @@ from typing import TYPE_CHECKING
 import cv2
 import msgspec
 import numpy as np
+import numpy_drawing
 import pytest
 
 from flyaround.hil.board.estimation import BoardModel, CameraIntrinsics
 from flyaround.hil.board.estimation import quaternion as quat
 from flyaround.hil.board.hybrid.geometry.image_patch import ImagePatch
 from flyaround.hil.board.hybrid.model import face_gains as levels
-from flyaround.hil.board.hybrid.model import many_groups
 from flyaround.hil.board.hybrid.model.rasteriser import draw_faces, order_faces
 from flyaround.hil.board.hybrid.model.shadow_map import ShadowMap
-from flyaround.hil.board.hybrid.refine import many_groups as steps
 from flyaround.hil.board.hybrid.refine import motion_images as motion
 from flyaround.hil.board.hybrid.refine import photometric
 from flyaround.hil.board_model.write import board_record
@@ -45,14 +44,14 @@ def tango() -> BoardModel:
 
 @pytest.fixture
 def by_numpy(monkeypatch: pytest.MonkeyPatch) -> Callable[[], None]:
-    """Use the path for more than 255 groups for every craft."""
+    """Use NumPy in place of the library."""
 
     def from_here() -> None:
-        monkeypatch.setattr(levels, "_shade_groups", many_groups.shaded)
-        monkeypatch.setattr(levels, "_with_background", many_groups.with_background)
-        monkeypatch.setattr(motion, "motion_images", steps.motion_images)
-        monkeypatch.setattr(photometric, "_gram", steps.gram)
-        monkeypatch.setattr(photometric, "_unexplained", steps.unexplained)
+        monkeypatch.setattr(levels, "_shade_groups", numpy_drawing.shaded)
+        monkeypatch.setattr(levels, "_with_background", numpy_drawing.with_background)
+        monkeypatch.setattr(motion, "motion_images", numpy_drawing.motion_images)
+        monkeypatch.setattr(photometric, "_gram", numpy_drawing.gram)
+        monkeypatch.setattr(photometric, "_unexplained", numpy_drawing.unexplained)
 
     return from_here
 
@@ -104,6 +103,24 @@ def test_brightness_and_score_are_numpys(craft: BoardModel, by_numpy: Callable[[
         if one.behind is not None and other.behind is not None:
             np.testing.assert_allclose(one.behind, other.behind, atol=1e-3)
         assert score == pytest.approx(photometric.explained(other, canvas), abs=1e-5)
+
+
+def test_more_groups_than_a_byte_numbers_are_joined(by_numpy: Callable[[], None]) -> None:
+    round_craft = BoardModel.from_dict(msgspec.to_builtins(board_record(load_target("soyuz-ms"))))
+    assert round_craft.faces is not None
+    fine = replace(round_craft, faces=round_craft.faces.grouped(12))
+    rng, scores, joined = np.random.default_rng(4), [], 0
+    for k in range(4):
+        faces, canvas, q, t, sun = scene(fine, rng, k)
+        shading = photometric.photo_draw(q, t, faces, canvas, CAMERA, sun)
+        assert shading.group.dtype == np.uint8
+        scores.append((photometric.explained(shading, canvas), (q, t, faces, canvas, CAMERA, sun)))
+    by_numpy()
+    for score, case in scores:
+        all_groups = photometric.photo_draw(*case)
+        joined += len(np.unique(all_groups.group)) > 255
+        assert score == pytest.approx(photometric.explained(all_groups, case[3]), abs=0.05)
+    assert joined
 
 
 def test_derivatives_and_steps_are_numpys(craft: BoardModel, by_numpy: Callable[[], None]) -> None:
