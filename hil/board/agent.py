@@ -262,7 +262,10 @@ class BoardAgent:
             check_terms(terms, self._hello.encodings, self._hello.pixel_formats)
             return self._make(terms.camera)
         except Exception as error:
-            sentence = f"the board cannot use the host's camera ({error}): check the scenario's camera"
+            if isinstance(error, (BoardModelError, LinkError, ValueError)):
+                sentence = f"the board cannot use the host's camera ({error}): check the scenario's camera"
+            else:
+                sentence = f"the board's estimator cannot start ({type(error).__name__}: {error}): mend make_estimator"
             link.send(ErrorMessage(ErrorCode.FORMAT, sentence))
             raise LinkError(sentence) from error
 

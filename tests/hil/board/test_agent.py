@@ -20,7 +20,8 @@ from flyaround.hil.board import agent as agent_module
 from flyaround.hil.board.__main__ import main
 from flyaround.hil.board.agent import BoardAgent, run_board
 from flyaround.hil.board.service import ExitCode, ServiceManager, systemd_unit
-from flyaround.hil.link.packets.messages import Bye, PoseMessage, TimeSyncReply
+from flyaround.hil.link.errors import LinkError
+from flyaround.hil.link.packets.messages import Bye, ErrorMessage, PoseMessage, TimeSyncReply
 
 ROOT = Path(__file__).parents[3]
 PATIENCE_S = 60.0
@@ -159,6 +160,23 @@ def test_a_host_that_says_nothing_any_more_is_gone():
         thread.join(PATIENCE_S)
     assert not ended[0].goodbye
     assert "said nothing for 2.5 s: it hangs, or the line is cut after 1 frames" in ended[0].ended
+
+
+def test_an_estimator_that_cannot_start_is_named_as_the_cause():
+    def broken(camera):
+        return camera.fx_px
+
+    def served(url):
+        with pytest.raises(LinkError) as error:
+            run_board(url, make_estimator=broken)
+        return str(error.value)
+
+    with hand_made_host() as host:
+        thread, ended = in_thread(served, host.url)
+        host.meet()
+        assert "estimator cannot start (AttributeError" in host.hear(ErrorMessage).text
+        thread.join(PATIENCE_S)
+    assert "make_estimator" in ended[0]
 
 
 # --- exit codes ------------------------------------------------------------------------------------
