@@ -17,7 +17,6 @@ from flyaround.hil.board.estimation.estimator import Estimator
 from flyaround.hil.board.estimation.record import StageRecord
 from flyaround.hil.board.estimation.result import PoseResult
 from flyaround.hil.board.estimation.target_model import BoardModel
-from flyaround.hil.board.hybrid.decide.axial_symmetry import check_axial_symmetry
 from flyaround.hil.board.hybrid.decide.confidence import (
     ACCEPT_AT,
     CALIBRATED_CRAFT,
@@ -177,11 +176,8 @@ def _keep_poses(frame: Observation, stage: str, hypotheses: Sequence[Hypothesis]
 
 
 def check(choice: Choice) -> Choice:
-    """Compare the selected pose with its symmetries, unless the confidence was fitted on this target."""
+    """Compare the selected pose with its near-symmetries, if the confidence was not fitted on the target."""
     setup, frame = choice.image.setup, choice.image.frame
-    if setup.has_faces and not setup.calibrated and setup.target.round:
-        choice = replace(choice, selection=check_axial_symmetry(setup.target, frame, choice.selection))
-        frame.mark("axial_symmetry")
     if setup.has_faces and not setup.calibrated and setup.has_symmetries:
         # only a few small parts distinguish half turns of a round target
         selection = check_discrete_symmetry(setup.target, frame, choice.selection, _prior(choice.proposals))

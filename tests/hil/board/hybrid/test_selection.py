@@ -10,16 +10,19 @@ from lamp_lit import lamp_lit
 
 from flyaround.hil.board.estimation import CameraIntrinsics
 from flyaround.hil.board.estimation import quaternion as quat
-from flyaround.hil.board.hybrid.decide.discrete_symmetry import Prior, check_discrete_symmetry
+from flyaround.hil.board.hybrid.decide.discrete_symmetry import Prior, check_discrete_symmetry, preference
 from flyaround.hil.board.hybrid.decide.selection import Selection, image_evidence, select
 from flyaround.hil.board.hybrid.hypotheses.edge_support import support
 from flyaround.hil.board.hybrid.hypotheses.hypothesis import Hypothesis, PoseFit, Source
 from flyaround.hil.board.hybrid.image.edge_field import edge_field
 from flyaround.hil.board.hybrid.image.observation import Observation
+from flyaround.hil.board.hybrid.model.face_gains import OPTICS_PX
+from flyaround.hil.board.hybrid.model.image_formation import blurred
 from flyaround.hil.board.hybrid.model.image_patch import cut_patch, target_box
 from flyaround.hil.board.hybrid.model.prepared_target import PreparedTarget
 from flyaround.hil.board.hybrid.refine.close import CLOSE_PX
 from flyaround.hil.board.hybrid.refine.photometric import explained, photo_draw
+from flyaround.hil.board.hybrid.refine.shadows import search_sun
 from flyaround.hil.board.svd.region_of_interest import Region
 from flyaround.hil.evaluate.method_choice import board_model
 from flyaround.simulator.targets.library import load_target
@@ -131,3 +134,21 @@ def test_another_end_is_a_rival_still_where_half_turns_are_judged(
     both = replace(right, ends=(right.best, other))
     assert check_discrete_symmetry(craft, frame, right).evidence.margin > 0.01
     assert check_discrete_symmetry(craft, frame, both).evidence.margin == pytest.approx(0.004)
+
+
+def test_preference_ignores_what_neither_view_explains(craft: PreparedTarget, frame: Observation) -> None:
+    turned = quat.normalise(quat.multiply(Q, craft.model.symmetry_wxyz[0]))
+    canvas = replace(cut_patch(craft, frame, target_box(craft, Q, T_M), 240), exact=True)
+    right, wrong = (search_sun(craft, canvas, q, T_M) for q in (Q, turned))
+    a, b = (
+        canvas.response.of(blurred(d.shading.picture, OPTICS_PX / canvas.factor))[0] for d in (right, wrong)
+    )
+    # foil creased at random, on all that is lit
+    creases = blurred(np.random.default_rng(1).normal(0, 1.0, a.shape).astype(np.float32), 1.5)
+    creased = a * (1.0 + 0.3 * creases / creases.std())
+    for gray, least in ((a, 0.95), (creased, 0.7)):
+        seen = replace(canvas, gray=gray.astype(np.float32))
+        assert preference(right, wrong, seen) > least
+        assert preference(wrong, right, seen) == pytest.approx(-preference(right, wrong, seen))
+    between = replace(canvas, gray=(0.5 * (a + b)).astype(np.float32))
+    assert abs(preference(right, wrong, between)) < 0.05
