@@ -172,7 +172,9 @@ def cameras(
     ] = None,
     form: Annotated[
         str | None,
-        typer.Option("--format", help=f"Format of the written file: {', '.join(WRITABLE_FORMATS)} (default native)."),
+        typer.Option(
+            "--format", help=f"Format of the written file: {', '.join(WRITABLE_FORMATS)} (default native)."
+        ),
     ] = None,
     width_px: Annotated[int | None, typer.Option("--width", help="Required image width in pixels.")] = None,
     height_px: Annotated[
