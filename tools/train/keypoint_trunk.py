@@ -68,8 +68,8 @@ PAINTS = {"tango": ("tango", "tango-mockup")}
 BATCH, OTHERS, PER_CRAFT, EASY_SHARE = 64, 40, 8, 0.2
 
 # Shares of samples of Tango, for which laboratory images exist, and of other craft.
-LABORATORY = replace(HARD, earth=0.75)
-ORBIT = replace(LABORATORY, orbit=0.65)
+LABORATORY = replace(HARD, earth_share=0.75)
+ORBIT = replace(LABORATORY, orbit_share=0.65)
 
 # Maximum learning rate of a training that starts from the shipped weights.
 RATE_AGAIN = 8e-4
