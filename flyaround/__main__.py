@@ -7,7 +7,7 @@ import os
 import signal
 import sys
 
-from flyaround.cli.command_line import typed
+from flyaround.cli.command_line import set_command_line
 from flyaround.hil.board.errors import BoardModelError
 from flyaround.hil.link.errors import LinkError
 from flyaround.simulator.errors import UserError, machine_sentence
@@ -71,7 +71,7 @@ def _call(arguments: list[str]) -> None:
     """Import the command line and call it. Under a low memory limit the import itself may fail."""
     from flyaround.cli.app import app  # noqa: PLC0415 - may fail
 
-    with typed(arguments):
+    with set_command_line(arguments):
         app(args=arguments, prog_name="flyaround")
 
 

@@ -9,19 +9,19 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
-_WORDS: ContextVar[tuple[str, ...]] = ContextVar("command line", default=())
+_COMMAND_LINE: ContextVar[tuple[str, ...]] = ContextVar("command line", default=())
 
 
 def command_line() -> tuple[str, ...]:
     """Return the command as typed; empty if a program called the function directly."""
-    return _WORDS.get()
+    return _COMMAND_LINE.get()
 
 
 @contextmanager
-def typed(arguments: Sequence[str]) -> Iterator[None]:
+def set_command_line(arguments: Sequence[str]) -> Iterator[None]:
     """Set the arguments that `command_line` returns, for the duration of a call."""
-    token = _WORDS.set(("flyaround", *arguments))
+    token = _COMMAND_LINE.set(("flyaround", *arguments))
     try:
         yield
     finally:
-        _WORDS.reset(token)
+        _COMMAND_LINE.reset(token)

@@ -11,15 +11,15 @@ from flyaround.hil.host.camera_endpoint.registers import RATE_HZ
 from flyaround.runs.document import NOT_RECORDED, Only, Run
 from flyaround.runs.fields import File, FlightSeed, ScenarioArgument
 
-_OF_ANSWERS = "--log and --key concern a board's answers: also give --answers tcp://127.0.0.1:5602"
+_NEEDS_ANSWERS = "--log and --key concern a board's answers: also give --answers tcp://127.0.0.1:5602"
 
 
 class CameraRun(Run, frozen=True, kw_only=True, tag="flyaround.run.hil-camera"):
     """Options of ``flyaround hil camera``: a simulated camera on the network."""
 
     RULES: ClassVar = (
-        Only("log", "answers", None, _OF_ANSWERS),
-        Only("key", "answers", None, _OF_ANSWERS),
+        Only("log", "answers", None, _NEEDS_ANSWERS),
+        Only("key", "answers", None, _NEEDS_ANSWERS),
     )
     scenario: ScenarioArgument
     interface: Annotated[str, typer.Option(help="Network interface of the camera, such as eth1 or lo.")]

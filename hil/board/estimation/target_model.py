@@ -156,7 +156,7 @@ class BoardModel:
         if not edges:
             raise BoardModelError("board model has no wireframe edges")
         if triangles.size and (triangles.min() < 0 or triangles.max() >= len(vertices)):
-            raise BoardModelError("board model: a triangle names a vertex that is not there")
+            raise BoardModelError("board model: a triangle refers to a missing vertex")
         return model
 
     @property

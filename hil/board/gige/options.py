@@ -68,9 +68,10 @@ def check_options(url: str, values: Dict[str, Any]) -> None:
     table = [o for o in AGENT_OPTIONS if o.name in OF_HOSTS] if at_camera else CAMERA_OPTIONS
     wrong = [option.flag for option in table if values[option.name] != option.default]
     if wrong:
-        other = "a host, not with a camera" if at_camera else f"a camera ({SCHEME}ADDRESS), not with a host"
+        other = "a host, not to a camera" if at_camera else f"a camera ({SCHEME}ADDRESS), not to a host"
         raise LinkError(
-            f"{', '.join(wrong)} {'applies' if len(wrong) == 1 else 'apply'} to {other}: leave out"
+            f"{', '.join(wrong)} {'applies' if len(wrong) == 1 else 'apply'} to {other}: omit"
+            f" {'it' if len(wrong) == 1 else 'them'}"
         )
 
 

@@ -118,16 +118,16 @@ class SocketTransport(StreamTransport):
 
 def with_line_faults(line: Transport, faults: Faults, journal: FaultJournal) -> Transport:
     """Return the near end of a line with these faults; closing either end closes both."""
-    ours, theirs = socket.socketpair()
-    near, far = SocketTransport(line.name, ours), SocketTransport(line.name, theirs)
+    near_socket, far_socket = socket.socketpair()
+    near, far = SocketTransport(line.name, near_socket), SocketTransport(line.name, far_socket)
     near.chunk_bytes = line.chunk_bytes
     for fault in faults.line:
         if isinstance(fault, Bandwidth):  # a slow line sends smaller pieces, like a serial one
             near.chunk_bytes = max(64, min(near.chunk_bytes, int(0.25 * fault.bytes_per_s)))
-    over = threading.Event()
+    session_over = threading.Event()
     pumps = (
-        _Pump("to_board", far, line, faults, journal, over),
-        _Pump("to_host", line, far, faults, journal, over),
+        _Pump("to_board", far, line, faults, journal, session_over),
+        _Pump("to_host", line, far, faults, journal, session_over),
     )
     for pump in pumps:
         threading.Thread(target=pump.run, name="faults", daemon=True).start()
@@ -144,13 +144,12 @@ class _Pump:
         sink: Transport,
         faults: Faults,
         journal: FaultJournal,
-        over: threading.Event,
+        session_over: threading.Event,
     ) -> None:
         self._direction, self._source, self._sink = direction, source, sink
         self._faults, self._journal = faults, journal
-        self._over = (
-            over  # a serial port outlives its session: later packets belong to the next session's pump
-        )
+        # a serial port outlives its session: later packets belong to the next session's pump
+        self._session_over = session_over
         self._due: list[tuple[int, Packet, bool]] = []  # sorted by time, because packets do not overtake here
         self._last_due_ns = 0
         self._line_free_ns = 0
@@ -160,7 +159,7 @@ class _Pump:
 
     def run(self) -> None:
         try:
-            while not self._over.is_set():
+            while not self._session_over.is_set():
                 wait_s = IDLE_S
                 if self._due:
                     wait_s = min(IDLE_S, max(0.0, (self._due[0][0] - now_ns()) * 1e-9))
@@ -176,7 +175,7 @@ class _Pump:
         except LinkClosed:
             pass
         finally:
-            self._over.set()
+            self._session_over.set()
             self._source.close()
             self._sink.close()
 
@@ -184,12 +183,12 @@ class _Pump:
         if packet.type is PacketType.FRAME_HEADER:
             with contextlib.suppress(PacketError):
                 self._journal.t_s = FrameHeader.decode(packet.payload[: FrameHeader.LAYOUT.size]).t_s
-        every = (*self._faults.line, *self._journal.added)
-        acting = [(k, f) for k, f in enumerate(every) if self._acts(f)]
+        all_faults = (*self._faults.line, *self._journal.added)
+        active_faults = [(k, f) for k, f in enumerate(all_faults) if self._is_active(f)]
         frame_id = frame_id_of(packet)
         copies, damaged, swapped = 1, False, False
         due_ns = at_ns
-        for k, fault in acting:
+        for k, fault in active_faults:
             rng = self._rng(k, packet)
             if isinstance(fault, Disconnect):
                 if k not in self._journal.cut and packet.type is PacketType.FRAME_HEADER:
@@ -210,7 +209,7 @@ class _Pump:
                 due_ns = self._line_free_ns
                 self._journal.note(frame_id, fault.name)
             elif isinstance(fault, ClockDrift):
-                packet = self._drifted(packet, fault.ppm)
+                packet = self._with_drift(packet, fault.ppm)
             elif packet.type in ABOUT_A_FRAME and rng.random() < fault.chance:
                 self._journal.note(frame_id, fault.name)
                 if isinstance(fault, Drop):
@@ -229,7 +228,7 @@ class _Pump:
             self._due.append((due_ns, self._held_packet[1], False))
             self._held_packet = None
 
-    def _acts(self, fault: LineFault) -> bool:
+    def _is_active(self, fault: LineFault) -> bool:
         direction = getattr(fault, "direction", None)
         if isinstance(fault, ClockDrift):
             direction = "to_host"
@@ -251,7 +250,7 @@ class _Pump:
         )
         return np.random.default_rng((*key, index))
 
-    def _drifted(self, packet: Packet, ppm: float) -> Packet:
+    def _with_drift(self, packet: Packet, ppm: float) -> Packet:
         """Return the packet with the board's clock running fast since its first packet."""
         if packet.type not in (PacketType.POSE, PacketType.TIME_SYNC_REPLY):
             return packet

@@ -105,9 +105,8 @@ class BoardSession:
         self._clock = ClockFilter()
         self._trips_ns: deque[int] = deque(maxlen=MAX_TRIPS)
         self._last_received_ns = 0
-        self._beats = (
-            False  # True if the board requests the time itself, which shows that it is alive while it works
-        )
+        # True if the board requests the time itself, which shows that it is alive while it works
+        self._sends_clock_requests = False
 
     def begin(self, link: Link, hello: Hello) -> bool:
         """Answer a HELLO; return True if the board is accepted and ``link`` becomes the session's."""
@@ -176,7 +175,7 @@ class BoardSession:
         elif isinstance(message, TimeSyncReply):
             self._take_clock_reply(message, at_ns, link)
         elif isinstance(message, TimeSyncRequest):
-            self._beats = True
+            self._sends_clock_requests = True
             with contextlib.suppress(LinkClosed):  # the next recv reports it
                 link.send(answer_time_sync(message, at_ns))
         elif isinstance(message, ErrorMessage):
@@ -222,7 +221,7 @@ class BoardSession:
         if not repeated:
             self._in_flight.lose("the board restarted")
             link.session_id = int.from_bytes(os.urandom(8), "little") or 1
-            self._clock, self._beats = ClockFilter(), False
+            self._clock, self._sends_clock_requests = ClockFilter(), False
             self.next_sync_ns = now_ns() + SYNC_TIMEOUT_NS
             self.counts = msgspec.structs.replace(self.counts, sessions=self.counts.sessions + 1)
         self.ack = ack
@@ -365,7 +364,7 @@ class BoardSession:
         A board that sends such requests does so from a separate thread, however long its estimator takes. A board that
         never sends them may be single-threaded, and only its frame time-outs count.
         """
-        if self.link is None or not self._beats or self.unread:
+        if self.link is None or not self._sends_clock_requests or self.unread:
             return
         if now_ns() - self._last_received_ns > self._config.silence_s * 1e9:
             self.leave(f"the board was silent for {self._config.silence_s:g} s: the line is cut, or it hangs")

@@ -22,7 +22,7 @@ MAX_OTHER_PACKETS = 64
 
 
 class PendingLinks:
-    """Connections that have not yet sent HELLO, so that a silent connection keeps no board out.
+    """Connections that have not yet sent HELLO, so that a silent connection does not block other boards.
 
     Parameters
     ----------
@@ -69,7 +69,7 @@ class PendingLinks:
         """Close connections that timed out."""
         for link, deadline in list(self._links):
             if at_ns >= deadline:
-                self._drop(link, "it sent nothing that the link protocol knows")
+                self._drop(link, "it sent no packet of the link protocol")
 
     def refuse_all(self, sentence: str) -> None:
         """Close all connections, with a message."""
@@ -96,7 +96,7 @@ class PendingLinks:
                 return message
             if message is None and not link.yielded:
                 return None
-        self._drop(link, "it sent nothing that the link protocol knows")
+        self._drop(link, "it sent no packet of the link protocol")
         return None
 
     def _refuse(self, link: Link, code: ErrorCode, sentence: str) -> None:

@@ -70,9 +70,8 @@ class CobsFraming:
 
     def __init__(self, *, pure: bool = False) -> None:
         self._buffer = bytearray()
-        self._searched = (
-            0  # number of leading bytes known to hold no zero, so that each byte is searched once
-        )
+        # number of leading bytes known to hold no zero, so that each byte is searched once
+        self._searched = 0
         self._fast = HAS_FAST_COBS and not pure
 
     def encode(self, packet: Packet) -> bytes:

@@ -252,7 +252,7 @@ def test_without_aravis_one_sentence(monkeypatch, capsys, camera_file):
         (["gige://ADDRESS", "--camera", "CAMERA", "--pixel-format", "Beige8"], "refuses --pixel-format"),
         (["gige://ADDRESS", "--camera", "CAMERA", "--exposure", "1e9"], "refuses --exposure"),
         (["gige://ADDRESS", "--camera", "CAMERA", "--poses", "CAMERA"], "exists already"),
-        (["tcp://127.0.0.1:9", "--gain", "3"], "--gain goes with a camera"),
+        (["tcp://127.0.0.1:9", "--gain", "3"], "--gain applies to a camera"),
     ],
 )
 def test_mistakes_are_told_in_one_sentence(endpoint, camera_file, capsys, arguments, sentence):
@@ -265,7 +265,7 @@ def test_the_bundles_program_takes_the_same_options(endpoint, camera_file, capsy
     model = tmp_path / "none.board.json"
     line = [f"gige://{ADDRESS}", "--model", str(model), "--camera", camera_file]
     assert main([*line, "--reconnect"]) == 2
-    assert "--reconnect goes with a host" in capsys.readouterr().err
+    assert "--reconnect applies to a host" in capsys.readouterr().err
     assert main(line) == 2
     assert "none.board.json" in capsys.readouterr().err
 

@@ -179,7 +179,7 @@ def test_drawn_runs_with_a_board_give_the_same_bytes_again(tmp_path):
         (('scenario = "tango-vbar', 'scenario = "tangoo-vbar'), "tangoo-vbar-closed-loop"),
         (('name = "steady"', 'name = "../steady"'), "case[0].name"),
         (('name = "steady"', 'name = "steady"\nspeed = 3'), "unknown key speed in section [case[0]]"),
-        (("limit = 0.2", 'limit = 0.2\ncases = ["fast*"]'), "is about no case: fast* matches none"),
+        (("limit = 0.2", 'limit = 0.2\ncases = ["fast*"]'), "applies to no case: fast* matches none"),
         (("[[case]]", "[[case"), "is not valid TOML"),
         (('name = "small"', "a" + ".a" * 40 + " = 1"), "key of more than 16 dots"),
     ],

@@ -168,7 +168,7 @@ def test_a_cell_is_flown_again_with_a_board(tmp_path):
     [
         (("--latency", "1,x"), "--latency is '1,x': give numbers"),
         (("--drops", "0,2"), "numbers from 0 to 1"),
-        (("--jitter", "2,1"), "levels of --jitter must rise"),
+        (("--jitter", "2,1"), "levels of --jitter must increase"),
         (("--jitter", "nan"), "--jitter is 'nan'"),
         (("--check", "9"), "more than the map's 4 cells"),
         (("--every", "0.7"), "not a multiple of the thrusters' control period"),

@@ -225,5 +225,5 @@ def test_pictures_of_another_camera_are_one_sentence(tmp_path, plan):
     with pytest.raises(UserError, match=r"holds no \.png pictures: name a folder"):
         next(frames_of_folder(plan, tmp_path))
     write_pictures(tmp_path, 1, (48, 64))
-    with pytest.raises(UserError, match=r"has 64 x 48 px, 1 channel\(s\), 8 bits, and the camera gives"):
+    with pytest.raises(UserError, match=r"has 64 x 48 px, 1 channel\(s\), 8 bits, but the camera delivers"):
         next(frames_of_folder(plan, tmp_path))

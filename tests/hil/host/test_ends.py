@@ -47,7 +47,10 @@ def test_a_full_disk_is_one_sentence_and_the_rows_so_far_are_whole(tmp_path):
         _, said = host.communicate(timeout=PATIENCE_S)
     assert host.returncode == 2, said
     assert said.count("\n") == 1
-    assert "frames.csv cannot be written (File too large): its 5 rows so far are whole; make room, or" in said
+    assert (
+        "frames.csv cannot be written (File too large): its 5 rows so far are complete: free some space, or"
+        in said
+    )
     assert [row.frame_id for row in read_ledger(log)] == [0, 1, 2, 3, 4]
     assert (log / "frames.csv").read_bytes().endswith(b"\n")
     assert "the run failed at the host" in summary.ended
@@ -60,7 +63,7 @@ def test_a_disk_that_is_full_from_the_start_leaves_no_ledger(tmp_path, monkeypat
 
     plain = Path.open
     monkeypatch.setattr(Path, "open", lambda _, __, **more: plain(Path("/dev/full"), "wb", **more))
-    with pytest.raises(UserError, match=r"\(No space left on device\): its 0 rows so far are whole"):
+    with pytest.raises(UserError, match=r"\(No space left on device\): its 0 rows so far are complete"):
         LedgerWriter(tmp_path)
     assert not list(tmp_path.iterdir())
 

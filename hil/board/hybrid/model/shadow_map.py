@@ -125,7 +125,7 @@ class ShadowMap:
 
 @dataclass(frozen=True, eq=False)
 class ShadowMapTable:
-    """Shadow maps for directions all around, for estimating the Sun direction from the shadows in an image.
+    """Shadow maps for directions over the whole sphere, for estimating the Sun direction from the shadows in an image.
 
     Parameters
     ----------
@@ -141,7 +141,7 @@ class ShadowMapTable:
         See `ShadowMap`.
     native : Structure
         C structure of the maps for the native library.
-    painted : dict
+    rendered_maps : dict
         Cache of ``sunlight``.
     """
 
@@ -151,7 +151,7 @@ class ShadowMapTable:
     pitch_m: Array
     height: Array
     native: Any = field(init=False, repr=False)
-    painted: Dict[Tuple[int, int], ShadowMap] = field(default_factory=dict)
+    rendered_maps: Dict[Tuple[int, int], ShadowMap] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         count, side = self.height.shape[:2]
@@ -214,12 +214,12 @@ class ShadowMapTable:
             Largest number of image pixels compared.
         """
         side = self.directions @ (-R.T @ t) / length(t)
-        some = np.flatnonzero(side > MIN_SUN_COSINE)
-        costs = self._costs(faces, shading, patch, camera, R, t, some, pixels)
+        candidates = np.flatnonzero(side > MIN_SUN_COSINE)
+        costs = self._costs(faces, shading, patch, camera, R, t, candidates, pixels)
         if costs is None:
             return []
         out: List[int] = []
-        for k in some[np.argsort(costs)].tolist():
+        for k in candidates[np.argsort(costs)].tolist():
             if all(self.directions[k] @ self.directions[better] < MAX_SUN_COSINE for better in out):
                 out.append(k)
             if len(out) >= number:
@@ -234,10 +234,10 @@ class ShadowMapTable:
         camera: CameraIntrinsics,
         R: Array,
         t: Array,
-        some: Array,
+        candidates: Array,
         pixels: int,
     ) -> Optional[Array]:
-        """Return the residual (S,) of each of the directions ``some`` (S,); None if too little is visible."""
+        """Return the residual (S,) of each of the directions ``candidates`` (S,); None if too little is visible."""
         # variance-stabilising transform: shot noise is uniform on the square root of brightness
         dim = max(2.0 * patch.full / 255.0, patch.sigma)
         good = shading.area > 0
@@ -258,11 +258,21 @@ class ShadowMapTable:
             bytes=centre.itemsize,
             darkest=float(np.min(patch.gray)),
         )
-        some, out = contiguous(some, "int64"), np.empty(len(some))
+        candidates, out = contiguous(candidates, "int64"), np.empty(len(candidates))
         R, t = contiguous(R, "float64", (3, 3)), contiguous(t, "float64", (3,))
         view = pinhole_view(camera, patch)
         points = library().fly_sun_costs(
-            native_faces(faces), self.native, picture, view, R, t, float(dim), pixels, some, len(some), out
+            native_faces(faces),
+            self.native,
+            picture,
+            view,
+            R,
+            t,
+            float(dim),
+            pixels,
+            candidates,
+            len(candidates),
+            out,
         )
         if points < 0:
             raise MemoryError(OUT_OF_MEMORY)
@@ -270,11 +280,11 @@ class ShadowMapTable:
 
     def sunlight(self, faces: Faces, k: int, n: int) -> ShadowMap:
         """Return the map of direction ``k``, ``n`` pixels wide, cached for all images."""
-        if (k, n) not in self.painted:
+        if (k, n) not in self.rendered_maps:
             sun = ShadowMap.of(faces, self.directions[k], n)
             kind = np.uint16 if len(faces.corners) < np.iinfo(np.uint16).max else np.int32
-            self.painted[k, n] = replace(sun, seen=sun.seen.astype(kind))
-        return self.painted[k, n]
+            self.rendered_maps[k, n] = replace(sun, seen=sun.seen.astype(kind))
+        return self.rendered_maps[k, n]
 
 
 def _render_from_sun(faces: Faces, s: Array, axes: Array, n: int) -> Tuple[Array, float, Array, Array]:

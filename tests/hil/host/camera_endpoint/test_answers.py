@@ -102,7 +102,7 @@ def test_the_ledger_has_a_row_for_each_picture_with_the_truth_beside_the_pose(tm
     assert told.dropped["skipped"] >= 1
     assert rows[-1].outcome == "dropped:disconnected"
     assert told.accepted_wrong == 0
-    assert any("a board answers from tcp://" in note for note in notes)
+    assert any("a board connected from tcp://" in note for note in notes)
     assert write_report(tmp_path / "log").read_text().count("skipped") > 0
 
 

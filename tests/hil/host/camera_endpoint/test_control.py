@@ -95,7 +95,7 @@ def test_control_ends_with_the_heartbeat(endpoint):
     camera.step()
     assert camera._registers[Register.STREAM_PORT] == 0
     assert write(camera, Register.CONTROL_PRIVILEGE, 2, OTHER) == 0
-    assert "said nothing" in [pipe.recv().sentence for _ in range(2)][1]
+    assert "sent no heartbeat" in [pipe.recv().sentence for _ in range(2)][1]
 
 
 def test_settings_reach_the_next_picture(endpoint):

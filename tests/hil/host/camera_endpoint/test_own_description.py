@@ -69,7 +69,7 @@ def test_aravis_reads_and_sets_the_registers_by_the_names_of_a_users_own_descrip
 def test_interfaces_are_checked():
     with pytest.raises(UserError, match="no network interface"):
         find_interface("nothing0")
-    with pytest.raises(UserError, match="no IPv4 address"):
+    with pytest.raises(UserError, match="not an IPv4 address"):
         find_interface("lo", "example.org")
 
 
