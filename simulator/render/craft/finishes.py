@@ -111,7 +111,8 @@ def finish_defines(
 
     Parameters
     ----------
-    lattices : number of cell lattices.
+    lattices : int
+        Number of cell lattices.
     """
     defines: dict[str, object] = {}
     if any(m.crinkle > 0 or mottle_of(m) for m in materials):
