@@ -190,7 +190,7 @@ def _answers(
                 except UserError as error:
                     yield str(error)
         yield from run_tasks(
-            answer_in_worker, tasks, workers, start=start_worker, arguments=setting, at_once=2
+            answer_in_worker, tasks, workers, start=start_worker, arguments=setting, chunk_size=2
         )
     except BoardModelError as error:
         raise UserError(str(error)) from error

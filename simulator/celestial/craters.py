@@ -146,7 +146,7 @@ def _stamp(
     age: float,
     texel_km: float,
 ) -> None:
-    """Add one crater, and erase what its bowl and ejecta cover."""
+    """Add one crater, and erase the terrain under its bowl and ejecta."""
     diameter_km = 2 * radius * texel_km
     # simple craters have one shape; complex ones are tabulated every 5 km
     kind = 1.0 if diameter_km < _COMPLEX_KM else max(5.0 * round(diameter_km / 5), _COMPLEX_KM)

@@ -128,7 +128,7 @@ def read_speed_labels(path: Path) -> dict[str, Pose]:
     rows = read_json(path)
     if not isinstance(rows, list):
         raise UserError(
-            f"{path} is no list of poses; give SPEED's list of filename, q_vbs2tango, r_Vo2To_vbs_true"
+            f"{path} is not a list of poses; give SPEED's list of filename, q_vbs2tango, r_Vo2To_vbs_true"
         )
     poses = {}
     for k, row in enumerate(rows):

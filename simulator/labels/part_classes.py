@@ -133,7 +133,7 @@ def classes_from_file(document: dict[str, Any], where: str, parts: Sequence[str]
         if not matching:
             near = near_names(pattern, parts, 3) or list(parts[:3])
             raise UserError(
-                f"{where}: key classes.{pattern!r} is no part; name one, such as {', '.join(near)}"
+                f"{where}: key classes.{pattern!r} is not a part; name one, such as {', '.join(near)}"
             )
         classes |= dict.fromkeys(matching, class_name)
     return classes

@@ -154,7 +154,7 @@ def parse_truth(data: bytes, path: Path) -> Truth:
     except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
         if b'"flyaround.imported"' in data[:200]:
             raise UserError(
-                f"{path} is of an imported picture: there is no scene that it was drawn from; give a .json written by "
+                f"{path} belongs to an imported image, which has no scene; give a .json written by "
                 "render or capture"
             ) from error
         raise UserError(

@@ -170,7 +170,7 @@ class FlightRecorder:
     def _fail(self, error: Exception) -> None:
         reason = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
         self.trouble = self._untold = (
-            f"the flight is not recorded any more ({reason}); it is tried again at the end"
+            f"recording stopped ({reason}); the simulator retries at the end of the flight"
         )
         self._stop()
 

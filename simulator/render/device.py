@@ -39,7 +39,10 @@ class Device:
 
     Parameters
     ----------
-    device_index, context : parameters of `flyaround.simulator.render.renderer.Renderer`.
+    device_index : int, optional
+        EGL device; see `flyaround.simulator.render.renderer.Renderer`.
+    context : Context, optional
+        Existing context to use instead of a new one.
     """
 
     def __init__(self, device_index: int | None = None, context: moderngl.Context | None = None) -> None:

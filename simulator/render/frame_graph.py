@@ -105,12 +105,17 @@ class Pass:
 
     Attributes
     ----------
-    name : key in the frame's timings.
-    reads : required resources; the pass is skipped if one is missing from the frame.
-    optional : resources that it uses if they are present.
-    writes : resources that it creates or draws into.
-    submits : True to flush the driver's commands after the pass. A software driver's threads then draw while the next
-        pass is prepared.
+    name : str
+        Key in the frame's timings.
+    reads : tuple of Resource
+        Required resources; the pass is skipped if one is missing from the frame.
+    optional : tuple of Resource
+        Resources that it uses if they are present.
+    writes : tuple of Resource
+        Resources that it creates or draws into.
+    submits : bool
+        True to flush the driver's commands after the pass. A software driver's threads then draw while the next pass is
+        prepared.
     """
 
     name: str
@@ -132,7 +137,8 @@ class FrameGraph:
 
     Parameters
     ----------
-    given : resources available to the first pass.
+    given : container of Resource, optional
+        Resources available to the first pass.
 
     Raises
     ------
@@ -162,11 +168,13 @@ class FrameGraph:
 
         Parameters
         ----------
-        timed : True to wait for the driver after each pass, so that times are per pass.
+        timed : bool, optional
+            True to wait for the driver after each pass, so that times are per pass.
 
         Returns
         -------
-        Milliseconds per pass that ran, by name.
+        dict
+            Milliseconds per pass that ran, by name.
         """
         clock = StageClock(context, finish=timed)
         for one in self._passes:

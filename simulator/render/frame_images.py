@@ -35,7 +35,8 @@ class FrameImages:
 
     Parameters
     ----------
-    bands : 1 or 3. Three bands are stored as four channels, which every driver can draw to.
+    bands : int
+        1 or 3. Three bands are stored as four channels, which every driver can draw to.
     """
 
     def __init__(self, context: moderngl.Context, width: int, height: int, bands: int) -> None:
@@ -74,7 +75,8 @@ class FrameImages:
 
         Parameters
         ----------
-        added_to : the only pixels that need clearing, because the sky writes all others. ``None``: no pixels.
+        added_to : PixelRect or None
+            The only pixels that need clearing, because the sky writes all others. ``None``: no pixels.
         """
         dirty = None if self._lit is None or added_to is None else self._lit.within(added_to)
         if dirty is not None:
@@ -103,7 +105,8 @@ class FrameImages:
 
         Parameters
         ----------
-        quads : True if it was drawn with four pixels per texel.
+        quads : bool, optional
+            True if it was drawn with four pixels per texel.
         """
         width, height = self.size
         flush(self._context)
@@ -173,8 +176,10 @@ class Spread:
 
     Parameters
     ----------
-    at : (M,) indices of the pixels, row by row.
-    light : (M, n) radiance to be added, per band [W m-2 sr-1].
+    at : (M,) array
+        Indices of the pixels, row by row.
+    light : (M, n) array
+        Radiance to be added, per band [W m-2 sr-1].
     """
 
     at: IntArray
@@ -202,7 +207,8 @@ class ClearPass(Pass):
 
     Parameters
     ----------
-    images_for : function that returns the images of a scene's size and bands.
+    images_for : callable
+        Function that returns the images of a scene's size and bands.
     """
 
     reads = (SCENE,)

@@ -42,13 +42,18 @@ class FramePasses:
 
     Parameters
     ----------
-    culling : selection of the target's triangles and tiles.
-    clear : pass that clears the images.
-    globe : pass that finds the globe in the image.
-    views : passes for the Moon's view, the globe's tiles, the frame's
-        air.
-    sky : passes for everything behind the target; each adds its light times one minus the coverage.
-    earth_programs : passes that prepare and draw the Earth, to compile its programs ahead.
+    culling : Culling
+        Selection of the target's triangles and tiles.
+    clear : ClearPass
+        Pass that clears the images.
+    globe : GlobeViewPass
+        Pass that finds the globe in the image.
+    views : sequence of Pass
+        Passes for the Moon's view, the globe's tiles, the frame's air.
+    sky : sequence of Pass
+        Passes for everything behind the target; each adds its light times one minus the coverage.
+    earth_programs : sequence of Pass
+        Passes that prepare and draw the Earth, to compile its programs ahead.
     """
 
     def __init__(
@@ -89,8 +94,10 @@ class FramePasses:
 
         Parameters
         ----------
-        target : False for the background alone.
-        first : True to also compile the Earth's programs while its maps are decoded; their output is cleared.
+        target : bool, optional
+            False for the background alone.
+        first : bool, optional
+            True to also compile the Earth's programs while its maps are decoded; their output is cleared.
         """
         return [
             self._set_up,

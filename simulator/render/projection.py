@@ -64,10 +64,15 @@ def clip_from_camera(
 
     Parameters
     ----------
-    near_m, far_m : camera z of the clipping planes.
-    buffer_from_pixel : (2, 3) affine map from image pixels (x, y, 1) to framebuffer coordinates, in which the first
-        fragment's centre is (0.5, 0.5). Plain images use ``IMAGE_FROM_PIXEL``.
-    size : width and height of the framebuffer's viewport [px].
+    near_m : float
+        Camera z of the near plane.
+    far_m : float
+        Camera z of the far plane.
+    buffer_from_pixel : (2, 3) array
+        Affine map from image pixels (x, y, 1) to framebuffer coordinates, in which the first fragment's centre is (0.5,
+        0.5). Plain images use ``IMAGE_FROM_PIXEL``.
+    size : tuple of int
+        Width and height of the framebuffer's viewport [px].
     """
     # OpenGL's camera looks along -z; its "bottom" is the framebuffer's row 0, the image's top
     left, right = near_m * (np.array([-0.5, camera.width_px - 0.5]) - camera.cx_px) / camera.fx_px
@@ -113,8 +118,12 @@ def directions(camera: Camera, x_px: FloatArray, y_px: FloatArray, matrix: Float
 
     Parameters
     ----------
-    x_px, y_px : columns and rows of the grid.
-    matrix : (3, 3) matrix applied to the rays' camera coordinates.
+    x_px : array
+        Columns of the grid.
+    y_px : array
+        Rows of the grid.
+    matrix : (3, 3) array
+        Matrix applied to the rays' camera coordinates.
     """
     if camera.distortion.is_none:
         column = (x_px - camera.cx_px)[:, None] / camera.fx_px * matrix[:, 0]

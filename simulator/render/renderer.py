@@ -45,12 +45,18 @@ class Rendered:
 
     Parameters
     ----------
-    radiance : (H, W) for mono, (H, W, 3) for rgb, row 0 at the top [W m-2 sr-1 in the band].
-    coverage : (H, W) share of each pixel that the target covers; only with labels.
-    depth_m : (H, W) camera z of the target's nearest surface at the pixel's centre, NaN outside; only with labels.
-    silhouette_inside : share of the target's whole silhouette inside the image; only with labels.
-    stage_ms : time spent per stage [ms].
-    window : rows and columns of radiance and coverage; the whole image except for the layer ``craft``.
+    radiance : (H, W) array
+        For mono, (H, W, 3) for rgb, row 0 at the top [W m-2 sr-1 in the band].
+    coverage : (H, W) array or None
+        Share of each pixel that the target covers; only with labels.
+    depth_m : (H, W) array or None
+        Camera z of the target's nearest surface at the pixel's centre, NaN outside; only with labels.
+    silhouette_inside : float
+        Share of the target's whole silhouette inside the image; only with labels.
+    stage_ms : dict
+        Time spent per stage [ms].
+    window : tuple of slice, optional
+        Rows and columns of radiance and coverage; the whole image except for the layer ``craft``.
     """
 
     radiance: Float32Array
@@ -68,9 +74,10 @@ def _check_finite(
 
     Parameters
     ----------
-    radiance : (H, W) or (H, W, n).
-    coverage : function that reads (H, W), the share of each pixel that the target
-        covers.
+    radiance : (H, W) or (H, W, n) array
+        Rendered radiance.
+    coverage : callable
+        Function that reads (H, W), the share of each pixel that the target covers.
     """
     if np.isfinite(radiance.sum()):  # one pass; no sum of finite radiance overflows
         return
@@ -89,13 +96,18 @@ class Renderer:
 
     Parameters
     ----------
-    device_index : index of the EGL device, ``None`` for the default one.
-    context : existing OpenGL >= 4.1 context to use instead; `close` does not release it.
-    timed : True to wait for the driver after every pass, so that ``stage_ms`` is per pass. Otherwise passes queue up,
-        and their time shows in the read-back. May be changed between frames.
-    prefetched : results of `prefetch_earth_maps` for the first scenes, for a quicker first frame.
-    software_path : True to cull and interpolate on the CPU, which speeds up a software driver and would stall a GPU.
-        ``None``: only for a software driver.
+    device_index : int, optional
+        Index of the EGL device, ``None`` for the default one.
+    context : Context, optional
+        Existing OpenGL >= 4.1 context to use instead; `close` does not release it.
+    timed : bool, optional
+        True to wait for the driver after every pass, so that ``stage_ms`` is per pass. Otherwise passes queue up, and
+        their time shows in the read-back. May be changed between frames.
+    prefetched : mapping, optional
+        Results of `prefetch_earth_maps` for the first scenes, for a quicker first frame.
+    software_path : bool, optional
+        True to cull and interpolate on the CPU, which speeds up a software driver and would stall a GPU. ``None``: only
+        for a software driver.
 
     Raises
     ------
@@ -142,11 +154,15 @@ class Renderer:
 
         Parameters
         ----------
-        target : the model that ``scene.target`` names.
-        labels : True to also return coverage, depth and the share of the silhouette inside the image.
-        sky : replaces the scene's Earth-shine and Moon-shine on the target, for validation.
-        layer : ``craft`` returns premultiplied radiance and coverage in the ``window`` that the target may touch; the
-            layer ``sky`` times one minus that coverage completes the image.
+        target : Target
+            The model that ``scene.target`` names.
+        labels : bool, optional
+            True to also return coverage, depth and the share of the silhouette inside the image.
+        sky : IrradianceField, optional
+            Replaces the scene's Earth-shine and Moon-shine on the target, for validation.
+        layer : Layer, optional
+            ``craft`` returns premultiplied radiance and coverage in the ``window`` that the target may touch; the layer
+            ``sky`` times one minus that coverage completes the image.
 
         Raises
         ------
@@ -187,7 +203,8 @@ class Renderer:
 
         Parameters
         ----------
-        layers : True for normals and parts, False for depth only.
+        layers : bool, optional
+            True for normals and parts, False for depth only.
         """
         self.device.prepare(scene)
         finish = self._passes.labels.start_surfaces(scene, target, layers=layers)

@@ -39,21 +39,40 @@ class View:
 
     Parameters
     ----------
-    R_camera_from_target, t_camera_from_target_m : pose of the target.
-    globe : body that is rendered by ray casting.
-    R_camera_from_globe : orientation of the globe.
-    R_camera_from_eci : orientation of the inertial frame.
-    r_camera_globe_m : camera position from the globe's centre, in the globe's axes.
-    sun_direction : unit vector from the target to the Sun.
-    sun_sine : sine of the Sun's angular radius.
-    sun_globe, moon_globe : unit vectors from the globe to the Sun and the Moon, in the globe's axes.
-    moon_share : irradiance of the Moon at the globe relative to the Sun's; 0 if no Moon is drawn.
-    sun_irradiance_w_m2 : irradiance of the unobstructed Sun at the target, per band.
-    sun_at_globe_w_m2 : irradiance of the Sun at the globe, per band.
-    sun_visible_fraction : visible share of the Sun's disc at the target.
-    sun_share : share of the Sun's irradiance that Earth, air and Moon transmit to the target, per band.
-    sky : irradiance of globe and Moon on the target.
-    lights : for each area light, the unit vector from the target's origin and the irradiance there per band.
+    R_camera_from_target : array
+        Rotation from the target to the camera frame.
+    t_camera_from_target_m : array
+        Origin of the target, camera frame [m].
+    globe : Body
+        Body that is rendered by ray casting.
+    R_camera_from_globe : array
+        Orientation of the globe.
+    R_camera_from_eci : array
+        Orientation of the inertial frame.
+    r_camera_globe_m : array
+        Camera position from the globe's centre, in the globe's axes.
+    sun_direction : array
+        Unit vector from the target to the Sun.
+    sun_sine : float
+        Sine of the Sun's angular radius.
+    sun_globe : array
+        Unit vector from the globe to the Sun, axes of the globe.
+    moon_globe : array
+        Unit vector from the globe to the Moon, axes of the globe.
+    moon_share : float
+        Irradiance of the Moon at the globe relative to the Sun's; 0 if no Moon is drawn.
+    sun_irradiance_w_m2 : array
+        Irradiance of the unobstructed Sun at the target, per band.
+    sun_at_globe_w_m2 : array
+        Irradiance of the Sun at the globe, per band.
+    sun_visible_fraction : float
+        Visible share of the Sun's disc at the target.
+    sun_share : array
+        Share of the Sun's irradiance that Earth, air and Moon transmit to the target, per band.
+    sky : IrradianceField
+        Irradiance of globe and Moon on the target.
+    lights : tuple of tuple of array, optional
+        For each area light, the unit vector from the target's origin and the irradiance there per band.
     """
 
     R_camera_from_target: FloatArray
@@ -105,8 +124,10 @@ def build_view(scene: SceneState, sky: IrradianceField | None = None) -> View:
 
     Parameters
     ----------
-    scene : scene to render.
-    sky : irradiance of globe and Moon on the target (`globe_and_moon_shine`), or a replacement; ``None`` for none.
+    scene : SceneState
+        Scene to render.
+    sky : IrradianceField, optional
+        Irradiance of globe and Moon on the target (`globe_and_moon_shine`), or a replacement; ``None`` for none.
     """
     R_ce = matrix_from_quat(scene.q_camera_from_eci_wxyz)
     globe = scene.globe

@@ -134,7 +134,7 @@ def read_checked(path: Path) -> bytes | None:
     except FileNotFoundError:
         return None
     except (OSError, ValueError) as error:
-        log.warning("cache file %s cannot be used (%s) and is made again", path, error)
+        log.warning("cache file %s cannot be used (%s); it is computed again", path, error)
         return None
     mark_used(path)
     with mapped:

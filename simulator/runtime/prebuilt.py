@@ -55,7 +55,7 @@ def prebuilt_array(key: str) -> NDArray[np.generic] | None:
         data = zstandard.decompress(compressed)
         array: NDArray[np.generic] = np.load(io.BytesIO(data), allow_pickle=False)
     except (zstandard.ZstdError, MemoryError, ValueError, EOFError) as error:
-        log.warning("assets/prebuilt/%s%s is damaged (%s) and made again", name, SUFFIX, error)
+        log.warning("assets/prebuilt/%s%s is damaged (%s); it is computed again", name, SUFFIX, error)
         return None
     return array
 

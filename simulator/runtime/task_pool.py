@@ -27,7 +27,7 @@ def run_tasks(
     *,
     start: Callable[..., object] | None = None,
     arguments: tuple[object, ...] = (),
-    at_once: int = 1,
+    chunk_size: int = 1,
 ) -> Generator[B]:
     """Yield ``work(task)`` in order, each computed in one of ``workers`` processes.
 
@@ -46,7 +46,7 @@ def run_tasks(
         Function called once in each process before its first task.
     arguments : tuple of object, optional
         Arguments of ``start``.
-    at_once : int, optional
+    chunk_size : int, optional
         Tasks handed to a process at a time.
 
     Raises
@@ -63,7 +63,7 @@ def run_tasks(
         min(workers, len(tasks)), get_context("spawn"), _start_process, (start, arguments)
     )
     try:
-        yield from pool.map(work, tasks, chunksize=at_once)
+        yield from pool.map(work, tasks, chunksize=chunk_size)
     except BaseException as error:
         # do not wait for tasks in progress
         pool.shutdown(wait=False, cancel_futures=True)
@@ -71,7 +71,7 @@ def run_tasks(
             process.terminate()
         if isinstance(error, BrokenProcessPool):
             raise UserError(
-                "a process at work was ended from outside (short of memory?): begin again, it goes on from there"
+                "a worker process was killed from outside (out of memory?); run the command again to resume"
             ) from error
         raise
     pool.shutdown()

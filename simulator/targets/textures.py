@@ -11,7 +11,7 @@ from flyaround.simulator.targets.model import TextureImage
 
 MIME = {b"\x89PNG": "image/png", b"\xff\xd8\xff": "image/jpeg"}
 MAX_SIDE_PX, MAX_PIXELS = 16_384, 8192 * 8192
-"""Largest image: 200 MB once decoded. A limit on the file's size would not do, because images compress well."""
+"""Largest image: 200 MB once decoded. The file's size is no bound, because images compress well."""
 _DECODED = ("PNG", "JPEG", "BMP", "DIB", "GIF", "TIFF", "WEBP", "JPEG2000", "PPM")
 
 

@@ -130,7 +130,7 @@ def bad_files(folder):
     (folder / "classes.toml").write_text(
         'schema = "flyaround.part_classes"\nversion = 1\n[classes]\nwing = "sensor"'
     )
-    yield "classes.stl", stl, ("--classes", folder / "classes.toml"), "is no part; name one, such as body"
+    yield "classes.stl", stl, ("--classes", folder / "classes.toml"), "is not a part; name one, such as body"
 
 
 @pytest.mark.parametrize("number", range(10))

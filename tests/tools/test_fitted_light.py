@@ -78,7 +78,7 @@ def test_what_cannot_be_fitted_is_told_before_anything_is_written(tmp_path, caps
     assert "2 of 2 pictures have no pose" in told([], grey, at=two_pictures(tmp_path / "two", grey))
     assert "entry 1 has no pose" in told([{"filename": "a.png"}])
     assert "entry 2 has no pose" in told([row, 7])
-    assert "is no list of poses" in told({})
+    assert "is not a list of poses" in told({})
     assert "is not JSON" in told("[")
     assert "nests more than 64 brackets" in told("[" * 1000)
     assert "length is 2" in told([row | {"q_vbs2tango_true": [2, 0, 0, 0]}])

@@ -188,7 +188,7 @@ def check_same_picture(
     ):
         return []
     message = (
-        f"the image is not what its record gives when it is drawn again: {on_craft + off_craft} pixels differ by more "
+        f"the image differs from the one rendered again from its record: {on_craft + off_craft} pixels differ by more "
         "than noise and rounding"
     )
     return [message]
@@ -225,9 +225,7 @@ def check_same_layers(
             continue
         bad = _differing(name, read, redrawn)
         if bad > allowed:
-            problems.append(
-                f"{name} differs at {bad} pixels from what the record gives when it is drawn again"
-            )
+            problems.append(f"{name} differs at {bad} pixels from the layer rendered again from its record")
     return problems
 
 

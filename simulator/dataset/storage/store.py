@@ -102,8 +102,8 @@ class FolderStore:
             if os.path.samestat(self._place, self.folder.stat()):
                 return
         raise UserError(
-            f"{self.folder} was moved or removed while a data set was written to it; what was written is whole: "
-            "move it back, or go on with --resume where it is now"
+            f"{self.folder} was moved or removed while a data set was being written to it; the frames written are "
+            "complete: move it back, or resume with --resume at its new place"
         )
 
     def append(self, name: str, text: bytes) -> None:

@@ -35,8 +35,10 @@ def cell_lattices(positions_m: FloatArray, triangles: IntArray) -> FloatArray:
 
     Parameters
     ----------
-    positions_m : (V, 3) vertices.
-    triangles : (T, 3) triangles of cells only, each cell a connected component.
+    positions_m : (V, 3) array
+        Vertices.
+    triangles : (T, 3) array
+        Triangles of cells only, each cell a connected component.
     """
     welded, vertex = np.unique(
         np.rint(positions_m[triangles].reshape(-1, 3) / _WELD_M).astype(np.int64), axis=0, return_inverse=True

@@ -161,7 +161,8 @@ def finish_defines(
 
     Parameters
     ----------
-    lattices : number of cell lattices.
+    lattices : int
+        Number of cell lattices.
     """
     defines: dict[str, object] = {}
     worn = quality == "high" and any(map(wear_of, materials))

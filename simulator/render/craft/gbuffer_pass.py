@@ -39,7 +39,8 @@ class SampleImages:
 
     Parameters
     ----------
-    texels : True to store reflectance and metalness, and normal and roughness, of each sample.
+    texels : bool, optional
+        True to store reflectance and metalness, and normal and roughness, of each sample.
     """
 
     def __init__(self, context: moderngl.Context, width: int, height: int, *, texels: bool = False) -> None:

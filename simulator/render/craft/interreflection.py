@@ -40,7 +40,8 @@ class AtlasTextures:
 
     Parameters
     ----------
-    pair : two textures of the atlas's size.
+    pair : tuple of Texture
+        Two textures of the atlas's size.
     """
 
     def __init__(self, pair: tuple[moderngl.Texture, moderngl.Texture], transfer: RadianceTransfer) -> None:
@@ -85,7 +86,8 @@ class Interreflection:
 
     Parameters
     ----------
-    patch : size of a patch, as in `baked_transfer`.
+    patch : int, optional
+        Size of a patch, as in `baked_transfer`.
     """
 
     def __init__(self, context: moderngl.Context, mesh: GpuMesh, patch: int = PATCH) -> None:

@@ -41,10 +41,14 @@ class Surfaces:
 
     Parameters
     ----------
-    depth_m : (H, W) float32 camera z of the nearest surface, NaN outside the target.
-    normals : (H, W, 3) float16 unit normals towards the camera, camera frame, zero outside the target; or None.
-    parts : (H, W) uint16 index of the part, from 1; 0 outside the target; or None.
-    window : rows and columns that hold the target.
+    depth_m : (H, W) array
+        float32 camera z of the nearest surface, NaN outside the target.
+    normals : (H, W, 3) array, optional
+        float16 unit normals towards the camera, camera frame, zero outside the target; or None.
+    parts : (H, W) array, optional
+        uint16 index of the part, from 1; 0 outside the target; or None.
+    window : tuple of slice, optional
+        Rows and columns that hold the target.
     """
 
     depth_m: Float32Array
@@ -153,7 +157,8 @@ class LabelRaster:
 
         Parameters
         ----------
-        layers : True for normals and parts too.
+        layers : bool, optional
+            True for normals and parts too.
         """
         arrays = loaded.drawn(self._context, place.longest_m).labels
         program, camera_from_target = label_program(self._programs, layers=layers), place.camera_from_target

@@ -47,9 +47,10 @@ def bent_outlines(camera: Camera, hulls_m: FloatArray, parts: IntArray) -> tuple
 
     Parameters
     ----------
-    hulls_m : (3, K) points of all hulls in turn, camera frame, in front of the camera.
-    parts : start of each but the
-        first.
+    hulls_m : (3, K) array
+        Points of all hulls in turn, camera frame, in front of the camera.
+    parts : array
+        Start of each but the first.
     """
     flat = np.ascontiguousarray((hulls_m[:2] / hulls_m[2]).T, np.float32)
     starts = [0, *parts.tolist()]

@@ -40,9 +40,10 @@ def patch_view(place_m: FloatArray, center_m: FloatArray, radius_m: float) -> tu
 
     Parameters
     ----------
-    place_m : (3,) position of the light.
-    center_m : (3,) centre of the sphere. Depth grows away from the light, -1 to
-        1.
+    place_m : (3,) array
+        Position of the light.
+    center_m : (3,) array
+        Centre of the sphere. Depth grows away from the light, -1 to 1.
     """
     along = center_m - place_m
     distance = max(float(np.linalg.norm(along)), 1e-3)

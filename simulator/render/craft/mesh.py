@@ -34,8 +34,12 @@ class Draw:
 
     Parameters
     ----------
-    first, count : range of indices.
-    material : material with the textures and factors; None if there are none.
+    first : int
+        First index of the range.
+    count : int
+        Number of indices.
+    material : Material or None
+        Material with the textures and factors; None if there are none.
     """
 
     first: int
@@ -49,12 +53,20 @@ class GpuMesh(BakedMesh):
 
     Parameters
     ----------
-    vertices, indices : buffers of ``values`` and ``triangles``.
-    at_chart : chart coordinates of the vertices.
-    uv : texture coordinates of the vertices, if any part has a texture.
-    draws : index ranges by set of textures.
-    order : indices of the target's parts, in the order of the buffers.
-    sources : (V,) for each vertex of a cut mesh, a vertex of the uncut mesh on the same part.
+    vertices : Buffer
+        Buffer of ``values``.
+    indices : Buffer
+        Buffer of ``triangles``.
+    sources : (V,) array
+        For each vertex of a cut mesh, a vertex of the uncut mesh on the same part.
+    at_chart : Buffer
+        Chart coordinates of the vertices.
+    uv : Buffer, optional
+        Texture coordinates of the vertices, if any part has a texture.
+    draws : tuple of Draw, optional
+        Index ranges by set of textures.
+    order : tuple of int, optional
+        Indices of the target's parts, in the order of the buffers.
     """
 
     vertices: moderngl.Buffer
@@ -91,8 +103,10 @@ class GpuMesh(BakedMesh):
 
         Parameters
         ----------
-        more : further per-vertex buffers, each with format and name.
-        indices : replaces the indices of all triangles.
+        more : tuple
+            Further per-vertex buffers, each with format and name.
+        indices : Buffer, optional
+            Replaces the indices of all triangles.
         """
         content: list[tuple[moderngl.Buffer, str, *tuple[str, ...]]] = [
             (self.vertices, VERTEX_FORMAT, *ATTRIBUTES),
@@ -166,7 +180,8 @@ def prepared(target: Target, texel: float = TEXEL) -> tuple[Geometry, tuple[Draw
 
     Parameters
     ----------
-    texel : distance of nodes of baked light, over the mesh's radius.
+    texel : float, optional
+        Distance of nodes of baked light, over the mesh's radius.
 
     Raises
     ------

@@ -32,8 +32,8 @@ class MeshArray(Protocol):
 
         Parameters
         ----------
-        place : (4,) homogeneous viewpoint, target frame: a point (x, y, z, 1) [m] or, at infinity, a direction (x, y,
-            z, 0).
+        place : (4,) array
+            Homogeneous viewpoint, target frame: a point (x, y, z, 1) [m] or, at infinity, a direction (x, y, z, 0).
         """
 
     def release(self) -> None:

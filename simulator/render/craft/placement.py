@@ -54,9 +54,12 @@ class PlacedTarget:
 
     Parameters
     ----------
-    size, origin : size of the samples' framebuffer, and origin of its lattice counters.
-    tiles_px : (K, 2) centres of
-        the tiles that the target may touch.
+    size : tuple of int
+        Size of the samples' framebuffer.
+    origin : tuple of int
+        Origin of its lattice counters.
+    tiles_px : (K, 2) array
+        Centres of the tiles that the target may touch.
     """
 
     loaded: ResidentTarget

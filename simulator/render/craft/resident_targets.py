@@ -88,8 +88,10 @@ class ResidentTarget:
 
     Parameters
     ----------
-    seen : edges of the uncut mesh.
-    draw : function that makes a `DrawnMesh` of a mesh and its edges.
+    seen : VisibleEdges
+        Edges of the uncut mesh.
+    draw : callable
+        Function that makes a `DrawnMesh` of a mesh and its edges.
     """
 
     mesh: GpuMesh
@@ -148,7 +150,8 @@ class ResidentTargets:
 
         Parameters
         ----------
-        fine : True for the nodes of `high`.
+        fine : bool, optional
+            True for the nodes of `high`.
         """
         kept, key = self._kept[self._programs.lens], (target.sha256, fine)
         # last in order: most recently used

@@ -46,8 +46,9 @@ class SamplePattern:
 
         Returns
         -------
-        list of (i, j, dx_px, dy_px): steps of s and t from the pixel's own lattice index, and the offset of the sample
-        from the pixel's centre.
+        list of tuple
+            List of (i, j, dx_px, dy_px): steps of s and t from the pixel's own lattice index, and the offset of the
+            sample from the pixel's centre.
         """
         n, offsets = self.samples, []
         (sx, sy), (tx, ty) = self.s, self.t
@@ -67,9 +68,10 @@ class SamplePattern:
 
         Parameters
         ----------
-        tiles_px : (K, 2) centres of the squares.
-        reach_px : distance from there to the centre of a square's corner
-            pixel.
+        tiles_px : (K, 2) array
+            Centres of the squares.
+        reach_px : float
+            Distance from there to the centre of a square's corner pixel.
         """
         low, high = [], []
         for cx, cy in (self.s, self.t):

@@ -38,8 +38,8 @@ if TYPE_CHECKING:
 
 # distinct (material, normal) groups shaded per pixel, with exact areas per quarter; further ones join the last
 MAX_SURFACES, MAX_SURFACES_EXACT = 4, 17
-# a distant craft has dozens in each of its few pixels: with a limit of four the last group, which may face the Sun, got
-# too large an area, and pixels flickered
+# a distant craft has dozens of groups in each pixel: a small limit would give the last group, which may face the Sun,
+# too large an area, and pixels would flicker
 MAX_SURFACES_FAR, FAR_SAMPLES = 12, 32
 _SAMPLERS = ("t_surface", "t_depth", "t_shadow", "t_slope", "t_sky_visibility", "t_interreflection")
 
@@ -123,13 +123,13 @@ class ShadePass(Pass):
         """Return the program for a lattice, a number of bands and the features of the mesh's materials."""
         mesh, lattice, lamp = placed.loaded.mesh, placed.lattice, scene.lamp
         exact, light_points = scene.quality == "high", shadow.light_points
-        most = MAX_SURFACES_FAR if lattice.samples > FAR_SAMPLES else MAX_SURFACES
+        max_surfaces = MAX_SURFACES_FAR if lattice.samples > FAR_SAMPLES else MAX_SURFACES
         defines = {
             **_light_defines(len(bands_of(scene.bands)), mesh, shadow.choice.window),
             **finish_defines(mesh.materials, scene.bands, scene.quality, len(mesh.cell_lattices)),
             **pattern_defines(lattice),
             **edge_defines(exact=exact),
-            "MAX_SURFACES": MAX_SURFACES_EXACT if exact else most,
+            "MAX_SURFACES": MAX_SURFACES_EXACT if exact else max_surfaces,
             "TILE_PX": TILE_PX,
             **({} if lamp is None else {"LAMP": 1 + get_args(Profile).index(lamp.profile)}),
             **({"LIGHT_POINTS": light_points} if light_points else {}),

@@ -70,9 +70,12 @@ class SurfacePatches:
 
     Parameters
     ----------
-    corners_m : (8, 3, P) corners of the boxes, target frame.
-    normals : (P, 3) mean unit normal of each.
-    spread_rad : (P,) largest angle between the mean normal and a normal in the box.
+    corners_m : (8, 3, P) array
+        Corners of the boxes, target frame.
+    normals : (P, 3) array
+        Mean unit normal of each.
+    spread_rad : (P,) array
+        Largest angle between the mean normal and a normal in the box.
     """
 
     corners_m: FloatArray
@@ -126,8 +129,10 @@ def frustum_around(points_m: FloatArray, light_from_target: FloatArray) -> Shado
 
     Parameters
     ----------
-    points_m : (3, K) points whose convex hull holds the craft, target frame.
-    light_from_target : (4, 4) matrix to the clip coordinates of the whole box.
+    points_m : (3, K) array
+        Points whose convex hull holds the craft, target frame.
+    light_from_target : (4, 4) array
+        Matrix to the clip coordinates of the whole box.
     """
     places = light_from_target[:2, :3] @ points_m + light_from_target[:2, 3:]
     low, high = places.min(axis=1), places.max(axis=1)
@@ -152,9 +157,14 @@ def fit_shadow_frustum(
 
     Parameters
     ----------
-    camera_from_target, light_from_target : (4, 4) matrices; the second to the clip coordinates of the whole box.
-    closed : True if surfaces that face away from the camera are hidden.
-    widest : least width of the window over the greatest height of a blocker above a visible surface, because the filter
+    camera_from_target : (4, 4) array
+        Transform from the target to the camera frame.
+    light_from_target : (4, 4) array
+        Transform from the target to the light's clip coordinates of the whole box.
+    closed : bool
+        True if surfaces that face away from the camera are hidden.
+    widest : float, optional
+        Least width of the window over the greatest height of a blocker above a visible surface, because the filter
         reads a fixed number of texels, which must hold the penumbra.
     """
     x, y, z = _placed(patches.corners_m, camera_from_target)

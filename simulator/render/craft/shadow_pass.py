@@ -62,8 +62,10 @@ def choose_shadow(quality: Quality, box_m: float, pixel_m: float) -> ShadowChoic
 
     Parameters
     ----------
-    box_m : width of the box that the map covers.
-    pixel_m : width of an image pixel at the target.
+    box_m : float
+        Width of the box that the map covers.
+    pixel_m : float
+        Width of an image pixel at the target.
     """
     if quality == "high":
         return _BEST
@@ -80,7 +82,8 @@ def widest_penumbra(sun_sine: float) -> float:
 
     Parameters
     ----------
-    sun_sine : sine of the Sun's angular radius.
+    sun_sine : float
+        Sine of the Sun's angular radius.
     """
     reach = _BEST.window / 2 - 0.5
     return _SLACK * sun_sine * _BEST.size_px / reach
@@ -91,7 +94,8 @@ class ShadowMap:
 
     Parameters
     ----------
-    size_px : width and height of the map.
+    size_px : int
+        Width and height of the map.
     """
 
     def __init__(self, context: moderngl.Context, programs: ProgramLibrary, size_px: int) -> None:
@@ -125,8 +129,10 @@ class ShadowMap:
 
         Parameters
         ----------
-        light_from_target : (4, 4) matrix from `light_from_target`.
-        clear : True to use the first depth range, so that depths of two frames compare.
+        light_from_target : (4, 4) array
+            Matrix from `light_from_target`.
+        clear : bool, optional
+            True to use the first depth range, so that depths of two frames compare.
         """
         # looked up each time, because a mesh's arrays belong to the current lens
         shadow_program(self._programs).set(
@@ -145,8 +151,10 @@ class TargetShadow:
 
     Parameters
     ----------
-    lights : maps of area lights.
-    light_points : patches of each of them; 0 if there are none.
+    lights : Texture, optional
+        Maps of area lights.
+    light_points : int, optional
+        Patches of each of them; 0 if there are none.
     """
 
     map: moderngl.Texture

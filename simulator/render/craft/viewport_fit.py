@@ -149,9 +149,12 @@ def choose_pattern(
 
     Parameters
     ----------
-    tiles_px : (K, 2) centres of the tiles that the target may touch, or its outline.
-    pixel_m : width of a pixel at the nearest point of the target [m].
-    dense : True for more samples, for textures, inside which no edges weight them.
+    tiles_px : (K, 2) array
+        Centres of the tiles that the target may touch, or its outline.
+    pixel_m : float
+        Width of a pixel at the nearest point of the target [m].
+    dense : bool, optional
+        True for more samples, for textures, inside which no edges weight them.
     """
     if np.max(place.bounds_px[2:] - place.bounds_px[:2]) <= TINY_PX:
         return TINY_PATTERN

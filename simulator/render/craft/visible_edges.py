@@ -34,9 +34,12 @@ class EdgeCamera:
 
     Parameters
     ----------
-    rect : pixels to draw.
-    nearest_m : least camera z of the mesh.
-    camera_from_target : (4, 4) matrix.
+    rect : PixelRect
+        Pixels to draw.
+    nearest_m : float
+        Least camera z of the mesh.
+    camera_from_target : (4, 4) array
+        Matrix.
     """
 
     camera: Camera
@@ -50,9 +53,12 @@ class VisibleEdges:
 
     Parameters
     ----------
-    mesh : mesh whose large bodies hide edges.
-    beside_m : (2, E) result of `edge_gaps`, for edges already in order.
-    pieces : (E,) number of pieces that each original edge was cut into.
+    mesh : GpuMesh
+        Mesh whose large bodies hide edges.
+    beside_m : (2, E) array, optional
+        Result of `edge_gaps`, for edges already in order.
+    pieces : (E,) array, optional
+        Number of pieces that each original edge was cut into.
     """
 
     def __init__(
@@ -89,12 +95,14 @@ class VisibleEdges:
 
         Parameters
         ----------
-        pairs : True to include edges closer than `_PAIR_PX` to another in the image.
+        pairs : bool
+            True to include edges closer than `_PAIR_PX` to another in the image.
 
         Returns
         -------
-        their indices, and with ``pairs`` the number of those, first in order, that bound their part and show their
-        first face, and of those, next in order, that show the second.
+        tuple
+            Their indices, and with ``pairs`` the number of those, first in order, that bound their part and show their
+            first face, and of those, next in order, that show the second.
         """
         R, t = view.camera_from_target[:3, :3], view.camera_from_target[:3, 3]
         place = np.append(-R.T @ t, 1.0)

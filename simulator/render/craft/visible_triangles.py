@@ -23,7 +23,8 @@ class CulledVertexArray:
 
     Parameters
     ----------
-    more : further per-vertex buffers, as in `GpuMesh.vertex_array`.
+    more : tuple
+        Further per-vertex buffers, as in `GpuMesh.vertex_array`.
     """
 
     def __init__(

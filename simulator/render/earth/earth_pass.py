@@ -81,11 +81,18 @@ class EarthDraw:
 
     Parameters
     ----------
-    framebuffer, viewport : destination.
-    blended : True to add to its contents.
-    tile_px : side of its tiles.
-    city : True if city lights may be on.
-    level : mipmap level of `TileKind`; ``None`` if all maps are read at their first level.
+    framebuffer : Framebuffer
+        Framebuffer to draw into.
+    viewport : tuple of int
+        Part of the framebuffer to draw into.
+    blended : bool
+        True to add to its contents.
+    tile_px : float
+        Side of its tiles.
+    city : Texture or None
+        True if city lights may be on.
+    level : float or None
+        Mipmap level of `TileKind`; ``None`` if all maps are read at their first level.
     """
 
     program: Program
@@ -104,7 +111,8 @@ class EarthFrame:
 
     Parameters
     ----------
-    moon_in_front : True if the Moon is nearer, and may hide the Earth.
+    moon_in_front : bool
+        True if the Moon is nearer, and may hide the Earth.
     """
 
     images: FrameImages
@@ -124,9 +132,11 @@ class Earth:
 
     Parameters
     ----------
-    prefetched : prefetched maps of a scene with these bands; the constructor waits for them.
-    precompiles : True to draw one tile of each kind alone, so that a software driver compiles the programs while other
-        threads continue.
+    prefetched : EarthMaps
+        Prefetched maps of a scene with these bands; the constructor waits for them.
+    precompiles : bool, optional
+        True to draw one tile of each kind alone, so that a software driver compiles the programs while other threads
+        continue.
     """
 
     def __init__(
@@ -261,8 +271,9 @@ class Earth:
 
         Parameters
         ----------
-        draws : draw calls, each with a function that returns its vertices (K, 2 + 4 n): the tiles' centres [px] and
-            values at their corners. It is called once the previous call is in progress.
+        draws : iterable of tuple
+            Draw calls, each with a function that returns its vertices (K, 2 + 4 n): the tiles' centres [px] and values
+            at their corners. It is called once the previous call is in progress.
         """
         scene, environment = frame.scene, frame.scene.environment
         self._context.blend_func = self._context.ONE, self._context.ONE

@@ -34,7 +34,8 @@ class Earths:
 
     Parameters
     ----------
-    prefetched : results of `prefetch_earth_maps` for the first scenes.
+    prefetched : mapping, optional
+        Results of `prefetch_earth_maps` for the first scenes.
     """
 
     def __init__(self, device: Device, prefetched: Mapping[Bands, EarthMaps] | None = None) -> None:
@@ -180,7 +181,8 @@ class EarthProgramsPass(Pass):
 
     Parameters
     ----------
-    passes : passes that prepare and draw the Earth. Their output must be cleared.
+    passes : sequence of Pass
+        Passes that prepare and draw the Earth. Their output must be cleared.
     """
 
     name = "earth.programs"

@@ -39,11 +39,18 @@ class EarthMaps:
 
     Parameters
     ----------
-    albedo : albedo for Earth-shine.
-    maps : textures of the maps, one for one band, two for three.
-    months : gains by month number.
-    ocean_colour, night : textures that are uploaded once such water, or the night, is in view.
-    air : tables for the scene's thickness.
+    albedo : Future
+        Albedo for Earth-shine.
+    maps : Future
+        Textures of the maps, one for one band, two for three.
+    months : Future
+        Gains by month number.
+    ocean_colour : Future
+        Map of the water's colour, uploaded once such water is in view.
+    night : Future
+        Map of the city lights, uploaded once the night side is in view.
+    air : Future
+        Tables for the scene's thickness.
     """
 
     albedo: Future[Float32Array]

@@ -30,15 +30,24 @@ class TileKind:
 
     Parameters
     ----------
-    smooth : all ground, away from limb and poles.
-    covered : the target may be in front.
-    night : dark enough for city lights somewhere.
-    icy : may be near sea ice somewhere.
-    unlit : lit by neither Sun nor Moon; only for smooth tiles.
-    bright_water : near shallow or turbid water somewhere.
-    level : log2 of a pixel's footprint [km]; only for smooth tiles.
-    air : air only, no ground.
-    fine : half as wide as other tiles, towards the limb; only for smooth tiles.
+    air : bool
+        Air only, no ground.
+    fine : bool
+        Half as wide as other tiles, towards the limb; only for smooth tiles.
+    smooth : bool
+        All ground, away from limb and poles.
+    covered : bool
+        The target may be in front.
+    night : bool
+        Dark enough for city lights somewhere.
+    unlit : bool
+        Lit by neither Sun nor Moon; only for smooth tiles.
+    icy : bool
+        May be near sea ice somewhere.
+    bright_water : bool
+        Near shallow or turbid water somewhere.
+    level : float
+        log2 of a pixel's footprint [km]; only for smooth tiles.
     """
 
     air: bool
@@ -58,12 +67,18 @@ class ScreenTiles:
 
     Parameters
     ----------
-    size_px : side of a tile.
-    centers_px : (K, 2) float32 centres of each kind's tiles; pixel edges lie at .5.
-    extent_px : width and height of all tiles together, from the image's corner to beyond its end.
-    dark : True if some ground in view has no more light of the Sun than the Moon may give.
-    others_px : (L, 2) centres of all the image's tiles that are not smooth.
-    halved : (P,) rows and columns of tiles drawn as two by two fine ones, counted in tiles.
+    size_px : int
+        Side of a tile.
+    extent_px : tuple of int
+        Width and height of all tiles together, from the image's corner to beyond its end.
+    centers_px : dict
+        (K, 2) float32 centres of each kind's tiles; pixel edges lie at .5.
+    others_px : (L, 2) array
+        Centres of all the image's tiles that are not smooth.
+    dark : bool
+        True if some ground in view has no more light of the Sun than the Moon may give.
+    halved : (P,) tuple of array
+        Rows and columns of tiles drawn as two by two fine ones, counted in tiles.
     """
 
     size_px: int

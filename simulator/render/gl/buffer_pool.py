@@ -34,8 +34,10 @@ class BufferPool(Generic[B]):
 
     Parameters
     ----------
-    make : function that creates buffers of a width and height [px].
-    most_px : limit on the total area; the buffers in use may exceed it.
+    make : callable
+        Function that creates buffers of a width and height [px].
+    most_px : float, optional
+        Limit on the total area; the buffers in use may exceed it.
     """
 
     def __init__(self, make: Callable[[int, int], B], most_px: float = math.inf) -> None:

@@ -35,7 +35,8 @@ def create_context(device_index: int | None = None) -> moderngl.Context:
 
     Parameters
     ----------
-    device_index : index of the EGL device; ``None`` leaves the choice to EGL.
+    device_index : int, optional
+        Index of the EGL device; ``None`` leaves the choice to EGL.
 
     Raises
     ------

@@ -52,8 +52,9 @@ class DepthBuffer:
 
         Parameters
         ----------
-        clear : True to use the first range and clip at the near plane. Otherwise nothing may be nearer than it: depths
-            are clamped to their range, which a sliver's may leave by rounding.
+        clear : bool, optional
+            True to use the first range and clip at the near plane. Otherwise nothing may be nearer than it: depths are
+            clamped to their range, which a sliver's may leave by rounding.
         """
         self.number = 1 if clear else self.number % self._most + 1
         draw_to(framebuffer)

@@ -34,7 +34,8 @@ class Fences:
 
     Parameters
     ----------
-    library : OpenGL library. Its calls keep Python's lock: reacquiring it could take a hundred times as long.
+    library : ctypes.CDLL
+        OpenGL library. Its calls keep Python's lock: reacquiring it could take a hundred times as long.
     """
 
     def __init__(self, library: ctypes.CDLL) -> None:

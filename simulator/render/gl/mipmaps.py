@@ -40,7 +40,8 @@ def mipmap_chain(image: ByteArray, *, globe: bool) -> MipmapChain:
 
     Parameters
     ----------
-    globe : True for a map of a whole globe, row 0 at the north pole. Towards the poles, texels of its smaller levels
+    globe : bool
+        True for a map of a whole globe, row 0 at the north pole. Towards the poles, texels of its smaller levels
         average columns, so that they are as wide as high on the ground: a driver chooses a level by one size.
     """
     name = entry_of(image)
@@ -120,7 +121,8 @@ class TilingTexture:
 
     Parameters
     ----------
-    levels : future of the levels.
+    levels : Future
+        Future of the levels.
     """
 
     def __init__(self, context: moderngl.Context, levels: Future[MipmapChain]) -> None:

@@ -27,8 +27,10 @@ def read_source(path: str, expanded: set[str] | None = None) -> str:
 
     Parameters
     ----------
-    path : path inside the ``shaders`` package, with forward slashes.
-    expanded : files already expanded; each is included only once.
+    path : str
+        Path inside the ``shaders`` package, with forward slashes.
+    expanded : set of str, optional
+        Files already expanded; each is included only once.
     """
     expanded = set() if expanded is None else expanded
     expanded.add(path)
@@ -62,13 +64,15 @@ def _head(source: str, defines: Mapping[str, object]) -> str:
 class ProgramLibrary:
     """Compiles programs for one context and one set of uniform blocks.
 
-    Parameters
-    ----------
-    blocks : uniform blocks; each is declared in every shader and bound if used.
-    constants : preprocessor constants that every shader may use.
-
     With ``lens`` set, programs are compiled for a distorting lens: they look up rays in a texture, and distort the
     target's vertices.
+
+    Parameters
+    ----------
+    blocks : iterable of UniformBlock
+        Uniform blocks; each is declared in every shader and bound if used.
+    constants : mapping, optional
+        Preprocessor constants that every shader may use.
     """
 
     def __init__(
@@ -101,11 +105,14 @@ class ProgramLibrary:
 
         Parameters
         ----------
-        fragment : ``None`` for a program that draws nothing: its vertex shader's outputs are written to a buffer.
-        defines : preprocessor constants. The value ``""`` defines the bare name.
-        samplers : names of the samplers; sampler ``k`` reads texture unit ``k``.
-        varyings : outputs to write, without a
-            fragment shader.
+        fragment : str or None
+            ``None`` for a program that draws nothing: its vertex shader's outputs are written to a buffer.
+        defines : mapping
+            Preprocessor constants. The value ``""`` defines the bare name.
+        samplers : tuple of str, optional
+            Names of the samplers; sampler ``k`` reads texture unit ``k``.
+        varyings : tuple of str, optional
+            Outputs to write, without a fragment shader.
         """
         # passes call this in every frame: equal arguments are answered without sorting and printing them
         values = tuple(defines.values())  # 1 and 1.0 are equal, but print differently

@@ -14,7 +14,8 @@ class StageClock:
 
     Parameters
     ----------
-    finish : True to wait for the driver at each lap; otherwise a stage's time is that of issuing its commands.
+    finish : bool, optional
+        True to wait for the driver at each lap; otherwise a stage's time is that of issuing its commands.
     """
 
     def __init__(self, context: moderngl.Context, *, finish: bool = True) -> None:

@@ -40,9 +40,12 @@ class UniformBlock:
 
     Parameters
     ----------
-    name : block name in GLSL.
-    binding : binding point, one per block of the renderer.
-    fields : members in order. A ``mat4`` is set by a (4, 4) matrix that acts on columns.
+    name : str
+        Block name in GLSL.
+    binding : int
+        Binding point, one per block of the renderer.
+    fields : tuple of Field
+        Members in order. A ``mat4`` is set by a (4, 4) matrix that acts on columns.
     """
 
     def __init__(self, context: moderngl.Context, name: str, binding: int, fields: tuple[Field, ...]) -> None:

@@ -145,14 +145,19 @@ class FrameAir:
 
         Parameters
         ----------
-        columns_px, rows_px : (M,) and (N,) positions of the corners.
-        all_ground : True if every ray meets the ground, well away from the limb. The air is then computed at every
-            other corner each way, with cubics between.
+        columns_px : (M,) array
+            Columns of the corners.
+        rows_px : (N,) array
+            Rows of the corners.
+        all_ground : bool, optional
+            True if every ray meets the ground, well away from the limb. The air is then computed at every other corner
+            each way, with cubics between.
 
         Returns
         -------
-        (N, M, 3): radiance [sr-1], transmittance, irradiance on level ground; for three bands (N, M, 6): radiance and
-        transmittance of each. Values of rays that miss the ground are meaningless.
+        (N, M, 3) array
+            Radiance [sr-1], transmittance, irradiance on level ground; for three bands (N, M, 6): radiance and
+            transmittance of each. Values of rays that miss the ground are meaningless.
         """
         program = self._corner_program()
         if not all_ground or min(len(columns_px), len(rows_px)) < _FEWEST_CORNERS:

@@ -31,13 +31,22 @@ class GlobeView:
 
     Parameters
     ----------
-    earth_from_camera : (3, 3) matrix of directions (not a rotation).
-    camera : (3,) position.
-    sun : (3,) unit vector.
-    top2 : squared radius of the top of the air.
-    rect : pixels that the Earth or its air can touch; ``None`` if there are none.
-    ground_rows, sky_rows : range 0..1 in view of the atmosphere table's row coordinate, or ``None``.
-    azimuth : range -1..1 in view of its column coordinate.
+    earth_from_camera : (3, 3) array
+        Matrix of directions (not a rotation).
+    camera : (3,) array
+        Position.
+    sun : (3,) array
+        Unit vector.
+    top2 : float
+        Squared radius of the top of the air.
+    rect : PixelRect or None
+        Pixels that the Earth or its air can touch; ``None`` if there are none.
+    ground_rows : tuple of float or None
+        Range 0..1 of the atmosphere table's row coordinate for ground in view, or None.
+    sky_rows : tuple of float or None
+        The same range for sky in view, or None.
+    azimuth : tuple of float
+        Range -1..1 in view of its column coordinate.
     """
 
     earth_from_camera: FloatArray
@@ -69,7 +78,8 @@ def globe_view(view: View, camera: Camera, air: Atmosphere | None) -> GlobeView:
 
     Parameters
     ----------
-    air : atmosphere, whose thickness widens the region; ``None`` without atmosphere.
+    air : Atmosphere or None
+        Atmosphere, whose thickness widens the region; ``None`` without atmosphere.
     """
     equator_m = view.globe.radius_m
     stretch = np.array([1.0, 1.0, equator_m / view.globe.polar_radius_m])

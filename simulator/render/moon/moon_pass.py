@@ -80,9 +80,16 @@ class MoonTiles:
 
     Parameters
     ----------
-    triangles_px : (6 K, 2) corners of two triangles per tile [px], pixel edges at .5.
-    smooth : True if the ground may be interpolated between corners. covered : True if the target may be in front.
-    footprint_km : largest footprint of a pixel; infinite if unknown. size_px : side of a tile.
+    triangles_px : (6 K, 2) array
+        Corners of two triangles per tile [px], pixel edges at .5.
+    smooth : bool, optional
+        True if the ground may be interpolated between corners.
+    covered : bool, optional
+        True if the target may be in front.
+    footprint_km : float, optional
+        Largest footprint of a pixel; infinite if unknown.
+    size_px : int, optional
+        Side of a tile.
     """
 
     triangles_px: Float32Array

@@ -35,20 +35,36 @@ class MoonView:
 
     Parameters
     ----------
-    moon_from_camera : (3, 3) rotation.
-    camera : (3,) position.
-    sun, earth : (3,) unit vectors from the Moon.
-    earthlight : irradiance of the Earth over the Sun's.
-    irradiance_w_m2 : that of the Sun, per band.
-    albedo : geometric albedo, per band.
-    shadow : (3,) vector from the Earth to the Moon.
-    shadow_axis : (3,) unit vector along the Earth's shadow.
-    shadow_share : (K, n) share of the Sun's light across the shadow, ``None`` if the Moon is clear of it.
-    shadow_reach : distance of the last of them from the axis.
-    center_camera : (3,) unit vector to its centre, camera frame.
-    sine : sine of its angular radius.
-    in_front : True if it is nearer than the globe.
-    rect : pixels that it can touch, ``None`` if there are none.
+    moon_from_camera : (3, 3) array
+        Rotation.
+    camera : (3,) array
+        Position.
+    sun : (3,) array
+        Unit vector from the Moon to the Sun.
+    earth : (3,) array
+        Unit vector from the Moon to the Earth.
+    earthlight : float
+        Irradiance of the Earth over the Sun's.
+    irradiance_w_m2 : array
+        That of the Sun, per band.
+    albedo : array
+        Geometric albedo, per band.
+    shadow : (3,) array
+        Vector from the Earth to the Moon.
+    shadow_axis : (3,) array
+        Unit vector along the Earth's shadow.
+    shadow_share : (K, n) array or None
+        Share of the Sun's light across the shadow, ``None`` if the Moon is clear of it.
+    shadow_reach : float
+        Distance of the last of them from the axis.
+    center_camera : (3,) array
+        Unit vector to its centre, camera frame.
+    sine : float
+        Sine of its angular radius.
+    in_front : bool
+        True if it is nearer than the globe.
+    rect : PixelRect or None
+        Pixels that it can touch, ``None`` if there are none.
     """
 
     moon_from_camera: FloatArray
@@ -138,8 +154,10 @@ def disc_rect(camera: Camera, center_camera: FloatArray, sine: float) -> PixelRe
 
     Parameters
     ----------
-    center_camera : (3,) unit vector to its centre.
-    sine : sine of its angular radius.
+    center_camera : (3,) array
+        Unit vector to its centre.
+    sine : float
+        Sine of its angular radius.
     """
     whole = PixelRect(0, 0, camera.width_px, camera.height_px)
     radius, off = np.arcsin(min(sine, 1.0)), np.arccos(np.clip(center_camera[2], -1, 1))

@@ -117,8 +117,10 @@ def spread(pixels: FloatArray, radiance: FloatArray, size: tuple[int, int]) -> S
 
     Parameters
     ----------
-    pixels : (K, 2) positions in an image of ``size``.
-    radiance : (K, n) radiance if one pixel held all the light.
+    pixels : (K, 2) array
+        Positions in an image of ``size``.
+    radiance : (K, n) array
+        Radiance if one pixel held all the light.
     """
     width, height = size
     first = np.floor(pixels)

@@ -49,8 +49,10 @@ class CornerAir:
 
     Parameters
     ----------
-    whole, fine : values at all tiles' corners (N, M, V) from `FrameAir.corners`, and at the fine ones' (9 P, V) from
-        `FrameAir.at`.
+    whole : (N, M, V) array
+        Values at the corners of all tiles, from `FrameAir.corners`.
+    fine : (9 P, V) array
+        Values at the corners of the fine tiles, from `FrameAir.at`.
     """
 
     def __init__(self, tiles: ScreenTiles, whole: Float32Array, fine: Float32Array) -> None:

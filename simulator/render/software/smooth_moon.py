@@ -43,8 +43,10 @@ def moon_tiles(moon: MoonView, rect: PixelRect, camera: Camera, target: PixelRec
 
     Parameters
     ----------
-    rect : rectangle of the Moon in the image.
-    target : pixels that the target may touch.
+    rect : PixelRect
+        Rectangle of the Moon in the image.
+    target : PixelRect or None
+        Pixels that the target may touch.
     """
     size = tile_size_px(camera)
     x_px = np.append(np.arange(rect.x0, rect.x1, size), rect.x1) - 0.5

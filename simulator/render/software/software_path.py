@@ -61,9 +61,12 @@ def hull_tiles(rect: PixelRect, points_px: FloatArray, parts: IntArray) -> Float
 
     Parameters
     ----------
-    rect : rectangle that begins at whole tiles.
-    points_px : (2, K) projected points of all hulls in turn.
-    parts : start of the points of each hull but the first.
+    rect : PixelRect
+        Rectangle that begins at whole tiles.
+    points_px : (2, K) array
+        Projected points of all hulls in turn.
+    parts : array
+        Start of the points of each hull but the first.
     """
     rows, columns = -(-rect.height // TILE_PX), -(-rect.width // TILE_PX)
     step = TILE_PX // _MASK_PX

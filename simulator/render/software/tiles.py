@@ -57,13 +57,20 @@ class _CornerRays:
 
     Attributes
     ----------
-    directions : (N, M, 3) unit vectors, Earth-fixed frame.
-    along : dot products of the directions with the camera's position.
-    perigee2 : squared distances of the rays from the Earth's centre [radii^2].
-    disc : ``1 - perigee2``: squared cosine of the angle from the vertical at the ground, negative beyond the limb.
-    distance : distance to the ground [radii].
-    footprint_km : footprint of a pixel.
-    span : extent of a tile on the ground across its ray [radii].
+    directions : (N, M, 3) array
+        Unit vectors, Earth-fixed frame.
+    along
+        Dot products of the directions with the camera's position.
+    perigee2
+        Squared distances of the rays from the Earth's centre [radii^2].
+    disc
+        ``1 - perigee2``: squared cosine of the angle from the vertical at the ground, negative beyond the limb.
+    distance
+        Distance to the ground [radii].
+    footprint_km
+        Footprint of a pixel.
+    span
+        Extent of a tile on the ground across its ray [radii].
     """
 
     def __init__(self, earth: GlobeView, camera: Camera) -> None:
@@ -162,9 +169,12 @@ def earth_tiles(
 
     Parameters
     ----------
-    target_px : (K, 2) centres of the tiles that the target may touch, ``None`` without target.
-    day : ISO 8601 day of the sea ice.
-    moon : unit vector to the Moon, ``None`` if it gives no light.
+    target_px : (K, 2) array or None
+        Centres of the tiles that the target may touch, ``None`` without target.
+    day : str
+        ISO 8601 day of the sea ice.
+    moon : array or None
+        Unit vector to the Moon, ``None`` if it gives no light.
     """
     rays = _CornerRays(earth, camera)
     size, columns, rows = rays.size_px, len(rays.x_px) - 1, len(rays.y_px) - 1

@@ -96,7 +96,7 @@ def test_an_imported_set_is_evaluated(lightbox, tmp_path):
     assert (metrics["n"], metrics["n_feasible"]) == (2, 1)  # of the second a part is outside
     assert "imported" in str(read_card(out).scenario)
     # it is no scene, and those who need one are told
-    with pytest.raises(UserError, match="imported picture: there is no scene"):
+    with pytest.raises(UserError, match="imported image, which has no scene"):
         read_truth(frame_paths(out, 0).truth)
 
 

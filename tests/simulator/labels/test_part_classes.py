@@ -92,7 +92,7 @@ def test_a_file_sets_classes_by_name_or_pattern():
     chosen = classes_from_file(document, "classes.toml", [p.name for p in target.parts])
     assert target_classes(replace(target, part_classes=chosen)) == ("antenna", "sensor", "body", "radiator")
     for change, says in (
-        ({"classes": {"Cub": "antenna"}}, "is no part; name one, such as Cube"),
+        ({"classes": {"Cub": "antenna"}}, "is not a part; name one, such as Cube"),
         ({"classes": {"Hull": "solar"}}, "CLASS one of solar_array, antenna"),
         ({"clases": {}}, "clases"),
         ({"version": 2}, "version"),

@@ -319,7 +319,7 @@ def test_a_recording_whose_folder_is_gone_is_told_and_made_again_at_the_end(tmp_
     shutil.rmtree(tmp_path / "flown")
     clock.now_s = 2.0
     fly(session, 1.0)
-    assert "is not recorded any more" in str(recorder.take_trouble())
+    assert "recording stopped" in str(recorder.take_trouble())
     replay = recorder.close()
     assert replay is not None
     assert load_scenario(replay).duration_s == recorder.end_s
@@ -332,7 +332,8 @@ def test_a_disk_that_stays_full_leaves_no_half_flight(tmp_path):
         recorder.keep_in(disk / "flown", session.plan.scenario)
         (disk / "other").write_bytes(bytes(24 * 1024))
         fly(session, 8.0)
-        assert "No space left on device" in str(recorder.take_trouble())
+        # either file may be the first to meet the full disk; the replay file's message is the simulator's own
+        assert "no space left" in str(recorder.take_trouble()).lower()
         assert session.t_s > 7.0
         with pytest.raises(UserError, match="no space left"):
             recorder.close()

@@ -55,7 +55,7 @@ def test_every_damage_of_a_file_is_found_out(folder, caplog):
     for data in damages(whole, np.random.default_rng(1), 200):
         path.write_bytes(data)
         assert read_checked(path) is None
-    assert "made again" in caplog.text
+    assert "computed again" in caplog.text
     path.write_bytes(whole)
     assert read_checked(path) == CONTENTS
 

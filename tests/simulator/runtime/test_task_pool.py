@@ -1,4 +1,4 @@
-"""Tasks in other processes: results in order, and a sentence where a process is ended from outside."""
+"""Tasks in other processes: results in order, and a sentence where a process is killed from outside."""
 
 import os
 import signal
@@ -9,7 +9,7 @@ from flyaround.simulator.errors import UserError
 from flyaround.simulator.runtime.task_pool import run_tasks
 
 
-def end_from_outside(_task):
+def kill_process(_task):
     os.kill(os.getpid(), signal.SIGKILL)
 
 
@@ -17,6 +17,6 @@ def test_results_come_in_the_order_of_the_tasks():
     assert list(run_tasks(abs, [-3, 1, -2], 2)) == [3, 1, 2]
 
 
-def test_a_process_that_is_ended_from_outside_is_one_sentence():
-    with pytest.raises(UserError, match="ended from outside"):
-        list(run_tasks(end_from_outside, [1, 2], 1))
+def test_a_process_killed_from_outside_is_one_sentence():
+    with pytest.raises(UserError, match="killed from outside"):
+        list(run_tasks(kill_process, [1, 2], 1))

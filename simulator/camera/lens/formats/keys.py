@@ -231,7 +231,7 @@ def camera_matrix(m: list[float], where: str) -> Matrix:
         raise UserError(f"{where} is 0: the camera is not calibrated; calibrate it")
     if abs(m[8] - 1) > _SKEW_TOLERANCE or any(abs(v) > 1e-12 for v in (m[3], m[6], m[7])):
         raise UserError(
-            f"{where} is no camera matrix in rows: its last row must be 0 0 1, and the one before 0 fy cy"
+            f"{where} is not a camera matrix in row order: its last row must be 0 0 1, and the one before 0 fy cy"
         )
     if abs(m[1]) > _SKEW_TOLERANCE * abs(m[0]):
         raise UserError(

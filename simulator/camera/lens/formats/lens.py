@@ -146,9 +146,7 @@ def _distortion(
 ) -> dict[str, object]:
     if coefficients is None or (not coefficients and model != "none"):
         if model != "none":
-            raise UserError(
-                f"{where} names a lens of the model {model}, but has no coefficients of it; add them"
-            )
+            raise UserError(f"{where} names the lens model {model} but has no coefficients for it; add them")
         coefficients = ()
     if model == "none":
         if any(coefficients):

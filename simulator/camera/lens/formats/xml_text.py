@@ -38,7 +38,7 @@ def parse_xml(text: str, where: str) -> dict[str, Any]:
     Raises
     ------
     UserError
-        If it is no XML, has a document type, nests too deep, has a key twice, or has another root.
+        If the text is not XML, has a document type, nests too deeply, repeats a key, or has another root.
     """
     text = re.sub(r"^\s*<\?xml.*?\?>", "", text, count=1, flags=re.DOTALL)  # its encoding has been applied
     try:
@@ -47,7 +47,7 @@ def parse_xml(text: str, where: str) -> dict[str, Any]:
         root = parser.close()
         if root.tag != ROOT:
             raise ValueError(
-                f"its root is {root.tag[:60]}, of camera files in XML only OpenCV's {ROOT} is read"
+                f"its root is {root.tag[:60]}, and the only XML camera file read is OpenCV's {ROOT}"
             )
         value = _value(root)
     except (ET.ParseError, ValueError) as error:

@@ -358,7 +358,7 @@ def _numbers(path: Path, rows: list[str], least: int, word: str) -> FloatArray:
             columns = 8
     except ValueError as error:
         raise UserError(
-            f"{path}: a {word} line holds something that is no number ({error}); export it again"
+            f"{path}: a {word} line has a value that is not a number ({error}); export it again"
         ) from error
     table = flat.reshape(len(rows), columns)
     counts = np.array([len(row.split()) for row in rows]) if columns == 8 else np.full(len(rows), columns)

@@ -161,7 +161,7 @@ class MaterialLibraries:
                 raise ValueError("not finite")
         except (ValueError, IndexError) as error:
             raise UserError(
-                f"{place}: material {name[:80]!r} has a value that is no number; correct it"
+                f"{place}: material {name[:80]!r} has a value that is not a number; correct it"
             ) from error
         map_line = _map_line(fields.get("map_kd", ""))
         picture = None

@@ -136,7 +136,7 @@ def _corners(path: Path, solid: bytes) -> FloatArray:
         )
     except ValueError as error:
         raise UserError(
-            f"{path} has a vertex that is no three numbers; export it again, as binary"
+            f"{path} has a vertex that is not three numbers; export it again, as binary"
         ) from error
     if len(corners) != 3 * facets:
         raise UserError(

@@ -215,7 +215,7 @@ def test_values_of_mtl_that_are_no_numbers(folder, line):
     (folder / "a.mtl").write_text(f"newmtl skin\n{line}\n")
     (folder / "a.obj").write_text("mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl skin\nf 1 2 3\n")
     text = refused(folder / "a.obj", ImportOptions(strict=True))
-    assert "has a value that is no number" in text or "open edges" in text  # Ns inf is a mirror
+    assert "has a value that is not a number" in text or "open edges" in text  # Ns inf is a mirror
 
 
 @pytest.mark.parametrize(("width", "height"), [(32_000, 32_000), (2**31 - 1, 1), (20_000, 4000), (0, 5)])

@@ -193,7 +193,7 @@ def test_vertices_that_are_not_finite_are_counted(tmp_path):
 
 def test_obj_that_is_malformed(tmp_path):
     for text, says in (
-        ("v 0 0 zero\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", "holds something that is no number"),
+        ("v 0 0 zero\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", "has a value that is not a number"),
         ("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 9\n", "uses vertex 9 of 3"),
         ("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2\n", "holds no triangles"),
         ("v 0 0 0\nv 1 0 0\nv 0 1 0\nl 1 2\n", "holds no triangles"),

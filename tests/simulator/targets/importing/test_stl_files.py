@@ -106,7 +106,7 @@ def test_what_follows_or_colours_a_binary_file_is_said(tmp_path):
         ("solid x\nendsolid x\n", "holds no triangles"),
         (TEXT[: TEXT.index("endsolid")], "is cut short"),
         (TEXT.replace("vertex", "vertx", 1), "36|35 vertices"),
-        (TEXT.replace("vertex ", "vertex x", 1), "no three numbers"),
+        (TEXT.replace("vertex ", "vertex x", 1), "not three numbers"),
         ("hello", "no STL"),
     ],
 )
