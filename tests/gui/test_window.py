@@ -194,7 +194,8 @@ def test_a_drawing_process_that_dies_is_started_again(tmp_path: Path) -> None:
     assert "leaked" not in err
     state = json.loads(out)
     assert state["drawing_restarts"] == 1
-    assert state["pictures"] > 3
+    # at most two before it died
+    assert state["pictures"] >= 3
     replay = load_scenario(tmp_path / state["replay"])
     # it was recorded all along
     assert replay.duration_s > 15.0

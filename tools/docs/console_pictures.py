@@ -10,8 +10,8 @@ from pathlib import Path
 
 FOLDER = Path("docs") / "images"
 PICTURES = {
-    "console": ("tango-flyaround", "6"),
-    "console-steering": ("tango-flyaround", "1 layout.fly;2 guidance.hold;2.5 burn.plan 90 0 0.02 0;12"),
+    "console": ("tango-flyaround", "30"),
+    "console-steering": ("tango-flyaround", "1 layout.fly;2 guidance.hold;2.5 burn.plan 90 0 0.02 0;30"),
     "console-docking": ("tango-flyaround", "1 layout.dock;2 docking.approach on;60"),
     "console-estimator": (
         "tango-vbar-closed-loop",
