@@ -35,7 +35,7 @@ color ground_radiance(MoonPoint g) {
     vec2 small = (fine.xy - 0.5) * mat2(0.8, 0.6, -0.6, 0.8) * (2.0 * SLOPE_MAX * (0.5 + 0.5 * age));
 #if SAMPLES > 1
     // at the end of a wall's shadow, which lies on what is smaller, that has no shadows of its own
-    small *= smoothstep(0.0, 0.15, g.light.x - dot(wall, g.tilt.xy));
+    small *= smoothstep(0.0, 0.1, g.light.x - dot(wall, g.tilt.xy));
 #endif
     vec2 slope = wall + small;
     albedo *= 1.0 + 0.8 * (fine.z + broad.z - 1.0);

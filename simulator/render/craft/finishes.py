@@ -59,7 +59,7 @@ _WEAR = {
     "FASTENER_HEAD": 0.42,  # reflectance of passivated steel
     "WRAP_M": 0.0127,  # half the width of one-inch tape around a rod
     "WRAP_PITCH_M": 0.11,
-    "WRAP_DARKER": 0.3,
+    "WRAP_DARKER": 0.2,
 }
 _MOTTLED = {
     "panel-back": 0.16,
@@ -75,8 +75,6 @@ _WORN = {
     "antenna-grey": ROD + 0.12,
     "asar-tile": SHEET + 0.1,
     "black-paint": PLAIN + 0.2,
-    "body-dark": SHEET + 0.3,
-    "body-grey": SHEET + 0.25,
     "brushed-metal": PLAIN + 0.12,
     "burnt-ablator": PLAIN + 0.5,
     "cell-substrate": SHEET + 0.14,
