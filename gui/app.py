@@ -63,18 +63,30 @@ class Request:
 
     Parameters
     ----------
-    scenario : built-in name or TOML file.
-    choose : True to start with the scenario chooser.
-    size : size of the window.
-    off_screen : True to draw it into a texture, without a display.
-    seed : replaces the scenario's.
-    device_index : EGL device of the render process.
-    seconds : time after the first picture at which the console closes.
-    screenshot : file for a picture of the whole window at the end.
-    overlays : names of `flyaround.gui.picture.view_settings.Overlays` to switch on.
-    record : folder for the flown flight and the scenario that replays it.
-    script : commands with their times.
-    log : file to which executed commands are written, as a script.
+    scenario : str
+        Built-in name or TOML file.
+    choose : bool, optional
+        True to start with the scenario chooser.
+    size : tuple of int, optional
+        Size of the window.
+    off_screen : bool, optional
+        True to draw it into a texture, without a display.
+    seed : int, optional
+        Replaces the scenario's.
+    device_index : int, optional
+        EGL device of the render process.
+    seconds : float, optional
+        Time after the first picture at which the console closes.
+    screenshot : Path, optional
+        File for a picture of the whole window at the end.
+    overlays : tuple of str, optional
+        Names of `flyaround.gui.picture.view_settings.Overlays` to switch on.
+    record : Path, optional
+        Folder for the flown flight and the scenario that replays it.
+    script : Path, optional
+        Commands with their times.
+    log : Path, optional
+        File to which executed commands are written, as a script.
     """
 
     scenario: str

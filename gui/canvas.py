@@ -26,7 +26,8 @@ class Canvas:
 
     Parameters
     ----------
-    window : surface with the fonts and scale.
+    window : Surface
+        Surface with the fonts and scale.
     """
 
     def __init__(self, window: Surface) -> None:
@@ -187,8 +188,14 @@ class Canvas:
 
         Parameters
         ----------
-        view, key, image : arguments of `Surface.show_picture`.
-        place : x, y, width, height.
+        view : str
+            Arguments of `Surface.show_picture`.
+        key : object
+            Arguments of `Surface.show_picture`.
+        image : ByteArray or callable
+            Arguments of `Surface.show_picture`.
+        place : tuple of float
+            X, y, width, height.
         """
         x, y, w, h = (float(round(v)) for v in place)
         texture = self._window.show_picture(view, key, image, size=(w, h))
@@ -200,8 +207,10 @@ def thinned(points: FloatArray, most: int = MOST_POINTS) -> FloatArray:
 
     Parameters
     ----------
-    points : (n, 2) screen positions.
-    most : approximate number of remaining points.
+    points : (n, 2) array
+        Screen positions.
+    most : int, optional
+        Approximate number of remaining points.
     """
     if len(points) <= most:
         return points
@@ -220,9 +229,14 @@ def dashes(points: FloatArray, on: float = 7.0, off: float = 5.0, most: int = 40
 
     Parameters
     ----------
-    points : (n, 2) finite.
-    on, off : lengths of dash and gap.
-    most : number of dashes; longer lines get longer ones.
+    points : (n, 2) array
+        Finite.
+    on : float, optional
+        Length of a dash.
+    off : float, optional
+        Length of a gap.
+    most : int, optional
+        Number of dashes; longer lines get longer ones.
     """
     steps = np.linalg.norm(np.diff(points, axis=0), axis=1)
     at = np.concatenate([[0.0], np.cumsum(steps)])

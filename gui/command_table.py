@@ -44,11 +44,18 @@ class Argument:
 
     Parameters
     ----------
-    kind : ``number`` (finite), ``whole``, ``word`` (any text) or ``switch`` (on, off).
-    choices : allowed words; empty for any.
-    unit : unit of a number, for people; ``times`` and ``share`` for dimensionless ones.
-    least, most : bounds of a number.
-    optional : True if it may be omitted; only the last ones may.
+    kind : Kind
+        ``number`` (finite), ``whole``, ``word`` (any text) or ``switch`` (on, off).
+    choices : tuple of str, optional
+        Allowed words; empty for any.
+    least : float, optional
+        Least value of a number.
+    most : float, optional
+        Largest value of a number.
+    optional : bool, optional
+        True if it may be omitted; only the last ones may.
+    unit : str, optional
+        Unit of a number, for people; ``times`` and ``share`` for dimensionless ones.
     """
 
     name: str
@@ -126,16 +133,24 @@ class Command:
 
     Parameters
     ----------
-    name : ``group.what``, as in scripts.
-    title : name for people, in menus.
-    help : description in one line.
-    run : function of the console and the arguments. For a held command the argument is True at its start, False at its
+    name : str
+        ``group.what``, as in scripts.
+    title : str
+        Name for people, in menus.
+    help : str
+        Description in one line.
+    run : callable
+        Function of the console and the arguments. For a held command the argument is True at its start, False at its
         end.
-    keys : names in Dear ImGui, with ``ctrl+`` for a chord.
-    held : True if it lasts as long as its key is held.
-    state : for a switch, a function that returns True if it is on, for the menu's tick. A command whose only argument
-        is `STATE` toggles if that is omitted.
-    flies : True if keys and gamepad run it only while hand control is armed.
+    keys : tuple of str, optional
+        Names in Dear ImGui, with ``ctrl+`` for a chord.
+    held : bool, optional
+        True if it lasts as long as its key is held.
+    state : callable, optional
+        For a switch, a function that returns True if it is on, for the menu's tick. A command whose only argument is
+        `STATE` toggles if that is omitted.
+    flies : bool, optional
+        True if keys and gamepad run it only while hand control is armed.
     """
 
     name: str
@@ -180,7 +195,8 @@ class Command:
 
         Parameters
         ----------
-        supplied : arguments that the control supplies; the others are listed with their units.
+        supplied : Value
+            Arguments that the control supplies; the others are listed with their units.
         """
         help_, keys = self.help[:1].upper() + self.help[1:], f" ({self.shown})" if self.shown else ""
         open_ = [a.about for a in self.arguments[len(supplied) :] if a.kind != "switch"]

@@ -102,11 +102,16 @@ class WindowRequests:
 
     Parameters
     ----------
-    screenshot : file for a picture of the window.
-    clipboard : text for the clipboard.
-    layout : last layout chosen.
-    front : panel to raise.
-    enlarged : panel that fills the window, or empty.
+    layout : str, optional
+        Last layout chosen.
+    enlarged : str, optional
+        Panel that fills the window, or empty.
+    screenshot : Path, optional
+        File for a picture of the window.
+    clipboard : str, optional
+        Text for the clipboard.
+    front : str, optional
+        Panel to raise.
     """
 
     close: bool = False
@@ -126,10 +131,14 @@ class Help:
 
     Parameters
     ----------
-    about : title and description of each panel.
-    panel : panel that the help describes.
-    hovered : the panel under the mouse.
-    rects : left, top, width and height of panels and bars.
+    about : dict of str to tuple of str, optional
+        Title and description of each panel.
+    panel : str, optional
+        Panel that the help describes.
+    hovered : str, optional
+        The panel under the mouse.
+    rects : dict of str to tuple of float, optional
+        Left, top, width and height of panels and bars.
     """
 
     about: dict[str, tuple[str, str]] = field(default_factory=dict)
@@ -146,14 +155,24 @@ class Console:
 
     Parameters
     ----------
-    session : the flight; replaced when another scenario is opened.
-    feed : pictures of the chaser's camera.
-    feeds : feeds of further views, by name.
-    options : the operator's settings.
-    table : all commands.
-    shown : panels and views by name, True if open.
-    clock_ms : real time since the first picture; it runs while the flight is paused, too.
-    window_hz, window_gl : frame rate and driver of the window.
+    session : FlightSession
+        The flight; replaced when another scenario is opened.
+    feed : Feed
+        Pictures of the chaser's camera.
+    feeds : dict of str to Feed, optional
+        Feeds of further views, by name.
+    options : Options
+        The operator's settings.
+    table : CommandTable
+        All commands.
+    shown : dict of str to bool, optional
+        Panels and views by name, True if open.
+    clock_ms : int, optional
+        Real time since the first picture; it runs while the flight is paused, too.
+    window_hz : float, optional
+        Frame rate and driver of the window.
+    window_gl : str, optional
+        Frame rate and driver of the window.
     """
 
     session: FlightSession
@@ -226,8 +245,10 @@ class Console:
 
         Parameters
         ----------
-        name : name of the command.
-        arguments : values in the order of the command's declaration.
+        name : str
+            Name of the command.
+        arguments : Value
+            Values in the order of the command's declaration.
         """
         try:
             command = self.table[name]
@@ -308,8 +329,10 @@ class Console:
 
         Parameters
         ----------
-        wall_ms : elapsed real time.
-        keys : commands whose keys are held.
+        wall_ms : int
+            Elapsed real time.
+        keys : frozenset of str, optional
+            Commands whose keys are held.
         """
         if not self.hand.armed:
             if keys & STEERING:

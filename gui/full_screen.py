@@ -33,7 +33,8 @@ class FullScreen:
 
     Parameters
     ----------
-    monitor : index in the order of the window system.
+    monitor : int, optional
+        Index in the order of the window system.
 
     Raises
     ------

@@ -57,7 +57,8 @@ class Gamepad:
 
         Parameters
         ----------
-        pad : name; six axes from -1 to 1, down and right positive, triggers -1 when released; fifteen buttons. None
+        pad : Pad or None
+            Name; six axes from -1 to 1, down and right positive, triggers -1 when released; fifteen buttons. None
             without a gamepad.
         """
         if pad is None:

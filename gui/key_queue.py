@@ -17,10 +17,14 @@ class Event(NamedTuple):
 
     Parameters
     ----------
-    take : function that delivers the event.
-    key : None for a letter.
-    turns : True if it may begin or end text input.
-    pressed : False for a key release.
+    take : callable
+        Function that delivers the event.
+    key : int or None
+        None for a letter.
+    turns : bool
+        True if it may begin or end text input.
+    pressed : bool
+        False for a key release.
     """
 
     take: Callable[[], None]
@@ -37,11 +41,20 @@ class KeyQueue:
 
     Parameters
     ----------
-    on_key : function of window, key, scancode, action and modifiers, as in glfw.
-    on_letter : callback of a window and a code point.
-    pressed, released, ctrl : glfw's actions for press and release, and its bit for Ctrl.
-    turns : keys that begin or end text input by themselves.
-    urgent : predicate for keys whose press overtakes the queue. It discards earlier presses, but never overtakes a key
+    on_key : callable
+        Function of window, key, scancode, action and modifiers, as in glfw.
+    on_letter : callable
+        Callback of a window and a code point.
+    pressed : int
+        Glfw's action of a press.
+    released : int
+        Glfw's action of a release.
+    ctrl : int
+        Glfw's bit for Ctrl.
+    turns : iterable of int
+        Keys that begin or end text input by themselves.
+    urgent : callable, optional
+        Predicate for keys whose press overtakes the queue. It discards earlier presses, but never overtakes a key
         that may begin or end text input.
     """
 

@@ -44,9 +44,16 @@ class Keyboard(Keys):
 
     Parameters
     ----------
-    imgui, glfw : the modules.
-    native : glfw's window.
-    on_key, on_letter : functions that pass events to Dear ImGui, with glfw's arguments.
+    imgui : object
+        The module of Dear ImGui.
+    glfw : object
+        The module of glfw.
+    native : object
+        Glfw's window.
+    on_key : callable
+        Passes a key to Dear ImGui, with glfw's arguments.
+    on_letter : callable
+        Passes a letter to Dear ImGui, with glfw's arguments.
     """
 
     def __init__(

@@ -56,9 +56,12 @@ class SavedLayout(msgspec.Struct, forbid_unknown_fields=True):
 
     Parameters
     ----------
-    shown : panels by name, True if open.
-    docking : Dear ImGui's settings by layout form.
-    recent : scenarios flown last.
+    shown : dict of str to bool, optional
+        Panels by name, True if open.
+    docking : dict of str to str, optional
+        Dear ImGui's settings by layout form.
+    recent : list of str, optional
+        Scenarios flown last.
     """
 
     version: int = VERSION
@@ -135,8 +138,10 @@ class Layout:
 
     Parameters
     ----------
-    window : surface to draw in.
-    saved : last layout.
+    window : Surface
+        Surface to draw in.
+    saved : SavedLayout
+        Last layout.
     """
 
     def __init__(self, window: Surface, saved: SavedLayout) -> None:

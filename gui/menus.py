@@ -92,7 +92,8 @@ class MenuBar:
 
     Parameters
     ----------
-    window : surface to draw in.
+    window : Surface
+        Surface to draw in.
     """
 
     def __init__(self, window: Surface) -> None:

@@ -17,7 +17,8 @@ class OffScreen(Surface):
 
     Parameters
     ----------
-    size : width and height in pixels.
+    size : tuple of int
+        Width and height in pixels.
     """
 
     def __init__(self, size: tuple[int, int]) -> None:

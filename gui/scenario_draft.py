@@ -29,9 +29,12 @@ class ScenarioDraft:
 
     Parameters
     ----------
-    name : name of the original scenario.
-    file : its file; None for a built-in scenario and one that is in no file.
-    problem : what is wrong with it, in one sentence; empty if nothing is.
+    name : str, optional
+        Name of the original scenario.
+    file : Path, optional
+        Its file; None for a built-in scenario and one that is in no file.
+    problem : str, optional
+        What is wrong with it, in one sentence; empty if nothing is.
     """
 
     text: str = ""

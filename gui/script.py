@@ -39,8 +39,10 @@ class Line:
 
     Parameters
     ----------
-    t_ms : real time.
-    verb : ``do``, or for a held command ``hold`` and ``release``.
+    t_ms : int
+        Real time.
+    verb : Verb
+        ``do``, or for a held command ``hold`` and ``release``.
     """
 
     t_ms: int
@@ -184,7 +186,8 @@ class Player:
 
     Parameters
     ----------
-    script : script to play, from real time 0 on.
+    script : Script
+        Script to play, from real time 0 on.
     """
 
     def __init__(self, script: Script) -> None:

@@ -17,7 +17,8 @@ class StatusLine:
 
     Parameters
     ----------
-    window : surface to draw in.
+    window : Surface
+        Surface to draw in.
     """
 
     def __init__(self, window: Surface) -> None:

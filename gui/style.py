@@ -81,8 +81,10 @@ def apply_style(imgui: Any, scale: float) -> None:  # noqa: ANN401 - the binding
 
     Parameters
     ----------
-    imgui : module ``imgui_bundle.imgui``.
-    scale : scale of the monitor.
+    imgui : object
+        Module ``imgui_bundle.imgui``.
+    scale : float
+        Scale of the monitor.
     """
     style = imgui.get_style()
     imgui.style_colors_dark()

@@ -33,7 +33,8 @@ def import_parts(*, off_screen: bool = False) -> tuple[Any, Any]:
 
     Parameters
     ----------
-    off_screen : True to use OpenGL by EGL. The first call decides for the process.
+    off_screen : bool, optional
+        True to use OpenGL by EGL. The first call decides for the process.
 
     Raises
     ------
@@ -64,9 +65,12 @@ class Surface(ABC):
 
     Parameters
     ----------
-    context : current OpenGL context.
-    target : framebuffer to draw into.
-    monitor_scale : pixels per screen unit.
+    context : Context
+        Current OpenGL context.
+    target : Framebuffer
+        Framebuffer to draw into.
+    monitor_scale : float
+        Pixels per screen unit.
     """
 
     keys: Keys
@@ -207,9 +211,12 @@ class Surface(ABC):
 
         Parameters
         ----------
-        view : name of the view; each has its own texture.
-        image : (H, W) or (H, W, 3) screen values, or a function that computes them for a new ``key``.
-        size : size on the screen, if known; the picture is then scaled by OpenCV, which takes a tenth of a software
+        view : str
+            Name of the view; each has its own texture.
+        image : ByteArray or callable
+            (H, W) or (H, W, 3) screen values, or a function that computes them for a new ``key``.
+        size : tuple of float, optional
+            Size on the screen, if known; the picture is then scaled by OpenCV, which takes a tenth of a software
             driver's time.
         """
         ratio = self.imgui.get_io().display_framebuffer_scale

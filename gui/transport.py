@@ -28,7 +28,8 @@ class TransportStrip:
 
     Parameters
     ----------
-    window : surface to draw in.
+    window : Surface
+        Surface to draw in.
     """
 
     def __init__(self, window: Surface) -> None:
@@ -122,7 +123,8 @@ class JobStrip:
 
     Parameters
     ----------
-    window : surface to draw in.
+    window : Surface
+        Surface to draw in.
     """
 
     def __init__(self, window: Surface) -> None:

@@ -26,7 +26,8 @@ class Widgets:
 
     Parameters
     ----------
-    window : surface with the fonts and scale.
+    window : Surface
+        Surface with the fonts and scale.
     """
 
     def __init__(self, window: Surface) -> None:
@@ -120,8 +121,10 @@ class Widgets:
 
         Parameters
         ----------
-        given : arguments that the item supplies.
-        argument : name of the only one that it sets.
+        given : Value
+            Arguments that the item supplies.
+        argument : str, optional
+            Name of the only one that it sets.
         """
         command = console.table[name]
         if argument:
@@ -136,7 +139,8 @@ class Widgets:
 
         Parameters
         ----------
-        figure : index for dragging it into a plot; None if it cannot be dragged.
+        figure : int, optional
+            Index for dragging it into a plot; None if it cannot be dragged.
         """
         imgui = self.imgui
         figures = " ".join(form.format(v) for v in values)
@@ -172,11 +176,16 @@ class Widgets:
 
         Parameters
         ----------
-        label : replaces the command's title.
-        width : 0 for that of the label, -1 for the rest of the line.
-        on : True if lit.
-        icon : icon of another command or state.
-        fill : colour, by default that of a primary command.
+        label : str, optional
+            Replaces the command's title.
+        width : float, optional
+            0 for that of the label, -1 for the rest of the line.
+        on : bool, optional
+            True if lit.
+        icon : str, optional
+            Icon of another command or state.
+        fill : Rgba, optional
+            Colour, by default that of a primary command.
         """
         fill = fill or (style.PRIMARY if name in PRIMARY else style.LIT if on else None)
         text = labelled(icon or name, console.table[name].title if label is None else label)
@@ -247,8 +256,10 @@ class Widgets:
 
         Parameters
         ----------
-        shown : function that returns the text of a choice.
-        argument : name of the argument, if the command has others.
+        shown : callable, optional
+            Function that returns the text of a choice.
+        argument : str, optional
+            Name of the argument, if the command has others.
         """
         imgui = self.imgui
         imgui.set_next_item_width(width)
@@ -271,9 +282,12 @@ class Widgets:
 
         Parameters
         ----------
-        shares : relative widths of the columns.
-        rows : functions that draw the cells.
-        heads : titles of the columns.
+        shares : sequence of float
+            Relative widths of the columns.
+        rows : iterable of sequence of callable
+            Functions that draw the cells.
+        heads : sequence of str, optional
+            Titles of the columns.
         """
         imgui = self.imgui
         if not imgui.begin_table(name, len(shares), imgui.TableFlags_.sizing_stretch_prop):
@@ -295,8 +309,10 @@ class Widgets:
 
         Parameters
         ----------
-        height : height at scale 1.
-        still : True if the mouse does not move it.
+        height : float
+            Height at scale 1.
+        still : bool, optional
+            True if the mouse does not move it.
         """
         flags = self.implot.Flags_
         quiet = flags.no_legend | flags.no_menus | flags.no_mouse_text | flags.no_title

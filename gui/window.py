@@ -28,8 +28,10 @@ def open_glfw(
 
     Parameters
     ----------
-    monitor : monitor to fill.
-    hints : further glfw hints, by name.
+    monitor : object, optional
+        Monitor to fill.
+    hints : int
+        Further glfw hints, by name.
     """
     all_hints = {"CONTEXT_VERSION_MAJOR": 3, "CONTEXT_VERSION_MINOR": 3}
     all_hints |= {"OPENGL_PROFILE": glfw.OPENGL_CORE_PROFILE, "OPENGL_FORWARD_COMPAT": glfw.TRUE}
@@ -46,8 +48,10 @@ class Window(Surface):
 
     Parameters
     ----------
-    title : title of the window.
-    size : width and height in screen units.
+    title : str
+        Title of the window.
+    size : tuple of int
+        Width and height in screen units.
     """
 
     def __init__(self, title: str, size: tuple[int, int]) -> None:

@@ -84,7 +84,8 @@ class Keeping:
 
     Parameters
     ----------
-    then : function called with the scenario once it is complete.
+    then : callable
+        Function called with the scenario once it is complete.
     """
 
     console: Console

@@ -25,8 +25,10 @@ class Jobs:
 
     Parameters
     ----------
-    say : function that reports a text with a level.
-    do : function that runs a command.
+    say : callable
+        Function that reports a text with a level.
+    do : callable
+        Function that runs a command.
     """
 
     say: Callable[..., None]
@@ -45,8 +47,10 @@ class Jobs:
 
         Parameters
         ----------
-        picture : newest picture of the chaser's camera.
-        t_ms : real time.
+        picture : Picture or None
+            Newest picture of the chaser's camera.
+        t_ms : int
+            Real time.
         """
         self._update_estimates(picture)
         for note in self.hil.update(session):
@@ -106,9 +110,12 @@ class RunningJob:
 
     Parameters
     ----------
-    text : description and progress.
-    share : completed share; None if unknown.
-    end : command that ends it, or empty.
+    text : str
+        Description and progress.
+    share : float, optional
+        Completed share; None if unknown.
+    end : str, optional
+        Command that ends it, or empty.
     """
 
     text: str

@@ -35,12 +35,18 @@ class CaptureRequest:
 
     Parameters
     ----------
-    what : name or file of a scenario or recipe.
-    frames : number of frames.
-    folder : destination.
-    formats : comma-separated names.
-    workers : number of drawing processes.
-    resume : True to continue an existing set.
+    what : str
+        Name or file of a scenario or recipe.
+    frames : int
+        Number of frames.
+    folder : Path
+        Destination.
+    formats : str, optional
+        Comma-separated names.
+    workers : int, optional
+        Number of drawing processes.
+    resume : bool, optional
+        True to continue an existing set.
     """
 
     what: str
@@ -76,7 +82,8 @@ class CaptureJob:
 
     Parameters
     ----------
-    clock : monotonic time [s].
+    clock : callable, optional
+        Monotonic time [s].
     """
 
     def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:

@@ -42,10 +42,16 @@ class ComparedEstimate:
 
     Parameters
     ----------
-    t_s : simulated time of the picture.
-    done_s : time of the answer, on the clock of `Estimates`.
-    E_R_deg, E_T_m : errors against the truth; None without a pose.
-    size_px : width and height of the picture.
+    t_s : float
+        Simulated time of the picture.
+    done_s : float
+        Time of the answer, on the clock of `Estimates`.
+    E_R_deg : float or None
+        Error of the attitude [deg]; None without a pose.
+    E_T_m : float or None
+        Error of the position [m]; None without a pose.
+    size_px : tuple of int
+        Width and height of the picture.
     """
 
     method: str
@@ -68,9 +74,14 @@ class Estimates:
 
     Parameters
     ----------
-    open_resource, work : resource and function of the process.
-    limit_s : time without processor use after which a process is restarted.
-    clock : monotonic time [s].
+    open_resource : callable, optional
+        Opens the resource of the process.
+    work : callable, optional
+        Function of the process.
+    limit_s : float, optional
+        Time without processor use after which a process is restarted.
+    clock : callable, optional
+        Monotonic time [s].
     """
 
     def __init__(
@@ -166,7 +177,8 @@ class Estimates:
 
         Parameters
         ----------
-        picture : newest picture of the sensor view.
+        picture : Picture or None
+            Newest picture of the sensor view.
         """
         before = self.newest
         if not self.on:

@@ -35,8 +35,10 @@ class EstimateRequest:
 
     Parameters
     ----------
-    t_s : time of mid-exposure, for methods that track.
-    stages : True to return pictures of the method's stages.
+    t_s : float
+        Time of mid-exposure, for methods that track.
+    stages : bool
+        True to return pictures of the method's stages.
     """
 
     method: str
@@ -53,9 +55,11 @@ class Answer:
 
     Parameters
     ----------
-    network : keypoint network that took part: ``own`` (trained for this craft), ``shipped`` or ``none``; empty for
-        methods that have none.
-    stages : picture of each stage as a JPEG file, by its name.
+    network : str, optional
+        Keypoint network that took part: ``own`` (trained for this craft), ``shipped`` or ``none``; empty for methods
+        that have none.
+    stages : dict of str to ByteArray, optional
+        Picture of each stage as a JPEG file, by its name.
     """
 
     accepted: bool

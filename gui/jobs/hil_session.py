@@ -44,7 +44,8 @@ class HilSession:
 
     Parameters
     ----------
-    clock : monotonic time [s].
+    clock : callable, optional
+        Monotonic time [s].
     """
 
     def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
@@ -143,8 +144,10 @@ class HilSession:
 
         Parameters
         ----------
-        target : name of the craft.
-        url : URL of the host; by default this session's.
+        target : str
+            Name of the craft.
+        url : str, optional
+            URL of the host; by default this session's.
 
         Raises
         ------
@@ -176,7 +179,8 @@ class HilSession:
 
         Parameters
         ----------
-        session : the present flight; the session ends if it is not the one it began with.
+        session : FlightSession
+            The present flight; the session ends if it is not the one it began with.
         """
         notes = self._look_at_board()
         if self._process is None:

@@ -20,7 +20,8 @@ class MeshImport:
 
     Parameters
     ----------
-    path : file of the mesh.
+    path : Path
+        File of the mesh.
 
     Raises
     ------

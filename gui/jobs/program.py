@@ -28,8 +28,10 @@ class ChildProgram:
 
     Parameters
     ----------
-    arguments : command line after ``flyaround``.
-    clock : monotonic time [s].
+    arguments : sequence of str
+        Command line after ``flyaround``.
+    clock : callable, optional
+        Monotonic time [s].
 
     Raises
     ------

@@ -22,9 +22,14 @@ class TourStep:
 
     Parameters
     ----------
-    title, text : texts for people.
-    commands : commands of which one completes the step.
-    place : framed panel or bar.
+    title : str
+        Name of the step.
+    text : str
+        What to do.
+    commands : frozenset of str
+        Commands of which one completes the step.
+    place : str
+        Framed panel or bar.
     """
 
     title: str

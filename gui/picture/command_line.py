@@ -19,8 +19,10 @@ class CommandLines:
 
     Parameters
     ----------
-    lines : pairs of purpose and line.
-    left_out : settings of the console that they cannot express.
+    lines : tuple of tuple of str
+        Pairs of purpose and line.
+    left_out : tuple of str
+        Settings of the console that they cannot express.
     """
 
     lines: tuple[tuple[str, str], ...]
@@ -32,8 +34,10 @@ def command_lines(session: FlightSession, options: Options, source: str, saved: 
 
     Parameters
     ----------
-    source : built-in name or file of the scenario; empty if it is in no file.
-    saved : truth record of a saved picture, if any.
+    source : str
+        Built-in name or file of the scenario; empty if it is in no file.
+    saved : str, optional
+        Truth record of a saved picture, if any.
     """
     settings = options.settings
     if not source:

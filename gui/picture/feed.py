@@ -84,11 +84,16 @@ class PictureKind:
 
     Parameters
     ----------
-    scene : function of session, settings, camera pixels per drawn pixel, and quality (None: the scene's own).
-    labels : label layers of every picture.
-    every_s : least time between two pictures.
-    title : name of the view in messages.
-    needed : True if the console cannot run without it.
+    scene : SceneOf, optional
+        Function of session, settings, camera pixels per drawn pixel, and quality (None: the scene's own).
+    labels : LabelRequest, optional
+        Label layers of every picture.
+    every_s : float, optional
+        Least time between two pictures.
+    title : str, optional
+        Name of the view in messages.
+    needed : bool, optional
+        True if the console cannot run without it.
     """
 
     scene: SceneOf = chaser_scene
@@ -117,10 +122,13 @@ class Feed:
 
     Parameters
     ----------
-    producer : renderer in another process, because the UI thread owns the window's context. `Turns` schedules it among
+    producer : FramesOnRequest
+        Renderer in another process, because the UI thread owns the window's context. `Turns` schedules it among
         several feeds.
-    clock : monotonic time [s].
-    kind : kind of the pictures.
+    clock : callable, optional
+        Monotonic time [s].
+    kind : PictureKind, optional
+        Kind of the pictures.
     """
 
     def __init__(
@@ -186,7 +194,8 @@ class Feed:
 
         Parameters
         ----------
-        timed : True to time each pass, which is slightly slower.
+        timed : bool, optional
+            True to time each pass, which is slightly slower.
 
         Raises
         ------
@@ -368,9 +377,12 @@ class AdaptiveResolution:
 
         Parameters
         ----------
-        divisor : camera pixels per drawn pixel.
-        ms : time to draw the picture.
-        now_s : monotonic time.
+        divisor : int
+            Camera pixels per drawn pixel.
+        ms : float
+            Time to draw the picture.
+        now_s : float
+            Monotonic time.
         """
         if divisor != self.divisor:
             return

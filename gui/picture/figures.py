@@ -17,10 +17,14 @@ class Figure:
 
     Parameters
     ----------
-    title : title with unit.
-    form : format of each value.
-    tip : hover text.
-    values : function that returns the number, or three components.
+    title : str
+        Title with unit.
+    form : str
+        Format of each value.
+    tip : str
+        Hover text.
+    values : callable
+        Function that returns the number, or three components.
     """
 
     title: str

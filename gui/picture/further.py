@@ -24,8 +24,10 @@ def further_feeds(turns: Turns, options: Options) -> dict[str, Feed]:
 
     Parameters
     ----------
-    turns : access to the render process.
-    options : the operator's settings, read for every picture.
+    turns : Turns
+        Access to the render process.
+    options : Options
+        The operator's settings, read for every picture.
     """
 
     def orbit(

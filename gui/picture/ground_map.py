@@ -34,7 +34,10 @@ class GroundMap:
 
     Parameters
     ----------
-    day, night : (360, 720, 3) RGB, 0..255.
+    day : Float32Array
+        (360, 720, 3) RGB of the sunlit ground, 0..255.
+    night : Float32Array
+        (360, 720, 3) RGB of the ground at night, 0..255.
     """
 
     day: Float32Array

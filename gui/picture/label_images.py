@@ -59,9 +59,14 @@ class DepthPicture:
 
     Parameters
     ----------
-    image : (H, W, 3) RGB.
-    near_m, far_m : depths at the ends of the colour scale.
-    ticks_m : round depths between.
+    image : ByteArray
+        (H, W, 3) RGB.
+    near_m : float
+        Depth at the near end of the colour scale.
+    far_m : float
+        Depth at the far end of the colour scale.
+    ticks_m : tuple of float
+        Round depths between.
     """
 
     image: ByteArray
@@ -82,7 +87,8 @@ def depth_picture(depth_m: Float32Array) -> DepthPicture | None:
 
     Parameters
     ----------
-    depth_m : (H, W) camera z, NaN outside the target.
+    depth_m : Float32Array
+        (H, W) camera z, NaN outside the target.
     """
     on = np.isfinite(depth_m)
     if not on.any():

@@ -27,9 +27,12 @@ class PlacedLabel:
 
     Parameters
     ----------
-    corner : upper left corner of the name.
-    lead : end of the leader line from the point; None without one.
-    choice : index of the candidate position, for the next picture.
+    corner : Point
+        Upper left corner of the name.
+    lead : Point or None
+        End of the leader line from the point; None without one.
+    choice : int
+        Index of the candidate position, for the next picture.
     """
 
     corner: Point
@@ -49,11 +52,16 @@ def place_labels(
 
     Parameters
     ----------
-    points : points of the names.
-    sizes : width and height of each name.
-    place : x, y, width, height of the region for names.
-    obstacles : rectangles to avoid, in the same form.
-    last_choices : candidate of each name in the last picture, tried first, for stability.
+    points : sequence of Point
+        Points of the names.
+    sizes : sequence of Point
+        Width and height of each name.
+    place : tuple of float
+        X, y, width, height of the region for names.
+    last_choices : sequence of int or None, optional
+        Candidate of each name in the last picture, tried first, for stability.
+    obstacles : sequence of tuple of float, optional
+        Rectangles to avoid, x, y, width, height.
     """
     n = len(points)
     if n == 0:

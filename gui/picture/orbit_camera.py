@@ -29,11 +29,16 @@ class OrbitCamera:
 
     Parameters
     ----------
-    about : object that it circles and looks at.
-    azimuth_deg : 0 looks along-track, 90 along minus cross-track.
-    elevation_deg : above the local horizontal plane.
-    distance_m : distance from that object.
-    size_px : width and height of the rendered view.
+    about : About, optional
+        Object that it circles and looks at.
+    azimuth_deg : float, optional
+        0 looks along-track, 90 along minus cross-track.
+    elevation_deg : float, optional
+        Above the local horizontal plane.
+    distance_m : float, optional
+        Distance from that object.
+    size_px : tuple of int, optional
+        Width and height of the rendered view.
     """
 
     about: About = "target"

@@ -42,8 +42,10 @@ def orbit_scene(
 
     Parameters
     ----------
-    divisor : view pixels per drawn pixel.
-    quality : replaces the default.
+    divisor : int
+        View pixels per drawn pixel.
+    quality : Quality or None
+        Replaces the default.
     """
     own = session.scene()
     world = seen_from(session.craft.world, session.flight.lvlh(session.t_s), look)
@@ -106,11 +108,16 @@ class ChaserMarks:
 
     Parameters
     ----------
-    place : (2,) position of its camera.
-    frustum : (n, 2, 2) lines of the camera's field of view.
-    axes : (3, 2, 2) lines of its camera's axes.
-    trail : (n, 2) flown path.
-    range_m : distance from the free camera.
+    place : (2,) array
+        Position of its camera.
+    frustum : (n, 2, 2) array
+        Lines of the camera's field of view.
+    axes : (3, 2, 2) array
+        Lines of its camera's axes.
+    trail : (n, 2) array
+        Flown path.
+    range_m : float
+        Distance from the free camera.
     """
 
     place: FloatArray
@@ -127,11 +134,16 @@ def chaser_marks(
 
     Parameters
     ----------
-    scene : scene of the free camera.
-    world : state of the flight at the same time.
-    chaser : the chaser's camera.
-    frame : LVLH at that time.
-    trail_lvlh_m : (n, 3) flown path.
+    scene : SceneState
+        Scene of the free camera.
+    world : WorldState
+        State of the flight at the same time.
+    chaser : Camera
+        The chaser's camera.
+    frame : Lvlh
+        LVLH at that time.
+    trail_lvlh_m : (n, 3) array
+        Flown path.
     """
     R_free_from_eci = matrix_from_quat(scene.q_camera_from_eci_wxyz)
     eye = np.array(scene.r_camera_eci_m) - np.array(scene.r_target_eci_m)

@@ -36,9 +36,16 @@ class Plane:
 
     Parameters
     ----------
-    name : name for people.
-    right, up : LVLH axes of the plane (0 radial, 1 along-track, 2 cross-track).
-    up_title, note : label of the upward direction.
+    name : str
+        Name for people.
+    right : int
+        LVLH axis to the right (0 radial, 1 along-track, 2 cross-track).
+    up : int
+        LVLH axis upwards.
+    up_title : str
+        Label of the upward direction.
+    note : str, optional
+        Text beside the map.
     """
 
     name: str
@@ -63,9 +70,12 @@ class MapLook:
 
     Parameters
     ----------
-    centre_lvlh_m : centre of both planes.
-    width_m : width of a plane.
-    fitted : True while it follows its content, until the operator moves it.
+    centre_lvlh_m : Vec3, optional
+        Centre of both planes.
+    width_m : float, optional
+        Width of a plane.
+    fitted : bool, optional
+        True while it follows its content, until the operator moves it.
     """
 
     centre_lvlh_m: Vec3 = (0.0, 0.0, 0.0)
@@ -85,9 +95,12 @@ class MapPort:
 
     Parameters
     ----------
-    rect : screen rectangle.
-    centre_lvlh_m : position shown at the centre.
-    scale : screen units per metre.
+    rect : Rect
+        Screen rectangle.
+    centre_lvlh_m : Vec3
+        Position shown at the centre.
+    scale : float
+        Screen units per metre.
     """
 
     plane: Plane
@@ -148,9 +161,12 @@ def fit(look: MapLook, points_lvlh_m: FloatArray, aspect: float) -> None:
 
     Parameters
     ----------
-    look : centre and width of the map, modified if necessary.
-    points_lvlh_m : (n, 3) positions.
-    aspect : width over height of a plane on the screen.
+    look : MapLook
+        Centre and width of the map, modified if necessary.
+    points_lvlh_m : (n, 3) array
+        Positions.
+    aspect : float
+        Width over height of a plane on the screen.
     """
     low, high = points_lvlh_m.min(axis=0), points_lvlh_m.max(axis=0)
     size = high - low

@@ -64,10 +64,14 @@ class SensorTerm:
 
     Parameters
     ----------
-    name : field of the sensor.
-    text : name for people, with unit.
-    effect : effect of a change.
-    value : present value.
+    name : str
+        Field of the sensor.
+    text : str
+        Name for people, with unit.
+    effect : str
+        Effect of a change.
+    value : float
+        Present value.
     """
 
     name: str
@@ -82,10 +86,18 @@ class Histogram:
 
     Parameters
     ----------
-    counts : (bands, BINS) number of pixels.
-    width_dn : width of a bin.
-    saturated : share of the values at full scale.
-    median_dn, least_dn, most_dn : median and extremes of all values.
+    counts : IntArray
+        (bands, BINS) number of pixels.
+    width_dn : float
+        Width of a bin.
+    saturated : float
+        Share of the values at full scale.
+    median_dn : float
+        Median and extremes of all values.
+    least_dn : int
+        Median and extremes of all values.
+    most_dn : int
+        Median and extremes of all values.
     """
 
     counts: IntArray

@@ -28,8 +28,10 @@ class SettingsHistory:
 
         Parameters
         ----------
-        before : copy of the settings before the command.
-        t_ms : real time.
+        before : Options
+            Copy of the settings before the command.
+        t_ms : int
+            Real time.
         """
         if before == after:
             return

@@ -36,10 +36,14 @@ class Marks:
 
     Parameters
     ----------
-    keypoints : pixel, visibility, name.
-    box : x0 y0 x1 y1 of the whole target at pixel edges.
-    axes : origin and tip of the target's x, y, z axes.
-    wireframe : edges with a face towards the camera.
+    keypoints : tuple of tuple of Pixel, Seen and str, optional
+        Pixel, visibility, name.
+    box : tuple of float, optional
+        X0 y0 x1 y1 of the whole target at pixel edges.
+    axes : tuple of Segment, optional
+        Origin and tip of the target's x, y, z axes.
+    wireframe : tuple of Segment, optional
+        Edges with a face towards the camera.
     """
 
     keypoints: tuple[tuple[Pixel, Seen, str], ...] = ()
@@ -56,7 +60,8 @@ class Marker:
 
     Parameters
     ----------
-    target : model of the target.
+    target : Target
+        Model of the target.
     """
 
     def __init__(self, target: Target) -> None:
@@ -71,9 +76,12 @@ class Marker:
 
         Parameters
         ----------
-        scene : scene of the picture.
-        overlays : requested marks.
-        exact : True to compute occlusion for this picture even if the view has hardly changed.
+        scene : SceneState
+            Scene of the picture.
+        overlays : Overlays
+            Requested marks.
+        exact : bool, optional
+            True to compute occlusion for this picture even if the view has hardly changed.
         """
         return Marks(
             keypoints=self._keypoints(scene, exact=exact) if overlays.keypoints else (),

@@ -32,8 +32,10 @@ class Turns:
 
     Parameters
     ----------
-    producer : draws one picture after the other.
-    clock : monotonic time [s].
+    producer : FramesOnRequest
+        Draws one picture after the other.
+    clock : callable, optional
+        Monotonic time [s].
     """
 
     def __init__(self, producer: FramesOnRequest, clock: Callable[[], float] = time.perf_counter) -> None:
@@ -49,7 +51,8 @@ class Turns:
 
         Parameters
         ----------
-        share : weight relative to other channels.
+        share : float, optional
+            Weight relative to other channels.
         """
         channel = Channel(self, share)
         self._channels.append(channel)
@@ -116,8 +119,10 @@ class Channel:
 
     Parameters
     ----------
-    turns : scheduler.
-    share : weight of its time.
+    turns : Turns
+        Scheduler.
+    share : float
+        Weight of its time.
     """
 
     def __init__(self, turns: Turns, share: float) -> None:

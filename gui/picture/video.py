@@ -34,7 +34,8 @@ class Film:
 
     Parameters
     ----------
-    path : file, whose name ends in .mp4.
+    path : Path
+        File, whose name ends in .mp4.
 
     Raises
     ------
@@ -69,8 +70,10 @@ class Film:
 
         Parameters
         ----------
-        t_ms : presentation time, later than the last.
-        image : (H, W) or (H, W, 3), eight bits.
+        t_ms : int
+            Presentation time, later than the last.
+        image : ByteArray
+            (H, W) or (H, W, 3), eight bits.
         """
         if self.trouble is not None or t_ms <= self._last_ms:
             return

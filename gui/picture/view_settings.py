@@ -56,13 +56,22 @@ class ViewSettings:
 
     Parameters
     ----------
-    exposure_stops : powers of two on the scenario's exposure.
-    bands, environment : replace the scenario's.
-    noise : True to add the sensor's noise.
-    camera : replaces the scenario's.
-    sensor_changes : changed fields of the sensor or its detector, by name.
-    light_gains : factors on the radiance of the area lights by index; missing ones are 1.
-    detail : resolution while time runs; paused pictures are drawn at full size.
+    bands : Bands
+        Bands instead of the scenario's.
+    environment : Environment
+        Layers of the world instead of the scenario's.
+    exposure_stops : float, optional
+        Powers of two on the scenario's exposure.
+    noise : bool, optional
+        True to add the sensor's noise.
+    detail : Detail, optional
+        Resolution while time runs; paused pictures are drawn at full size.
+    camera : Camera, optional
+        Replaces the scenario's.
+    sensor_changes : dict of str to float, optional
+        Changed fields of the sensor or its detector, by name.
+    light_gains : dict of int to float, optional
+        Factors on the radiance of the area lights by index; missing ones are 1.
     """
 
     bands: Bands
@@ -110,8 +119,10 @@ def apply_view_settings(
 
     Parameters
     ----------
-    divisor : camera pixels per drawn pixel, each way.
-    quality : replaces the scenario's.
+    divisor : int, optional
+        Camera pixels per drawn pixel, each way.
+    quality : Quality, optional
+        Replaces the scenario's.
     """
     sensor = changed_sensor(scene.sensor, settings.sensor_changes)
     if not settings.noise:

@@ -59,9 +59,12 @@ class BurnNodes:
 
         Parameters
         ----------
-        ports : planes on the screen.
-        mouse : position of the pointer.
-        pressed : left button went down on the map, is down; right button went down on the map.
+        ports : tuple of MapPort
+            Planes on the screen.
+        mouse : Point
+            Position of the pointer.
+        pressed : tuple of bool
+            Left button went down on the map, is down; right button went down on the map.
         """
         session = console.session
         self._refresh(session, session.craft.steering.burns if self._grip is None else self._plan)

@@ -56,7 +56,8 @@ class DockingHud:
 
     Parameters
     ----------
-    window : surface to draw in.
+    window : Surface
+        Surface to draw in.
     """
 
     def __init__(self, window: Surface) -> None:

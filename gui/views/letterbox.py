@@ -18,8 +18,12 @@ class Letterbox:
 
     Parameters
     ----------
-    x, y : screen position of the picture's top-left edge.
-    scale : screen units per pixel of the picture.
+    x : float
+        Column of the picture's left edge on the screen.
+    y : float
+        Row of the picture's top edge on the screen.
+    scale : float
+        Screen units per pixel of the picture.
     """
 
     x: float

@@ -22,7 +22,8 @@ class MouseSteering:
 
     Parameters
     ----------
-    window : surface with the mouse.
+    window : Surface
+        Surface with the mouse.
     """
 
     def __init__(self, window: Surface) -> None:

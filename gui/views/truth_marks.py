@@ -28,7 +28,8 @@ class TruthMarks:
 
     Parameters
     ----------
-    window : surface to draw in.
+    window : Surface
+        Surface to draw in.
     """
 
     def __init__(self, window: Surface) -> None:
@@ -54,8 +55,10 @@ class TruthMarks:
 
         Parameters
         ----------
-        paused : True to compute visibility for this picture.
-        obstacles : x, y, width, height of other text over the view.
+        paused : bool
+            True to compute visibility for this picture.
+        obstacles : tuple of Place, optional
+            X, y, width, height of other text over the view.
         """
         canvas = Canvas(self._window)
         self._remember(picture, options, paused=paused)

@@ -147,7 +147,8 @@ def material_values(materials: tuple[Material, ...], bands: Bands, *, worn: bool
 
     Parameters
     ----------
-    worn : True to add the wear of surfaces that have flown.
+    worn : bool
+        True to add the wear of surfaces that have flown.
     """
     color, surface, grain = np.zeros((256, 4)), np.zeros((256, 4)), np.zeros((256, 4))
     for k, material in enumerate(materials, start=1):
