@@ -100,7 +100,8 @@ class Keeping:
             replay = self.files.go_on(SLICE_S)
         except (UserError, OSError) as error:
             self.console.say(f"the flight was not kept: {error}", "caution")
-            self.console.unsaved.append(self.session)
+            if self.session.look_back.recorder is None:
+                self.console.unsaved.append(self.session)
             return False
         if replay is None:
             if time.monotonic() - self._told_s > 1.0:
