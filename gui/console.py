@@ -159,20 +159,20 @@ class Console:
         The flight; replaced when another scenario is opened.
     feed : Feed
         Pictures of the chaser's camera.
-    feeds : dict of str to Feed, optional
-        Feeds of further views, by name.
     options : Options
         The operator's settings.
     table : CommandTable
         All commands.
+    feeds : dict of str to Feed, optional
+        Feeds of further views, by name.
     shown : dict of str to bool, optional
         Panels and views by name, True if open.
     clock_ms : int, optional
         Real time since the first picture; it runs while the flight is paused, too.
     window_hz : float, optional
-        Frame rate and driver of the window.
+        Frame rate of the window.
     window_gl : str, optional
-        Frame rate and driver of the window.
+        OpenGL driver of the window.
     """
 
     session: FlightSession
