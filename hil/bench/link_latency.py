@@ -18,6 +18,7 @@ from flyaround.simulator.recipes.plan import plan_recipe
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
+    from flyaround.hil.host.frame_record import FrameRecord
     from flyaround.hil.host.link_process.ipc import Compression
 
 SIZES_PX = ((1024, 1024), (1920, 1200))
@@ -65,6 +66,12 @@ def link_latency_ms(
         boards[0].start()
 
     laps_ms: list[float] = []
+
+    def record(row: FrameRecord) -> None:
+        # an unanswered frame has no latency
+        if row.e2e_ms is not None:
+            laps_ms.append(row.e2e_ms)
+
     link = LinkConfig(
         url="tcp://127.0.0.1:0",
         mode="lockstep",
@@ -77,7 +84,7 @@ def link_latency_ms(
         _frames(width_px, height_px, n_frames),
         RunConfig(link=link),
         on_listening=start_board,
-        on_row=lambda row: laps_ms.append(row.e2e_ms or 0.0),
+        on_row=record,
     )
     boards[0].join(5.0)
     return laps_ms

@@ -23,7 +23,7 @@ class Chaser(Section, frozen=True, kw_only=True):
     """
 
     ballistic: ClassVar[bool] = False
-    """True if the mode defines only the state at t = 0, followed by free flight.
+    """True if the mode defines no path in LVLH, but free flight from the state at t = 0, or the states of a file.
 
     Any other mode is a path, which the chaser follows exactly unless it flies by thrusters.
     """

@@ -111,7 +111,7 @@ def _candidates(bodies: list[MeshBody]) -> tuple[FloatArray, np.ndarray]:
 
 
 def _corner_vertices(body: MeshBody) -> np.ndarray:
-    """Return the vertices where three or more creases meet, or two at a sharp bend."""
+    """Return the vertices where three or more creases meet, two meet at a sharp bend, or one ends."""
     ends, _, _ = crease_edges(body, edge_table(body.triangles))
     if not len(ends):
         return np.zeros(0, np.int64)
