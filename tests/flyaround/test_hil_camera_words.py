@@ -23,7 +23,7 @@ def test_what_is_about_a_link_is_refused_where_a_camera_is_served(words, capsys)
     assert run(["hil", "host", "tango-limb", "--listen", "gige://lo", *words]) == 2
     said = " ".join(capsys.readouterr().err.split())
     assert words[0] in said
-    assert "flyaround hil camera tango-limb --interface lo has options of its own" in said
+    assert "use flyaround hil camera tango-limb --interface lo" in said
     assert said.count("flyaround: ") == 1
 
 
@@ -57,7 +57,7 @@ def test_it_says_who_may_control_and_that_it_cannot_authenticate(monkeypatch, ca
         on_opened(None)
 
     monkeypatch.setattr(hil_camera, "run_camera", served)
-    monkeypatch.setattr(hil_camera, "loop_of", lambda *_, **__: None)
+    monkeypatch.setattr(hil_camera, "render_loop", lambda *_, **__: None)
     assert run(["hil", "camera", "tango-limb", "--interface", "lo", "--loop", "1"]) == 0
     said = " ".join(capsys.readouterr().err.split())
     assert "It cannot authenticate" in said

@@ -157,7 +157,7 @@ def test_a_terminated_host_closes_its_books_and_leaves_nothing_behind(tmp_path):
         host.communicate()
     board.join(60.0)
     assert host.returncode == 143
-    assert err.splitlines()[-1] == "flyaround: terminated; what was written so far is whole"
+    assert err.splitlines()[-1] == "flyaround: terminated; files written so far are complete"
     assert "leaked" not in err
     summary = json.loads((log / "summary.json").read_text())
     rows = read_ledger(log)

@@ -214,7 +214,7 @@ def test_a_damaged_target_does_not_hide_the_others(capsys, mesh_file):
     code, out, error = command(capsys, "--json")
     assert code == 0
     assert "my-sat" not in [t["name"] for t in json.loads(out)]
-    assert "'my-sat' is left out" in error
+    assert "'my-sat' is skipped" in error
     with pytest.raises(UserError, match="cut short"):
         load_target("my-sat")
 

@@ -112,7 +112,7 @@ def test_a_campaign_goes_on_with_the_same_values(type_in, v01):
     wanted = json.loads(result.read_text())["values"]
     code, out, said = type_in("hil", "campaign", v01 / "campaign.toml", "-o", v01 / "campaign", "--json")
     assert code == 0, said
-    assert "1 run of case 'late' had another version and is flown again" in said
+    assert "1 run of case 'late' had another version and is repeated" in said
     outcome = json.loads(out)
     assert [r["runs_passed"] for r in outcome["requirements"]] == [1, 1]
     found = json.loads(result.read_text())["values"]

@@ -112,7 +112,7 @@ def test_mistakes_are_one_sentence(display, tmp_path):
     for arguments, sentence in (
         ([], "name a scenario"),
         (["--patterns", "--monitor", "7"], "there is no monitor 7"),
-        (["tango-space-10m", "-n", "1"], "the frame is 1920 x 1200 px and the screen 1280 x 800"),
+        (["tango-space-10m", "-n", "1"], "the frame is 1920 x 1200 px but the screen 1280 x 800"),
     ):
         command = [sys.executable, "-m", "flyaround", "hil", "display", *arguments]
         done = subprocess.run(

@@ -81,7 +81,7 @@ def test_boards_are_held_against_the_same_opencv_alone(tmp_path: Path) -> None:
     )
     with pytest.raises(UserError, match=r"ran with OpenCV 5\.0\.0, the board's with 4\.6\.0"):
         compare_runs(here, older, "", "", "")
-    with pytest.raises(UserError, match="write it again"):
+    with pytest.raises(UserError, match="write the bundle anew"):
         compare_runs(here, others, "", "", "")
 
 

@@ -74,8 +74,8 @@ def test_what_cannot_be_fitted_is_told_before_anything_is_written(tmp_path, caps
         assert "Traceback" not in error
         return " ".join(error.split())
 
-    assert "1 of 1 pictures have no pose, a.png for one" in told([])
-    assert "2 of 2 pictures have no pose" in told([], grey, at=two_pictures(tmp_path / "two", grey))
+    assert "1 of 1 images have no pose, for example a.png" in told([])
+    assert "2 of 2 images have no pose" in told([], grey, at=two_pictures(tmp_path / "two", grey))
     assert "entry 1 has no pose" in told([{"filename": "a.png"}])
     assert "entry 2 has no pose" in told([row, 7])
     assert "is not a list of poses" in told({})

@@ -277,7 +277,7 @@ def test_a_hung_board_starts_anew_in_its_own_process_and_is_stopped_by_a_signal(
     # two seconds at most where the machine is idle
     assert took < 20.0
     assert (
-        "the watchdog stopped the estimator, which took longer than 2.5 s after 1 frames; the agent starts"
+        "the watchdog stopped the estimator, which took longer than 2.5 s after 1 frames; the agent restarts"
         in said
     )
     assert said.splitlines()[-1] == "terminated"

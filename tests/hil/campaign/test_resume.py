@@ -103,7 +103,7 @@ def test_a_run_of_other_versions_is_flown_again_and_said(bench, change, why):
     bench.change(2, flown_by=msgspec.structs.replace(old, **change))
     flown, outcome = bench.go_on()
     assert flown == [2]
-    assert bench.said == [f"1 run of case 'met' had {why} and is flown again"]
+    assert bench.said == [f"1 run of case 'met' had {why} and is repeated"]
     assert outcome.passed
 
 
@@ -115,7 +115,7 @@ def test_runs_of_another_board_than_the_one_that_is_met_now_are_flown_again(benc
     bench.change(3, flown_by=msgspec.structs.replace(flown_by_of(bench), flyaround="0.0.1"))
     flown, outcome = bench.go_on()
     assert flown == [3, 1, 2]
-    assert bench.said[-1] == "2 runs of case 'met' had another board and are flown again"
+    assert bench.said[-1] == "2 runs of case 'met' had another board and are repeated"
     assert [board.name for board in outcome.flown[0].boards] == ["b"]
 
 

@@ -68,7 +68,7 @@ def test_colour_and_deep_pictures_are_estimated_and_what_was_done_is_said(mono, 
     said = capsys.readouterr().out
     assert said.count("accepted") == 3
     assert f"{files[1]}: colour, taken in grey (the mean of the three channels), 8 bits\n" in said
-    assert f"{deep}: mono, 16 bits, full scale is its brightest pixel\n" in said
+    assert f"{deep}: mono, 16 bits, full scale taken from the brightest pixel\n" in said
     assert f"{files[0]}: mono" not in said
 
 

@@ -69,7 +69,7 @@ def test_metrics_follow_the_schema_and_the_table(dataset, tmp_path, capsys):
     }
     # but a folder of something else is left alone
     assert run(["evaluate", str(dataset), "-o", str(report), "--resume"]) == 2
-    assert "something else" in capsys.readouterr().err
+    assert "another evaluation" in capsys.readouterr().err
 
 
 def is_coarse(row):

@@ -52,7 +52,7 @@ def test_it_says_how_long_and_what_helps():
     assert advice("tcp://127.0.0.1:5600") is None
     raw = advice(compression="raw")
     assert raw.startswith(
-        "a frame of 1920 x 1200 px as Mono8 takes 25.7 s on a line of 921600 baud. What helps: --encoding zstd"
+        "a frame of 1920 x 1200 px as Mono8 takes 25.7 s on a line of 921600 baud. Remedies: --encoding zstd"
     )
     assert "roi_px or binning" in raw
     assert "camera" in raw

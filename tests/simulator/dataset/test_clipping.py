@@ -52,7 +52,7 @@ def _capture(tmp_path, capsys, name, exposure, *options):
 
 def test_a_burnt_out_target_is_told_with_an_exposure_that_is_right(tmp_path, capsys):
     said = " ".join(_capture(tmp_path, capsys, "bright", "0.02").split())
-    share = float(re.search(r"([\d.]+) % of the target's pixels are burnt out", said)[1]) / 100
+    share = float(re.search(r"([\d.]+) % of the target's pixels are saturated", said)[1]) / 100
     # what anyone counts in the files: without noise, which pulls half of the full pixels below the top again
     paths = frame_paths(tmp_path / "bright", 0)
     white = (read_png(paths.image) == 255)[read_png(paths.mask) > 0].mean()

@@ -25,7 +25,7 @@ CAMERA = LensFile(
     focal_length_mm=1.8,
     pixel_pitch_um=[5.0, 8.0],
     distortion=DistortionSection("brown_conrady", RATIONAL),
-).solved("test")
+).solve("test")
 WARM = DetectorSection(
     full_well_e=9000.0,
     gain_e_per_dn=2.2,
