@@ -60,11 +60,11 @@ def test_it_says_how_long_and_what_helps():
     assert "takes 25.7 s" in packed
     assert "about 11 s with zstd" in packed
     assert "--encoding" not in packed
-    assert "longer than the 5 s that a pose may take, so that frames are dropped" in advice(timeout_s=5.0)
-    assert "longer than the 0.5 s from frame to frame" in advice(every_s=0.5)
+    assert "longer than the 5 s time-out of a pose, so that frames are dropped" in advice(timeout_s=5.0)
+    assert "longer than the 0.5 s frame interval" in advice(every_s=0.5)
     assert "--pixel-format Mono12p" in advice(bits=12)
     # quick enough: how long, and nothing to do
-    assert advice(size=(64, 48)).endswith("about 0.016 s with zstd where it is noisy")
+    assert advice(size=(64, 48)).endswith("about 0.016 s with zstd for a noisy image")
 
 
 def test_the_host_says_so_before_it_opens_the_line(capsys):

@@ -43,7 +43,7 @@ def test_both_sides_of_a_line_that_is_cut_find_out():
     assert (summary.ended, summary.dropped) == ("board_lost", {"disconnected": 1})
     assert "silent for 3 s" in last.reason
     assert not board.goodbye
-    assert "the host silent for 3 s" in board.ended
+    assert "the host said nothing for 3 s" in board.ended
     assert max(noticed_s, ended_s) - cut_s[0] < 20.0
 
 
