@@ -239,7 +239,7 @@ REFUSED = {
     "skew of nerf": (json.dumps(NERF | {"sk_x": 0.5}), "sk_x is 0.5"),
     "columns for rows": (
         '{"width": 640, "height": 480, "intrinsic_matrix": [600, 0, 0, 0, 601, 0, 320, 240, 1]}',
-        "in rows",
+        "in row order",
     ),
     "not calibrated": (MESSAGE.replace(K, "[0, 0, 0, 0, 0, 0, 0, 0, 0]"), "not calibrated"),
     "rows and cols of another count": (ROS.replace("cols: 3", "cols: 4"), "rows and cols say 3 x 4"),

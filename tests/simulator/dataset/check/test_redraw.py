@@ -82,9 +82,9 @@ def test_an_image_that_was_moved_with_its_hash_is_caught(copy):
     cv2.imwrite(str(paths.image), image)
     edit(copy, 1, image_sha256=pixel_hash(image))
     found = check_dataset(copy)
-    assert any("drawn again" in fault.what and fault.frame == 1 for fault in found.faults)
+    assert any("rendered again" in fault.what and fault.frame == 1 for fault in found.faults)
     # the clean twin tells too; without it nothing does
-    assert all("drawn again" not in fault.what for fault in check_dataset(copy, redraw=0).faults)
+    assert all("rendered again" not in fault.what for fault in check_dataset(copy, redraw=0).faults)
 
 
 @pytest.fixture(scope="module")
