@@ -11,6 +11,7 @@ import pytest
 from flyaround.hil.board.hybrid.propose.keypoints.head import KeypointHead
 from flyaround.hil.board.hybrid.propose.keypoints.network import network_for, trunk_bytes
 from flyaround.hil.board.hybrid.propose.keypoints.network_input import INPUT_PX
+from flyaround.hil.board.hybrid.propose.keypoints.network_output import BIN_WIDTH, HALF_RANGE
 from flyaround.hil.evaluate.method_choice import board_model
 from flyaround.simulator.errors import UserError
 from flyaround.simulator.targets.installed import head_file
@@ -56,7 +57,7 @@ def test_keypoints_lie_where_the_craft_is(drawing: Drawing) -> None:
 def test_the_wanted_distribution_has_its_mean_at_the_keypoint() -> None:
     points = torch.tensor([[[0.1, -0.6]]])
     shape, within = fit.target_distributions(points)
-    centres = (torch.arange(shape.shape[-1]) + 0.5) * fit.STEP - fit.REACH
+    centres = (torch.arange(shape.shape[-1]) + 0.5) * BIN_WIDTH - HALF_RANGE
     assert (shape * centres).sum(-1)[0, 0].tolist() == pytest.approx([0.1, -0.6], abs=1e-3)
     assert within.all()
     _, beyond = fit.target_distributions(torch.tensor([[[2.0, 0.0]]]))
