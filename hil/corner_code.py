@@ -17,7 +17,10 @@ import numpy as np
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+# Cells of the code, without its border.
 COLUMNS, ROWS = 16, 8
+
+# Cells of the code, with a border of one cell.
 BLOCK_COLUMNS, BLOCK_ROWS = COLUMNS + 2, ROWS + 2
 PAYLOAD = struct.Struct(">IQ")
 CHECK = struct.Struct(">I")

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from flyaround.simulator.scene.state import SceneState
     from flyaround.simulator.targets.model import Target
 
+# Placeholders for the arrays of a frame that were dropped.
 NO_RADIANCE, _NO_IMAGE = np.zeros((0, 0), np.float32), np.zeros((0, 0), np.uint8)
 
 

@@ -23,7 +23,7 @@ from flyaround.hil.host.camera_endpoint.pictures import (
 )
 from flyaround.hil.host.camera_endpoint.registers import CameraTerms
 from flyaround.hil.host.camera_endpoint.simulated_camera import WARNING, run_camera
-from flyaround.hil.host.ledger.run_terms import FlownRecord
+from flyaround.hil.host.ledger.run_terms import Provenance
 from flyaround.hil.host.link_process.host_link import choose_pixel_format
 from flyaround.hil.host.link_process.ipc import LinkConfig
 from flyaround.hil.host.truth_policy import check_access
@@ -136,7 +136,7 @@ def _ledger(plan: Plan, config: EndpointConfig, run: CameraRun) -> CameraLedger 
     log = None if run.log is None else Path(run.log)
     if log is not None:
         write_run(empty_folder(log, option="--log"), run)
-    record = FlownRecord.of(plan, scenario_source(run.scenario), command_line())
+    record = Provenance.from_plan(plan, scenario_source(run.scenario), command_line())
     return CameraLedger(log, config.answers.link, record)
 
 

@@ -23,7 +23,7 @@ from flyaround.hil.host.closed_loop_run import (
 )
 from flyaround.hil.host.flight_run import FlightOptions, FlightRun, interval_s
 from flyaround.hil.host.frame_record import FrameRecord
-from flyaround.hil.host.ledger.run_terms import FlownRecord, terms_without_board, write_terms
+from flyaround.hil.host.ledger.run_terms import Provenance, terms_without_board, write_terms
 from flyaround.hil.host.ledger.summary import SUMMARY_JSON, LedgerSummary
 from flyaround.hil.host.link_process.host_link import choose_pixel_format
 from flyaround.hil.host.link_process.ipc import LinkConfig
@@ -82,12 +82,12 @@ def host(
 
 def _stream(run: HostRun, *, as_json: bool) -> None:
     """Send the images of a flight to a board."""
-    flown = load_flown(run.scenario, "hil host")
-    link = _link(run, flown)
+    scenario = load_flown(run.scenario, "hil host")
+    link = _link(run, scenario)
     check_access(link)
     every_s = run.pictures.every_s
     plan = plan_flight(
-        flown,
+        scenario,
         n=None if every_s is not None else (run.pictures.n or 30),
         every_s=every_s,
         seed=run.seed,
@@ -111,7 +111,7 @@ def _stream(run: HostRun, *, as_json: bool) -> None:
     _exit_unless_arrived(summary)
 
 
-def _link(run: HostRun, flown: Scenario) -> LinkConfig:
+def _link(run: HostRun, scenario: Scenario) -> LinkConfig:
     """Return the link's settings."""
     line = run.line
     return LinkConfig(
@@ -123,7 +123,7 @@ def _link(run: HostRun, flown: Scenario) -> LinkConfig:
         pixel_format=line.pixel_format,
         silence_s=line.silence_s,
         max_misses=line.max_misses,
-        faults=_faults(run, flown),
+        faults=_faults(run, scenario),
         key=None if line.key is None else read_key(line.key),
     )
 
@@ -151,9 +151,9 @@ def _path(text: str | None) -> Path | None:
     return None if text is None else Path(text)
 
 
-def _faults(run: HostRun, flown: Scenario) -> Faults:
+def _faults(run: HostRun, scenario: Scenario) -> Faults:
     """Return the faults of the given file, or else the scenario's."""
-    return read_faults(Path(run.faults.file)) if run.faults.file is not None else flown.faults or NO_FAULTS
+    return read_faults(Path(run.faults.file)) if run.faults.file is not None else scenario.faults or NO_FAULTS
 
 
 def _warn_of_a_slow_line(link: LinkConfig, plan: Plan) -> None:
@@ -198,10 +198,10 @@ def _be_camera(run: HostRun, context: typer.Context) -> None:
 def _fly_without_pictures(run: HostRun, *, as_json: bool) -> None:
     """Fly a closed loop without a board and without images."""
     pose: Literal["truth", "noisy"] = "truth" if run.closed_loop.pose == "truth" else "noisy"
-    flown = load_flown(run.scenario, "hil host")
-    plan = plan_flight(flown, n=1, seed=run.seed)
+    scenario = load_flown(run.scenario, "hil host")
+    plan = plan_flight(scenario, n=1, seed=run.seed)
     settings = ClosedLoopConfig(seed=plan.seed, frame_every=frame_every(run.pictures.every_s, plan))
-    faults = _faults(run, flown)
+    faults = _faults(run, scenario)
     link = PoseLink.without_pictures(faults)
     log = _path(run.recording.log)
     if log is not None:
@@ -210,7 +210,7 @@ def _fly_without_pictures(run: HostRun, *, as_json: bool) -> None:
     summary = summary_without_pictures(result, pose, plan.seed)
     if log is not None:
         write_run(log, run)
-        record = FlownRecord.of(plan, scenario_source(run.scenario), command_line())
+        record = Provenance.from_plan(plan, scenario_source(run.scenario), command_line())
         write_terms(log, terms_without_board(record, faults, summary.started_utc))
         write_steps(log, result.steps)
         write_document(log / SUMMARY_JSON, summary)

@@ -30,6 +30,7 @@ from flyaround.simulator.targets.installed import remove as remove_target
 from flyaround.simulator.targets.library import built_in_targets, list_targets, load_target
 from flyaround.simulator.targets.model import PartClass, Target
 
+# Maximum size of an accepted file of part classes [bytes].
 LARGEST_CLASSES_BYTES = 1 << 20
 
 

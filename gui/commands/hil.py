@@ -10,7 +10,7 @@ import msgspec
 from flyaround.gui.command_table import command, number, word
 from flyaround.gui.jobs.program import new_path
 from flyaround.hil.board.method_names import HYBRID
-from flyaround.hil.host.ledger.run_terms import FlownRecord
+from flyaround.hil.host.ledger.run_terms import Provenance
 from flyaround.hil.host.link_process.ipc import LinkConfig
 from flyaround.hil.host.run import RunConfig
 from flyaround.hil.host.truth_policy import check_access
@@ -55,7 +55,7 @@ def _start(console: Console, url: str | None = None) -> None:
         connect_timeout_s=CONNECT_S,
         target_name=target.name,
         target_sha256=target.sha256,
-        flown=FlownRecord.of(console.session.plan),
+        provenance=Provenance.from_plan(console.session.plan),
     )
     console.jobs.hil.start(console.session, config, console.device_index)
 

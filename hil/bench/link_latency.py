@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from flyaround.hil.host.frame_record import FrameRecord
     from flyaround.hil.host.link_process.ipc import Compression
 
+# Sizes of the frames, width and height: a small camera, and SPEED's.
 SIZES_PX = ((1024, 1024), (1920, 1200))
 
 

@@ -17,6 +17,7 @@ def _srgb_light(y: Array) -> Array:
     return np.where(y <= 0.04045, y / 12.92, ((y + 0.055) / 1.055) ** 2.4)
 
 
+# All 8-bit pixel values, relative to full scale.
 _NUMBERS = np.arange(256) / 255
 _LIGHT: Dict[str, Array] = {"srgb": _srgb_light(_NUMBERS), "gamma": _NUMBERS**GAMMA}
 """Relative light of each 8-bit value, by encoding."""

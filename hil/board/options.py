@@ -12,6 +12,7 @@ from flyaround.hil.link.errors import LinkError
 from flyaround.hil.link.security import read_key
 from flyaround.hil.link.session import SILENCE_S
 
+# Maximum number of frames in flight that a board may request.
 MAX_WINDOW = 64
 
 

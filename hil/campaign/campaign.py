@@ -276,7 +276,7 @@ def _flown_case(ready: ReadyCase, results: Sequence[RunResult]) -> FlownCase:
     return FlownCase(
         name=ready.case.name,
         scenario=ready.scenario.name,
-        scenario_sha256=ScenarioRecord.of(ready.scenario, ready.source).sha256,
+        scenario_sha256=ScenarioRecord.from_scenario(ready.scenario, ready.source).sha256,
         target=ready.scenario.target,
         model_sha256=current_versions(ready).model_sha256,
         seeds=ready.case.all_seeds,
@@ -316,7 +316,8 @@ def _outcome(
         versions=Versions.here(),
         scenarios=tuple(
             {
-                record.sha256: record for record in (ScenarioRecord.of(c.scenario, c.source) for c in cases)
+                record.sha256: record
+                for record in (ScenarioRecord.from_scenario(c.scenario, c.source) for c in cases)
             }.values()
         ),
         flown=tuple(

@@ -29,7 +29,7 @@ from flyaround.hil.host.closed_loop_run import (
 from flyaround.hil.host.flight_run import FlightOptions, FlightRun
 from flyaround.hil.host.frame_record import FrameRecord
 from flyaround.hil.host.ledger.frames_csv import FRAMES_CSV, LedgerWriter, read_ledger
-from flyaround.hil.host.ledger.run_terms import FlownRecord, read_terms, terms_without_board, write_terms
+from flyaround.hil.host.ledger.run_terms import Provenance, read_terms, terms_without_board, write_terms
 from flyaround.hil.host.ledger.summary import SUMMARY_JSON, LedgerSummary
 from flyaround.hil.host.link_process.ipc import Board, LinkConfig, LinkTotals
 from flyaround.hil.host.pose_link import PoseLink
@@ -52,6 +52,8 @@ if TYPE_CHECKING:
 RESULT_JSON, BOARD_LOG = "result.json", "board.log"
 PART = ".part"
 """Suffix of the folder of an incomplete run."""
+
+# Maximum size of an accepted result or summary [bytes].
 MAX_BYTES = 1 << 20
 FRAMES = 30
 """Default number of frames of a case, as for ``hil host``."""
@@ -238,8 +240,8 @@ def _fly(task: RunTask, part: Path) -> None:
         loop = ClosedLoopConfig(seed=seed, frame_every=frame_every(case.every_s, plan))
     if loop is not None and case.pose != "board":
         result = fly_without_pictures(plan, loop, case.pose, PoseLink.without_pictures(faults))
-        flown = FlownRecord.of(plan, task.ready.source, task.command)
-        write_terms(part, terms_without_board(flown, faults, ""))
+        provenance = Provenance.from_plan(plan, task.ready.source, task.command)
+        write_terms(part, terms_without_board(provenance, faults, ""))
         write_steps(part, result.steps)
         summary = summary_without_pictures(result, case.pose, seed)
         write_document(part / SUMMARY_JSON, msgspec.structs.replace(summary, started_utc=""))

@@ -26,6 +26,7 @@ if TYPE_CHECKING:
 
     from flyaround.simulator.scenario.scenario import Scenario
 
+# Maximum number of runs of a campaign, against typing errors.
 MAX_RUNS = 20_000
 Name = Annotated[str, msgspec.Meta(pattern=r"^[a-z0-9][a-z0-9._-]*$", min_length=1, max_length=60)]
 Seed = Annotated[int, msgspec.Meta(ge=0, le=2**31 - 1)]

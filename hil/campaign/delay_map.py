@@ -39,7 +39,11 @@ if TYPE_CHECKING:
 
 SETTINGS_JSON, OUTCOME_JSON = "settings.json", "delay_map.json"
 FLIGHTS_CSV, CHECKS_CSV, CELLS_CSV = "flights.csv", "checks.csv", "cells.csv"
+
+# Maximum size of accepted settings [bytes].
 MAX_BYTES = 1 << 20
+
+# Maximum number of flights of a map, against typing errors.
 MAX_FLIGHTS = 1_000_000
 EXTENSIONS = 4
 """Largest number of latencies added while more than half of the approaches succeed at the last one."""
@@ -163,7 +167,7 @@ class _Map:
             for jitter_s in s.jitters_s:
                 between = refined if (jitter_s, drops) == (s.jitters_s[0], s.drops[0]) else {}
                 row = [r for c, r in (cells | between).items() if (c.jitter_s, c.drops) == (jitter_s, drops)]
-                half.append(HalfLatency.of(sorted(row, key=lambda r: r.latency_s)))
+                half.append(HalfLatency.from_row(sorted(row, key=lambda r: r.latency_s)))
         return DelayMapOutcome(
             settings=s,
             half=tuple(half),

@@ -35,6 +35,8 @@ if TYPE_CHECKING:
 
 # Limits of a successful approach, see docs/hil_closed_loop.md
 WITHIN_M, WITHIN_DEG = 0.2, 2.0
+
+# Maximum size of an accepted table [bytes], millions of rows.
 MAX_BYTES = 1 << 28
 COLUMNS = (
     "latency_s",
@@ -89,23 +91,23 @@ def fly(task: MapFlight) -> list[str]:
     faults = (Jitter(most_ms=1e3 * cell.jitter_s), Drop(chance=cell.drops))
     link = PoseLink(latency_s=cell.latency_s, faults=faults, seed=task.seed)
     if task.board_command is None:
-        flown = figures(fly_without_pictures(plan, loop, "noisy", link), "noisy", task.seed)
+        outcome = figures(fly_without_pictures(plan, loop, "noisy", link), "noisy", task.seed)
     else:
-        flown = _fly_with_board(plan, loop, link, task.board_command)
+        outcome = _fly_with_board(plan, loop, link, task.board_command)
     good = (
-        flown.outcome == "arrived"
-        and flown.final_error_m <= WITHIN_M
-        and flown.final_error_deg <= WITHIN_DEG
-        and not flown.keep_out_violations
+        outcome.outcome == "arrived"
+        and outcome.final_error_m <= WITHIN_M
+        and outcome.final_error_deg <= WITHIN_DEG
+        and not outcome.keep_out_violations
     )
     return [
         *_key(task),
         str(int(good)),
-        flown.outcome,
-        *(f"{x:.6g}" for x in (flown.final_error_m, flown.final_error_deg)),
-        str(flown.keep_out_violations),
-        f"{flown.duration_s:g}",
-        table_text(flown.reason),
+        outcome.outcome,
+        *(f"{x:.6g}" for x in (outcome.final_error_m, outcome.final_error_deg)),
+        str(outcome.keep_out_violations),
+        f"{outcome.duration_s:g}",
+        table_text(outcome.reason),
     ]
 
 

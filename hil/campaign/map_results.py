@@ -76,7 +76,7 @@ class HalfLatency(msgspec.Struct, frozen=True, kw_only=True):
     words: str
 
     @staticmethod
-    def of(row: Sequence[CellResult]) -> HalfLatency:
+    def from_row(row: Sequence[CellResult]) -> HalfLatency:
         """Interpolate the latency of 50 % success from cells of one jitter and loss rate.
 
         The shares are fitted by isotonic regression, so that they do not increase with latency.

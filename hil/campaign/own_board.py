@@ -15,9 +15,12 @@ if TYPE_CHECKING:
     from flyaround.hil.host.flight_run import FlightRun
     from flyaround.hil.host.ledger.summary import LedgerSummary
 
+# Time-out for a board to end after its host's goodbye [s], after which it is killed.
 EXIT_TIMEOUT_S = 20.0
 # Silence time-out between host and board on a busy machine [s]; a closed connection is noticed immediately.
 SILENCE_TIMEOUT_S = 60.0
+
+# Maximum size of the stored output of a failed board [bytes].
 MAX_BYTES = 1 << 20
 
 

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 
     from flyaround.hil.host.frame_record import FrameRecord
 
+# Maximum size of an accepted summary [bytes].
 MAX_BYTES = 1 << 28
 Value: TypeAlias = "float | str | None"
 

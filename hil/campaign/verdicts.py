@@ -44,7 +44,7 @@ class Verdict:
     margin: float | None
 
     @staticmethod
-    def of(requirement: Requirement, value: Value) -> Verdict:
+    def from_value(requirement: Requirement, value: Value) -> Verdict:
         """Judge a value against a requirement."""
         limit = requirement.limit
         if isinstance(value, float) and not math.isfinite(value):
@@ -115,7 +115,7 @@ def judge(campaign: Campaign, case: str, seed: int, result: RunResult) -> RunVer
     if not failure and ended != "completed" and all(r.quantity != "ended" for r in required):
         failure = f"the run ended: {str(ended).replace('_', ' ')}"
     values: list[Value] = [None if failure else result.values.get(r.quantity) for r in required]
-    verdicts = tuple(Verdict.of(r, value) for r, value in zip(required, values, strict=True))
+    verdicts = tuple(Verdict.from_value(r, value) for r, value in zip(required, values, strict=True))
     return RunVerdict(case, seed, failure, verdicts)
 
 

@@ -16,7 +16,7 @@ import msgspec
 
 from flyaround.hil.demo.method_comparison import N_COMPARED, compare_methods
 from flyaround.hil.demo.page import DemoResults, write_page
-from flyaround.hil.host.ledger.run_terms import FlownRecord
+from flyaround.hil.host.ledger.run_terms import Provenance
 from flyaround.hil.host.link_process.ipc import LinkConfig
 from flyaround.hil.host.plan_frames import frames_of_plan
 from flyaround.hil.host.report import write_report
@@ -41,9 +41,13 @@ if TYPE_CHECKING:
     ProgressBar = Callable[[str], AbstractContextManager[Callable[[int, int], None]]]
 
 SCENARIO = "tango-flyaround"
+
+# Number of images of the data set, and of frames sent to the board.
 N_IMAGES = 20
 N_LOOP_FRAMES = 30
 MARKER = "demo.json"
+
+# Time-out for the board to end after its host's goodbye [s].
 BOARD_EXIT_S = 20.0
 
 
@@ -158,7 +162,7 @@ def _run_loop(plan: Plan, folder: Path, board_command: Sequence[str], progress_b
         log_dir=folder,
         target_name=plan.target.name,
         target_sha256=plan.target.sha256,
-        flown=FlownRecord.of(plan),
+        provenance=Provenance.from_plan(plan),
     )
     log_path = folder / "board.log"
     with log_path.open("wb") as log, progress_bar("30 frames to the board") as progress:

@@ -34,8 +34,13 @@ if TYPE_CHECKING:
     from flyaround.simulator.runtime.arrays import ByteArray
     from flyaround.simulator.scenario.plan import Plan
 
+# Size of the images on the page, width and height.
 THUMBNAIL_PX = (480, 300)
+
+# Number of answers shown.
 N_ANSWERS = 6
+
+# Side of the enlarged crop as a share of the image's height.
 INSET_SHARE = 0.55
 
 

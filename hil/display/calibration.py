@@ -23,13 +23,24 @@ if TYPE_CHECKING:
     from flyaround.simulator.runtime.arrays import BoolArray, FloatArray
 
 SCHEMA, VERSION = "flyaround.display", 1
+
+# Degrees of the Chebyshev polynomials of the distortion, and of the brightness over the screen.
 GEOMETRY_DEGREE = 7
 SHADING_DEGREE = 4
 MIN_MODULATION = 0.1
 """Least modulation of the fringes relative to white at which a pixel is used."""
+
+# Maximum number of measured points in the fits, for speed.
 MAX_POINTS = 60_000
+
+# Distance from the fitted map above which a point is an outlier [standard deviations].
 OUTLIER_SIGMAS = 4.0
+
+# Percentile of white over the screen that is white after shading correction: brighter pixels can be dimmed to it, but
+# darker ones cannot be brightened.
 DARKEST_PERCENTILE = 1.0
+
+# Cell size of the frame code in the camera's image [px].
 CODE_CELL_PX = 8
 
 

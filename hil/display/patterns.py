@@ -20,8 +20,11 @@ if TYPE_CHECKING:
 
     from flyaround.simulator.runtime.arrays import ByteArray
 
+# Period of the fringes [screen px], and number of their phase shifts.
 PERIOD_PX = 48
 SHIFTS = 8
+
+# Screen levels of the uniform patterns, from which the response is measured.
 LEVELS = tuple(round(255 * k / 16) for k in range(17))
 Axis = Literal["x", "y"]
 

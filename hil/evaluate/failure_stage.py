@@ -36,6 +36,7 @@ MIN_BOX_SHARE, MAX_BOX_RATIO = 0.5, 8.0
 # Least share of the visible model edges with an image edge at the true pose.
 MIN_EDGE_SHARE = 0.35
 
+# Longest side of the edge field [px], that of the estimator's fine field.
 EDGE_FIELD_PX = 360
 
 

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 # Okabe-Ito colours in BGR.
 TRUE_COLOUR, ESTIMATE_COLOUR = (115, 158, 0), (0, 159, 230)
 
+# Size of a tile [px].
 WIDTH, HEIGHT = 360, 260
 
 # Grey level outside the image, distinguishable from black space.

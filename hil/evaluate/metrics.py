@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 SCHEMA = "flyaround.metrics"
 VERSION = 1
 
+# Bins of the true range [m], open above the last one.
 RANGE_BINS_M = (
     (0.0, 3.0),
     (3.0, 6.0),

@@ -27,10 +27,11 @@ if TYPE_CHECKING:
     from flyaround.simulator.scenario.plan import Plan
 
 FORECAST_CSV, FORECAST_PNG = "forecast.csv", "forecast.png"
+# Number of steps of the horizon, from zero to the longest.
 STEPS = 12
-"""Number of horizons, from zero to the longest."""
-SETTLED_S, BETWEEN_S = 60.0, 10.0
-"""Age of the track at the first prediction, and interval between predictions [s]."""
+
+# Age of the track at the first prediction [s], by which the filter has converged, and interval between predictions [s].
+SETTLED_S, INTERVAL_S = 60.0, 10.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -46,9 +47,20 @@ def fly_forecasts(
     *,
     runs: int,
     horizon_s: float,
-    progress: Callable[[int, int], None] = lambda _done, _of: None,
+    progress: Callable[[int, int], None] = lambda _done, _total: None,
 ) -> Forecasts:
-    """Fly a plan's closed loop on noisy poses with ``runs`` consecutive seeds, and predict from each track.
+    """Fly a plan's closed loop on noisy poses several times, and predict the attitude from each track.
+
+    Parameters
+    ----------
+    plan : Plan
+        Scenario with its flight and target.
+    runs : int
+        Number of flights, with consecutive seeds from the plan's.
+    horizon_s : float
+        Longest prediction [s].
+    progress : callable, optional
+        Called with the number of finished flights and their total.
 
     Raises
     ------
@@ -67,7 +79,7 @@ def fly_forecasts(
         for step in result.steps:
             if step.estimate is not None and step.t_s >= next_s:
                 estimates.append(step.estimate)
-                next_s += BETWEEN_S
+                next_s += INTERVAL_S
         progress(k + 1, runs)
     if not estimates:
         raise UserError(
@@ -79,11 +91,11 @@ def fly_forecasts(
         forecast_errors(
             estimates,
             plan.flight.attitude,
-            MotionModel(n_rad_s=plan.flight.n_rad_s, inertia_kg_m2=of),
+            MotionModel(n_rad_s=plan.flight.n_rad_s, inertia_kg_m2=model_inertia),
             horizons,
             plan.flight.duration_s,
         )
-        for of in (inertia, None)
+        for model_inertia in (inertia, None)
     )
     return Forecasts(rigid_body=rigid, constant_rate=constant)
 
@@ -106,20 +118,28 @@ def write_forecasts(folder: Path, results: Forecasts, title: str) -> None:
 
 
 def forecast_figure(panels: Sequence[tuple[str, Forecasts]]) -> Figure:
-    """Plot the error against the horizon, one panel each: RMS, 95th percentile, and the RMS predicted by the filter."""
+    """Plot the attitude error against the horizon: RMS, 95th percentile, and the one sigma predicted by the filter.
+
+    Parameters
+    ----------
+    panels : sequence of tuple
+        Title and prediction errors of each panel.
+    """
     figure, axes = figure_with_axes(1, len(panels), 3.6, width=6.2 * len(panels))
-    every = [e for _, forecasts in panels for e in (*forecasts.rigid_body, *forecasts.constant_rate)]
+    errors = [e for _, forecasts in panels for e in (*forecasts.rigid_body, *forecasts.constant_rate)]
     # common to all panels, and wide enough for a labelled decade
-    limits = min(e.rms_deg for e in every) / 3, max(e.p95_deg for e in every) * 3
+    limits = min(e.rms_deg for e in errors) / 3, max(e.p95_deg for e in errors) * 3
     for ax, (title, forecasts) in zip(axes, panels, strict=True):
         for name, errors, colour in (
             ("constant rate", forecasts.constant_rate, VERMILION),
             ("rigid body", forecasts.rigid_body, BLUE),
         ):
-            at = [e.horizon_s for e in errors]
-            ax.plot(at, [e.rms_deg for e in errors], "o-", ms=3, color=colour, label=f"{name}, RMS")
-            ax.plot(at, [e.p95_deg for e in errors], ":", color=colour, lw=1, label="95th percentile")
-        ax.plot(at, [e.sigma_deg for e in errors], "--", color="black", lw=1, label="predicted one sigma")
+            horizons_s = [e.horizon_s for e in errors]
+            ax.plot(horizons_s, [e.rms_deg for e in errors], "o-", ms=3, color=colour, label=f"{name}, RMS")
+            ax.plot(horizons_s, [e.p95_deg for e in errors], ":", color=colour, lw=1, label="95th percentile")
+        ax.plot(
+            horizons_s, [e.sigma_deg for e in errors], "--", color="black", lw=1, label="predicted one sigma"
+        )
         ax.set(
             yscale="log",
             xlabel="prediction horizon [s]",

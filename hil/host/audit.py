@@ -76,7 +76,9 @@ def audit_pictures(
         Position of the time code in the run.
     """
     place = CodePlace() if place is None else place
-    by_frame, matched_frames, audit = {row.frame_id: row for row in rows}, set(), PictureAudit()
+    by_frame = {row.frame_id: row for row in rows}
+    matched_frames: set[int] = set()
+    audit = PictureAudit()
     for name, image in pictures:
         audit.pictures += 1
         code = read_code(image, place)

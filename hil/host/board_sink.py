@@ -33,7 +33,7 @@ logger = logging.getLogger(__name__)
 # Real time: delay from the first image being ready to the first exposure [ns].
 FIRST_EXPOSURE_DELAY_NS = 20_000_000
 
-# Reason in the goodbye, by the way in which the run ended
+# Reason in the goodbye message, by the end of the run.
 GOODBYES: dict[Ended, str] = {
     "completed": "the run is over",
     "board_lost": "the run is over: the board did not reconnect in time",
@@ -83,11 +83,11 @@ class BoardSink:
     def write(self, frame: Frame) -> None:
         """Send one frame; afterwards ``is_lost`` is True if the board did not reconnect in time."""
         if self._realtime:
-            self._when_due(frame)
+            self._send_when_due(frame)
         else:
-            self._in_lockstep(frame)
+            self._send_in_lockstep(frame)
 
-    def _in_lockstep(self, frame: Frame) -> None:
+    def _send_in_lockstep(self, frame: Frame) -> None:
         """Send a frame and wait for its outcome."""
         if not self.link.wait_for_board(self.config.link.timeout_s):
             self.is_lost = True
@@ -97,7 +97,7 @@ class BoardSink:
         self._submit(frame, None)
         self.wait_for_outcomes()
 
-    def _when_due(self, frame: Frame) -> None:
+    def _send_when_due(self, frame: Frame) -> None:
         """Send a frame at the scenario's pace, a constant latency after its exposure.
 
         The schedule does not depend on the speed of renderer or board.
@@ -124,19 +124,22 @@ class BoardSink:
             )
             while (left_ns := decide_ns - time.monotonic_ns()) > 0:
                 self._collect(1e-9 * left_ns)
-        gone_s = time.monotonic() - self.link.down_since_s
-        if self.link.board is None and gone_s > self.config.link.timeout_s:
+        down_s = time.monotonic() - self.link.down_since_s
+        if self.link.board is None and down_s > self.config.link.timeout_s:
             self.wait_for_outcomes()
             self.is_lost = True
 
-    def open_books(self) -> None:
+    def open_ledger(self) -> None:
         """Open the ledger, if any, and write the run's terms, which a killed run could not write later."""
         config = self.config
         if config.log_dir is None:
             return
         self._writer = LedgerWriter(config.log_dir)
         self._terms = run_terms(
-            config.flown, deadline_ms=self._deadline_ms, faults=config.link.faults, **self._run_settings()
+            config.provenance,
+            deadline_ms=self._deadline_ms,
+            faults=config.link.faults,
+            **self._run_settings(),
         )
         try:
             write_terms(config.log_dir, self._terms)
@@ -171,11 +174,11 @@ class BoardSink:
     def _board(self) -> Board | None:
         return None if self.link.last_board is None else self.link.last_board.board
 
-    def _notify(self, what: Callable[[Recorder], None]) -> None:
-        """Notify the recorders. One that fails, such as on a full disk, is dropped; the run and its ledger continue."""
+    def _notify(self, call: Callable[[Recorder], None]) -> None:
+        """Call each recorder. One that fails, such as on a full disk, is dropped; the run and its ledger continue."""
         for recorder in tuple(self._recorders):
             try:
-                what(recorder)
+                call(recorder)
             except (OSError, RuntimeError) as error:
                 self._recorders.remove(recorder)
                 self.recording_failures.append(str(error))
@@ -191,12 +194,12 @@ class BoardSink:
         UserError
             If the ledger or summary of a successful run cannot be written; after a failure, its error is raised.
         """
-        well = ended in {"completed", "board_lost"}
-        self.link.close(GOODBYES[ended], CLOSE_TIMEOUT_S if well else QUICK_TIMEOUT_S)
+        is_regular = ended in {"completed", "board_lost"}
+        self.link.close(GOODBYES[ended], CLOSE_TIMEOUT_S if is_regular else QUICK_TIMEOUT_S)
         try:
-            return self._close_books(ended)
+            return self._close_ledger(ended)
         except UserError as error:
-            if well:
+            if is_regular:
                 raise
             logger.info("%s", error)
             return self._summary(ended)
@@ -205,11 +208,11 @@ class BoardSink:
                 self._writer.close()
             self._notify(lambda recorder: recorder.close())
 
-    def _close_books(self, ended: Ended) -> LedgerSummary:
+    def _close_ledger(self, ended: Ended) -> LedgerSummary:
         """Drop frames without an outcome, and write the summary."""
         self._take_results()
         for frame in list(self._open.values()):
-            record = FrameRecord.of(frame)
+            record = FrameRecord.from_frame(frame)
             self._add(record.ended(f"dropped:{ended}", "the run ended before its outcome was known"))
         summary = self._summary(ended)
         if self._writer is not None and self.config.log_dir is not None:
@@ -234,7 +237,7 @@ class BoardSink:
     def _submit(self, frame: Frame, due_ns: int | None) -> None:
         self._open[frame.number] = frame.without_image()
         job = FrameJob(
-            record=FrameRecord.of(frame).at(due_ns=due_ns, latency_s=self.config.latency_s),
+            record=FrameRecord.from_frame(frame).at(due_ns=due_ns, latency_s=self.config.latency_s),
             bits=frame.scene.sensor.bits,
             truth=None if self.config.link.truth == "off" else _truth_record(frame),
             camera_frame=frame.number if frame.camera_frame is None else frame.camera_frame,
@@ -259,10 +262,10 @@ class BoardSink:
 
     def _add(self, record: FrameRecord) -> None:
         frame = self._open.pop(record.frame_id)
-        true = frame.truth
+        truth = frame.truth
         row = complete(
             record,
-            None if true is None else (true.q_camera_from_target_wxyz, true.t_camera_from_target_m),
+            None if truth is None else (truth.q_camera_from_target_wxyz, truth.t_camera_from_target_m),
             self.config.link.utc_minus_monotonic_ns,
             self._deadline_ms,
         )

@@ -86,6 +86,7 @@ def _contents(targets: Sequence[Target]) -> Iterator[tuple[str, bytes]]:
             f"flyaround/hil/board/models/{target.name}.board.json",
             msgspec.json.encode(board_record(target)),
         )
+    # pyserial is pure Python, so the board needs no package installation
     spec = importlib.util.find_spec("serial")
     if spec is None or spec.origin is None:
         raise UserError("the bundle includes pyserial, which is not installed here: pip install pyserial")

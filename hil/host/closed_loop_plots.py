@@ -16,8 +16,9 @@ if TYPE_CHECKING:
     from flyaround.simulator.runtime.arrays import FloatArray
 
 AXES = ("radial", "along_track", "cross_track")
+
+# Colours of the phases that are marked on the time axis.
 PHASES = {"hold": ORANGE, "abort": VERMILION}
-"""Phases that are marked on the time axis."""
 
 
 def numbers(column: Sequence[str]) -> FloatArray:
@@ -25,11 +26,11 @@ def numbers(column: Sequence[str]) -> FloatArray:
     return np.array([float(cell) if cell else np.nan for cell in column])
 
 
-def plot_errors(ax: Axes, t_s: FloatArray, error: FloatArray, sigma: FloatArray, what: str) -> None:
-    """Plot an estimation error and the filter's largest sigma."""
+def plot_errors(ax: Axes, t_s: FloatArray, error: FloatArray, sigma: FloatArray, label: str) -> None:
+    """Plot an estimation error and the filter's largest sigma; ``label`` names the quantity and its unit."""
     ax.plot(t_s, error, color=BLUE, label="error")
     ax.plot(t_s, sigma, color=DIM, lw=1, label="sigma")
-    ax.set(xlabel="time [s]", ylabel=what)
+    ax.set(xlabel="time [s]", ylabel=label)
     if np.any(np.isfinite(error) & (error > 0)):
         ax.set_yscale("log")
         ax.legend(frameon=False, fontsize=8)
@@ -42,11 +43,11 @@ def position_error_m(steps: Mapping[str, Sequence[str]]) -> FloatArray:
 
 def plot_closed_loop(steps: Mapping[str, Sequence[str]]) -> bytes:
     """Return a PNG plot of ``closed_loop.csv``, given its columns by name."""
-    figure, (way, position, attitude) = figure_with_axes(1, 3, 3.6, width=13, widths=(1.2, 1, 1))
+    figure, (path, position, attitude) = figure_with_axes(1, 3, 3.6, width=13, widths=(1.2, 1, 1))
     t_s = numbers(steps["t_s"])
     for axis, colour in zip(AXES, (BLUE, VERMILION, GREEN), strict=True):
-        way.plot(t_s, numbers(steps[f"{axis}_m"]), color=colour, label=axis.replace("_", "-"))
-    way.set(xlabel="time [s]", ylabel="chaser relative to target [m]")
+        path.plot(t_s, numbers(steps[f"{axis}_m"]), color=colour, label=axis.replace("_", "-"))
+    path.set(xlabel="time [s]", ylabel="chaser relative to target [m]")
     plot_errors(
         position,
         t_s,
@@ -62,14 +63,14 @@ def plot_closed_loop(steps: Mapping[str, Sequence[str]]) -> bytes:
         "attitude [deg]",
     )
     for phase, colour in PHASES.items():
-        during = np.array([name == phase for name in steps["phase"]])
-        if during.any():
-            for ax in (way, position, attitude):
+        in_phase = np.array([name == phase for name in steps["phase"]])
+        if in_phase.any():
+            for ax in (path, position, attitude):
                 # transparent behind the curves, with a single legend entry
                 transform = ax.get_xaxis_transform()
                 ax.fill_between(
-                    t_s, 0, 1, where=during, transform=transform, color=colour, alpha=0.2, lw=0, step="post",
-                    label=phase if ax is way else None,
+                    t_s, 0, 1, where=in_phase, transform=transform, color=colour, alpha=0.2, lw=0, step="post",
+                    label=phase if ax is path else None,
                 )  # fmt: skip
-    way.legend(frameon=False, fontsize=8)
+    path.legend(frameon=False, fontsize=8)
     return png(figure)

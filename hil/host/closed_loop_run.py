@@ -56,7 +56,7 @@ COLUMNS = (
     "delta_v_m_s",
     "violation",
 )
-# Largest accepted file [bytes], about a million control periods
+# Maximum size of an accepted file [bytes], about a million control periods.
 MAX_BYTES = 1 << 28
 
 PoseFrom = Literal["board", "truth", "noisy"]
@@ -113,7 +113,7 @@ class BoardLoop:
     seed: int
 
     @staticmethod
-    def of(
+    def from_plan(
         plan: Plan,
         config: ClosedLoopConfig,
         *,
@@ -121,7 +121,7 @@ class BoardLoop:
         link: PoseLink | None = None,
         noise: PoseNoise | None = None,
     ) -> BoardLoop:
-        """Make the loop of a plan's flight.
+        """Return the closed loop of a plan's flight.
 
         Parameters
         ----------
@@ -162,7 +162,7 @@ class BoardLoop:
                 producer.result()
             for number, snapshot in enumerate(self.loop.pictures()):
                 self.poses.note(number, snapshot)
-                producer.submit(FrameRequest(scene=scene_flown(self.plan, snapshot, number)))
+                producer.submit(FrameRequest(scene=scene_at_snapshot(self.plan, snapshot, number)))
                 yield producer.result()
 
     def figures(self) -> ClosedLoopFigures | None:
@@ -170,7 +170,7 @@ class BoardLoop:
         return figures(self.loop.result(), "board", self.seed) if self.loop.steps else None
 
 
-def scene_flown(plan: Plan, snapshot: Snapshot, number: int) -> SceneState:
+def scene_at_snapshot(plan: Plan, snapshot: Snapshot, number: int) -> SceneState:
     """Return the scene of image ``number``, with the chaser's simulated state instead of the planned one."""
     world = plan.flight.state_with_chaser(
         ChaserState(
@@ -233,8 +233,8 @@ def summary_without_pictures(result: ClosedLoopResult, pose: PoseFrom, seed: int
 
 def figures(result: ClosedLoopResult, pose: PoseFrom, seed: int) -> ClosedLoopFigures:
     """Return the figures of a closed loop that go into ``summary.json``."""
-    own = {field.name: getattr(result, field.name) for field in fields(result) if field.name != "steps"}
-    return ClosedLoopFigures(pose=pose, seed=seed, duration_s=result.steps[-1].t_s, **own)
+    values = {field.name: getattr(result, field.name) for field in fields(result) if field.name != "steps"}
+    return ClosedLoopFigures(pose=pose, seed=seed, duration_s=result.steps[-1].t_s, **values)
 
 
 def frame_every(every_s: float | None, plan: Plan) -> int:

@@ -14,7 +14,7 @@ from flyaround.hil.host.faults.camera_faults import (
     with_camera_numbers,
     with_exposure_faults,
 )
-from flyaround.hil.host.ledger.run_terms import FlownRecord
+from flyaround.hil.host.ledger.run_terms import Provenance
 from flyaround.hil.host.picture_frames import frames_of_folder
 from flyaround.hil.host.plan_frames import frames_of_plan
 from flyaround.hil.host.pose_link import PoseLink
@@ -81,7 +81,9 @@ class FlightRun:
     plan : Plan
         Plan of the flight.
     config : RunConfig
-        Settings of the run; the target and a closed loop are added.
+        Settings of the run; the target and a closed loop are added to them.
+    options : FlightOptions
+        Source of the images, closed loop and rendering.
 
     Raises
     ------
@@ -95,7 +97,7 @@ class FlightRun:
         self._plan = with_exposure_faults(plan, self._faults)
         self._loop: BoardLoop | None = None
         if options.closed_loop is not None:
-            self._loop = BoardLoop.of(
+            self._loop = BoardLoop.from_plan(
                 self._plan,
                 options.closed_loop,
                 realtime=self._realtime,
@@ -107,7 +109,7 @@ class FlightRun:
         self._config = replace(
             config,
             deadline_s=deadline_s if config.deadline_s is None else config.deadline_s,
-            flown=FlownRecord.of(plan, options.source_text, options.command),
+            provenance=Provenance.from_plan(plan, options.source_text, options.command),
             target_name=plan.target.name,
             target_sha256=plan.target.sha256,
             closed_loop=None if self._loop is None else self._loop.figures,
@@ -122,12 +124,20 @@ class FlightRun:
         on_listening: Callable[[str, str | None], None] | None = None,
         on_end: Callable[[LedgerSummary], None] | None = None,
     ) -> LedgerSummary:
-        """Send the flight with `run_host`; decisions of a closed loop are written next to the ledger.
+        """Send the flight with `run_host`, and return the summary of its ledger.
+
+        The decisions of a closed loop are written next to the ledger.
 
         Parameters
         ----------
         recorders : tuple of Recorder, optional
             Additional recorders of each frame and its outcome.
+        on_row : callable, optional
+            Called with each row of the ledger once its outcome is known.
+        on_listening : callable, optional
+            Called with the URLs for boards and for truth loggers once the ports are open.
+        on_end : callable, optional
+            Called with the summary after the ledger is closed.
         """
         options, loop, log_dir = self._options, self._loop, self._config.log_dir
         if loop is not None:
@@ -144,7 +154,7 @@ class FlightRun:
         if options.time_code:
             frames = with_time_code(frames, faults=self._faults)
 
-        def take(row: FrameRecord) -> None:
+        def handle_row(row: FrameRecord) -> None:
             if loop is not None:
                 loop.poses.take(row)
             if on_row is not None:
@@ -154,7 +164,7 @@ class FlightRun:
             return run_host(
                 with_camera_faults(frames, self._faults),
                 replace(self._config, recorders=recorders),
-                on_row=take,
+                on_row=handle_row,
                 on_listening=on_listening,
                 on_end=on_end,
             )

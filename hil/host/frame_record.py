@@ -72,10 +72,10 @@ class FrameTimes:
 
     def exposure_ns(self, exposure_s: float) -> tuple[int, int] | None:
         """Return start and end of the exposure, from the time at which the image was due or handed over."""
-        over_ns = self.handed_over_ns if self.due_ns is None else self.due_ns
-        if over_ns is None:
+        hand_over_ns = self.handed_over_ns if self.due_ns is None else self.due_ns
+        if hand_over_ns is None:
             return None
-        end_ns = over_ns - round(1e9 * self.latency_s)
+        end_ns = hand_over_ns - round(1e9 * self.latency_s)
         return end_ns - round(1e9 * exposure_s), end_ns
 
     @property
@@ -204,8 +204,8 @@ class FrameRecord:
     times: FrameTimes = FrameTimes()
 
     @staticmethod
-    def of(frame: Frame) -> FrameRecord:
-        """Make the record of a frame that is not yet in progress."""
+    def from_frame(frame: Frame) -> FrameRecord:
+        """Return the record of a frame that is not yet in progress."""
         scene = frame.scene
         return FrameRecord(
             frame_id=frame.number,
@@ -245,7 +245,7 @@ def complete(
     utc_minus_monotonic_ns: int = 0,
     deadline_ms: float | None = None,
 ) -> FrameRecord:
-    """Return a link record in the form of the ledger.
+    """Return the ledger row of a frame whose outcome is known.
 
     Parameters
     ----------
@@ -264,10 +264,9 @@ def complete(
     board: tuple[int | None, ...] = (None, None, None)
     wait_ms = total_ms = None
     if pose is not None and pose.end_ns and not fault:
-        own = (pose.receive_ns, pose.start_ns, pose.end_ns)
-        wait_ms, total_ms = _ms(own[0], own[1]), _ms(own[0], own[2])
+        wait_ms, total_ms = _ms(pose.receive_ns, pose.start_ns), _ms(pose.receive_ns, pose.end_ns)
         if times.clock_offset_ns is not None:
-            board = tuple(ns - times.clock_offset_ns for ns in own)
+            board = tuple(ns - times.clock_offset_ns for ns in (pose.receive_ns, pose.start_ns, pose.end_ns))
     e2e_ms = _ms(times.send_start_ns, times.received_ns)
     clock_ns = {
         "exposure_start_utc": exposure[0],
@@ -332,8 +331,8 @@ def pose_errors(q_wxyz: Quat, t_m: Vec3, truth_q_wxyz: Quat, truth_t_m: Vec3) ->
 
 def utc_text(ns: int) -> str:
     """Return nanoseconds since 1970-01-01 UTC as ISO 8601."""
-    second, rest = divmod(ns, 1_000_000_000)
-    return f"{datetime.fromtimestamp(second, UTC):%Y-%m-%dT%H:%M:%S}.{rest:09d}Z"
+    second, fraction_ns = divmod(ns, 1_000_000_000)
+    return f"{datetime.fromtimestamp(second, UTC):%Y-%m-%dT%H:%M:%S}.{fraction_ns:09d}Z"
 
 
 def _ms(start_ns: int | None, end_ns: int | None) -> float | None:

@@ -11,9 +11,10 @@ from flyaround.hil.navigation.measurement import PoseNoise
 from flyaround.simulator.errors import UserError
 from flyaround.simulator.runtime.untrusted_files import read_regular, refuse_deep
 
+# Maximum size of an accepted metrics.json [bytes].
 MAX_BYTES = 10_000_000
 
-# Plausible range of a sine or share that states an accuracy.
+# Plausible range of an angle [rad] or a share that states an accuracy: from rounding errors to half a turn.
 MIN_VALUE, MAX_VALUE = 1e-7, 3.2
 
 

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from flyaround.simulator.scenario.plan import Plan
     from flyaround.simulator.scene.state import SceneState
 
-# Largest size of cached decoded images [bytes]; others are decoded again in each round
+# Maximum size of cached decoded images [bytes]; others are decoded again in each loop.
 MAX_CACHED_BYTES = 1 << 30
 
 
@@ -44,9 +44,11 @@ def pictures_in(folder: Path) -> list[Path]:
     UserError
         If there is none.
     """
-    place = folder / "images" if (folder / "images").is_dir() else folder
+    image_folder = folder / "images" if (folder / "images").is_dir() else folder
     # layers have a second suffix: 000000.mask.png
-    paths = sorted(path for path in place.glob("*.png") if "." not in path.stem) if place.is_dir() else []
+    paths = []
+    if image_folder.is_dir():
+        paths = sorted(path for path in image_folder.glob("*.png") if "." not in path.stem)
     if not paths:
         raise UserError(
             f"{folder} holds no .png pictures: name a folder of pictures or a data set with --from"
@@ -85,23 +87,25 @@ def _read(path: Path) -> StoredPicture:
     return StoredPicture(path, read_png(path), read_truth(record) if record.is_file() else None)
 
 
-def _frame(flown: SceneState, picture: StoredPicture) -> Frame:
+def _frame(planned: SceneState, picture: StoredPicture) -> Frame:
     truth = picture.truth
     if truth is None:
-        scene = flown
+        scene = planned
     else:
-        if truth.scene.target != flown.target:
+        if truth.scene.target != planned.target:
             raise UserError(
-                f"{picture.path} shows {truth.scene.target.name} but the scenario flies {flown.target.name}, or another"
-                " version of it: name a scenario of the same target"
+                f"{picture.path} shows {truth.scene.target.name} but the scenario flies {planned.target.name}, or"
+                " another version of it: name a scenario of the same target"
             )
-        scene = replace(truth.scene, epoch_utc=flown.epoch_utc, t_s=flown.t_s, frame_index=flown.frame_index)
+        scene = replace(
+            truth.scene, epoch_utc=planned.epoch_utc, t_s=planned.t_s, frame_index=planned.frame_index
+        )
         truth = msgspec.structs.replace(
             truth,
-            epoch_utc=flown.epoch_utc,
-            t_s=flown.t_s,
-            frame_index=flown.frame_index,
-            record=SceneRecord.of(scene),
+            epoch_utc=planned.epoch_utc,
+            t_s=planned.t_s,
+            frame_index=planned.frame_index,
+            record=SceneRecord.from_scene(scene),
         )
     image, bits = picture.image, scene.sensor.bits
     shape = (scene.camera.height_px, scene.camera.width_px)

@@ -18,10 +18,11 @@ if TYPE_CHECKING:
     from flyaround.hil.navigation.pose_sources import PoseSource
     from flyaround.simulator.scenario.faults import Faults, LineFault
 
-# Latency from mid-exposure to a pose [s]: that of `hybrid` on a 1920 x 1200 image and a slow core
+# Default latency from mid-exposure to a pose [s]: that of ``hybrid`` on a 1920 x 1200 image and a slow core.
 LATENCY_S = 0.3
+
+# Faults of the line that affect a link of poses.
 SUPPORTED_FAULTS = (Delay, Jitter, Drop)
-"""Faults of the line that affect a link of poses."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -44,13 +45,13 @@ class PoseLink:
 
     @staticmethod
     def in_lockstep(faults: Faults) -> PoseLink:
-        """Make the link of a board in lockstep: delays of the line only, because losses occur on the line itself."""
-        late = tuple(fault for fault in faults.line if isinstance(fault, Delay | Jitter))
-        return PoseLink(faults=late, seed=faults.seed)
+        """Return the link of a board in lockstep. It only delays poses, because the line itself loses them."""
+        delays = tuple(fault for fault in faults.line if isinstance(fault, Delay | Jitter))
+        return PoseLink(faults=delays, seed=faults.seed)
 
     @staticmethod
     def without_pictures(faults: Faults) -> PoseLink:
-        """Make the link of poses without a board.
+        """Return the link of simulated poses, without a board.
 
         Raises
         ------
@@ -120,6 +121,8 @@ class LinkedPoses:
     ----------
     source : PoseSource
         Source that answers immediately.
+    link : PoseLink
+        Delay and loss of the poses.
     """
 
     def __init__(self, source: PoseSource, link: PoseLink) -> None:

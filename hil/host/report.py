@@ -30,13 +30,15 @@ if TYPE_CHECKING:
 
 REPORT_HTML = "report.html"
 TRACE_JSON = "trace.json"
-# Largest accepted summary.json [bytes], thousands of times the usual size
+# Maximum size of an accepted summary.json [bytes], thousands of times the usual size.
 MAX_BYTES = 1 << 24
+
+# Maximum number of rows in the table of impossible times.
+MAX_TIME_FAULTS = 20
 
 WRONG_LABEL = "accepted poses wrong"
 TIME_FAULT_LABEL = "answers with impossible board times"
-MAX_TIME_FAULTS = 20
-"""Largest number of rows in the table of impossible times."""
+
 LATE_LABEL = "not rendered in time"
 INSIDE_LABEL = "periods inside the sphere"
 
@@ -86,10 +88,10 @@ def _summary(folder: Path, rows: Sequence[FrameRecord]) -> LedgerSummary:
     summary = _read(path)
     if summary.accepted_wrong is not None:
         return summary
-    # written before these were counted
-    counted = summarise(rows, **_terms(folder, rows))
+    # an older version wrote it without these counts
+    recount = summarise(rows, **_terms(folder, rows))
     return msgspec.structs.replace(
-        summary, accepted_known=counted.accepted_known, accepted_wrong=counted.accepted_wrong
+        summary, accepted_known=recount.accepted_known, accepted_wrong=recount.accepted_wrong
     )
 
 

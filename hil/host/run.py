@@ -26,7 +26,7 @@ from flyaround.simulator.scenario.faults import LineFault
 
 __all__ = ["RunConfig", "run_host"]
 
-# Number of frames handed to the link process but not yet sent, by which the renderer may run ahead
+# Number of frames that the renderer may run ahead of the link process, for a steady flow.
 N_SLOTS = 4
 
 # Signals that end a run: Ctrl-C and SIGTERM
@@ -77,7 +77,7 @@ def run_host(
         try:
             if on_listening is not None:
                 on_listening(link.url, link.truth_url)
-            run.open_books()
+            run.open_ledger()
             iterator = iter(frames)
             first = next(iterator, None)
             if first is None:
@@ -143,10 +143,10 @@ def _send_all(
 def _checked_frames(first: Frame, rest: Iterator[Frame]) -> Iterator[Frame]:
     """Yield all frames, checked for consistency with the first one."""
     yield first
-    before = first
+    previous = first
     for frame in rest:
-        if frame.number <= before.number:
-            raise ValueError(f"frame numbers must increase: {frame.number} after {before.number}")
+        if frame.number <= previous.number:
+            raise ValueError(f"frame numbers must increase: {frame.number} after {previous.number}")
         if (
             frame.scene.camera != first.scene.camera
             or frame.image.shape != first.image.shape
@@ -155,7 +155,7 @@ def _checked_frames(first: Frame, rest: Iterator[Frame]) -> Iterator[Frame]:
         ):
             raise ValueError(f"frame {frame.number} has another camera or image format than the first")
         yield frame
-        before = frame
+        previous = frame
 
 
 @contextmanager
@@ -170,14 +170,14 @@ def deferred_signals() -> Iterator[None]:
         yield  # only the main thread receives signals
         return
     received: list[int] = []
-    before = {
+    handlers = {
         number: signal.signal(number, lambda number, _frame: received.append(number))
         for number in END_SIGNALS
     }
     try:
         yield
     finally:
-        for number, handler in before.items():
+        for number, handler in handlers.items():
             signal.signal(number, handler or signal.SIG_DFL)
     if received and sys.exc_info()[0] is None:
         signal.raise_signal(signal.Signals(received[0]))

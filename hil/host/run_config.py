@@ -1,4 +1,4 @@
-"""Settings of one run of frames through the loop."""
+"""Settings of a run: link, ledger, time-outs and what is recorded."""
 
 from __future__ import annotations
 
@@ -9,12 +9,13 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterable
     from pathlib import Path
 
-    from flyaround.hil.host.ledger.run_terms import FlownRecord
+    from flyaround.hil.host.ledger.run_terms import Provenance
     from flyaround.hil.host.ledger.summary import ClosedLoopFigures
     from flyaround.hil.host.link_process.ipc import LinkConfig
     from flyaround.hil.host.recording.recorder import Recorder
     from flyaround.simulator.scenario.faults import LineFault
 
+# Default time-out for the first board [s], enough to start one by hand.
 CONNECT_TIMEOUT_S = 60.0
 
 Ended = Literal["completed", "board_lost", "no_board", "interrupted", "failed"]
@@ -49,7 +50,7 @@ class RunConfig:
     decide_every_s : float, optional
         Real-time closed loop: earliest request of the next frame after an exposure, so that all poses received by then
         are used.
-    flown : FlownRecord, optional
+    provenance : Provenance, optional
         Scenario and command line, for the record of the run.
     send_sun : bool, optional
         Send the direction to the Sun in the camera frame with each frame, to boards that accept it.
@@ -68,6 +69,6 @@ class RunConfig:
     recorders: tuple[Recorder, ...] = ()
     closed_loop: Callable[[], ClosedLoopFigures | None] | None = None
     decide_every_s: float | None = None
-    flown: FlownRecord | None = None
+    provenance: Provenance | None = None
     send_sun: bool = False
     new_line_faults: Callable[[], Iterable[LineFault]] = tuple

@@ -14,8 +14,10 @@ from flyaround.hil.link.transports.url import parse_url
 if TYPE_CHECKING:
     from flyaround.hil.host.link_process.ipc import LinkConfig
 
-ZSTD_NOISY = 2.3
-"""Compression ratio of zstd on a noisy image."""
+# Compression ratio of zstd on a noisy image, measured on rendered images.
+ZSTD_RATIO = 2.3
+
+# Transmission time below which no remedies are listed [s].
 MIN_ADVICE_S = 1.0
 
 
@@ -59,13 +61,13 @@ def serial_advice(
     if scheme != "serial":
         return None
     width_px, height_px = size_px
-    took_s = line_time_s(pixels_bytes(width_px, height_px, pixel_format), baud)
+    frame_s = line_time_s(pixels_bytes(width_px, height_px, pixel_format), baud)
     packed = link.compression in ("auto", "zstd")
     frame = f"a frame of {width_px} x {height_px} px as {pixel_format.name}"
-    text = f"{frame} takes {took_s:.3g} s on a line of {baud} baud"
+    text = f"{frame} takes {frame_s:.3g} s on a line of {baud} baud"
     if packed:
-        text += f", about {took_s / ZSTD_NOISY:.2g} s with zstd for a noisy image"
-    min_s = took_s / ZSTD_NOISY if packed else took_s
+        text += f", about {frame_s / ZSTD_RATIO:.2g} s with zstd for a noisy image"
+    min_s = frame_s / ZSTD_RATIO if packed else frame_s
     if min_s > link.timeout_s:
         text += f": longer than the {link.timeout_s:g} s time-out of a pose, so that frames are dropped (--timeout)"
     elif every_s is not None and min_s > every_s:

@@ -21,6 +21,8 @@ from flyaround.hil.link.packets.messages import TimeSyncReply, TimeSyncRequest
 MAX_DRIFT_PPM = 100.0
 # Least duration of a line fit [s], and least number of seconds with an exchange
 MIN_LINE_S, MIN_LINE_POINTS = 5.0, 5
+
+# Time span of which only the best clock sample is kept [ns].
 BIN_NS = 1_000_000_000
 # Ratio of the standard deviation to the median absolute deviation, normal distribution
 MAD_TO_SIGMA = 1.4826

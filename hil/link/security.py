@@ -29,13 +29,18 @@ from flyaround.hil.link.packets.messages import ErrorCode, ErrorMessage, decode_
 from flyaround.hil.link.packets.packet import Packet, PacketType
 from flyaround.hil.link.transports.base import Transport
 
+# Sizes of nonces and proofs, and of the authentication code of each packet [bytes].
 NONCE_BYTES = PROOF_BYTES = 32
 MAC_BYTES = 16
 COUNTER = struct.Struct("<Q")
 TRAILER_BYTES = COUNTER.size + MAC_BYTES
 WINDOW = 1024
 """Largest reordering of packets that is accepted on lines that may reorder."""
+
+# Allowed size of a key file [bytes].
 MIN_KEY_BYTES, MAX_KEY_BYTES = 16, 4096
+
+# Time-out for the host's proof [s], and interval at which a request is repeated [s].
 ANSWER_TIMEOUT_S = 10.0
 REPEAT_S = 1.0
 MAX_REQUESTS = 128

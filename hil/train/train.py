@@ -51,6 +51,7 @@ POSITION_HUBER, POSITION_WEIGHT = 0.05, 0.5
 # Least held-out error stored with a network.
 MIN_ERROR = 1e-4
 
+# Settings of AdamW: peak learning rate and weight decay; and maximum norm of the gradient.
 LEARNING_RATE, WEIGHT_DECAY, MAX_GRADIENT = 2e-3, 1e-2, 5.0
 
 # Warm-up steps; decay of the exponential moving average of the weights, per step; number of progress reports.

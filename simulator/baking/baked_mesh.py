@@ -33,6 +33,7 @@ if TYPE_CHECKING:
     from flyaround.simulator.runtime.arrays import ByteArray, Float32Array, FloatArray, IntArray
     from flyaround.simulator.targets.model import Part
 
+# Layout of a vertex in the GPU's buffer.
 VERTEX = np.dtype([("position_m", "<f4", 3), ("normal", "<f4", 3), ("material", "<f4")])
 MAX_CACHED_TRIANGLES = 1_000_000  # larger meshes would take a gigabyte each on disk
 

@@ -24,6 +24,8 @@ GRAZING = 0.12  # smallest cosine of a ray; flatter rays would hit neighbouring 
 ORIGIN_OFFSET, DECAL_HEIGHT = 1e-4, 3e-3
 _COVERED_SHARE = 0.4  # share of hidden directions above which a node is covered by a decal
 _PROBE_STEP = 4  # every fourth direction is used to test whether a node is covered
+
+# Maximum number of threads.
 _MAX_THREADS = 8
 
 _T = TypeVar("_T")

@@ -22,6 +22,8 @@ if TYPE_CHECKING:
 SIZE = 512  # texels along each side of the tile
 SLOPE_MAX, DEVIATION_MAX = 1.0, 0.5
 """Full scale of the slope channels (plus and minus) and of the deviation channel."""
+
+# Seed of the pattern; any fixed value serves.
 _SEED = 1972
 # facets in a tile, rms slope along each axis (alternately valleys and ridges), stretch and its direction [rad]
 _LAYERS = ((40, 0.22, 1.5, 0.4), (150, -0.16, 1.7, 1.7), (700, 0.09, 1.4, 2.7), (3000, -0.035, 1.2, 1.0))

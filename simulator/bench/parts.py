@@ -30,12 +30,22 @@ from flyaround.simulator.world.relative.clohessy_wiltshire import mean_motion_ra
 from flyaround.simulator.world.time.instant import Instant
 
 SCENARIO = "tango-flyaround"
+
+# Number of propagated states, and of captured frames.
 N_STATES = 200
 N_CAPTURED = 4
+
+# Number and length of the orbit's steps [s].
 N_STEPS = 100
 STEP_S = 0.1
+
+# Shape of the sensor's image: rows, columns.
 PICTURE_SHAPE = (1200, 1920)
+
+# Exposure time of the sensor bench [s].
 EXPOSURE_S = 1e-3
+
+# Number of timed images, and of images before them that are not timed.
 SENSOR_LAPS, SENSOR_WARM_UP = 12, 2
 AHEAD_S = 0.03  # time from the submission of a frame's commands to its read-back
 

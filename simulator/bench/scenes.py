@@ -42,9 +42,15 @@ BENCH_SCENES = (
 pixels.
 """
 SQUARE_CAMERA = "square-1024"
+
+# Exposure time of the scene with motion blur [s].
 BLUR_EXPOSURE_S = 0.02
 BLOCK = 5  # frames between two reference passes, so that both see the same machine load
+
+# Number of reference passes per block of frames.
 REFERENCE_LAPS = 2
+
+# Number of frames whose stages are timed, and of frames with labels.
 TIMED_FRAMES = 7
 LABELLED_FRAMES = 5
 

@@ -26,6 +26,8 @@ if TYPE_CHECKING:
     from flyaround.simulator.world.ephemeris.body import Body
 
 RADII, COSINES = 64, 128  # axes of the transmittance table
+
+# Number of cosines of the Sun's zenith angle in the table of ground light.
 GROUND_SAMPLES = 512
 GROUND_MU_MIN = -0.3  # no light reaches the ground when the Sun is lower than this
 

@@ -24,6 +24,8 @@ MAP_MAX_W_M2_SR = 7.0e-4
 The map is an image of Suomi NPP's day-night band of 2012. With this value, areas of 50 km around the largest cities
 emit 25 to 60 nW cm-2 sr-1, in agreement with Elvidge et al. (2017), Int. J. Remote Sensing 38, 5860.
 """
+
+# Seed of the pattern; any fixed value serves.
 _SEED = 20120401
 _TILE = SIZE // 2  # size of the pattern [texels], repeated twice each way
 # cells along the pattern's side: districts with one street direction, and meshes of main roads

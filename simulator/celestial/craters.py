@@ -20,9 +20,12 @@ from flyaround.simulator.runtime.cached_arrays import cached_array
 if TYPE_CHECKING:
     from flyaround.simulator.runtime.arrays import ByteArray, FloatArray
 
+# Side of the texture [texels].
 SIZE = 1024
 # full scale of the slope channels (plus and minus), and of the channel of their deviation
 SLOPE_MAX, DEVIATION_MAX = 0.9, 0.5
+
+# Seed of the pattern; any fixed value serves.
 _SEED = 1969
 _MIN_DIAMETER_PX = 4.0  # diameter
 # largest diameters: a larger crater would make the repetition of the tile visible

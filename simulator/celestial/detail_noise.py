@@ -13,14 +13,19 @@ from flyaround.simulator.runtime.cached_arrays import cached_array
 if TYPE_CHECKING:
     from flyaround.simulator.runtime.arrays import ByteArray, Float32Array, FloatArray
 
+# Side of the texture [texels].
 SIZE = 2048
 PERIOD_KM = 472.0  # period of the tile: texels of 0.23 km, a pixel of a SPEED camera from 700 km
 SLOPE_PER_KM = 0.6  # full scale of the slope channels, plus and minus
 GRAIN = 0.7  # full range of the land channel, as a share of the reflectance
 _BROAD, _FINE = 512, 1024  # texels of the two fields: one spans the tile, one repeats twice each way
+
+# Weights of the two fields in the cloud detail.
 _BROAD_WEIGHT, _FINE_WEIGHT = 0.55, 0.45
 _DIFFUSION = 1.5  # texels over which light spreads within a cloud (0.3 km: Davis et al. 1997)
 _UNWOODED_SHARE = 0.66  # share of the land without woods
+
+# Seed of the pattern; any fixed value serves.
 _SEED = 20040800
 _STRIP, _ROWS = 1 << 14, 32  # values per look-up and rows per strip, both sized for a processor's cache
 

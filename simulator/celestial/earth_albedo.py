@@ -35,6 +35,8 @@ if TYPE_CHECKING:
 SEA_ALBEDO, AIR_ALBEDO, CLOUD_ALBEDO = 0.06, 0.06, 0.55
 ICE_ALBEDO = 0.55  # albedo of the ice pack as drawn: floes, leads and ponds
 ALBEDO = "albedo_128x64.npy"
+
+# Width and height of the albedo map [cells].
 MAP_SIZE = (128, 64)
 
 

@@ -16,6 +16,7 @@ from flyaround.simulator.celestial.earth_maps import decode_map
 if TYPE_CHECKING:
     from flyaround.simulator.runtime.arrays import BoolArray, ByteArray, FloatArray
 
+# Size of the map [px].
 WIDTH, HEIGHT = 4032, 2016
 MASK = "ocean_colour_mask_720x360.png"
 MAPS = {1: "ocean_colour_mono_4032x2016.png", 3: "ocean_colour_4032x2016.png"}

@@ -23,11 +23,14 @@ if TYPE_CHECKING:
 
     from flyaround.simulator.runtime.arrays import ByteArray, Float32Array, FloatArray
 
+# Size of the map [px], 0.25 deg per pixel.
 WIDTH, HEIGHT = 1440, 720
 EDGE_DEG = 1.6  # width of the marginal zone of floes, from open water to the pack
 _PACK_CONCENTRATION = 0.93  # ice concentration of the pack
 _TONGUES_DEG = 0.9  # standard deviation of the edge's latitude
 _LEADS = 0.10  # share of the pack that opens as leads, at the peaks of the noise
+
+# Length of a year [days].
 _YEAR = 365.25
 # latitude of the edge [deg] at longitudes [deg] from the date line eastward; 90: none
 # fmt: off
@@ -51,6 +54,8 @@ EXTENT_NORTH = (14.4, 15.3, 15.4, 14.7, 13.4, 11.8, 9.7, 7.2, 6.4, 8.9, 10.7, 12
 EXTENT_SOUTH = (5.0, 3.1, 4.0, 7.0, 10.4, 13.6, 16.2, 17.8, 18.5, 18.1, 16.0, 10.6)
 # fmt: on
 _MIN_LATITUDE_DEG = 40.0  # equatorward of this there is no ice
+
+# Seed of the pattern; any fixed value serves.
 _SEED = 1893
 # sine of 70 degrees latitude: poleward a degree of longitude is too narrow for the grid of cells
 _POLAR_SINE = 0.94

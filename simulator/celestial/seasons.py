@@ -29,8 +29,11 @@ if TYPE_CHECKING:
 
     from flyaround.simulator.runtime.arrays import ByteArray, Float32Array, FloatArray
 
+# Size of the monthly maps [px].
 WIDTH, HEIGHT = 2048, 1024
 LAND = "land_2048x1024.png"
+
+# Height map, and metres per count of it.
 HEIGHT_MAP, HEIGHT_M_PER_COUNT = "height_4032x2016.png", 24.8
 OCTAVES = 4.0  # full scale of the gain's channels, plus and minus
 SLOPE_MAX = 0.25  # full scale of the slope channels, plus and minus
@@ -38,7 +41,11 @@ ROUGH_M = 400.0  # full scale of roughness: standard deviation of the height ove
 _MAP_MONTH = 8  # month of the fine map
 # day of the year in the middle of each month that has a map
 ANCHORS: dict[int, float] = {1: 15.0, 3: 74.0, 5: 135.0, 7: 196.0, 8: 227.0, 10: 288.0}
+
+# Rows computed at once, which bounds the memory.
 _STRIP_ROWS = 16
+
+# Length of a year [days].
 _YEAR = 365.25
 _EPSILON = 0.004  # reflectance below which a ratio is meaningless
 

@@ -25,11 +25,15 @@ if TYPE_CHECKING:
 
 CATALOGUE = "hipparcos2_hp9.npz"
 _CATALOGUE_EPOCH = datetime(1991, 4, 2, 13, 30, tzinfo=UTC)  # J1991.25
+
+# Hipparcos number of Sirius.
 _SIRIUS_HIP = 32349
 _SIRIUS_HP_MAG = -1.43  # V = -1.44; the catalogue's Hp of -1.09 comes from a saturated detector
 _SUN_B_MINUS_V = 0.65  # colour of a star without a measured one
 _SIDE = 12  # cells along the edge of each face of the cube map
 CELL_RADIUS_RAD = 0.125  # half of the diagonal of the largest cell
+
+# A milliarcsecond [rad].
 _MAS_RAD = np.pi / 180 / 3_600_000
 
 

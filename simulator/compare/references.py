@@ -29,6 +29,8 @@ SKIPPED = (
     ".normals.png",
     ".clean.png",
 )
+
+# Longest side of a reference image [px]; larger ones are reduced.
 MAX_SIDE_PX = 2048
 
 

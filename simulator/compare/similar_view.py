@@ -38,6 +38,8 @@ HISTOGRAM_DN = 32.0  # histogram distance that counts as much as a completely di
 BRIGHT_PERCENT = 99.0  # percentile matched to the reference's by exposure
 CLIPPED_DN = 250.0  # above this, values may be clipped
 MIN_POSE_LIKENESS = 0.5  # likeness above which an uncertain pose is preferred to other views
+
+# Range of the fitted exposure time [s].
 MIN_EXPOSURE_S, MAX_EXPOSURE_S = 1e-6, 10.0
 
 

@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from flyaround.simulator.scenario.scenario import Scenario
     from flyaround.simulator.scene.state import SceneState
 
+# Tiles of a sheet.
 COLUMNS, ROWS = 3, 2
 WIDTH_PX, SAMPLE_WIDTH_PX = 480, 256  # width of a frame and of a sample
 _AXIS_LENGTH = 0.6

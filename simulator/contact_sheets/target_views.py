@@ -42,9 +42,13 @@ KEY_LIGHT, FILL_LIGHT, FILL_SHARE = (-0.5, -0.45, -1.0), (0.6, 0.25, -1.0), 0.2
 FOCAL_WIDTHS = 3.0
 """Focal length in image widths, long so that sides look orthographic."""
 FILLED_SHARE = 0.9  # share of the image that the craft spans
+
+# Geocentric distance of the target [m].
 ORBIT_M = 7e6
 # RGB colours distinguishable by colour-blind readers (Okabe and Ito).
 EDGE_RGB, POINT_RGB = (86, 180, 233), (230, 159, 0)
+
+# Exponent of the transfer function of the images.
 GAMMA = 2.2
 PIECES = 60  # pieces of an edge, each visible or hidden
 SURFACE_TOLERANCE = 0.006

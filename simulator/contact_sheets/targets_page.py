@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 
     from flyaround.simulator.targets.model import Material, Target
 
+# Width and height of the first view of a target, and of its others [px].
 LARGE, SMALL = (640, 480), (240, 240)
 
 

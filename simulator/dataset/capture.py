@@ -298,7 +298,7 @@ def capture_card(
         split=split or _own_split(plan),
         camera=plan.camera,
         image_bits=plan.scene(0).sensor.bits,
-        target=CardTarget.of(plan.target),
+        target=CardTarget.from_target(plan.target),
         machine=describe_machine("", "", ""),
         stereo=stereo_card(plan),
     )

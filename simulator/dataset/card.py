@@ -69,7 +69,7 @@ class CardTarget(msgspec.Struct, frozen=True, kw_only=True):
     keypoints: dict[str, tuple[float, float, float]]
 
     @classmethod
-    def of(cls, target: Target) -> CardTarget:
+    def from_target(cls, target: Target) -> CardTarget:
         """Describe a target model."""
         return cls(
             name=target.name,

@@ -38,6 +38,7 @@ if TYPE_CHECKING:
     from flyaround.simulator.targets.model import Target
     from flyaround.simulator.world.frames.pose import Pose
 
+# Maximum size of an imported image [bytes].
 MAX_PICTURE_BYTES = 500_000_000
 COLOUR_SAMPLES = 8  # images tested for colour, evenly over the set
 # an image is in colour if this share of pixels has bands this far apart, of 255
@@ -122,7 +123,7 @@ def import_card(picture_set: PosedPictures, camera: Camera, target: Target, form
         formats=("native",),
         camera=camera,
         image_bits=8 * read_picture(picture_set.pictures[0].path).itemsize,
-        target=CardTarget.of(target),
+        target=CardTarget.from_target(target),
         machine=describe_machine("", "", ""),
         licence="pictures and poses are those of the set that they were imported from, and under its licence",
     )

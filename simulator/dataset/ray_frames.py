@@ -32,7 +32,10 @@ if TYPE_CHECKING:
 MAX_IN_SHARD = 8
 """Frames per task: consecutive ones share a varied craft's baked light, and a lost node costs little."""
 
+# Number of times that Ray repeats a lost frame.
 MAX_RETRIES = 3
+
+# Time-out for the first connection [s], and interval at which a lost cluster is noticed [s].
 _CONNECT_TIMEOUT_S, _POLL_INTERVAL_S = 5.0, 120.0
 
 Result = TypeVar("Result")

@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from flyaround.simulator.dataset.storage.store import Store
     from flyaround.simulator.scenario.plan import FramePlan
 
+# Maximum size of a file that is read [bytes].
 MAX_FILE_BYTES = 2**32
 
 

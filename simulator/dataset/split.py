@@ -22,7 +22,11 @@ if TYPE_CHECKING:
     from flyaround.simulator.dataset.formats.labelled_frame import LabelledFrame
 
 SPLIT_NAME = "split.json"
+
+# Maximum size of an accepted split file [bytes].
 MAX_BYTES = 200_000_000
+
+# Maximum number in a ratio such as 8:1:1.
 MAX_SHARE = 1_000_000
 # Number of frames after which the shares are exact, in multiples of the sum of the ratio.
 BLOCKS_PER_EXACT_RUN = 10

@@ -38,7 +38,7 @@ class SecondCameraPlan(DocumentPlan):
     second: SecondCamera
 
     @classmethod
-    def of(cls, plan: DocumentPlan, second: SecondCamera) -> SecondCameraPlan:
+    def from_plan(cls, plan: DocumentPlan, second: SecondCamera) -> SecondCameraPlan:
         """Return the plan of the second camera of ``plan``."""
         seed = plan.seed + SECOND_SEED
         return cls(
@@ -85,7 +85,7 @@ def second_plan(plan: DocumentPlan) -> SecondCameraPlan | None:
     """
     if plan.second_camera is None:
         return None
-    second = SecondCameraPlan.of(plan, plan.second_camera)
+    second = SecondCameraPlan.from_plan(plan, plan.second_camera)
     second.scene(0)  # raise for an impossible scene before anything is written
     return second
 

@@ -15,6 +15,7 @@ import numpy as np
 if TYPE_CHECKING:
     from flyaround.simulator.runtime.arrays import FloatArray, IntArray
 
+# Mean number of triangles in a cell of the grid; chosen for speed.
 TRIANGLES_PER_CELL = 20
 MAX_CELLS = 64  # per side: cell indices fit 16 bits, which sort fastest
 

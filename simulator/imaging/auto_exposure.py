@@ -14,6 +14,7 @@ from flyaround.simulator.runtime.sections import Section, within
 if TYPE_CHECKING:
     from collections.abc import Callable
 
+# Steps of the exposure filter per time constant.
 STEPS_PER_LAG = 2
 MEMORY_LAGS = 12
 """Lags after which earlier values have decayed below 1e-5 and are ignored."""

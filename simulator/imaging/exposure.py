@@ -51,9 +51,13 @@ SINGLE_DRAWING_PX, DRAWING_SPACING_PX = 1.0, 5.0
 """Ground motion up to which one drawing suffices, and the motion between drawings otherwise [px]. Averaging removes the
 dependence of clouds and city lights on sub-pixel positions.
 """
+
+# Distance from the body's centre beyond which the ground's motion during an exposure is ignored [m].
 LOW_ORBIT_M = 5e7
 TEST_POINTS, TEST_POINTS_DISTORTED = 5, 17
 """Points along each side of the image where the ground is tested, without and with lens distortion."""
+
+# Maximum number of instants that are averaged for motion blur.
 MAX_INSTANTS = 256
 
 

@@ -19,11 +19,18 @@ if TYPE_CHECKING:
     from flyaround.simulator.runtime.arrays import Float32Array, FloatArray
     from flyaround.simulator.scene.state import SceneState
 
+# Minimum share of the silhouette inside the image, and of the wireframe's length with a visible step.
 SILHOUETTE_SHARE = 0.9
 STEP_SHARE = 0.4
+
+# Distance between samples along an edge [px].
 SAMPLE_SPACING_PX = 4.0
+
+# Distance to either side of an edge at which its step is measured [px].
 STEP_OFFSET_PX = 2.0
 TANGENT_STEP_PX = 0.5  # step along a curved edge to find its direction
+
+# Longest side of the target's box below which a frame is too far away to be solved [px].
 TOO_FAR_PX = 40.0
 
 

@@ -21,6 +21,8 @@ if TYPE_CHECKING:
 
 # Visible share of the Sun's disc below which direct light is below the noise of every sensor preset.
 ECLIPSE_THRESHOLD = 0.02
+
+# Half side of the neighbourhood in which a keypoint's contrast is measured [px].
 CONTRAST_RADIUS_PX = 2
 
 

@@ -198,7 +198,7 @@ def truth_record(
         wireframe_step_share=share,
         image_sha256="",
         mask_sha256="",
-        record=SceneRecord.of(scene),
+        record=SceneRecord.from_scene(scene),
         software=software,
         exposure_s=scene.exposure_s,
         earth_direction_camera=scene.earth_direction_camera,

@@ -29,6 +29,8 @@ if TYPE_CHECKING:
     from flyaround.simulator.targets.model import Target
 
 MASKED_LAYERS = frozenset({"depth", "parts", "normals", "flow"})
+
+# Rows computed at once; strips stay in the processor's cache.
 STRIP_ROWS = 32
 AMODAL_MARGIN = 1.0  # extent of the amodal mask beyond the image, in units of its larger side
 

@@ -24,8 +24,12 @@ if TYPE_CHECKING:
 
 # RGB colours distinguishable by colour-blind readers (Okabe and Ito).
 GREEN, ORANGE, BLUE, GREY = (0, 158, 115), (230, 159, 0), (86, 180, 233), (150, 150, 150)
+
+# Colours of the x, y and z axis, and their length [m].
 AXES = ((213, 94, 0), (0, 158, 115), (86, 180, 233))
 AXIS_LENGTH_M = 0.5
+
+# Coordinate beyond which a line is not drawn [px]: OpenCV's line drawing overflows.
 _MAX_COORDINATE_PX = 1e5
 
 

@@ -34,11 +34,14 @@ Thrust = Literal["continuous", "pulse"]
 AttitudeMode = Literal["rate", "hold", "target", "dock"]
 ATTITUDE_MODES: tuple[AttitudeMode, ...] = get_args(AttitudeMode)
 
+# Boresight of the camera in its own frame.
 BORESIGHT: Vec3 = (0.0, 0.0, 1.0)
 ACTIVE_STEP_S = 0.2
 """Longest step while manual control, brake or autopilot thrust, or while contact is possible [s]."""
 AUTOPILOT_PERIOD_S = 0.1
 """Period of the autopilot's decisions [s]."""
+
+# Longest step while no thruster fires [s].
 COAST_STEP_S = 20.0
 ABORT_M_S2 = 0.25
 """Acceleration of an abort [m s-2]."""

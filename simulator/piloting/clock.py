@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Literal
 
+# Rates of simulated time, and the rate of a jump.
 RATES = (0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0, 200.0, 500.0, 1000.0)
 JUMP_RATE = 1000.0
 STEP_S = 0.02

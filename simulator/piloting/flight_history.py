@@ -29,7 +29,11 @@ VALUES_PER_SAMPLE = 15
 """Values of a sample: time, the chaser's 13 (NaN while guided), index of the controls."""
 MAX_SAMPLES = 400_000
 """Largest number of samples, eleven hours at 0.1 s; beyond it every second sample is dropped."""
+
+# Maximum size of the recorded controls [bytes].
 MAX_CONTROLS_BYTES = 40_000_000
+
+# Maximum length of a bookmark's note, and maximum number of bookmarks.
 MAX_NOTE_LENGTH = 200
 MAX_BOOKMARKS = 500
 ROUNDING_S = 5e-4

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
 
     from flyaround.simulator.piloting.session import FlightSession
 
+# Maximum number of stored flights of one scenario.
 MAX_FOLDERS = 10_000
 
 

@@ -27,6 +27,8 @@ SAMPLES_PER_ORBIT = 181
 """Points of the track per orbit."""
 SEARCH_ORBITS = 1.7
 """Orbits searched for eclipses; one of them is drawn."""
+
+# Tolerance of the time of an eclipse [s].
 _TIME_TOLERANCE_S = 0.05
 _FULL_SUN = 1.0 - 1e-9  # visible share of the Sun that counts as full sunlight
 

@@ -25,6 +25,8 @@ LARGEST_M_S2 = 0.05
 """Largest thrust per mass along each LVLH axis [m s-2]."""
 JOIN_SPEED_M_S = 0.2
 """Mean speed on the joining path [m s-1]."""
+
+# Shortest duration of a joining path [s].
 MIN_JOIN_S = 10.0
 
 

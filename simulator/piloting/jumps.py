@@ -25,6 +25,8 @@ EVENTS: dict[Event, str] = {
     "sunrise": "the target is wholly in sunlight again",
     "terminator": "the target flies over the line between day and night",
 }
+
+# Tolerance of the time of an event [s].
 TIME_TOLERANCE_S = 0.01
 SEARCH_MARGIN_S = 300.0
 """Largest delay of an event relative to its time on a simplified orbit [s]."""

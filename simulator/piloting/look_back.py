@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from flyaround.simulator.world.flight.flight import Flight
     from flyaround.simulator.world.guidance.manual_control import ChaserState
 
+# Maximum number of points of the trail, and their interval [s]; a longer trail is thinned.
 MAX_TRAIL_POINTS = 4000
 TRAIL_INTERVAL_S = 0.5
 RESTORED_TRAIL_POINTS = 400

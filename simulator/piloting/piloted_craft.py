@@ -27,6 +27,8 @@ Mode = Literal["guidance", "steer"]
 
 HOLD_POINTS_EVERY_S = 0.5
 """Period of the check for passed hold points."""
+
+# Shortest span of the propagated orbit [s].
 FIRST_SPAN_S = 1800.0
 MARGIN_S = 60.0
 """Smallest span for which the flight is propagated ahead [s]."""

@@ -31,9 +31,12 @@ if TYPE_CHECKING:
     from flyaround.simulator.scenario.recipe import Background
     from flyaround.simulator.scene.state import SceneState
 
+# Maximum number of draws until a sample meets all conditions.
 MAX_DRAWS = 1000
 _MIN_SUN_SHARE, _MIN_SUN_SINE = 0.999, 0.05
 """Smallest visible share of the Sun's disc at the craft, and smallest sine of its elevation on the ground."""
+
+# Position of the target behind the camera, for pictures of the background alone [m].
 _HIDDEN_POSITION_M = (0.0, 0.0, -1000.0)
 
 

@@ -33,6 +33,7 @@ if TYPE_CHECKING:
     from flyaround.simulator.scenario.recipe import AnyPlacement, AnyRange, Recipe
     from flyaround.simulator.targets.model import Target
 
+# Maximum number of draws until a pose meets all conditions.
 MAX_DRAWS = 10_000
 TANGO_SIZE_M = 0.80320
 """Half the diagonal of Tango's bounding box."""

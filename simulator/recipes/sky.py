@@ -26,7 +26,11 @@ if TYPE_CHECKING:
     from flyaround.simulator.world.ephemeris.body import Body, BodyState
 
 YEAR_START_UTC = "2026-01-01T00:00:00Z"
+
+# Length of the year from which times are drawn [s].
 YEAR_S = 365.0 * 86400.0
+
+# Maximum number of draws until a time meets all conditions.
 MAX_DRAWS = 1000
 MAX_DIP_SHARE = 0.9
 """Largest depression of the Sun below the horizontal for a sunlit target, relative to the horizon's dip."""

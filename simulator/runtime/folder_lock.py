@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
     from pathlib import Path
 
+# Interval of attempts to take a lock [s].
 _RETRY_INTERVAL_S = 0.02
 
 

@@ -12,6 +12,8 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
 _M_TRIM_THRESHOLD, _M_MMAP_THRESHOLD, _M_ARENA_MAX = -1, -3, -8  # malloc.h of the GNU C library
+
+# Size of free memory that the C library keeps for reuse [bytes].
 RETAINED_BYTES = 256 << 20
 MAX_RETAINED_BLOCK_BYTES = 32 << 20  # the largest value that the library accepts
 _Owner = TypeVar("_Owner")

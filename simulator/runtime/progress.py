@@ -11,6 +11,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
     from concurrent.futures import Future
 
+# Size of the shared line of text [bytes].
 _LINE_BYTES = 96
 
 

@@ -21,6 +21,8 @@ import numpy as np
 from flyaround.simulator.errors import UserError
 
 MAX_DEPTH = 64  # brackets that may be open at once
+
+# Tables of bytes that open and close a JSON value.
 _OPENING, _CLOSING = (np.isin(np.arange(256), list(kind)) for kind in (b"[{", b"]}"))
 # strings, even unterminated, and comments: brackets inside do not nest; a linear-time pattern
 JSON_TEXT = re.compile(rb'"(?:[^"\\]++|\\.?)*+"?+', re.DOTALL)

@@ -30,6 +30,8 @@ T = TypeVar("T")
 
 # On a loaded machine a start may take minutes; a process that uses no processor time for long has failed.
 _START_TIMEOUT_S = 60.0
+
+# Interval at which the progress of a starting process is checked [s].
 _POLL_INTERVAL_S = 0.5
 _END_TIMEOUT_S = 1.0  # grace period before a process is killed
 

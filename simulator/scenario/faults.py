@@ -21,6 +21,7 @@ from flyaround.simulator.runtime.validation_errors import convert_document
 if TYPE_CHECKING:
     from pathlib import Path
 
+# Maximum number of faults, against typing errors.
 MAX_FAULTS = 1000
 
 Time = Annotated[float, msgspec.Meta(ge=0, le=1e6)]

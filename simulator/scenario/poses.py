@@ -29,6 +29,8 @@ if TYPE_CHECKING:
 
 MAX_BYTES = 200_000_000  # size limit of a list: a million poses
 COLUMNS = ("q_w", "q_x", "q_y", "q_z", "t_x_m", "t_y_m", "t_z_m")
+
+# Allowed range of a target [m].
 MIN_RANGE_M, MAX_RANGE_M = 0.01, 1e6
 _EXTRA_CELLS = "cells beyond the header"
 

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from flyaround.simulator.scene.state import SceneState
     from flyaround.simulator.world.ephemeris.body import BodyState
 
+# Maximum distance of the target [m].
 MAX_TARGET_DISTANCE_M = 1e6
 MAX_STRETCH = 0.2  # largest stretch of a target along an axis, as a share
 MAX_SPEED_M_S, MAX_RATE_RAD_S = 1e6, 1e4  # far beyond any craft

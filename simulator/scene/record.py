@@ -79,7 +79,7 @@ class SceneRecord(msgspec.Struct, frozen=True, kw_only=True):
     bodies: tuple[BodyState, ...] | UnsetType = UNSET
 
     @staticmethod
-    def of(scene: SceneState) -> SceneRecord:
+    def from_scene(scene: SceneState) -> SceneRecord:
         """Return the record of a scene."""
         earth, moon, *other_bodies = scene.bodies
         environment = RecordedEnvironment(**msgspec.structs.asdict(scene.environment))

@@ -93,7 +93,7 @@ def made_frame(
         wireframe_step_share=1.0,
         image_sha256="",
         mask_sha256="",
-        record=SceneRecord.of(at),
+        record=SceneRecord.from_scene(at),
         software=Software(flyaround=mark, gl_renderer=""),
     )
     return Frame(at, image, NO_RADIANCE, truth, stage_ms={"render": 1.5, "sensor": 0.5})

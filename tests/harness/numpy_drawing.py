@@ -258,8 +258,8 @@ def _thin_levels(level: Array, picture: Array, group: Array, thin: Array, patch:
     gray = patch.gray.ravel()[cells]
     drawn = picture.ravel()[cells]
     for _ in range(2):
-        step = np.bincount(own, (gray - patch.response.of(drawn)[0])[at], n) / covered
-        after = np.clip(level + np.where(thin, step, 0.0), 0.0, 1.5 * patch.full)
+        step = np.bincount(own, (gray - patch.response.mean_and_slope(drawn)[0])[at], n) / covered
+        after = np.clip(level + np.where(thin, step, 0.0), 0.0, 1.5 * patch.full_scale)
         change = np.bincount(at, (after - level)[own], len(cells)) / (f * f)
         drawn += change.astype(np.float32)
         level[:] = after
@@ -284,7 +284,7 @@ def motion_images(
     h, w = patch.gray.shape
     f = patch.fine
     wide = w * f
-    g, ids = shading.group, shading.seen
+    g, ids = shading.group, shading.visible_face
     borders = np.zeros(g.shape, bool)
     np.not_equal(g[:, 1:], g[:, :-1], out=borders[:, :-1])
     right = np.flatnonzero(borders)
@@ -358,7 +358,7 @@ def gram(
     See ``photometric._gram``.
     """
     lens, blur, optics = blurs_px
-    shown, slope = patch.response.of(blurred(shading.picture, lens))
+    shown, slope = patch.response.mean_and_slope(blurred(shading.picture, lens))
     drawn = blurred(shown, blur)
     e = patch.blurred(blur) - drawn
     D = [blurred(plane, optics) for plane in motion_images(shading, faces, patch, camera, R, t)]
@@ -413,7 +413,7 @@ def unexplained(
 ) -> float:
     """Return the sum of bounded squared residuals of a synthetic view; see ``photometric._unexplained``."""
     lens, blur, cover_blur = blurs_px
-    drawn = patch.response.of(blurred(shading.picture, lens))[0]
+    drawn = patch.response.mean_and_slope(blurred(shading.picture, lens))[0]
     e = (patch.blurred(blur) - blurred(drawn, blur)) / noise
     if patch.textured:
         # clutter beside the craft counts the same for every pose

@@ -22,7 +22,7 @@ from flyaround.hil.board.estimation import CameraIntrinsics
 from flyaround.hil.board.methods import make_estimator
 from flyaround.hil.evaluate.greyscale import grey
 from flyaround.hil.evaluate.method_choice import board_model
-from flyaround.hil.host.closed_loop_run import scene_flown
+from flyaround.hil.host.closed_loop_run import scene_at_snapshot
 from flyaround.hil.host.pose_link import LATENCY_S
 from flyaround.hil.navigation.closed_loop import ClosedLoop, ClosedLoopConfig, ClosedLoopResult
 from flyaround.hil.navigation.measurement import PoseNoise, Snapshot
@@ -63,7 +63,7 @@ class DrawnPoses(LatePoses):
     def expose(self, snapshot: Snapshot) -> None:
         """Render an image, estimate its pose and record the answer."""
         self._draw.submit(
-            FrameRequest(scene=scene_flown(self._plan, snapshot, len(self.looks)), labels=False)
+            FrameRequest(scene=scene_at_snapshot(self._plan, snapshot, len(self.looks)), labels=False)
         )
         result = self._estimator.estimate(grey(self._draw.result().image), None, snapshot.t_s)
         q, t = result.q_camera_from_target_wxyz, result.t_camera_from_target_m

@@ -37,7 +37,7 @@ from flyaround.hil.board.hybrid.image.observation import Observation
 from flyaround.hil.board.hybrid.model.image_patch import cut_patch, target_box
 from flyaround.hil.board.hybrid.prepare import prepare
 from flyaround.hil.board.hybrid.refine.close import CLOSE_PX
-from flyaround.hil.board.hybrid.refine.final import refine_to_end
+from flyaround.hil.board.hybrid.refine.final import refine_to_convergence
 from flyaround.hil.board.hybrid.refine.parallel import draw, draw_shadows
 from flyaround.hil.board.svd.region_of_interest import Region
 from flyaround.hil.evaluate.greyscale import grey
@@ -169,7 +169,7 @@ def stage_row(
         frame.noise,
         EDGES_PX,
         background=frame.background,
-        likely=frame.likely,
+        craft_probability=frame.craft_probability,
     )
     drawn = support(target, q, t, field).drawn
     source = Source(region, field)
@@ -227,7 +227,7 @@ def _refined(image: PreparedImage, source: Source, q: Array, t: Array) -> tuple[
     patch = cut_patch(target, frame, target_box(target, q, t), CLOSE_PX)
     beside = quat.rotate(q, np.array([TURN_RAD, 0.0, 0.0]))
     ends = [
-        refine_to_end(
+        refine_to_convergence(
             target,
             frame,
             patch,

@@ -24,6 +24,7 @@ from flyaround.hil.link.transports.url import connect
 
 logger = logging.getLogger(__name__)
 
+# Interval at which the receiving thread checks whether it must stop [s].
 CHECK_INTERVAL_S = 0.5
 
 

@@ -19,9 +19,13 @@ SCHEME = "gige://"
 # Pixel-format codes with the memory layout of Mono16.
 MONO16_CODES = (0x01100005, 0x01100025)  # Mono12, Mono14
 GREY_CODES = (*(int(f) for f in PixelFormat if f.channels == 1), *MONO16_CODES)
+
+# Number of image buffers of the stream.
 N_BUFFERS = 8
 # Number of packets ignored without a complete image above which the stream restarts; other programs cause a few.
 MAX_IGNORED_PACKETS = 64
+
+# Longest wait for an image before the thread checks whether it must stop [us].
 POP_US = 100_000
 # Largest 16-bit block identifier; the next one is 1.
 MAX_BLOCK_ID = 0xFFFF

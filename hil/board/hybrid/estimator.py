@@ -1,7 +1,7 @@
-"""The method ``hybrid``: estimates a pose and its confidence from one image.
+"""Estimator of the method ``hybrid``: a pose and its confidence from one image.
 
-Every function takes a frozen state and returns the next one (``search_states``): prepare -> propose -> choose -> check
--> answer. A round runs from a proposal to an answer; ``PoseEstimator.initialise`` defines the sequence of rounds.
+The stages are prepare, propose, choose, check and answer. Each is a function from one frozen state to the next (see
+``search_states``). ``PoseEstimator.initialise`` runs the stages in up to three rounds.
 """
 
 from __future__ import annotations
@@ -47,18 +47,23 @@ from flyaround.hil.board.hybrid.search_states import Choice, PreparedImage, Prop
 from flyaround.hil.board.method_names import HYBRID
 from flyaround.hil.board.svd.wireframe_groups import model_triads
 
-# Maximum number of regions passed to the network, and of locations it returns in front of a texture and of empty space.
-NETWORK_REGIONS, TEXTURED_PLACES, EMPTY_PLACES = 5, 2, 1
+# Maximum number of regions passed to the network; hand-tuned, as all numbers of regions and locations below.
+NETWORK_REGIONS = 5
 
-# Logit of the presence score above which only the network's first region is searched by edges.
+# Maximum number of locations that the network proposes, in front of a texture and of empty space.
+TEXTURED_LOCATIONS = 2
+EMPTY_LOCATIONS = 1
+
+# Maximum number of regions searched by edges, in front of a texture and of empty space.
+TEXTURED_REGIONS = 2
+EMPTY_REGIONS = 3
+
+# Logit of the presence score (probability 0.88) above which only the network's first region is searched by edges.
 PRESENT_LOGIT = 2.0
 
-# Maximum deficit of a pose's log-likelihood by the network; correct poses are far below it
+# Maximum deficit of a pose's log-likelihood by the network. Correct poses have far smaller deficits
 # (docs/lab/2026-11-keypoint-network.md).
 MAX_NETWORK_DEFICIT = 5.0
-
-# Maximum number of regions searched by edges in front of a texture and of empty space.
-TEXTURED_REGIONS, EMPTY_REGIONS = 2, 3
 
 
 # --- propose
@@ -66,35 +71,37 @@ TEXTURED_REGIONS, EMPTY_REGIONS = 2, 3
 
 def propose_learned(image: PreparedImage) -> Proposals:
     """Propose poses at the most likely locations by the keypoint network (Park, Sharma & D'Amico 2019)."""
-    frame, places = image.frame, []
+    frame, locations = image.frame, []
     if image.setup.learned is not None:
-        keep = TEXTURED_PLACES if frame.background < 0 else EMPTY_PLACES
-        places = image.setup.learned.propose(
+        keep = TEXTURED_LOCATIONS if frame.background < 0 else EMPTY_LOCATIONS
+        locations = image.setup.learned.propose(
             frame.image, frame.noise, image.regions[:NETWORK_REGIONS], keep, image.reduced, frame.black
         )
-    hypotheses = [h for place in places for h in learned_hypotheses(image.setup.target, frame, place)]
-    frame.keep("learned_proposals", places)
+    hypotheses = [
+        h for location in locations for h in learned_hypotheses(image.setup.target, frame, location)
+    ]
+    frame.keep("learned_proposals", locations)
     frame.mark("learned_proposal")
-    return Proposals(image, hypotheses, places)
+    return Proposals(image, hypotheses, locations)
 
 
 def propose_again(first: Proposals, learned: LearnedProposer) -> Proposals:
     """Propose poses from further inferences at the locations of the first round, in addition to its hypotheses."""
     image, target, frame = first.image, first.image.setup.target, first.image.frame
-    places = [
-        learned.infer_again(frame.image, frame.noise, place, image.reduced, frame.black)
-        for place in first.places
+    locations = [
+        learned.infer_again(frame.image, frame.noise, location, image.reduced, frame.black)
+        for location in first.locations
     ]
-    hypotheses = [h for place in places for h in learned_hypotheses(target, frame, place)]
+    hypotheses = [h for location in locations for h in learned_hypotheses(target, frame, location)]
     frame.mark("second_look")
-    return replace(first, hypotheses=[*hypotheses, *first.hypotheses], places=places, thorough=True)
+    return replace(first, hypotheses=[*hypotheses, *first.hypotheses], locations=locations, thorough=True)
 
 
-def propose_by_edges(image: PreparedImage, places: Sequence[LearnedProposal]) -> Proposals:
+def propose_by_edges(image: PreparedImage, locations: Sequence[LearnedProposal]) -> Proposals:
     """Propose poses from perceptual groups and viewpoint templates, aligned on the edges of each region."""
     target, frame = image.setup.target, image.frame
     # where the network detects the craft, edges may still find attitudes that it does not propose
-    detected = [place.source for place in places if place.craft > PRESENT_LOGIT]
+    detected = [location.source for location in locations if location.craft > PRESENT_LOGIT]
     regions = detected[:1] or image.regions[: TEXTURED_REGIONS if frame.background < 0 else EMPTY_REGIONS]
     frame.count("searched", 1)
     searched = []
@@ -109,7 +116,7 @@ def propose_by_edges(image: PreparedImage, places: Sequence[LearnedProposal]) ->
         q, t = (np.concatenate(parts) for parts in zip(*poses))  # noqa: B905 - Python 3.9 has no strict=
         hypotheses += refine_by_edges(target, frame, edges, q, t)
     frame.mark("edge_alignment")
-    return Proposals(image, hypotheses, list(places), thorough=True)
+    return Proposals(image, hypotheses, list(locations), thorough=True)
 
 
 def rank(proposals: Proposals) -> Proposals:
@@ -152,7 +159,7 @@ def _choose_by_image(proposals: Proposals) -> Choice:
     frame.mark("close_alignment")
     # hypotheses refined to convergence on the full resolution
     selection = select_by_image(target, frame, regime, patch, aligned, thorough=thorough)
-    _keep_poses(frame, "final_alignment", selection.ends)
+    _keep_poses(frame, "final_alignment", selection.optima)
     frame.mark("final_alignment")
     return Choice(proposals, selection)
 
@@ -164,8 +171,10 @@ def without_unlikely(hypotheses: List[Hypothesis], prior: Optional[Prior]) -> Li
     """
     if prior is None or len(hypotheses) < 2:
         return hypotheses
-    log_likely = np.array([prior(h.q, h.t) for h in hypotheses])
-    return [hypotheses[k] for k in np.flatnonzero(log_likely >= log_likely.max() - MAX_NETWORK_DEFICIT)]
+    log_likelihood = np.array([prior(h.q, h.t) for h in hypotheses])
+    return [
+        hypotheses[k] for k in np.flatnonzero(log_likelihood >= log_likelihood.max() - MAX_NETWORK_DEFICIT)
+    ]
 
 
 def _keep_poses(frame: Observation, stage: str, hypotheses: Sequence[Hypothesis]) -> None:
@@ -188,33 +197,37 @@ def check(choice: Choice) -> Choice:
 
 def _prior(proposals: Proposals) -> Optional[Prior]:
     """Return the keypoint network's log-likelihood as a function of the pose; None if it did not run."""
-    learned, places = proposals.image.setup.learned, proposals.places
-    return None if learned is None or not places else partial(learned.log_likelihood, places)
+    learned, locations = proposals.image.setup.learned, proposals.locations
+    return None if learned is None or not locations else partial(learned.log_likelihood, locations)
 
 
 def _evidence(choice: Choice) -> Evidence:
     """Return the evidence of the selection, completed by terms of the network and the calibration."""
     image, best = choice.image, choice.selection.best
-    learned, places = image.setup.learned, choice.proposals.places
+    learned, locations = image.setup.learned, choice.proposals.locations
     return replace(
         choice.selection.evidence,
         calibrated=image.setup.calibrated,
         has_network=learned is not None,
         regime=image.regime,
-        network=learned.log_likelihood(places, best.q, best.t) if learned is not None and places else 0.0,
-        craft=max((place.craft for place in places), default=0.0),
+        network=learned.log_likelihood(locations, best.q, best.t)
+        if learned is not None and locations
+        else 0.0,
+        craft=max((location.craft for location in locations), default=0.0),
     )
 
 
 # --- answer
 
 
-def answer(choice: Choice, first: Optional[PoseResult]) -> PoseResult:
+def answer(choice: Choice, previous: Optional[PoseResult]) -> PoseResult:
     """Refine the selected pose further and decide on it; return the most confident answer of all rounds.
 
     Parameters
     ----------
-    first : PoseResult, optional
+    choice : Choice
+        Selected hypothesis of this round.
+    previous : PoseResult, optional
         Answer of the previous rounds.
     """
     setup, frame, selection = choice.image.setup, choice.image.frame, choice.selection
@@ -232,7 +245,7 @@ def answer(choice: Choice, first: Optional[PoseResult]) -> PoseResult:
         pose = replace(pose, covariance=scaled_covariance(evidence, pose))
     result = decided(frame, pose, evidence, selection.alternatives, setup.accept_at)
     # scores of different rounds are not comparable, because they use different patches
-    return result if first is None or result.confidence > first.confidence else first
+    return result if previous is None or result.confidence > previous.confidence else previous
 
 
 class PoseEstimator(Estimator):
@@ -271,28 +284,32 @@ class PoseEstimator(Estimator):
         )
 
     def _estimate(self, frame: StageRecord) -> PoseResult:
-        return self.initialise(Observation.of(frame))
+        return self.initialise(Observation.from_record(frame))
 
     def initialise(self, frame: Observation) -> PoseResult:
-        """Return the pose in one image, without a prior."""
+        """Return the pose in one image, without a prior pose.
+
+        The first round uses the network. If its answer is not accepted, a second round averages the network over
+        several rolls of the crop. Edges propose poses only if the network proposed none.
+        """
         image = prepare(self.setup, frame)
         first, result = _round(propose_learned(image), None)
         # a search by edges would double the time and find hardly any further correct poses
         if image.setup.learned is not None and result is not None and not result.accepted:
             _, result = _round(propose_again(first, image.setup.learned), result)
         if result is None:
-            _, result = _round(propose_by_edges(image, first.places), None)
+            _, result = _round(propose_by_edges(image, first.locations), None)
         if result is None:
             return self._declined(frame, "no target found")
-        if frame.shows_all and first.places and image.regions:
+        if frame.shows_all and first.locations and image.regions:
             # run the stages that were not needed, for the debug images
             propose_by_edges(replace(image, regions=image.regions[:1]), [])
         return replace(result, method=self.method)
 
 
-def _round(proposals: Proposals, before: Optional[PoseResult]) -> Tuple[Proposals, Optional[PoseResult]]:
-    """Return the ranked proposals and the answer of all rounds; ``before`` is returned if there are no proposals."""
+def _round(proposals: Proposals, previous: Optional[PoseResult]) -> Tuple[Proposals, Optional[PoseResult]]:
+    """Run one round. Return the ranked proposals, and the most confident answer of this and the previous rounds."""
     if not proposals.hypotheses:
-        return proposals, before
+        return proposals, previous
     proposals = rank(proposals)
-    return proposals, answer(check(choose(proposals)), before)
+    return proposals, answer(check(choose(proposals)), previous)

@@ -22,19 +22,20 @@ from flyaround.hil.board.svd.weak_gradients import eliminate_weak_gradients
 
 Array = np.ndarray
 
-# Least noise [steps of a scale of 255]: half of the quantisation noise.
-MIN_NOISE, FULL_SCALE = 0.15, 255.0
+# Full scale of an 8-bit image, and minimum noise on this scale: half of the quantisation noise of 1 / sqrt(12).
+FULL_SCALE, MIN_NOISE = 255.0, 0.15
 
-# Ratio of the noise from means over many pixels to that from single pixels above which noise counts as smoothed.
+# Ratio of the noise measured on means over many pixels to that of single pixels above which the noise was smoothed by
+# a filter or by compression; hand-tuned, as are the values below.
 SMOOTHED_RATIO = 1.4
 
-# Least black level in front of a texture [noise], whose dark parts lie above zero as well.
+# Minimum black level in front of a texture [sigma of the noise], because its dark parts lie above zero as well.
 MIN_BLACK_SIGMA = 3.0
 
 # Share of tiles with edges above which the background is not empty space.
 MAX_BUSY_SHARE = 0.25
 
-# Least diagonal of a region [px].
+# Minimum diagonal of a region [px].
 MIN_DIAGONAL_PX = 24.0
 
 
@@ -46,12 +47,12 @@ def prepare(setup: SearchSetup, frame: Observation) -> PreparedImage:
     edges = eliminate_weak_gradients(reduced)
     frame.keep("wge", edges)
     frame.mark("weak_gradients")
-    regions, busy, frame.likely = propose_regions(reduced, edges, frame.noise / REDUCTION)
+    regions, busy, frame.craft_probability = propose_regions(reduced, edges, frame.noise / REDUCTION)
     if busy < MAX_BUSY_SHARE:
         # reduced pixels are rounded to integers
         frame.background = integer_median(reduced.astype(np.int32))
     frame.black = _black_level(frame, reduced, busy, smoothed=smoothed)
-    regime = Regime.of(frame.black, trained=setup.learned is not None)
+    regime = Regime.from_black_level(frame.black, trained=setup.learned is not None)
     frame.count("regions", len(regions))
     frame.keep("regions", regions)
     frame.mark("regions")

@@ -95,7 +95,7 @@ class Proposals:
         The image.
     hypotheses : list of Hypothesis
         Candidate poses.
-    places : list of LearnedProposal
+    locations : list of LearnedProposal
         Proposals of the network, by region.
     thorough : bool
         True if an earlier round was not conclusive, so that more hypotheses are tried.
@@ -103,7 +103,7 @@ class Proposals:
 
     image: PreparedImage
     hypotheses: List[Hypothesis]
-    places: List[LearnedProposal]
+    locations: List[LearnedProposal]
     thorough: bool = False
 
 

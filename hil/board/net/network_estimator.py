@@ -43,9 +43,9 @@ class NetworkEstimator(Estimator):
     network : NetworkFile
         Trained network.
     model : BoardModel
-        See `Estimator`.
+        Model of the target.
     camera : CameraIntrinsics
-        See `Estimator`.
+        Intrinsics of every image.
 
     Raises
     ------

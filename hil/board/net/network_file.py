@@ -25,6 +25,8 @@ SCHEMA, VERSION = "flyaround.network", 2
 
 # Largest file [bytes]; then the range of an input image's sides and of the number of attitude classes.
 MAX_BYTES = 256_000_000
+
+# Allowed side of the input [px], and number of attitude classes.
 SIDE_PX, CLASSES = (16, 1024), (8, 20_000)
 
 

@@ -53,18 +53,18 @@ def correspondences(image: PointGroups, model: PointGroups, budget: int = MAX_PA
         subset = pairs if total <= share else pairs[np.linspace(0, total - 1, share).astype(int)]
         remaining -= len(subset)
         i, m, a, b = subset.T
-        points, target = image.of(kind)[i], model.of(kind)[m]
+        points, target = image.of_kind(kind)[i], model.of_kind(kind)[m]
         if with_antenna:
-            points = np.concatenate([points, image.of("antenna")[a]], axis=1)
-            target = np.concatenate([target, model.of("antenna")[b]], axis=1)
+            points = np.concatenate([points, image.of_kind("antenna")[a]], axis=1)
+            target = np.concatenate([target, model.of_kind("antenna")[b]], axis=1)
         yield points, target
 
 
 def _pairs(image: PointGroups, model: PointGroups, kind: str, *, with_antenna: bool) -> Array:
     """Return indices (N, 4): image group, model group, image antenna, model antenna."""
-    counts = [len(image.of(kind)), len(model.of(kind)), 1, 1]
+    counts = [len(image.of_kind(kind)), len(model.of_kind(kind)), 1, 1]
     if with_antenna:
-        counts[2:] = [len(image.of("antenna")), len(model.of("antenna"))]
+        counts[2:] = [len(image.of_kind("antenna")), len(model.of_kind("antenna"))]
     return np.stack(np.meshgrid(*(np.arange(n) for n in counts), indexing="ij"), axis=-1).reshape(-1, 4)
 
 

@@ -44,7 +44,7 @@ class Lines:
     length: Array
 
     @staticmethod
-    def of(segments: Array) -> Lines:
+    def from_segments(segments: Array) -> Lines:
         """Make lines from segments (N, 4) x0 y0 x1 y1."""
         ends = np.asarray(segments, float).reshape(-1, 2, 2)
         d = ends[:, 1] - ends[:, 0]
@@ -185,14 +185,14 @@ class PointGroups:
 
     by_kind: Dict[str, Array]
 
-    def of(self, kind: str) -> Array:
+    def of_kind(self, kind: str) -> Array:
         """Return the groups (N, P, D) of a kind."""
         return self.by_kind[kind]
 
 
 def image_point_groups(segments: Array, diagonal_px: float) -> PointGroups:
     """Return the groups among merged segments (N, 4)."""
-    lines = Lines.of(segments)
+    lines = Lines.from_segments(segments)
     corners = proximity_pairs(lines, 0.08 * diagonal_px)
     chains = image_triads(lines, corners)
     parallel = parallel_pairs(lines)

@@ -211,7 +211,7 @@ class PublishedEstimator(Estimator):
 
 def image_corners(groups: PointGroups, streams: Streams, shape: Tuple[int, ...]) -> Array:
     """Return corners and line ends (N, 2) inside an image of ``shape``, without near-duplicates."""
-    parts = [groups.of("proximity_pair")[:, 1], streams.lines.reshape(-1, 2), streams.corners]
+    parts = [groups.of_kind("proximity_pair")[:, 1], streams.lines.reshape(-1, 2), streams.corners]
     points = np.concatenate([np.zeros((0, 2)), *parts])
     last = np.array([shape[1] - 1.0, shape[0] - 1.0])
     points = points[((points >= MIN_BORDER_PX) & (points <= last - MIN_BORDER_PX)).all(axis=1)]

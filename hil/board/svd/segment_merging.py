@@ -12,6 +12,7 @@ import numpy as np
 
 Array = np.ndarray
 
+# Maximum angle between merged segments [rad].
 ANGLE_RAD = np.radians(4.0)
 
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from flyaround.hil.host.frame_record import FrameRecord, complete
 from flyaround.hil.host.ledger.frames_csv import LedgerWriter
-from flyaround.hil.host.ledger.run_terms import FlownRecord, run_terms, write_terms
+from flyaround.hil.host.ledger.run_terms import Provenance, run_terms, write_terms
 from flyaround.hil.host.ledger.summary import SUMMARY_JSON, LedgerTally, summarise
 from flyaround.simulator.runtime.files import write_document
 
@@ -30,7 +30,7 @@ class CameraLedger:
         Output folder; None writes no files.
     link : LinkConfig
         Link settings of the answer port.
-    flown : FlownRecord, optional
+    provenance : Provenance, optional
         Scenario and command line, for the record of the run.
 
     Raises
@@ -39,7 +39,7 @@ class CameraLedger:
         If the folder holds a ledger, or cannot be written, now or later.
     """
 
-    def __init__(self, folder: Path | None, link: LinkConfig, flown: FlownRecord | None = None) -> None:
+    def __init__(self, folder: Path | None, link: LinkConfig, provenance: Provenance | None = None) -> None:
         self._folder, self._link = folder, link
         self._started_utc = datetime.now(UTC).isoformat(timespec="seconds")
         self._utc_minus_monotonic_ns = time.time_ns() - time.monotonic_ns()
@@ -49,7 +49,7 @@ class CameraLedger:
         if folder is not None:
             self._writer = LedgerWriter(folder)
             terms = run_terms(
-                flown,
+                provenance,
                 started_utc=self._started_utc,
                 mode="realtime",
                 truth="off",

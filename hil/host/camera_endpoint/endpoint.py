@@ -51,6 +51,8 @@ MAX_REPORTED_ADDRESSES = 16
 """Largest number of unlisted addresses that are reported."""
 REPEAT_WINDOW_S = 1.0
 """Time within which a repeated command is acknowledged again but not executed again [s]."""
+
+# Longest wait for an event [s].
 IDLE_S = 0.5
 RELEASE_TIMEOUT_S = 1.5
 """Time for a board to release control after the goodbye [s]."""

@@ -27,7 +27,10 @@ from flyaround.simulator.runtime.untrusted_files import read_regular
 if TYPE_CHECKING:
     from flyaround.hil.host.camera_endpoint.registers import CameraTerms
 
+# Maximum size of a user's description [bytes]: of its file, and of the unpacked text.
 MAX_XML_BYTES, MAX_UNZIPPED_BYTES = 1 << 20, 8 << 20
+
+# Maximum nesting of its elements; real descriptions are far flatter.
 MAX_DEPTH = 32
 OWN_NAME = "flyaround.xml"
 

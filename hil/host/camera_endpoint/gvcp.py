@@ -9,6 +9,7 @@ import struct
 from dataclasses import dataclass
 from enum import IntEnum
 
+# UDP port of GVCP, and first byte of each command.
 PORT = 3956
 KEY = 0x42
 HEADER = struct.Struct(">BBHHH")

@@ -21,6 +21,8 @@ if TYPE_CHECKING:
 HEADER = struct.Struct(">HHI")
 IP_UDP_BYTES = 28
 """IP and UDP headers, which a stream channel's packet size includes [bytes]."""
+
+# Payload type of an image.
 IMAGE_PAYLOAD = 1
 LEADER, TRAILER, DATA = 1, 2, 3
 """Packet formats."""

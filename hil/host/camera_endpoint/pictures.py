@@ -32,7 +32,7 @@ WARM_UP_PICTURES, WARM_UP_S = 16, 15.0
 
 
 @dataclass(frozen=True)
-class TakenPicture:
+class CapturedImage:
     """Image with the scene that it shows.
 
     Parameters
@@ -50,7 +50,7 @@ class TakenPicture:
 class Pictures(Protocol):
     """Source of images for the endpoint."""
 
-    def take(self, request: ImageRequest) -> TakenPicture | None:
+    def take(self, request: ImageRequest) -> CapturedImage | None:
         """Return the requested image; None if it is lost."""
 
 
@@ -77,13 +77,13 @@ class RenderedPictures:
                 self._producer.submit(FrameRequest(scene=scene, labels=False))
                 self._producer.result()
 
-    def take(self, request: ImageRequest) -> TakenPicture | None:
+    def take(self, request: ImageRequest) -> CapturedImage | None:
         """Render with the exposure and gain set by the controller."""
         t_s = request.t_s % self._plan.scenario.duration_s
         scene = with_exposure(self._plan.scene_of(self._plan.flight.state(t_s), request.number), request)
         try:
             self._producer.submit(FrameRequest(scene=scene, labels=False))
-            return TakenPicture(self._producer.result(), scene)
+            return CapturedImage(self._producer.result(), scene)
         except JobsLostError:
             return None
 
@@ -120,18 +120,18 @@ class LoopedPictures:
         self._full, self._black_dn = 2**bits - 1, black_dn
         self._table: tuple[float, Image] | None = None
 
-    def take(self, request: ImageRequest) -> TakenPicture:
+    def take(self, request: ImageRequest) -> CapturedImage:
         """Return the next image, scaled to the controller's exposure and gain."""
         k = request.number % len(self._images)
         scene = self._scenes[k] if self._scenes else None
         image = self._images[k]
         factor = request.exposure_s / self._exposure_s * 10 ** (request.gain_db / 20)
         if abs(factor - 1) < 1e-5:  # exposures are transmitted in single precision
-            return TakenPicture(image, scene)
+            return CapturedImage(image, scene)
         if self._table is None or self._table[0] != factor:
             light = (np.arange(self._full + 1) - self._black_dn) * factor + self._black_dn
             self._table = (factor, np.clip(np.rint(light), 0, self._full).astype(image.dtype))
-        return TakenPicture(self._table[1][image], None if scene is None else with_exposure(scene, request))
+        return CapturedImage(self._table[1][image], None if scene is None else with_exposure(scene, request))
 
 
 def with_exposure(scene: SceneState, request: ImageRequest) -> SceneState:

@@ -21,16 +21,29 @@ if TYPE_CHECKING:
 
     from flyaround.hil.host.camera_endpoint.interface import Interface
 
+# Minimum side of the read region [px].
 MIN_SIDE_PX = 16
+
+# Allowed values of the writable settings, lowest and highest.
 EXPOSURE_US = (1.0, 1e6)
 GAIN_DB = (0.0, 24.0)
 RATE_HZ = (0.1, 120.0)
 PACKET_BYTES = (576, 9000)
 HEARTBEAT_MS = (500, 60_000)
+
+# Frequency of the time stamp counter [Hz]: ticks are nanoseconds.
 TICKS_PER_S = 1_000_000_000
+
+# Address of the GenICam description, behind all registers.
 XML_ADDRESS = 0x100000
+
+# Bits of the control privilege.
 EXCLUSIVE, CONTROL = 1, 2
+
+# Values of the acquisition mode.
 CONTINUOUS, SINGLE_FRAME, MULTI_FRAME = 0, 1, 2
+
+# Bits of the packet size register.
 FIRE_TEST_PACKET, DO_NOT_FRAGMENT = 1 << 31, 1 << 30
 
 
@@ -85,9 +98,14 @@ class Register(IntEnum):
     FRAMES_SENT = 0xA04C
 
 
+# Size of the answer to a discovery [bytes].
 DISCOVERY_BYTES = 0xF8
+
+# Addresses and sizes [bytes] of the texts: user-defined name, and URL of the description.
 USER_NAME, USER_NAME_BYTES = 0x00E8, 16
 XML_URL, URL_BYTES = 0x0200, 512
+
+# Start address and size [bytes] of each block of registers.
 _BLOCKS = ((0x0000, 0x0B20), (0x0D00, 0x0040), (0xA000, 0x0050))
 _STREAM_SETTINGS = (Register.WIDTH, Register.HEIGHT, Register.PIXEL_FORMAT, Register.STREAM_PACKET_BYTES)
 # Supported: concatenation, write memory, packet resend, serial number, user-defined name

@@ -31,8 +31,12 @@ WARNING = (
     "It cannot authenticate: the protocol has no password, nothing is encrypted, and an address can be forged."
     " Use it on a private network."
 )
+
+# Time-out for the endpoint process to start [s], and interval at which ``stopped`` is polled [s].
 START_TIMEOUT_S = 60.0
 POLL_S = 0.2
+
+# Time-out for the endpoint process to end, and for its last messages [s].
 STOP_TIMEOUT_S = 3.0
 _PROCESS_ENDED = "the camera endpoint's process ended unexpectedly; run again with -v"
 

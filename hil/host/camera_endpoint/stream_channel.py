@@ -22,6 +22,8 @@ MAX_GAP_S = 1e-4
 """Maximum time between packets, so that small images do not take half an interval."""
 SHARE_OF_INTERVAL = 0.5
 """Share of the frame interval over which the packets of a block are spread."""
+
+# Maximum size of the images kept for resending [bytes].
 MAX_STORED_BYTES = 64 << 20
 MAX_STORED_BLOCKS = 8
 """Limits of the blocks stored for resending."""

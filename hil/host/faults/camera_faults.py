@@ -37,24 +37,24 @@ def with_camera_faults(frames: Iterable[Frame], faults: Faults) -> Iterator[Fram
 
     The same frames and seed give the same bytes.
     """
-    frozen: dict[int, Pixels] = {}
-    before: Pixels | None = None
+    frozen_images: dict[int, Pixels] = {}
+    previous: Pixels | None = None
     for frame in with_camera_numbers(frames, faults):
-        image, hit = frame.image, list(frame.faults)
+        image, names = frame.image, list(frame.faults)
         t_s, white = frame.scene.t_s, 2**frame.scene.sensor.bits - 1
         for k, fault in enumerate(faults.camera):
             if not fault.acts(t_s):
                 continue
             if isinstance(fault, FrozenPicture):
-                changed: Pixels | None = frozen.setdefault(k, image if before is None else before)
+                changed: Pixels | None = frozen_images.setdefault(k, image if previous is None else previous)
             else:
                 changed = _apply_fault(image, fault, (faults.seed, k), frame.number, white)
             if changed is not None:
                 image = changed
-                hit.append(fault.name)
-        before = image
-        hit += [f.name for f in faults.camera if isinstance(f, StuckExposure) and f.acts(t_s)]
-        yield replace(frame, image=image, faults=tuple(hit)) if hit else frame
+                names.append(fault.name)
+        previous = image
+        names += [f.name for f in faults.camera if isinstance(f, StuckExposure) and f.acts(t_s)]
+        yield replace(frame, image=image, faults=tuple(names)) if names else frame
 
 
 def with_camera_numbers(frames: Iterable[Frame], faults: Faults) -> Iterator[Frame]:
@@ -67,14 +67,14 @@ def with_camera_numbers(frames: Iterable[Frame], faults: Faults) -> Iterator[Fra
         if frame.camera_frame is not None:
             yield frame
             continue
-        hit = []
+        names = []
         for k, fault in enumerate(faults.camera):
             if isinstance(fault, RepeatedNumber) and fault.acts(frame.scene.t_s) and counter is not None:
                 rng = np.random.default_rng((faults.seed, k, frame.number))
                 if rng.random() < fault.chance:
-                    hit.append(fault.name)
-        counter = counter if hit and counter is not None else frame.number
-        yield replace(frame, camera_frame=counter, faults=(*frame.faults, *hit))
+                    names.append(fault.name)
+        counter = counter if names and counter is not None else frame.number
+        yield replace(frame, camera_frame=counter, faults=(*frame.faults, *names))
 
 
 def with_exposure_faults(plan: Plan, faults: Faults) -> Plan:
@@ -83,11 +83,11 @@ def with_exposure_faults(plan: Plan, faults: Faults) -> Plan:
     stuck = tuple(fault for fault in faults.camera if isinstance(fault, StuckExposure))
     if track is None or not stuck:
         return plan
-    return replace(plan, exposures=HeldExposure(track, stuck))
+    return replace(plan, exposures=StuckExposureTrack(track, stuck))
 
 
 @dataclass(frozen=True, eq=False)
-class HeldExposure:
+class StuckExposureTrack:
     """Automatic exposure that is constant during a fault."""
 
     track: Exposures

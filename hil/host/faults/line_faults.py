@@ -1,4 +1,7 @@
-"""Line with faults: two pumps between the real line and the link delay, lose, duplicate, swap and damage packets."""
+"""Deliberate faults of the line: packets are delayed, lost, duplicated, swapped and damaged.
+
+Two threads, one for each direction, pass packets between the link and the real line.
+"""
 
 from __future__ import annotations
 
@@ -35,11 +38,15 @@ if TYPE_CHECKING:
     from flyaround.hil.link.transports.base import Transport
     from flyaround.simulator.scenario.faults import Direction, Faults, LineFault
 
+# First byte of a packet that may be damaged: after framing and header, so that its length stays valid.
 DAMAGE_AT = 4 + HEADER.size
-"""First byte of a packet that may be damaged: after framing and header, so that its length stays valid."""
+
+# Longest time that a packet to be swapped waits for the next one [s].
 HOLD_S = 0.05
-"""Longest time that a packet to be swapped waits for the next one [s]."""
+
+# Longest wait for a packet before due packets are sent [s].
 IDLE_S = 0.05
+
 _FRAME_ID = struct.Struct("<I")
 
 

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
 FRAMES_CSV = "frames.csv"
-# Largest accepted file [bytes], about a million rows
+# Maximum size of an accepted file [bytes], about a million rows.
 MAX_BYTES = 1 << 29
 
 
@@ -42,7 +42,7 @@ _TIMES = (
 _DELAYS = ("handover_error_ms", "staleness_ms")
 _ANSWERS = ("late", "deadline_met")
 _ANSWER_CELLS = {None: "", False: "0", True: "1"}
-# Columns that older ledgers may lack
+# Columns that older ledgers may lack.
 OPTIONAL_COLUMNS = ("faults", *_TIMES, *_DELAYS, *_ANSWERS, "time_fault")
 COLUMNS = (
     "frame_id",
@@ -199,7 +199,7 @@ def _row(cells: dict[str, str]) -> FrameRecord:
     optional: dict[str, Any] = {
         name: float(cells[name]) if cells[name] else None for name in (*DURATIONS, *_ERRORS)
     }
-    later: dict[str, Any] = {
+    newer_columns: dict[str, Any] = {
         **{name: cells.get(name, "") for name in _TIMES},
         **{name: float(cells[name]) if cells.get(name) else None for name in _DELAYS},
         **{name: cells[name] == "1" if cells.get(name) else None for name in _ANSWERS},
@@ -215,7 +215,7 @@ def _row(cells: dict[str, str]) -> FrameRecord:
         reason=text_of_table(cells["reason"]),
         stages_ms=stages_ms,
         faults=tuple(name for name in text_of_table(cells.get("faults", "")).split(";") if name),
-        **later,
+        **newer_columns,
         **optional,
         **vectors,
     )

@@ -26,7 +26,8 @@ if TYPE_CHECKING:
     from flyaround.simulator.scenario.scenario import Scenario
 
 RUN_JSON = "run.json"
-MAX_BYTES = 1 << 24  # Largest accepted run.json [bytes], ten times the largest scenario file
+# Maximum size of an accepted run.json [bytes], ten times the largest scenario file.
+MAX_BYTES = 1 << 24
 
 
 class ScenarioRecord(msgspec.Struct, frozen=True, kw_only=True):
@@ -40,8 +41,8 @@ class ScenarioRecord(msgspec.Struct, frozen=True, kw_only=True):
     sha256: str
 
     @staticmethod
-    def of(scenario: Scenario, source: bytes = b"") -> ScenarioRecord:
-        """Make the record of a scenario read from ``source``, or of one without a file."""
+    def from_scenario(scenario: Scenario, source: bytes = b"") -> ScenarioRecord:
+        """Return the record of a scenario that was read from ``source``, or made by a program if that is empty."""
         data = source or msgspec.json.encode(scenario, enc_hook=str)
         return ScenarioRecord(
             name=scenario.name,
@@ -71,8 +72,8 @@ class Versions(msgspec.Struct, frozen=True, kw_only=True):
         )
 
 
-class FlownRecord(msgspec.Struct, frozen=True, kw_only=True):
-    """Configuration of a run: scenario, seed, target with the hash of its model, and command line."""
+class Provenance(msgspec.Struct, frozen=True, kw_only=True):
+    """Origin of a run's frames: scenario, seed, target with the hash of its model, and command line."""
 
     scenario: ScenarioRecord
     seed: int
@@ -81,18 +82,20 @@ class FlownRecord(msgspec.Struct, frozen=True, kw_only=True):
     command: tuple[str, ...] = ()
 
     @staticmethod
-    def of(plan: Plan, source: bytes = b"", command: Sequence[str] = ()) -> FlownRecord:
-        """Make the record of a plan's flight.
+    def from_plan(plan: Plan, source: bytes = b"", command: Sequence[str] = ()) -> Provenance:
+        """Return the provenance of a plan's frames.
 
         Parameters
         ----------
+        plan : Plan
+            Plan of the flight.
         source : bytes, optional
             Contents of the scenario file.
         command : sequence of str, optional
             Words of the command line.
         """
-        return FlownRecord(
-            scenario=ScenarioRecord.of(plan.scenario, source),
+        return Provenance(
+            scenario=ScenarioRecord.from_scenario(plan.scenario, source),
             seed=plan.seed,
             target=plan.target.name,
             target_sha256=plan.target.sha256,
@@ -127,16 +130,16 @@ class RunTerms(msgspec.Struct, frozen=True, kw_only=True):
     board: Board | None = None
 
 
-def run_terms(flown: FlownRecord | None, **terms: Any) -> RunTerms:  # noqa: ANN401 - fields of RunTerms
+def run_terms(provenance: Provenance | None, **terms: Any) -> RunTerms:  # noqa: ANN401 - fields of RunTerms
     """Return the terms of a run of this process, from the plan and the other fields of ``RunTerms``."""
-    record = {} if flown is None else msgspec.structs.asdict(flown)
+    record = {} if provenance is None else msgspec.structs.asdict(provenance)
     return RunTerms(versions=Versions.here(), **record, **terms)
 
 
-def terms_without_board(flown: FlownRecord, faults: Faults, started_utc: str) -> RunTerms:
+def terms_without_board(provenance: Provenance, faults: Faults, started_utc: str) -> RunTerms:
     """Return the terms of a closed loop that sends no frames."""
     terms = {"mode": "lockstep", "truth": "off", "url": "", "timeout_s": 0.0}
-    return run_terms(flown, faults=faults, started_utc=started_utc, **terms)
+    return run_terms(provenance, faults=faults, started_utc=started_utc, **terms)
 
 
 def write_terms(folder: Path, terms: RunTerms) -> None:

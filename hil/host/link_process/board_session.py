@@ -61,7 +61,10 @@ ENCODINGS: dict[str, tuple[Encoding, ...]] = {
     "zstd": (Encoding.ZSTD, Encoding.PNG),
 }
 
+# Number of clock requests at the start of a session, before the first frame.
 SYNC_BURST = 8
+
+# Interval of clock requests after that [ns].
 SYNC_EVERY_NS = 250_000_000
 # Advance of a clock request [ns]: before a frame the line is free, and the request waits behind nothing
 SYNC_ADVANCE_NS = 200_000_000

@@ -46,6 +46,7 @@ if TYPE_CHECKING:
 
 logger = logging.getLogger(__name__)
 
+# Time-out for the link process to open its ports [s], and to end after Close [s].
 START_TIMEOUT_S = 60.0
 CLOSE_TIMEOUT_S = 15.0
 # Time-out for the last message of a link process after Close, or of an interrupted run [s]

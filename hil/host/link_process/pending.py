@@ -14,6 +14,7 @@ if TYPE_CHECKING:
 
     from flyaround.hil.link.transports.base import Transport
 
+# Time-out for a connection's HELLO [ns].
 HELLO_TIMEOUT_NS = 10_000_000_000
 # Largest number of pending connections; beyond it the oldest is closed, because a board sends HELLO immediately
 MAX_PENDING = 8

@@ -33,16 +33,16 @@ class CdrEncoder:
 
     def _message(self, kind: str, value: Mapping[str, Any]) -> object:
         fields = self._store.fielddefs[kind][1]
-        return self._store.types[kind](**{name: self._field(of, value[name]) for name, of in fields})
+        return self._store.types[kind](**{name: self._field(type_, value[name]) for name, type_ in fields})
 
-    def _field(self, of: Any, value: Any) -> Any:  # noqa: ANN401 - a field of any type
-        node, inner = of
+    def _field(self, type_: Any, value: Any) -> Any:  # noqa: ANN401 - a field of any type
+        node, inner = type_
         if node is Nodetype.NAME:
             return self._message(inner, value)
         if node is Nodetype.BASE:
             return value
         element, _length = inner
         if element[0] is Nodetype.NAME or element[1][0] == "string":
-            return [self._field(element, one) for one in value]
+            return [self._field(element, item) for item in value]
         dtype = np.dtype(element[1][0])
         return np.frombuffer(value, dtype) if isinstance(value, bytes) else np.asarray(value, dtype)

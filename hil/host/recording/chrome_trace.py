@@ -1,6 +1,7 @@
-"""Run as a Chrome trace, for Perfetto or chrome://tracing.
+"""Export of a run as a Chrome trace, for Perfetto or chrome://tracing.
 
-Trace Event Format, complete events ("X"), microseconds. Tracks: rendering, uplink, board, stages, downlink.
+The file has Trace Event Format, with complete events ("X") in microseconds. Its tracks are uplink, waiting on the
+board, stages of the estimator, and downlink.
 """
 
 from __future__ import annotations
@@ -15,11 +16,12 @@ if TYPE_CHECKING:
 
     from flyaround.hil.host.frame_record import FrameRecord
 
+# Process and thread numbers of the tracks.
 HOST, BOARD = 1, 2
-LINE_OUT, LINE_BACK, WAITING, ESTIMATING = 1, 2, 1, 2
+UPLINK, DOWNLINK, WAITING, ESTIMATING = 1, 2, 1, 2
 TRACKS = {
-    (HOST, LINE_OUT): "frame out",
-    (HOST, LINE_BACK): "pose back",
+    (HOST, UPLINK): "frame out",
+    (HOST, DOWNLINK): "pose back",
     (BOARD, WAITING): "waiting",
     (BOARD, ESTIMATING): "estimating",
 }
@@ -39,15 +41,15 @@ def trace_events(rows: list[FrameRecord]) -> list[dict[str, Any]]:
     for row in rows:
         # in lockstep, frames follow each other independently of the flight's pace
         at = max(clock_us, 1e6 * row.t_s)
-        about = {"frame": row.frame_id, "outcome": row.outcome, "reason": row.reason}
-        at = _span(events, HOST, LINE_OUT, f"frame {row.frame_id}", at, row.uplink_ms, about)
-        at = _span(events, BOARD, WAITING, "waiting", at, row.board_wait_ms, about)
+        args = {"frame": row.frame_id, "outcome": row.outcome, "reason": row.reason}
+        at = _span(events, HOST, UPLINK, f"frame {row.frame_id}", at, row.uplink_ms, args)
+        at = _span(events, BOARD, WAITING, "waiting", at, row.board_wait_ms, args)
         start = at
         for name, ms in row.stages_ms.items():
-            at = _span(events, BOARD, ESTIMATING, name, at, ms, about)
+            at = _span(events, BOARD, ESTIMATING, name, at, ms, args)
         if row.board_total_ms is not None and row.board_wait_ms is not None:
             at = start + 1e3 * (row.board_total_ms - row.board_wait_ms)
-        at = _span(events, HOST, LINE_BACK, f"pose {row.frame_id}", at, row.downlink_ms, about)
+        at = _span(events, HOST, DOWNLINK, f"pose {row.frame_id}", at, row.downlink_ms, args)
         clock_us = at
     return events
 
@@ -59,12 +61,12 @@ def _span(
     name: str,
     at_us: float,
     ms: float | None,
-    about: dict[str, Any],
+    args: dict[str, Any],
 ) -> float:
     if ms is None:
         return at_us
     events.append(
-        {"ph": "X", "name": name, "pid": pid, "tid": tid, "ts": at_us, "dur": 1e3 * ms, "args": about}
+        {"ph": "X", "name": name, "pid": pid, "tid": tid, "ts": at_us, "dur": 1e3 * ms, "args": args}
     )
     return at_us + 1e3 * ms
 

@@ -10,9 +10,10 @@ from typing import TYPE_CHECKING, BinaryIO
 if TYPE_CHECKING:
     from pathlib import Path
 
+# Magic bytes, length of a record after its opcode, and the end of a file without a summary: DataEnd, Footer, magic
+# (MCAP file format, version 0).
 MAGIC = b"\x89MCAP0\r\n"
-HEAD = struct.Struct("<Q")  # length of a record, after its opcode
-# DataEnd and Footer of a file without a summary, and the closing magic (MCAP, version 0)
+HEAD = struct.Struct("<Q")
 END = struct.pack("<BQI", 0x0F, 4, 0) + struct.pack("<BQQQI", 0x02, 20, 0, 0, 0) + MAGIC
 
 

@@ -28,10 +28,16 @@ if TYPE_CHECKING:
     from flyaround.simulator.frame import Frame
 
 XTCE_NAMESPACE = "http://www.omg.org/spec/XTCE/20180204"
+
+# CDS time: P-field, days, milliseconds of the day, microseconds of the millisecond (CCSDS 301.0-B-4).
 TIME = struct.Struct(">BHIH")
+
+# P-field: day segmented, epoch 1958, 16-bit days, 16-bit microseconds of the millisecond.
 CDS_PFIELD = 0x41
-"""Day segmented, epoch 1958, 16 bits of days, microseconds of the millisecond in 16 bits."""
+
+# 1958-01-01 in days since 1970-01-01.
 UNIX_DAY_1958 = -4383
+
 OUTCOMES = ("accepted", "declined", "dropped")
 
 

@@ -16,13 +16,18 @@ from flyaround.hil.link.security import HostHandshake
 from flyaround.hil.link.transports.tcp import TcpListener, keep_alive
 from flyaround.hil.link.transports.url import parse_url
 
+# Maximum number of connected loggers.
 MAX_CLIENTS = 16
-# Limits of a logger's send queue, beyond which it is disconnected: size, and time for which it was not empty
+
+# Limits of a logger's send queue, beyond which it is disconnected: size [bytes], and time for which it was not empty
+# [ns].
 MAX_BACKLOG_BYTES = 8 << 20
 MAX_LAG_NS = 10_000_000_000
-# Time-out for a logger's proof of the key
+
+# Time-out for a logger's proof of the key [ns].
 PROOF_NS = 10_000_000_000
-# Time-out for sending the queues and the goodbye at the end, for all loggers together
+
+# Time-out for sending the queues and the goodbye at the end, for all loggers together [s].
 CLOSE_S = 2.0
 
 
@@ -177,9 +182,9 @@ class TruthEndpoint:
             except OSError:
                 self._drop(client)
                 continue
-            connected_ns = client.lagging_since_ns
-            if connected_ns is not None and (
-                len(client.backlog) > MAX_BACKLOG_BYTES or now_ns() - connected_ns >= MAX_LAG_NS
+            since_ns = client.lagging_since_ns
+            if since_ns is not None and (
+                len(client.backlog) > MAX_BACKLOG_BYTES or now_ns() - since_ns >= MAX_LAG_NS
             ):
                 self._drop(client)
 

@@ -15,6 +15,7 @@ if TYPE_CHECKING:
 
 E = TypeVar("E", bound="IntEnum")
 
+# Size of a SHA-256 hash [bytes].
 HASH_BYTES = 32
 
 # Limits of a receiver [bytes]: a camera is a few hundred bytes of JSON, a truth record some ten thousand

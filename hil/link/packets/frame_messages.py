@@ -32,6 +32,7 @@ from flyaround.hil.link.packets.typed_fields import (
     unpack_transfer,
 )
 
+# Maximum number of stages in an answer, and maximum duration of one [ms].
 MAX_STAGES = 64
 
 # Tolerance of a quaternion's length: accepts single precision and four printed digits, rejects a scaled one

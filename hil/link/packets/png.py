@@ -18,6 +18,8 @@ SIGNATURE = b"\x89PNG\r\n\x1a\n"
 _CHUNK = struct.Struct(">I4s")
 _CRC = struct.Struct(">I")
 _IHDR = struct.Struct(">IIBBBBB")
+
+# Colour types and row filters of PNG (RFC 2083).
 _GREY, _RGB = 0, 2
 _NONE, _SUB, _UP = 0, 1, 2
 

@@ -15,6 +15,8 @@ MAX_FIELDS_BYTES = 1024
 
 # Tolerance of a direction's length, as for a quaternion
 DIRECTION_TOLERANCE = 1e-3
+
+# Number of independent elements of a symmetric 6 x 6 matrix.
 COVARIANCE_NUMBERS = 21
 
 _HEAD = struct.Struct("<HH")

@@ -18,9 +18,15 @@ except ImportError:
 
 BITS_PER_BYTE = 10
 """A start bit, eight data bits and a stop bit."""
+
+# Duration of one write to the port [s].
 PIECE_S = 0.01
-# Longest duration of a chunk [s]: only complete packets show the other side that this one is alive
+
+# Longest duration of a chunk [s], because only complete packets show the other side that this one is alive; and minimum
+# size of a chunk.
 CHUNK_S, MIN_CHUNK_BYTES = 0.25, 64
+
+# Longest delay that the pacing catches up with [s].
 MAX_CATCH_UP_S = 0.1
 
 

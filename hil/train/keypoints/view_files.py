@@ -26,6 +26,7 @@ if TYPE_CHECKING:
 # Number of views per chunk, and of backgrounds.
 CHUNK_VIEWS, N_BACKGROUNDS = 25, 80
 
+# Type and shape of each array of the views.
 ARRAYS = {
     "lit": ("u1", (LIGHTS, VIEW_PX, VIEW_PX)),
     "scale": ("f4", (LIGHTS,)),

@@ -46,6 +46,7 @@ LIGHTS, SUNS, MAX_LIGHT_ANGLE_RAD = 6, 3, float(np.radians(125.0))
 # Area lights: side of a box and of a lamp, and distance from the target [radii]; half angle of a lamp [deg].
 BOX_RADII, LAMP_RADII, DISTANCE_RADII, LAMP_DEG = (0.4, 2.3), (0.1, 0.33), (1.3, 5.2), (12.0, 40.0)
 
+# Distance of the Sun [m], and solar irradiance at 1 au [W m-2].
 SUN_M, SUN_W_M2 = 1.5e11, 1361.0
 
 # Range of a view [radii of the bounding sphere].

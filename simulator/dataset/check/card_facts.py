@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 
     from flyaround.simulator.targets.model import Target
 
+# Maximum size of a file that is read [bytes].
 MAX_FILE_BYTES = 2**32
 MAX_NAMED = 5  # files named per kind
 
@@ -39,7 +40,7 @@ def check_card(
         Names of each frame's layers.
     """
     if target is not None:
-        expected = CardTarget.of(target)
+        expected = CardTarget.from_target(target)
         if list(card.target.keypoints.items()) != list(expected.keypoints.items()):
             yield "keypoints, or their order, differ from the target's"
         for name in ("parts", "part_classes"):

@@ -33,6 +33,8 @@ JPEG_MAX_DN, JPEG_RMS_DN = 8.0, 1.5
 """Bounds on the difference between two decoders of the same JPEG image [DN]."""
 RELATIVE, ABSOLUTE = 1e-9, 1e-9
 """Tolerances of numbers computed with other versions of the libraries."""
+
+# Maximum unpacked size of an archive [bytes].
 MAX_ARRAYS_BYTES = 2**32
 _PNG = b"\x89PNG\r\n\x1a\n"
 _ENDS = {".png": b"IEND\xaeB`\x82", ".jpg": b"\xff\xd9", ".csv": b"\n", ".txt": b"\n"}

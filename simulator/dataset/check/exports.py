@@ -38,6 +38,8 @@ if TYPE_CHECKING:
 SAMPLE_SHARE = 0.05  # share of the frames that are compared
 MIN_FRAMES, MAX_SAMPLE, MAX_COMPARISONS = 4, 10, 24
 """Minimum number of compared frames, the number for few formats, and the limit on frames times formats."""
+
+# Maximum size of an export file that is read [bytes].
 MAX_BYTES = 2**30
 POSE_TOLERANCE = 1e-9  # relative and absolute tolerance of a pose
 LIST_SUFFIXES = (".json", ".csv")

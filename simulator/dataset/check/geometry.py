@@ -26,6 +26,8 @@ if TYPE_CHECKING:
 
 # Exported pixels are float64 in JSON: only rounding in the projection may differ.
 PIXEL_TOLERANCE_PX = 1e-6
+
+# Tolerances of rounding of a recomputed pose: attitude [rad], and position over range.
 POSE_TOLERANCE_RAD = 1e-6
 POSE_TOLERANCE_RELATIVE = 1e-6
 # The outline filled on the CPU and the raster's may differ by one pixel, not by two.

@@ -30,7 +30,11 @@ DISTANCE_TOLERANCE_M, BARYCENTRIC_TOLERANCE = (
     1e-4,
     1e-6,
 )
+
+# Depth above which a keypoint is in front of the camera [m].
 MIN_DEPTH_M = 1e-3
+
+# Visible share of the Sun's disc below which a keypoint counts as eclipsed, as in the labels.
 ECLIPSE_THRESHOLD = 0.02
 IMAGE_STATES = ("visible", "saturated", "below_noise")
 

@@ -38,7 +38,11 @@ MAX_DIFFERING_PIXELS = 300  # differing pixels of a mask that rays may decide
 MAX_REPORTED_PIXELS = 6  # wrong pixels after which the search stops
 # Half precision keeps a normal to 5e-4.
 NORMAL_TOLERANCE = 2e-3
+
+# Maximum angle between a normal and that of a face close to its pixel [rad].
 NORMAL_ANGLE_RAD = 0.05
+
+# Tolerance of the optical flow [px].
 FLOW_PX = 2e-3
 
 

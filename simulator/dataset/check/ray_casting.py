@@ -36,12 +36,22 @@ N_SAMPLES = 32  # rays per frame
 N_ROLLING = 12  # samples; each needs the mesh projected at the pose of its row
 # A rasteriser rounds vertices to 1/256 px.
 _RING = np.stack([np.cos(np.arange(8) * np.pi / 4), np.sin(np.arange(8) * np.pi / 4)], axis=1)
+
+# Offsets of the rays around a pixel's centre, for a radius of 1.
 OFFSETS_PX = np.concatenate([[[0.0, 0.0]], 0.25 * _RING, 0.6 * _RING, _RING])
+
+# Tolerance of an edge's position [px], by camera and shutter.
 TOLERANCE_PX = 0.03
 TOLERANCE_LENS_PX = 0.06  # a bent edge is drawn in straight pieces
 TOLERANCE_ROLLING_PX = 0.03 + BAND_PX / 2  # bands are drawn at the time of their middle row
+
+# Tolerance of a depth: relative, and absolute [m].
 DEPTH_RELATIVE, DEPTH_M = 2e-5, 1e-4
+
+# Depth difference within which surfaces count as coplanar [m].
 COPLANAR_M = 1e-3
+
+# Depth of the near plane at which triangles are clipped [m].
 NEAR_M = 1e-3
 EDGE_ON_AREA = 1e-14  # twice the area of an edge-on triangle, in the plane z = 1
 
@@ -191,7 +201,7 @@ class SampledRays:
     candidates: CandidateTriangles | None = None
 
     @staticmethod
-    def of(hits_by_ray: list[Hits]) -> SampledRays:
+    def from_hits(hits_by_ray: list[Hits]) -> SampledRays:
         """Merge the first surfaces of several rays; at an outline, all surfaces.
 
         There, rounding may omit the first surface and show the edge of the next one.
@@ -256,7 +266,7 @@ class RaySampler:
         if key not in cache:
             caster = self._caster(key[1])
             rays = rays_with_opencv(self._truth.camera, pixel + offsets_px)
-            cache[key] = SampledRays.of([caster.hits(ray) for ray in rays])
+            cache[key] = SampledRays.from_hits([caster.hits(ray) for ray in rays])
         return cache[key]
 
     def part_pixels(self, margin_px: float = 1.0) -> IntArray:

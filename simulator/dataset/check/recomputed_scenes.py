@@ -177,7 +177,7 @@ def _plan_again(
         plan = replace(flight_plan, camera=card.camera, exposures=None)
         vary = card.scenario.get("vary")
         plan = plan if vary is None else varied_plan(plan, msgspec.convert(vary, Vary))
-    return SecondCameraPlan.of(plan, plan.second_camera) if is_second else plan
+    return SecondCameraPlan.from_plan(plan, plan.second_camera) if is_second else plan
 
 
 def _most_common(scenes: Mapping[int, SceneState], name: str) -> Any:  # noqa: ANN401 - the type of the field
@@ -201,7 +201,7 @@ def _times(card: DatasetCard, scenario: Scenario, scenes: Mapping[int, SceneStat
 
 def _differences(expected: SceneState, recorded: SceneState, excluded: Container[str]) -> list[str]:
     """Return the names of the fields in which two scenes differ by more than rounding."""
-    a, b = (msgspec.to_builtins(SceneRecord.of(scene)) for scene in (expected, recorded))
+    a, b = (msgspec.to_builtins(SceneRecord.from_scene(scene)) for scene in (expected, recorded))
     return [
         name
         for name in sorted(a.keys() | b.keys())

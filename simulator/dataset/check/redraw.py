@@ -39,9 +39,15 @@ if TYPE_CHECKING:
     from flyaround.simulator.targets.model import Target
 
 SHARE = 0.02  # share of a data set's frames that are rendered again
+
+# Minimum number of rendered frames.
 MIN_FRAMES = 3
+
+# Blur of the images before their comparison [px], which suppresses the noise.
 BLUR_PX = 2.0
 BLURRED_NOISE = 1 / (2 * math.sqrt(math.pi) * BLUR_PX)  # standard deviation of white noise after that blur
+
+# Tolerated difference [standard deviations of the noise].
 SIGMAS = 6.0
 SHIFT_PX = 0.25  # largest shift of an edge
 RELATIVE, ABSOLUTE = 0.01, 0.004  # tolerances between renderers, as shares of the signal and of full scale

@@ -16,7 +16,10 @@ if TYPE_CHECKING:
     from flyaround.simulator.runtime.arrays import FloatArray
     from flyaround.simulator.targets.model import Edge, Target
 
+# Minimum depth of a checked edge [m].
 MIN_DEPTH_M = 0.05
+
+# Minimum length of a checked interval [px].
 MIN_INTERVAL_PX = 6.0
 MAX_INTERVALS = 60  # stretches of edges that are tested per frame
 VISIBILITY_MARGIN_M, FACING_MARGIN = (

@@ -46,6 +46,7 @@ if TYPE_CHECKING:
     from flyaround.simulator.targets.model import Target
     from flyaround.simulator.world.frames.pose import Pose
 
+# Millimetres per metre: BOP stores millimetres.
 MM = 1000.0
 _CANVAS_PX = 2048  # larger canvases around the image are counted on a coarser grid
 FOLDERS = {"": "train", "train": "train", "validation": "val", "test": "test"}

@@ -32,7 +32,11 @@ if TYPE_CHECKING:
 
 CORNER_PX = 0.5
 """Offset from positions with (0, 0) at the first pixel's centre to those at its corner."""
+
+# Category numbers of the target, and of its first part class.
 CRAFT_ID, FIRST_CLASS_ID = 1, 2
+
+# COCO's visibility flags of a keypoint.
 NOT_LABELLED, HIDDEN, SEEN = 0, 1, 2
 
 

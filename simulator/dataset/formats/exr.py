@@ -19,6 +19,8 @@ if TYPE_CHECKING:
 
 MAX_SIDE_PX = 16_384  # largest side of an image
 MAX_PIXELS = MAX_SIDE_PX**2
+
+# Maximum number of channels of an image.
 MAX_CHANNELS = 4
 MAX_BYTES = 2**32  # largest file of that many numbers
 

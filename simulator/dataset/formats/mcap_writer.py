@@ -36,6 +36,8 @@ TOPICS = {
     "/truth/record": "std_msgs/msg/String",
 }
 """Message types by topic."""
+
+# Epoch of frames that have none.
 _NO_EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 
 

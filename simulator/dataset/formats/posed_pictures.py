@@ -28,7 +28,11 @@ if TYPE_CHECKING:
     from flyaround.simulator.camera.lens.camera_model import Camera
 
 MAX_BYTES = 500_000_000  # size limit of a list of labels, for a million images
+
+# Maximum size of a camera file [bytes].
 MAX_CAMERA_BYTES = 4_000_000
+
+# Plausible range of a target [m].
 MIN_RANGE_M, MAX_RANGE_M = 0.01, 1e6
 UNIT_TOLERANCE = 1e-3  # published quaternions are rounded, some to four digits
 

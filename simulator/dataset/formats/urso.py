@@ -43,6 +43,8 @@ URSO_FROM_CAMERA = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, -1.0, 0.0]]
 MIRROR = np.diag([1.0, -1.0, 1.0])
 FOLDERS = {"": "train", "train": "train", "validation": "val", "test": "test"}
 COLUMNS = ("x", "y", "z", "q1", "q2", "q3", "q4")
+
+# Maximum size of a list of labels [bytes].
 MAX_BYTES = 100_000_000
 
 

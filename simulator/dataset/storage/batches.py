@@ -13,6 +13,7 @@ from flyaround.simulator.dataset.storage.manifest import MANIFEST_NAME
 if TYPE_CHECKING:
     from flyaround.simulator.dataset.storage.store import Files, Store
 
+# Size of the waiting files above which a batch is written [bytes].
 MAX_BYTES = 64_000_000
 MAX_S = 2.0
 """Limits of a batch in bytes and seconds, and so of the frames that a loss of power may cost."""

@@ -18,6 +18,8 @@ if TYPE_CHECKING:
     from flyaround.simulator.dataset.storage.store import Files, Store
 
 MANIFEST_NAME = "manifest.sha256"
+
+# Maximum size of an accepted manifest [bytes].
 MAX_BYTES = 2**32
 _LINE = re.compile(r"([0-9a-f]{64})  (images/(\d{6,8})\.[\w.]+)")
 

@@ -13,6 +13,8 @@ if TYPE_CHECKING:
 # Noise does not compress, so an image takes all of its bits; other sizes are typical of eval-earth at 1920x1200.
 _IMAGE_SIZE_FACTOR = 1.02
 _MASK_PER_PIXEL = 0.01  # bytes of a compressed mask
+
+# Estimated size of a frame's truth record [bytes].
 _RECORD_BYTES = 40_000
 # bytes per pixel of a layer; most are empty off the craft, except clean and amodal
 _LAYER_PER_PIXEL = {

@@ -20,6 +20,8 @@ if TYPE_CHECKING:
 
 _Place = Annotated[float, Meta(ge=-1e4, le=1e4)]
 Side = Annotated[float, Meta(ge=0.01, le=100)]
+
+# Maximum number of lights, that of the shader.
 MAX_LIGHTS = 8
 DIFFUSE_DEG = 60.0
 """Half angle at which a Lambertian emitter has half of its on-axis intensity [deg]."""

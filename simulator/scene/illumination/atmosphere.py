@@ -26,6 +26,7 @@ SUN_ANGULAR_RADIUS_RAD = 0.004652  # IAU 2015 nominal solar radius at 1 au
 OZONE_HEIGHT_M, OZONE_HALF_WIDTH_M = 25_000.0, 15_000.0  # centre and half width of a tent-shaped profile
 LAYERS = MAX_LAYERS - 1  # exponential layers of the Rayleigh scatterers' density
 
+# Air of a body without atmosphere: it scatters nothing.
 _NO_AIR = BodyAir(rayleigh_m_um4=0.0, rayleigh_height_m=1000.0, thickness_m=5000.0)
 
 

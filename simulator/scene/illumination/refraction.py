@@ -23,6 +23,8 @@ if TYPE_CHECKING:
 BENDING_RAD = np.radians(69.0 / 60)
 BENDING_HEIGHT_M = 8000.0  # scale height of the bending, that of the density
 LIMB_DARKENING = 0.6  # linear law in the visible: Allen's Astrophysical Quantities (2000), 14.7
+
+# Perigee heights of the tabulated rays [m].
 _HEIGHTS_M = np.concatenate([np.linspace(0, 60e3, 601), np.linspace(62e3, 300e3, 120)])
 _STRIPS = 96  # strips of the Sun's disc
 

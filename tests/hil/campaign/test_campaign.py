@@ -231,14 +231,14 @@ def requirement(tmp_path, quantity="final_error_m", comparison="<=", limit="0.2"
 )
 def test_margins(tmp_path, comparison, value, passed, margin):
     campaign, _ = requirement(tmp_path, comparison=comparison)
-    verdict = Verdict.of(campaign.requirement[0], value)
+    verdict = Verdict.from_value(campaign.requirement[0], value)
     assert verdict.passed is passed
     assert verdict.margin == (None if margin is None else pytest.approx(margin))
 
 
 def test_the_worst_run_has_no_value_or_failed_or_came_nearest(tmp_path):
     one = requirement(tmp_path)[0].requirement[0]
-    far, near, out, none = (Verdict.of(one, value) for value in (0.01, 0.19, 0.3, None))
+    far, near, out, none = (Verdict.from_value(one, value) for value in (0.01, 0.19, 0.3, None))
     assert worst_verdict([far, near]) is near
     assert worst_verdict([far, out, near]) is out
     assert worst_verdict([out, none, far]) is none
@@ -256,7 +256,7 @@ def test_junit_of_hostile_words_is_valid(tmp_path):
     file = tmp_path / "odd.toml"
     file.write_text(SMALL.replace("at the hold point", "<a href='x'>&amp; \\u0007 \\u20ac"))
     campaign, cases = read_campaign(file)
-    verdict = Verdict.of(campaign.requirement[0], None)
+    verdict = Verdict.from_value(campaign.requirement[0], None)
     runs = [
         RunVerdict("steady", 1, "it broke: ]]> \x00\x1b[31m", (verdict,)),
         RunVerdict("steady", 2, "", (verdict,)),

@@ -47,7 +47,7 @@ def cell(latency, good, n=20):
     ],
 )
 def test_the_half_lies_between_the_levels_next_to_it(good, at, above, below, words):
-    half = HalfLatency.of([cell(k + 1, n) for k, n in enumerate(good)])
+    half = HalfLatency.from_row([cell(k + 1, n) for k, n in enumerate(good)])
     assert half.latency_s == (None if at is None else pytest.approx(at))
     assert (half.above_s, half.below_s, half.words) == (above, below, words)
 

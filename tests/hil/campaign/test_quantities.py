@@ -121,7 +121,7 @@ def flown_with(folder, *script, **options):
 def verdict(name, record):
     comparison, limit = LIMITS.get(name, ("<=", 60_000.0))
     requirement = Requirement(name="one", quantity=name, comparison=comparison, limit=limit)
-    return Verdict.of(requirement, QUANTITIES[name].of(record))
+    return Verdict.from_value(requirement, QUANTITIES[name].of(record))
 
 
 def names(*, closed_loop):
@@ -165,7 +165,7 @@ def test_in_a_closed_loop_a_dead_board_arrives_nowhere(tmp_path):
     for name in loop:
         comparison, limit = limits.get(name, LIMITS.get(name, ("<=", 1e4)))
         requirement = Requirement(name="one", quantity=name, comparison=comparison, limit=limit)
-        if Verdict.of(requirement, QUANTITIES[name].of(record)).passed:
+        if Verdict.from_value(requirement, QUANTITIES[name].of(record)).passed:
             passed.add(name)
     assert passed <= IN_A_LOOP.keys()
 
@@ -247,7 +247,7 @@ def test_nothing_sent_has_no_count():
 @pytest.mark.parametrize("comparison", ["<=", "<", ">=", ">", "==", "!="])
 def test_a_quantity_without_a_value_meets_nothing_and_says_what_it_is(comparison, value):
     requirement = Requirement(name="on time", quantity="e2e_ms_p99", comparison=comparison, limit=100.0)
-    missed = Verdict.of(requirement, value)
+    missed = Verdict.from_value(requirement, value)
     assert (missed.passed, missed.value, missed.margin) == (False, None, None)
     assert missed.sentence.startswith(
         "on time: e2e_ms_p99 has no value (time from sending a frame to receiving its pose, "

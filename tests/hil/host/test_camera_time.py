@@ -212,7 +212,7 @@ def test_a_truth_record_beside_a_picture_brings_its_pose_and_camera(tmp_path, pl
     record = made_frame(0, np.zeros((48, 64), np.uint8), every_s=1.0, t_m=(0.0, 0.0, 3.5)).truth
     scene = replace(record.scene, target=plan.scene(0).target, t_camera_from_target_m=(0.0, 0.0, 3.5))
     (folder / "000000.json").write_bytes(
-        msgspec.json.encode(msgspec.structs.replace(record, record=SceneRecord.of(scene)))
+        msgspec.json.encode(msgspec.structs.replace(record, record=SceneRecord.from_scene(scene)))
     )
     loop = list(frames_of_folder(plan, tmp_path))
     assert [frame.truth.t_camera_from_target_m[2] for frame in loop] == [3.5] * 5

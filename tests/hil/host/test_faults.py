@@ -11,7 +11,7 @@ from hil_loop import Instant, Loop, adds_up, board, made_frame
 from tutorial import blocks
 
 from flyaround.hil.corner_code import CodePlace, read_code
-from flyaround.hil.host.faults.camera_faults import HeldExposure, with_camera_faults
+from flyaround.hil.host.faults.camera_faults import StuckExposureTrack, with_camera_faults
 from flyaround.hil.host.faults.line_faults import FaultJournal, _Pump
 from flyaround.hil.host.flight_run import with_time_code
 from flyaround.hil.host.pose_link import PoseLink
@@ -122,7 +122,7 @@ def test_exposure_sticks():
         def exposure_s(self, t_s):
             return 0.01 + t_s
 
-    held = HeldExposure(Track(), (StuckExposure(start_s=1.0, end_s=3.0),))
+    held = StuckExposureTrack(Track(), (StuckExposure(start_s=1.0, end_s=3.0),))
     assert [held.exposure_s(t) for t in (0.5, 1.0, 2.9, 3.0)] == pytest.approx([0.51, 1.01, 1.01, 3.01])
 
 

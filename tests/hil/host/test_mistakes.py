@@ -78,7 +78,7 @@ def test_a_dead_link_process_is_the_same_sentence_to_whoever_speaks_to_it():
         link._process.wait()
         (frame,) = frames(1)
         with pytest.raises(UserError, match="the link process ended unexpectedly"):
-            link.submit(frame.image, FrameJob(record=FrameRecord.of(frame), bits=8))
+            link.submit(frame.image, FrameJob(record=FrameRecord.from_frame(frame), bits=8))
         with pytest.raises(UserError, match="the link process ended unexpectedly"):
             link.open(HelloAck({}, 64, 48), 4, 64 * 48)
 

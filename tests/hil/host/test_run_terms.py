@@ -11,7 +11,7 @@ from hil_loop import Loop, board, frames
 
 from flyaround.__main__ import run
 from flyaround.hil.host.board_command import board_command
-from flyaround.hil.host.ledger.run_terms import FlownRecord, read_terms
+from flyaround.hil.host.ledger.run_terms import Provenance, read_terms
 from flyaround.hil.host.report import write_report
 from flyaround.simulator.errors import UserError
 from flyaround.simulator.scenario.faults import Drop, Faults
@@ -35,7 +35,7 @@ def test_the_record_of_a_run_says_what_was_flown(plan, tmp_path):
         log_dir=tmp_path,
         deadline_s=7.5,
         faults=Faults(line=(Drop(chance=0.0),), seed=3),
-        flown=FlownRecord.of(plan, source, command),
+        provenance=Provenance.from_plan(plan, source, command),
     )
     told = json.loads((tmp_path / "run.json").read_text())
     assert told["scenario"] == {
@@ -60,7 +60,7 @@ def test_the_record_of_a_run_says_what_was_flown(plan, tmp_path):
 
 
 def test_no_key_is_recorded(plan, tmp_path):
-    Loop(board(key=KEY)).run(frames(2), log_dir=tmp_path, key=KEY, flown=FlownRecord.of(plan))
+    Loop(board(key=KEY)).run(frames(2), log_dir=tmp_path, key=KEY, provenance=Provenance.from_plan(plan))
     write_report(tmp_path)
     for path in tmp_path.iterdir():
         assert KEY not in path.read_bytes()
@@ -68,10 +68,10 @@ def test_no_key_is_recorded(plan, tmp_path):
 
 
 def test_a_scenario_without_a_file_and_one_with_a_password_in_it(plan):
-    made = FlownRecord.of(plan).scenario
+    made = Provenance.from_plan(plan).scenario
     assert json.loads(made.text)["name"] == made.name == NAME
     secret = b"# from https://me:password@example.org/a.toml?token=abc\n"
-    kept = FlownRecord.of(plan, secret).scenario
+    kept = Provenance.from_plan(plan, secret).scenario
     assert "password" not in kept.text
     assert "abc" not in kept.text
     assert kept.sha256 == hashlib.sha256(secret).hexdigest()

@@ -63,7 +63,7 @@ def test_a_frame_is_varied_by_its_number_and_seed_alone_and_says_by_what(vary):
     assert {s.lamp is None for s in scenes} == {True, False}
     assert len({s.target.sha256 for s in scenes}) == 20
     assert (
-        msgspec.json.decode(msgspec.json.encode(SceneRecord.of(scenes[3])), type=SceneRecord).scene()
+        msgspec.json.decode(msgspec.json.encode(SceneRecord.from_scene(scenes[3])), type=SceneRecord).scene()
         == scenes[3]
     )
 

@@ -22,6 +22,6 @@ def test_a_record_without_aerosol_and_airglow_has_those_that_it_was_drawn_with()
 def test_a_record_gives_back_the_air_of_its_scene():
     scene = read_truth(OLD).scene
     hazy = msgspec.structs.replace(scene.environment, aerosol_optical_depth=0.2, airglow=True)
-    record = SceneRecord.of(replace(scene, environment=hazy))
+    record = SceneRecord.from_scene(replace(scene, environment=hazy))
     again = msgspec.json.decode(msgspec.json.encode(record), type=SceneRecord).scene()
     assert again.environment == hazy

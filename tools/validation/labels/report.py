@@ -118,7 +118,7 @@ def dataset_card(renderer: Renderer, frame: Frame, seed: int) -> DatasetCard:
         complete=True,
         formats=("native",),
         camera=frame.scene.camera,
-        target=CardTarget.of(target),
+        target=CardTarget.from_target(target),
         machine=_machine(info.vendor, info.renderer, info.version),
     )
 

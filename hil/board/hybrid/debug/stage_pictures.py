@@ -317,7 +317,7 @@ def _points(trace: Trace, back: Array, corner: Array, scale: float) -> Dict[str,
 def _groups(trace: Trace) -> Dict[str, Array]:
     groups = trace.get("point_groups")
     if groups is not None:
-        return {kind: groups.of(kind) for kind in GROUP_COLOURS if kind != "proximity_pair"}
+        return {kind: groups.of_kind(kind) for kind in GROUP_COLOURS if kind != "proximity_pair"}
     field, chains = trace.get("stream_field"), trace.get("chains")
     if field is None or chains is None or not len(chains.points):
         return {}

@@ -1,4 +1,8 @@
-"""Confidence in a pose, its covariance, and the decision to accept it."""
+"""Confidence in a pose, its covariance, and the decision to accept it.
+
+The confidence is a logistic function of the evidence. Thresholds without a source are hand-tuned on development frames
+(docs/lab/2026-11-estimator.md, Decision).
+"""
 
 from __future__ import annotations
 
@@ -14,7 +18,8 @@ from flyaround.hil.board.hybrid.image.regime import Regime
 
 Array = np.ndarray
 
-# Confidence from which a pose is accepted.
+# Confidence from which a pose is accepted. Of 600 held-out frames, 0.9 accepted one wrong pose and 0.93 none
+# (docs/lab/2026-11-estimator.md).
 ACCEPT_AT = 0.93
 
 # Bias and weights of ``terms``: a ridge logistic fit on development frames of Tango in orbit and in a laboratory and of
@@ -26,7 +31,7 @@ WEIGHTS = (1.0, -0.91, 5.48, 11.32, 1.65, -0.275, -1.64, -2.42, -23.0, 0.336, -0
 MAX_SATURATED_SHARE = 0.3
 
 # Limits of the network's terms: maximum deficit of its log-likelihood, and maximum logit of the presence score.
-NETWORK_DEFICIT, NETWORK_SURE = 12.0, 10.0
+MAX_NETWORK_TERM_DEFICIT, MAX_NETWORK_LOGIT = 12.0, 10.0
 
 # Minimum score margin over the best distinct pose: by edges only, and by the whole image.
 MIN_MARGIN, MIN_IMAGE_MARGIN = 0.015, 0.005
@@ -66,7 +71,7 @@ class Evidence:
     Parameters
     ----------
     drawn : float
-        Share of the visible model edges with an image edge, see ``Support``.
+        Share of the visible model edges, by length, with an image edge nearby.
     explained : float
         Share of the image edges that the model explains.
     outside : float
@@ -90,17 +95,17 @@ class Evidence:
     empty : bool
         True if the background is empty space.
     score : float, optional
-        Share of the image explained by the rendered target, see ``photometric.explained``; None for a decision by edges
+        Share of the image explained by the rendered target (``photometric.explained``); None for a decision by edges
         only.
     likeness : float, optional
-        Correlation of the rendered target with the image, see ``photometric.likeness``.
+        Correlation of the rendered target with the image, -1..1 (``photometric.likeness``).
     covered : float
-        Score restricted to the target's own pixels, see ``photometric.likeness``.
+        Score restricted to the target's own pixels (``photometric.likeness``).
     calibrated : bool
         True if the confidence was fitted on this target.
     has_network : bool
         True if the target has a keypoint network.
-    burnt : float
+    saturated : float
         Saturated share of the target's pixels.
     regime : Regime
         Illumination regime of the image.
@@ -127,7 +132,7 @@ class Evidence:
     covered: float = 0.0
     calibrated: bool = True
     has_network: bool = True
-    burnt: float = 0.0
+    saturated: float = 0.0
     regime: Regime = Regime.SUNLIGHT
     network: float = 0.0
     craft: float = 0.0
@@ -179,10 +184,10 @@ def terms(e: Evidence, score: float) -> Array:
             # in front of empty space any pose explains more
             float(e.empty),
             # a saturated surface shows no detail
-            max(e.burnt - MAX_SATURATED_SHARE, 0.0),
+            max(e.saturated - MAX_SATURATED_SHARE, 0.0),
             # the network
-            max(e.network, -NETWORK_DEFICIT),
-            min(e.craft, NETWORK_SURE),
+            max(e.network, -MAX_NETWORK_TERM_DEFICIT),
+            min(e.craft, MAX_NETWORK_LOGIT),
         ]
     )
 

@@ -1,4 +1,7 @@
-"""Check of discrete symmetries: compares a refined pose with its near-symmetries by small parts on a finer image."""
+"""Check of discrete symmetries.
+
+A refined pose is compared with its near-symmetries on a finer image, where small parts distinguish them.
+"""
 
 from __future__ import annotations
 
@@ -11,30 +14,34 @@ from flyaround.hil.board.estimation import quaternion as quat
 from flyaround.hil.board.estimation.result import DISTINCT_RAD, alternatives
 from flyaround.hil.board.hybrid.decide.selection import Selection, select
 from flyaround.hil.board.hybrid.geometry.image_patch import ImagePatch
-from flyaround.hil.board.hybrid.hypotheses.ambiguity import same_end
+from flyaround.hil.board.hybrid.hypotheses.ambiguity import same_optimum
 from flyaround.hil.board.hybrid.hypotheses.hypothesis import Hypothesis
 from flyaround.hil.board.hybrid.image.observation import Observation
 from flyaround.hil.board.hybrid.model.face_gains import OPTICS_PX
 from flyaround.hil.board.hybrid.model.image_formation import blurred
 from flyaround.hil.board.hybrid.model.image_patch import Box, cut_patch, target_box
 from flyaround.hil.board.hybrid.model.prepared_target import PreparedTarget
-from flyaround.hil.board.hybrid.refine.final import refine_to_end
+from flyaround.hil.board.hybrid.refine.final import refine_to_convergence
 from flyaround.hil.board.hybrid.refine.shadows import LitView, search_sun, sharpen_shadows
 
 Array = np.ndarray
 
-# Longest side of the patch on which the poses are compared [px], and side of the shadow map [px].
+# Longest side of the patch on which the poses are compared [px], and side of the shadow map [px]. Thin parts are lost
+# on smaller ones.
 PATCH_PX, SHADOW_MAP_PX = 350, 480
 
-# Minimum difference of two renderings at a pixel [sigma], rendering error as a share of brightness, and blurs [px].
-MIN_CONTRAST, MODEL_ERROR, BLURS = 3.0, 0.3, (1.0, 2.0)
+# Minimum difference of two renderings at a pixel that counts [sigma of the noise]; hand-tuned.
+MIN_CONTRAST_SIGMA = 3.0
+
+# Rendering error as a share of brightness, and blurs at which renderings are compared [px]; hand-tuned.
+MODEL_ERROR, BLURS_PX = 0.3, (1.0, 2.0)
 
 # Weights of score, preference and the network's log-likelihood in the log-likelihood ratio of two poses, and limit of
 # the network's log-likelihood. A logistic fit on pairs of poses of Soyuz, Tianzhou and Chang'e-6 (seed 9310).
 SCORE_WEIGHT, PREFERENCE_WEIGHT, PRIOR_WEIGHT, MAX_PRIOR = 12.0, 2.5, 1.4, 4.0
 
 # Score margin per unit of log-likelihood ratio: acceptance needs a ratio of 2.5 (held-out half of the same pairs).
-MARGIN_OF_LIKELIHOOD = 1.0 / 25.0
+MARGIN_PER_LOG_LIKELIHOOD = 1.0 / 25.0
 
 # Log-likelihood of an attitude q at a position t by the network, see LearnedProposer.log_likelihood.
 Prior = Callable[[Array, Array], float]
@@ -46,7 +53,7 @@ class SymmetricPose:
 
     Parameters
     ----------
-    end : Hypothesis
+    optimum : Hypothesis
         Refined pose.
     drawn : LitView
         Rendering of the pose on the finer patch.
@@ -54,7 +61,7 @@ class SymmetricPose:
         Log-likelihood of the pose by the network; zero without a network.
     """
 
-    end: Hypothesis
+    optimum: Hypothesis
     drawn: LitView
     log_prior: float
 
@@ -79,39 +86,42 @@ def check_discrete_symmetry(
         Log-likelihood of a pose by the network.
     """
     symmetries = target.model.symmetry_wxyz
-    end, patch = selection.best, selection.close
-    ends = [end]
+    optimum, patch = selection.best, selection.close
+    optima = [optimum]
     for s in symmetries:
-        q = quat.normalise(quat.multiply(end.q, s))
-        start = Hypothesis(replace(end.pose, q=q), end.source, end.score, end.support)
-        ends.append(refine_to_end(target, frame, patch, start))
-    finer = replace(cut_patch(target, frame, _box(target, ends), PATCH_PX), clipped=frame.clipped, exact=True)
-    candidates = [_render(target, finer, e, prior) for e in ends]
+        q = quat.normalise(quat.multiply(optimum.q, s))
+        start = Hypothesis(replace(optimum.pose, q=q), optimum.source, optimum.score, optimum.support)
+        optima.append(refine_to_convergence(target, frame, patch, start))
+    finer = replace(
+        cut_patch(target, frame, _box(target, optima), PATCH_PX), clipped=frame.clipped, exact=True
+    )
+    candidates = [_render(target, finer, e, prior) for e in optima]
     log_ratios = _log_ratios(candidates, finer)
     k = int(log_ratios.argmax())
-    best, best_log_ratio = candidates[k].end, float(log_ratios[k])
+    best, best_log_ratio = candidates[k].optimum, float(log_ratios[k])
     # near-symmetries of the best pose were compared above and are no competitors
     symmetric_q = [quat.multiply(best.q, s) for s in symmetries]
     others = [h for h in selection.ranked if all(quat.angle_rad(h.q, w) > DISTINCT_RAD for w in symmetric_q)]
     new = select(target, patch, others, [best])
-    likelihood_margin = best_log_ratio * max(best.score, 0.0) * MARGIN_OF_LIKELIHOOD
+    likelihood_margin = best_log_ratio * max(best.score, 0.0) * MARGIN_PER_LOG_LIKELIHOOD
     # other refined poses, for example at another roll angle, remain competitors
     rivals = [
         best.score - e.score
-        for e in selection.ends
-        if not same_end(e.pose, best.pose) and all(quat.angle_rad(e.q, w) > DISTINCT_RAD for w in symmetric_q)
+        for e in selection.optima
+        if not same_optimum(e.pose, best.pose)
+        and all(quat.angle_rad(e.q, w) > DISTINCT_RAD for w in symmetric_q)
     ]
     evidence = replace(new.evidence, margin=min([new.evidence.margin, likelihood_margin, *rivals]))
-    poses = [(h.q, h.t, h.score) for h in (*others, *(e for e in ends if e is not best))]
+    poses = [(h.q, h.t, h.score) for h in (*others, *(e for e in optima if e is not best))]
     frame.count("turned", len(candidates))
     return replace(new, evidence=evidence, alternatives=alternatives(poses, best.q, best.t))
 
 
 def _log_ratios(candidates: List[SymmetricPose], patch: ImagePatch) -> Array:
     """Return the log-likelihood ratio (N,) of each pose to the most likely of the others; at least two poses."""
-    best_score = max([1e-6, *(w.end.score for w in candidates)])
+    best_score = max([1e-6, *(w.optimum.score for w in candidates)])
     single = [
-        SCORE_WEIGHT * w.end.score / best_score + PRIOR_WEIGHT * max(w.log_prior, -MAX_PRIOR)
+        SCORE_WEIGHT * w.optimum.score / best_score + PRIOR_WEIGHT * max(w.log_prior, -MAX_PRIOR)
         for w in candidates
     ]
     log_ratios = np.full((len(candidates), len(candidates)), np.inf)
@@ -128,13 +138,16 @@ def preference(best: LitView, other: LitView, patch: ImagePatch) -> float:
     It is a matched filter: position of the image between the two renderings along their difference. Residuals common to
     both cancel.
     """
-    a, b = (patch.response.of(blurred(d.shading.picture, OPTICS_PX / patch.factor))[0] for d in (best, other))
+    a, b = (
+        patch.response.mean_and_slope(blurred(d.shading.picture, OPTICS_PX / patch.factor))[0]
+        for d in (best, other)
+    )
     out = []
-    for blur in BLURS:
+    for blur in BLURS_PX:
         gray, drawn_a, drawn_b = (blurred(p, blur) for p in (patch.gray, a, b))
         noise = patch.sigma / (2 * np.sqrt(np.pi) * blur)
         difference = drawn_a - drawn_b
-        differs = np.abs(difference) > MIN_CONTRAST * noise
+        differs = np.abs(difference) > MIN_CONTRAST_SIGMA * noise
         weight = 1.0 / (noise**2 + (MODEL_ERROR * np.maximum(drawn_a, drawn_b)) ** 2)
         along = float(np.sum(((gray - 0.5 * (drawn_a + drawn_b)) * difference * weight)[differs]))
         out.append(
@@ -143,17 +156,17 @@ def preference(best: LitView, other: LitView, patch: ImagePatch) -> float:
     return float(np.mean(out))
 
 
-def _box(target: PreparedTarget, ends: List[Hypothesis]) -> Box:
+def _box(target: PreparedTarget, optima: List[Hypothesis]) -> Box:
     """Return the box that encloses the target at every pose."""
-    boxes = np.array([target_box(target, e.q, e.t) for e in ends])
+    boxes = np.array([target_box(target, e.q, e.t) for e in optima])
     (x0, y0), (x1, y1) = boxes[:, :2].min(axis=0), boxes[:, 2:].max(axis=0)
     return int(x0), int(y0), int(x1), int(y1)
 
 
 def _render(
-    target: PreparedTarget, patch: ImagePatch, end: Hypothesis, prior: Optional[Prior]
+    target: PreparedTarget, patch: ImagePatch, optimum: Hypothesis, prior: Optional[Prior]
 ) -> SymmetricPose:
     """Return a pose rendered on a finer patch with sharp shadows."""
-    q, t = end.q, end.t
+    q, t = optimum.q, optimum.t
     view = sharpen_shadows(target, patch, q, t, search_sun(target, patch, q, t), SHADOW_MAP_PX)
-    return SymmetricPose(end, view, 0.0 if prior is None else prior(q, t))
+    return SymmetricPose(optimum, view, 0.0 if prior is None else prior(q, t))

@@ -13,7 +13,7 @@ from flyaround.hil.board.hybrid.geometry.image_patch import ImagePatch
 from flyaround.hil.board.hybrid.geometry.shading import Shading
 from flyaround.hil.board.hybrid.hypotheses.ambiguity import (
     largest_sigma,
-    same_end,
+    same_optimum,
     was_refined,
     without_duplicates,
 )
@@ -22,13 +22,14 @@ from flyaround.hil.board.hybrid.hypotheses.hypothesis import Hypothesis, PoseFit
 from flyaround.hil.board.hybrid.image.observation import Observation
 from flyaround.hil.board.hybrid.image.regime import Regime
 from flyaround.hil.board.hybrid.model.prepared_target import PreparedTarget, faces_of
-from flyaround.hil.board.hybrid.refine.final import MAX_ROUNDS, refine_to_end
-from flyaround.hil.board.hybrid.refine.photometric import burnt_share, likeness, photo_draw
+from flyaround.hil.board.hybrid.refine.final import MAX_ROUNDS, refine_to_convergence
+from flyaround.hil.board.hybrid.refine.photometric import likeness, photo_draw, saturated_share
 from flyaround.hil.board.hybrid.refine.shadows import search_sun
 
-# Maximum number of refined hypotheses, and their minimum share of the best score; then the same in a second round.
-MAX_ENDS, END_SHARE = 2, 0.85
-THOROUGH_ENDS, THOROUGH_SHARE = 3, 0.75
+# Maximum number of hypotheses that are refined, and their minimum share of the best score; then the same in a second
+# round. Hand-tuned on development frames, as are the values below.
+MAX_OPTIMA, OPTIMUM_SHARE = 2, 0.85
+THOROUGH_OPTIMA, THOROUGH_SHARE = 3, 0.75
 
 # Maximum number of alignments under lamps.
 LAMPS_ROUNDS = 3
@@ -62,7 +63,7 @@ class Selection:
         Patch on which all hypotheses were scored; None for a selection by edges.
     ranked : tuple of Hypothesis
         Hypotheses aligned on the patch, best first.
-    ends : tuple of Hypothesis
+    optima : tuple of Hypothesis
         Refined hypotheses.
     rival : Hypothesis, optional
         Best competitor that was not refined.
@@ -73,7 +74,7 @@ class Selection:
     alternatives: Tuple[Alternative, ...]
     patch: Optional[ImagePatch] = None
     ranked: Tuple[Hypothesis, ...] = ()
-    ends: Tuple[Hypothesis, ...] = ()
+    optima: Tuple[Hypothesis, ...] = ()
     rival: Optional[Hypothesis] = None
 
     @property
@@ -110,27 +111,27 @@ def select_by_image(
         Refine more of them.
     """
     # scores before convergence do not rank hypotheses, so the best ones are refined first
-    ends: List[Hypothesis] = []
+    optima: List[Hypothesis] = []
     rounds = LAMPS_ROUNDS if regime is Regime.LAMPS else MAX_ROUNDS
-    most, lead = (THOROUGH_ENDS, THOROUGH_SHARE) if thorough else (MAX_ENDS, END_SHARE)
+    most, lead = (THOROUGH_OPTIMA, THOROUGH_SHARE) if thorough else (MAX_OPTIMA, OPTIMUM_SHARE)
     for h in ranked[:most]:
         if h.score <= lead * ranked[0].score and h is not ranked[0]:
             continue
         # close poses converge to the same optimum: refine both only if a small gain may decide on acceptance
-        starts = [e.origin for e in ends]
-        if ends and len(without_duplicates([*starts, h])) == len(ends) and ends[0].score > CLEAR_SCORE:
+        starts = [e.origin for e in optima]
+        if optima and len(without_duplicates([*starts, h])) == len(optima) and optima[0].score > CLEAR_SCORE:
             continue
-        ends.append(refine_to_end(target, frame, patch, h, rounds))
-    selection = select(target, patch, ranked, ends, thorough=thorough)
+        optima.append(refine_to_convergence(target, frame, patch, h, rounds))
+    selection = select(target, patch, ranked, optima, thorough=thorough)
     # a competitor that has not converged may converge to the best pose, or fall behind
     for _ in range(MAX_TIES):
         rival = selection.rival
         if rival is None or selection.evidence.margin >= min_margin(selection.evidence):
             break
-        if was_refined(rival, ends):
+        if was_refined(rival, optima):
             break
-        ends.append(refine_to_end(target, frame, patch, rival))
-        selection = select(target, patch, ranked, ends, thorough=thorough)
+        optima.append(refine_to_convergence(target, frame, patch, rival))
+        selection = select(target, patch, ranked, optima, thorough=thorough)
     return selection
 
 
@@ -138,7 +139,7 @@ def select(
     target: PreparedTarget,
     patch: ImagePatch,
     ranked: List[Hypothesis],
-    ends: List[Hypothesis],
+    optima: List[Hypothesis],
     *,
     thorough: bool = False,
 ) -> Selection:
@@ -152,75 +153,81 @@ def select(
         Patch on which all hypotheses were scored.
     ranked : list of Hypothesis
         Hypotheses aligned on the patch, best first.
-    ends : list of Hypothesis
+    optima : list of Hypothesis
         Refined hypotheses, at least one.
     thorough : bool
         True if the hypotheses come from many locations and include variants of the best one.
     """
-    best = max(ends, key=lambda e: _merit(target, patch, e))
+    best = max(optima, key=lambda e: _merit(target, patch, e))
     pose, field = best.pose, best.source.field
     s = support(target, pose.q, pose.t, field, alone=True)
-    origins = [e.origin for e in ends if same_end(e.pose, pose)]
+    origins = [e.origin for e in optima if same_optimum(e.pose, pose)]
     margin = initial_score = max(start.score for start in origins)
     rivals = [h for h in ranked if differs(h.q, h.t, pose.q, pose.t)]
     # a hypothesis that converged to the best pose is no competitor; but if the only one started far away, among few
     # hypotheses, its convergence may be accidental
     if thorough or not all(differs(start.q, start.t, pose.q, pose.t) for start in origins):
-        rivals = [h for h in rivals if not was_refined(h, ends)]
+        rivals = [h for h in rivals if not was_refined(h, optima)]
     rival = max(rivals, key=lambda h: h.score, default=None)
     if rival is not None:
         rival_score = rival.score
         # shadows of a better Sun may raise the competitor's score; searched only if that may matter
         if initial_score - rival_score < MAX_DEFICIT * initial_score:
-            rival_score = search_sun(target, patch, rival.q, rival.t, seen=rival.seen).score
+            rival_score = search_sun(target, patch, rival.q, rival.t, visible_face=rival.visible_face).score
         margin -= max(rival_score, 0.0)
     # two refined poses may be distinct optima even if they are close
-    for other in ends:
-        if not same_end(other.pose, pose):
+    for other in optima:
+        if not same_optimum(other.pose, pose):
             margin = min(margin, best.score - other.score)
     view = _view(target, patch, best)
-    like, covered = likeness(view, patch)
+    correlation, covered = likeness(view, patch)
     evidence = image_evidence(target, best, s, margin)
-    evidence = replace(evidence, likeness=like, covered=covered, burnt=burnt_share(view, patch))
+    evidence = replace(
+        evidence, likeness=correlation, covered=covered, saturated=saturated_share(view, patch)
+    )
     others = alternatives([(h.q, h.t, h.score) for h in ranked], pose.q, pose.t)
-    return Selection(best, evidence, others, patch, tuple(ranked), tuple(ends), rival)
+    return Selection(best, evidence, others, patch, tuple(ranked), tuple(optima), rival)
 
 
-def _view(target: PreparedTarget, patch: ImagePatch, end: Hypothesis) -> Shading:
+def _view(target: PreparedTarget, patch: ImagePatch, optimum: Hypothesis) -> Shading:
     """Return the rendering of a refined pose on a patch, cached if available."""
-    if end.view is not None:
-        return end.view
-    return photo_draw(end.q, end.t, faces_of(target), patch, target.camera.pinhole, end.sun)
+    if optimum.view is not None:
+        return optimum.view
+    return photo_draw(optimum.q, optimum.t, faces_of(target), patch, target.camera.pinhole, optimum.sun)
 
 
-def _merit(target: PreparedTarget, patch: ImagePatch, end: Hypothesis) -> float:
+def _merit(target: PreparedTarget, patch: ImagePatch, optimum: Hypothesis) -> float:
     """Return the merit of a refined pose: its score times its likeness.
 
     Any rendering that covers a bright object explains much of the image; likeness shows whether that is the target.
     """
-    return end.score * max(likeness(_view(target, patch, end), patch)[0], 0.0)
+    return optimum.score * max(likeness(_view(target, patch, optimum), patch)[0], 0.0)
 
 
-def select_by_edges(target: PreparedTarget, found: List[Hypothesis], refined: List[Hypothesis]) -> Selection:
+def select_by_edges(
+    target: PreparedTarget, proposed: List[Hypothesis], refined: List[Hypothesis]
+) -> Selection:
     """Select among hypotheses refined on edges, for a target without faces.
 
     Parameters
     ----------
     target : PreparedTarget
         Target with its precomputed tables.
-    found : list of Hypothesis
+    proposed : list of Hypothesis
         Hypotheses of every region.
     refined : list of Hypothesis
         Best hypotheses, refined by ``refine_on_edges``.
     """
     # distinct poses are compared by total support, close ones by their sub-pixel fit
     top = max(refined, key=lambda h: h.score)
-    near = [h for h in refined if not differs(h.q, h.t, top.q, top.t)]
-    best = max(near, key=lambda h: h.score + TIGHT_WEIGHT * (0.0 if h.edge_fit is None else h.edge_fit.tight))
-    rivals = [h.score for h in (*found, *refined) if differs(h.q, h.t, best.q, best.t)]
+    neighbours = [h for h in refined if not differs(h.q, h.t, top.q, top.t)]
+    best = max(
+        neighbours, key=lambda h: h.score + TIGHT_WEIGHT * (0.0 if h.edge_fit is None else h.edge_fit.tight)
+    )
+    rivals = [h.score for h in (*proposed, *refined) if differs(h.q, h.t, best.q, best.t)]
     # the best pose near the optimum against the best distinct one
     margin = top.score - max(rivals, default=0.0)
-    others = alternatives([(h.q, h.t, h.score) for h in (*found, *refined)], best.q, best.t)
+    others = alternatives([(h.q, h.t, h.score) for h in (*proposed, *refined)], best.q, best.t)
     return Selection(best, edge_evidence(target, best, margin), others)
 
 

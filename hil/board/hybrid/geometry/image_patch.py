@@ -14,7 +14,8 @@ from flyaround.hil.board.hybrid.geometry.response import Response
 
 Array = np.ndarray
 
-# Standard deviation of the blur that removes the craft from a textured background [share of the region's longer side].
+# Standard deviation of the blur that removes the craft from a textured background [share of the region's longer side];
+# hand-tuned.
 BACKGROUND_BLUR = 0.06
 
 
@@ -36,13 +37,13 @@ class ImagePatch:
         Image pixels per patch pixel.
     fine : int
         Rendered pixels per patch pixel, in each direction.
-    full : float
+    full_scale : float
         Full scale of the pixel values.
-    plain : float or (h, w) array, optional
-        Background without the craft; by default a wide blur of the region, see ``background``.
-    tall : float
-        Height over width of a patch pixel [image px]. Patch pixels are not quite square; ignoring it would bias the
-        range by a thousandth.
+    background_level : float or (h, w) array, optional
+        Background without the craft. If None, ``background`` estimates it by a wide blur of the region.
+    pixel_aspect : float
+        Height over width of a patch pixel. Patch pixels are not quite square; ignoring it would bias the range by a
+        thousandth.
     clipped : float
         Standard deviation of the noise that is clipped at zero; 0 if the noise is not clipped.
     exact : bool
@@ -57,9 +58,9 @@ class ImagePatch:
     y0: float
     factor: float
     fine: int
-    full: float = 255.0
-    plain: Union[float, Array, None] = 0.0
-    tall: float = 1.0
+    full_scale: float = 255.0
+    background_level: Union[float, Array, None] = 0.0
+    pixel_aspect: float = 1.0
     clipped: float = 0.0
     exact: bool = False
     sun: Optional[Array] = None
@@ -67,24 +68,24 @@ class ImagePatch:
     @cached_property
     def textured(self) -> bool:
         """True if the background is not uniform."""
-        return self.plain is None or np.ndim(self.plain) > 0
+        return self.background_level is None or np.ndim(self.background_level) > 0
 
     @cached_property
     def background(self) -> Union[float, Array]:
         """Background level, or background image (h, w). Computed on first use, because most patches never need it."""
-        if self.plain is None:
+        if self.background_level is None:
             return cv2.GaussianBlur(self.gray, (0, 0), BACKGROUND_BLUR * max(self.gray.shape))
-        return self.plain
+        return self.background_level
 
     @cached_property
     def response(self) -> Response:
         """Mean pixel value as a function of brightness."""
-        return Response(self.clipped, self.full)
+        return Response(self.clipped, self.full_scale)
 
     @cached_property
     def scale(self) -> Tuple[float, float]:
         """Rendered pixels per image pixel, horizontal and vertical."""
-        return self.fine / self.factor, self.fine / (self.factor * self.tall)
+        return self.fine / self.factor, self.fine / (self.factor * self.pixel_aspect)
 
     @cached_property
     def _blurred(self) -> Dict[float, Array]:

@@ -28,7 +28,7 @@ class NativeFaces(Faces):
         object.__setattr__(self, "native", _structure(self))
 
     @staticmethod
-    def of(faces: Faces) -> NativeFaces:
+    def from_faces(faces: Faces) -> NativeFaces:
         """Return the faces with their C structure."""
         if isinstance(faces, NativeFaces):
             return faces
@@ -36,8 +36,8 @@ class NativeFaces(Faces):
 
 
 def native_faces(faces: Faces) -> Structure:
-    """Return the C structure of faces, cached in ``NativeFaces`` only."""
-    return NativeFaces.of(faces).native
+    """Return the C structure of faces; it is built at each call unless ``faces`` is a ``NativeFaces``."""
+    return NativeFaces.from_faces(faces).native
 
 
 def _structure(faces: Faces) -> Structure:

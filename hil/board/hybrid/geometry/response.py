@@ -11,8 +11,11 @@ import numpy as np
 
 Array = np.ndarray
 
-# Half-width of the tables [standard deviations of the noise], and steps per standard deviation.
-TABLE_SIGMAS, STEPS_PER_SIGMA = 4, 64
+# Half-width of the tables [standard deviations of the noise]; beyond it, clipping changes the mean by under 1e-5 sigma.
+TABLE_SIGMAS = 4
+
+# Table steps per standard deviation.
+STEPS_PER_SIGMA = 64
 
 
 @dataclass(frozen=True)
@@ -25,38 +28,40 @@ class Response:
     ----------
     sigma : float
         Standard deviation of the unclipped noise; 0 if the scale clips nothing.
-    full : float
+    full_scale : float
         Full scale.
     """
 
     sigma: float
-    full: float
+    full_scale: float
 
-    def of(self, x: Array) -> Tuple[Array, Optional[Array]]:
+    def mean_and_slope(self, x: Array) -> Tuple[Array, Optional[Array]]:
         """Return the mean at each brightness and its derivative; None stands for a derivative of 1 everywhere."""
         if self.sigma <= 0:
-            return np.minimum(x, np.float32(self.full)), None
+            return np.minimum(x, np.float32(self.full_scale)), None
         lift, share = tables()
         step = np.float32(STEPS_PER_SIGMA / self.sigma)
         low = np.rint(x * step + np.float32(TABLE_SIGMAS * STEPS_PER_SIGMA)).astype(np.intp)
-        high = low - round(self.full * STEPS_PER_SIGMA / self.sigma)
+        high = low - round(self.full_scale * STEPS_PER_SIGMA / self.sigma)
         mean, slope = lift.take(low, mode="clip"), share.take(low, mode="clip")
         # most images do not reach full scale, and both tables start with zero
         if int(high.max(initial=0)) > 0:
             mean -= lift.take(high, mode="clip")
             slope -= share.take(high, mode="clip")
         mean *= np.float32(self.sigma)
-        mean += np.clip(x, 0.0, np.float32(self.full))
+        mean += np.clip(x, 0.0, np.float32(self.full_scale))
         return mean, slope
 
     def brightness(self, mean: Array) -> Array:
-        """Return the brightness that has this mean, between ``-TABLE_SIGMAS * sigma`` and ``full``."""
+        """Return the brightness that has this mean, between ``-TABLE_SIGMAS * sigma`` and ``full_scale``."""
         if self.sigma <= 0:
             return mean
         x, below = (self.sigma * table for table in means())
         out = np.where(mean < below[-1], np.interp(mean, below, x), mean)
-        top = self.full - below[-1]
-        return np.asarray(np.where(mean > top, self.full - np.interp(self.full - mean, below, x), out))
+        top = self.full_scale - below[-1]
+        return np.asarray(
+            np.where(mean > top, self.full_scale - np.interp(self.full_scale - mean, below, x), out)
+        )
 
 
 def _mean(u: float) -> float:

@@ -1,4 +1,7 @@
-"""Synthetic view: the face visible in each pixel, and the brightness of each group of faces fitted to the image."""
+"""Synthetic view of the target.
+
+It holds the face visible in each pixel, and the brightness of each group of faces, fitted to the image.
+"""
 
 from __future__ import annotations
 
@@ -16,7 +19,7 @@ class Shading:
 
     Parameters
     ----------
-    seen : (H, W) array
+    visible_face : (H, W) array
         Index of the visible face plus 1, per rendered pixel.
     group : (H, W) array
         Brightness group plus 1, per rendered pixel. With shadows, the visible groups are renumbered: lit ones first,
@@ -29,22 +32,22 @@ class Shading:
         Group at the centre of each patch pixel.
     area : (G + 1,) array
         Number of pixels well inside each group.
-    behind : (h, w) array, optional
+    background_offset : (h, w) array, optional
         Background minus its level; None in front of empty space.
     """
 
-    seen: Array
+    visible_face: Array
     group: Array
     level: Array
     picture: Array
     centre: Array
     area: Array
-    behind: Optional[Array]
+    background_offset: Optional[Array]
 
     def brightness(self, group: Array, cell: Array) -> Array:
         """Return the brightness (N,) of groups (N,) at the flat patch indices ``cell`` (N,)."""
         level = self.level.take(group, mode="clip")
-        if self.behind is not None:
-            empty = np.flatnonzero(group == 0)
-            level[empty] += self.behind.ravel().take(cell.take(empty))
+        if self.background_offset is not None:
+            background = np.flatnonzero(group == 0)
+            level[background] += self.background_offset.ravel().take(cell.take(background))
         return np.asarray(level)

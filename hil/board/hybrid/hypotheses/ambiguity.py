@@ -12,19 +12,19 @@ from flyaround.hil.board.hybrid.hypotheses.hypothesis import Hypothesis, PoseFit
 
 Array = np.ndarray
 
-# Refined poses farther apart than this are distinct [rad].
-OTHER_END_RAD = float(np.radians(5.0))
+# Refined poses farther apart than this are distinct [rad] (docs/lab/2026-11-estimator.md, Decision).
+OTHER_OPTIMUM_RAD = float(np.radians(5.0))
 
-# Poses closer than this to a better one converge to it [rad, share of range].
+# Poses closer than this to a better one converge to it [rad, share of range]; hand-tuned.
 SAME_RAD, SAME_SHARE = float(np.radians(1.0)), 0.03
 
-# Least attitude difference between hypotheses that are compared [rad].
+# Minimum attitude difference between hypotheses that are compared [rad]; hand-tuned.
 SPREAD_RAD = float(np.radians(6.0))
 
 
-def same_end(a: PoseFit, b: PoseFit) -> bool:
+def same_optimum(a: PoseFit, b: PoseFit) -> bool:
     """Return True if two refined poses are the same solution: similar attitude and position."""
-    return bool(quat.angle_rad(a.q, b.q) <= OTHER_END_RAD) and not differs(a.q, a.t, b.q, b.t)
+    return bool(quat.angle_rad(a.q, b.q) <= OTHER_OPTIMUM_RAD) and not differs(a.q, a.t, b.q, b.t)
 
 
 def converges_elsewhere(pose: PoseFit, better: PoseFit, apart_rad: float) -> bool:
@@ -43,9 +43,9 @@ def without_duplicates(hypotheses: List[Hypothesis]) -> List[Hypothesis]:
     return out
 
 
-def was_refined(h: Hypothesis, ends: Sequence[Hypothesis]) -> bool:
+def was_refined(h: Hypothesis, optima: Sequence[Hypothesis]) -> bool:
     """Return True if ``h`` nearly equals the start of a refined hypothesis: it would converge to the same pose."""
-    return any(not converges_elsewhere(h.pose, e.origin.pose, SAME_RAD) for e in ends)
+    return any(not converges_elsewhere(h.pose, e.origin.pose, SAME_RAD) for e in optima)
 
 
 def spread_in_attitude(hypotheses: Sequence[Hypothesis], keep: int) -> List[Hypothesis]:

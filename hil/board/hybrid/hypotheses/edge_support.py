@@ -20,14 +20,12 @@ from flyaround.hil.board.hybrid.model.visibility import visible_samples
 
 Array = np.ndarray
 
-# Weight of a model edge on dark pixels, relative to one on lit pixels.
+# Weight of a model edge on dark pixels relative to one on lit pixels: a face in shadow neither supports nor contradicts
+# a pose (docs/lab/2026-11-estimator.md).
 DARK_WEIGHT = 0.25
 
-# Distance from a model edge at which an image edge counts 1/e [field px].
+# Distance from a model edge at which an image edge counts 1/e [field px]; hand-tuned.
 SOFT_PX = 1.5
-
-# Weight of lit area outside the silhouette, where empty space must be dark.
-OUTSIDE_WEIGHT = 1.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,14 +117,14 @@ def support(target: PreparedTarget, q: Array, t: Array, field: EdgeField, *, alo
     pr = project(target.samples, target.camera, R[None], t[None], idx[None])
     uv = field.to_field(pr.pixels)[0]
     flat, inside = field.lookup(uv, pr.angle[0])
-    d, place = field.nearest_to(flat) if alone else (field.distance.reshape(-1)[flat], None)
+    d, position = field.nearest_to(flat) if alone else (field.distance.reshape(-1)[flat], None)
     s = np.exp(-((d / SOFT_PX) ** 2)) * inside
     shape = silhouette(R, t, target.occ, target.camera, (field.x0, field.y0), field.factor, field.size)
     if field.empty:
         # in front of empty space the craft is the brighter side: an edge of the other polarity is not its outline
         inward = inward_sign(shape, uv, pr.normals[0])
-        place = field.nearest_at(flat) if place is None else place
-        e = np.clip(np.rint(place), 0, np.array(field.size) - 1).astype(np.intp)
+        position = field.nearest_at(flat) if position is None else position
+        e = np.clip(np.rint(position), 0, np.array(field.size) - 1).astype(np.intp)
         gx, gy = field.gx[e[:, 1], e[:, 0]], field.gy[e[:, 1], e[:, 0]]
         agree = inward * (gx * pr.normals[0][:, 0] + gy * pr.normals[0][:, 1])
         s = np.where(agree < 0, 0.0, s)
@@ -141,7 +139,8 @@ def support(target: PreparedTarget, q: Array, t: Array, field: EdgeField, *, alo
     explained = _explained(target, uv, pr, field)
     lit = int(field.core.sum())
     outside = float((field.core & ~shape).sum() / lit) if lit else 0.0
-    total = 0.5 * drawn + 0.5 * explained - OUTSIDE_WEIGHT * outside
+    # lit area outside the silhouette counts fully, because empty space must be dark
+    total = 0.5 * drawn + 0.5 * explained - outside
     return Support(drawn, explained, outside, total, idx)
 
 

@@ -52,7 +52,7 @@ class EdgeFit:
     tight : float
         Share of the visible samples with an image edge very near.
     rms_px : float
-        RMS residual of the inliers.
+        RMS residual of the inliers [image px].
     """
 
     found: float
@@ -97,7 +97,7 @@ class Hypothesis:
         Sub-pixel edge evidence, if edges were searched.
     view : Shading, optional
         Rendering of the target at the pose.
-    seen : (H, W) array, optional
+    visible_face : (H, W) array, optional
         Faces visible in the rendering, kept when ``view`` is dropped.
     sun : ShadowMap, optional
         Source of the shadows in ``view``; None without shadows.
@@ -111,7 +111,7 @@ class Hypothesis:
     support: Support = NO_SUPPORT
     edge_fit: Optional[EdgeFit] = None
     view: Optional[Shading] = None
-    seen: Optional[Array] = None
+    visible_face: Optional[Array] = None
     sun: Optional[ShadowMap] = None
     start: Optional[Hypothesis] = None
 
@@ -136,8 +136,8 @@ class Hypothesis:
 
     def without_view(self, score: float) -> Hypothesis:
         """Return the hypothesis with another score and without its rendering; only the visible faces are kept."""
-        seen = self.seen if self.view is None else self.view.seen
-        return replace(self, score=score, view=None, seen=seen)
+        visible_face = self.visible_face if self.view is None else self.view.visible_face
+        return replace(self, score=score, view=None, visible_face=visible_face)
 
 
 def drawn(h: Hypothesis) -> Shading:

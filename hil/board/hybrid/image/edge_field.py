@@ -15,6 +15,7 @@ from flyaround.hil.board.svd.line_streams import remove_specks
 
 Array = np.ndarray
 
+# Number of orientation bins of the nearest-edge tables, 22.5 deg each.
 ORIENTATION_BINS = 8
 
 # Probability of the craft below which an edge counts as background texture.
@@ -229,7 +230,7 @@ def edge_field(
     high: float = 6.0,
     low: float = 3.0,
     background: float = -1.0,
-    likely: Optional[Array] = None,
+    craft_probability: Optional[Array] = None,
 ) -> EdgeField:
     """Return the edges of a region, reduced to ``longest_px``.
 
@@ -249,7 +250,7 @@ def edge_field(
         Lower hysteresis threshold, in the same units.
     background : float
         Level of empty space; negative if the background is not empty, in which case all pixels count as lit.
-    likely : (h, w) array, optional
+    craft_probability : (h, w) array, optional
         Probability of the craft over the whole image: edges far from it count as background texture.
     """
     x0, y0, x1, y1 = box
@@ -259,8 +260,8 @@ def edge_field(
     # area averaging over factor^2 independent pixels
     sigma = max(noise / factor * gradient_noise(blur), 1e-6)
     mask, magnitude = thin_edges(gx, gy, sigma, low, high)
-    if likely is not None:
-        mask &= _craft_mask(likely, box, image.shape, mask.shape)
+    if craft_probability is not None:
+        mask &= _craft_mask(craft_probability, box, image.shape, mask.shape)
     mask = remove_specks(mask, 5)
     lit, core = np.ones(mask.shape, bool), np.zeros(mask.shape, bool)
     if background >= 0:
@@ -285,11 +286,11 @@ def edge_field(
 
 
 def _craft_mask(
-    likely: Array, box: Tuple[int, int, int, int], picture: Tuple[int, ...], field: Tuple[int, ...]
+    craft_probability: Array, box: Tuple[int, int, int, int], picture: Tuple[int, ...], field: Tuple[int, ...]
 ) -> Array:
     """Return a mask of the field's pixels that may show the craft, from a probability map of the whole image."""
-    near = cv2.dilate((likely > MIN_CRAFT_PROBABILITY).astype(np.uint8), np.ones((3, 3), np.uint8))
-    (H, W), (h, w) = picture[:2], likely.shape
+    near = cv2.dilate((craft_probability > MIN_CRAFT_PROBABILITY).astype(np.uint8), np.ones((3, 3), np.uint8))
+    (H, W), (h, w) = picture[:2], craft_probability.shape
     x = ((np.arange(field[1]) + 0.5) / field[1] * (box[2] - box[0]) + box[0]) * w / W
     y = ((np.arange(field[0]) + 0.5) / field[0] * (box[3] - box[1]) + box[1]) * h / H
     rows, columns = np.clip(y.astype(int), 0, h - 1), np.clip(x.astype(int), 0, w - 1)

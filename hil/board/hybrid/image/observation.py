@@ -33,11 +33,11 @@ class Observation(StageRecord):
         Black level of the camera.
     background : float
         Level of empty space; negative if the background is not empty.
-    likely : (h, w) array, optional
-        Probability of the craft in front of a textured background, see ``saliency_map``.
+    craft_probability : (h, w) array, optional
+        Probability (0..1) that a cell shows the craft, from ``saliency_map``; None in front of empty space.
     drawn : dict
         Renderings of poses, by patch.
-    straight : tuple, optional
+    undistorted : tuple, optional
         Last undistorted region, with its box.
     """
 
@@ -48,13 +48,13 @@ class Observation(StageRecord):
         self.noise = 0.0
         self.black = 0.0
         self.background = -1.0
-        self.likely: Optional[Array] = None
+        self.craft_probability: Optional[Array] = None
         # a second round starts from poses of the first, whose renderings are reused
         self.drawn: Dict[Any, Dict[Any, Any]] = {}
-        self.straight: Optional[Tuple[Any, Array]] = None
+        self.undistorted: Optional[Tuple[Any, Array]] = None
 
     @staticmethod
-    def of(record: StageRecord) -> Observation:
+    def from_record(record: StageRecord) -> Observation:
         """Return an observation that continues the times and counters of ``record``."""
         if isinstance(record, Observation):
             return record
@@ -65,5 +65,5 @@ class Observation(StageRecord):
     @cached_property
     def clipped(self) -> float:
         """Standard deviation of the noise that is clipped at zero; 0 if none is."""
-        # a limb or a coastline next to zeros is not noise
+        # bounded, because a limb or a coastline next to zeros is not noise
         return min(clipped_noise(self.image), 1.25 * self.noise)

@@ -16,7 +16,7 @@ class Regime(Enum):
     LAMPS = "lamps"
 
     @staticmethod
-    def of(black: float, *, trained: bool) -> Regime:
+    def from_black_level(black: float, *, trained: bool) -> Regime:
         """Return the regime of an image.
 
         Parameters

@@ -26,14 +26,14 @@ MAX_SATURATED_GROUPS = 4
 EXCESS_CANDIDATES = np.array([0.0, 0.15, 0.35, 0.6, 1.0, 1.6, 2.4, 3.5])
 
 
-def shade(faces: Faces, seen: Array, patch: ImagePatch, dark: Optional[Array] = None) -> Shading:
+def shade(faces: Faces, visible_face: Array, patch: ImagePatch, dark: Optional[Array] = None) -> Shading:
     """Fit the brightness of each face group to the image, and return the synthetic view rendered with it.
 
     Parameters
     ----------
     faces : Faces
         Faces of the target.
-    seen : (H, W) array
+    visible_face : (H, W) array
         Visible faces, from ``draw_faces``.
     patch : ImagePatch
         Reduced region of the image around the target.
@@ -41,8 +41,8 @@ def shade(faces: Faces, seen: Array, patch: ImagePatch, dark: Optional[Array] = 
         True for rendered pixels in the shadow of another face.
     """
     h, w = patch.gray.shape
-    group, level, picture, centre, area, core, empty, ground = _shade_groups(faces, seen, patch, dark)
-    bright = (area >= 60) & (level > 0.97 * patch.full)
+    group, level, picture, centre, area, core, empty, ground = _shade_groups(faces, visible_face, patch, dark)
+    bright = (area >= 60) & (level > 0.97 * patch.full_scale)
     # saturated faces are rare
     for k in 1 + np.argsort(-area[1:], kind="stable")[:MAX_SATURATED_GROUPS] if bright[1:].any() else ():
         if bright[k]:
@@ -50,11 +50,11 @@ def shade(faces: Faces, seen: Array, patch: ImagePatch, dark: Optional[Array] = 
             over = _saturated_excess(picture, part, patch)
             level[k] += over
             picture = picture + np.float32(over) * part
-    behind = None
+    background_offset = None
     if patch.textured:
         view_data = group, level, picture, centre, core, empty, ground
-        behind, picture = _with_background(patch, view_data, LOCAL_PX / 4)
-    return Shading(seen, group, level, picture, centre, area, behind)
+        background_offset, picture = _with_background(patch, view_data, LOCAL_PX / 4)
+    return Shading(visible_face, group, level, picture, centre, area, background_offset)
 
 
 def _with_background(patch: ImagePatch, view_data: Tuple[Array, ...], blur_px: float) -> Tuple[Array, Array]:
@@ -83,7 +83,9 @@ def _with_background(patch: ImagePatch, view_data: Tuple[Array, ...], blur_px: f
     return out, picture
 
 
-def _shade_groups(faces: Faces, seen: Array, patch: ImagePatch, dark: Optional[Array]) -> Tuple[Array, ...]:
+def _shade_groups(
+    faces: Faces, visible_face: Array, patch: ImagePatch, dark: Optional[Array]
+) -> Tuple[Array, ...]:
     """Return the groups of the rendered pixels, their levels, and the synthetic view.
 
     Returns
@@ -100,7 +102,7 @@ def _shade_groups(faces: Faces, seen: Array, patch: ImagePatch, dark: Optional[A
     share = np.empty((h, w) if patch.textured else (0, 0), np.float32)
     level, area, ground = np.empty(256), np.empty(256, np.int64), np.empty(1)
     n = library().fly_face_gains(
-        contiguous(seen, "int32", shape),
+        contiguous(visible_face, "int32", shape),
         None if dark is None else contiguous(dark, "bool", shape),
         contiguous(faces.labels, "uint16", (count + 1,)),
         count,
@@ -124,7 +126,7 @@ def _shade_groups(faces: Faces, seen: Array, patch: ImagePatch, dark: Optional[A
         raise MemoryError("out of memory while fitting the brightness of faces")
     if n == 0:
         # a byte does not number the groups in view
-        return _shade_groups(faces.coarser, seen, patch, dark)
+        return _shade_groups(faces.coarser, visible_face, patch, dark)
     return group, level[:n], picture, centre, area[:n], core, share, ground
 
 
@@ -137,7 +139,7 @@ def _saturated_excess(picture: Array, part: Array, patch: ImagePatch) -> float:
         return 0.0
     base, own, gray = base[ring], own[ring], patch.gray[ring]
     costs = [
-        float(np.abs(patch.response.of(base + np.float32(over) * own)[0] - gray).sum())
-        for over in EXCESS_CANDIDATES * patch.full
+        float(np.abs(patch.response.mean_and_slope(base + np.float32(over) * own)[0] - gray).sum())
+        for over in EXCESS_CANDIDATES * patch.full_scale
     ]
-    return float(EXCESS_CANDIDATES[int(np.argmin(costs))] * patch.full)
+    return float(EXCESS_CANDIDATES[int(np.argmin(costs))] * patch.full_scale)

@@ -53,10 +53,10 @@ def response_tables(curve: Response) -> Structure:
     """Return the camera response with its tables as a structure."""
     lift, share = (np.ascontiguousarray(a, np.float32) for a in response.tables())
     x, below = (np.ascontiguousarray(curve.sigma * a, np.float64) for a in response.means())
-    end = round(curve.full * response.STEPS_PER_SIGMA / curve.sigma) if curve.sigma > 0 else 0
+    end = round(curve.full_scale * response.STEPS_PER_SIGMA / curve.sigma) if curve.sigma > 0 else 0
     return STRUCTURES["response"](
         sigma=float(curve.sigma),
-        full=float(curve.full),
+        full=float(curve.full_scale),
         lift=lift,
         share=share,
         x=x,

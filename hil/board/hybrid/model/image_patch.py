@@ -24,6 +24,9 @@ OVERSAMPLING = 2
 # would reject every pose.
 MODEL_ERROR_SHARE = 0.02
 
+# Distortion is smooth, so it is evaluated at every eighth pixel and interpolated; margin around the box [px].
+DISTORTION_STEP_PX, DISTORTION_MARGIN_PX = 8, 16
+
 
 def cut_patch(target: PreparedTarget, frame: Observation, box: Box, longest_px: int) -> ImagePatch:
     """Cut a region of the image as a pinhole camera would show it.
@@ -41,35 +44,31 @@ def cut_patch(target: PreparedTarget, frame: Observation, box: Box, longest_px: 
     """
     if target.camera.distorted:
         # one box is often cut at two sizes
-        if frame.straight is None or frame.straight[0] != box:
-            frame.straight = (box, undistort(frame.image, target.camera, box))
-        gray, factor = shrink(frame.straight[1], 0, 0, box[2] - box[0], box[3] - box[1], longest_px)
-        whole = box[2:]
+        if frame.undistorted is None or frame.undistorted[0] != box:
+            frame.undistorted = (box, undistort(frame.image, target.camera, box))
+        gray, factor = shrink(frame.undistorted[1], 0, 0, box[2] - box[0], box[3] - box[1], longest_px)
+        limits = box[2:]
     else:
         gray, factor = shrink(frame.image, *box, longest_px)
-        whole = frame.image.shape[1::-1]
-    full = 255.0 if frame.image.dtype == np.uint8 else float(frame.image.max())
-    plain = frame.background if frame.background >= 0 else None
+        limits = frame.image.shape[1::-1]
+    full_scale = 255.0 if frame.image.dtype == np.uint8 else float(frame.image.max())
+    background_level = frame.background if frame.background >= 0 else None
     h, w = gray.shape
-    wide, high = (min(b, n) - a for a, b, n in zip(box[:2], box[2:], whole))  # noqa: B905 - Python 3.9 has no strict=
-    across = wide / w
-    sigma = max(frame.noise, MODEL_ERROR_SHARE * full) / factor
+    x_factor = (min(box[2], limits[0]) - box[0]) / w
+    y_factor = (min(box[3], limits[1]) - box[1]) / h
+    sigma = max(frame.noise, MODEL_ERROR_SHARE * full_scale) / factor
     return ImagePatch(
         gray,
         sigma,
         float(box[0]),
         float(box[1]),
-        across,
+        x_factor,
         OVERSAMPLING,
-        full,
-        plain,
-        high / h / across,
+        full_scale,
+        background_level,
+        y_factor / x_factor,
         sun=frame.sun_camera,
     )
-
-
-# Distortion is smooth, so it is evaluated at every eighth pixel and interpolated; margin around the box [px].
-DISTORTION_STEP_PX, DISTORTION_MARGIN_PX = 8, 16
 
 
 def undistort(image: Array, camera: CameraIntrinsics, box: Box) -> Array:
@@ -78,11 +77,13 @@ def undistort(image: Array, camera: CameraIntrinsics, box: Box) -> Array:
     x = box[0] + (np.arange(-DISTORTION_STEP_PX, w + DISTORTION_MARGIN_PX, DISTORTION_STEP_PX) - camera.cx_px)
     y = box[1] + (np.arange(-DISTORTION_STEP_PX, h + DISTORTION_MARGIN_PX, DISTORTION_STEP_PX) - camera.cy_px)
     u, v = np.meshgrid(x / camera.fx_px, y / camera.fy_px)
-    bent_u, bent_v = camera.distort(u, v)
-    at = np.stack([bent_u * camera.fx_px + camera.cx_px, bent_v * camera.fy_px + camera.cy_px], axis=-1)
-    between = np.array([[1 / DISTORTION_STEP_PX, 0.0, 1.0], [0.0, 1 / DISTORTION_STEP_PX, 1.0]])
-    how = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
-    col, row = cv2.split(cv2.warpAffine(at.astype(np.float32), between, (w, h), flags=how))
+    distorted_u, distorted_v = camera.distort(u, v)
+    pixels = np.stack(
+        [distorted_u * camera.fx_px + camera.cx_px, distorted_v * camera.fy_px + camera.cy_px], axis=-1
+    )
+    grid_from_pixel = np.array([[1 / DISTORTION_STEP_PX, 0.0, 1.0], [0.0, 1 / DISTORTION_STEP_PX, 1.0]])
+    flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
+    col, row = cv2.split(cv2.warpAffine(pixels.astype(np.float32), grid_from_pixel, (w, h), flags=flags))
     return np.asarray(cv2.remap(image, col, row, cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT))
 
 
@@ -97,8 +98,11 @@ def pinhole_box(camera: CameraIntrinsics, box: Box) -> Box:
     p = rays * (camera.fx_px, camera.fy_px) + (camera.cx_px, camera.cy_px)
     p = p[np.isfinite(p).all(axis=1)]
     # a fisheye's pinhole image is unbounded: keep about twice the image's size
-    far = np.array([camera.width_px, camera.height_px])
-    low, high = np.clip(p.min(axis=0), -0.5 * far, 1.5 * far), np.clip(p.max(axis=0), -0.5 * far, 1.5 * far)
+    size = np.array([camera.width_px, camera.height_px])
+    low, high = (
+        np.clip(p.min(axis=0), -0.5 * size, 1.5 * size),
+        np.clip(p.max(axis=0), -0.5 * size, 1.5 * size),
+    )
     return int(low[0]), int(low[1]), int(max(high[0], low[0] + 32)), int(max(high[1], low[1] + 32))
 
 

@@ -62,7 +62,7 @@ class PreparedTarget:
     def prepare(model: BoardModel, camera: CameraIntrinsics) -> PreparedTarget:
         """Compute the tables."""
         if model.faces is not None:
-            model = replace(model, faces=NativeFaces.of(model.faces))
+            model = replace(model, faces=NativeFaces.from_faces(model.faces))
         radius = model.radius_m
         spacing = radius / 30.0
         samples, occ = sample_edges(model, spacing), occluders(model)
@@ -71,7 +71,7 @@ class PreparedTarget:
         curved = is_round(model)
         if model.outlines is not None and curved:
             tables = tuple(with_outlines(view, model.outlines, model.centre_m) for view in tables)
-        suns = None if model.faces is None else ShadowMapTable.of(model.faces)
+        suns = None if model.faces is None else ShadowMapTable.from_faces(model.faces)
         if model.faces is not None and curved:
             model = replace(model, faces=model.faces.grouped(CURVED_NORMAL_STEPS))
         centre = model.centre_m

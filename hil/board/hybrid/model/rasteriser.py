@@ -59,13 +59,13 @@ def draw_faces(
         Least area of a face [rendered px^2]; smaller ones are skipped, so their neighbours show.
     """
     h, w = (side * patch.fine for side in patch.gray.shape)
-    seen, order = np.zeros((h, w), np.int32), contiguous(order, "int64")
+    visible_face, order = np.zeros((h, w), np.int32), contiguous(order, "int64")
     R, t = contiguous(R, "float64", (3, 3)), contiguous(t, "float64", (3,))
     view = pinhole_view(camera, patch)
     library().fly_draw_faces(
-        native_faces(faces), order, len(order), R, t, view, least_px, patch.exact, seen, h, w
+        native_faces(faces), order, len(order), R, t, view, least_px, patch.exact, visible_face, h, w
     )
-    return seen
+    return visible_face
 
 
 def fill_faces(
@@ -86,7 +86,7 @@ def fill_faces(
     exact : bool
         Preserve the area of polygons narrower than a pixel.
     """
-    seen, order = np.zeros(shape, np.int32), contiguous(order, "int64")
+    visible_face, order = np.zeros(shape, np.int32), contiguous(order, "int64")
     p = contiguous(p, "float64", (len(order), 4, 2))
-    library().fly_fill_faces(p, order, len(order), least_px, exact, seen, *shape)
-    return seen
+    library().fly_fill_faces(p, order, len(order), least_px, exact, visible_face, *shape)
+    return visible_face

@@ -22,24 +22,23 @@ if TYPE_CHECKING:
 
 Array = np.ndarray
 
-# Side of a shadow map [px].
-MAP_PX = 256
+# Number of candidate Sun directions, about 13 deg apart (docs/lab/2026-11-estimator.md), and side of their maps [px].
+N_DIRECTIONS = 240
+TABLE_PX = 80
 
-# Least number of pixels on the target for a search of the Sun direction.
+# Minimum number of pixels on the target for a search of the Sun direction.
 MIN_PIXELS = 40
 
-# Number of candidate Sun directions, side of their shadow maps [px], and number of image pixels compared.
-N_DIRECTIONS, TABLE_PX, MAX_PIXELS = 240, 80, 700
-
-# Least cosine between Sun and camera directions: a Sun behind the target lights no visible face.
+# Minimum cosine between Sun and camera directions: a Sun behind the target lights no visible face.
 MIN_SUN_COSINE = -0.6
 
+# Maximum cosine between two proposed Sun directions; a smaller angle would propose neighbouring candidates.
+MAX_SUN_COSINE = float(np.cos(np.radians(15.0)))
+
+# Coordinate axes; the one most nearly perpendicular to a Sun direction spans its map.
 AXES = np.eye(3)
 
 OUT_OF_MEMORY = "out of memory while rendering shadow maps"
-
-# Largest cosine between two proposed Sun directions.
-MAX_SUN_COSINE = float(np.cos(np.radians(15.0)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,7 +57,7 @@ class ShadowMap:
         Pixel size [m].
     height : (n, n) array
         Height of the visible surface along ``direction``, float32 [m]; very low where there is none.
-    seen : (n, n) array
+    visible_face : (n, n) array
         Index of the visible face plus 1.
     native : Structure
         C structure of the map for the native library.
@@ -69,25 +68,25 @@ class ShadowMap:
     origin: Array
     pitch_m: float
     height: Array
-    seen: Array
+    visible_face: Array
     native: Any = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         n = len(self.height)
-        kind = "uint16" if self.seen.dtype == np.uint16 else "int32"
-        seen = contiguous(self.seen, kind, (n, n))
+        kind = "uint16" if self.visible_face.dtype == np.uint16 else "int32"
+        visible_face = contiguous(self.visible_face, kind, (n, n))
         native = STRUCTURES["sun"](
             axes=np.vstack([self.axes, self.direction]),
             at=np.array([*self.origin, self.pitch_m]),
             height=contiguous(self.height, "float32", (n, n)),
-            seen=seen,
+            seen=visible_face,
             side=n,
-            bytes=seen.itemsize,
+            bytes=visible_face.itemsize,
         )
         object.__setattr__(self, "native", native)
 
     @staticmethod
-    def of(faces: Faces, direction: Array, n: int = MAP_PX) -> ShadowMap:
+    def from_faces(faces: Faces, direction: Array, n: int) -> ShadowMap:
         """Render the map of ``direction`` (3,), target frame, ``n`` pixels wide."""
         s = direction / length(direction)
         e1 = cross(s, AXES[int(np.argmin(np.abs(s)))])
@@ -96,7 +95,13 @@ class ShadowMap:
         return ShadowMap(s, axes, *_render_from_sun(faces, s, axes, n))
 
     def shadows(
-        self, faces: Faces, seen: Array, patch: ImagePatch, camera: CameraIntrinsics, R: Array, t: Array
+        self,
+        faces: Faces,
+        visible_face: Array,
+        patch: ImagePatch,
+        camera: CameraIntrinsics,
+        R: Array,
+        t: Array,
     ) -> Array:
         """Return True for rendered pixels (H, W) that face the Sun but lie in shadow.
 
@@ -104,7 +109,7 @@ class ShadowMap:
         ----------
         faces : Faces
             Faces of the target.
-        seen : (H, W) array
+        visible_face : (H, W) array
             Visible faces at the pose, from ``draw_faces``.
         patch : ImagePatch
             Patch on which they were rendered.
@@ -115,10 +120,10 @@ class ShadowMap:
         t : (3,) array
             Target position, camera frame [m].
         """
-        h, w = seen.shape
+        h, w = visible_face.shape
         R, t, dark = contiguous(R, "float64", (3, 3)), contiguous(t, "float64", (3,)), np.zeros((h, w), bool)
         view = pinhole_view(camera, patch)
-        if library().fly_shadows(native_faces(faces), self.native, view, R, t, seen, h, w, dark):
+        if library().fly_shadows(native_faces(faces), self.native, view, R, t, visible_face, h, w, dark):
             raise MemoryError(OUT_OF_MEMORY)
         return dark
 
@@ -134,11 +139,11 @@ class ShadowMapTable:
     frames : (3, S, 3) array
         Two axes and the direction of each map.
     origin : (S, 2) array
-        See `ShadowMap`.
+        Coordinates of each map's first pixel along its axes [m].
     pitch_m : (S,) array
-        See `ShadowMap`.
+        Pixel size of each map [m].
     height : (S, n, n) array
-        See `ShadowMap`.
+        Height of the visible surface along each direction, float32 [m].
     native : Structure
         C structure of the maps for the native library.
     rendered_maps : dict
@@ -166,10 +171,10 @@ class ShadowMapTable:
         object.__setattr__(self, "native", native)
 
     @staticmethod
-    def of(faces: Faces, number: int = N_DIRECTIONS) -> ShadowMapTable:
+    def from_faces(faces: Faces, number: int = N_DIRECTIONS) -> ShadowMapTable:
         """Render the maps of ``number`` directions on a Fibonacci lattice."""
         directions = sphere_directions(number)
-        suns = [ShadowMap.of(faces, d, TABLE_PX) for d in directions]
+        suns = [ShadowMap.from_faces(faces, d, TABLE_PX) for d in directions]
         return ShadowMapTable(
             directions,
             np.stack([np.vstack([s.axes, s.direction]) for s in suns], axis=1),
@@ -186,8 +191,8 @@ class ShadowMapTable:
         camera: CameraIntrinsics,
         R: Array,
         t: Array,
-        number: int = 1,
-        pixels: int = MAX_PIXELS,
+        number: int,
+        pixels: int,
     ) -> List[int]:
         """Return the Sun directions whose shadows explain the image best, best first.
 
@@ -209,9 +214,14 @@ class ShadowMapTable:
         t : (3,) array
             Target position, camera frame [m].
         number : int
-            Largest number of directions returned; none if too little of the target is visible.
+            Maximum number of directions returned.
         pixels : int
-            Largest number of image pixels compared.
+            Maximum number of image pixels compared.
+
+        Returns
+        -------
+        list of int
+            Indices into ``directions``; empty if too little of the target is visible.
         """
         side = self.directions @ (-R.T @ t) / length(t)
         candidates = np.flatnonzero(side > MIN_SUN_COSINE)
@@ -239,22 +249,22 @@ class ShadowMapTable:
     ) -> Optional[Array]:
         """Return the residual (S,) of each of the directions ``candidates`` (S,); None if too little is visible."""
         # variance-stabilising transform: shot noise is uniform on the square root of brightness
-        dim = max(2.0 * patch.full / 255.0, patch.sigma)
-        good = shading.area > 0
-        good[0] = False
+        dim = max(2.0 * patch.full_scale / 255.0, patch.sigma)
+        is_measured = shading.area > 0
+        is_measured[0] = False
         (h, w), f = patch.gray.shape, patch.fine
         centre = contiguous(shading.centre, "uint8", (h, w))
         picture = STRUCTURES["sun_image"](
-            seen=contiguous(shading.seen, "int32", (h * f, w * f)),
+            seen=contiguous(shading.visible_face, "int32", (h * f, w * f)),
             centre=centre,
-            good=good,
+            good=is_measured,
             gray=contiguous(patch.gray, "float32"),
             group=contiguous(faces.group, "int64"),
             h=h,
             w=w,
             fine=f,
             groups=faces.groups,
-            labels=len(good),
+            labels=len(is_measured),
             bytes=centre.itemsize,
             darkest=float(np.min(patch.gray)),
         )
@@ -281,18 +291,24 @@ class ShadowMapTable:
     def sunlight(self, faces: Faces, k: int, n: int) -> ShadowMap:
         """Return the map of direction ``k``, ``n`` pixels wide, cached for all images."""
         if (k, n) not in self.rendered_maps:
-            sun = ShadowMap.of(faces, self.directions[k], n)
+            sun = ShadowMap.from_faces(faces, self.directions[k], n)
             kind = np.uint16 if len(faces.corners) < np.iinfo(np.uint16).max else np.int32
-            self.rendered_maps[k, n] = replace(sun, seen=sun.seen.astype(kind))
+            self.rendered_maps[k, n] = replace(sun, visible_face=sun.visible_face.astype(kind))
         return self.rendered_maps[k, n]
 
 
 def _render_from_sun(faces: Faces, s: Array, axes: Array, n: int) -> Tuple[Array, float, Array, Array]:
-    """Return origin, pitch, heights (n, n) and faces + 1 (n, n) of the map along a direction (3,) with axes (2, 3)."""
+    """Render a shadow map along the direction ``s`` (3,) with image axes (2, 3).
+
+    Returns
+    -------
+    tuple
+        Origin (2,) [m], pitch [m], heights (n, n) [m], and indices of the visible faces plus 1 (n, n).
+    """
     order, frame = order_faces(faces, s * 1e6), np.vstack([axes, s])
     p, at, height = np.empty((len(order), 4, 2)), np.empty(3), np.empty((n, n), np.float32)
     library().fly_shadow_map_polygons(native_faces(faces), order, len(order), frame, n, p, at)
-    seen = fill_faces(p, order, (n, n), 0.5)
-    if library().fly_shadow_map_heights(native_faces(faces), frame, at, seen, n, height):
+    visible_face = fill_faces(p, order, (n, n), 0.5)
+    if library().fly_shadow_map_heights(native_faces(faces), frame, at, visible_face, n, height):
         raise MemoryError(OUT_OF_MEMORY)
-    return at[:2].copy(), float(at[2]), height, seen
+    return at[:2].copy(), float(at[2]), height, visible_face

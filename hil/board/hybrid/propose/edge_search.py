@@ -35,15 +35,20 @@ COARSE_PX, FINE_PX = 170, 360
 # Number of template poses and of perceptual-group poses kept for the first alignment.
 TEMPLATE_POSES, GROUP_POSES = 240, 160
 
-# Largest number of lines, corner radius and shortest LSD line, the latter two as shares of the region's diagonal.
-MAX_LINES, CORNER_REACH, MIN_LENGTH = 45, 0.08, 0.04
+# Maximum number of lines, because the number of perceptual groups grows with its square.
+MAX_LINES = 45
 
-# Least number of edge pixels of a region.
+# Distance within which line ends meet in a corner, and minimum length of an LSD line [shares of the region's diagonal].
+CORNER_REACH, MIN_LENGTH = 0.08, 0.04
+
+# Minimum number of edge pixels of a region.
 MIN_EDGE_PIXELS = 20
 
-# Ranking of thousands of poses in two steps: stride through a view's samples and number of poses kept; truncation
-# distance [field px].
-RANKINGS, RANK_CAP_PX = ((10, 1200), (3, GROUP_POSES)), 12.0
+# Thousands of poses are ranked in two steps, each with its stride through the edge samples and number of poses kept.
+RANKINGS = ((10, 1200), (3, GROUP_POSES))
+
+# Distance at which the cost of an edge saturates during the ranking [field px].
+RANK_CAP_PX = 12.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,7 +78,14 @@ def region_edges(target: PreparedTarget, frame: Observation, region: Region) -> 
     h, w = frame.image.shape
     box = region.grown(MARGIN, w, h)
     coarse, fine = (
-        edge_field(frame.image, box, frame.noise, px, background=frame.background, likely=frame.likely)
+        edge_field(
+            frame.image,
+            box,
+            frame.noise,
+            px,
+            background=frame.background,
+            craft_probability=frame.craft_probability,
+        )
         for px in (COARSE_PX, FINE_PX)
     )
     frame.count("edge_pixels", int(coarse.mask.sum()))
@@ -126,7 +138,7 @@ def group_poses(
     frame.keep("streams", dict(zip(("WGE stream", "S&H stream", "LSD stream"), streams)))  # noqa: B905 - 3.9
     frame.keep("stream_field", fine)
     frame.mark("lines")
-    lines = Lines.of(merge_segments(np.concatenate(streams), diagonal, keep=MAX_LINES))
+    lines = Lines.from_segments(merge_segments(np.concatenate(streams), diagonal, keep=MAX_LINES))
     frame.mark("merge")
     chains = image_triads(lines, proximity_pairs(lines, CORNER_REACH * diagonal))
     frame.keep("merged", lines)

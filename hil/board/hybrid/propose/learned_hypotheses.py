@@ -32,9 +32,9 @@ def learned_hypotheses(
         frame.noise,
         FIELD_PX,
         background=frame.background,
-        likely=frame.likely,
+        craft_probability=frame.craft_probability,
     )
     return [
-        Hypothesis(PoseFit(q, t), Source(region, field, float(likely - proposal.log_likely[0])))
-        for q, t, likely in zip(proposal.q, proposal.t, proposal.log_likely)  # noqa: B905 - Python 3.9 has no strict=
+        Hypothesis(PoseFit(q, t), Source(region, field, float(likely - proposal.log_likelihood[0])))
+        for q, t, likely in zip(proposal.q, proposal.t, proposal.log_likelihood)  # noqa: B905 - Python 3.9 has no strict=
     ]

@@ -27,11 +27,11 @@ REDUCTION = 4
 # Shortest segment that counts for a window [px of the reduced image].
 MIN_SEGMENT_PX = 8.0
 
-# Edges closer than this form one group [px of the reduced image]; those of other objects are farther apart.
+# Edges closer than this form one group [px of the reduced image]; hand-tuned. Groups are proposed at three scales.
 JOIN_PX = 31
 JOIN_SCALES_PX = (13, JOIN_PX, 7)
 
-# Least share of the edges on the target in front of empty space.
+# Share of the edges on the target above which the background is empty space and the target fills the frame; hand-tuned.
 MIN_CRAFT_SHARE = 0.8
 
 
@@ -45,46 +45,53 @@ def clusters(mask: Array, join_px: int) -> List[Tuple[int, int, int, int, int]]:
     y0, x0 = rows[0], columns[0]
     part = mask[y0 : rows[-1] + 1, x0 : columns[-1] + 1]
     joined = cv2.dilate(part.view(np.uint8), np.ones((size, size), np.uint8))
-    at = np.flatnonzero(part)
-    which = cv2.connectedComponents(joined, connectivity=8)[1].ravel().take(at)
+    pixel = np.flatnonzero(part)
+    label = cv2.connectedComponents(joined, connectivity=8)[1].ravel().take(pixel)
     # sort by group, then by row
-    at = at.take(np.argsort(which, kind="stable"))
-    number = np.bincount(which)
-    number = number[number > 0]
-    last = np.cumsum(number) - 1
-    first = last - number + 1
-    y = at // part.shape[1]
-    x = at - y * part.shape[1]
-    left, right = (f.reduceat(x, first) + x0 for f in (np.minimum, np.maximum))
-    ends = left, y[first] + y0, right, y[last] + y0, number
-    out = list(zip(*(v.tolist() for v in ends)))  # noqa: B905 - Python 3.9 has no strict=
-    return sorted(out, key=lambda c: -c[4])
+    pixel = pixel.take(np.argsort(label, kind="stable"))
+    count = np.bincount(label)
+    count = count[count > 0]
+    last = np.cumsum(count) - 1
+    first = last - count + 1
+    y, x = np.divmod(pixel, part.shape[1])
+    left, right = np.minimum.reduceat(x, first) + x0, np.maximum.reduceat(x, first) + x0
+    bounds = np.stack([left, y[first] + y0, right, y[last] + y0, count], axis=-1)
+    return sorted(map(tuple, bounds.tolist()), key=lambda c: -c[4])
 
 
 def propose_regions(
     small: Array, wge: WeakGradientElimination, noise_small: float
 ) -> Tuple[List[Region], float, Optional[Array]]:
-    """Return regions, most likely first, the share of the frame that is not empty, and the probability map.
+    """Return the regions of an image that may contain the target.
 
-    In front of black space everything above the noise belongs to the target, dim parts included: the box of the edge
-    cluster is the best region. In front of the Earth that box grows to nearly the whole frame, so dense clusters of
-    *strong, straight* edges are proposed as well.
+    In front of black space everything above the noise belongs to the target, so the box of the edge cluster is the best
+    region. In front of the Earth that box grows to nearly the whole frame; there, regions come from the saliency
+    network and from dense groups of straight segments.
 
     Parameters
     ----------
     small : (h, w) array
         The image reduced by ``REDUCTION``, float32.
     wge : WeakGradientElimination
-        Its strong gradients.
+        Strong gradients of the reduced image.
     noise_small : float
-        Standard deviation of its noise.
+        Standard deviation of the reduced image's noise.
+
+    Returns
+    -------
+    regions : list of Region
+        Regions, most likely first.
+    busy : float
+        Share of the frame that is not empty space.
+    craft_probability : (h', w') array, optional
+        Probability that a cell shows the target; None in front of empty space.
     """
     gx, gy = gradient(small, 1.0)
     sigma = max(noise_small * gradient_noise(1.0), 1e-6)
     mask, _ = thin_edges(gx, gy, sigma, 3.0, 6.0)
     mask = remove_specks(mask, 4)
     regions: List[Region] = []
-    likely: Optional[Array] = None
+    craft_probability: Optional[Array] = None
     grouped = {join: clusters(mask, join) for join in JOIN_SCALES_PX}
     busy = max(float(_busy_share(mask)), _share_outside(grouped[JOIN_PX], int(mask.sum())))
 
@@ -113,11 +120,11 @@ def propose_regions(
         segments = straight_segments(small)
         weights = shipped_weights()
         if weights is not None:
-            likely = saliency_map(small, noise_small, weights, segments, (gx, gy))
-            if _craft_share(mask, likely) > MIN_CRAFT_SHARE:
+            craft_probability = saliency_map(small, noise_small, weights, segments, (gx, gy))
+            if _craft_share(mask, craft_probability) > MIN_CRAFT_SHARE:
                 # a near target fills the frame with its own edges
                 return regions, 0.0, None
-            for box in boxes(likely, 2):
+            for box in boxes(craft_probability, 2):
                 add(CELL_PX * box[0], CELL_PX * box[1], CELL_PX * box[2], CELL_PX * box[3], "saliency")
         for box in straight_windows(small, segments):
             add(*box, "straight")
@@ -129,7 +136,7 @@ def propose_regions(
     cdf = cdf_box(wge.strong, REDUCTION)
     if not any(overlap(cdf[:4], o[:4]) > 0.85 for o in regions):
         regions.append(cdf)
-    return regions, busy, likely
+    return regions, busy, craft_probability
 
 
 def straight_windows(small: Array, segments: Array, count: int = 3) -> List[Box]:
@@ -181,12 +188,12 @@ def straight_windows(small: Array, segments: Array, count: int = 3) -> List[Box]
     return [box for _, box in windows[: 2 * count]]
 
 
-def _craft_share(mask: Array, likely: Array) -> float:
+def _craft_share(mask: Array, craft_probability: Array) -> float:
     """Return the share of the edges on the target according to the probability map."""
-    h, w = likely.shape
+    h, w = craft_probability.shape
     cell = cv2.resize(mask.astype(np.float32), (w, h), interpolation=cv2.INTER_AREA)
-    near = cv2.dilate((likely > 0.3).astype(np.uint8), np.ones((5, 5), np.uint8)) > 0
-    return float(cell[near].sum() / max(float(cell.sum()), 1e-9))
+    is_craft = cv2.dilate((craft_probability > 0.3).astype(np.uint8), np.ones((5, 5), np.uint8)) > 0
+    return float(cell[is_craft].sum() / max(float(cell.sum()), 1e-9))
 
 
 def _share_outside(groups: List[Tuple[int, int, int, int, int]], total: int) -> float:
@@ -194,9 +201,9 @@ def _share_outside(groups: List[Tuple[int, int, int, int, int]], total: int) -> 
     if len(groups) < 2 or total < 200:
         return 0.0
     x0, y0, x1, y1, count = groups[0]
-    near = 0.6 * float(np.hypot(x1 - x0, y1 - y0))
+    max_gap = 0.6 * float(np.hypot(x1 - x0, y1 - y0))
     for g in groups[1:]:
-        if max(g[0] - x1, x0 - g[2], g[1] - y1, y0 - g[3], 0) < near:
+        if max(g[0] - x1, x0 - g[2], g[1] - y1, y0 - g[3], 0) < max_gap:
             count += g[4]
     return 1.0 - count / total
 

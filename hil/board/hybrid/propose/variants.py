@@ -16,7 +16,7 @@ from flyaround.hil.board.hybrid.native.library import library
 
 Array = np.ndarray
 
-# Rotations [deg, camera axes] and range factors at which edge alignment restarts.
+# Rotations [deg, camera axes] and range factors at which edge alignment restarts; hand-tuned.
 NEIGHBOURS = (
     ((10.0, 0.0, 0.0), 1.0),
     ((-10.0, 0.0, 0.0), 1.0),
@@ -35,7 +35,17 @@ N_TILTS, TILT_RAD = 6, float(np.radians(12.0))
 
 
 def neighbours(target: PreparedTarget, best: List[Hypothesis], share: float = 1.0) -> List[Hypothesis]:
-    """Return starts around good poses: edges come in pairs, and alignment may have locked on the wrong one."""
+    """Return poses around good ones. Edges come in pairs, and alignment may have locked on the wrong edge of a pair.
+
+    Parameters
+    ----------
+    target : PreparedTarget
+        Target with its precomputed tables.
+    best : list of Hypothesis
+        Aligned poses.
+    share : float
+        Factor on the rotations and range changes of ``NEIGHBOURS``.
+    """
     out = []
     for h in best:
         centre = quat.matrix(h.q) @ target.centre_m + h.t
@@ -97,7 +107,7 @@ def _silhouette_centroid(target: PreparedTarget, patch: ImagePatch, h: Hypothesi
     return np.asarray(_mean_pixel(faces_seen) / patch.scale)
 
 
-def _mean_pixel(seen: Array) -> Array:
+def _mean_pixel(pixels: Array) -> Array:
     """Return the mean column and row (2,) of the pixels that show the target; NaN if none does."""
     out = np.empty(2)
-    return out if library().fly_mean_pixel(seen, *seen.shape, out) else np.full(2, np.nan)
+    return out if library().fly_mean_pixel(pixels, *pixels.shape, out) else np.full(2, np.nan)

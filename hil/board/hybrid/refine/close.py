@@ -1,4 +1,7 @@
-"""Close alignment: the best hypotheses, and near-symmetries and tilts of the best one, scored on one patch."""
+"""Close alignment: the best hypotheses, and near-symmetries and tilts of the best one, scored on one patch.
+
+Values without a source are hand-tuned on development frames (docs/lab/2026-11-estimator.md).
+"""
 
 from __future__ import annotations
 

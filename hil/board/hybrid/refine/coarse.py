@@ -1,4 +1,7 @@
-"""Coarse alignment: the most likely hypotheses of each region, refined in parallel on a small patch."""
+"""Coarse alignment: the most likely hypotheses of each region, refined in parallel on a small patch.
+
+Values without a source are hand-tuned on development frames (docs/lab/2026-11-estimator.md).
+"""
 
 from __future__ import annotations
 
@@ -42,7 +45,7 @@ def refine_coarsely(
     target: PreparedTarget,
     frame: Observation,
     regime: Regime,
-    found: List[Hypothesis],
+    proposed: List[Hypothesis],
     *,
     thorough: bool = False,
 ) -> List[Hypothesis]:
@@ -56,16 +59,16 @@ def refine_coarsely(
         Image with its noise and background.
     regime : Regime
         Illumination regime of the image.
-    found : list of Hypothesis
+    proposed : list of Hypothesis
         Hypotheses of every region, best first.
     thorough : bool
         Score more hypotheses, with shadows.
     """
     refined: List[Hypothesis] = []
     # scores of different regions are not comparable, so each region keeps its own best
-    for region in dict.fromkeys(h.source.region for h in found):
+    for region in dict.fromkeys(h.source.region for h in proposed):
         learned = region.source == "learned"
-        candidates = [h for h in found if h.source.region == region]
+        candidates = [h for h in proposed if h.source.region == region]
         margin = NETWORK_MARGIN if learned else MARGIN
         height, width = frame.image.shape
         textured = learned and frame.background < 0

@@ -1,4 +1,7 @@
-"""Final alignment: a hypothesis refined to convergence on the image, with cast shadows."""
+"""Final alignment: a hypothesis refined to convergence on the image, with cast shadows.
+
+Values without a source are hand-tuned on development frames (docs/lab/2026-11-estimator.md).
+"""
 
 from __future__ import annotations
 
@@ -14,7 +17,12 @@ from flyaround.hil.board.hybrid.image.observation import Observation
 from flyaround.hil.board.hybrid.model.image_patch import cut_patch, target_box
 from flyaround.hil.board.hybrid.model.prepared_target import PreparedTarget, faces_of
 from flyaround.hil.board.hybrid.model.shadow_map import ShadowMap
-from flyaround.hil.board.hybrid.refine.photometric import JOINT_AT_END, explained, photo_draw, photo_step
+from flyaround.hil.board.hybrid.refine.photometric import (
+    FINAL_JOINT_GROUPS,
+    explained,
+    photo_draw,
+    photo_step,
+)
 from flyaround.hil.board.hybrid.refine.shadows import search_sun
 
 # Change of attitude below which an alignment has converged [rad], and maximum number of alignments.
@@ -37,7 +45,7 @@ ROUND_FINAL_PX = 400
 FAR_RAD, FAR_BLURS = float(np.radians(1.0)), (2.0, 1.3)
 
 
-def refine_to_end(
+def refine_to_convergence(
     target: PreparedTarget, frame: Observation, close: ImagePatch, start: Hypothesis, rounds: int = MAX_ROUNDS
 ) -> Hypothesis:
     """Align a hypothesis until it converges; ``start`` of the result has the initial score with fine shadows.
@@ -65,7 +73,7 @@ def refine_to_end(
     best: Optional[Hypothesis] = None
     blurs: Tuple[float, ...] = first_blurs
     previous = start.pose
-    initial = search_sun(target, close, previous.q, previous.t, seen=start.seen)
+    initial = search_sun(target, close, previous.q, previous.t, visible_face=start.visible_face)
     origin, sun = start.without_view(initial.score), initial.sun
     for _ in range(rounds):
         near = _align(target, wide, previous, sun, blurs)
@@ -83,7 +91,7 @@ def refine_to_end(
         blurs = later_blurs
         if change_rad > FAR_RAD:
             # after a large change the shadows have moved; after a small one the same Sun is still right
-            sun = search_sun(target, close, previous.q, previous.t, seen=view.seen).sun
+            sun = search_sun(target, close, previous.q, previous.t, visible_face=view.visible_face).sun
             blurs = (*FAR_BLURS, *first_blurs)
     assert best is not None  # noqa: S101 - there is at least one round
     return best
@@ -100,7 +108,7 @@ def _align(
     faces, camera = faces_of(target), target.camera.pinhole
     for blur in blurs:
         view = photo_draw(pose.q, pose.t, faces, patch, camera, sun)
-        step = photo_step(pose, view, faces, patch, camera, target.radius_m, blur, joint=JOINT_AT_END)
+        step = photo_step(pose, view, faces, patch, camera, target.radius_m, blur, joint=FINAL_JOINT_GROUPS)
         if step is None:
             break
         pose = step

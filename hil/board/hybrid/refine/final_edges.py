@@ -18,17 +18,19 @@ from flyaround.hil.board.hybrid.propose.variants import near_symmetries, neighbo
 from flyaround.hil.board.hybrid.refine.edges import Gradients, fine_align
 from flyaround.hil.board.svd.region_of_interest import Region
 
-# Maximum number of refined hypotheses, and their maximum deficit of total support.
+# Maximum number of refined hypotheses, and their maximum deficit of total support; hand-tuned, as are the values below.
 MAX_REFINED, MAX_DEFICIT = 6, 0.1
 
 # Distance of the best pose's neighbours as a share of the steps of ``variants.NEIGHBOURS``.
-NEAR = 0.4
+NEIGHBOUR_SHARE = 0.4
 
 # Longest side of the region for the sub-pixel search [px], and reach of each step [px].
 LONGEST_PX, REACHES = 800, ((8, 6, 5), (4, 4, 3, 3))
 
 
-def refine_on_edges(target: PreparedTarget, frame: Observation, found: List[Hypothesis]) -> List[Hypothesis]:
+def refine_on_edges(
+    target: PreparedTarget, frame: Observation, proposed: List[Hypothesis]
+) -> List[Hypothesis]:
     """Refine the best hypotheses on sub-pixel edges, then neighbours and near-symmetries of the best one.
 
     Parameters
@@ -37,17 +39,17 @@ def refine_on_edges(target: PreparedTarget, frame: Observation, found: List[Hypo
         Target with its precomputed tables.
     frame : Observation
         Image with its noise and background.
-    found : list of Hypothesis
+    proposed : list of Hypothesis
         Hypotheses of every region, best first, at least one.
     """
     gradients: Dict[Region, Gradients] = {}
     refined = [
         _refine(target, frame, h, gradients)
-        for h in found[:MAX_REFINED]
-        if h.score >= found[0].score - MAX_DEFICIT
+        for h in proposed[:MAX_REFINED]
+        if h.score >= proposed[0].score - MAX_DEFICIT
     ]
     # pairs of parallel edges cause many close optima around the best pose
-    variants = neighbours(target, [max(refined, key=_score)], NEAR)
+    variants = neighbours(target, [max(refined, key=_score)], NEIGHBOUR_SHARE)
     refined += [_refine(target, frame, h, gradients) for h in variants]
     # near-symmetries are refined to the same precision, for a fair comparison
     variants = near_symmetries(target, [max(refined, key=_score)])

@@ -53,9 +53,11 @@ def pose_motion(
     level = np.zeros(256)
     level[: len(shading.level)] = shading.level
     return STRUCTURES["pose_motion"](
-        seen=contiguous(shading.seen, "int32", (h * f, w * f)),
+        seen=contiguous(shading.visible_face, "int32", (h * f, w * f)),
         level=level,
-        behind=None if shading.behind is None else contiguous(shading.behind, "float32", (h, w)),
+        behind=None
+        if shading.background_offset is None
+        else contiguous(shading.background_offset, "float32", (h, w)),
         normal=contiguous(faces.normals, "float64", (n, 3)),
         offset=contiguous(faces.offset, "float64", (n,)),
         faces=n,

@@ -18,10 +18,10 @@ from flyaround.hil.board.hybrid.model.prepared_target import PreparedTarget, fac
 from flyaround.hil.board.hybrid.refine.photometric import explained, photo_draw, photo_step
 from flyaround.hil.board.hybrid.refine.shadows import search_sun
 
-# Maximum change of the logarithm of the range, beyond which an alignment has diverged.
+# Maximum change of the logarithm of the range, beyond which an alignment has diverged; hand-tuned.
 MAX_LOG_RANGE_CHANGE = 0.3
 
-# Noise of a score.
+# Differences of scores below this are noise: such hypotheses are not pruned; hand-tuned.
 SCORE_NOISE = 0.02
 
 # Cache of hypotheses rendered on one patch, by pose and operation.
@@ -66,7 +66,7 @@ def draw(
     def render() -> Hypothesis:
         view = photo_draw(h.q, h.t, faces_of(target), patch, target.camera.pinhole)
         pose, score = PoseFit(h.q, h.t), explained(view, patch)
-        return replace(h, pose=pose, score=score, view=view, seen=None, sun=None, start=h)
+        return replace(h, pose=pose, score=score, view=view, visible_face=None, sun=None, start=h)
 
     return _memoised(drawings, ("plain", h.q.tobytes(), h.t.tobytes()), h, render)
 

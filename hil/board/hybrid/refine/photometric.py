@@ -26,24 +26,27 @@ from flyaround.hil.board.svd.refinement import parameter_scale
 
 Array = np.ndarray
 
-# Limit of Tukey's biweight, in units of the robust spread.
-TUKEY = 4.0
+# Limit of Tukey's biweight [standard deviations]; 4.685 has 95 % efficiency for normal residuals, a lower limit rejects
+# more outliers.
+BIWEIGHT_LIMIT = 4.0
 
-# Expected distance of an edge from its rendering: at the end, and per pixel of blur [patch px].
-FLOOR_PX, BLUR_SLACK = 0.2, 0.6
+# Expected distance of an edge from its rendering: at the end [patch px], and per pixel of blur; hand-tuned.
+EDGE_ERROR_PX, EDGE_ERROR_PER_BLUR = 0.2, 0.6
 
-# Over-relaxation of steps on blurred images, which are too short because brightnesses absorb part of the error.
+# Over-relaxation of steps on blurred images, which are too short because brightnesses absorb part of the error;
+# hand-tuned.
 OVER_RELAXATION = 1.5
 
 # Factor on the covariance of the normal equations, because model errors outweigh noise. With it, the errors on
 # development frames have the median of the chi-square distribution.
 COVARIANCE_INFLATION = 150.0
 
-# Number of groups of faces whose brightness is estimated with the pose: in general, and at the end.
-JOINT, JOINT_AT_END = 16, 40
+# Maximum number of groups of faces whose brightness is estimated with the pose: in general, and at the end (forty:
+# docs/lab/2026-11-estimator.md).
+JOINT_GROUPS, FINAL_JOINT_GROUPS = 16, 40
 
-# Blur of the score [patch px], and limit of its residuals [noise].
-SCORE_BLUR_PX, BOUND = 0.8, 6.0
+# Blur of the score [patch px], and limit of its residuals [sigma of the noise]; hand-tuned.
+SCORE_BLUR_PX, MAX_RESIDUAL_SIGMA = 0.8, 6.0
 
 # Share of full scale above which a noisy pixel counts as saturated.
 SATURATED = 0.94
@@ -84,12 +87,12 @@ def photo_draw(
         Source of shadows; None for no shadows.
     """
     R = quat.matrix(q)
-    seen = draw_faces(faces, order_faces(faces, -R.T @ t), camera, R, t, patch)
-    return photo_shade(seen, q, t, faces, patch, camera, sun)
+    visible_face = draw_faces(faces, order_faces(faces, -R.T @ t), camera, R, t, patch)
+    return photo_shade(visible_face, q, t, faces, patch, camera, sun)
 
 
 def photo_shade(
-    seen: Array,
+    visible_face: Array,
     q: Array,
     t: Array,
     faces: Faces,
@@ -97,9 +100,9 @@ def photo_shade(
     camera: CameraIntrinsics,
     sun: Optional[ShadowMap] = None,
 ) -> Shading:
-    """Return the view of the faces ``seen`` from ``draw_faces`` at the pose; parameters as in ``photo_draw``."""
-    dark = None if sun is None else sun.shadows(faces, seen, patch, camera, quat.matrix(q), t)
-    return shade(faces, seen, patch, dark)
+    """Return the view of the faces from ``draw_faces`` at the pose; other parameters as in ``photo_draw``."""
+    dark = None if sun is None else sun.shadows(faces, visible_face, patch, camera, quat.matrix(q), t)
+    return shade(faces, visible_face, patch, dark)
 
 
 def photo_step(
@@ -111,7 +114,7 @@ def photo_step(
     radius_m: float,
     blur: float,
     relax: float = OVER_RELAXATION,
-    joint: int = JOINT,
+    joint: int = JOINT_GROUPS,
 ) -> Optional[PoseFit]:
     """Return the pose after one Gauss-Newton step; None if the image has no information.
 
@@ -139,8 +142,8 @@ def photo_step(
     R, t = quat.matrix(fit.q), fit.t
     noise = patch.sigma / max(1.0, 2 * np.sqrt(np.pi) * blur)
     blurs = OPTICS_PX / patch.factor, blur, float(np.hypot(blur, OPTICS_PX / patch.factor))
-    slack = (FLOOR_PX + BLUR_SLACK * blur) ** 2
-    G, total, rows = _gram(shading, faces, patch, camera, R, t, blurs, noise, slack, TUKEY**2, joint)
+    slack = (EDGE_ERROR_PX + EDGE_ERROR_PER_BLUR * blur) ** 2
+    G, total, rows = _gram(shading, faces, patch, camera, R, t, blurs, noise, slack, BIWEIGHT_LIMIT**2, joint)
     if rows < 30:
         return None
     H, g, cost = projected(G)
@@ -262,7 +265,7 @@ def explained(shading: Shading, patch: ImagePatch) -> float:
     """
     noise, none, least = _without_craft(patch)
     blurs = OPTICS_PX / patch.factor, SCORE_BLUR_PX, 1.0
-    residual = _unexplained(shading, patch, noise, none, blurs, BOUND**2, MIN_COVERAGE)
+    residual = _unexplained(shading, patch, noise, none, blurs, MAX_RESIDUAL_SIGMA**2, MIN_COVERAGE)
     return 1.0 - residual / max(least, 1e-9)
 
 
@@ -271,7 +274,7 @@ def _without_craft(patch: ImagePatch) -> Tuple[float, Array, float]:
     """Return the noise of the blurred patch, residuals (h, w) of the background, and their bounded sum."""
     noise = patch.sigma / (2 * np.sqrt(np.pi) * SCORE_BLUR_PX)
     none = (patch.blurred(SCORE_BLUR_PX) - patch.background) / noise
-    return noise, contiguous(none, "float32"), bounded(none, BOUND**2)
+    return noise, contiguous(none, "float32"), bounded(none, MAX_RESIDUAL_SIGMA**2)
 
 
 def _unexplained(
@@ -342,21 +345,23 @@ def likeness(shading: Shading, patch: ImagePatch) -> Tuple[float, float]:
     """
     picture = shading.picture
     h, w = patch.gray.shape
-    cover = cv2.resize((shading.seen > 0).astype(np.float32), (w, h), interpolation=cv2.INTER_AREA)
+    cover = cv2.resize((shading.visible_face > 0).astype(np.float32), (w, h), interpolation=cv2.INTER_AREA)
     on = blurred(cover, 1.0) > MIN_COVERAGE
     drawn = blurred(picture, float(np.hypot(SCORE_BLUR_PX, OPTICS_PX / patch.factor)))
-    drawn = patch.response.of(drawn)[0][on].astype(float)
+    drawn = patch.response.mean_and_slope(drawn)[0][on].astype(float)
     gray = patch.blurred(SCORE_BLUR_PX)
     noise = patch.sigma / (2 * np.sqrt(np.pi) * SCORE_BLUR_PX)
     none = ((gray - patch.background) / noise)[on]
     gray = gray[on].astype(float)
     if len(gray) < 30 or not gray.std() * drawn.std() > 0:
         return 0.0, 0.0
-    covered = 1.0 - bounded((gray - drawn) / noise, BOUND**2) / max(bounded(none, BOUND**2), 1e-9)
+    covered = 1.0 - bounded((gray - drawn) / noise, MAX_RESIDUAL_SIGMA**2) / max(
+        bounded(none, MAX_RESIDUAL_SIGMA**2), 1e-9
+    )
     return float(np.corrcoef(gray, drawn)[0, 1]), covered
 
 
-def burnt_share(shading: Shading, patch: ImagePatch) -> float:
+def saturated_share(shading: Shading, patch: ImagePatch) -> float:
     """Return the saturated share of the pixels covered by the synthetic view."""
     on = shading.centre > 0
-    return float((patch.gray[on] > SATURATED * patch.full).mean()) if on.any() else 0.0
+    return float((patch.gray[on] > SATURATED * patch.full_scale).mean()) if on.any() else 0.0

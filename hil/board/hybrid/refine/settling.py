@@ -16,7 +16,7 @@ from flyaround.hil.board.hybrid.model.prepared_target import PreparedTarget, fac
 from flyaround.hil.board.hybrid.model.shadow_map import ShadowMap
 from flyaround.hil.board.hybrid.refine.final import FAR_RAD, FINAL_PX, ROUND_FINAL_PX
 from flyaround.hil.board.hybrid.refine.photometric import (
-    JOINT_AT_END,
+    FINAL_JOINT_GROUPS,
     explained,
     photo_draw,
     photo_shade,
@@ -31,7 +31,7 @@ MIN_SHADOW_GAIN, SHADOW_MAP_PX = 0.03, 384
 STEPS = 2
 
 
-def settle(target: PreparedTarget, frame: Observation, close: ImagePatch, end: Hypothesis) -> PoseFit:
+def settle(target: PreparedTarget, frame: Observation, close: ImagePatch, optimum: Hypothesis) -> PoseFit:
     """Return the pose of a refined hypothesis after the last steps.
 
     Parameters
@@ -42,39 +42,44 @@ def settle(target: PreparedTarget, frame: Observation, close: ImagePatch, end: H
         Image with its noise and background.
     close : ImagePatch
         Patch on which refined poses were scored.
-    end : Hypothesis
+    optimum : Hypothesis
         Refined hypothesis.
     """
     longest = ROUND_FINAL_PX if target.round else FINAL_PX
-    sharp = cut_patch(target, frame, target_box(target, end.q, end.t), longest)
+    sharp = cut_patch(target, frame, target_box(target, optimum.q, optimum.t), longest)
     exact = replace(sharp, clipped=frame.clipped, exact=True)
-    sun = _fine_shadows(target, close, end)
+    sun = _fine_shadows(target, close, optimum)
     faces, camera = faces_of(target), target.camera.pinhole
-    poses = [end.pose]
+    poses = [optimum.pose]
     for _ in range(STEPS):
         pose = poses[-1]
         view = photo_draw(pose.q, pose.t, faces, exact, camera, sun)
         step = photo_step(
-            pose, view, faces, exact, camera, target.radius_m, 0.0, relax=1.0, joint=JOINT_AT_END
+            pose, view, faces, exact, camera, target.radius_m, 0.0, relax=1.0, joint=FINAL_JOINT_GROUPS
         )
         # a large step leads to another pose
-        if step is None or quat.angle_rad(end.q, step.q) > FAR_RAD:
+        if step is None or quat.angle_rad(optimum.q, step.q) > FAR_RAD:
             break
         poses.append(step)
     return _mean(poses[1:]) if len(poses) > STEPS else poses[-1]
 
 
-def _fine_shadows(target: PreparedTarget, close: ImagePatch, end: Hypothesis) -> Optional[ShadowMap]:
+def _fine_shadows(target: PreparedTarget, close: ImagePatch, optimum: Hypothesis) -> Optional[ShadowMap]:
     """Return a finer shadow map of a hypothesis; None if the shadows explain too little."""
-    if end.sun is None:
+    if optimum.sun is None:
         return None
     faces, camera = faces_of(target), target.camera.pinhole
-    seen = photo_draw(end.q, end.t, faces, close, camera).seen if end.view is None else end.view.seen
-    sun = ShadowMap.of(faces, end.sun.direction, SHADOW_MAP_PX)
-    plain, lit = (
-        explained(photo_shade(seen, end.q, end.t, faces, close, camera, s), close) for s in (None, sun)
+    visible_face = (
+        photo_draw(optimum.q, optimum.t, faces, close, camera).visible_face
+        if optimum.view is None
+        else optimum.view.visible_face
     )
-    return sun if lit > plain + MIN_SHADOW_GAIN else None
+    sun = ShadowMap.from_faces(faces, optimum.sun.direction, SHADOW_MAP_PX)
+    unshadowed, shadowed = (
+        explained(photo_shade(visible_face, optimum.q, optimum.t, faces, close, camera, s), close)
+        for s in (None, sun)
+    )
+    return sun if shadowed > unshadowed + MIN_SHADOW_GAIN else None
 
 
 def _mean(poses: List[PoseFit]) -> PoseFit:

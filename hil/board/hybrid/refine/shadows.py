@@ -19,9 +19,9 @@ if TYPE_CHECKING:
 
 Array = np.ndarray
 
-# Number of Sun directions to render, number of pixels by which they are selected, and side of the shadow map [px]:
-# before and after convergence. The coarse map causes attitude errors of up to 0.6 deg.
-COARSE, FINE = (1, 240, 96), (4, 500, 160)
+# Number of Sun directions to render, number of pixels by which they are selected, and side of the shadow map [px]: for
+# a hypothesis that has not converged, and for one that has. The coarse map causes attitude errors of up to 0.6 deg.
+COARSE_SEARCH, FINE_SEARCH = (1, 240, 96), (4, 500, 160)
 
 # Steps by which the Sun's direction is refined [rad] (candidates are 13 deg apart), and minimum gain of the score by
 # shadows for which refinement is worth its time.
@@ -52,9 +52,9 @@ def search_sun(
     patch: ImagePatch,
     q: Array,
     t: Array,
-    plain: Optional[Shading] = None,
+    unshadowed: Optional[Shading] = None,
     *,
-    seen: Optional[Array] = None,
+    visible_face: Optional[Array] = None,
     coarse: bool = False,
 ) -> LitView:
     """Return the view of the target with the shadows that explain the image best.
@@ -72,32 +72,32 @@ def search_sun(
         Attitude, camera from target.
     t : (3,) array
         Position of the target, camera axes [m].
-    plain : Shading, optional
+    unshadowed : Shading, optional
         View without shadows at this pose, if already rendered.
-    seen : (H, W) array, optional
+    visible_face : (H, W) array, optional
         Face indices rendered at this pose, from which that view is shaded.
     coarse : bool
         Try fewer directions on fewer pixels, without refinement, for about two thirds of the gain.
     """
     faces, camera = faces_of(target), target.camera.pinhole
-    if plain is None and seen is not None:
-        plain = photo_shade(seen, q, t, faces, patch, camera)
-    plain = photo_draw(q, t, faces, patch, camera) if plain is None else plain
-    best = LitView(plain, explained(plain, patch), None)
+    if unshadowed is None and visible_face is not None:
+        unshadowed = photo_shade(visible_face, q, t, faces, patch, camera)
+    unshadowed = photo_draw(q, t, faces, patch, camera) if unshadowed is None else unshadowed
+    best = LitView(unshadowed, explained(unshadowed, patch), None)
     if target.suns is None:
         return best
 
-    number, pixels, side = COARSE if coarse else FINE
+    number, pixels, side = COARSE_SEARCH if coarse else FINE_SEARCH
 
     def lit_by(sun: ShadowMap) -> LitView:
-        shading = photo_shade(plain.seen, q, t, faces, patch, camera, sun)
+        shading = photo_shade(unshadowed.visible_face, q, t, faces, patch, camera, sun)
         return LitView(shading, explained(shading, patch), sun)
 
     if patch.sun is not None:
         # the view without shadows wins in eclipse
-        return max(best, lit_by(ShadowMap.of(faces, quat.matrix(q).T @ patch.sun, side)), key=_score)
+        return max(best, lit_by(ShadowMap.from_faces(faces, quat.matrix(q).T @ patch.sun, side)), key=_score)
     min_score = best.score + MIN_GAIN
-    for k in target.suns.find(faces, plain, patch, camera, quat.matrix(q), t, number, pixels):
+    for k in target.suns.find(faces, unshadowed, patch, camera, quat.matrix(q), t, number, pixels):
         best = max(best, lit_by(target.suns.sunlight(faces, k, side)), key=_score)
     if coarse or best.score < min_score:
         return best
@@ -109,7 +109,9 @@ def search_sun(
                     continue
                 best = max(
                     best,
-                    lit_by(ShadowMap.of(faces, _rotate_towards(sun, step, sign * sun.axes[axis]), side)),
+                    lit_by(
+                        ShadowMap.from_faces(faces, _rotate_towards(sun, step, sign * sun.axes[axis]), side)
+                    ),
                     key=_score,
                 )
                 if best.sun is not sun:
@@ -128,8 +130,8 @@ def sharpen_shadows(
     if drawn.sun is None:
         return drawn
     faces = faces_of(target)
-    sun = ShadowMap.of(faces, drawn.sun.direction, side)
-    shading = photo_shade(drawn.shading.seen, q, t, faces, patch, target.camera.pinhole, sun)
+    sun = ShadowMap.from_faces(faces, drawn.sun.direction, side)
+    shading = photo_shade(drawn.shading.visible_face, q, t, faces, patch, target.camera.pinhole, sun)
     return max(drawn, LitView(shading, explained(shading, patch), sun), key=_score)
 
 

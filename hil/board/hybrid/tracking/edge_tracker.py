@@ -112,7 +112,7 @@ def track_edges(
     reach_px : float
         Search range [px].
     polarity : (S,) array
-        See `TrackFit`.
+        Sign and reliability of each sample's edge in earlier frames, -1..1; see ``TrackFit.polarity``.
     empty : bool
         True if the background is empty space, darker than the target.
 

@@ -86,7 +86,7 @@ def align_photometrically(
     """
     faces, camera = faces_of(craft), craft.camera.pinhole
     patch = _patch(craft, frame, poses[0])
-    shadow = None if sun is None else ShadowMap.of(faces, quat.matrix(poses[0][0]).T @ sun, SUN_PX)
+    shadow = None if sun is None else ShadowMap.from_faces(faces, quat.matrix(poses[0][0]).T @ sun, SUN_PX)
     shadings = [photo_draw(q, t, faces, patch, camera, shadow) for q, t in poses]
     scores = [explained(shading, patch) for shading in shadings]
     first = int(np.argmax(scores))
@@ -122,9 +122,9 @@ def _follow_sun(
     for k in range(4):
         side = (1 - k // 2 * 2) * sun.axes[k % 2]
         neighbour = np.cos(SUN_STEP_RAD) * sun.direction + np.sin(SUN_STEP_RAD) * side
-        candidate = ShadowMap.of(faces_of(craft), neighbour, SUN_PX)
+        candidate = ShadowMap.from_faces(faces_of(craft), neighbour, SUN_PX)
         shading = photo_shade(
-            view.seen, fit.q, fit.t, faces_of(craft), patch, craft.camera.pinhole, candidate
+            view.visible_face, fit.q, fit.t, faces_of(craft), patch, craft.camera.pinhole, candidate
         )
         if explained(shading, patch) > best:
             return candidate, shading

@@ -74,9 +74,9 @@ class TrackingEstimator(Estimator):
     Parameters
     ----------
     model : BoardModel
-        See `Estimator`.
+        Model of the target.
     camera : CameraIntrinsics
-        See `Estimator`.
+        Intrinsics of every image.
 
     Notes
     -----
@@ -99,8 +99,8 @@ class TrackingEstimator(Estimator):
         self.at_s: Optional[float] = None
         self.polarity = np.zeros(len(self.craft.samples))
         self.missed = 0
-        self.alone = 0
-        self.aligned = 0
+        self.edge_only_frames = 0
+        self.photometric_alignments = 0
         self.empty = False
         self.sun: Optional[Array] = None
 
@@ -111,7 +111,20 @@ class TrackingEstimator(Estimator):
         t_s: Optional[float] = None,
         sun_camera: Optional[Sequence[float]] = None,
     ) -> PoseResult:
-        """Estimate the pose; by default, ``t_s`` is ``DEFAULT_INTERVAL_S`` after the last frame."""
+        """Estimate the pose in the next frame of the sequence.
+
+        Parameters
+        ----------
+        image : array
+            Image, as for `Estimator.estimate`.
+        trace : Trace, optional
+            Receives the intermediate results.
+        t_s : float, optional
+            Time of exposure [s]; by default ``DEFAULT_INTERVAL_S`` after the last frame. A time that does not increase
+            starts a new sequence.
+        sun_camera : sequence of float, optional
+            Unit vector to the Sun, camera axes.
+        """
         if t_s is not None and not np.isfinite(t_s):
             t_s = None
         dt = DEFAULT_INTERVAL_S if t_s is None or self.at_s is None else t_s - self.at_s
@@ -128,7 +141,7 @@ class TrackingEstimator(Estimator):
         return result
 
     def _estimate(self, record: StageRecord) -> PoseResult:
-        frame = Observation.of(record)
+        frame = Observation.from_record(record)
         if self.state is not None:
             result = self._track(frame, self.state)
             if result is not None:
@@ -141,36 +154,44 @@ class TrackingEstimator(Estimator):
         fit = self._align_on_edges(frame, state)
         if fit is None or fit.used < MIN_EDGES or fit.rms_px > MAX_RMS_PX or fit.found < MIN_EDGE_SHARE:
             return None
-        sure = track_confidence(fit)
+        confidence = track_confidence(fit)
         q, t, covariance = fit.q, fit.t, fit.covariance
-        alone = self.alone + 1
-        doubt = (
-            sure < CONFIDENT
-            or alone > MAX_EDGE_ONLY_FRAMES
+        edge_only_frames = self.edge_only_frames + 1
+        is_doubtful = (
+            confidence < CONFIDENT
+            or edge_only_frames > MAX_EDGE_ONLY_FRAMES
             or largest_sigma(covariance[:3, :3]) > MAX_TILT_SIGMA_RAD
+            or largest_sigma(state.P[:3, :3]) > MAX_PREDICTION_SIGMA_RAD
+            or update(state, q, t, covariance)[1] > INNOVATION_95
         )
-        doubt |= largest_sigma(state.P[:3, :3]) > MAX_PREDICTION_SIGMA_RAD
-        doubt |= update(state, q, t, covariance)[1] > INNOVATION_95
-        before, polarity = state, fit.polarity
-        if doubt and self.craft.model.faces is not None:
+        prior, polarity = state, fit.polarity
+        if is_doubtful and self.craft.model.faces is not None:
             q, t, covariance = self._align_photometrically(frame, state, fit)
             if self._network_disagrees(frame, q, t):
                 return None
             # edges that the image contradicts must not update the polarity used in the next frame
             if squared_distance(fit, q, t) > INNOVATION_95:
-                polarity, alone = self.polarity, MAX_EDGE_ONLY_FRAMES
+                polarity, edge_only_frames = self.polarity, MAX_EDGE_ONLY_FRAMES
             else:
-                before, alone = update(state, fit.q, fit.t, fit.covariance)[0], 0
+                prior, edge_only_frames = update(state, fit.q, fit.t, fit.covariance)[0], 0
         distance = update(state, q, t, covariance)[1]
-        after = update(before, q, t, covariance)[0]
-        if distance > INNOVATION_GATE or sure < MIN_CONFIDENCE:
+        posterior = update(prior, q, t, covariance)[0]
+        if distance > INNOVATION_GATE or confidence < MIN_CONFIDENCE:
             return None
-        self.state, self.polarity, self.missed, self.alone = after, polarity, 0, alone
+        self.state, self.polarity = posterior, polarity
+        self.missed, self.edge_only_frames = 0, edge_only_frames
         frame.count("edges", fit.used)
         frame.mark("update")
-        times, counts, covariance = frame.stages_ms, frame.counts, after.P[:6, :6]
         return PoseResult(
-            True, "", after.q, after.t, sure, times, counts, covariance=covariance, method=self.method
+            True,
+            "",
+            posterior.q,
+            posterior.t,
+            confidence,
+            frame.stages_ms,
+            frame.counts,
+            covariance=posterior.P[:6, :6],
+            method=self.method,
         )
 
     def _align_on_edges(self, frame: Observation, state: TrackState) -> Optional[TrackFit]:
@@ -197,14 +218,14 @@ class TrackingEstimator(Estimator):
         if self.empty:
             frame.background = float(np.median(self._strip(frame.image, state.t)))
         poses = ((state.q, state.t), (edges.q, edges.t))
-        near = quat.angle_rad(state.q, edges.q) < AGREEMENT_RAD
-        self.aligned += 1
+        agree = quat.angle_rad(state.q, edges.q) < AGREEMENT_RAD
+        self.photometric_alignments += 1
         sun = frame.sun_camera
-        follow = sun is None and self.aligned % SUN_SEARCH_INTERVAL == 0
+        follow = sun is None and self.photometric_alignments % SUN_SEARCH_INTERVAL == 0
         track = align_photometrically(
             self.craft,
             frame,
-            poses[1:] if near else poses,
+            poses[1:] if agree else poses,
             self.sun if sun is None else sun,
             follow_sun=follow,
         )
@@ -218,9 +239,9 @@ class TrackingEstimator(Estimator):
         learned = self.first.setup.learned
         if learned is None:
             return False
-        lost = learned.log_likelihood_deficit(frame.image, frame.noise, q, t) > MAX_LOG_LIKELIHOOD_DEFICIT
+        deficit = learned.log_likelihood_deficit(frame.image, frame.noise, q, t)
         frame.mark("keypoint_network")
-        return lost
+        return deficit > MAX_LOG_LIKELIHOOD_DEFICIT
 
     def _initialise(self, frame: Observation) -> PoseResult:
         result = self.first.initialise(frame)
@@ -235,7 +256,10 @@ class TrackingEstimator(Estimator):
         return replace(result, method=self.method)
 
     def _begin(self, q: Array, t: Array, *, accepted: bool) -> None:
-        """Update with an initialisation. A second one that agrees gives the rates; otherwise tracking restarts."""
+        """Update the filter with an initialisation.
+
+        One that agrees with the prediction determines the rates. Otherwise tracking restarts, if it was accepted.
+        """
         z = float(t[2])
         covariance = (
             np.diag([INITIAL_SIGMA_RAD] * 3 + [INITIAL_SIGMA_ACROSS * z] * 2 + [INITIAL_SIGMA_ALONG * z]) ** 2

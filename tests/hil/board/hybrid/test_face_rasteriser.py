@@ -205,7 +205,7 @@ def test_shadows_fall_where_rays_to_the_sun_are_stopped(faces: Faces) -> None:
     R = FROM_THE_SIDE
     c = canvas(np.zeros((160, 200), np.float32))
     seen = draw_faces(faces, order_faces(faces, -R.T @ T_M), CAMERA, R, T_M, c)
-    sun = ShadowMap.of(faces, OVER_THE_PANEL)
+    sun = ShadowMap.from_faces(faces, OVER_THE_PANEL, 256)
     dark = sun.shadows(faces, seen, c, CAMERA, R, T_M)
     face, u, v, z = rays_to_faces(faces, seen, np.flatnonzero(seen), c, CAMERA, R, T_M)
     X = (np.stack([u * z, v * z, z], axis=-1) - T_M) @ R
@@ -231,7 +231,7 @@ def in_the_sun(faces: Faces) -> tuple[ImagePatch, np.ndarray]:
     R, level = FROM_THE_SIDE, np.array([60.0, 200.0, 140.0])[faces.material]
     c = canvas(np.zeros((160, 200), np.float32))
     seen = draw_faces(faces, order_faces(faces, -R.T @ T_M), CAMERA, R, T_M, c)
-    sun = ShadowMap.of(faces, OVER_THE_PANEL)
+    sun = ShadowMap.from_faces(faces, OVER_THE_PANEL, 256)
     light = np.concatenate([[0.0], np.where(faces.normals @ sun.direction > 0, level, 10.0)])[seen]
     light = np.where(sun.shadows(faces, seen, c, CAMERA, R, T_M), 10.0, light).astype(np.float32)
     gray = light.reshape(160, 3, 200, 3).mean(axis=(1, 3))
@@ -245,8 +245,8 @@ def test_the_sun_is_found_by_the_shadows_it_casts(
     c, sun = in_the_sun
     R = FROM_THE_SIDE
     seen = draw_faces(faces, order_faces(faces, -R.T @ T_M), CAMERA, R, T_M, c)
-    table = ShadowMapTable.of(faces)
-    found = table.directions[table.find(faces, shade(faces, seen, c), c, CAMERA, R, T_M, 3)]
+    table = ShadowMapTable.from_faces(faces)
+    found = table.directions[table.find(faces, shade(faces, seen, c), c, CAMERA, R, T_M, 3, 700)]
     assert np.degrees(np.arccos(found[0] @ sun)) < 20.0
     assert all(a @ b < np.cos(np.radians(15.0)) for a, b in combinations(found, 2))
 
@@ -257,7 +257,7 @@ def test_its_shadows_speak_for_the_right_pose(
     c, _ = in_the_sun
     craft: Any = SimpleNamespace(
         model=SimpleNamespace(faces=faces),
-        suns=ShadowMapTable.of(faces),
+        suns=ShadowMapTable.from_faces(faces),
         camera=SimpleNamespace(pinhole=CAMERA),
     )
 
@@ -279,7 +279,7 @@ def test_a_known_sun_casts_its_own_shadows_alone(
     c, sun = in_the_sun
     craft: Any = SimpleNamespace(
         model=SimpleNamespace(faces=faces),
-        suns=ShadowMapTable.of(faces),
+        suns=ShadowMapTable.from_faces(faces),
         camera=SimpleNamespace(pinhole=CAMERA),
     )
     q = quat.from_matrix(FROM_THE_SIDE)
@@ -352,7 +352,7 @@ def test_likeness_tells_the_craft_from_clutter_beside_it(faces: Faces) -> None:
     gray = cv2.resize(level[seen].astype(np.float32), (200, 160), interpolation=cv2.INTER_AREA)
     gray = cv2.GaussianBlur(gray, (0, 0), 1.0)
     gray[:20] = 255.0
-    shown = replace(canvas(gray, 1.0), plain=np.full(gray.shape, 20.0, np.float32))
+    shown = replace(canvas(gray, 1.0), background_level=np.full(gray.shape, 20.0, np.float32))
     turned = quat.normalise(quat.multiply(quat.from_rotvec(np.array([0.9, 0.5, 0.0])), q))
     right, wrong = (likeness(photo_draw(a, T_M, faces, shown, CAMERA), shown) for a in (q, turned))
     assert right[0] > 0.98
@@ -423,7 +423,7 @@ def test_noise_cut_off_at_the_ends_of_the_scale_has_the_mean_that_is_drawn() -> 
     rng = np.random.default_rng(3)
     x = np.array([-12.0, 0.0, 6.0, 20.0, 120.0, 245.0, 255.0, 600.0], np.float32)
     n = 12.0 * rng.standard_normal((200_000, 1))
-    mean, slope = Response(12.0, 255.0).of(x)
+    mean, slope = Response(12.0, 255.0).mean_and_slope(x)
     assert np.abs(mean - np.clip(x + n, 0, 255).mean(axis=0)).max() < 0.12
     step = np.clip(x + 0.5 + n, 0, 255) - np.clip(x - 0.5 + n, 0, 255)
     assert slope is not None
@@ -445,7 +445,7 @@ def test_noise_of_darkness_is_known_from_what_is_left_of_it(offset: float, want:
 def test_range_in_noise_cut_off_at_zero(faces: Faces, clipped: float, least: float, most: float) -> None:
     # an edge before darkness that half of the noise lifts seems to lie too far inside: without knowing, too far away
     q = quat.normalise(np.array([0.7, 0.3, -0.5, 0.2]))
-    mean, _ = Response(25.0, 255.0).of(picture(faces, q, T_M, 0.0))
+    mean, _ = Response(25.0, 255.0).mean_and_slope(picture(faces, q, T_M, 0.0))
     c = replace(canvas(mean), clipped=clipped)
     fit = aligned(q, T_M, faces, c, 0.8, (0.8, 0.4, 0.0, 0.0))
     assert least < fit.t[2] / T_M[2] - 1 < most

@@ -91,8 +91,8 @@ def evidence(**changes: float | Regime | None) -> Evidence:
 
 
 def test_what_burns_out_and_what_the_network_doubts_counts_against_a_pose() -> None:
-    assert confidence(evidence(burnt=0.3)) == confidence(evidence())
-    assert confidence(evidence(burnt=0.7)) <= confidence(evidence())
+    assert confidence(evidence(saturated=0.3)) == confidence(evidence())
+    assert confidence(evidence(saturated=0.7)) <= confidence(evidence())
     assert confidence(evidence(network=-10.0)) < confidence(evidence())
     assert confidence(evidence(drawn=0.1, likeness=0.8)) < confidence(evidence())
     assert confidence(evidence(margin=0.0)) < confidence(evidence())

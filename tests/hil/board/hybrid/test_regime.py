@@ -110,6 +110,6 @@ def test_the_search_asks_the_regime_and_not_the_black_level(
 
 
 def test_a_target_without_a_network_is_in_sunlight() -> None:
-    assert Regime.of(30.0, trained=True) is Regime.LAMPS
-    assert Regime.of(30.0, trained=False) is Regime.SUNLIGHT
-    assert Regime.of(0.0, trained=True) is Regime.SUNLIGHT
+    assert Regime.from_black_level(30.0, trained=True) is Regime.LAMPS
+    assert Regime.from_black_level(30.0, trained=False) is Regime.SUNLIGHT
+    assert Regime.from_black_level(0.0, trained=True) is Regime.SUNLIGHT

@@ -131,7 +131,7 @@ def test_another_end_is_a_rival_still_where_half_turns_are_judged(
         score=right.best.score - 0.004,
         start=replace(right.best.origin, score=0.1),
     )
-    both = replace(right, ends=(right.best, other))
+    both = replace(right, optima=(right.best, other))
     assert check_discrete_symmetry(craft, frame, right).evidence.margin > 0.01
     assert check_discrete_symmetry(craft, frame, both).evidence.margin == pytest.approx(0.004)
 
@@ -141,7 +141,8 @@ def test_preference_ignores_what_neither_view_explains(craft: PreparedTarget, fr
     canvas = replace(cut_patch(craft, frame, target_box(craft, Q, T_M), 240), exact=True)
     right, wrong = (search_sun(craft, canvas, q, T_M) for q in (Q, turned))
     a, b = (
-        canvas.response.of(blurred(d.shading.picture, OPTICS_PX / canvas.factor))[0] for d in (right, wrong)
+        canvas.response.mean_and_slope(blurred(d.shading.picture, OPTICS_PX / canvas.factor))[0]
+        for d in (right, wrong)
     )
     # foil creased at random, on all that is lit
     creases = blurred(np.random.default_rng(1).normal(0, 1.0, a.shape).astype(np.float32), 1.5)

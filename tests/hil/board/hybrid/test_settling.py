@@ -63,6 +63,6 @@ def test_shadows_that_explain_nothing_do_not_pull_the_pose(craft: PreparedTarget
     assert faces is not None
     plain = settled(craft, frame, [0.001, 0.0, 0.0])
     for direction in (np.array([1.0, 0.2, 0.1]), np.array([-0.3, 0.9, -0.2])):
-        wrong = settled(craft, frame, [0.001, 0.0, 0.0], ShadowMap.of(faces, direction, 160))
+        wrong = settled(craft, frame, [0.001, 0.0, 0.0], ShadowMap.from_faces(faces, direction, 160))
         np.testing.assert_array_equal(wrong.q, plain.q)
         np.testing.assert_array_equal(wrong.t, plain.t)

@@ -56,12 +56,12 @@ Q, T = quat.normalise(np.array([0.8, 0.45, -0.35, 0.2])), np.array([0.15, -0.1, 
 def test_the_wireframe_of_a_box_has_its_groups():
     groups = model_point_groups(MODEL)
     # six faces, each from its four corners in two senses
-    assert groups.of("closed_tetrad").shape == (6 * 8, 4, 3)
-    assert groups.of("open_tetrad").shape == (6 * 8, 5, 3)
-    assert len(groups.of("open_triad")) == 6 * 8
+    assert groups.of_kind("closed_tetrad").shape == (6 * 8, 4, 3)
+    assert groups.of_kind("open_tetrad").shape == (6 * 8, 5, 3)
+    assert len(groups.of_kind("open_triad")) == 6 * 8
     # 8 corners of three edges: three pairs each, both ways round
-    assert len(groups.of("proximity_pair")) == 8 * 3 * 2
-    assert groups.of("antenna").shape == (2, 2, 3)
+    assert len(groups.of_kind("proximity_pair")) == 8 * 3 * 2
+    assert groups.of_kind("antenna").shape == (2, 2, 3)
 
 
 def test_a_drawn_face_and_rod_are_grouped():
@@ -69,11 +69,11 @@ def test_a_drawn_face_and_rod_are_grouped():
     sides = [np.concatenate([quad[k], quad[(k + 1) % 4]]) for k in range(4)]
     rod = [np.array([320.0, 100, 400, 60]), np.array([322.0, 106, 402, 66])]
     groups = image_point_groups(np.array([*sides, *rod]), 300.0)
-    assert len(groups.of("closed_tetrad")) == 1
-    found = groups.of("closed_tetrad")[0]
+    assert len(groups.of_kind("closed_tetrad")) == 1
+    found = groups.of_kind("closed_tetrad")[0]
     assert np.abs(np.sort(found, axis=0) - np.sort(quad, axis=0)).max() < 1.0
-    assert len(groups.of("antenna")) == 1
-    assert groups.of("antenna")[0].mean(axis=0) == pytest.approx([361, 83], abs=0.5)
+    assert len(groups.of_kind("antenna")) == 1
+    assert groups.of_kind("antenna")[0].mean(axis=0) == pytest.approx([361, 83], abs=0.5)
     # with one side missing the face is an open triad, with one broken corner an open tetrad
     assert len(image_point_groups(np.array(sides[:3]), 300.0).of("open_triad")) == 1
     broken = np.array([*sides[:3], np.concatenate([quad[3], 0.75 * quad[0] + 0.25 * quad[3]])])

@@ -126,7 +126,7 @@ def test_a_light_in_the_target_s_axes_turns_with_it(renderer, draw_kit):
 def test_without_lights_a_scene_is_what_it_was_and_without_sunlight_dark(renderer, draw_kit):
     target = draw_kit.target([draw_kit.plate("p", "white", (0, 0, 0), 0.4)], [draw_kit.white()])
     scene = draw_kit.scene(target)
-    assert "lights" not in msgspec.json.decode(msgspec.json.encode(SceneRecord.of(scene)))
+    assert "lights" not in msgspec.json.decode(msgspec.json.encode(SceneRecord.from_scene(scene)))
     before = renderer.render(scene, target).radiance
     lit = dark(scene, AreaLight(position_m=(0, 0, 3.0), radiance_w_m2_sr=L))
     assert renderer.render(lit, target).radiance[119, 161] > 0

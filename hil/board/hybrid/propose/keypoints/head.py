@@ -24,6 +24,7 @@ SCHEMA, VERSION = "flyaround.keypoint_head", 1
 # Channels and side of the trunk's features; feature maps per keypoint, and hidden units.
 FEATURES, CELLS, MAPS, HIDDEN = 192, 8, 4, 128
 
+# Shape of each array of the head: convolution to feature maps, hidden layer and bins.
 SHAPES: Dict[str, Tuple[int, ...]] = {
     "maps": (KEYPOINTS * MAPS, FEATURES, 3, 3),
     "maps_bias": (KEYPOINTS * MAPS,),

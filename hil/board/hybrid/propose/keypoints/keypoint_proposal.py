@@ -61,7 +61,7 @@ class LearnedProposal:
         Attitude quaternions, camera from target, most likely first.
     t : (N, 3) array
         Target positions, camera frame [m].
-    log_likely : (N,) array
+    log_likelihood : (N,) array
         Log-likelihoods of the poses.
     craft : float
         Logit of the target's presence.
@@ -75,7 +75,7 @@ class LearnedProposal:
     crop: ImageCrop
     q: Array
     t: Array
-    log_likely: Array
+    log_likelihood: Array
     craft: float
     p: Array
     log_size: float
@@ -195,15 +195,15 @@ class LearnedProposer:
         Parameters
         ----------
         image : (H, W) array
-            See `propose`.
+            The image.
         noise : float
-            See `propose`.
+            Standard deviation of the image noise.
         first : LearnedProposal
             Proposal of the first round.
         reduced : (h, w) array, optional
-            See `propose`.
+            Image reduced by area averaging.
         black : float
-            See `propose`.
+            Black level.
         """
         crop = self._correct_crop(first.crop, np.log(first.p), first.log_size)
         pass_index = network_inputs(image, noise, self.camera, [crop], reduced, black)[0]
@@ -240,10 +240,10 @@ class LearnedProposer:
 
         g = min(learned, key=angular_offset)
         back = g.crop.swing().T
-        seen = quat.multiply(quat.from_matrix(back), q)[None]
+        q_crop = quat.multiply(quat.from_matrix(back), q)[None]
         at = (back @ centre / self.radius_m)[None]
-        score = log_likelihoods(g.table, self.points, self._focal(g.crop), seen, at)
-        return float(score[0] / LIKELIHOOD_DIVISOR - g.log_likely[0])
+        score = log_likelihoods(g.table, self.points, self._focal(g.crop), q_crop, at)
+        return float(score[0] / LIKELIHOOD_DIVISOR - g.log_likelihood[0])
 
     def log_likelihood_deficit(
         self, image: Array, noise: float, q: Array, t: Array, black: float = 0.0
@@ -253,15 +253,15 @@ class LearnedProposer:
         Parameters
         ----------
         image : (H, W) array
-            See `propose`.
+            The image.
         noise : float
-            See `propose`.
+            Standard deviation of the image noise.
         q : (4,) array
             Attitude quaternion, camera from target.
         t : (3,) array
             Target position, camera frame [m], within the image.
         black : float
-            See `propose`.
+            Black level.
         """
         centre = t + quat.matrix(q) @ self.centre_m
         range_m = float(np.linalg.norm(centre))

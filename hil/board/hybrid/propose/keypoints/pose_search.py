@@ -107,13 +107,13 @@ def most_likely_position(log_p: Array, points: Array, focal: float, log_size: fl
     Parameters
     ----------
     log_p : (K, 2, BINS) array
-        See `pose_modes`.
+        Log-probabilities of the keypoints along the columns and rows of a crop.
     points : (K, 3) array
-        See `pose_modes`.
+        Keypoints relative to the sphere's centre, target frame [radii].
     focal : float
-        See `pose_modes`.
+        Focal length of the crop's camera [half sides].
     log_size : float
-        See `pose_modes`.
+        Logarithm of the target's size over the size that the crop assumes.
     """
     size = np.exp([log_size])
     _, t, _ = _grid_maxima(with_outliers(log_p), points, focal, COARSE_ATTITUDES, size, 1)
@@ -211,9 +211,9 @@ def _distance(focal: float) -> float:
 
 def _project(points: Array, focal: float, R: Array, t: Array) -> Tuple[Array, Array]:
     """Return the projections (N, K, 2) [half sides], and the points (N, K, 3) in the crop's camera [radii]."""
-    seen = points @ R.transpose(0, 2, 1) + t[:, None]
-    z = np.maximum(seen[..., 2:], MIN_DEPTH_RADII)
-    return focal * seen[..., :2] / z, seen
+    points_camera = points @ R.transpose(0, 2, 1) + t[:, None]
+    z = np.maximum(points_camera[..., 2:], MIN_DEPTH_RADII)
+    return focal * points_camera[..., :2] / z, points_camera
 
 
 def _look_up(table: Array, uv: Array) -> Tuple[Array, Array, Array]:
@@ -235,11 +235,11 @@ def _newton_step(
 ) -> Tuple[Array, Array]:
     """Return poses after one damped Newton step up the log-likelihood, with a prior on the distance."""
     R = quat.matrix(q)
-    uv, seen = _project(points, focal, R, t)
+    uv, points_camera = _project(points, focal, R, t)
     value, slope, curve = _look_up(table, uv)
     slope, weight = slope / BIN_WIDTH, np.maximum(-curve, MIN_CURVATURE) / BIN_WIDTH**2
-    x, y, z = seen[..., 0], seen[..., 1], np.maximum(seen[..., 2], MIN_DEPTH_RADII)
-    arm = seen - t[:, None]
+    x, y, z = points_camera[..., 0], points_camera[..., 1], np.maximum(points_camera[..., 2], MIN_DEPTH_RADII)
+    arm = points_camera - t[:, None]
     nought, arm_x, arm_y, arm_z = np.zeros_like(z), arm[..., 0], arm[..., 1], arm[..., 2]
     # derivatives of u and v by rotation about each axis (cross product of the arm), then by translation
     a, b, c = focal / z, -focal * x / z**2, -focal * y / z**2

@@ -66,7 +66,7 @@ def scene(
     q = quat.normalise(rng.normal(size=4))
     # taller pixels, and a side that no register is filled from to the end
     blank = ImagePatch(
-        np.zeros((77, 101), np.float32), 2.0, 8.0, 3.0, 1.8, fine, tall=1.01, exact=bool(k % 2)
+        np.zeros((77, 101), np.float32), 2.0, 8.0, 3.0, 1.8, fine, pixel_aspect=1.01, exact=bool(k % 2)
     )
     R, there = quat.matrix(q), t * (1 + 0.01 * rng.normal(size=3))
     seen = draw_faces(faces, order_faces(faces, -R.T @ there), CAMERA, R, there, blank)
@@ -78,8 +78,8 @@ def scene(
     picture = cv2.resize(light[seen], (101, 77), interpolation=cv2.INTER_AREA) + behind
     gray = np.clip(picture + rng.normal(0, 4, (77, 101)), 0, 255).astype(np.float32)
     plain = cv2.GaussianBlur(gray, (0, 0), 6) if k % 3 == 0 else 3.0
-    canvas = replace(blank, gray=gray, plain=plain, clipped=4.0 if k % 2 else 0.0)
-    return faces, canvas, q, t, ShadowMap.of(faces, SUN, 96) if k % 4 > 1 else None
+    canvas = replace(blank, gray=gray, background_level=plain, clipped=4.0 if k % 2 else 0.0)
+    return faces, canvas, q, t, ShadowMap.from_faces(faces, SUN, 96) if k % 4 > 1 else None
 
 
 def test_brightness_and_score_are_numpys(craft: BoardModel, by_numpy: Callable[[], None]) -> None:
@@ -99,9 +99,9 @@ def test_brightness_and_score_are_numpys(craft: BoardModel, by_numpy: Callable[[
         np.testing.assert_allclose(one.level[one.group], other.level[other.group], atol=2e-4)
         np.testing.assert_array_equal(one.area[one.centre], other.area[other.centre])
         np.testing.assert_allclose(one.picture, other.picture, atol=1e-3)
-        assert (one.behind is None) == (other.behind is None)
-        if one.behind is not None and other.behind is not None:
-            np.testing.assert_allclose(one.behind, other.behind, atol=1e-3)
+        assert (one.background_offset is None) == (other.background_offset is None)
+        if one.background_offset is not None and other.background_offset is not None:
+            np.testing.assert_allclose(one.background_offset, other.background_offset, atol=1e-3)
         assert score == pytest.approx(photometric.explained(other, canvas), abs=1e-5)
 
 
@@ -158,7 +158,9 @@ def test_derivatives_and_steps_are_numpys(craft: BoardModel, by_numpy: Callable[
 def test_poses_and_pictures_that_are_none_harm_nothing(craft: BoardModel) -> None:
     faces, canvas, *_ = scene(craft, np.random.default_rng(3), 0)
     for shape in ((77, 101), (1, 40), (40, 1), (2, 2)):
-        small = replace(canvas, gray=np.full(shape, np.nan, np.float32), plain=np.zeros(shape, np.float32))
+        small = replace(
+            canvas, gray=np.full(shape, np.nan, np.float32), background_level=np.zeros(shape, np.float32)
+        )
         wild = np.arange(small.fine**2 * shape[0] * shape[1], dtype=np.int32).reshape(
             -1, small.fine * shape[1]
         )

@@ -44,7 +44,7 @@ def test_polygons_are_filled_to_the_pixel_as_by_opencv() -> None:
 def test_poses_that_are_none_draw_nothing_and_harm_nothing(tango: BoardModel) -> None:
     faces = tango.faces
     canvas = shade.ImagePatch(np.zeros((16, 16), np.float32), 1.0, 0.0, 0.0, 1.0, 3)
-    sun = ShadowMap.of(faces, np.array([0.2, 0.3, 0.9]), 64)
+    sun = ShadowMap.from_faces(faces, np.array([0.2, 0.3, 0.9]), 64)
     for place in ([np.nan] * 3, [0, 0, np.inf], [0, 0, -5.0], [1e30, 0, 1.0], [0, 0, 0]):
         R, t = np.eye(3), np.array(place, float)
         some = order_faces(faces, -t)

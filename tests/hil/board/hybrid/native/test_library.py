@@ -228,16 +228,26 @@ def sums_of_everything(model: BoardModel) -> dict[str, bytes]:
     q, t = quat.normalise(rng.normal(size=4)), np.array([0.05, -0.02, 6.0 * model.radius_m])
     R, faces = quat.matrix(q), model.faces
     gray = cv2.resize(picture, (101, 77)).astype(np.float32)
-    patch = ImagePatch(gray, 2.0, 8.0, 3.0, 1.8, 2, plain=cv2.GaussianBlur(gray, (0, 0), 6), clipped=4.0)
+    patch = ImagePatch(
+        gray, 2.0, 8.0, 3.0, 1.8, 2, background_level=cv2.GaussianBlur(gray, (0, 0), 6), clipped=4.0
+    )
     seen = draw_faces(faces, order_faces(faces, -R.T @ t), camera, R, t, patch)
-    table = ShadowMapTable.of(faces, 20)
-    sun = ShadowMap.of(faces, np.array([0.3, 0.4, 0.8]), 96)
+    table = ShadowMapTable.from_faces(faces, 20)
+    sun = ShadowMap.from_faces(faces, np.array([0.3, 0.4, 0.8]), 96)
     shading = shade(faces, seen, patch, sun.shadows(faces, seen, patch, camera, R, t))
     moving = shading, faces, patch, camera, R, t
     craft = SimpleNamespace(model=model, camera=camera)
     gram = photometric._gram(*moving, (0.5, 2.0, 2.06), 1.0, 0.2, 16.0, 40)
     answers = {
-        "seen": (seen, sun.seen, sun.height, shading.group, shading.picture, shading.level, shading.behind),
+        "seen": (
+            seen,
+            sun.visible_face,
+            sun.height,
+            shading.group,
+            shading.picture,
+            shading.level,
+            shading.background_offset,
+        ),
         "sun": (table.height, table._costs(faces, shading, *moving[2:], np.arange(20), 500)),
         "visible": visible_samples(sample_edges(model, 0.02), occluders(model), -R.T @ t),
         "middle": (_silhouette_centroid(craft, patch, Hypothesis(PoseFit(q, t), Any)),),
