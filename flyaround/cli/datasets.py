@@ -207,7 +207,7 @@ def _choose_plans(name: str, pictures: CapturedPictures) -> dict[str, Plan | Rec
     Raises
     ------
     UserError
-        See `_choose_plan`; also if there are fewer frames than data sets.
+        If the scenario or recipe cannot be used, or there are fewer frames than data sets.
     """
     members = [] if name in list_scenarios() or not is_recipe(name) else load_recipe(name).members
     if not members:

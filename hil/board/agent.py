@@ -281,13 +281,13 @@ def run_board(
     Parameters
     ----------
     url : str
-        See `BoardAgent`.
+        URL of the host.
     model_path : str or Path, optional
-        See `BoardAgent`.
+        Board model file, or the name of a bundled one; unused with ``make_estimator``.
     method : str, optional
-        See `BoardAgent`.
+        Name of the estimator.
     options : object
-        See `BoardAgent`.
+        Further parameters of `BoardAgent`.
 
     Raises
     ------

@@ -93,7 +93,7 @@ def run_campaign(
     *,
     board_command: tuple[str, ...],
     workers: int = 1,
-    progress: Callable[[int, int], None] = lambda _done, _of: None,
+    progress: Callable[[int, int], None] = lambda _done, _total: None,
     command: tuple[str, ...] = (),
     say: Callable[[str], None] = lambda _sentence: None,
 ) -> CampaignOutcome:

@@ -221,7 +221,7 @@ def _renderer(part: Path) -> str:
 def _measured(task: RunTask, record: RunRecord) -> dict[str, float | str]:
     traits = task.ready.case.traits
     values: dict[str, Value] = {
-        name: quantity.of(record) for name, quantity in QUANTITIES.items() if quantity.needs <= traits
+        name: quantity.value_of(record) for name, quantity in QUANTITIES.items() if quantity.needs <= traits
     }
     return {
         name: value

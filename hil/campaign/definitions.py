@@ -74,15 +74,15 @@ class Case(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True
     method : str, optional
         Estimator of a board that the campaign starts.
     mode : {'lockstep', 'realtime'}, optional
-        See ``hil host``.
+        Pace of the run: wait for each answer, or send at the flight's pace.
     frames : int, optional
-        See ``hil host``.
+        Number of frames, evenly spaced over the flight.
     every_s : Seconds, optional
-        See ``hil host``.
+        Time between frames, instead of their number.
     latency_s : float, optional
-        See ``hil host``.
+        Real time: delay from the end of the exposure to the hand-over of the image.
     deadline_s : Seconds, optional
-        See ``hil host``.
+        Time after which an answer misses the deadline; in real time the frame interval by default.
     faults : Faults or str, optional
         Faults, inline or as a file next to the campaign file; by default the scenario's. Each run's seed replaces the
         seed of the faults.

@@ -57,7 +57,7 @@ def map_delays(
     *,
     board_command: tuple[str, ...],
     workers: int = 1,
-    progress: Callable[[str, int, int], None] = lambda _what, _done, _of: None,
+    progress: Callable[[str, int, int], None] = lambda _stage, _done, _total: None,
 ) -> DelayMapOutcome:
     """Fly every cell, and write ``delay_map.json``, ``cells.csv`` and ``index.html`` with the image.
 

@@ -64,7 +64,7 @@ class Quantity:
         Unit of a number; empty for a count or a word.
     meaning : str
         Description in a few words; it names the frames, unless it covers all that were sent.
-    of : callable
+    value_of : callable
         Returns the run's value, or None without one, in which case every requirement on it fails.
     needs : frozenset of str
         Traits of a case that the quantity requires: ``frames``, ``closed_loop``, ``times`` (real time, because in
@@ -75,7 +75,7 @@ class Quantity:
 
     unit: str
     meaning: str
-    of: Callable[[RunRecord], Value]
+    value_of: Callable[[RunRecord], Value]
     needs: frozenset[str] = frozenset()
     words: tuple[str, ...] = ()
 
@@ -106,16 +106,16 @@ def _summary(name: str, unit: str, meaning: str, needs: str = "", words: tuple[s
             return item
         return float(item) if isinstance(item, int | float) and math.isfinite(item) else None
 
-    return Quantity(unit=unit, meaning=meaning, of=value, needs=frozenset(needs.split()), words=words)
+    return Quantity(unit=unit, meaning=meaning, value_of=value, needs=frozenset(needs.split()), words=words)
 
 
 def _count(
-    part: Callable[[LedgerSummary], int | None], of: Callable[[LedgerSummary], int]
+    part: Callable[[LedgerSummary], int | None], total: Callable[[LedgerSummary], int]
 ) -> Callable[..., Value]:
     """Return a count, without a value if nothing could have been counted."""
 
     def value(record: RunRecord) -> Value:
-        counted = part(record.summary) if of(record.summary) else None
+        counted = part(record.summary) if total(record.summary) else None
         return None if counted is None else float(counted)
 
     return value
@@ -212,48 +212,51 @@ QUANTITIES: dict[str, Quantity] = {
     "pose_age_s": Quantity(
         unit="s",
         meaning="largest age of the newest pose in the estimate",
-        of=_largest_step("pose_age_s"),
+        value_of=_largest_step("pose_age_s"),
         needs=_LOOP,
     ),
     "position_sigma_m": Quantity(
         unit="m",
         meaning="largest 1-sigma of the estimated position",
-        of=_largest_step("position_sigma_m"),
+        value_of=_largest_step("position_sigma_m"),
         needs=_LOOP,
     ),
     "nees": Quantity(
-        unit="", meaning="mean normalised estimation error squared, 12 states", of=_mean_nees, needs=_LOOP
+        unit="",
+        meaning="mean normalised estimation error squared, 12 states",
+        value_of=_mean_nees,
+        needs=_LOOP,
     ),
-    "hold_s": Quantity(unit="s", meaning="time in phase hold", of=_hold_s, needs=_LOOP),
+    "hold_s": Quantity(unit="s", meaning="time in phase hold", value_of=_hold_s, needs=_LOOP),
     "ended": _summary(
         "ended", "", "how the run ended", "", ("completed", "board_lost", "no_board", "interrupted", "failed")
     ),
     "unaccounted": Quantity(
-        unit="", meaning="frames without exactly one outcome", of=_unaccounted, needs=_FRAMES
+        unit="", meaning="frames without exactly one outcome", value_of=_unaccounted, needs=_FRAMES
     ),
     "sent": _summary("sent", "", "frames offered to a board", "frames"),
     "accepted_share": Quantity(
         unit="",
         meaning="share of poses that the board accepted, correct or not",
-        of=_share(lambda s: s.accepted),
+        value_of=_share(lambda s: s.accepted),
         needs=_FRAMES,
     ),
     "dropped_share": Quantity(
         unit="",
         meaning="share of frames without an answer",
-        of=_share(lambda s: s.dropped_total),
+        value_of=_share(lambda s: s.dropped_total),
         needs=_FRAMES,
     ),
     "dropped": Quantity(
         unit="",
         meaning="frames without an answer",
-        of=_count(lambda s: s.dropped_total, lambda s: s.sent),
+        value_of=_count(lambda s: s.dropped_total, lambda s: s.sent),
         needs=_FRAMES,
     ),
     "accepted_wrong": Quantity(
         unit="",
         meaning="accepted poses with an error above 5 deg or 5 % of the range, if the truth is known",
-        of=_count(lambda s: s.accepted_wrong, lambda s: s.accepted_known or 0),
+        value_of=_count(lambda s: s.accepted_wrong, lambda s: s.accepted_known or 0),
         needs=_FRAMES,
     ),
     "median_E_T_m": _summary("median_E_T_m", "m", "median position error of accepted poses", "frames"),
@@ -261,20 +264,20 @@ QUANTITIES: dict[str, Quantity] = {
     "largest_E_T_m": Quantity(
         unit="m",
         meaning="largest position error of accepted poses",
-        of=_largest_error("E_T_m"),
+        value_of=_largest_error("E_T_m"),
         needs=_FRAMES,
     ),
     "largest_E_R_deg": Quantity(
         unit="deg",
         meaning="largest attitude error of accepted poses",
-        of=_largest_error("E_R_deg"),
+        value_of=_largest_error("E_R_deg"),
         needs=_FRAMES,
     ),
     **{
         f"{column}_{name}": Quantity(
             unit="ms",
             meaning=f"{meaning}, over frames sent to the board; infinite for a frame without it",
-            of=_percentile_over_sent(column, q),
+            value_of=_percentile_over_sent(column, q),
             needs=_TIMES,
         )
         for column, meaning, names in (
@@ -298,7 +301,7 @@ QUANTITIES: dict[str, Quantity] = {
     "deadline_misses": Quantity(
         unit="",
         meaning="frames without an answer by the deadline",
-        of=_count(lambda s: s.deadline_misses, lambda s: s.sent),
+        value_of=_count(lambda s: s.deadline_misses, lambda s: s.sent),
         needs=_TIMES,
     ),
     "late": _summary("late", "", "frames not rendered in time", "times"),
@@ -320,7 +323,7 @@ QUANTITIES: dict[str, Quantity] = {
     "late_poses": Quantity(
         unit="",
         meaning="poses received too late to be used",
-        of=_count(lambda s: s.link.late_poses, _poses_received),
+        value_of=_count(lambda s: s.link.late_poses, _poses_received),
         needs=_TIMES,
     ),
 }

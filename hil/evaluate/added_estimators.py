@@ -72,7 +72,7 @@ def any_estimator(model: BoardModel, camera: CameraIntrinsics, choice: MethodCho
     Raises
     ------
     BoardModelError
-        See ``make_estimator``.
+        If no method has this name, or its options do not fit.
     UserError
         If the package cannot be imported, or cannot make an estimator.
     """

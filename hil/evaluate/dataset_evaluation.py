@@ -45,7 +45,7 @@ def evaluate_dataset(
     model: BoardModel | None = None,
     workers: int = 1,
     frames: Sequence[int] | None = None,
-    progress: Callable[[int, int], None] = lambda _done, _of: None,
+    progress: Callable[[int, int], None] = lambda _done, _total: None,
 ) -> Metrics:
     """Evaluate methods on every frame; write ``metrics.json``, ``frames.csv`` and ``index.html``.
 

@@ -273,14 +273,16 @@ def compose(
 
     Parameters
     ----------
+    methods : sequence of MethodMetrics
+        Metrics of each method, at least one.
     kernels : str, optional
         Implementation of the estimators' kernels.
     pictures : str, optional
-        See `Metrics`.
+        Description of the images.
     grey_from_colour : bool, optional
-        See `Metrics`.
+        True if colour images were converted to grey.
     mean_predictor : MeanPredictor, optional
-        See `Metrics`.
+        Errors of the mean pose as the answer to every feasible frame.
 
     Raises
     ------

@@ -125,7 +125,7 @@ def frame_record(
     Raises
     ------
     ValueError
-        See `frame_errors`; or if a frame is accepted without a pose.
+        If a value is not finite, a quaternion is zero, the true range is zero, or a frame is accepted without a pose.
     """
     range_m = float(np.linalg.norm(np.asarray(t_true_m, float)))
     shift = turn = nees = None

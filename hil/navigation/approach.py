@@ -61,13 +61,13 @@ class Decision:
         Phase of the approach.
     reason : str
         Cause of a hold or abort, else empty.
-    wanted_m_s : (3,) array
+    command_m_s : (3,) array
         Commanded velocity change, LVLH.
     """
 
     phase: Phase
     reason: str
-    wanted_m_s: FloatArray
+    command_m_s: FloatArray
 
 
 class Approach:

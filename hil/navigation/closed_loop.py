@@ -28,6 +28,7 @@ if TYPE_CHECKING:
 
 Outcome = Literal["arrived", "aborted", "failed"]
 
+# Time after the end of any path [s].
 END_S = 1e9
 """Time by which every path has ended [s]."""
 
@@ -195,7 +196,7 @@ def fly_closed_loop(
     Raises
     ------
     UserError
-        See `check_closed_loop`.
+        If the chaser of the flight does not follow a path with thrusters.
     """
     loop = ClosedLoop(flight, com_target_m, inertia_kg_m2, poses.available, config)
     for picture in loop.pictures():
@@ -204,20 +205,20 @@ def fly_closed_loop(
 
 
 class ClosedLoop:
-    """Closed loop in progress: requests images and estimates, and decides.
+    """Closed loop in progress: it requests images and poses, and decides on the thrust.
 
     Parameters
     ----------
     flight : Flight
-        See `fly_closed_loop`.
-    com_target_m : array
-        See `fly_closed_loop`.
-    inertia_kg_m2 : array
-        See `fly_closed_loop`.
+        Flight that defines the target, the guidance path and the camera pointing.
+    com_target_m : (3,) array
+        Centre of mass of the target, model frame.
+    inertia_kg_m2 : (3, 3) array
+        Inertia of the target, model axes.
     available_poses : callable
         Returns the poses that became available by a time and were not returned before.
     config : ClosedLoopConfig, optional
-        See `fly_closed_loop`.
+        Settings of the loop.
     """
 
     def __init__(
@@ -266,10 +267,9 @@ class ClosedLoop:
         return self._thrusters.period_s * self._config.frame_every
 
     def pictures(self) -> Iterator[Snapshot]:
-        """Yield the images to take, each of the state that was flown, until arrival, the end of a retreat, or the
-        flight's end.
+        """Yield the state for each image, until the chaser has arrived or retreated, or the flight ends.
 
-        The next image is not decided before it is requested.
+        No decision is made before the image that follows it is requested.
         """
         h = self._thrusters.period_s
         for k in range(int(np.floor(self._flight.duration_s / h))):
@@ -279,13 +279,13 @@ class ClosedLoop:
             frame = self._flight.orbit.frame(t)
             estimate = self._filter.estimate(t)
             decision = self._approach.decide(t, estimate, self._filter.status, self._filter.last_used_s)
-            seen = self._start
+            chaser_state = self._start
             if estimate is not None:
-                seen = estimate.position_lvlh_m, estimate.velocity_lvlh_m_s
-            camera = self._camera(seen, frame)
+                chaser_state = estimate.position_lvlh_m, estimate.velocity_lvlh_m_s
+            camera = self._camera(chaser_state, frame)
             snapshot = self._snapshot(t, camera)
             step = self._step(t, frame, estimate, decision, camera)
-            commanded, delivered = self._thrust(t, h, decision.wanted_m_s, frame)
+            commanded, delivered = self._thrust(t, h, decision.command_m_s, frame)
             step = replace(step, commanded_lvlh_m_s=commanded, delta_v_lvlh_m_s=delivered)
             self.steps.append(step)
             if step.phase == "arrived" or (step.phase == "abort" and self._is_away(step)):
@@ -342,10 +342,10 @@ class ClosedLoop:
         return self._flight.pointing.attitude(-p, -v, frame)
 
     def _thrust(
-        self, t: float, h: float, wanted_m_s: FloatArray, frame: Lvlh
+        self, t: float, h: float, command_m_s: FloatArray, frame: Lvlh
     ) -> tuple[FloatArray, FloatArray]:
         """Apply a velocity change: the filter receives the command, and the flight the delivered thrust."""
-        commanded, self._mass_kg = self._thrusters.fire(wanted_m_s, self._mass_kg)
+        commanded, self._mass_kg = self._thrusters.fire(command_m_s, self._mass_kg)
         if commanded.any():
             self._filter.add_thrust(
                 ThrustInterval(start_s=t, end_s=t + h, acceleration_lvlh_m_s2=commanded / h)

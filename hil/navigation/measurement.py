@@ -30,7 +30,7 @@ class PoseMeasurement:
     errors : (6, 6) array
         Square root of the error covariance, one column per independent error. Rows are translation in camera axes [m],
         then rotation in target axes [rad].
-    remembered : float
+    correlated_share : float
         Share of each error's variance that is correlated between successive poses.
     """
 
@@ -39,7 +39,7 @@ class PoseMeasurement:
     t_camera_from_target_m: FloatArray
     q_camera_from_eci_wxyz: FloatArray
     errors: FloatArray
-    remembered: float
+    correlated_share: float
 
     def new_errors(self, factors: FloatArray | float = 1.0) -> FloatArray:
         """Return the input matrix (6, 6) of the white part of the errors, driven by unit-variance noise.
@@ -49,15 +49,15 @@ class PoseMeasurement:
         factors : (6,) array or float, optional
             Scale factors of the errors.
         """
-        return np.asarray(np.sqrt(1.0 - self.remembered) * self.errors * factors)
+        return np.asarray(np.sqrt(1.0 - self.correlated_share) * self.errors * factors)
 
-    def remembered_errors(self, factors: FloatArray | float = 1.0) -> FloatArray:
+    def correlated_errors(self, factors: FloatArray | float = 1.0) -> FloatArray:
         """Return the input matrix (6, 6) of the correlated part of the errors; see `new_errors`."""
-        return np.asarray(np.sqrt(self.remembered) * self.errors * factors)
+        return np.asarray(np.sqrt(self.correlated_share) * self.errors * factors)
 
 
 @dataclass(frozen=True, kw_only=True)
-class ErrorMemory:
+class ErrorCorrelation:
     """Correlation of an estimator's errors between views: in similar views the same shadows cause similar errors.
 
     Parameters
@@ -71,7 +71,7 @@ class ErrorMemory:
     turn_rad: float = 1.0
     range_ratio: float = 4.0
 
-    def kept(self, turn_rad: float, ratio: float) -> float:
+    def correlation(self, turn_rad: float, ratio: float) -> float:
         """Return the correlation of the errors of two views.
 
         Parameters
@@ -140,7 +140,7 @@ class PoseNoise:
         Standard deviation of the rotation about each axis perpendicular to the boresight.
     roll_rad : float, optional
         Standard deviation of the rotation about the boresight.
-    remembered : float, optional
+    correlated_share : float, optional
         Share of each variance that is correlated between successive poses.
     memory : ErrorMemory, optional
         Decay of that correlation as the view changes.
@@ -155,8 +155,8 @@ class PoseNoise:
     along_share: float = 1.1e-3
     tilt_rad: float = 0.0028
     roll_rad: float = 0.0009
-    remembered: float = 0.9
-    memory: ErrorMemory = field(default_factory=ErrorMemory)
+    correlated_share: float = 0.9
+    memory: ErrorCorrelation = field(default_factory=ErrorCorrelation)
     available: float = 0.955
     wrong: float = 0.004
 
@@ -183,7 +183,7 @@ class PoseNoise:
             t_camera_from_target_m=t_camera_from_target_m,
             q_camera_from_eci_wxyz=q_camera_from_eci_wxyz,
             errors=errors,
-            remembered=self.remembered,
+            correlated_share=self.correlated_share,
         )
 
     @staticmethod

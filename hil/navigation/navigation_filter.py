@@ -9,7 +9,7 @@ import numpy as np
 
 from flyaround.hil.navigation.consistency import fisher_quantile
 from flyaround.hil.navigation.error_scale import ErrorScale, ScaleSettings
-from flyaround.hil.navigation.measurement import ErrorMemory, PoseMeasurement
+from flyaround.hil.navigation.measurement import ErrorCorrelation, PoseMeasurement
 from flyaround.hil.navigation.relative_estimate import (
     A,
     B,
@@ -48,11 +48,11 @@ class FilterSettings:
     ----------
     gate : float, optional
         Share of correct poses that pass the innovation gate.
-    found_after : int, optional
+    trusted_after : int, optional
         Number of mutually consistent poses that start a trusted track.
     lost_after : int, optional
         Number of successive gated poses after which the track is lost.
-    displaced_after : int, optional
+    replaced_after : int, optional
         Number of mutually consistent gated poses, without an accepted one in between, that replace the track.
     start_speed_m_s : float, optional
         Initial sigma of the velocity, per axis.
@@ -67,13 +67,13 @@ class FilterSettings:
     """
 
     gate: float = 0.9999
-    found_after: int = 5
+    trusted_after: int = 5
     lost_after: int = 5
-    displaced_after: int = 20
+    replaced_after: int = 20
     start_speed_m_s: float = 0.1
     start_rate_rad_s: float = 0.1
     history_s: float = 20.0
-    memory: ErrorMemory = field(default_factory=ErrorMemory)
+    memory: ErrorCorrelation = field(default_factory=ErrorCorrelation)
     scale: ScaleSettings = field(default_factory=ScaleSettings)
 
 
@@ -89,7 +89,7 @@ class NavigationFilter:
     """Multiplicative extended Kalman filter of relative orbit and target attitude on delayed poses.
 
     A pose is applied at its exposure time, and later poses are reprocessed, which is an exact out-of-sequence update. A
-    pose that fails the gate starts a second, candidate track; once ``displaced_after`` poses agree with the candidate
+    pose that fails the gate starts a second, candidate track; once ``replaced_after`` poses agree with the candidate
     and none with the first track, the candidate replaces it. The scale of the pose errors is estimated from the
     residuals (`ErrorScale`), and its uncertainty widens the gate.
 
@@ -173,7 +173,7 @@ class NavigationFilter:
             self._candidate = [_Fix(pose, self._first_estimate(pose))]
             return "gated" if self._track else "starts"
         self._candidate = longer
-        if len(longer) < (self.settings.displaced_after if self._track else self.settings.found_after):
+        if len(longer) < (self.settings.replaced_after if self._track else self.settings.trusted_after):
             return "gated" if self._track else "used"
         self._track, self._candidate, self._gated_in_a_row = longer, [], 0
         self._predicted = None
@@ -218,7 +218,9 @@ class NavigationFilter:
         target = matrix_from_quat(old.q_eci_from_target_wxyz) @ old.omega_target_rad_s
         turn = (target - np.cross(p, v) / (p @ p)) * (new.t_s - old.t_s)
         ratio = np.linalg.norm(new.position_lvlh_m) / np.linalg.norm(old.position_lvlh_m)
-        return new.with_decayed_bias(self.settings.memory.kept(float(np.linalg.norm(turn)), float(ratio)))
+        return new.with_decayed_bias(
+            self.settings.memory.correlation(float(np.linalg.norm(turn)), float(ratio))
+        )
 
     def _forget(self, t_s: float) -> None:
         oldest = t_s - self.settings.history_s
@@ -258,7 +260,7 @@ class NavigationFilter:
         measured = quat_multiply(quat_conjugate(pose.q_camera_from_eci_wxyz), pose.q_camera_from_target_wxyz)
         turn = rotvec_between(estimate.q_eci_from_target_wxyz, measured)
         off = np.concatenate([pose.t_camera_from_target_m - predicted, turn])
-        return np.asarray(off - pose.remembered_errors(factors) @ estimate.pose_bias)
+        return np.asarray(off - pose.correlated_errors(factors) @ estimate.pose_bias)
 
     def _sensitivity(
         self, estimate: RelativeEstimate, pose: PoseMeasurement, factors: FloatArray
@@ -270,7 +272,7 @@ class NavigationFilter:
         H[:3, P] = -R_camera_from_eci @ self._lvlh(pose.t_s).R_eci_from_lvlh
         H[:3, A] = R_camera_from_eci @ R_eci_from_target @ skew(self._com)
         H[3:, A] = np.eye(3)
-        H[:, B] = pose.remembered_errors(factors)
+        H[:, B] = pose.correlated_errors(factors)
         return H
 
     def _first_estimate(self, pose: PoseMeasurement) -> RelativeEstimate:
@@ -287,7 +289,7 @@ class NavigationFilter:
         M[P, 3:] = R_lvlh_from_eci @ R_eci_from_target @ skew(self._com)
         M[A, 3:] = np.eye(3)
         scale = ErrorScale(settings=self.settings.scale)
-        of_bias = M @ pose.remembered_errors(scale.factors)
+        of_bias = M @ pose.correlated_errors(scale.factors)
         of_new = M @ pose.new_errors(scale.factors)
         covariance = np.zeros((18, 18))
         covariance[:12, :12] = of_new @ of_new.T + of_bias @ of_bias.T

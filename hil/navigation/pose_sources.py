@@ -57,14 +57,14 @@ class PoseErrors:
         if self._previous is not None:
             angle_rad = float(np.linalg.norm(rotvec_between(self._previous[0], q)))
             ratio = float(np.linalg.norm(t) / np.linalg.norm(self._previous[1]))
-            correlation = self._noise.memory.kept(angle_rad, ratio)
+            correlation = self._noise.memory.correlation(angle_rad, ratio)
             self._bias = correlation * self._bias + np.sqrt(1.0 - correlation * correlation) * innovation
         self._previous = q, t
         if not is_accepted:
             return None
         pose = self._noise.measured(snapshot.t_s, q, t, snapshot.q_camera_from_eci_wxyz)
         new = pose.new_errors()
-        error = pose.remembered_errors() @ self._bias + np.linalg.cholesky(new @ new.T) @ new_noise
+        error = pose.correlated_errors() @ self._bias + np.linalg.cholesky(new @ new.T) @ new_noise
         if is_wrong:
             error = np.concatenate([0.1 * np.linalg.norm(t) * gross_error[:3], 2.0 * gross_error[3:]])
         return self._noise.measured(

@@ -95,16 +95,16 @@ class RelativeEstimate:
             pose_bias=self.pose_bias + error[B],
         )
 
-    def with_decayed_bias(self, kept: float) -> RelativeEstimate:
-        """Return the estimate with the correlated pose errors decayed to a share ``kept``.
+    def with_decayed_bias(self, correlation: float) -> RelativeEstimate:
+        """Return the estimate with the correlated pose errors decayed to a share ``correlation``.
 
         A first-order Gauss-Markov process of unit variance: white noise replaces the decayed part.
         """
         keep = np.ones(18)
-        keep[B] = kept
+        keep[B] = correlation
         covariance = self.joint_covariance * np.outer(keep, keep)
-        covariance[B, B] += (1.0 - kept * kept) * np.eye(6)
-        return replace(self, joint_covariance=covariance, pose_bias=kept * self.pose_bias)
+        covariance[B, B] += (1.0 - correlation * correlation) * np.eye(6)
+        return replace(self, joint_covariance=covariance, pose_bias=correlation * self.pose_bias)
 
     def with_scaled_errors(self, scale: ErrorScale) -> RelativeEstimate:
         """Return the estimate with the pose errors rescaled to another belief.

@@ -123,7 +123,7 @@ class TrainingSet:
 
 
 def read_training_set(
-    folder: Path, width_px: int, progress: Callable[[int, int], None] = lambda _done, _of: None
+    folder: Path, width_px: int, progress: Callable[[int, int], None] = lambda _done, _total: None
 ) -> TrainingSet:
     """Read a data set's feasible frames, and hold out every tenth frame.
 

@@ -109,7 +109,7 @@ def train_network(
     device: str = "cpu",
     threads: int = 1,
     report: Report = lambda _done, _text: None,
-    progress: Callable[[int, int], None] = lambda _done, _of: None,
+    progress: Callable[[int, int], None] = lambda _done, _total: None,
 ) -> TrainingReport:
     """Train a pose network on a data set, evaluate it on held-out frames, and write its file.
 

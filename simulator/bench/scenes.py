@@ -93,7 +93,7 @@ def bench_scenes(
     *,
     n_frames: int = 20,
     device_index: int | None = None,
-    progress: Callable[[int, int], None] = lambda _done, _of: None,
+    progress: Callable[[int, int], None] = lambda _done, _total: None,
 ) -> tuple[BenchMachine, tuple[SceneCost, ...]]:
     """Time scenes without labels, one frame after the other in one process.
 

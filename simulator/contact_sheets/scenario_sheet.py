@@ -69,7 +69,7 @@ def write_recipe_sheets(
     *,
     axes: bool = False,
     width_px: int = SAMPLE_WIDTH_PX,
-    progress: Callable[[int, int], None] = lambda _done, _of: None,
+    progress: Callable[[int, int], None] = lambda _done, _total: None,
 ) -> None:
     """Write ``NAME.png`` of each recipe into a folder; a recipe of several data sets is skipped.
 

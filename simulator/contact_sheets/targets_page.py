@@ -28,7 +28,7 @@ def write_contact_sheet(
     folder: Path,
     *,
     page: str = "index.html",
-    progress: Callable[[int, int], None] = lambda _done, _of: None,
+    progress: Callable[[int, int], None] = lambda _done, _total: None,
 ) -> Path:
     """Draw the targets and write the page with its images; existing files are replaced.
 

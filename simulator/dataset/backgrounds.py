@@ -27,7 +27,7 @@ def write_library(
     n: int | None = None,
     *,
     device_index: int | None = None,
-    progress: Callable[[int, int], None] = lambda _done, _of: None,
+    progress: Callable[[int, int], None] = lambda _done, _total: None,
 ) -> int:
     """Render the first views of a recipe's background library into ``images/NNNNNN.png``.
 

@@ -79,7 +79,7 @@ def capture(
     workers: int = 1,
     cluster: RayCluster | None = None,
     device_index: int | None = None,
-    progress: Callable[[int, int], None] = lambda _done, _of: None,
+    progress: Callable[[int, int], None] = lambda _done, _total: None,
     tell: Callable[[str], None] = lambda _sentence: None,
 ) -> CaptureSummary:
     """Capture all frames of a plan into a data set.

@@ -111,7 +111,7 @@ def convert(
     form: str,
     *,
     split: Ratio | None = None,
-    progress: Callable[[int, int], None] = lambda _done, _of: None,
+    progress: Callable[[int, int], None] = lambda _done, _total: None,
     tell: Callable[[str], None] = lambda _sentence: None,
 ) -> int:
     """Write a data set's frames in one format, or in several separated by commas.

@@ -58,7 +58,7 @@ def write_overlays(
     output: Path,
     marks: tuple[str, ...] = ("axes",),
     n: int | None = None,
-    progress: Callable[[int, int], None] = lambda _done, _of: None,
+    progress: Callable[[int, int], None] = lambda _done, _total: None,
 ) -> int:
     """Write ``NNNNNN.png`` of a data set's frames with marks; return their number.
 

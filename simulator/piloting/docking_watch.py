@@ -1,4 +1,4 @@
-"""Docking during a flight: port, limits, hold points, contacts, and the reaction to a contact."""
+"""Docking during a flight: approach to a port, contacts with the target, and the motion after a contact."""
 
 from __future__ import annotations
 
@@ -42,19 +42,25 @@ if TYPE_CHECKING:
 
     News = tuple[Literal["note", "caution", "warning"], str]
 
+# Distance from the target's bounding sphere within which contact is checked in every step [m]. It bounds the cost; a
+# step moves the chaser by far less.
 CONTACT_CHECK_M = 1.5
-"""Distance from the target's sphere within which contact is checked [m]."""
-REBOUND = 0.3
-"""Coefficient of restitution for a contact that is not a docking."""
-REARM_DISTANCE_M = 0.5
-"""Distance from the port that the docking point must reach before another contact is counted [m]."""
 
+# Coefficient of restitution of a contact that is not a docking; chosen, not measured.
+RESTITUTION = 0.3
+
+# Minimum speed at which the chaser leaves after such a contact [m s-1], so that it does not stick.
+MIN_REBOUND_M_S = 0.01
+
+# Distance from the port at which the next contact counts as another one [m].
+REARM_DISTANCE_M = 0.5
+
+# Attributes that a seek must restore.
 SAVED_ATTRIBUTES = frozenset({"limits", "contacts", "docked", "_armed", "_port", "hold_points"})
-"""Attributes of the saved state; hold points are included only if they exist."""
 
 
 class Docking:
-    """Monitor of the approach to one port: figures, hold points and contacts.
+    """Monitor of the approach to one docking port: misalignment, hold points and contacts.
 
     Parameters
     ----------
@@ -70,8 +76,9 @@ class Docking:
         self._target = target
         self._start = flight
         self.limits: DockingLimits = TWO_TENTHS
-        closed = keep_out is None or keep_out.corridor_axis_lvlh is None
-        self.corridor_deg = CORRIDOR_DEG if keep_out is None or closed else keep_out.corridor_half_angle_deg
+        self.corridor_deg = CORRIDOR_DEG
+        if keep_out is not None and keep_out.corridor_axis_lvlh is not None:
+            self.corridor_deg = keep_out.corridor_half_angle_deg
         self.contacts: list[Contact] = []
         self.docked = False
         self._armed = True
@@ -100,11 +107,11 @@ class Docking:
         return radius_m(self._target)
 
     def figures(self, chaser: ChaserState, flight: Flight) -> DockingFigures:
-        """Return the figures of a state of the chaser."""
+        """Return the distances, angles and rates of the chaser relative to the port."""
         return docking_figures(chaser, flight.attitude(chaser.t_s), self.port)
 
     def take_axis_here(self, chaser: ChaserState, flight: Flight) -> None:
-        """Define the port where the line from the chaser to the centre of mass enters the body."""
+        """Move the port to the point where the line from the chaser to the centre of mass enters the target."""
         to_target = matrix_from_quat(flight.attitude(chaser.t_s)[0]).T
         axis = to_target @ np.array(chaser.position_eci_m)
         self._port = port_along(self._target, axis, target_from_lvlh(flight, chaser.t_s), flight)
@@ -138,7 +145,17 @@ class Docking:
     def after_step(
         self, before: ChaserState, after: ChaserState, flight: Flight
     ) -> tuple[ChaserState, tuple[News, ...]]:
-        """Return the state after a step that may have touched the target, and the news."""
+        """Return the chaser's state after a step, corrected if it touched the target, and messages for the operator.
+
+        Parameters
+        ----------
+        before : ChaserState
+            State before the step.
+        after : ChaserState
+            State after the step, without contact forces.
+        flight : Flight
+            Flight with the attitude of the target.
+        """
         if not self.is_near(after):
             self._armed = True
             return after, ()
@@ -195,9 +212,9 @@ class Docking:
         p = np.array(before.position_eci_m)
         surface = np.cross(R_eci_from_target @ omega, p)
         relative = np.array(before.velocity_eci_m_s) - surface
-        out = p / np.linalg.norm(p)
-        closing = max(-float(relative @ out), 0.0)
-        relative = relative + (closing + max(REBOUND * closing, 0.01)) * out
+        outward = p / np.linalg.norm(p)
+        closing = max(-float(relative @ outward), 0.0)
+        relative = relative + (closing + max(RESTITUTION * closing, MIN_REBOUND_M_S)) * outward
         return replace(
             after,
             position_eci_m=before.position_eci_m,

@@ -106,7 +106,7 @@ def bench_combinations(
     *,
     n_frames: int = FRAMES,
     device_index: int | None = None,
-    progress: Callable[[int, int], None] = lambda _done, _of: None,
+    progress: Callable[[int, int], None] = lambda _done, _total: None,
 ) -> tuple[BenchMachine, tuple[CombinationCost, ...]]:
     """Time every scenario (or the given ones) x camera x bands, and variants of the base scenario.
 

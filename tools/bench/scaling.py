@@ -68,7 +68,7 @@ def bench_scaling(
     device_index: int | None = None,
     triangles: tuple[int, ...] = TRIANGLES,
     scales: tuple[float, ...] = SCALES,
-    progress: Callable[[int, int], None] = lambda _done, _of: None,
+    progress: Callable[[int, int], None] = lambda _done, _total: None,
 ) -> Scaling:
     """Measure the costs by pixels and by triangles in one process, with the sensor model and without labels."""
     total = len(scales) + len(triangles)

@@ -59,7 +59,7 @@ def bench_throughput(
     most: int,
     device_index: int | None = None,
     seconds: float = SECONDS,
-    progress: Callable[[int, int], None] = lambda _done, _of: None,
+    progress: Callable[[int, int], None] = lambda _done, _total: None,
 ) -> tuple[BenchMachine, tuple[Throughput, ...]]:
     """Measure the frame rate of 1, 2, 4 ... up to ``most`` concurrent processes, without labels.
 

@@ -146,7 +146,7 @@ def load_aravis() -> Aravis:
     Raises
     ------
     LinkError
-        See `Aravis`.
+        If the library is not installed, or lacks one of the functions.
     """
     return Aravis()
 

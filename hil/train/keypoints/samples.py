@@ -1,10 +1,9 @@
 """Training samples of the keypoint network: views with random light, background, crop, exposure and noise.
 
-There are two kinds of samples. *Orbit*: sunlight and a little of all other lights, in front of the Earth or of space.
-*Laboratory*: several lights of random strength; surfaces brighter or darker than in the model, some of them specular; a
-fall-off across the target; textures, bars and cables that the model lacks; a slight deformation; up to half of the
-target saturated; glow, stray light, a black level; specks, occlusion, blur, JPEG and another tone curve (after Park &
-D'Amico 2024, Robust multi-task learning and online refinement for spacecraft pose estimation across domain gap).
+*Orbit* samples show the target in sunlight, in front of the Earth or of space. *Laboratory* samples show it under
+lamps, with randomised surfaces, background and camera errors, so that the network does not depend on the rendering
+(domain randomisation; after Park & D'Amico 2024, Robust multi-task learning and online refinement for spacecraft pose
+estimation across domain gap). Ranges without a source were chosen by hand (docs/lab/2026-11-keypoint-network.md).
 """
 
 from __future__ import annotations
@@ -39,28 +38,27 @@ PIXELS_PER_INPUT_PIXEL = 65.0
 # Width and height of an image [px of the SPEED camera].
 FRAME_PX = (1920.0, 1200.0)
 
-# Log exposure error: standard deviation, and largest value of the outliers.
+# Error of the logarithm of the exposure: standard deviation, and maximum of a grossly wrong exposure.
 EXPOSURE_SIGMA, MAX_EXPOSURE_ERROR = 0.4, 2 * float(np.log(2.0))
 
 # Range of the logarithm of the measured noise over the true one.
 NOISE_LOG_ERROR = (-0.1, 0.5)
 
-# Shares of laboratory samples: with another texture, bars and cables, deformed, stray light, occluded, JPEG.
-TEXTURE_SHARE, CABLE_SHARE, DEFORMED_SHARE, STRAY_LIGHT_SHARE, OCCLUDED_SHARE, JPEG_SHARE = (
-    0.3,
-    0.3,
-    0.3,
-    0.25,
-    0.2,
-    0.2,
-)
+# Shares of the laboratory samples with each effect.
+TEXTURE_SHARE = 0.3
+CABLE_SHARE = 0.3
+DEFORMED_SHARE = 0.3
+STRAY_LIGHT_SHARE = 0.25
+OCCLUDED_SHARE = 0.2
+JPEG_SHARE = 0.2
 
 # Standard deviation of the deformation [px], and its correlation length [px].
 DEFORMATION_PX, DEFORMATION_SCALE_PX = 1.2, 20.0
 
-# Largest signal that is kept [full scale].
+# Signal at which a view is clipped [full scale]; brighter highlights saturate any exposure.
 MAX_SIGNAL = 12.0
 
+# Coordinates of the pixels of a view and of an input, -1..1.
 _Y, _X = (np.mgrid[:VIEW_PX, :VIEW_PX] / (0.5 * VIEW_PX) - 1.0).astype(np.float32)
 _V, _U = (np.mgrid[:INPUT_PX, :INPUT_PX] / (0.5 * INPUT_PX) - 1.0).astype(np.float32)
 
@@ -105,14 +103,14 @@ class LitViews:
 
     Parameters
     ----------
-    lit : ByteArray
-        See ``View``.
-    scale : Float32Array
-        See ``View``.
-    cover : ByteArray
-        See ``View``.
-    label : ByteArray
-        See ``View``.
+    lit : (N, LIGHTS, S, S) array
+        Square root of the signal relative to each light's largest one, scaled to 255, uint8.
+    scale : (N, LIGHTS) array
+        Largest signal under each light [full scale], float32.
+    cover : (N, S, S) array
+        Share of the pixel covered by the target, scaled to 255, uint8.
+    label : (N, S, S) array
+        Surface label of each pixel, 0 for the background, uint8.
     q_wxyz : (N, 4) array
         Attitude quaternions, camera from target.
     range_in_radii : (N,) array
@@ -164,7 +162,7 @@ def image_pyramid(earths: Float32Array, levels: int = 3) -> tuple[Float32Array, 
 def sample(
     views: LitViews,
     earths: Sequence[Float32Array],
-    which: NDArray[Any],
+    view_indices: NDArray[Any],
     rng: Generator,
     mix: SampleMix = HARD,
 ) -> Batch:
@@ -176,50 +174,52 @@ def sample(
         Views of one target.
     earths : sequence of (M, h, w) array
         Image pyramid of the backgrounds.
-    which : (B,) array
+    view_indices : (B,) array
         Indices of the views.
     rng : Generator
         Random generator.
     mix : SampleMix
         Distribution of the samples.
     """
-    size = len(which)
-    off = np.array(mix.crop_sigmas)[rng.choice(len(mix.crop_sigmas), size, p=mix.pass_shares)]
-    box = rng.normal(0, 1, (size, 3)) * off[:, [0, 0, 1]]
-    box[:, 2] = np.clip(box[:, 2], *LOG_SIZES)
+    size = len(view_indices)
+    # shift of the target in the crop [half sides], and log size
+    crop_sigmas = np.array(mix.crop_sigmas)[rng.choice(len(mix.crop_sigmas), size, p=mix.pass_shares)]
+    crop = rng.normal(0, 1, (size, 3)) * crop_sigmas[:, [0, 0, 1]]
+    crop[:, 2] = np.clip(crop[:, 2], *LOG_SIZES)
     present = rng.random(size) >= EMPTY_SHARE
     empty = np.flatnonzero(~present)
-    box[empty, :2] = rng.uniform(1.0, 2.2, (len(empty), 2)) * rng.choice([-1, 1], (len(empty), 2))
-    reduced = (
+    crop[empty, :2] = rng.uniform(1.0, 2.2, (len(empty), 2)) * rng.choice([-1, 1], (len(empty), 2))
+    reduction = (
         PIXELS_PER_INPUT_PIXEL
-        / views.range_in_radii[which]
-        * np.exp(-box[:, 2])
+        / views.range_in_radii[view_indices]
+        * np.exp(-crop[:, 2])
         * rng.uniform(0.7, 1.4, size)
     )
     turn = rng.uniform(0, 2 * np.pi, size)
-    orbit = rng.random(size) < mix.orbit_share
+    is_orbit = rng.random(size) < mix.orbit_share
     noise = rng.uniform(*mix.noise, size)
-    fine = (noise / np.maximum(reduced, 1.0)).astype(np.float32)
+    input_noise = (noise / np.maximum(reduction, 1.0)).astype(np.float32)
     pictures = np.empty((size, INPUT_PX, INPUT_PX), np.float32)
     points = np.empty((size, len(views.keypoints), 2), np.float32)
-    for i, k in enumerate(which):
-        M = _affine(turn[i], box[i])
-        signal = _orbit_signal(views, k, rng) if orbit[i] else _laboratory_signal(views, k, rng)
-        picture, cover = _warp(signal, views.cover[k], M, float(np.exp(box[i, 2])))
-        make = _orbit_picture if orbit[i] else _laboratory_picture
-        picture = make(picture, cover, earths, reduced[i], bool(present[i]), noise[i], rng, mix)
-        picture += rng.standard_normal(picture.shape, np.float32) * fine[i]
-        if not orbit[i] and rng.random() < JPEG_SHARE:
+    for i, k in enumerate(view_indices):
+        M = _affine(turn[i], crop[i])
+        signal = _orbit_signal(views, k, rng) if is_orbit[i] else _laboratory_signal(views, k, rng)
+        picture, cover = _warp(signal, views.cover[k], M, float(np.exp(crop[i, 2])))
+        compose = _orbit_picture if is_orbit[i] else _laboratory_picture
+        picture = compose(picture, cover, earths, reduction[i], bool(present[i]), noise[i], rng, mix)
+        picture += rng.standard_normal(picture.shape, np.float32) * input_noise[i]
+        if not is_orbit[i] and rng.random() < JPEG_SHARE:
             picture = _compress(picture, rng)
-        pictures[i] = _replicate_border(picture, reduced[i], box[i], rng)
+        pictures[i] = _replicate_border(picture, reduction[i], crop[i], rng)
         points[i] = _keypoint_pixels(views, k) @ M[:, :2].T + M[:, 2]
     points = (points - 0.5 * (INPUT_PX - 1)) / (0.5 * INPUT_PX)
-    inputs = channels(pictures, fine * np.exp(rng.uniform(*NOISE_LOG_ERROR, size)).astype(np.float32))
+    noise_error = np.exp(rng.uniform(*NOISE_LOG_ERROR, size)).astype(np.float32)
+    inputs = channels(pictures, input_noise * noise_error)
     return Batch(
         inputs.astype(np.float16),
         points.astype(np.float32),
         present.astype(np.float32),
-        box[:, 2].astype(np.float32),
+        crop[:, 2].astype(np.float32),
     )
 
 
@@ -231,17 +231,18 @@ def _keypoint_pixels(views: LitViews, k: int) -> FloatArray:
     return f * p[:, :2] / (p[:, 2:] + view_range) + 0.5 * (VIEW_PX - 1)
 
 
-def _affine(turn: float, box: FloatArray) -> FloatArray:
-    """Return the affine map (2, 3) from a view's pixels to the input's."""
-    scale = INPUT_FILL * INPUT_PX * np.exp(box[2]) / (FILL_SHARE * VIEW_PX)
+def _affine(turn: float, crop: FloatArray) -> FloatArray:
+    """Return the affine map (2, 3) from a view's pixels to the input's, for a roll angle [rad] and a crop (3,)."""
+    scale = INPUT_FILL * INPUT_PX * np.exp(crop[2]) / (FILL_SHARE * VIEW_PX)
     c, s = scale * np.cos(turn), scale * np.sin(turn)
-    middle, to = 0.5 * (VIEW_PX - 1), 0.5 * (INPUT_PX - 1) + 0.5 * INPUT_PX * box[:2]
-    return np.array([[c, -s, to[0] - (c - s) * middle], [s, c, to[1] - (c + s) * middle]])
+    middle, centre = 0.5 * (VIEW_PX - 1), 0.5 * (INPUT_PX - 1) + 0.5 * INPUT_PX * crop[:2]
+    return np.array([[c, -s, centre[0] - (c - s) * middle], [s, c, centre[1] - (c + s) * middle]])
 
 
 def _warp(
     signal: Float32Array, cover: ByteArray, M: FloatArray, size: float
 ) -> tuple[Float32Array, Float32Array]:
+    """Return the signal and coverage of a view, resampled to the input by the affine map ``M``."""
     scale = INPUT_FILL * INPUT_PX * size / (FILL_SHARE * VIEW_PX)
     both = np.dstack([np.minimum(signal, np.float32(MAX_SIGNAL)), cover.astype(np.float32) / np.float32(255)])
     blur = 0.5 * float(np.sqrt(max(1 / scale**2 - 0.5, 0.05)))
@@ -251,14 +252,14 @@ def _warp(
 
 
 def _mix_lights(views: LitViews, k: int, weights: FloatArray) -> Float32Array:
-    """Return the target's signal under a mixture of its lights."""
-    out = np.zeros((VIEW_PX, VIEW_PX), np.float32)
+    """Return the target's signal (S, S) under a weighted sum of its lights [full scale]."""
+    total = np.zeros((VIEW_PX, VIEW_PX), np.float32)
     for j in np.flatnonzero(weights):
-        root = views.lit[k, j].astype(np.float32)
-        root *= root
-        root *= np.float32(weights[j] * views.scale[k, j] / 255.0**2)
-        out += root
-    return out
+        signal = views.lit[k, j].astype(np.float32)
+        signal *= signal
+        signal *= np.float32(weights[j] * views.scale[k, j] / 255.0**2)
+        total += signal
+    return total
 
 
 def _orbit_signal(views: LitViews, k: int, rng: Generator) -> Float32Array:
@@ -289,20 +290,20 @@ def _laboratory_signal(views: LitViews, k: int, rng: Generator) -> Float32Array:
     # ambient light: shadows are not quite black, equal for all surfaces
     floor = np.float32(rng.choice([0.0, 0.01, 0.04]) * float(signal.max()))
     signal = (signal + floor * (label > 0)) * np.exp(np.clip(field, -3, 3))
-    seen = signal[views.cover[k] > 128]
-    if not len(seen):
+    surface = signal[views.cover[k] > 128]
+    if not len(surface):
         return signal
     # normalise a quantile of the visible surface to a random level: from little light to half of the target saturated
     level = float(np.exp(rng.normal(np.log(0.7), 0.7)))
-    rank = int(rng.uniform(0.5, 0.995) * (len(seen) - 1))
-    return signal * np.float32(level / max(float(np.partition(seen, rank)[rank]), 1e-4))
+    rank = int(rng.uniform(0.5, 0.995) * (len(surface) - 1))
+    return signal * np.float32(level / max(float(np.partition(surface, rank)[rank]), 1e-4))
 
 
 def _orbit_picture(
     signal: Float32Array,
     cover: Float32Array,
     earths: Sequence[Float32Array],
-    reduced: float,
+    reduction: float,
     present: bool,  # noqa: FBT001 - positional in a private call
     noise: float,
     rng: Generator,
@@ -318,7 +319,7 @@ def _orbit_picture(
     )
     picture = _add_shadow(signal, rng) * gain
     if not present or rng.random() < mix.earth_share:
-        earth = _window(earths, reduced / 4, rng)
+        earth = _window(earths, reduction / 4, rng)
         picture = picture + (1 - cover) * earth * np.float32(gain * rng.uniform(0.6, 1.4))
     # clipping at black and white: noise on black raises the mean
     raised = np.float32(0.8 * noise)
@@ -329,7 +330,7 @@ def _laboratory_picture(
     signal: Float32Array,
     cover: Float32Array,
     earths: Sequence[Float32Array],
-    reduced: float,
+    reduction: float,
     present: bool,  # noqa: FBT001 - positional in a private call
     _noise: float,
     rng: Generator,
@@ -337,16 +338,18 @@ def _laboratory_picture(
 ) -> Float32Array:
     picture = np.minimum(_add_shadow(signal, rng), np.float32(MAX_SIGNAL))
     if rng.random() < TEXTURE_SHARE:
-        texture = _window(earths, reduced / 4 * rng.uniform(0.25, 1.0), rng)
+        texture = _window(earths, reduction / 4 * rng.uniform(0.25, 1.0), rng)
         texture = (texture - texture.mean()) / max(float(texture.std()), 1e-3)
         strength = np.float32(rng.uniform(0.1, 0.7))
         picture = picture * np.exp(strength * np.clip(texture, -2.5, 2.5) * cover)
     if rng.random() < CABLE_SHARE:
         _draw_cables(picture, rng)
     if not present or rng.random() < LAB_EARTH_SHARE:
-        behind = _window(earths, reduced / 4 * rng.uniform(0.5, 2.0), rng)
-        behind = behind ** np.float32(rng.uniform(0.6, 1.6)) * np.float32(np.exp(rng.uniform(-2.5, 0.8)))
-        picture = picture + (1 - cover) * behind
+        background = _window(earths, reduction / 4 * rng.uniform(0.5, 2.0), rng)
+        background = background ** np.float32(rng.uniform(0.6, 1.6)) * np.float32(
+            np.exp(rng.uniform(-2.5, 0.8))
+        )
+        picture = picture + (1 - cover) * background
     for _ in range(rng.integers(4) if rng.random() < 0.4 else 0):
         cv2.circle(picture, rng.integers(INPUT_PX, size=2).tolist(), 1, float(rng.uniform(0.1, 0.8)), -1)
     if rng.random() < OCCLUDED_SHARE:
@@ -374,8 +377,8 @@ def _laboratory_picture(
 
 def _compress(picture: Float32Array, rng: Generator) -> Float32Array:
     """Return the image after JPEG compression."""
-    eight = np.clip(np.rint(255 * picture), 0, 255).astype(np.uint8)
-    _, coded = cv2.imencode(".jpg", eight, [cv2.IMWRITE_JPEG_QUALITY, int(rng.integers(40, 96))])
+    pixels = np.clip(np.rint(255 * picture), 0, 255).astype(np.uint8)
+    _, coded = cv2.imencode(".jpg", pixels, [cv2.IMWRITE_JPEG_QUALITY, int(rng.integers(40, 96))])
     decoded = np.asarray(cv2.imdecode(coded, cv2.IMREAD_GRAYSCALE))
     return decoded.astype(np.float32) / np.float32(255)
 
@@ -394,7 +397,7 @@ def _draw_cables(picture: Float32Array, rng: Generator) -> None:
 def _deform(picture: Float32Array, rng: Generator) -> Float32Array:
     """Return the image with a smooth random deformation."""
     coarse = INPUT_PX // 8
-    at = np.mgrid[:INPUT_PX, :INPUT_PX][::-1].astype(np.float32)
+    pixels = np.mgrid[:INPUT_PX, :INPUT_PX][::-1].astype(np.float32)
     for k in range(2):
         smooth = cv2.GaussianBlur(
             rng.standard_normal((coarse, coarse), np.float32),
@@ -402,43 +405,47 @@ def _deform(picture: Float32Array, rng: Generator) -> Float32Array:
             DEFORMATION_SCALE_PX * coarse / INPUT_PX,
         )
         wide = cv2.resize(smooth, (INPUT_PX, INPUT_PX), interpolation=cv2.INTER_CUBIC)
-        at[k] += wide * np.float32(DEFORMATION_PX / max(float(smooth.std()), 1e-6))
-    return np.asarray(cv2.remap(picture, at[0], at[1], cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE))
+        pixels[k] += wide * np.float32(DEFORMATION_PX / max(float(smooth.std()), 1e-6))
+    return np.asarray(
+        cv2.remap(picture, pixels[0], pixels[1], cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+    )
 
 
 def _add_shadow(signal: Float32Array, rng: Generator) -> Float32Array:
     """Return the signal, sometimes with a straight shadow edge over a part of it."""
     if rng.random() > 0.08:
         return signal
-    angle, at = rng.uniform(0, 2 * np.pi), rng.uniform(-0.25, 0.25)
-    dark = np.float32(np.cos(angle)) * _U + np.float32(np.sin(angle)) * _V > at
+    angle, edge = rng.uniform(0, 2 * np.pi), rng.uniform(-0.25, 0.25)
+    dark = np.float32(np.cos(angle)) * _U + np.float32(np.sin(angle)) * _V > edge
     return np.where(dark, signal * np.float32(rng.uniform(0.02, 0.4)), signal)
 
 
-def _window(earths: Sequence[Float32Array], reduced: float, rng: Generator) -> Float32Array:
-    """Return a random window of a background, downscaled by ``reduced`` and rotated by a multiple of 90 deg."""
-    level = int(np.clip(np.log2(max(reduced, 1.0)), 0, len(earths) - 1))
+def _window(earths: Sequence[Float32Array], reduction: float, rng: Generator) -> Float32Array:
+    """Return a random window of a background, downscaled by ``reduction`` and rotated by a multiple of 90 deg."""
+    level = int(np.clip(np.log2(max(reduction, 1.0)), 0, len(earths) - 1))
     earth = earths[level][int(rng.integers(len(earths[level])))]
     h, w = earth.shape
-    side = int(np.clip(INPUT_PX * reduced / 2**level, min(INPUT_PX // 2, h), min(h, w)))
+    side = int(np.clip(INPUT_PX * reduction / 2**level, min(INPUT_PX // 2, h), min(h, w)))
     x, y = int(rng.integers(w - side + 1)), int(rng.integers(h - side + 1))
-    how = cv2.INTER_AREA if side > INPUT_PX else cv2.INTER_LINEAR
-    part = cv2.resize(earth[y : y + side, x : x + side], (INPUT_PX, INPUT_PX), interpolation=how)
-    part = np.rot90(part, int(rng.integers(4)))
-    return np.asarray(part.T if rng.random() < 0.5 else part)
+    interpolation = cv2.INTER_AREA if side > INPUT_PX else cv2.INTER_LINEAR
+    window = cv2.resize(earth[y : y + side, x : x + side], (INPUT_PX, INPUT_PX), interpolation=interpolation)
+    window = np.rot90(window, int(rng.integers(4)))
+    return np.asarray(window.T if rng.random() < 0.5 else window)
 
 
-def _replicate_border(picture: Float32Array, reduced: float, box: FloatArray, rng: Generator) -> Float32Array:
+def _replicate_border(
+    picture: Float32Array, reduction: float, crop: FloatArray, rng: Generator
+) -> Float32Array:
     """Return the image with its border replicated where the crop extends beyond the frame, as on the board.
 
     The bounding sphere is placed randomly in the frame, or near its centre if it is larger.
     """
-    at = []
-    for size_px, shift in zip(FRAME_PX, box[:2], strict=True):
-        half = 0.5 * size_px / reduced
-        slack = max(half - 0.5 * INPUT_FILL * INPUT_PX * float(np.exp(box[2])), 0.0)
+    indices = []
+    for size_px, shift in zip(FRAME_PX, crop[:2], strict=True):
+        half = 0.5 * size_px / reduction
+        slack = max(half - 0.5 * INPUT_FILL * INPUT_PX * float(np.exp(crop[2])), 0.0)
         middle = 0.5 * (INPUT_PX - 1) + 0.5 * INPUT_PX * shift + slack * rng.uniform(-1, 1)
         low = int(np.clip(np.ceil(middle - half), 0, INPUT_PX - 1))
         high = int(np.clip(np.floor(middle + half), low, INPUT_PX - 1))
-        at.append(np.clip(np.arange(INPUT_PX), low, high))
-    return picture[at[1][:, None], at[0][None, :]]
+        indices.append(np.clip(np.arange(INPUT_PX), low, high))
+    return picture[indices[1][:, None], indices[0][None, :]]

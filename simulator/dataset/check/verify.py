@@ -95,7 +95,7 @@ class CheckReport:
 
 def check_dataset(
     folder: str | Path,
-    progress: Callable[[int, int], None] = lambda _done, _of: None,
+    progress: Callable[[int, int], None] = lambda _done, _total: None,
     *,
     redraw: float = REDRAWN_SHARE,
     redraw_seed: int | None = None,

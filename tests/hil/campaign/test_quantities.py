@@ -121,7 +121,7 @@ def flown_with(folder, *script, **options):
 def verdict(name, record):
     comparison, limit = LIMITS.get(name, ("<=", 60_000.0))
     requirement = Requirement(name="one", quantity=name, comparison=comparison, limit=limit)
-    return Verdict.from_value(requirement, QUANTITIES[name].of(record))
+    return Verdict.from_value(requirement, QUANTITIES[name].value_of(record))
 
 
 def names(*, closed_loop):
@@ -165,7 +165,7 @@ def test_in_a_closed_loop_a_dead_board_arrives_nowhere(tmp_path):
     for name in loop:
         comparison, limit = limits.get(name, LIMITS.get(name, ("<=", 1e4)))
         requirement = Requirement(name="one", quantity=name, comparison=comparison, limit=limit)
-        if Verdict.from_value(requirement, QUANTITIES[name].of(record)).passed:
+        if Verdict.from_value(requirement, QUANTITIES[name].value_of(record)).passed:
             passed.add(name)
     assert passed <= IN_A_LOOP.keys()
 
@@ -201,7 +201,7 @@ EARLY_AND_LATE_MS = (-40.0, -8.0, 0.5, 1.0, 2.0)
 
 
 def of(name, given):
-    return QUANTITIES[name].of(RunRecord(summarise(given, **RUN), given, {}))
+    return QUANTITIES[name].value_of(RunRecord(summarise(given, **RUN), given, {}))
 
 
 def test_pictures_that_come_too_early_are_as_wrong_as_late_ones():

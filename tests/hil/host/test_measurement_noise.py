@@ -46,7 +46,7 @@ def test_the_spread_of_known_errors_is_found_and_read_back(tmp_path):
         along_share=0.05,
         tilt_rad=0.12,
         roll_rad=0.06,
-        remembered=0.0,
+        correlated_share=0.0,
         available=0.8,
         wrong=0.02,
     )
@@ -98,7 +98,7 @@ def test_the_filter_is_better_than_the_coarse_poses_that_it_runs_on():
     from flyaround.simulator.scenario.plan import plan_flight
 
     noise = PoseNoise(
-        across_m=0.0, across_share=0.01, along_share=0.03, tilt_rad=0.12, roll_rad=0.06, remembered=0.2
+        across_m=0.0, across_share=0.01, along_share=0.03, tilt_rad=0.12, roll_rad=0.06, correlated_share=0.2
     )
     plan = plan_flight(load_scenario("tango-vbar-closed-loop"), n=2)
     result = fly_closed_loop(

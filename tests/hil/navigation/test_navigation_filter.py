@@ -7,7 +7,7 @@ import pytest
 
 from flyaround.hil.navigation.consistency import chi_square_quantile, fisher_quantile, nees, nees_band
 from flyaround.hil.navigation.error_scale import ScaleSettings
-from flyaround.hil.navigation.measurement import ErrorMemory, PoseNoise, Snapshot
+from flyaround.hil.navigation.measurement import ErrorCorrelation, PoseNoise, Snapshot
 from flyaround.hil.navigation.navigation_filter import FilterSettings, NavigationFilter
 from flyaround.hil.navigation.pose_sources import PoseErrors
 from flyaround.hil.navigation.prediction_error import forecast_errors
@@ -185,7 +185,7 @@ def test_errors_that_are_alike_are_not_averaged_away():
         for name, found in values.items():
             filter_ = new_filter()
             for pose in poses:
-                white = replace(pose, remembered=0.0)
+                white = replace(pose, correlated_share=0.0)
                 filter_.add(pose if name == "alike" else white)
             estimate = filter_.estimate(60.0)
             x = truth(60.0)
@@ -240,10 +240,10 @@ def test_errors_of_a_view_where_they_are_five_times_as_large_are_learned():
 
 
 def test_a_bias_goes_with_the_view():
-    memory = ErrorMemory(turn_rad=0.5, range_ratio=4.0)
-    assert memory.kept(0.0, 1.0) == 1.0
-    assert memory.kept(0.5, 1.0) == pytest.approx(np.exp(-1.0))
-    assert memory.kept(0.0, 4.0) == memory.kept(0.0, 0.25) == pytest.approx(np.exp(-1.0))
+    memory = ErrorCorrelation(turn_rad=0.5, range_ratio=4.0)
+    assert memory.correlation(0.0, 1.0) == 1.0
+    assert memory.correlation(0.5, 1.0) == pytest.approx(np.exp(-1.0))
+    assert memory.correlation(0.0, 4.0) == memory.correlation(0.0, 0.25) == pytest.approx(np.exp(-1.0))
 
 
 def test_what_goes_of_a_bias_is_replaced_by_what_nobody_knows():
@@ -252,9 +252,9 @@ def test_what_goes_of_a_bias_is_replaced_by_what_nobody_knows():
     mixed = rng.standard_normal((18, 18)) / 3
     known = estimate_at_rest(mixed @ mixed.T)
     none_known = estimate_at_rest(np.eye(18))
-    for kept in (1.0, 0.7, 0.2, 0.0):
+    for correlation in (1.0, 0.7, 0.2, 0.0):
         np.testing.assert_allclose(
-            none_known.with_decayed_bias(kept).joint_covariance, np.eye(18), atol=1e-12
+            none_known.with_decayed_bias(correlation).joint_covariance, np.eye(18), atol=1e-12
         )
     once, twice = known.with_decayed_bias(0.42), known.with_decayed_bias(0.7).with_decayed_bias(0.6)
     np.testing.assert_allclose(once.joint_covariance, twice.joint_covariance, atol=1e-12)

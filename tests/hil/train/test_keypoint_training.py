@@ -36,7 +36,7 @@ CRAFT = "cubesat-1u"
 @pytest.fixture(scope="module")
 def drawing(tmp_path_factory: pytest.TempPathFactory) -> Drawing:
     made = Drawing(tmp_path_factory.mktemp("views"), (CRAFT,), 30, 5)
-    render_views(made, 1, lambda _done, _of: None)
+    render_views(made, 1, lambda _done, _total: None)
     return made
 
 
