@@ -52,8 +52,8 @@ def run(arguments: list[str]) -> int:
         if stop is None:
             return leave.code if isinstance(leave, SystemExit) and isinstance(leave.code, int) else 0
         terminated = isinstance(stop, Terminated)
-        how = "terminated" if terminated else "interrupted"
-        sys.stderr.write(f"flyaround: {how}; files written so far are complete\n")
+        verb = "terminated" if terminated else "interrupted"
+        sys.stderr.write(f"flyaround: {verb}; files written so far are complete\n")
         return TERMINATED if terminated else INTERRUPTED
     except Exception as error:
         sentence = str(error) if _is_users(error) else machine_sentence(error)

@@ -92,10 +92,12 @@ def machine_sentence(error: BaseException) -> str | None:
     return f"the system refused{place}: {words}; check the path, its permissions and the machine's limits"
 
 
-def near_names(name: str, known: Sequence[str], most: int = 1) -> list[str]:
-    """Return the names of ``known`` that ``name`` was probably meant for: a close match, or one contained in the
+def near_names(name: str, names: Sequence[str], most: int = 1) -> list[str]:
+    """Return the names of ``names`` that ``name`` was probably meant for: a close match, or one contained in the
     other.
     """
-    close = get_close_matches(name, known, n=most, cutoff=_NEAR)
-    within = [k for k in known if k not in close and min(len(k), len(name)) > 2 and (name in k or k in name)]
-    return [*close, *within][:most]
+    close = get_close_matches(name, names, n=most, cutoff=_NEAR)
+    containing = [
+        k for k in names if k not in close and min(len(k), len(name)) > 2 and (name in k or k in name)
+    ]
+    return [*close, *containing][:most]

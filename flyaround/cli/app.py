@@ -107,8 +107,8 @@ An emulated board, which needs no hardware: make board-qemu, in the source code 
 class LazyCommand(TyperCommand):
     """Command whose module is imported when its arguments or its help are needed."""
 
-    def __init__(self, name: str, home: str, about: str) -> None:
-        super().__init__(name, help=escape(about))
+    def __init__(self, name: str, home: str, help_text: str) -> None:
+        super().__init__(name, help=escape(help_text))
         self._home = home
 
     def make_context(self, *call: Any, **options: Any) -> Any:  # noqa: ANN401 - click's own signature
@@ -117,9 +117,9 @@ class LazyCommand(TyperCommand):
         thing = getattr(import_module(f"flyaround.cli.{module}"), name)
         if isinstance(thing, typer.Typer):
             return with_literal_help(get_group(thing)).make_context(*call, **options)
-        one = typer.Typer(add_completion=False)
-        one.command(self.name)(thing)
-        return with_literal_help(get_command(one)).make_context(*call, **options)
+        group = typer.Typer(add_completion=False)
+        group.command(self.name)(thing)
+        return with_literal_help(get_command(group)).make_context(*call, **options)
 
 
 class Commands(TyperGroup):

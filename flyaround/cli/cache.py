@@ -30,7 +30,7 @@ def cache(
 ) -> None:
     """List the data cached between runs (decoded maps, baked light, targets), or remove it."""
     freed_bytes = clear_cache() if clear else 0
-    kinds, most = cache_kinds(), max_cache_bytes()
+    kinds, limit_bytes = cache_kinds(), max_cache_bytes()
     total = sum(kind.size_bytes for kind in kinds)
     if as_json:
         typer.echo(
@@ -38,7 +38,7 @@ def cache(
                 {
                     "folder": str(cache_folder()),
                     "size_bytes": total,
-                    "most_bytes": most,
+                    "most_bytes": limit_bytes,
                     "removed_bytes": freed_bytes,
                     "kinds": [asdict(kind) for kind in kinds],
                 }
@@ -52,4 +52,4 @@ def cache(
     for kind in kinds:
         table.add_row(kind.name, str(kind.files), f"{kind.size_bytes / MB:.1f}")
     terminal().print(table)
-    say(f"{cache_folder()}: {total / MB:.0f} MB, kept under {most / MB:.0f} MB ({SIZE_VARIABLE})")
+    say(f"{cache_folder()}: {total / MB:.0f} MB, kept under {limit_bytes / MB:.0f} MB ({SIZE_VARIABLE})")

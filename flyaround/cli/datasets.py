@@ -70,7 +70,7 @@ def capture(
                 tell=lambda sentence: say(sentence, stderr=True),
             )
         if not as_json:
-            _tell_capture(summaries[member])
+            _print_capture(summaries[member])
     if as_json:
         reports = {member: _report(summary) for member, summary in summaries.items()}
         typer.echo(json.dumps(reports.get("", {"members": reports})))
@@ -92,7 +92,7 @@ def _report(summary: CaptureSummary) -> dict[str, Any]:
     }
 
 
-def _tell_capture(summary: CaptureSummary) -> None:
+def _print_capture(summary: CaptureSummary) -> None:
     say(
         f"{summary.n_written} frames written to {summary.folder} ({summary.n_kept} existed, "
         f"{summary.n_feasible} of the new ones feasible, {len(summary.quarantined)} quarantined)"
@@ -102,9 +102,9 @@ def _tell_capture(summary: CaptureSummary) -> None:
     for name, count in summary.redraws.items():
         say(f"{count} poses sampled again for {name}")
     if summary.clipping is not None:
-        _tell_clipping(summary.clipping)
+        _print_clipping(summary.clipping)
     if summary.second is not None:
-        _tell_capture(summary.second)
+        _print_capture(summary.second)
 
 
 def _some(frames: tuple[int, ...], most: int = 10) -> str:
@@ -112,7 +112,7 @@ def _some(frames: tuple[int, ...], most: int = 10) -> str:
     return ", ".join(str(k) for k in frames[:most]) + (", ..." if len(frames) > most else "")
 
 
-def _tell_clipping(clipping: ClippingSummary) -> None:
+def _print_clipping(clipping: ClippingSummary) -> None:
     """Report the share of the target that is saturated before noise, and the remedy."""
     shares = f"{100 * clipping.share:.1f} % of the target's pixels are saturated"
     if clipping.advice and clipping.dark_frames:
@@ -161,7 +161,7 @@ def check(
     if as_json:
         typer.echo(json.dumps(_check_report(report)))
     else:
-        _tell_check(report)
+        _print_check(report)
     if report.faults:
         raise typer.Exit(1)
 
@@ -178,7 +178,7 @@ def _check_report(report: CheckReport) -> dict[str, Any]:
     }
 
 
-def _tell_check(report: CheckReport) -> None:
+def _print_check(report: CheckReport) -> None:
     for fault in report.faults:
         where = "set" if fault.frame is None else f"frame {fault.frame}"
         say(Text.assemble((where, "red"), f": {fault.what}"))

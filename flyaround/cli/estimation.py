@@ -67,8 +67,8 @@ def estimate(
     if as_json:
         typer.echo(json.dumps(rows if len(rows) > 1 else rows[0], indent=1))
     else:
-        _tell_estimates(rows)
-        _tell_network(run.method, model, network)
+        _print_estimates(rows)
+        _print_network(run.method, model, network)
 
 
 def _network_craft(method: str, model: BoardModel) -> str | None:
@@ -83,7 +83,7 @@ def _network_craft(method: str, model: BoardModel) -> str | None:
     return None if network is None else network.head.craft
 
 
-def _tell_network(method: str, model: BoardModel, network: str | None) -> None:
+def _print_network(method: str, model: BoardModel, network: str | None) -> None:
     """Print that a target has no keypoint network, if the method would use one."""
     if network is None and method in (HYBRID, HYBRID_TRACK):
         say(
@@ -132,7 +132,7 @@ def _estimated(estimator: Estimator, path: Path, intrinsics: Camera, place: Path
     }
 
 
-def _tell_estimates(rows: list[dict[str, Any]]) -> None:
+def _print_estimates(rows: list[dict[str, Any]]) -> None:
     table = Table(Column("image", overflow="fold"), "outcome", "q wxyz", "t [m]", "confidence", "ms")
     for row in rows:
         q, t = row["q_camera_from_target_wxyz"], row["t_camera_from_target_m"]
@@ -159,14 +159,14 @@ def evaluate(
     folder, output = Path(run.folder), Path(run.output)
     choices = _choices(run)
     try:
-        given = None if run.model is None else BoardModel.read(run.model)
+        user_model = None if run.model is None else BoardModel.read(run.model)
         card = read_card(folder)  # fail before a report is written
         write_run(empty_folder(output, resume=run.resume), run)
         with progress_bar("evaluate", quiet=as_json) as progress:
             metrics = evaluate_dataset(
-                folder, output, methods=choices, model=given, workers=run.workers, progress=progress
+                folder, output, methods=choices, model=user_model, workers=run.workers, progress=progress
             )
-        model = board_model(load_target(card.target.name)) if given is None else given
+        model = board_model(load_target(card.target.name)) if user_model is None else user_model
         networks = [_network_craft(choice.method, model) for choice in choices]
     except BoardModelError as error:
         raise UserError(str(error)) from error
@@ -182,7 +182,7 @@ def evaluate(
     say(f"pictures: {metrics.pictures}")
     say(about_mean_predictor(metrics.mean_predictor))
     for choice, network in zip(choices, networks, strict=True):
-        _tell_network(choice.method, model, network)
+        _print_network(choice.method, model, network)
     say(f"page: {output / 'index.html'}")
 
 

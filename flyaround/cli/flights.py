@@ -69,7 +69,7 @@ def fly(
     if as_json:
         typer.echo(json.dumps(summary))
     else:
-        _tell_flight(summary)
+        _print_flight(summary)
 
 
 def _earlier_flight(folder: Path) -> tuple[Path, ...]:
@@ -89,7 +89,7 @@ def _earlier_flight(folder: Path) -> tuple[Path, ...]:
     return files
 
 
-def _tell_flight(summary: dict[str, Any]) -> None:
+def _print_flight(summary: dict[str, Any]) -> None:
     """Print a flight's summary: folder, phases, events and delta-v."""
     say(f"{summary['rows']} states in {summary['states']}")
     for words in summary["followed"]:

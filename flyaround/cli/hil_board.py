@@ -53,11 +53,13 @@ def board(run: Run) -> None:
     with TemporaryDirectory() as folder:  # the key file is read only once
         path = Path(folder) / f"{target}.board.json"
         write_board_model(load_target(target), path)
-        own = added_factory(path, options["method"]) if options["method"] in plugins("estimator") else None
+        plugin_factory = (
+            added_factory(path, options["method"]) if options["method"] in plugins("estimator") else None
+        )
         if url.startswith(SCHEME):
-            make, name, sha256 = own or estimator_factory(path, options["method"])
+            make, name, sha256 = plugin_factory or estimator_factory(path, options["method"])
         else:
-            agent = make_agent(url, str(path), options, own)
+            agent = make_agent(url, str(path), options, plugin_factory)
     if url.startswith(SCHEME):
         hello = describe_board(name, sha256, options["method"], compiled=True)
         _report_and_exit(run_camera_board(url, camera_board_options(options), make, hello))

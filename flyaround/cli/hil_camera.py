@@ -113,13 +113,13 @@ def _terms(plan: Plan, rate_hz: float) -> CameraTerms:
 
 def _config(plan: Plan, terms: CameraTerms, run: CameraRun) -> EndpointConfig:
     """Return the camera's interface, and the addresses that it answers."""
-    there = find_interface(run.interface, run.address)
+    interface = find_interface(run.interface, run.address)
     addresses = tuple(check_address(a, "--allow") for a in run.allow)
     name, description = (OWN_NAME, write_xml(terms)) if run.xml is None else read_xml(Path(run.xml))
     key = None if run.key is None else Path(run.key)
     return EndpointConfig(
-        interface=there,
-        allowed=addresses or tuple(dict.fromkeys(("127.0.0.1", there.address))),
+        interface=interface,
+        allowed=addresses or tuple(dict.fromkeys(("127.0.0.1", interface.address))),
         terms=terms,
         xml=description,
         xml_name=name,

@@ -17,12 +17,12 @@ if TYPE_CHECKING:
 
 def listening_text(url: str, truth_url: str | None, target: str, *, keyed: bool = False) -> str:
     """Return the address of a host, and the command to type on the board."""
-    there, key = board_url(url), " --key FILE" if keyed else ""
+    address, key = board_url(url), " --key FILE" if keyed else ""
     lines = [
         f"listening on {url}; on the board type",
         f"  {board_command(url, target, keyed=keyed)}",
         f"or, with the file from flyaround hil bundle board.pyz --target {target},",
-        f"  python3 board.pyz {there} --model {target}{key}",
+        f"  python3 board.pyz {address} --model {target}{key}",
     ]
     if url.startswith("serial"):
         lines.append("(use the board's device name of the serial line)")

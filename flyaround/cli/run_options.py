@@ -31,15 +31,17 @@ def with_run_options(command: Callable[..., None], kind: type[Run] | None = None
         Type of the run; by default the argument's annotation.
     """
     signature = inspect.signature(command, eval_str=True)
-    own = [p.replace(kind=p.KEYWORD_ONLY) for p in signature.parameters.values() if p.name != "run"]
+    command_parameters = [
+        p.replace(kind=p.KEYWORD_ONLY) for p in signature.parameters.values() if p.name != "run"
+    ]
     kind = signature.parameters["run"].annotation if kind is None else kind
     fields = {field.name: field for field in run_fields(kind)}
 
     def wrapper(**values: Any) -> None:  # noqa: ANN401 - option values
         run = make_run(kind, {name: values[name] for name in fields})
-        command(run=run, **{p.name: values[p.name] for p in own})
+        command(run=run, **{p.name: values[p.name] for p in command_parameters})
 
-    parameters = [*map(_parameter, fields.values()), *own, _run_parameter(kind, fields)]
+    parameters = [*map(_parameter, fields.values()), *command_parameters, _run_parameter(kind, fields)]
     wrapper.__doc__, wrapper.__name__, wrapper.__module__ = (
         command.__doc__,
         command.__name__,

@@ -86,8 +86,8 @@ def add(
     )
     target, lines = import_mesh(file, name, options)
     if craft.classes is not None:
-        own = _read_classes(Path(craft.classes), target)
-        target = changed(target, part_classes={**target.part_classes, **own})
+        part_classes = _read_classes(Path(craft.classes), target)
+        target = changed(target, part_classes={**target.part_classes, **part_classes})
     lines[-1:-1] = class_report(target)
     expect = _expected_of_the_estimator(target)
     path = install(target)

@@ -26,7 +26,7 @@ _CONTROL_CHARACTERS = re.compile(
 
 def escape_control_characters(text: str) -> str:
     """Return a text with control characters as Python escapes, except tabs and line ends."""
-    return _CONTROL_CHARACTERS.sub(lambda found: found[0].encode("unicode_escape").decode(), text)
+    return _CONTROL_CHARACTERS.sub(lambda match: match[0].encode("unicode_escape").decode(), text)
 
 
 class VisibleConsole(Console):

@@ -127,11 +127,11 @@ def read_run(path: Path, kind: type[Run]) -> dict[str, Any]:
     """
     where = f"--run {path}"
     raw = parse_toml(read_toml(path, where, "give a TOML file of a run"), where)
-    own = mi.type_info(kind).tag  # type: ignore[attr-defined]
-    schema = raw.get("schema", own)
-    if schema != own:
+    tag = mi.type_info(kind).tag  # type: ignore[attr-defined]
+    schema = raw.get("schema", tag)
+    if schema != tag:
         raise UserError(
-            f"{where} has the schema {schema!r}, but this command's runs have {own!r}: give a file of this command"
+            f"{where} has the schema {schema!r}, but this command's runs have {tag!r}: give a file of this command"
         )
     _rename_methods(raw, path)
     try:
@@ -188,8 +188,8 @@ def run_toml(run: Run) -> bytes:
             del section[name]
         elif isinstance(section[name], str):
             section[name] = without_secrets(section[name])
-    whole = {key: value for key, value in table.items() if value != {}}
-    return to_toml(whole).encode()
+    non_empty = {key: value for key, value in table.items() if value != {}}
+    return to_toml(non_empty).encode()
 
 
 def write_run(path: Path, run: Run) -> None:

@@ -303,13 +303,13 @@ class FrameServer:
     def _mistaken(self, mistake: ProtocolMistake) -> None:
         """Report a protocol violation to the host, which alone can correct it."""
         self._warn(str(mistake))
-        about = mistake.frame_id
-        if about is None:
+        frame_id = mistake.frame_id
+        if frame_id is None:
             self._say(ErrorMessage(ErrorCode.OTHER, str(mistake), NO_FRAME))
             return
-        if about == self._assembler.frame_id:
+        if frame_id == self._assembler.frame_id:
             self._assembler.abandon()
-        self._say(ErrorMessage(ErrorCode.FORMAT, str(mistake), about))
+        self._say(ErrorMessage(ErrorCode.FORMAT, str(mistake), frame_id))
 
     def _warn(self, sentence: str) -> None:
         self._logged += 1

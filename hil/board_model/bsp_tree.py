@@ -85,10 +85,10 @@ def _grow(
     tree.members[me] = _emit(tree, big[on], big_of[on])
     cut = np.flatnonzero(front & behind)
     sides = []
-    for sign, whole in ((1.0, front & ~behind), (-1.0, behind & ~front)):
+    for sign, on_one_side in ((1.0, front & ~behind), (-1.0, behind & ~front)):
         pieces = [(piece, int(big_of[k])) for k in cut for piece in _clip(big[k], sign * s[k])]
-        corners = np.concatenate([big[whole], np.array([p for p, _ in pieces]).reshape(-1, 4, 3)])
-        sides.append((corners, np.concatenate([big_of[whole], np.array([k for _, k in pieces], int)])))
+        corners = np.concatenate([big[on_one_side], np.array([p for p, _ in pieces]).reshape(-1, 4, 3)])
+        sides.append((corners, np.concatenate([big_of[on_one_side], np.array([k for _, k in pieces], int)])))
     ahead = small.mean(axis=1) @ n - d >= FRONT_TOLERANCE_M
     first = _grow(tree, *sides[0], small[ahead], small_of[ahead], depth + 1)
     second = _grow(tree, *sides[1], small[~ahead], small_of[~ahead], depth + 1)

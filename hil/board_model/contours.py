@@ -216,8 +216,8 @@ def _sample_outline(filled: ByteArray, count: int) -> tuple[FloatArray, FloatArr
     places, inwards, start = [], [], 0.0
     for loop, size in zip(loops, length, strict=True):
         step = np.hypot(*(np.roll(loop, -1, axis=0) - loop).T)
-        at = along[(along >= start) & (along < start + size)] - start
-        k = np.searchsorted(np.cumsum(step) - step, at, side="right") - 1
+        indices = along[(along >= start) & (along < start + size)] - start
+        k = np.searchsorted(np.cumsum(step) - step, indices, side="right") - 1
         places.append(loop[k])
         start += size
         # OpenCV traces outer contours with the inside on the left in image axes: rotate the tangent by 90 degrees

@@ -53,10 +53,10 @@ def visible_area(triangles_m: FloatArray) -> FloatArray:
     visible.
     """
     normal = face_vectors(triangles_m)
-    twice = np.linalg.norm(normal, axis=1)
-    normal /= np.maximum(twice, 1e-30)[:, None]
+    double_area = np.linalg.norm(normal, axis=1)
+    normal /= np.maximum(double_area, 1e-30)[:, None]
     pitch = SAMPLE_SPACING * float(np.ptp(triangles_m.reshape(-1, 3), axis=0).max())
-    count = np.maximum(3, np.ceil(0.5 * twice / pitch**2)).astype(int)
+    count = np.maximum(3, np.ceil(0.5 * double_area / pitch**2)).astype(int)
     owner = np.repeat(np.arange(len(triangles_m)), count)
     # additive recurrence of the plastic number: low-discrepancy sampling
     k = np.arange(len(owner))
@@ -65,7 +65,7 @@ def visible_area(triangles_m: FloatArray) -> FloatArray:
     u[fold], v[fold] = 1 - u[fold], 1 - v[fold]
     a, b, c = (triangles_m[owner, i] for i in range(3))
     points = (a + u[:, None] * (b - a) + v[:, None] * (c - a)).astype(np.float32)
-    seen, n_views = np.zeros(len(triangles_m)), np.zeros(len(triangles_m))
+    n_visible, n_views = np.zeros(len(triangles_m)), np.zeros(len(triangles_m))
     for d in sphere_directions(DIRECTIONS):
         x = np.cross([0.0, 0.0, 1.0] if abs(d[2]) < 0.8 else [1.0, 0.0, 0.0], d)
         x /= np.linalg.norm(x)
@@ -78,11 +78,11 @@ def visible_area(triangles_m: FloatArray) -> FloatArray:
         far_first = np.argsort(-p[:, 2])
         depth[flat[far_first]] = p[far_first, 2]
         visible = owner[front[p[:, 2] <= depth[flat] + 0.4 * pitch]]
-        seen += np.bincount(visible, minlength=len(triangles_m))
+        n_visible += np.bincount(visible, minlength=len(triangles_m))
         n_views += np.bincount(owner[front], minlength=len(triangles_m))
     # an occasional empty cell makes inner faces appear visible
-    seen[seen < MAX_LEAK_SHARE * n_views] = 0.0
-    return np.asarray(0.5 * twice * seen / (count * DIRECTIONS))
+    n_visible[n_visible < MAX_LEAK_SHARE * n_views] = 0.0
+    return np.asarray(0.5 * double_area * n_visible / (count * DIRECTIONS))
 
 
 def outer_triangles(levels: Sequence[Sequence[Part]]) -> tuple[FloatArray, list[str]]:
@@ -138,9 +138,9 @@ def _most_informative_parts(parts: Sequence[Part], coarse: int) -> tuple[FloatAr
             chosen_parts[k] = True
             count += number[k]
     # faces hidden only by omitted parts become visible
-    some = np.flatnonzero(chosen_parts[owner])
-    some = some[visible_area(triangles[some]) > least]
-    return triangles[some], [parts[k].material for k in owner[some]]
+    face_indices = np.flatnonzero(chosen_parts[owner])
+    face_indices = face_indices[visible_area(triangles[face_indices]) > least]
+    return triangles[face_indices], [parts[k].material for k in owner[face_indices]]
 
 
 def _distinctiveness(
@@ -167,18 +167,18 @@ def _distinctiveness(
     names = sorted({p.material for p in parts})
     material = np.array([names.index(p.material) for p in parts])[owner]
     # sample points all over the surface, no farther apart than half of ``within_m``
-    points, of = [], []
+    points, owners = [], []
     for k in np.flatnonzero(surface):
         a, b, c = triangles_m[k]
         n = 1 + int(2.0 * max(np.linalg.norm(b - a), np.linalg.norm(c - a)) / within_m)
         u, v = (x.ravel() / n for x in np.mgrid[0 : n + 1, 0 : n + 1])
         inside = u + v <= 1.0
         points.append(a + u[inside, None] * (b - a) + v[inside, None] * (c - a))
-        of.append(np.full(int(inside.sum()), material[k]))
+        owners.append(np.full(int(inside.sum()), material[k]))
     if not points:
         return np.ones(len(candidates))
     distance, nearest = cKDTree(np.concatenate(points)).query(triangles_m[candidates].mean(axis=1))
-    other = (distance > within_m) | (np.concatenate(of)[nearest] != material[candidates])
+    other = (distance > within_m) | (np.concatenate(owners)[nearest] != material[candidates])
     return np.where(distance > 3.0 * within_m, PROTRUSION_WEIGHT, other.astype(float))
 
 
@@ -191,10 +191,10 @@ def merge_triangle_pairs(triangles_m: FloatArray, material: Sequence[str]) -> tu
     twice = np.linalg.norm(normal, axis=1)
     normal = normal / np.maximum(twice, 1e-30)[:, None]
     key = np.round(triangles_m / 2e-5).astype(np.int64)
-    at: dict[tuple[bytes, bytes], list[tuple[int, int]]] = {}
+    faces_by_edge: dict[tuple[bytes, bytes], list[tuple[int, int]]] = {}
     for i in range(len(triangles_m)):
         for a in range(3):
-            at.setdefault((key[i, a].tobytes(), key[i, (a + 1) % 3].tobytes()), []).append((i, a))
+            faces_by_edge.setdefault((key[i, a].tobytes(), key[i, (a + 1) % 3].tobytes()), []).append((i, a))
     used = np.zeros(len(triangles_m), bool)
     faces, of = [], []
     for i in np.argsort(-twice):
@@ -204,7 +204,7 @@ def merge_triangle_pairs(triangles_m: FloatArray, material: Sequence[str]) -> tu
         best, partner = 0.0, -1
         face = triangles_m[i, [0, 1, 2, 2]]
         for a in range(3):
-            for j, b in at.get((key[i, (a + 1) % 3].tobytes(), key[i, a].tobytes()), []):
+            for j, b in faces_by_edge.get((key[i, (a + 1) % 3].tobytes(), key[i, a].tobytes()), []):
                 if used[j] or material[j] != material[i] or normal[i] @ normal[j] < 1 - 1e-5:
                     continue
                 joined = np.array(

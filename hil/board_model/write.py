@@ -138,12 +138,12 @@ def make_faces(levels: Sequence[Sequence[Part]]) -> FacesRecord | None:
     triangles, material = outer_triangles(levels)
     if not len(triangles):
         return None
-    corners, of = merge_triangle_pairs(triangles, material)
+    corners, parent = merge_triangle_pairs(triangles, material)
     area = 0.5 * np.linalg.norm(
         np.cross(corners[:, 2] - corners[:, 0], corners[:, 3] - corners[:, 1]), axis=1
     )
     size = float(np.ptp(corners.reshape(-1, 3), axis=0).max())
-    names = sorted(set(of))
+    names = sorted(set(parent))
     tree = build_tree(corners, area > MIN_SPLITTING_AREA * size**2)
     places = np.array(tree.corners_m)
     step = float(np.abs(places).max()) / 32000
@@ -152,7 +152,7 @@ def make_faces(levels: Sequence[Sequence[Part]]) -> FacesRecord | None:
     return FacesRecord(
         step_m=step,
         corners=base64.b64encode(places_packed).decode(),
-        material=tuple(names.index(of[k]) for k in tree.source),
+        material=tuple(names.index(parent[k]) for k in tree.source),
         # rounded to micrometres, because twenty coplanar faces may describe one plane
         plane=tuple((round(a, n), round(b, n), round(c, n), round(d, n)) for a, b, c, d in tree.plane),
         children=tuple(tree.children),

@@ -212,14 +212,14 @@ def _outdated_runs(tasks: Sequence[RunTask]) -> dict[RunTask, str]:
     return outdated
 
 
-def _runs_of_other_boards(tasks: Sequence[RunTask], kept: set[RunTask]) -> dict[RunTask, str]:
+def _runs_of_other_boards(tasks: Sequence[RunTask], reused_runs: set[RunTask]) -> dict[RunTask, str]:
     """Return the stored runs of another board than the one that is connected now."""
     current = {}
     for task in tasks:
-        if task not in kept and (board := read_result(task.folder).board) is not None:
+        if task not in reused_runs and (board := read_result(task.folder).board) is not None:
             current[task.ready.case.name] = board
     outdated = {}
-    for task in kept:
+    for task in reused_runs:
         board, new = read_result(task.folder).board, current.get(task.ready.case.name)
         if board is not None and new is not None and board != new:
             outdated[task] = "another board"

@@ -106,16 +106,16 @@ def _report(run: RunVerdict, text: str, class_: str | None = None) -> Markup:
 
 def _requirement_row(requirement: Requirement, runs: Sequence[RunVerdict]) -> list[Markup | str]:
     verdicts = _verdicts(requirement, runs)
-    bad = worst_verdict([v for _, v in verdicts])
-    run = next(run for run, v in verdicts if v is bad)
+    worst = worst_verdict([v for _, v in verdicts])
+    run = next(run for run, v in verdicts if v is worst)
     return [
         requirement.name,
         _sign(passed=all(v.passed for _, v in verdicts)),
         requirement.quantity,
         f"{requirement.comparison} {format_value(requirement.limit, QUANTITIES[requirement.quantity].unit)}",
         _of(sum(v.passed for _, v in verdicts), len(verdicts)),
-        _value(bad),
-        _margin(bad),
+        _value(worst),
+        _margin(worst),
         _report(run, f"{run.case}, seed {run.seed}"),
     ]
 
@@ -127,12 +127,12 @@ def _column(requirement: Requirement) -> str:
 
 
 def _matrix_row(case: str, campaign: Campaign, runs: Sequence[RunVerdict]) -> list[Markup | str]:
-    mine = [run for run in runs if run.case == case]
-    n = sum(run.passed for run in mine)
-    total = element("span", _of(n, len(mine)), class_="ok" if n == len(mine) else "no")
+    case_runs = [run for run in runs if run.case == case]
+    n = sum(run.passed for run in case_runs)
+    total = element("span", _of(n, len(case_runs)), class_="ok" if n == len(case_runs) else "no")
     row: list[Markup | str] = [case, total]
     for requirement in campaign.requirement:
-        verdicts = [v for _, v in _verdicts(requirement, mine)]
+        verdicts = [v for _, v in _verdicts(requirement, case_runs)]
         if not verdicts:
             row.append("")
             continue
@@ -142,10 +142,10 @@ def _matrix_row(case: str, campaign: Campaign, runs: Sequence[RunVerdict]) -> li
     return row
 
 
-def _cell(text: str, passed: int, of: int) -> Markup:
+def _cell(text: str, passed: int, total: int) -> Markup:
     """Return a cell: a value above the number of runs that passed."""
-    value = element("span", text, class_="ok" if passed == of else "no")
-    return element("div", value, element("small", _of(passed, of)))
+    value = element("span", text, class_="ok" if passed == total else "no")
+    return element("div", value, element("small", _of(passed, total)))
 
 
 def _runs_of(case: str, runs: Sequence[RunVerdict]) -> Markup:

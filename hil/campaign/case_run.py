@@ -132,11 +132,11 @@ def inputs_of(ready: ReadyCase) -> str:
 
 def current_versions(ready: ReadyCase) -> FlownBy:
     """Return the current software versions of a case; an external board's is still unknown."""
-    own = ready.case.pose == "board" and ready.case.link.listen is None
+    is_own_board = ready.case.pose == "board" and ready.case.link.listen is None
     return FlownBy(
         flyaround=version("flyaround"),
         model_sha256=_model_sha256(ready.scenario.target),
-        board=_own_board() if own else "",
+        board=_own_board() if is_own_board else "",
     )
 
 

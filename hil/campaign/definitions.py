@@ -262,10 +262,10 @@ def _check_requirement(requirement: Requirement, campaign: Campaign, where: str)
         raise UserError(f"{where}: {requirement.quantity} is text: compare it with == or !=")
     if quantity.is_text and requirement.limit not in quantity.words:
         raise UserError(f"{where}: limit is {requirement.limit!r}, allowed: {', '.join(quantity.words)}")
-    about = [case for case in campaign.case if requirement.is_about(case.name)]
-    if not about:
+    cases = [case for case in campaign.case if requirement.is_about(case.name)]
+    if not cases:
         raise UserError(f"{where} applies to no case: {', '.join(requirement.cases)} matches none")
-    for case in about:
+    for case in cases:
         if not quantity.needs <= case.traits:
             raise UserError(
                 f"{where}: case {case.name!r} has no {requirement.quantity}, which needs {quantity.needs_in_words}: "

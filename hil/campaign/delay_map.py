@@ -198,17 +198,17 @@ class _Map:
         """Fly the flights missing in a table, and return the results of all its cells."""
         progress = partial(self._progress, what)
         outcomes = fly_cells(self._folder / table, tasks, self._workers, progress)
-        n, good = (
+        n, n_successes = (
             Counter(cell for cell, _ in outcomes),
             Counter(cell for cell, success in outcomes if success),
         )
         results = {}
         for cell, flights in n.items():
-            low, high = wilson_interval(good[cell], flights) or (0.0, 1.0)
+            low, high = wilson_interval(n_successes[cell], flights) or (0.0, 1.0)
             results[cell] = CellResult(
                 **asdict(cell),
                 flights=flights,
-                successes=good[cell],
+                successes=n_successes[cell],
                 low=round(low, 6),
                 high=round(high, 6),
             )
@@ -245,8 +245,8 @@ class _Map:
         tasks = self._flights(selected, s.check_flights, self._board_command)
         drawn = self._simulate(CHECKS_CSV, "drawn flights", tasks) if tasks else {}
         return tuple(
-            CheckedCell(without_pictures=r, drawn=again, agree=again.low <= r.high and r.low <= again.high)
-            for r, again in ((selected[cell], again) for cell, again in drawn.items())
+            CheckedCell(without_pictures=r, drawn=check, agree=check.low <= r.high and r.low <= check.high)
+            for r, check in ((selected[cell], check) for cell, check in drawn.items())
         )
 
 

@@ -29,11 +29,11 @@ def write_delay_map_page(folder: Path, outcome: DelayMapOutcome) -> None:
     write_atomic(folder / PICTURE, picture)
     s, first = outcome.settings, outcome.half[0]
     page = Page("Flyaround: delay map", f"Success over the link's delays: {s.scenario}", width_px=1240)
-    every = "once per control period" if s.every_s is None else f"every {s.every_s:g} s"
+    interval_text = "once per control period" if s.every_s is None else f"every {s.every_s:g} s"
     page.add(
         note(
             f"{len(outcome.cells)} cells of {s.flights} approaches, seeds from {s.first_seed} on in each; a picture"
-            f" {every}. {ERRORS}"
+            f" {interval_text}. {ERRORS}"
         )
     )
     page.add(

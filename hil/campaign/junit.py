@@ -36,8 +36,8 @@ def junit_xml(
     root = ET.Element("testsuites")
     for number, ready in enumerate(cases):
         case = ready.case
-        mine = [run for run in runs if run.case == case.name]
-        tests = [_test(campaign, run, k) for run in mine for k in range(max(1, len(run.verdicts)))]
+        case_runs = [run for run in runs if run.case == case.name]
+        tests = [_test(campaign, run, k) for run in case_runs for k in range(max(1, len(run.verdicts)))]
         suite = ET.SubElement(
             root,
             "testsuite",
@@ -50,7 +50,7 @@ def junit_xml(
                 "tests": str(len(tests)),
                 "failures": str(sum(test.find("failure") is not None for test in tests)),
                 "errors": "0",
-                "time": f"{sum(durations_s.get((run.case, run.seed), 0.0) for run in mine):.3f}",
+                "time": f"{sum(durations_s.get((run.case, run.seed), 0.0) for run in case_runs):.3f}",
             },
         )
         properties = ET.SubElement(suite, "properties")

@@ -94,7 +94,7 @@ def fly(task: MapFlight) -> list[str]:
         outcome = figures(fly_without_pictures(plan, loop, "noisy", link), "noisy", task.seed)
     else:
         outcome = _fly_with_board(plan, loop, link, task.board_command)
-    good = (
+    success = (
         outcome.outcome == "arrived"
         and outcome.final_error_m <= WITHIN_M
         and outcome.final_error_deg <= WITHIN_DEG
@@ -102,7 +102,7 @@ def fly(task: MapFlight) -> list[str]:
     )
     return [
         *_key(task),
-        str(int(good)),
+        str(int(success)),
         outcome.outcome,
         *(f"{x:.6g}" for x in (outcome.final_error_m, outcome.final_error_deg)),
         str(outcome.keep_out_violations),
@@ -182,13 +182,13 @@ def _journal(path: Path) -> list[list[str]]:
     text = ""
     if path.exists():
         text = read_regular(path, MAX_BYTES).decode(errors="replace")
-    whole = text[: text.rfind("\n") + 1]
-    if not whole:
+    complete = text[: text.rfind("\n") + 1]
+    if not complete:
         write_atomic(path, head.encode())
         return []
-    if len(whole) < len(text):
-        os.truncate(path, len(whole.encode()))
-    lines = list(csv.reader(io.StringIO(whole)))
-    if whole[: len(head)] != head or any(len(line) != len(COLUMNS) for line in lines):
+    if len(complete) < len(text):
+        os.truncate(path, len(complete.encode()))
+    lines = list(csv.reader(io.StringIO(complete)))
+    if complete[: len(head)] != head or any(len(line) != len(COLUMNS) for line in lines):
         raise UserError(f"{path} is not a table of flights: name another folder with -o")
     return lines[1:]

@@ -93,13 +93,13 @@ class HalfLatency(msgspec.Struct, frozen=True, kw_only=True):
         k = next((k for k, share in enumerate(shares) if share <= 0.5), len(levels))
         above = max((r.latency_s for r in row[:k] if r.low > 0.5), default=None)
         below = min((r.latency_s for r in row[k:] if r.high < 0.5), default=None)
-        at = None
+        latency_s = None
         if 0 < k < len(levels):
             step = (shares[k - 1] - 0.5) / (shares[k - 1] - shares[k])
-            at = float(levels[k - 1] + step * (levels[k] - levels[k - 1]))
+            latency_s = float(levels[k - 1] + step * (levels[k] - levels[k - 1]))
             low = "?" if above is None else f"{above:.3g}"
             high = "?" if below is None else f"{below:.3g}"
-            words = f"{at:.3g} s ({low} to {high})"
+            words = f"{latency_s:.3g} s ({low} to {high})"
         elif above is not None:
             words = f"above {above:g} s"
         else:
@@ -107,7 +107,7 @@ class HalfLatency(msgspec.Struct, frozen=True, kw_only=True):
         return HalfLatency(
             jitter_s=row[0].jitter_s,
             drops=row[0].drops,
-            latency_s=at,
+            latency_s=latency_s,
             above_s=above,
             below_s=below,
             words=words,

@@ -129,9 +129,9 @@ def _percentile_over_sent(column: str, q: float) -> Callable[[RunRecord], Value]
     """Return a percentile over the frames sent to the board; a missing time counts as infinite."""
 
     def value(record: RunRecord) -> Value:
-        sent = [getattr(row, column) for row in record.rows if row.send_ms is not None]
-        times = sorted(ms for ms in sent if ms is not None)
-        rank = q / 100 * (len(sent) - 1)
+        sent_times = [getattr(row, column) for row in record.rows if row.send_ms is not None]
+        times = sorted(ms for ms in sent_times if ms is not None)
+        rank = q / 100 * (len(sent_times) - 1)
         if math.ceil(rank) >= len(times):
             return None
         return float(np.interp(rank, range(len(times)), times))
@@ -148,8 +148,8 @@ def _unaccounted(record: RunRecord) -> Value:
     """Return the number of frames whose row is missing, duplicate, or counted differently in the summary."""
     s, rows = record.summary, record.rows
     counted = s.accepted + s.declined + s.dropped_total
-    twice = len(rows) - len({row.frame_id for row in rows})
-    return float(abs(s.sent - counted) + abs(s.sent - len(rows)) + twice)
+    n_duplicates = len(rows) - len({row.frame_id for row in rows})
+    return float(abs(s.sent - counted) + abs(s.sent - len(rows)) + n_duplicates)
 
 
 def _largest_error(name: str) -> Callable[[RunRecord], Value]:

@@ -134,16 +134,16 @@ def comparison_rows(answers: Sequence[MethodAnswer]) -> list[tuple[str, ...]]:
     """Return a table row for each method, in the order of the answers."""
     rows: list[tuple[str, ...]] = []
     for method in dict.fromkeys(a.method for a in answers):
-        own = [a for a in answers if a.method == method]
-        failures = Counter(a.failed_at for a in own if a.failed_at)
+        method_answers = [a for a in answers if a.method == method]
+        failures = Counter(a.failed_at for a in method_answers if a.failed_at)
         rows.append(
             (
                 method,
-                str(len(own)),
-                str(sum(a.right for a in own)),
-                str(sum(a.accepted for a in own)),
-                str(sum(a.accepted and not a.right for a in own)),
-                f"{np.median([a.ms for a in own]):.0f}",
+                str(len(method_answers)),
+                str(sum(a.right for a in method_answers)),
+                str(sum(a.accepted for a in method_answers)),
+                str(sum(a.accepted and not a.right for a in method_answers)),
+                f"{np.median([a.ms for a in method_answers]):.0f}",
                 ", ".join(f"{stage} ({n})" for stage, n in failures.most_common()) or "\N{EN DASH}",
             )
         )

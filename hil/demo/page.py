@@ -74,8 +74,8 @@ def write_page(results: DemoResults) -> Path:
     place = results.folder / TILE_FOLDER
     place.mkdir(exist_ok=True)
     images = [_image(results, place, k) for k in range(results.checked.n_frames)]
-    shown = results.rows[:: max(len(results.rows) // N_ANSWERS, 1)][:N_ANSWERS]
-    answers = [_answer(results, place, row) for row in shown]
+    shown_rows = results.rows[:: max(len(results.rows) // N_ANSWERS, 1)][:N_ANSWERS]
+    answers = [_answer(results, place, row) for row in shown_rows]
     return _page(results, images, answers).write(results.folder / "index.html")
 
 
@@ -148,8 +148,8 @@ def _range(truth: Truth) -> float:
 
 
 def _dotted(parts: Iterable[Content]) -> Markup:
-    first, *others = parts
-    return markup(first, *((" \N{MIDDLE DOT} ", part) for part in others))
+    first, *remaining = parts
+    return markup(first, *((" \N{MIDDLE DOT} ", part) for part in remaining))
 
 
 def _write_small(path: Path, image: ByteArray, size: tuple[int, int]) -> None:
@@ -162,12 +162,12 @@ def _page(results: DemoResults, images: Sequence[Markup], answers: Sequence[Mark
     page = Page(f"Flyaround: {scenario.title}", scenario.title, width_px=1500, dark=True, style=STYLE)
     page.add(note(scenario.description))
     version = f"flyaround {card.machine.flyaround}"
-    about = (
+    description = (
         f"{scenario.epoch_utc}, {scenario.duration_s:.0f} s of flight",
         card.machine.gl_renderer,
         version,
     )
-    page.add(note(_dotted((*about, f"generated in {results.run_s:.0f} s"))))
+    page.add(note(_dotted((*description, f"generated in {results.run_s:.0f} s"))))
     page.add(
         key_figures(
             (

@@ -222,11 +222,11 @@ def _decode(
     # the Gray code may be wrong by one near the border of half periods, where the phase is near 0 or 2 pi and decides
     near_start, near_end = phase < np.pi / 2, phase > 3 * np.pi / 2
     period = np.where(near_start, (half + 1) // 2, np.where(near_end, (half + 1) // 2 - 1, half // 2))
-    at = (period + phase / (2 * np.pi)) * PERIOD_PX
+    position = (period + phase / (2 * np.pi)) * PERIOD_PX
     modulation = np.hypot(sine, cosine) * 2 / SHIFTS
-    lit = (swing > MIN_MODULATION * np.percentile(swing, 99)) & (modulation > MIN_MODULATION * swing)
-    inside = (at > -1) & (at < size_px)
-    return np.where(lit & inside, at, np.nan)
+    is_lit = (swing > MIN_MODULATION * np.percentile(swing, 99)) & (modulation > MIN_MODULATION * swing)
+    inside = (position > -1) & (position < size_px)
+    return np.where(is_lit & inside, position, np.nan)
 
 
 def _fit_map(
@@ -271,14 +271,14 @@ def _code_corner(valid: BoolArray) -> tuple[int, int]:
     """Return the column and row for the frame code: on the screen, near its upper left corner."""
     width, height = BLOCK_COLUMNS * CODE_CELL_PX, BLOCK_ROWS * CODE_CELL_PX
     solid = cv2.morphologyEx(np.asarray(valid, np.uint8), cv2.MORPH_CLOSE, np.ones((5, 5), np.uint8))
-    whole = cv2.erode(
+    eroded = cv2.erode(
         solid,
         np.ones((height, width), np.uint8),
         anchor=(0, 0),
         borderType=cv2.BORDER_CONSTANT,
         borderValue=0,
     )
-    rows, columns = np.nonzero(whole)
+    rows, columns = np.nonzero(eroded)
     if len(rows) == 0:
         raise UserError("the screen is too small in the camera's view to hold the frame's code")
     first = int(np.argmin(rows + columns))

@@ -48,13 +48,13 @@ def calibration_patterns(width_px: int, height_px: int) -> Iterator[Pattern]:
         yield Pattern(f"level_{level:03}", np.full((height_px, width_px), level, np.uint8))
     axes: tuple[tuple[Axis, int], ...] = (("x", width_px), ("y", height_px))
     for axis, size in axes:
-        at = np.arange(size)
+        positions = np.arange(size)
         for k in range(SHIFTS):
-            wave = 127.5 + 127.5 * np.cos(2 * np.pi * (at / PERIOD_PX - k / SHIFTS))
+            wave = 127.5 + 127.5 * np.cos(2 * np.pi * (positions / PERIOD_PX - k / SHIFTS))
             yield Pattern(
                 f"{axis}_phase_{k}", _spread(np.rint(wave).astype(np.uint8), axis, width_px, height_px)
             )
-        half = 2 * at // PERIOD_PX
+        half = 2 * positions // PERIOD_PX
         gray = half ^ (half >> 1)
         for bit in range(half_period_bits(size)):
             row = (255 * ((gray >> bit) & 1)).astype(np.uint8)

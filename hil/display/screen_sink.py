@@ -95,6 +95,6 @@ class ScreenSink:
                 "calibrate (hil display --patterns), or give the scenario a smaller camera"
             )
         top, left = (height - image.shape[0]) // 2, (width - image.shape[1]) // 2
-        whole = np.zeros((height, width), np.uint8)
-        whole[top : top + image.shape[0], left : left + image.shape[1]] = image
-        return whole
+        screen = np.zeros((height, width), np.uint8)
+        screen[top : top + image.shape[0], left : left + image.shape[1]] = image
+        return screen

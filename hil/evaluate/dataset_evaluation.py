@@ -72,8 +72,10 @@ def evaluate_dataset(
         If the folder is not a data set, has no complete frame, or the report belongs to another evaluation.
     """
     card = read_card(folder)
-    whole = [k for k in (range(card.n_frames) if frames is None else frames) if is_frame_complete(folder, k)]
-    if not whole:
+    complete_frames = [
+        k for k in (range(card.n_frames) if frames is None else frames) if is_frame_complete(folder, k)
+    ]
+    if not complete_frames:
         raise UserError(f"data set {folder} has no complete frame; capture some first")
     craft = model or board_model(load_target(card.target.name))
     if model is None and craft.sha256 != card.target.sha256:
@@ -89,8 +91,8 @@ def evaluate_dataset(
     done = _resume_rows(
         path, RunHeader(f"{card.scenario_name} {card.seed}", card.target.sha256, labels, craft.sha256)
     )
-    there = {(row.frame, row.method) for row in done}
-    tasks = [(k, label) for k in whole for label in labels if (k, label) not in there]
+    evaluated = {(row.frame, row.method) for row in done}
+    tasks = [(k, label) for k in complete_frames for label in labels if (k, label) not in evaluated]
     total = len(tasks) + len(done)
     setting = (folder, craft, msgspec.to_builtins(card.camera), methods)
     with closing(_answers(tasks, setting, workers)) as answers:
@@ -180,11 +182,11 @@ def _answers(
         if not tasks:
             return
         in_order = {c.label for c in setting[3] if c.in_order}
-        here = [task for task in tasks if workers <= 1 or task[1] in in_order]
-        tasks = [task for task in tasks if task not in set(here)]
-        if here:
+        local_tasks = [task for task in tasks if workers <= 1 or task[1] in in_order]
+        tasks = [task for task in tasks if task not in set(local_tasks)]
+        if local_tasks:
             evaluator = Evaluator(*setting)
-            for task in here:
+            for task in local_tasks:
                 try:
                     yield evaluator.answer(*task)
                 except UserError as error:

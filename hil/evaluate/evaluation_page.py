@@ -148,8 +148,8 @@ def _number(value: float | None, unit: str, factor: float = 1.0) -> str:
         return NONE
     x = value * factor
     if unit in LARGER_UNITS and abs(x) >= LARGER_UNITS[unit][1]:
-        unit, many = LARGER_UNITS[unit]
-        x /= many
+        unit, divisor = LARGER_UNITS[unit]
+        x /= divisor
     return f"{_digits(x)} {unit}".strip()
 
 

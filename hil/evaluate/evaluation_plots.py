@@ -137,8 +137,8 @@ def _along_axes(by_method: dict[str, list[EvaluatedFrame]]) -> Figure | None:
     accepted = {m: [r.record for r in rows if r.record.accepted] for m, rows in by_method.items()}
     if not any(accepted.values()):
         return None
-    every = [r for records in accepted.values() for r in records]
-    right = [r for r in every if r.coarse] or every
+    all_records = [r for records in accepted.values() for r in records]
+    right = [r for r in all_records if r.coarse] or all_records
     figure, axes = figure_with_axes(2, 3, 5.6)
     size = _dot(max(map(len, accepted.values())))
     for k, (method, records) in enumerate(accepted.items()):
@@ -164,9 +164,9 @@ def _along_axes(by_method: dict[str, list[EvaluatedFrame]]) -> Figure | None:
                 inside = np.abs(values) <= top
                 ax.scatter(x[inside], values[inside], s=size, color=colour, lw=0, alpha=0.45)
                 # values outside are drawn at the edge
-                for beyond, marker in ((values > top, "^"), (values < -top, "v")):
-                    edge = np.full(int(beyond.sum()), top if marker == "^" else -top)
-                    ax.scatter(x[beyond], edge, s=1.5 * size, color=colour, marker=marker, lw=0)
+                for is_outside, marker in ((values > top, "^"), (values < -top, "v")):
+                    edge = np.full(int(is_outside.sum()), top if marker == "^" else -top)
+                    ax.scatter(x[is_outside], edge, s=1.5 * size, color=colour, marker=marker, lw=0)
                 mids, (low, middle, high) = _binned_percentiles(x, np.clip(values, -top, top), (5, 50, 95))
                 ax.plot(mids, middle, color=colour, lw=2, path_effects=HALO, zorder=4, label=method)
                 for side in (low, high):

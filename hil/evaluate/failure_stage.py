@@ -88,9 +88,9 @@ def failure_kind(
     if result.q_camera_from_target_wxyz is not None and result.t_camera_from_target_m is not None:
         for s in craft.model.symmetry_wxyz:
             twin = quat_multiply(result.q_camera_from_target_wxyz, s)
-            off = np.degrees(rotation_angle_rad(twin, q))
+            angle_deg = np.degrees(rotation_angle_rad(twin, q))
             shift = np.linalg.norm(result.t_camera_from_target_m - t) / np.linalg.norm(t)
-            if off < 2 * COARSE_DEG and shift < 2 * COARSE_SHARE:
+            if angle_deg < 2 * COARSE_DEG and shift < 2 * COARSE_SHARE:
                 return "ambiguity"
     return "correspondence"
 

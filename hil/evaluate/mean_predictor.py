@@ -46,14 +46,14 @@ def mean_predictor(q_wxyz: ArrayLike, t_m: ArrayLike) -> MeanPredictor:
     """
     q, t = np.asarray(q_wxyz, float).reshape(-1, 4), np.asarray(t_m, float).reshape(-1, 3)
     # minimises the mean squared sine of half the angles to all attitudes
-    one = np.linalg.eigh(q.T @ q)[1][:, -1]
-    one = -one if one[0] < 0 else one
+    mean_q = np.linalg.eigh(q.T @ q)[1][:, -1]
+    mean_q = -mean_q if mean_q[0] < 0 else mean_q
     where = t.mean(axis=0)
-    errors = np.array([frame_errors(a, b, one, where) for a, b in zip(q, t, strict=True)])
+    errors = np.array([frame_errors(a, b, mean_q, where) for a, b in zip(q, t, strict=True)])
     return MeanPredictor(
         n=len(q),
         t_m=(float(where[0]), float(where[1]), float(where[2])),
-        q_wxyz=(float(one[0]), float(one[1]), float(one[2]), float(one[3])),
+        q_wxyz=(float(mean_q[0]), float(mean_q[1]), float(mean_q[2]), float(mean_q[3])),
         mean_E_T_m=float(errors[:, 0].mean()),
         median_E_T_m=float(np.median(errors[:, 0])),
         mean_E_R_deg=float(errors[:, 2].mean()),

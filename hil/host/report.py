@@ -241,13 +241,13 @@ def _loop(c: ClosedLoopFigures, steps: dict[str, list[str]]) -> Markup:
         (f"{c.keep_out_violations}", INSIDE_LABEL),
         (_text(c.delta_v_m_s, "m/s"), "spent"),
     ]
-    bad = [
+    failed = [
         *(["approach"] if c.outcome != "arrived" else []),
         *([INSIDE_LABEL] if c.keep_out_violations else []),
     ]
     reason = note(f"{c.outcome} after {_text(c.duration_s, 's')}" + (f": {c.reason}" if c.reason else ""))
     loop_plot = plot(plot_closed_loop(steps), CAPTIONS["closed loop"], alt="closed loop") if steps else None
-    return markup(key_figures(figures, bad=bad), reason, loop_plot)
+    return markup(key_figures(figures, bad=failed), reason, loop_plot)
 
 
 def _mistakes(s: LedgerSummary) -> str:

@@ -63,11 +63,11 @@ def plot_latency(rows: Sequence[FrameRecord], deadline_ms: float | None) -> Figu
     figure, (left, right) = figure_with_axes(1, 2, HEIGHT_INCHES)
     # bins over the bulk; the title states the outliers
     top = float(np.percentile(e2e, 99.5)) if len(e2e) > 40 else float(e2e[-1])
-    beyond = int(np.sum(e2e > top))
+    n_above = int(np.sum(e2e > top))
     left.hist(e2e[e2e <= top], bins=min(40, max(8, len(e2e) // 4)), color=BLUE, edgecolor="white", lw=0.4)
     left.set(xlabel="end-to-end [ms]", ylabel="frames")
     left.yaxis.set_major_locator(MaxNLocator(integer=True))
-    _title(left, "Latency" + (f" ({beyond} beyond, up to {e2e[-1]:.3g} ms)" if beyond else ""))
+    _title(left, "Latency" + (f" ({n_above} beyond, up to {e2e[-1]:.3g} ms)" if n_above else ""))
     right.step(e2e, np.arange(1, len(e2e) + 1) / len(e2e), where="post", color=BLUE, lw=2)
     right.set(xlabel="end-to-end [ms]", ylabel="share of answered frames", ylim=(0, 1.02))
     if e2e[-1] > 20 * e2e[0]:
@@ -226,7 +226,7 @@ def plot_camera(rows: Sequence[FrameRecord], _deadline_ms: float | None) -> Figu
         return None
     figure, axes = figure_with_axes(1, 2 if len(errors) else 1, 3.2)
     for kind in MARKERS:
-        of_kind = [(t_s, ms) for t_s, ms, this in stale if this == kind]
+        of_kind = [(t_s, ms) for t_s, ms, kind_of_frame in stale if kind_of_frame == kind]
         if of_kind:
             axes[0].plot(*zip(*of_kind, strict=True), "o", ms=3.5, color=outcome_colour(kind), label=kind)
     axes[0].set(xlabel="simulated time [s]", ylabel="staleness [ms]")

@@ -140,11 +140,11 @@ def _send_all(
     return "completed"
 
 
-def _checked_frames(first: Frame, rest: Iterator[Frame]) -> Iterator[Frame]:
+def _checked_frames(first: Frame, remaining: Iterator[Frame]) -> Iterator[Frame]:
     """Yield all frames, checked for consistency with the first one."""
     yield first
     previous = first
-    for frame in rest:
+    for frame in remaining:
         if frame.number <= previous.number:
             raise ValueError(f"frame numbers must increase: {frame.number} after {previous.number}")
         if (

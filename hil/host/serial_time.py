@@ -23,10 +23,10 @@ MIN_ADVICE_S = 1.0
 
 def line_time_s(image_bytes: int, baud: int) -> float:
     """Return the time of a frame at a baud rate, including start and stop bits, packets and framing [s]."""
-    whole, rest = divmod(image_bytes, SerialTransport.chunk_bytes)
+    n_full, remainder = divmod(image_bytes, SerialTransport.chunk_bytes)
     line_bytes = _line_bytes(FrameHeader.LAYOUT.size)
-    line_bytes += whole * _line_bytes(FrameChunk.LAYOUT.size + SerialTransport.chunk_bytes)
-    line_bytes += _line_bytes(FrameChunk.LAYOUT.size + rest) if rest else 0
+    line_bytes += n_full * _line_bytes(FrameChunk.LAYOUT.size + SerialTransport.chunk_bytes)
+    line_bytes += _line_bytes(FrameChunk.LAYOUT.size + remainder) if remainder else 0
     return line_bytes * BITS_PER_BYTE / baud
 
 

@@ -140,19 +140,19 @@ def fit_line(samples: List[ClockSample]) -> Optional[ClockLine]:
     if not samples:
         return None
     trips = np.array([sample.round_trip_ns for sample in samples], float)
-    good = trips <= max(2 * float(trips.min()), float(np.median(trips)))
-    at = np.array([sample.at_ns - samples[0].at_ns for sample in samples], float)[good]
-    offset = np.array([sample.offset_ns - samples[0].offset_ns for sample in samples], float)[good]
-    if len(at) < MIN_LINE_POINTS or at[-1] - at[0] < MIN_LINE_S * 1e9:
+    is_fast = trips <= max(2 * float(trips.min()), float(np.median(trips)))
+    times_ns = np.array([sample.at_ns - samples[0].at_ns for sample in samples], float)[is_fast]
+    offset = np.array([sample.offset_ns - samples[0].offset_ns for sample in samples], float)[is_fast]
+    if len(times_ns) < MIN_LINE_POINTS or times_ns[-1] - times_ns[0] < MIN_LINE_S * 1e9:
         return None
-    first, second = np.triu_indices(len(at), 1)
-    slope = float(np.median((offset[second] - offset[first]) / (at[second] - at[first])))
-    middle = float(at.mean())
-    rest = offset - slope * (at - middle)
-    centre = float(np.median(rest))
+    first, second = np.triu_indices(len(times_ns), 1)
+    slope = float(np.median((offset[second] - offset[first]) / (times_ns[second] - times_ns[first])))
+    middle = float(times_ns.mean())
+    residual = offset - slope * (times_ns - middle)
+    centre = float(np.median(residual))
     # at least an eighth of the shortest round trip, whose asymmetry may change
-    scatter = max(MAD_TO_SIGMA * float(np.median(np.abs(rest - centre))), float(trips.min()) / 8)
-    sigma = scatter / float(np.sqrt(np.sum((at - middle) ** 2)))
+    scatter = max(MAD_TO_SIGMA * float(np.median(np.abs(residual - centre))), float(trips.min()) / 8)
+    sigma = scatter / float(np.sqrt(np.sum((times_ns - middle) ** 2)))
     # the median of slopes is 0.95 times as efficient as least squares
     return ClockLine(
         samples[0].at_ns + round(middle), samples[0].offset_ns + centre, 1e6 * slope, 1e6 * sigma / 0.95

@@ -98,8 +98,11 @@ class Seal:
     """
 
     def __init__(self, key: bytes, nonces: bytes, *, is_host: bool) -> None:
-        there, back = _proof(key, "flyaround to board", nonces), _proof(key, "flyaround to host", nonces)
-        self._out, self._in = (there, back) if is_host else (back, there)
+        board_proof, host_proof = (
+            _proof(key, "flyaround to board", nonces),
+            _proof(key, "flyaround to host", nonces),
+        )
+        self._out, self._in = (board_proof, host_proof) if is_host else (host_proof, board_proof)
         self._sent = 0
         self._newest = 0
         self._seen = 0  # bit k is set if the counter k below the newest was received
@@ -141,8 +144,8 @@ class Seal:
 
     @staticmethod
     def _mac(key: bytes, packet: Packet, body: bytes) -> bytes:
-        about = _ABOUT.pack(packet.version, packet.type, packet.session_id, packet.sequence)
-        return hmac.new(key, about + body, hashlib.sha256).digest()[:MAC_BYTES]
+        header = _ABOUT.pack(packet.version, packet.type, packet.session_id, packet.sequence)
+        return hmac.new(key, header + body, hashlib.sha256).digest()[:MAC_BYTES]
 
 
 class HostHandshake:

@@ -38,6 +38,6 @@ def nees(error: FloatArray, covariance: FloatArray) -> float:
 
 def nees_band(runs: int, states: int, probability: float = 0.95) -> tuple[float, float]:
     """Return the two-sided band of the mean NEES over independent runs at one time."""
-    rest = (1.0 - probability) / 2
+    tail = (1.0 - probability) / 2
     degrees = runs * states
-    return chi_square_quantile(rest, degrees) / runs, chi_square_quantile(1.0 - rest, degrees) / runs
+    return chi_square_quantile(tail, degrees) / runs, chi_square_quantile(1.0 - tail, degrees) / runs

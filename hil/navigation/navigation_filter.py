@@ -201,8 +201,8 @@ class NavigationFilter:
             return None
         result = [*before, _Fix(pose, updated)]
         for fix in later:
-            again = self._predicted_to(result[-1], fix.pose)
-            result.append(_Fix(fix.pose, self.updated(again, fix.pose)[0]))
+            predicted = self._predicted_to(result[-1], fix.pose)
+            result.append(_Fix(fix.pose, self.updated(predicted, fix.pose)[0]))
         return result
 
     def _gate(self, scale: ErrorScale) -> float:
@@ -259,8 +259,8 @@ class NavigationFilter:
         predicted = R_camera_from_eci @ (origin - R_eci_from_lvlh @ estimate.position_lvlh_m)
         measured = quat_multiply(quat_conjugate(pose.q_camera_from_eci_wxyz), pose.q_camera_from_target_wxyz)
         turn = rotvec_between(estimate.q_eci_from_target_wxyz, measured)
-        off = np.concatenate([pose.t_camera_from_target_m - predicted, turn])
-        return np.asarray(off - pose.correlated_errors(factors) @ estimate.pose_bias)
+        difference = np.concatenate([pose.t_camera_from_target_m - predicted, turn])
+        return np.asarray(difference - pose.correlated_errors(factors) @ estimate.pose_bias)
 
     def _sensitivity(
         self, estimate: RelativeEstimate, pose: PoseMeasurement, factors: FloatArray

@@ -164,12 +164,12 @@ def read_training_set(
             f"data set {folder} has {len(frames)} feasible frames, but training needs {MIN_PICTURES} and two of "
             f"every {HELD_OUT_EVERY}th frame, which are held out: capture more"
         )
-    whole = LabelledPictures(small, np.stack(signals), np.array(q, float), np.array(t, float))
+    pictures = LabelledPictures(small, np.stack(signals), np.array(q, float), np.array(t, float))
     return TrainingSet(
         (card.target.name, card.target.sha256),
         camera,
-        whole.subset(~is_held_out),
-        whole.subset(is_held_out),
+        pictures.subset(~is_held_out),
+        pictures.subset(is_held_out),
         tuple(k for k, out in zip(frames, is_held_out, strict=True) if out),
     )
 

@@ -296,8 +296,8 @@ class PoseTraining:
         mean, spread = self._scale
         numbers = np.concatenate([batch.place, (batch.log_range[:, None] - mean) / spread], axis=1)
         numbers = torch.tensor(numbers, dtype=torch.float32, device=self._device)
-        off = functional.smooth_l1_loss(place, numbers, beta=POSITION_HUBER, reduction="none")
-        return functional.cross_entropy(logits, target), off.sum(dim=1).mean() / POSITION_HUBER
+        position_loss = functional.smooth_l1_loss(place, numbers, beta=POSITION_HUBER, reduction="none")
+        return functional.cross_entropy(logits, target), position_loss.sum(dim=1).mean() / POSITION_HUBER
 
 
 def _soft_classes(q_wxyz: FloatArray, grid: FloatArray, width_rad: float) -> torch.Tensor:

@@ -146,10 +146,10 @@ def geometry_of(
 
     if len(merged.triangles) > MAX_CACHED_TRIANGLES:
         return unpack_geometry(bake())
-    own = [part.positions_m for part in parts]  # in the target's order, which merging may change
+    part_positions = [part.positions_m for part in parts]  # in the target's order, which merging may change
     functions = (_make, make_charts, cut_charts, find_edges, largest_shells, part_is_closed, pack)
     makers = (*functions, PlaneGrid, edge_table, face_planes)
-    key = entry_name("geometry", makers, texel, merged.vertices, merged.triangles, merged.uv, own)
+    key = entry_name("geometry", makers, texel, merged.vertices, merged.triangles, merged.uv, part_positions)
     return unpack_geometry(cached_array(key, bake))
 
 
@@ -163,15 +163,15 @@ def _make(merged: MergedParts, parts: Sequence[Part], numbers: Mapping[str, int]
     hull = np.concatenate(hulls)
     center = (hull.min(axis=0) + hull.max(axis=0)) / 2
     radius = float(np.linalg.norm(hull - center, axis=1).max())
-    whole = merged.vertices
+    vertices = merged.vertices
     charts = make_charts(
-        whole["position_m"].astype(float),
-        whole["normal"].astype(float),
-        whole["material"],
+        vertices["position_m"].astype(float),
+        vertices["normal"].astype(float),
+        vertices["material"],
         merged.triangles.astype(int),
         texel * radius,
     )
-    own, triangles = whole[charts.origin], charts.triangles
+    own, triangles = vertices[charts.origin], charts.triangles
     corners = own["position_m"].astype(float)[triangles]
     closed = all(part_is_closed(part) for part in parts)
     return Geometry(
@@ -211,15 +211,15 @@ def outer_hulls(parts_m: Sequence[FloatArray]) -> list[FloatArray]:
     outer: list[int] = []
     # the largest first, so that one of two equal ones is kept
     for k in np.argsort(-np.prod(highs - lows, axis=1), kind="stable").tolist():
-        about = [n for n in outer if np.all(lows[n] <= lows[k]) and np.all(highs[n] >= highs[k])]
-        if not any(_inside(hulls[k][0], hulls[n][1], highs[n] - lows[n]) for n in about):
+        enclosing = [n for n in outer if np.all(lows[n] <= lows[k]) and np.all(highs[n] >= highs[k])]
+        if not any(_inside(hulls[k][0], hulls[n][1], highs[n] - lows[n]) for n in enclosing):
             outer.append(k)
     return [hulls[k][0] for k in sorted(outer)]
 
 
 def _inside(points_m: FloatArray, planes: FloatArray, extent_m: FloatArray) -> bool:
-    beyond = points_m @ planes[:, :3].T + planes[:, 3]
-    return bool(beyond.max() <= _ROUNDING * extent_m.max())
+    distance = points_m @ planes[:, :3].T + planes[:, 3]
+    return bool(distance.max() <= _ROUNDING * extent_m.max())
 
 
 def _hull(points_m: FloatArray) -> tuple[FloatArray, FloatArray]:

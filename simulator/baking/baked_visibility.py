@@ -87,8 +87,10 @@ def trace_visibility(
         node = np.flatnonzero(cosines[:, k])
         if k in probed:  # uncovered nodes reuse the hits of the test
             distance, triangle = probed.pop(k)
-            again = np.flatnonzero(covered[node])
-            distance[again], triangle[again] = caster.first_hits(origins[node[again]], directions[k])
+            covered_nodes = np.flatnonzero(covered[node])
+            distance[covered_nodes], triangle[covered_nodes] = caster.first_hits(
+                origins[node[covered_nodes]], directions[k]
+            )
         else:
             distance, triangle = caster.first_hits(origins[node], directions[k])
         is_open[node, k] = triangle < 0

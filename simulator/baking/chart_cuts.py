@@ -84,9 +84,9 @@ def _shared_edges(
     positions_m: FloatArray, groups: FloatArray, triangles: IntArray
 ) -> tuple[IntArray, IntArray]:
     """Return pairs (K,) of coincident edges, numbered 3 t, 3 t + 1, 3 t + 2 of triangle t."""
-    whole = np.column_stack([np.rint(positions_m * 1e6), groups])
-    order = np.lexsort(whole.T)
-    new = np.any(whole[order[1:]] != whole[order[:-1]], axis=1)
+    keys = np.column_stack([np.rint(positions_m * 1e6), groups])
+    order = np.lexsort(keys.T)
+    new = np.any(keys[order[1:]] != keys[order[:-1]], axis=1)
     place = np.empty(len(order), np.int64)
     place[order] = np.concatenate([[0], np.cumsum(new)])
     corners = place[triangles]
@@ -108,8 +108,8 @@ def _bends(sets: IntArray, normal: FloatArray, area: FloatArray) -> BoolArray:
     mean = _means(sets, normal, np.maximum(area, 1e-30))
     mean /= np.maximum(np.linalg.norm(mean, axis=1, keepdims=True), 1e-30)
     # normals of slivers are undefined and are ignored
-    off = (np.einsum("tc,tc->t", normal, mean[sets]) < _CURVED_COSINE) & (area > 1e-14)
-    return np.bincount(sets, off) > 0
+    is_curved = (np.einsum("tc,tc->t", normal, mean[sets]) < _CURVED_COSINE) & (area > 1e-14)
+    return np.bincount(sets, is_curved) > 0
 
 
 def _patch_keys(
@@ -134,7 +134,7 @@ def _patch_keys(
     weight = np.maximum(area, 1e-30)
     alone = _bends(plane, normal, area)[plane]
     middle = corners_m.mean(axis=1)
-    at = np.where(alone[:, None], middle, _means(plane, middle, weight)[plane])
+    centre = np.where(alone[:, None], middle, _means(plane, middle, weight)[plane])
     facing = np.where(alone[:, None], normal, _means(plane, normal, weight)[plane])
     facing /= np.maximum(np.linalg.norm(facing, axis=1, keepdims=True), 1e-30)
     order = np.argsort(plane, kind="stable")
@@ -142,7 +142,7 @@ def _patch_keys(
     low = np.minimum.reduceat(corners_m.min(axis=1)[order], first)
     high = np.maximum.reduceat(corners_m.max(axis=1)[order], first)
     small = is_round | (np.linalg.norm(high - low, axis=1) < texel_m)[plane]
-    columns = [*np.floor(at / (_PATCH_TEXELS * texel_m)).T, *np.rint(facing * normal_bins).T]
+    columns = [*np.floor(centre / (_PATCH_TEXELS * texel_m)).T, *np.rint(facing * normal_bins).T]
     key = np.unique(group, return_inverse=True)[1].astype(np.int64)
     for column in columns:
         values = column.astype(np.int64)

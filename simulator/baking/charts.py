@@ -94,15 +94,15 @@ class Charts:
             np.rint(steps[:, k] * x + steps[:, k + 1] * y + steps[:, k + 2] * z + steps[:, k + 3])
             for k in (0, 4)
         )
-        most = (self.counts - 1).astype(np.float32).take(chart, axis=0)
-        i, j = np.clip(i, 0, most[:, 0]), np.clip(j, 0, most[:, 1])
-        return self.first[chart] + (j * (most[:, 0] + 1) + i).astype(np.int64)
+        last = (self.counts - 1).astype(np.float32).take(chart, axis=0)
+        i, j = np.clip(i, 0, last[:, 0]), np.clip(j, 0, last[:, 1])
+        return self.first[chart] + (j * (last[:, 0] + 1) + i).astype(np.int64)
 
     @cached_property
     def _steps(self) -> Float32Array:
         """(C, 8) for each axis of a chart: its vector over the step, and the offset in steps."""
-        whole = np.concatenate([self.axes, -self.low_m[..., None]], axis=2) / self.step_m[..., None]
-        return whole.reshape(-1, 8).astype(np.float32)
+        affine = np.concatenate([self.axes, -self.low_m[..., None]], axis=2) / self.step_m[..., None]
+        return affine.reshape(-1, 8).astype(np.float32)
 
 
 def make_charts(

@@ -205,27 +205,27 @@ def _nearest_creases(edges: MeshEdges) -> Float32Array:
     long = np.flatnonzero(length > _MIN_LENGTH * extent)
     if not len(long):
         return gap_m
-    sampled, at = _places(long, np.clip(np.ceil(length[long] / distances), *_SAMPLE_COUNTS))
-    position = start[sampled] + at[:, None] * (end - start)[sampled]
+    sampled, fraction = _places(long, np.clip(np.ceil(length[long] / distances), *_SAMPLE_COUNTS))
+    position = start[sampled] + fraction[:, None] * (end - start)[sampled]
     search_radius = np.hypot(max_distance, max_distance / 2)
     row = np.asarray(tree.query(position, k=_NEIGHBOURS, distance_upper_bound=search_radius)[1])
     sample, column = np.nonzero(row < len(crease_of_point))
-    other, own = crease_of_point[row[sample, column]], sampled[sample]
+    other, edge_index = crease_of_point[row[sample, column]], sampled[sample]
     # beside it, not beyond its ends; nearly parallel; another edge
-    to = position[sample] - start[other]
-    step = np.einsum("ij,ij->i", to, along[other])
+    offset = position[sample] - start[other]
+    step = np.einsum("ij,ij->i", offset, along[other])
     is_valid = (
         (step >= -_END_TOLERANCE * length[other])
         & (step <= (1 + _END_TOLERANCE) * length[other])
-        & (other != own)
+        & (other != edge_index)
     )
-    is_valid &= np.abs(np.einsum("ij,ij->i", along[other], along[own])) > _PARALLEL_COSINE
-    sample, other, own, to, step = (v[is_valid] for v in (sample, other, own, to, step))
-    away = np.linalg.norm(to - step[:, None] * along[other], axis=1)
+    is_valid &= np.abs(np.einsum("ij,ij->i", along[other], along[edge_index])) > _PARALLEL_COSINE
+    sample, other, edge_index, offset, step = (v[is_valid] for v in (sample, other, edge_index, offset, step))
+    away = np.linalg.norm(offset - step[:, None] * along[other], axis=1)
     normals = edges.planes[:, :3]
     for k in (0, 1):
-        own_normal = normals[edges.faces[own, k]]
-        same = np.zeros(len(own), bool)
+        own_normal = normals[edges.faces[edge_index, k]]
+        same = np.zeros(len(edge_index), bool)
         for other_face in edges.faces[other].T:
             same |= np.einsum("ij,ij->i", normals[other_face], own_normal) > _SAME_PLANE_COSINE
         nearest = np.full(len(sampled), np.inf)
@@ -237,7 +237,7 @@ def _nearest_creases(edges: MeshEdges) -> Float32Array:
 
 def _places(edges: IntArray, counts: FloatArray) -> tuple[IntArray, FloatArray]:
     """Return evenly spaced points along edges: the edge of each point, and its position along the edge [1]."""
-    whole = np.maximum(counts, 1).astype(int)
-    first = np.cumsum(whole) - whole
-    rank = np.arange(whole.sum()) - np.repeat(first, whole)
-    return np.repeat(edges, whole), (rank + 0.5) / np.repeat(whole, whole)
+    n_samples = np.maximum(counts, 1).astype(int)
+    first = np.cumsum(n_samples) - n_samples
+    rank = np.arange(n_samples.sum()) - np.repeat(first, n_samples)
+    return np.repeat(edges, n_samples), (rank + 0.5) / np.repeat(n_samples, n_samples)

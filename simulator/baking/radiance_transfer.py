@@ -69,10 +69,10 @@ def harmonics(directions: FloatArray) -> FloatArray:
     3.
     """
     x, y, z = np.moveaxis(np.asarray(directions, float), -1, 0)
-    one = np.ones_like(x)
+    ones = np.ones_like(x)
     return np.stack(
         [
-            0.282095 * one,
+            0.282095 * ones,
             *(0.488603 * v for v in (y, z, x)),
             *(1.092548 * v for v in (x * y, y * z, x * z)),
             0.315392 * (3 * z * z - 1),
@@ -179,15 +179,15 @@ def solve_radiosity(
     n = len(charts.chart)
     in_view = rays.cosines[rays.node, rays.direction]
     back_share = np.bincount(rays.node, weights=in_view * (rays.hit_back & closed), minlength=n)
-    whole = np.maximum(rays.cosines.sum(axis=1), 1e-9)
-    is_valid = back_share < _INSIDE_SHARE * whole
+    total = np.maximum(rays.cosines.sum(axis=1), 1e-9)
+    is_valid = back_share < _INSIDE_SHARE * total
     visibility = _visibility(charts, rays, is_valid)
     # transfer from patches to nodes
     patch, count = _patches(charts, side)
     # only front faces are lit; the back of an open shell occludes but does not reflect
     front = np.flatnonzero(~rays.hit_back)
     node = rays.node[front]
-    share = (in_view[front] / np.maximum(whole - back_share, 1e-9)[node]).astype(np.float32)
+    share = (in_view[front] / np.maximum(total - back_share, 1e-9)[node]).astype(np.float32)
     transfer = coo_matrix((share, (node, patch[rays.hit_node[front]])), shape=(len(patch), count)).tocsr()
     size = np.bincount(patch, weights=is_valid, minlength=count)
     mean = coo_matrix(
@@ -248,8 +248,8 @@ def _fill_invalid(charts: Charts, is_valid: BoolArray, values: FloatArray) -> Fl
     owner = np.full((height + 2) * (width + 2), -1)
     node = np.zeros_like(owner)
     y, x = np.divmod(charts.atlas_index, width)
-    at = (y + 1) * (width + 2) + x + 1
-    owner[at], node[at] = charts.chart, np.arange(len(at))
+    texel = (y + 1) * (width + 2) + x + 1
+    owner[texel], node[texel] = charts.chart, np.arange(len(texel))
     is_known, out = is_valid.copy(), values.copy()
     steps = [
         (dy * (width + 2) + dx, (2 - abs(dy)) * (2 - abs(dx)) / 4) for dy in (-1, 0, 1) for dx in (-1, 0, 1)
@@ -259,9 +259,9 @@ def _fill_invalid(charts: Charts, is_valid: BoolArray, values: FloatArray) -> Fl
         total = np.zeros((len(missing), values.shape[1]), np.float32)
         weight = np.zeros(len(missing), np.float32)
         for step, w in steps:
-            near = node[at[missing] + step]
-            known = (owner[at[missing] + step] == charts.chart[missing]) & is_known[near]
-            rows = np.flatnonzero(known)  # a few rows of a hundred values each
+            near = node[texel[missing] + step]
+            has_source = (owner[texel[missing] + step] == charts.chart[missing]) & is_known[near]
+            rows = np.flatnonzero(has_source)  # a few rows of a hundred values each
             total[rows] += np.float32(w) * out[near[rows]]
             weight[rows] += np.float32(w)
         new = weight > 0

@@ -41,10 +41,10 @@ with Renderer(prefetched={{bands: prefetched}}) as renderer:
 def bench_start() -> tuple[PartCost, ...]:
     """Time from the start of Python to an image [ms], and the peak resident memory, including mapped files."""
     with TemporaryDirectory() as folder:
-        first, again = (start_once(folder) for _ in range(2))
+        first, second = (start_once(folder) for _ in range(2))
     return (
         cost("start to first frame, the first time", [first[0]], peak_mb=first[1]),
-        cost("start to first frame", [again[0]], peak_mb=again[1]),
+        cost("start to first frame", [second[0]], peak_mb=second[1]),
     )
 
 
@@ -69,7 +69,7 @@ def start_once(cache_folder: str, early: str = "", late: str = "") -> tuple[floa
         out = program.stdout or io.StringIO()
         first = out.readline()
         elapsed_ms = (time.perf_counter() - start) * 1e3  # without waiting for its end
-        rest = out.read()
+        remaining = out.read()
     if program.returncode != 0 or first.strip() != "frame":
         raise RuntimeError(f"the program that draws a first frame ended with {program.returncode}")
-    return elapsed_ms, float(rest) / 1024 or None
+    return elapsed_ms, float(remaining) / 1024 or None

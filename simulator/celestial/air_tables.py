@@ -60,9 +60,9 @@ def air_tables(
     makers = (transmittance_table, multiple_scattering, body_atmosphere, bands_of)
 
     def key(table: str) -> str:
-        own = repr(body.air), body.radius_m, body.albedo
+        key_parts = repr(body.air), body.radius_m, body.albedo
         return entry_name(
-            f"air-{table}-{bands}", makers, bands, float(air.thickness_m), air.aerosol_depth, *own
+            f"air-{table}-{bands}", makers, bands, float(air.thickness_m), air.aerosol_depth, *key_parts
         )
 
     multiple = cached_array(

@@ -153,16 +153,16 @@ def _stamp(
     diameter_km = 2 * radius * texel_km
     # simple craters have one shape; complex ones are tabulated every 5 km
     kind = 1.0 if diameter_km < _COMPLEX_KM else max(5.0 * round(diameter_km / 5), _COMPLEX_KM)
-    at, phases = rng.random(2) * SIZE, rng.random(5) * 7
+    centre, phases = rng.random(2) * SIZE, rng.random(5) * 7
     rayed = age < _RAY_SHARE and _MIN_RAYED_RADIUS_PX < radius < 0.45 * SIZE / _RAY_RADII
     extent = int(np.ceil((_RAY_RADII if rayed else _STAMP_RADII) * radius)) + 1
     if 2 * extent + 1 > SIZE:
         raise ValueError(
             f"a crater of radius {radius} px does not fit the tile of {SIZE} px; make it smaller"
         )
-    x0, y0 = int(at[0]) - extent, int(at[1]) - extent
+    x0, y0 = int(centre[0]) - extent, int(centre[1]) - extent
     span = np.arange(2 * extent + 1)
-    x, y = (x0 + span - at[0]) / radius, (y0 + span - at[1]) / radius
+    x, y = (x0 + span - centre[0]) / radius, (y0 + span - centre[1]) / radius
     turn = np.arctan2(y[:, None], x[None, :])
     # real craters are not circular
     swell = sum(

@@ -98,9 +98,9 @@ def _field(rng: np.random.Generator, size: int) -> tuple[Float32Array, Float32Ar
         creases += 0.65**k * np.sqrt(np.abs(field / field.std()))
     patches = _spectral_noise(rng, f, f**-1.1, 3.0 * scale)
     # fields of distinct brightness, and woods with sharp edges
-    own = np.random.default_rng([_SEED, size])
-    fields = _voronoi_noise(own, size, 110 * scale) - 0.5
-    woods = _equalise(_spectral_noise(own, f, f**-1.6, 8.0 * scale)) > _UNWOODED_SHARE
+    field_rng = np.random.default_rng([_SEED, size])
+    fields = _voronoi_noise(field_rng, size, 110 * scale) - 0.5
+    woods = _equalise(_spectral_noise(field_rng, f, f**-1.6, 8.0 * scale)) > _UNWOODED_SHARE
     mixed = creases / creases.std() + 0.6 * patches / patches.std() + 1.1 * fields - 1.6 * woods
     land = _blur(_equalise(np.asarray(mixed, np.float32)))
     return cloud, land

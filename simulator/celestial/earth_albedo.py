@@ -58,13 +58,13 @@ def albedo_of_day(epoch_utc: str, *, clouds: bool, ice: bool) -> Float32Array:
 
 @lru_cache(maxsize=4)
 def _with_ice(year: int, day: int, clouds: bool) -> Float32Array:  # noqa: FBT001 - a key of the cache
-    whole, sea = _reduced_maps(clouds)
+    albedo, sea = _reduced_maps(clouds)
     epoch = datetime(year, 1, 1, tzinfo=UTC) + timedelta(days=day - 1)
     ice = (
         cv2.resize(sea_ice(epoch.isoformat()), MAP_SIZE, interpolation=cv2.INTER_AREA).astype(np.float32)
         / 255
     )
-    iced = whole + sea * ice * (ICE_ALBEDO - SEA_ALBEDO)
+    iced = albedo + sea * ice * (ICE_ALBEDO - SEA_ALBEDO)
     return np.asarray(iced * (EARTH.albedo / mean_albedo(iced) if clouds else 1.0), np.float32)
 
 

@@ -92,15 +92,15 @@ def _name(month: int) -> str:
 
 
 def _make_gains(months: Sequence[int], bands: int) -> list[ByteArray]:
-    even = np.full((HEIGHT, WIDTH) if bands == 1 else (HEIGHT, WIDTH, 4), 128, np.uint8)
+    uniform = np.full((HEIGHT, WIDTH) if bands == 1 else (HEIGHT, WIDTH, 4), 128, np.uint8)
     if bands != 1:
-        even[..., 3] = 255
-    others = [month for month in months if month != _MAP_MONTH]
-    gains = {_MAP_MONTH: even}
-    if others:
+        uniform[..., 3] = 255
+    other_months = [month for month in months if month != _MAP_MONTH]
+    gains = {_MAP_MONTH: uniform}
+    if other_months:
         land = (decode_map(LAND, cv2.IMREAD_GRAYSCALE, None) > 0).astype(np.uint8)
         august = _reflectances(_MAP_MONTH, bands)
-        gains |= {month: _gain(_reflectances(month, bands), august, land) for month in others}
+        gains |= {month: _gain(_reflectances(month, bands), august, land) for month in other_months}
     return [gains[month] for month in months]
 
 

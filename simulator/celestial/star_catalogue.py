@@ -104,8 +104,8 @@ def _stars_of_year(years: int, bands: Bands, by_photons: bool) -> StarField:  # 
     ra, dec = np.radians(c["ra_deg"]), np.radians(c["dec_deg"])
     east = np.stack([-np.sin(ra), np.cos(ra), np.zeros_like(ra)], axis=1)
     north = np.stack([-np.sin(dec) * np.cos(ra), -np.sin(dec) * np.sin(ra), np.cos(dec)], axis=1)
-    at = np.stack([np.cos(dec) * np.cos(ra), np.cos(dec) * np.sin(ra), np.sin(dec)], axis=1)
-    directions = at + years * _MAS_RAD * (
+    directions_1991 = np.stack([np.cos(dec) * np.cos(ra), np.cos(dec) * np.sin(ra), np.sin(dec)], axis=1)
+    directions = directions_1991 + years * _MAS_RAD * (
         c["pm_ra_mas_yr"][:, None] * east + c["pm_dec_mas_yr"][:, None] * north
     )
     directions /= np.linalg.norm(directions, axis=1, keepdims=True)

@@ -85,13 +85,13 @@ def _summary_table(medians: dict[str, Any]) -> Markup | None:
 
 def _pair(folder: Path, k: int, pair: Pair) -> list[Markup]:
     """Return the elements of one reference and our counterpart."""
-    about = "the same view" if pair.same_view else "the same kind of view"
+    kind = "the same view" if pair.same_view else "the same kind of view"
     if pair.likeness is not None:
-        about += f", correlation over the craft {pair.likeness:.2f}"
-    about += (
+        kind += f", correlation over the craft {pair.likeness:.2f}"
+    kind += (
         f"; histograms {pair.histogram_moved_dn:.1f} DN apart, gradients {pair.gradient_moved_dn:.2f} DN/px"
     )
-    rows = [note(about)]
+    rows = [note(kind)]
     for side, image, look, colour in (
         ("reference", pair.reference.image, pair.theirs, "#52606d"),
         ("ours", pair.image, pair.ours, "#1971c2"),
@@ -157,11 +157,11 @@ def _histogram(shares: FloatArray, largest: float, colour: str, caption: str) ->
     y = 8 - share / DECADES * (base - 8)
     area = " ".join(f"{a:.1f},{b:.1f}" for a, b in zip(x, y, strict=True))
     ticks = []
-    for d, at in enumerate(np.linspace(0, base - 8, DECADES + 1)):
+    for d, row in enumerate(np.linspace(0, base - 8, DECADES + 1)):
         line = element(
-            "line", x1=margin, x2=right, y1=f"{8 + at:.0f}", y2=f"{8 + at:.0f}", stroke="var(--line)"
+            "line", x1=margin, x2=right, y1=f"{8 + row:.0f}", y2=f"{8 + row:.0f}", stroke="var(--line)"
         )
-        ticks += [line, _svg_text(margin - 4, 12 + at, "end", f"{10.0**-d:.{d}f}")]
+        ticks += [line, _svg_text(margin - 4, 12 + row, "end", f"{10.0**-d:.{d}f}")]
     marks = [
         # the last number is right-aligned with the axis
         _svg_text(

@@ -104,11 +104,11 @@ def find_similar_view(
             radiance = renderer.render(scene, target).radiance
             scene = matched_exposure(scene, radiance, reference.image)
             preview = np.clip(expose_scene(scene, radiance) * 255, 0, 255).astype(np.uint8)
-            apart = (
+            is_distinct = (
                 histogram_distance_dn(_histogram(preview), _histogram(small_reference), 256) / HISTOGRAM_DN
             )
             likeness = None if pose is None else _likeness(scene, target, preview, small_reference)
-            score = apart + 1 - (MIN_POSE_LIKENESS if likeness is None else likeness)
+            score = is_distinct + 1 - (MIN_POSE_LIKENESS if likeness is None else likeness)
             ranked.append((score, scene, likeness))
     _, scene, likeness = min(ranked, key=lambda r: r[0])
     scene = replace(
@@ -135,17 +135,21 @@ def matched_exposure(scene: SceneState, radiance: Float32Array, image: ByteArray
     """Return the scene with the exposure that matches its bright end to the image's, above the black level."""
     black, bright = np.percentile(image, (1.0, BRIGHT_PERCENT))
     bright_end = (min(float(bright), CLIPPED_DN) - min(float(black), 64.0)) / 255
-    ours = float(np.percentile(expose_scene(replace(scene, exposure_s=1.0), radiance), BRIGHT_PERCENT))
-    if ours <= 0 or bright_end <= 0:
+    rendered_end = float(
+        np.percentile(expose_scene(replace(scene, exposure_s=1.0), radiance), BRIGHT_PERCENT)
+    )
+    if rendered_end <= 0 or bright_end <= 0:
         return scene
-    return replace(scene, exposure_s=float(np.clip(bright_end / ours, MIN_EXPOSURE_S, MAX_EXPOSURE_S)))
+    return replace(
+        scene, exposure_s=float(np.clip(bright_end / rendered_end, MIN_EXPOSURE_S, MAX_EXPOSURE_S))
+    )
 
 
 def _histogram(image: ByteArray) -> NDArray[np.float64]:
     return np.bincount(image.ravel(), minlength=256) / image.size
 
 
-def _likeness(scene: SceneState, target: Target, ours: ByteArray, theirs: ByteArray) -> float:
+def _likeness(scene: SceneState, target: Target, rendered: ByteArray, reference: ByteArray) -> float:
     box = amodal_box(scene, target)
     if box is None:
         return 0.0
@@ -153,7 +157,7 @@ def _likeness(scene: SceneState, target: Target, ours: ByteArray, theirs: ByteAr
     x1, y1 = (int(np.ceil(v)) + 3 for v in box[2:])
     patches = [
         cv2.GaussianBlur(image.astype(np.float32), (0, 0), 1.5)[y0:y1, x0:x1].ravel()
-        for image in (ours, theirs)
+        for image in (rendered, reference)
     ]
     if patches[0].size < 16 or min(c.std() for c in patches) < 1e-3:
         return 0.0

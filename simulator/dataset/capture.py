@@ -74,7 +74,7 @@ def capture(
     labels: tuple[str, ...] | None = None,
     sensors: tuple[str, ...] = (),
     split: Ratio | None = None,
-    beside: Mapping[str, bytes] = MappingProxyType({}),
+    extra_files: Mapping[str, bytes] = MappingProxyType({}),
     resume: bool = False,
     workers: int = 1,
     cluster: RayCluster | None = None,
@@ -101,7 +101,7 @@ def capture(
         Plug-in sensors whose measurements of each frame are stored next to its image (docs/plugins.md).
     split : tuple of int, optional
         Shares of training, validation and test frames; by default a recipe's own.
-    beside : mapping, optional
+    extra_files : mapping, optional
         Further files by name, written next to the card before the first frame.
     workers : int, optional
         Number of processes that draw, check and encode, each with its own renderer; the bytes do not depend on it.
@@ -123,7 +123,7 @@ def capture(
         tell(sentence)
     with _store_for(folder, resume=resume) as store:
         open_producer = partial(_open_producer, workers=workers, device_index=device_index, cluster=cluster)
-        summary = _capture(plan, store, planned, open_producer, beside, progress, resume=resume)
+        summary = _capture(plan, store, planned, open_producer, extra_files, progress, resume=resume)
         if second_camera_plan is None:
             return summary
         second = capture(

@@ -205,8 +205,8 @@ def _keypoints(camera: Camera, pose: Pose, target: Target) -> tuple[KeypointLabe
         for on, behind in zip(inside, is_hidden, strict=True)
     ]
     return tuple(
-        KeypointLabel(name=k.name, target_m=k.position_m, pixel_px=pixel_or_none(at), state=state)
-        for k, at, state in zip(target.keypoints, pixels, states, strict=True)
+        KeypointLabel(name=k.name, target_m=k.position_m, pixel_px=pixel_or_none(pixel), state=state)
+        for k, pixel, state in zip(target.keypoints, pixels, states, strict=True)
     )
 
 

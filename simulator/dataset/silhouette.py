@@ -72,5 +72,5 @@ def _share_inside(corners_px: FloatArray, size: tuple[int, int]) -> float:
     fill_triangles(grid, (corners_px - low) * scale + 1)
     x, y = ((np.arange(n) - 1) / scale + start for n, start in zip(shape[::-1], low, strict=True))
     in_image = ((x >= -0.5) & (x < size[0] - 0.5))[None, :] & ((y >= -0.5) & (y < size[1] - 0.5))[:, None]
-    whole = int(np.count_nonzero(grid))
-    return int(np.count_nonzero(grid[in_image])) / whole if whole else 0.0
+    n_samples = int(np.count_nonzero(grid))
+    return int(np.count_nonzero(grid[in_image])) / n_samples if n_samples else 0.0

@@ -218,8 +218,8 @@ def _uncovered_intervals(
 ) -> list[tuple[tuple[float, float], ...]]:
     """Return, for each edge, [0, 1] minus the union of its intervals ``first`` to ``last`` (N,)."""
     # an empty interval at 1 closes each edge
-    edge, one = np.concatenate([edge, np.arange(n_edges)]), np.ones(n_edges)
-    first, last = np.concatenate([first, one]), np.concatenate([last, one])
+    edge, ones = np.concatenate([edge, np.arange(n_edges)]), np.ones(n_edges)
+    first, last = np.concatenate([first, ones]), np.concatenate([last, ones])
     order = np.lexsort((first, edge))
     edge, first, last = edge[order], first[order], last[order]
     # running maximum of the interval ends, by rank so that edges stay apart

@@ -47,8 +47,8 @@ def lowest_and_highest(corners: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any
 def fill_triangles(fine: ByteArray, corners: FloatArray) -> None:
     """Fill triangles (M, 3, 2). Triangles within a single pixel, as in a distant craft, are set in one NumPy step."""
     cells = np.rint(corners).astype(np.int64)
-    least, most = lowest_and_highest(cells)
-    in_one_pixel = (least[:, 0] == most[:, 0]) & (least[:, 1] == most[:, 1])
+    lowest, highest = lowest_and_highest(cells)
+    in_one_pixel = (lowest[:, 0] == highest[:, 0]) & (lowest[:, 1] == highest[:, 1])
     x, y = cells[in_one_pixel, 0].T
     in_image = (x >= 0) & (y >= 0) & (x < fine.shape[1]) & (y < fine.shape[0])
     fine[y[in_image], x[in_image]] = 255

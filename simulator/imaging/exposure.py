@@ -77,8 +77,8 @@ def instants_of(motion_px: float, exposure_s: float) -> Instants:
     """Return the instants for a motion; one if it is invisible."""
     if motion_px < MIN_MOTION_PX:
         return Instants()
-    for n, most in enumerate(GAUSS_LIMITS_PX, start=2):
-        if motion_px <= most:
+    for n, limit_px in enumerate(GAUSS_LIMITS_PX, start=2):
+        if motion_px <= limit_px:
             scene_at, weights = np.polynomial.legendre.leggauss(n)
             return Instants(tuple((exposure_s / 2 * scene_at).tolist()), tuple((weights / 2).tolist()))
     n = int(np.clip(np.ceil(motion_px / INSTANT_SPACING_PX), 1, MAX_INSTANTS))
@@ -259,8 +259,8 @@ def _composite(ground: Float32Array, craft_images: list[Rendered]) -> None:
     weight = np.float32(1 / len(craft_images))
     for craft in visible:
         y, x = (
-            slice(own.start - whole.start, own.stop - whole.start)
-            for own, whole in zip(craft.window, (rows, columns), strict=True)
+            slice(span.start - image_span.start, span.stop - image_span.start)
+            for span, image_span in zip(craft.window, (rows, columns), strict=True)
         )
         if craft.coverage is None:
             continue

@@ -136,12 +136,12 @@ def amodal_mask(
     if overhang_px <= 0 or not mask.any() or not scene.camera.distortion.is_none:
         return AmodalMask(mask, (0, 0))
     margin = int(min(np.ceil(overhang_px), reach))
-    whole = visible_mask(surfaces(renderer, scene, target, layers=False, margin_px=margin))
-    rows, columns = np.flatnonzero(whole.any(axis=1)), np.flatnonzero(whole.any(axis=0))
+    amodal = visible_mask(surfaces(renderer, scene, target, layers=False, margin_px=margin))
+    rows, columns = np.flatnonzero(amodal.any(axis=1)), np.flatnonzero(amodal.any(axis=0))
     top, left = min(margin, int(rows[0])), min(margin, int(columns[0]))
     bottom = max(margin + height, int(rows[-1]) + 1)
     right = max(margin + width, int(columns[-1]) + 1)
-    canvas = whole[top:bottom, left:right].copy()
+    canvas = amodal[top:bottom, left:right].copy()
     origin = (left - margin, top - margin)
     # the larger raster may round edge pixels differently, so the image's own mask is kept
     canvas[-origin[1] : -origin[1] + height, -origin[0] : -origin[0] + width] = mask

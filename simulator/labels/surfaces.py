@@ -50,9 +50,12 @@ def surfaces(
             joined = _empty_like(band_surfaces, height + 2 * m)
         rows = slice(top + m, bottom + m)
         joined.depth_m[rows] = band_surfaces.depth_m
-        for ours, theirs in ((joined.normals, band_surfaces.normals), (joined.parts, band_surfaces.parts)):
-            if ours is not None and theirs is not None:
-                ours[rows] = theirs
+        for joined_layer, band_layer in (
+            (joined.normals, band_surfaces.normals),
+            (joined.parts, band_surfaces.parts),
+        ):
+            if joined_layer is not None and band_layer is not None:
+                joined_layer[rows] = band_layer
     if joined is None:
         raise RuntimeError("an image without rows has no labels")
     return joined

@@ -280,8 +280,8 @@ class Steering:
         if self.thrust == "continuous":
             push = push + demand.switched_thrust_m_s2()
         if self._pulse_m_s.any():
-            most = laws.ACCELERATION_M_S2 * h
-            pulse = np.clip(self._pulse_m_s, -most, most)
+            max_change = laws.ACCELERATION_M_S2 * h
+            pulse = np.clip(self._pulse_m_s, -max_change, max_change)
             self._pulse_m_s = self._pulse_m_s - pulse
             self._pulse_m_s[np.abs(self._pulse_m_s) < 1e-12] = 0.0
             push = push + pulse / h

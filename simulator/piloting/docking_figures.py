@@ -309,7 +309,7 @@ def judge(
         ("yaw rate", "°/s", f.yaw_deg_s, limits.rate_deg_s),
         ("off axis", "°", off_axis, corridor_deg),
     )
-    return tuple(JudgedFigure(name=n, unit=u, value=v, limit=most) for n, u, v, most in rows)
+    return tuple(JudgedFigure(name=n, unit=u, value=v, limit=limit) for n, u, v, limit in rows)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -212,9 +212,9 @@ class Timeline:
     def chaser_between(self, t_s: float) -> ChaserState | None:
         """Interpolate the manually controlled chaser between samples by a cubic; None if guidance flies it."""
         table = np.array(self._rows.rows(self.at(t_s), 2)).reshape(-1, VALUES_PER_SAMPLE)
-        here = _chaser(float(table[0, 0]), table[0, 1:-1].tolist())
-        if here is None or len(table) < 2 or np.isnan(table[1, 1]):
-            return here
+        chaser = _chaser(float(table[0, 0]), table[0, 1:-1].tolist())
+        if chaser is None or len(table) < 2 or np.isnan(table[1, 1]):
+            return chaser
         pair = {
             "t_s": table[:, 0],
             "relative_eci_m": table[:, 1:4],

@@ -123,8 +123,10 @@ def _join_s(start: LvlhState, end: LvlhState) -> float:
     """Return a duration suited to the speed and to half of the available thrust."""
     distance = float(np.linalg.norm(end[0] - start[0]))
     speeds = float(np.linalg.norm(start[1]) + np.linalg.norm(end[1]))
-    most = LARGEST_M_S2 / 2
-    return max(MIN_JOIN_S, distance / JOIN_SPEED_M_S, float(np.sqrt(6 * distance / most)), 4 * speeds / most)
+    max_m_s2 = LARGEST_M_S2 / 2
+    return max(
+        MIN_JOIN_S, distance / JOIN_SPEED_M_S, float(np.sqrt(6 * distance / max_m_s2)), 4 * speeds / max_m_s2
+    )
 
 
 def cubic_between(start: LvlhState, end: LvlhState, duration_s: float, t_s: float) -> LvlhState:

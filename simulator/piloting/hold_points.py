@@ -70,8 +70,8 @@ class HoldPoints:
     def watch(self, figures: DockingFigures, corridor_deg: float = CORRIDOR_DEG) -> HoldPoint | None:
         """Mark the next point as passed, and return it, if the chaser is in the corridor beyond it without a go."""
         point = self.next
-        beyond = point is not None and figures.axial_m < point.axial_m - 2 * point.within_m
-        if point is None or not beyond or figures.off_axis_deg > corridor_deg:
+        was_passed = point is not None and figures.axial_m < point.axial_m - 2 * point.within_m
+        if point is None or not was_passed or figures.off_axis_deg > corridor_deg:
             return None
         self._decide(point, "passed")
         return point

@@ -92,8 +92,8 @@ class LookBack:
     def step(self, samples: int) -> float:
         """Move some samples forwards or back; return the time [s]."""
         self.keep(always=True)
-        here = self.timeline.at(self._craft.t_s)
-        return self._go(min(max(here + samples, 0), len(self.timeline) - 1))
+        now = self.timeline.at(self._craft.t_s)
+        return self._go(min(max(now + samples, 0), len(self.timeline) - 1))
 
     def _go(self, k: int) -> float:
         sample = self.timeline.place(k)

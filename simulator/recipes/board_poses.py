@@ -88,9 +88,9 @@ def _farthest_place(
             or np.any(outline > size - 1 - MARGIN_PX)
         ):
             continue
-        off = (outline.mean(axis=0) - size / 2) / size
+        offset = (outline.mean(axis=0) - size / 2) / size
         # move it towards its cell as far as it fits; for the central cell, towards the centre
-        merit = float(off @ towards_cell) - float(np.abs(off) @ (towards_cell == 0))
+        merit = float(offset @ towards_cell) - float(np.abs(offset) @ (towards_cell == 0))
         if merit > best:
             best, best_place = merit, (R, np.asarray(distance_m * ray))
     return best_place

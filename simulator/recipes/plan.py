@@ -304,15 +304,15 @@ def _count(recipe: Recipe, n: int | None) -> int:
     """Return the number of frames, at most that of a list of poses."""
     if not isinstance(recipe.poses, PoseList):
         return recipe.frames if n is None else n
-    there = len(_read_pose_list(recipe.poses.file)) * (
+    n_available = len(_read_pose_list(recipe.poses.file)) * (
         1 if recipe.pairs is None else len(recipe.pairs.environments)
     )
-    if n is not None and n > there:
+    if n is not None and n > n_available:
         raise UserError(
-            f"recipe {recipe.name}: {n} frames are asked for, and {recipe.poses.file} has poses for {there}; "
-            f"give -n {there} or less, or a longer list"
+            f"recipe {recipe.name}: {n} frames are asked for, and {recipe.poses.file} has poses for {n_available}; "
+            f"give -n {n_available} or less, or a longer list"
         )
-    return there if n is None else n
+    return n_available if n is None else n
 
 
 @lru_cache(maxsize=2)

@@ -128,9 +128,9 @@ def _translation_m(
     middle = (size - 1) / 2
     if isinstance(kind, NormalPlacement):
         for _ in range(MAX_DRAWS):
-            off = rng.normal(0.0, kind.sigma, 2) if kind.sigma else np.zeros(2)
-            if np.abs(off).max() <= 1:
-                return _at(camera, middle + off * size / 2, z)
+            offset = rng.normal(0.0, kind.sigma, 2) if kind.sigma else np.zeros(2)
+            if np.abs(offset).max() <= 1:
+                return _at(camera, middle + offset * size / 2, z)
         raise RuntimeError("no normal of at most two falls within one in ten thousand draws")
     radius_px = np.array([camera.fx_px, camera.fy_px]) * radius_m(target) / z
     slack = np.maximum(size / 2 - radius_px, 0)

@@ -70,8 +70,8 @@ def entry_name(name: str, makers: Sequence[Callable[..., object]], *inputs: obje
     digest = hashlib.sha256()
     for maker in makers:
         digest.update(_source_digest(maker.__module__))
-    for one in inputs:
-        _hash_input(digest, one)
+    for item in inputs:
+        _hash_input(digest, item)
     return f"{name}-{digest.hexdigest()[:20]}"
 
 
@@ -120,7 +120,7 @@ def map_checked(path: Path) -> tuple[mmap.mmap, int]:
     magic, length, digest = _TRAILER.unpack(mapped[-_TRAILER.size :])
     if magic != MAGIC or length != len(mapped) - _TRAILER.size:
         raise DamagedError("it is cut short, or from an older version")
-    with memoryview(mapped) as whole, whole[:length] as contents:
+    with memoryview(mapped) as view, view[:length] as contents:
         checksum = xxhash.xxh3_128_digest(contents)
     if checksum != digest:
         raise DamagedError("its checksum does not match")

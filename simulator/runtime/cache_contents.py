@@ -102,10 +102,10 @@ def trim_cache() -> None:
     """
     files = sorted(_files(), key=lambda pair: pair[1].st_mtime)
     total = sum(stat.st_size for _, stat in files)
-    most, now = max_cache_bytes(), time.time()
+    limit_bytes, now = max_cache_bytes(), time.time()
     for path, stat in files:
         unused_s = now - stat.st_mtime
-        if unused_s > MAX_UNUSED_S or (total > most and unused_s > RECENT_USE_S):
+        if unused_s > MAX_UNUSED_S or (total > limit_bytes and unused_s > RECENT_USE_S):
             with suppress(OSError):  # another program may have removed it
                 path.unlink()
                 total -= stat.st_size

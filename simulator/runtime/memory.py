@@ -38,7 +38,7 @@ def keep_freed_memory() -> bool:
         (_M_TRIM_THRESHOLD, RETAINED_BYTES),
         (_M_ARENA_MAX, 1),
     )
-    return all(mallopt(*one) for one in settings)
+    return all(mallopt(*setting) for setting in settings)
 
 
 def cached_per_object(make: Callable[[_Owner], _Result]) -> Callable[[_Owner], _Result]:

@@ -39,10 +39,10 @@ def pack(tree: object, *kinds: type) -> ByteArray:
     arrays: list[NDArray[Any]] = []
     head = json.dumps(_describe_tree(tree, kinds, arrays)).encode()
     pieces = [np.array([len(head)], "<u8").tobytes(), head]
-    at = 8 + len(head)
+    offset = 8 + len(head)
     for array in arrays:
-        pieces += [b"\0" * (-at % _ALIGNMENT), array.tobytes()]
-        at += -at % _ALIGNMENT + array.nbytes
+        pieces += [b"\0" * (-offset % _ALIGNMENT), array.tobytes()]
+        offset += -offset % _ALIGNMENT + array.nbytes
     return np.frombuffer(b"".join(pieces), np.uint8)
 
 

@@ -95,7 +95,7 @@ class WorkerProcess(Generic[T]):
         if capacity < 1:
             raise ValueError(f"capacity must be at least 1, got {capacity}")
         context = multiprocessing.get_context("spawn")
-        self._pipe, theirs = context.Pipe()
+        self._pipe, child_pipe = context.Pipe()
         self._capacity = capacity
         self._submitted = self._in_flight = 0
         self._info: Any = None
@@ -105,12 +105,12 @@ class WorkerProcess(Generic[T]):
         self._carriers = [Carrier() for _ in range(capacity + 1)]
         self._process = context.Process(
             target=_serve,
-            args=(theirs, self._carriers, work, open_resource),
+            args=(child_pipe, self._carriers, work, open_resource),
             daemon=True,
             name=f"flyaround {name}",
         )
         self._process.start()
-        theirs.close()
+        child_pipe.close()
 
     @property
     def info(self) -> Any:  # noqa: ANN401 - the resource's own

@@ -157,8 +157,8 @@ class Document(Section, frozen=True, kw_only=True):
         problem = encoding_problem(encoding, sensor)
         if problem is not None:
             raise UserError(f"{self.where}: key {problem}")
-        whole = replace(file.camera(f"camera of {self.where}"), encoding=encoding)
-        return crop_and_bin(whole, self.sensor.roi_px, self.sensor.binning, self.where)
+        camera = replace(file.camera(f"camera of {self.where}"), encoding=encoding)
+        return crop_and_bin(camera, self.sensor.roi_px, self.sensor.binning, self.where)
 
     @property
     def sensor_model(self) -> Sensor:

@@ -276,11 +276,11 @@ def _with_base(raw: dict[str, Any], where: str, folder: Path) -> dict[str, Any]:
     return merged
 
 
-def _merge(under: dict[str, Any], override: dict[str, Any]) -> dict[str, Any]:
-    """Merge two nested tables by key; a value of ``override`` replaces that of ``under``."""
-    return under | {
-        key: _merge(under[key], value)
-        if isinstance(value, dict) and isinstance(under.get(key), dict)
+def _merge(base: dict[str, Any], override: dict[str, Any]) -> dict[str, Any]:
+    """Merge two nested tables by key; a value of ``override`` replaces that of ``base``."""
+    return base | {
+        key: _merge(base[key], value)
+        if isinstance(value, dict) and isinstance(base.get(key), dict)
         else value
         for key, value in override.items()
     }

@@ -93,13 +93,13 @@ class SceneRecord(msgspec.Struct, frozen=True, kw_only=True):
 
     def scene(self) -> SceneState:
         """Return the scene that was recorded."""
-        others = () if isinstance(self.bodies, UnsetType) else self.bodies
+        extra_bodies = () if isinstance(self.bodies, UnsetType) else self.bodies
         environment = Environment(**msgspec.structs.asdict(self.environment))
         return SceneState(
             **_common(self) | {"environment": environment},
             bodies=(
                 *earth_and_moon(self.r_moon_eci_m, self.q_itrs_from_eci_wxyz, self.q_moon_from_eci_wxyz),
-                *others,
+                *extra_bodies,
             ),
         )
 

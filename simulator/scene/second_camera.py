@@ -63,7 +63,7 @@ def second_camera_scene(scene: SceneState, second: SecondCamera) -> SceneState:
     """
     q = np.asarray(second.q_second_from_first_wxyz)
     R = matrix_from_quat(q)
-    at, is_rotated = np.asarray(second.position_m), any(second.turn_deg)
+    position, is_rotated = np.asarray(second.position_m), any(second.turn_deg)
     lamp = scene.lamp
     if lamp is not None:
         if is_rotated:
@@ -71,15 +71,15 @@ def second_camera_scene(scene: SceneState, second: SecondCamera) -> SceneState:
                 "the lamp shines along the first camera's boresight, and [second_camera] is turned by "
                 f"{list(second.turn_deg)}: set turn_deg = [0, 0, 0], or leave the lamp out"
             )
-        lamp = msgspec.structs.replace(lamp, offset_m=vec3(np.asarray(lamp.offset_m) - at))
+        lamp = msgspec.structs.replace(lamp, offset_m=vec3(np.asarray(lamp.offset_m) - position))
     if any(light.frame != "target" for light in scene.area_lights):
         raise UserError(
             'area lights fixed to the camera have no place in a second one: set frame = "target" in [[lights]], or '
             "leave [second_camera] out"
         )
     R_eci_from_first = matrix_from_quat(scene.q_camera_from_eci_wxyz).T
-    arm: FloatArray = R_eci_from_first @ at
-    rate: FloatArray = R_eci_from_first @ np.cross(scene.omega_camera_rad_s, at)
+    arm: FloatArray = R_eci_from_first @ position
+    rate: FloatArray = R_eci_from_first @ np.cross(scene.omega_camera_rad_s, position)
     q_target, t_target = second.pose(scene.q_camera_from_target_wxyz, scene.t_camera_from_target_m)
     return replace(
         scene,

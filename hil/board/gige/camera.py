@@ -273,18 +273,18 @@ class GigeCamera:
             raise LinkError(f"another program controls the camera {self._address}: stop it first")
 
     def _set(self) -> None:
-        wanted = self._settings
+        settings = self._settings
         setters: Tuple[Tuple[str, Any, Callable[[Any], Any]], ...] = (
             (
                 "pixel_format",
-                wanted.pixel_format,
+                settings.pixel_format,
                 lambda v: self._do("set_pixel_format_from_string", v.encode()),
             ),
-            ("roi", wanted.roi_px, self._set_region),
-            ("rate", wanted.rate_hz, lambda v: self._do("set_frame_rate", v)),
-            ("exposure", wanted.exposure_us, lambda v: self._do("set_exposure_time", v)),
-            ("gain", wanted.gain_db, lambda v: self._do("set_gain", v)),
-            ("packet_size", wanted.packet_bytes, self._set_packet_bytes),
+            ("roi", settings.roi_px, self._set_region),
+            ("rate", settings.rate_hz, lambda v: self._do("set_frame_rate", v)),
+            ("exposure", settings.exposure_us, lambda v: self._do("set_exposure_time", v)),
+            ("gain", settings.gain_db, lambda v: self._do("set_gain", v)),
+            ("packet_size", settings.packet_bytes, self._set_packet_bytes),
         )
         for name, value, set_it in setters:
             if value is not None:
@@ -293,7 +293,7 @@ class GigeCamera:
                 except AravisError as error:
                     option = f"--{name.replace('_', '-')} {value}"
                     raise LinkError(f"camera {self._address} refuses {option}: {error}") from error
-        if wanted.software_trigger:
+        if settings.software_trigger:
             self._do("set_trigger", b"Software")
         else:
             self._do("clear_triggers")

@@ -140,8 +140,8 @@ class _Session:
         self._prepare_estimator(self._device.roi_px)
         self._device.start()
         restarts = 0
-        most = math.inf if self._options.most_frames is None else self._options.most_frames
-        while self._frames < most:
+        max_frames = math.inf if self._options.most_frames is None else self._options.most_frames
+        while self._frames < max_frames:
             frame = self._next_frame()
             if self._line is not None and self._line.ended:
                 return self._ended(self._line.ended, orderly=self._line.goodbye)
@@ -227,10 +227,10 @@ def read_camera(path: str) -> Dict[str, Any]:
         ) from error
     if not isinstance(camera, dict):
         raise LinkError(f"camera {path} is not a JSON object: give the camera object of a truth record")
-    odd = sorted(set(camera) - _CAMERA_KEYS)
-    if odd:
+    unknown_keys = sorted(set(camera) - _CAMERA_KEYS)
+    if unknown_keys:
         raise LinkError(
-            f"camera {path} has the key {odd[0]!r}, which a board does not know: write a file with"
+            f"camera {path} has the key {unknown_keys[0]!r}, which a board does not know: write a file with"
             f" flyaround cameras {path} --export CAMERA.json"
         )
     return camera

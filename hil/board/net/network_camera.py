@@ -63,11 +63,11 @@ class PictureReducer:
     at: Array
 
     @staticmethod
-    def prepare(seen: NetworkCamera, camera: CameraIntrinsics) -> PictureReducer:
+    def prepare(view: NetworkCamera, camera: CameraIntrinsics) -> PictureReducer:
         """Return the resampling for images of ``camera``."""
-        share = min(seen.f_px / (0.5 * (camera.fx_px + camera.fy_px)), 1.0)
+        share = min(view.f_px / (0.5 * (camera.fx_px + camera.fy_px)), 1.0)
         width, height = (max(round(share * n), 1) for n in (camera.width_px, camera.height_px))
-        rays = seen.rays()
+        rays = view.rays()
         pixels = camera.pixels(np.concatenate([rays, np.ones((*rays.shape[:2], 1))], axis=-1))
         scale = np.array([width / camera.width_px, height / camera.height_px])
         return PictureReducer((width, height), ((pixels + 0.5) * scale - 0.5).astype(np.float32))

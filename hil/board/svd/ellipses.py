@@ -124,11 +124,11 @@ def _minor_axes(sample: Array, i: Array, j: Array) -> Tuple[Array, Array, Array]
         cos = (a * a + d * d - f * f) / np.maximum(2 * a * d, 1e-9)
         cos2 = np.clip(cos * cos, 0, 1)
         b2 = a * a * d * d * (1 - cos2) / np.maximum(a * a - d * d * cos2, 1e-9)
-        good = (d < a) & (b2 > (0.12 * a) ** 2) & (b2 <= (1.02 * a) ** 2)
+        is_plausible = (d < a) & (b2 > (0.12 * a) ** 2) & (b2 <= (1.02 * a) ** 2)
         bins = np.clip(np.sqrt(np.maximum(b2, 0)) / a * 32, 0, 32).astype(int)
         counts = np.zeros((len(a), 34))
         row = np.repeat(np.arange(len(a)), len(sample))
-        np.add.at(counts, (row, bins.ravel()), good.ravel().astype(float))
+        np.add.at(counts, (row, bins.ravel()), is_plausible.ravel().astype(float))
         best = counts.argmax(axis=1)
         best_b[part] = (best + 0.5) / 32 * a[:, 0]
         best_votes[part] = counts[np.arange(len(a)), best]
@@ -145,11 +145,11 @@ def _refit(e: EllipseFit, points: Array, distance: Array) -> Optional[EllipseFit
             return None
         turn = np.radians(angle) + (0.0 if width >= height else np.pi / 2)
         e = EllipseFit(u, v, 0.5 * max(width, height), 0.5 * min(width, height), float(turn), 0.0)
-    at = np.rint(e.points()).astype(int)
+    pixels = np.rint(e.points()).astype(int)
     h, w = distance.shape
-    inside = (at[:, 0] >= 0) & (at[:, 0] < w) & (at[:, 1] >= 0) & (at[:, 1] < h)
-    at = np.clip(at, 0, [w - 1, h - 1])
-    share = float((inside & (distance[at[:, 1], at[:, 0]] < 2.5)).mean())
+    inside = (pixels[:, 0] >= 0) & (pixels[:, 0] < w) & (pixels[:, 1] >= 0) & (pixels[:, 1] < h)
+    pixels = np.clip(pixels, 0, [w - 1, h - 1])
+    share = float((inside & (distance[pixels[:, 1], pixels[:, 0]] < 2.5)).mean())
     return EllipseFit(e.u, e.v, e.a, e.b, e.angle_rad, share)
 
 

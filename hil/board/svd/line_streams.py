@@ -81,8 +81,8 @@ def thin(mask: Array, magnitude: Array, gx: Array, gy: Array) -> Array:
     steep = np.abs(gx) >= np.abs(gy)
     inside = np.where(steep, (x > 0) & (x < w - 1), (y > 0) & (y < h - 1))
     flat, step = flat[inside], np.where(steep, 1, w)[inside]
-    here = m[flat]
-    out.ravel()[flat] = (here > m[flat - step]) & (here >= m[flat + step])
+    values = m[flat]
+    out.ravel()[flat] = (values > m[flat - step]) & (values >= m[flat + step])
     return out
 
 
@@ -138,9 +138,9 @@ def remove_specks(mask: Array, smallest: int) -> Array:
     box = slice(rows[0], rows[-1] + 1), slice(columns[0], columns[-1] + 1)
     part = mask[box].astype(bool)
     # counting edge pixels alone is faster than the statistics of all pixels
-    at = np.flatnonzero(part)
-    own: Array = cv2.connectedComponents(part.view(np.uint8), connectivity=8)[1].ravel().take(at)
-    part.ravel()[at] = (np.bincount(own) >= smallest).take(own)
+    pixel = np.flatnonzero(part)
+    label: Array = cv2.connectedComponents(part.view(np.uint8), connectivity=8)[1].ravel().take(pixel)
+    part.ravel()[pixel] = (np.bincount(label) >= smallest).take(label)
     out = np.zeros_like(mask)
     out[box] = part
     return out

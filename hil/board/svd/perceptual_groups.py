@@ -136,16 +136,16 @@ class Chains:
 
 def image_triads(lines: Lines, corners: Corners, limit: int = 48) -> Chains:
     """Return chains of three lines bent to the same side at both ends of the middle one, largest first."""
-    at: Dict[Tuple[int, int], List[Tuple[int, int, Array]]] = {}
+    corners_by_end: Dict[Tuple[int, int], List[Tuple[int, int, Array]]] = {}
     for (i, j), (ei, ej), p in zip(  # noqa: B905 - Python 3.9 has no strict=
         corners.line, corners.end, corners.point
     ):
-        at.setdefault((int(i), int(ei)), []).append((int(j), int(ej), p))
-        at.setdefault((int(j), int(ej)), []).append((int(i), int(ei), p))
+        corners_by_end.setdefault((int(i), int(ei)), []).append((int(j), int(ej), p))
+        corners_by_end.setdefault((int(j), int(ej)), []).append((int(i), int(ei), p))
     points, closed, size = [], [], []
     for m in range(len(lines.length)):
-        for i, ei, pa in at.get((m, 0), []):
-            for j, ej, pb in at.get((m, 1), []):
+        for i, ei, pa in corners_by_end.get((m, 0), []):
+            for j, ej, pb in corners_by_end.get((m, 1), []):
                 if i == j:
                     continue
                 far_i, far_j = lines.ends[i, 1 - ei], lines.ends[j, 1 - ej]
@@ -155,8 +155,8 @@ def image_triads(lines: Lines, corners: Corners, limit: int = 48) -> Chains:
                 if side_i * side_j <= 0:
                     continue
                 joined = 0
-                for k, _, p in at.get((i, 1 - ei), []):
-                    for k2, _, p2 in at.get((j, 1 - ej), []):
+                for k, _, p in corners_by_end.get((i, 1 - ei), []):
+                    for k2, _, p2 in corners_by_end.get((j, 1 - ej), []):
                         if k == k2:
                             far_i, far_j, joined = p, p2, 1
                 quad = np.array([far_i, pa, pb, far_j])

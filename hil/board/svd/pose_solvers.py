@@ -139,13 +139,13 @@ def _depths(x: Array, y: Array) -> Tuple[Array, Array]:
             s = np.stack([(w0 + w1 * tau) * s2, s2, tau * s2], axis=-1)
             depths.append(s)
             valid.append((inside >= 0) & (s > 0).all(axis=1) & np.isfinite(s).all(axis=1))
-    of, which = np.nonzero(np.stack(valid, axis=1))
-    s = np.stack(depths, axis=1)[of, which]
-    squares, dots = np.stack([a12, a13, a23], axis=-1)[of], np.stack([b12, b13, b23], axis=-1)[of]
+    row, which = np.nonzero(np.stack(valid, axis=1))
+    s = np.stack(depths, axis=1)[row, which]
+    squares, dots = np.stack([a12, a13, a23], axis=-1)[row], np.stack([b12, b13, b23], axis=-1)[row]
     for _ in range(DEPTH_STEPS):
         s = s + _newton(s, squares, dots)
     ok = (s > 0).all(axis=1)
-    return s[ok], of[ok]
+    return s[ok], row[ok]
 
 
 def _symmetric(xx: Array, xy: Array, xz: Array, yy: Array, yz: Array, zz: Array) -> Array:

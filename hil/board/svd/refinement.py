@@ -66,8 +66,8 @@ def model_corners(model: BoardModel, join_m: float = 0.01) -> ModelCorners:
         np.concatenate([np.zeros((0, 3)), *(edges[e // 2].normals for e in np.flatnonzero(member == n))])
         for n in range(len(indices))
     ]
-    most = max(1, max((len(f) for f in faces), default=1))
-    normals = np.zeros((len(indices), most, 3))
+    max_faces = max(1, max((len(f) for f in faces), default=1))
+    normals = np.zeros((len(indices), max_faces, 3))
     for n, f in enumerate(faces):
         normals[n, : len(f)] = f
     return ModelCorners(points[indices], normals, np.array([len(f) == 0 for f in faces]))
@@ -125,21 +125,21 @@ def corner_map(points: Array, region: Region) -> CornerMap:
     high = np.minimum(high, clipped.max(axis=0) + reach)
     w, h = (high - low).astype(int) + 1
     zero = np.full((h, w), 255, np.uint8)
-    at = np.clip(np.rint(points - low).astype(int), 0, [w - 1, h - 1])
-    zero[at[:, 1], at[:, 0]] = 0
+    pixels = np.clip(np.rint(points - low).astype(int), 0, [w - 1, h - 1])
+    zero[pixels[:, 1], pixels[:, 0]] = 0
     distance, label = cv2.distanceTransformWithLabels(
         zero, cv2.DIST_L2, cv2.DIST_MASK_5, labelType=cv2.DIST_LABEL_PIXEL
     )
     index = np.zeros(int(label.max()) + 1, int)
-    index[label[at[:, 1], at[:, 0]]] = np.arange(len(at))
+    index[label[pixels[:, 1], pixels[:, 0]]] = np.arange(len(pixels))
     return CornerMap(points, float(low[0]), float(low[1]), distance, label, index, cap_px)
 
 
 def visible_corners(corners: ModelCorners, R: Array, t: Array) -> Array:
     """Return a mask (B, C) of corners with a face towards the camera; occlusion is ignored."""
     C = -np.einsum("bji,bj->bi", R, t)
-    to = C[:, None] - corners.points_m[None]
-    toward = np.einsum("ckj,bcj->bck", corners.normals, to) > 0
+    rays = C[:, None] - corners.points_m[None]
+    toward = np.einsum("ckj,bcj->bck", corners.normals, rays) > 0
     return np.asarray(toward.any(axis=2) | corners.always)
 
 
@@ -197,7 +197,7 @@ def reprojection(
     return error, inliers
 
 
-def _mutual_nearest(way: Array, nearest: Array, seen: Array) -> Array:
+def _mutual_nearest(way: Array, nearest: Array, is_visible: Array) -> Array:
     """Return a mask (B, C) of visible model corners that are mutual nearest neighbours with an image corner.
 
     An image corner matches one corner of the craft; others that crowd around it would bias the pose.
@@ -209,11 +209,11 @@ def _mutual_nearest(way: Array, nearest: Array, seen: Array) -> Array:
     nearest : (B, C) array
         Index of that image corner.
     """
-    d = np.where(seen, np.hypot(way[..., 0], way[..., 1]), np.inf)
+    d = np.where(is_visible, np.hypot(way[..., 0], way[..., 1]), np.inf)
     least = np.full((len(d), int(nearest.max(initial=0)) + 1), np.inf)
     rows = np.arange(len(d))[:, None]
     np.minimum.at(least, (rows, nearest), d)
-    return np.asarray(seen & (d <= least[rows, nearest]))
+    return np.asarray(is_visible & (d <= least[rows, nearest]))
 
 
 def refine_on_corners(

@@ -60,15 +60,15 @@ def merge_segments(segments: Array, diagonal_px: float, keep: int = 60) -> Array
     return lines[np.argsort(-np.hypot(lines[:, 2] - lines[:, 0], lines[:, 3] - lines[:, 1]))]
 
 
-def _joinable(one: Array, many: Array, offset_px: float, gap_px: float) -> Array:
-    d = one[2:] - one[:2]
+def _joinable(segment: Array, others: Array, offset_px: float, gap_px: float) -> Array:
+    d = segment[2:] - segment[:2]
     length = float(np.hypot(*d))
     d = d / max(length, 1e-9)
     n = np.array([-d[1], d[0]])
-    e = many[:, 2:] - many[:, :2]
+    e = others[:, 2:] - others[:, :2]
     e = e / np.maximum(np.linalg.norm(e, axis=1, keepdims=True), 1e-9)
     parallel = np.abs(e @ n) < np.sin(ANGLE_RAD)
-    a, b = many[:, :2] - one[:2], many[:, 2:] - one[:2]
+    a, b = others[:, :2] - segment[:2], others[:, 2:] - segment[:2]
     close = np.maximum(np.abs(a @ n), np.abs(b @ n)) < offset_px
     sa, sb = a @ d, b @ d
     low, high = np.minimum(sa, sb), np.maximum(sa, sb)

@@ -80,9 +80,9 @@ def _arms(ends: Array, m: int, p: Array, join_m: float) -> List[Tuple[int, Array
 
 
 def _joined(ends: Array, a: Array, b: Array, join_m: float) -> bool:
-    one = np.linalg.norm(ends - a, axis=2) < join_m
+    meets_a = np.linalg.norm(ends - a, axis=2) < join_m
     two = np.linalg.norm(ends - b, axis=2) < join_m
-    return bool(np.any((one[:, 0] & two[:, 1]) | (one[:, 1] & two[:, 0])))
+    return bool(np.any((meets_a[:, 0] & two[:, 1]) | (meets_a[:, 1] & two[:, 0])))
 
 
 def _flat_convex(quad: Array) -> bool:
@@ -111,7 +111,7 @@ def _model_corners(ends: Array) -> Array:
     return np.array(out).reshape(-1, 3, 3)
 
 
-def _model_parallel(ends: Array, most: int = 120) -> Array:
+def _model_parallel(ends: Array, max_pairs: int = 120) -> Array:
     """Return overlapping parallel edges (N, 4, 3), longest first, in both senses and both orders."""
     length = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
     order = np.argsort(-length, kind="stable")[:40]
@@ -125,7 +125,7 @@ def _model_parallel(ends: Array, most: int = 120) -> Array:
             s = np.sort((ends[j] - ends[i, 0]) @ d)
             if min(s[1], length[i]) - max(s[0], 0.0) > 0.4 * length[j]:
                 out.append(same_direction(ends[i], ends[j]))
-    pairs = np.array(out[:most]).reshape(-1, 4, 3)
+    pairs = np.array(out[:max_pairs]).reshape(-1, 4, 3)
     swapped = pairs[:, [2, 3, 0, 1]]
     both = np.concatenate([pairs, swapped])
     return np.concatenate([both, both[:, [1, 0, 3, 2]]])

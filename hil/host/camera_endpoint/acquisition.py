@@ -174,13 +174,13 @@ class Acquisition:
             return None
         return self._due.request_ns * 1e-9 + self._due.exposure_s
 
-    def send_exposed(self, now_s: float, to: tuple[str, int] | None) -> None:
-        """Send the image, once its exposure is over, to the controller's stream address ``to``, if set."""
+    def send_exposed(self, now_s: float, receiver: tuple[str, int] | None) -> None:
+        """Send the image, once its exposure is over, to the controller's stream address ``receiver``, if set."""
         picture, due, read_out_s = self._exposed, self._due, self.read_out_s
         if picture is None or due is None or read_out_s is None or now_s < read_out_s:
             return
         self._exposed = self._due = None
-        if not self._send(picture, due, to):
+        if not self._send(picture, due, receiver):
             self._report_unsent(picture)
 
     def _report_unsent(self, result: ImageResult) -> None:

@@ -79,7 +79,7 @@ class AnswerPort:
         times = [self._in_flight.first_deadline_ns, self._pending.first_deadline_ns]
         if self._board.link is not None:
             times.append(self._board.next_sync_ns)
-        return min((at * 1e-9 for at in times if at is not None), default=None)
+        return min((time_ns * 1e-9 for time_ns in times if time_ns is not None), default=None)
 
     def step(self, ready: Collection[Any]) -> None:
         """Process input, and expire late images."""

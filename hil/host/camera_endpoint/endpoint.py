@@ -351,11 +351,11 @@ class CameraEndpoint:
 
     def _packet_size_written(self) -> None:
         value = self._registers[Register.STREAM_PACKET_BYTES]
-        to = self._receiver
+        receiver = self._receiver
         if value & FIRE_TEST_PACKET:
             self._registers[Register.STREAM_PACKET_BYTES] = value & ~FIRE_TEST_PACKET
-            if to is not None:
-                self._stream.send_test_packet(to, value & 0xFFFF)
+            if receiver is not None:
+                self._stream.send_test_packet(receiver, value & 0xFFFF)
         self._stream.set_fragments(allowed=not value & DO_NOT_FRAGMENT)
 
     @property

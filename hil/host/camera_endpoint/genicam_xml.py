@@ -240,12 +240,12 @@ def write_xml(terms: CameraTerms) -> bytes:
     )
     root = "".join(f"<pFeature>{name}</pFeature>" for name in categories)
     body = "\n".join(nodes)
-    about = quoteattr(f"A camera that Flyaround simulates: {terms.scenario}")
+    tooltip = quoteattr(f"A camera that Flyaround simulates: {terms.scenario}")
     return (
         '<?xml version="1.0" encoding="utf-8"?>\n'
         '<RegisterDescription ModelName="SimulatedCamera" VendorName="Flyaround" StandardNameSpace="None"'
         ' SchemaMajorVersion="1" SchemaMinorVersion="1" SchemaSubMinorVersion="0" MajorVersion="1"'
-        f' MinorVersion="0" SubMinorVersion="0" ToolTip={about}'
+        f' MinorVersion="0" SubMinorVersion="0" ToolTip={tooltip}'
         ' ProductGuid="6b3f7d52-7a0e-4b6e-9d61-0f1c6a5e2b10" VersionGuid="e4c0b3a8-50c2-4d0b-8f0e-7f5d1a9c3b21"'
         ' xmlns="http://www.genicam.org/GenApi/Version_1_1">\n'
         f'<Category Name="Root">{root}</Category>\n{groups}\n{body}\n<Port Name="Device"></Port>\n'
@@ -254,12 +254,12 @@ def write_xml(terms: CameraTerms) -> bytes:
 
 
 def _integer(name: str, limits: tuple[object, object] | None, increment: int) -> str:
-    within = ""
+    limits_xml = ""
     if limits is not None:
         least, most = limits
         highest = f"<pMax>{escape(most)}</pMax>" if isinstance(most, str) else f"<Max>{most}</Max>"
-        within = f"<Min>{least}</Min>{highest}<Inc>{increment}</Inc>"
-    return f'<Integer Name="{name}"><pValue>{name}Reg</pValue>{within}</Integer>'
+        limits_xml = f"<Min>{least}</Min>{highest}<Inc>{increment}</Inc>"
+    return f'<Integer Name="{name}"><pValue>{name}Reg</pValue>{limits_xml}</Integer>'
 
 
 def _register(name: str, register: Register, access: str, kind: str = "IntReg") -> str:
@@ -281,8 +281,8 @@ def _bits(name: str, register: Register, lowest: int, highest: int) -> str:
     )
 
 
-def _difference(name: str, whole: str, part: str) -> str:
+def _difference(name: str, minuend: str, part: str) -> str:
     return (
-        f'<IntSwissKnife Name="{name}"><pVariable Name="WHOLE">{whole}</pVariable>'
+        f'<IntSwissKnife Name="{name}"><pVariable Name="WHOLE">{minuend}</pVariable>'
         f'<pVariable Name="PART">{part}</pVariable><Formula>WHOLE-PART</Formula></IntSwissKnife>'
     )

@@ -52,9 +52,9 @@ class StreamFormat(IntEnum):
 
 def formats_of(bits: int) -> tuple[StreamFormat, ...]:
     """Return the formats of a detector of that depth: its own, packed for 12 bits, and 8 bits."""
-    own = next(f for f in StreamFormat if f.bits >= bits)
-    packed = (StreamFormat.Mono12p,) if own is StreamFormat.Mono12 else ()
-    return tuple(dict.fromkeys((own, *packed, StreamFormat.Mono8)))
+    native = next(f for f in StreamFormat if f.bits >= bits)
+    packed = (StreamFormat.Mono12p,) if native is StreamFormat.Mono12 else ()
+    return tuple(dict.fromkeys((native, *packed, StreamFormat.Mono8)))
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -40,7 +40,7 @@ def find_interface(name: str, address: str | None = None) -> Interface:
     UserError
         If there is no interface of that name, or it has no IPv4 address.
     """
-    names = [known for _, known in socket.if_nameindex()]
+    names = [interface_name for _, interface_name in socket.if_nameindex()]
     if name not in names:
         raise UserError(f"there is no network interface '{name}': this machine has {', '.join(names)}")
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:

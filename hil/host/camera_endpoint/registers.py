@@ -204,8 +204,8 @@ class Registers:
 
     def __getitem__(self, register: Register) -> int:
         """Return the value of a register."""
-        block, at = self._find(register, 4)
-        (value,) = struct.unpack_from(">I", block, at)
+        block, offset = self._find(register, 4)
+        (value,) = struct.unpack_from(">I", block, offset)
         return int(value)
 
     def __setitem__(self, register: Register, value: int) -> None:

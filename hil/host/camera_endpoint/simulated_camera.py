@@ -71,12 +71,12 @@ def run_camera(
         If the port is in use or not permitted.
     """
     context = multiprocessing.get_context("spawn")
-    pipe, theirs = context.Pipe()
+    pipe, child_pipe = context.Pipe()
     process = context.Process(
-        target=serve_endpoint, args=(theirs, config), daemon=True, name="flyaround camera endpoint"
+        target=serve_endpoint, args=(child_pipe, config), daemon=True, name="flyaround camera endpoint"
     )
     process.start()
-    theirs.close()
+    child_pipe.close()
     try:
         if not pipe.poll(START_TIMEOUT_S):
             raise UserError("the camera endpoint's process did not start; run again with -v")

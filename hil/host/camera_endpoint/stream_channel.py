@@ -78,7 +78,7 @@ class StreamChannel:
         return self._waiting is None
 
     def start(
-        self, block: Block, to: tuple[str, int], now_s: float, *, interval_s: float, delay_s: float
+        self, block: Block, receiver: tuple[str, int], now_s: float, *, interval_s: float, delay_s: float
     ) -> None:
         """Send a block after the current one.
 
@@ -91,9 +91,9 @@ class StreamChannel:
         """
         gap_s = max(delay_s, min(SHARE_OF_INTERVAL * interval_s / block.n_packets, MAX_GAP_S))
         if self._block is not None:
-            self._waiting = (block, to, gap_s)
+            self._waiting = (block, receiver, gap_s)
             return
-        self._begin(block, to, gap_s, now_s)
+        self._begin(block, receiver, gap_s, now_s)
 
     def _begin(self, block: Block, to: tuple[str, int], gap_s: float, now_s: float) -> None:
         self._block, self._number, self._to = block, 0, to

@@ -92,7 +92,7 @@ class HostLink:
     """
 
     def __init__(self, config: LinkConfig) -> None:
-        ours, theirs = socket.socketpair()
+        parent_socket, child_socket = socket.socketpair()
         self._fd = open_anonymous_file()
         # -P: a folder named hil in the working directory must not shadow the package
         command = [
@@ -100,13 +100,13 @@ class HostLink:
             "-P",
             "-m",
             "flyaround.hil.host.link_process.process",
-            str(theirs.fileno()),
+            str(child_socket.fileno()),
             str(self._fd),
         ]
         environment = {**os.environ, "PYTHONPATH": os.pathsep.join(p for p in sys.path if p)}
-        self._process = subprocess.Popen(command, pass_fds=(theirs.fileno(), self._fd), env=environment)
-        theirs.close()
-        self._pipe = Connection(ours.detach())
+        self._process = subprocess.Popen(command, pass_fds=(child_socket.fileno(), self._fd), env=environment)
+        child_socket.close()
+        self._pipe = Connection(parent_socket.detach())
         self._slots: FrameSlots | None = None
         self._free: list[int] = []
         self._results: deque[FrameRecord] = deque()

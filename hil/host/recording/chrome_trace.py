@@ -40,17 +40,17 @@ def trace_events(rows: list[FrameRecord]) -> list[dict[str, Any]]:
     clock_us = 0.0
     for row in rows:
         # in lockstep, frames follow each other independently of the flight's pace
-        at = max(clock_us, 1e6 * row.t_s)
+        time_us = max(clock_us, 1e6 * row.t_s)
         args = {"frame": row.frame_id, "outcome": row.outcome, "reason": row.reason}
-        at = _span(events, HOST, UPLINK, f"frame {row.frame_id}", at, row.uplink_ms, args)
-        at = _span(events, BOARD, WAITING, "waiting", at, row.board_wait_ms, args)
-        start = at
+        time_us = _span(events, HOST, UPLINK, f"frame {row.frame_id}", time_us, row.uplink_ms, args)
+        time_us = _span(events, BOARD, WAITING, "waiting", time_us, row.board_wait_ms, args)
+        start = time_us
         for name, ms in row.stages_ms.items():
-            at = _span(events, BOARD, ESTIMATING, name, at, ms, args)
+            time_us = _span(events, BOARD, ESTIMATING, name, time_us, ms, args)
         if row.board_total_ms is not None and row.board_wait_ms is not None:
-            at = start + 1e3 * (row.board_total_ms - row.board_wait_ms)
-        at = _span(events, HOST, DOWNLINK, f"pose {row.frame_id}", at, row.downlink_ms, args)
-        clock_us = at
+            time_us = start + 1e3 * (row.board_total_ms - row.board_wait_ms)
+        time_us = _span(events, HOST, DOWNLINK, f"pose {row.frame_id}", time_us, row.downlink_ms, args)
+        clock_us = time_us
     return events
 
 

@@ -100,8 +100,8 @@ KINDS = {
 def cds_time(epoch_utc: str) -> bytes:
     """Return a UTC time as eight bytes of CDS, after its P-field."""
     days, nanoseconds = divmod(nanoseconds_utc(epoch_utc), 86_400_000_000_000)
-    ms, rest = divmod(nanoseconds, 1_000_000)
-    return TIME.pack(CDS_PFIELD, days - UNIX_DAY_1958, ms, rest // 1000)
+    ms, ns = divmod(nanoseconds, 1_000_000)
+    return TIME.pack(CDS_PFIELD, days - UNIX_DAY_1958, ms, ns // 1000)
 
 
 class SpacePacketSink:

@@ -89,12 +89,12 @@ class LengthFraming:
             del buffer[:at]
             self._failed_until = max(0, self._failed_until - at)
 
-    def _claimed_length(self, at: int) -> int:
-        """Return the size of the packet whose prefix may be at ``at``; 0 unless prefix, magic and header agree."""
-        begin = at + PREFIX.size
+    def _claimed_length(self, offset: int) -> int:
+        """Return the size of the packet whose prefix may be at ``offset``; 0 unless prefix, magic and header agree."""
+        begin = offset + PREFIX.size
         if not self._buffer.startswith(MAGIC, begin):
             return 0
-        length = int(PREFIX.unpack_from(self._buffer, at)[0])
+        length = int(PREFIX.unpack_from(self._buffer, offset)[0])
         payload = _PAYLOAD_LENGTH.unpack_from(self._buffer, begin + _PAYLOAD_LENGTH_AT)[0]
         return length if length == payload + OVERHEAD_BYTES and length <= MAX_PACKET_BYTES else 0
 

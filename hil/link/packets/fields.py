@@ -107,13 +107,13 @@ def unpack_json(data: bytes, max_bytes: int) -> Dict[str, Any]:
     return value
 
 
-def _deeper_than(data: bytes, most: int) -> bool:
+def _deeper_than(data: bytes, max_depth: int) -> bool:
     depth = 0
     for match in _STRING_OR_BRACKET.finditer(data):
         token = match.group()
         if token in (b"[", b"{"):
             depth += 1
-            if depth > most:
+            if depth > max_depth:
                 return True
         elif token in (b"]", b"}"):
             depth -= 1

@@ -264,21 +264,22 @@ class PoseMessage:
         values = unpack_fixed(cls.LAYOUT, data, "POSE", tail=True)
         frame_id, accepted, has_pose, stage_count, confidence = values[:5]
         numbers, (receive_ns, start_ns, end_ns, reason_bytes, _) = values[5:12], values[12:]
-        at = cls.LAYOUT.size + stage_count * cls.STAGE.size
-        end = at + reason_bytes
+        offset = cls.LAYOUT.size + stage_count * cls.STAGE.size
+        end = offset + reason_bytes
         if stage_count > MAX_STAGES or len(data) < end:
             raise PacketError(f"a POSE payload of {len(data)} bytes does not fit its own counts")
         if accepted > 1 or has_pose > 1 or (accepted and not has_pose):
             raise PacketError(f"frame {frame_id}: a POSE contradicts itself")
         stages = tuple(
-            (unpack_text(name), float(ms)) for name, ms in cls.STAGE.iter_unpack(data[cls.LAYOUT.size : at])
+            (unpack_text(name), float(ms))
+            for name, ms in cls.STAGE.iter_unpack(data[cls.LAYOUT.size : offset])
         )
         _check_pose(frame_id, numbers, confidence, [ms for _, ms in stages], has_pose=bool(has_pose))
         fields = unpack_fields(data[end:], POSE_FIELDS, "POSE")
         return cls(
             frame_id,
             bool(accepted),
-            unpack_text(data[at:end]),
+            unpack_text(data[offset:end]),
             numbers[:4] if has_pose else None,
             numbers[4:] if has_pose else None,
             confidence,

@@ -102,10 +102,10 @@ def check_header(header: FrameHeader, terms: HelloAck) -> None:
         )
     if header.encoding not in (terms.encoding, Encoding.RAW):
         raise ProtocolMistake(f"frame {header.frame_id} has an encoding that was not agreed", header.frame_id)
-    most = max_encoded_bytes(header.width_px, header.height_px, header.pixel_format, header.encoding)
-    if not 0 < header.total_bytes <= most:
+    max_bytes = max_encoded_bytes(header.width_px, header.height_px, header.pixel_format, header.encoding)
+    if not 0 < header.total_bytes <= max_bytes:
         raise ProtocolMistake(
-            f"frame {header.frame_id} announces {header.total_bytes} bytes but its pixels need at most {most}",
+            f"frame {header.frame_id} announces {header.total_bytes} bytes but its pixels need at most {max_bytes}",
             header.frame_id,
         )
 
@@ -276,11 +276,11 @@ class FrameAssembler:
         size = self._chunk_bytes
         start = chunk.index * size
         # with a wrong length of the others, the last chunk would be empty or too long
-        rest = header.total_bytes - last * size
+        last_bytes = header.total_bytes - last * size
         return (
-            0 < rest <= size
+            0 < last_bytes <= size
             and chunk.offset == start
-            and len(chunk.data) == (size if chunk.index < last else rest)
+            and len(chunk.data) == (size if chunk.index < last else last_bytes)
         )
 
     def abandon(self) -> None:
@@ -296,8 +296,8 @@ class FrameAssembler:
 
     def lost(self) -> List[int]:
         """Return the frames lost since the last call, each once."""
-        lost, self._lost_ids = self._lost_ids, []
-        return lost
+        lost_ids, self._lost_ids = self._lost_ids, []
+        return lost_ids
 
     def _check(self, header: FrameHeader) -> None:
         if self._terms is not None:

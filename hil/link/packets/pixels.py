@@ -67,11 +67,11 @@ def _pack_twelve(image: Image) -> bytes:
     count = flat.size
     if count % 2:
         flat = np.append(flat, np.uint16(0))
-    even, odd = flat[0::2], flat[1::2]
-    out = np.empty((even.size, 3), np.uint8)
-    out[:, 0] = even & 0xFF
-    out[:, 1] = (even >> 8) | ((odd & 0xF) << 4)
-    out[:, 2] = odd >> 4
+    even_pixels, odd_pixels = flat[0::2], flat[1::2]
+    out = np.empty((even_pixels.size, 3), np.uint8)
+    out[:, 0] = even_pixels & 0xFF
+    out[:, 1] = (even_pixels >> 8) | ((odd_pixels & 0xF) << 4)
+    out[:, 2] = odd_pixels >> 4
     return out.tobytes()[: (3 * count + 1) // 2]
 
 

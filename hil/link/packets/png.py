@@ -117,16 +117,16 @@ def _chunk(kind: bytes, data: bytes) -> bytes:
 def _chunks(data: memoryview) -> Iterator[Tuple[bytes, memoryview]]:
     if bytes(data[: len(SIGNATURE)]) != SIGNATURE:
         raise PacketError("an image has no PNG signature")
-    at = len(SIGNATURE)
-    while at + _CHUNK.size + _CRC.size <= len(data):
-        size, kind = _CHUNK.unpack_from(data, at)
-        begin = at + _CHUNK.size
+    offset = len(SIGNATURE)
+    while offset + _CHUNK.size + _CRC.size <= len(data):
+        size, kind = _CHUNK.unpack_from(data, offset)
+        begin = offset + _CHUNK.size
         end = begin + size
         if end + _CRC.size > len(data):
             break
         # the packet's own CRC was correct: a mismatch here is an error of the encoder
-        if zlib.crc32(data[at + 4 : end]) != _CRC.unpack_from(data, end)[0]:
+        if zlib.crc32(data[offset + 4 : end]) != _CRC.unpack_from(data, end)[0]:
             raise PacketError("a PNG has a wrong CRC")
         yield kind, data[begin:end]
-        at = end + _CRC.size
+        offset = end + _CRC.size
     raise PacketError("a PNG is truncated")

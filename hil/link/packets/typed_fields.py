@@ -36,14 +36,14 @@ def pack_fields(values: Iterable[Tuple[FieldTag, Optional[bytes]]]) -> bytes:
     return b"".join(_HEAD.pack(tag, len(value)) + value for tag, value in values if value is not None)
 
 
-def unpack_fields(data: bytes, known: Mapping[FieldTag, int], name: str) -> Dict[int, bytes]:
+def unpack_fields(data: bytes, sizes: Mapping[FieldTag, int], name: str) -> Dict[int, bytes]:
     """Return the values of the known fields by their tags; unknown tags are skipped by their length.
 
     Parameters
     ----------
     data : bytes
         Bytes after the fixed part of the payload.
-    known : mapping
+    sizes : mapping
         Size of each value, by tag.
     name : str
         Name of the packet type, for messages.
@@ -58,22 +58,22 @@ def unpack_fields(data: bytes, known: Mapping[FieldTag, int], name: str) -> Dict
             f"the fields of a {name} take {len(data)} bytes: at most {MAX_FIELDS_BYTES} are read"
         )
     values: Dict[int, bytes] = {}
-    at = 0
-    while at < len(data):
-        if len(data) - at < _HEAD.size:
-            raise PacketError(f"a {name} ends within a field, after {len(data) - at} of its bytes")
-        tag, size = _HEAD.unpack_from(data, at)
-        at += _HEAD.size
-        if size > len(data) - at:
-            raise PacketError(f"field {tag} of a {name} has {len(data) - at} bytes left, expected {size}")
+    offset = 0
+    while offset < len(data):
+        if len(data) - offset < _HEAD.size:
+            raise PacketError(f"a {name} ends within a field, after {len(data) - offset} of its bytes")
+        tag, size = _HEAD.unpack_from(data, offset)
+        offset += _HEAD.size
+        if size > len(data) - offset:
+            raise PacketError(f"field {tag} of a {name} has {len(data) - offset} bytes left, expected {size}")
         if tag in values:
             raise PacketError(f"field {tag} of a {name} is repeated: send it once")
-        expected = {int(k): n for k, n in known.items()}.get(tag, size)
+        expected = {int(k): n for k, n in sizes.items()}.get(tag, size)
         if size != expected:
             raise PacketError(f"field {tag} of a {name} has {size} bytes, expected {expected}")
-        values[tag] = data[at : at + size]
-        at += size
-    return {tag: value for tag, value in values.items() if tag in set(known)}
+        values[tag] = data[offset : offset + size]
+        offset += size
+    return {tag: value for tag, value in values.items() if tag in set(sizes)}
 
 
 def pack_direction(direction: Optional[Sequence[float]]) -> Optional[bytes]:

@@ -77,8 +77,8 @@ class SerialTransport(StreamTransport):
             self._free_s, time.monotonic()
         )  # a pause is not caught up with, but a late wake-up is, below
         try:
-            for at in range(0, len(view), piece):
-                part = view[at : at + piece]
+            for offset in range(0, len(view), piece):
+                part = view[offset : offset + piece]
                 wait_s = self._free_s - time.monotonic()
                 if wait_s > 0:
                     time.sleep(wait_s)

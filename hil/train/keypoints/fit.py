@@ -40,8 +40,8 @@ def target_distributions(points: Tensor) -> tuple[Tensor, Tensor]:
         Keypoints relative to the centre of the input [half sides].
     """
     centres = (torch.arange(BINS) + 0.5) * BIN_WIDTH - HALF_RANGE
-    off = (points[..., None] - centres) / (TARGET_SIGMA_BINS * BIN_WIDTH)
-    shape = torch.exp(-0.5 * off * off)
+    offset = (points[..., None] - centres) / (TARGET_SIGMA_BINS * BIN_WIDTH)
+    shape = torch.exp(-0.5 * offset * offset)
     return shape / shape.sum(-1, keepdim=True).clamp_min(1e-6), (points.abs() < HALF_RANGE).float()
 
 

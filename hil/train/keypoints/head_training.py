@@ -249,13 +249,17 @@ class _HeadTraining:
             batch = sample(self._views, self._earths, which, rng)
             with torch.no_grad():
                 logits, whole = self._head(self._trunk(torch.from_numpy(batch.inputs).float()))
-            there = batch.present > 0
+            is_present = batch.present > 0
             peaks = centres[logits.argmax(-1).numpy()]
-            off = np.linalg.norm(peaks - batch.points, axis=-1)[there] * INPUT_PX / 2
-            errors.append(off.ravel())
-            noticed.append(whole[:, 0].numpy()[there] > 0)
-        off = np.concatenate(errors)
-        return float(np.median(off)), float((off < 10).mean()), float(np.concatenate(noticed).mean())
+            error_px = np.linalg.norm(peaks - batch.points, axis=-1)[is_present] * INPUT_PX / 2
+            errors.append(error_px.ravel())
+            noticed.append(whole[:, 0].numpy()[is_present] > 0)
+        error_px = np.concatenate(errors)
+        return (
+            float(np.median(error_px)),
+            float((error_px < 10).mean()),
+            float(np.concatenate(noticed).mean()),
+        )
 
     def _batch(self, step: int) -> Batch:
         """Return the batch of a step, which depends only on the seed and the step."""

@@ -178,10 +178,10 @@ def _draw(
 ) -> View:
     lit = np.empty((LIGHTS, VIEW_PX, VIEW_PX), np.uint8)
     scale = np.empty(LIGHTS, np.float32)
-    seen = surfaces(renderer, scene, target, layers=True)
-    if seen.parts is None or seen.normals is None:
+    layers = surfaces(renderer, scene, target, layers=True)
+    if layers.parts is None or layers.normals is None:
         raise RuntimeError("the label raster lacks parts or normals")
-    there = np.isfinite(seen.depth_m)
+    is_target = np.isfinite(layers.depth_m)
     for j, direction in enumerate(_directions(rng)):
         lamp = j == LIGHTS - 1
         near = (
@@ -190,15 +190,15 @@ def _draw(
             else _lit_by_lamp(scene, direction, radius_m, rng, lamp=lamp)
         )
         signal = (
-            np.asarray(expose_scene(near, integrate(renderer, near, target).radiance), np.float32) * there
+            np.asarray(expose_scene(near, integrate(renderer, near, target).radiance), np.float32) * is_target
         )
         top = max(float(signal.max()), 1e-6)
         # square roots, because eight bits must resolve dark parts as well
         lit[j], scale[j] = np.rint(255 * np.sqrt(np.maximum(signal / top, 0))), top
-    label = _surface_labels(seen.parts, seen.normals) % MAX_LABEL
+    label = _surface_labels(layers.parts, layers.normals) % MAX_LABEL
     q = np.asarray(quat_from_matrix(matrix_from_quat(scene.q_camera_from_target_wxyz)), float)
     return View(
-        lit, scale, np.where(there, 255, 0).astype(np.uint8), label.astype(np.uint8), q, range_in_radii
+        lit, scale, np.where(is_target, 255, 0).astype(np.uint8), label.astype(np.uint8), q, range_in_radii
     )
 
 

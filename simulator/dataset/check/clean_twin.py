@@ -109,8 +109,8 @@ def _check_band(
         is_quiet = sigma < MIN_NOISE_STEPS * step_of[twin]
         quiet_pixels, noisy_pixels = inside & is_quiet, inside & ~is_quiet
         if np.count_nonzero(quiet_pixels) >= MIN_PIXELS:
-            beyond = np.abs(residual[quiet_pixels]) > 2 * rounding[quiet_pixels] + 4 * sigma[quiet_pixels]
-            if beyond.mean() > 0.01:
+            is_outlier = np.abs(residual[quiet_pixels]) > 2 * rounding[quiet_pixels] + 4 * sigma[quiet_pixels]
+            if is_outlier.mean() > 0.01:
                 return f"{region} the image is not its clean twin, but for rounding and a noise of less than one step"
         if np.count_nonzero(noisy_pixels) < MIN_PIXELS:
             continue

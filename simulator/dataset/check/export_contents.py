@@ -98,8 +98,10 @@ def is_same(expected: Any, actual: Any) -> bool:  # noqa: ANN401 - any value of 
         a, b = expected.pixels.astype(np.float32), actual.pixels.astype(np.float32)
         if a.shape != b.shape:
             return False
-        off = np.abs(a - b)
-        return bool(off.max() <= JPEG_MAX_DN and math.sqrt(float(np.mean(off**2))) <= JPEG_RMS_DN)
+        difference = np.abs(a - b)
+        return bool(
+            difference.max() <= JPEG_MAX_DN and math.sqrt(float(np.mean(difference**2))) <= JPEG_RMS_DN
+        )
     if isinstance(expected, np.ndarray):
         if (expected.shape, expected.dtype) != (actual.shape, actual.dtype):
             return False

@@ -92,12 +92,12 @@ def check_silhouette_inside(truth: Truth, target: Target) -> list[str]:
         start = low - 1.0 / scale
         fine = np.zeros(shape, np.uint8)
         fill_triangles(fine, (corners_px - start) * scale - 0.5)
-        whole, part = _area(fine, start, scale, size)
-        expected = part / whole if whole else 0.0
+        area, part = _area(fine, start, scale, size)
+        expected = part / area if area else 0.0
         # the label counts pixels on a grid no finer than the image
         coarser = min(1.0, LABEL_GRID_PX / float((high - low).max())) / scale
         outline = np.count_nonzero(fine - cv2.erode(fine, np.ones((3, 3), np.uint8))) * coarser
-        tolerance = AREA_TOLERANCE + OUTLINE_SIGMAS * float(np.sqrt(outline)) / max(whole * coarser**2, 1.0)
+        tolerance = AREA_TOLERANCE + OUTLINE_SIGMAS * float(np.sqrt(outline)) / max(area * coarser**2, 1.0)
     if abs(truth.silhouette_inside - expected) > tolerance:
         message = (
             f"silhouette_inside is {truth.silhouette_inside:.4f}, the projected craft says {expected:.4f} "

@@ -119,9 +119,9 @@ def _projected(truth: Truth, points: FloatArray, scenes: tuple[SceneState, ...])
     for scene in {id(s): s for s in scenes}.values():
         selected = [s is scene for s in scenes]
         # the record's own pose if the scene is its mid-exposure: the two are compared elsewhere
-        own = scene is truth.scene
-        q = truth.q_camera_from_target_wxyz if own else scene.q_camera_from_target_wxyz
-        t = truth.t_camera_from_target_m if own else scene.t_camera_from_target_m
+        is_own_scene = scene is truth.scene
+        q = truth.q_camera_from_target_wxyz if is_own_scene else scene.q_camera_from_target_wxyz
+        t = truth.t_camera_from_target_m if is_own_scene else scene.t_camera_from_target_m
         out[selected] = project_with_opencv(truth.camera, points[selected], q, np.asarray(t))
     return out
 
@@ -157,15 +157,15 @@ def _check_pose(truth: Truth, points: FloatArray, pixels: FloatArray) -> list[st
 def check_visible_on_mask(truth: Truth, mask: ByteArray) -> list[str]:
     """Check that visible keypoints lie within 3 px of the mask; a few tips thinner than a pixel may not."""
     near = cv2.dilate(mask, np.ones((7, 7), np.uint8))
-    n_visible, off = 0, []
+    n_visible, wrong_names = 0, []
     for k in truth.keypoints:
         if k.state in {"visible", "shadowed", "eclipsed", "saturated"} and k.pixel_px is not None:
             n_visible += 1
             u, v = (int(x) for x in np.rint(k.pixel_px))
             if not near[np.clip(v, 0, mask.shape[0] - 1), np.clip(u, 0, mask.shape[1] - 1)]:
-                off.append(k.name)
-    if mask.any() and len(off) > 3 and 2 * len(off) > n_visible:
-        return [f"keypoints {', '.join(off)} are seen but lie off the mask"]
+                wrong_names.append(k.name)
+    if mask.any() and len(wrong_names) > 3 and 2 * len(wrong_names) > n_visible:
+        return [f"keypoints {', '.join(wrong_names)} are seen but lie off the mask"]
     return []
 
 
@@ -314,8 +314,8 @@ def filled_silhouette(corners_px: FloatArray, shape: tuple[int, ...]) -> tuple[B
         return inner, outer
     fine = np.zeros(((high[1] - low[1]) * FILL_SCALE, (high[0] - low[0]) * FILL_SCALE), np.uint8)
     # a coarse pixel's centre is at (FILL_SCALE - 1) / 2 on the finer grid
-    at = (corners_px - low) * FILL_SCALE + (FILL_SCALE - 1) / 2
-    fill_triangles(fine, at)
+    corners = (corners_px - low) * FILL_SCALE + (FILL_SCALE - 1) / 2
+    fill_triangles(fine, corners)
     size = (int(high[0] - low[0]), int(high[1] - low[1]))
     eroded = cv2.erode(fine, np.ones((3, 3), np.uint8))
     for place, grid, share in ((inner, eroded, INNER_COVERAGE), (outer, fine, OUTER_COVERAGE)):

@@ -185,8 +185,8 @@ def check_against_mesh(truth: Truth, mask: ByteArray, layers: Layers, target: Ta
     sampler = RaySampler(truth, target)
     if "amodal" in layers and truth.amodal_origin_px is not None:
         # inside the image it is the visible mask
-        whole = np.asarray(layers["amodal"], np.uint8)
-        faults = _check_mask(truth, whole, truth.amodal_origin_px, target, sampler, "amodal mask")
+        amodal = np.asarray(layers["amodal"], np.uint8)
+        faults = _check_mask(truth, amodal, truth.amodal_origin_px, target, sampler, "amodal mask")
     else:
         faults = _check_mask(truth, mask, (0, 0), target, sampler, "mask")
     if "parts" in layers and truth.parts != tuple(part.name for part in target.parts):
@@ -261,12 +261,12 @@ def _check_flow(truth: Truth, flow: NDArray[np.float32], pixels: IntArray, sampl
     """Check sampled pixels: the point that a ray hits, projected with the next frame's pose."""
     if truth.flow is None:
         return ["there is optical flow, and the record does not say to which frame"]
-    here = pose_of_row(truth, 0)
-    there = Pose.of(
+    pose_now = pose_of_row(truth, 0)
+    pose_next = Pose.of(
         "camera", "target", truth.flow.q_camera_from_target_wxyz, truth.flow.t_camera_from_target_m
     )
-    R = there.R @ here.R.T
-    t = np.asarray(there.t_m) - R @ np.asarray(here.t_m)
+    R = pose_next.R @ pose_now.R.T
+    t = np.asarray(pose_next.t_m) - R @ np.asarray(pose_now.t_m)
     with_flow = pixels[np.isfinite(flow[pixels[:, 1], pixels[:, 0]]).any(axis=1)]
     without_flow = pixels[~np.isfinite(flow[pixels[:, 1], pixels[:, 0]]).all(axis=1)]
 

@@ -112,9 +112,9 @@ def _inverse_range(
     with np.errstate(divide="ignore", invalid="ignore"):
         # gradient of the plane; 1/z is linear in the image
         g = np.stack([d1 * e2[:, 1] - d2 * e1[:, 1], d2 * e1[:, 0] - d1 * e2[:, 0]], axis=1) / area2[:, None]
-        here = inverse[:, 0] - (g * corners[:, 0]).sum(axis=1)
+        offset = inverse[:, 0] - (g * corners[:, 0]).sum(axis=1)
         reach = np.hypot(*g.T) * radius_px
-        return np.fmax(low, here - reach), np.fmin(high, here + reach)
+        return np.fmax(low, offset - reach), np.fmin(high, offset + reach)
 
 
 def _inside_by(corners: FloatArray) -> tuple[np.typing.NDArray[np.bool_], FloatArray]:

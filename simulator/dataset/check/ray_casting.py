@@ -250,8 +250,8 @@ class RaySampler:
         """Return the surfaces that may be drawn at a pixel's centre after rounding the vertices around it."""
         key = (int(pixel[0]), int(pixel[1]))
         if key not in self._drawable:
-            at = pixel + np.array([[0.0, 0.0], [0.5, 0.0], [-0.5, 0.0], [0.0, 0.5], [0.0, -0.5]])
-            rays = rays_with_opencv(self._truth.camera, at)
+            pixels = pixel + np.array([[0.0, 0.0], [0.5, 0.0], [-0.5, 0.0], [0.0, 0.5], [0.0, -0.5]])
+            rays = rays_with_opencv(self._truth.camera, pixels)
             px_per_ray = np.linalg.inv(np.stack([rays[1] - rays[2], rays[3] - rays[4]], axis=1))
             triangles = self._caster(key[1]).triangles_near(rays[0], px_per_ray, radius_px)
             z_m = np.concatenate([triangles.nearest_m, triangles.farthest_m])

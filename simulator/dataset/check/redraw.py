@@ -145,16 +145,16 @@ def check_drawn_again(
         Label layers of the frame by name, as read.
     """
     request = LabelRequest(layers=tuple(layers or ()), flow=truth.flow)
-    again = take_frame(renderer, truth.scene, target, labels=request if layers else False)
-    problems = check_same_picture(truth, image, again.image, mask)
+    redrawn_frame = take_frame(renderer, truth.scene, target, labels=request if layers else False)
+    problems = check_same_picture(truth, image, redrawn_frame.image, mask)
     if layers:
-        is_same = np.array_equal(image, again.image)
-        problems += check_same_layers(layers, again.layers, mask, is_same_renderer=is_same)
-    signal = expose_scene(truth.scene, again.radiance)
+        is_same = np.array_equal(image, redrawn_frame.image)
+        problems += check_same_layers(layers, redrawn_frame.layers, mask, is_same_renderer=is_same)
+    signal = expose_scene(truth.scene, redrawn_frame.radiance)
     mono = np.asarray(mono_signal(signal), float)
     # the same renderer repeats the light exactly; another one within the tolerance of its image
     doubt, relative = (
-        (SAME_RENDERER_TOLERANCE, 0.0) if np.array_equal(image, again.image) else (ABSOLUTE, RELATIVE)
+        (SAME_RENDERER_TOLERANCE, 0.0) if np.array_equal(image, redrawn_frame.image) else (ABSOLUTE, RELATIVE)
     )
     return problems + check_step_share(truth, target, mono, doubt, relative)
 
@@ -185,12 +185,12 @@ def check_same_picture(
     noise = np.interp(redrawn, levels, sigma) * (SIGMAS * math.sqrt(2) * BLURRED_NOISE * spread)
     near = np.ones((3, 3), np.uint8)
     slope = cv2.dilate(redrawn, near) - cv2.erode(redrawn, near)
-    bad = difference > ABSOLUTE + RELATIVE * np.maximum(redrawn, 0) + noise + SHIFT_PX * slope
-    bad = bad if bad.ndim == 2 else bad.any(axis=2)
+    is_wrong = difference > ABSOLUTE + RELATIVE * np.maximum(redrawn, 0) + noise + SHIFT_PX * slope
+    is_wrong = is_wrong if is_wrong.ndim == 2 else is_wrong.any(axis=2)
     near_craft = cv2.dilate(mask, np.ones((9, 9), np.uint8)) > 0
-    on_craft, off_craft = (int(np.count_nonzero(bad & where)) for where in (near_craft, ~near_craft))
+    on_craft, off_craft = (int(np.count_nonzero(is_wrong & where)) for where in (near_craft, ~near_craft))
     if on_craft <= max(MAX_OF_MASK * np.count_nonzero(mask), MIN_PIXELS) and off_craft <= max(
-        MAX_OTHER * bad.size, MIN_PIXELS
+        MAX_OTHER * is_wrong.size, MIN_PIXELS
     ):
         return []
     message = (

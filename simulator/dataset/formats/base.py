@@ -132,12 +132,12 @@ class DatasetFormat:
 
     def sentence(self, card: DatasetCard) -> str:
         """Return a sentence on the contents that the format keeps of a data set, and those that it omits."""
-        without = f", without {self.lacks}" if self.lacks else ""
+        omission = f", without {self.lacks}" if self.lacks else ""
         bits = card.image_bits or 8
         scaling = f"; its {scale_sentence(bits)}" if bits > 8 and not self.deep_images else ""
         encoding = card.camera.pixel_encoding
         encoded = "" if encoding == "linear" else f"; its numbers are {encoding}-encoded"
-        return f"{self.name} holds {self.carries}{without}{scaling}{encoded}"
+        return f"{self.name} holds {self.carries}{omission}{scaling}{encoded}"
 
     def open_writer(self, output: FormatOutput, card: DatasetCard) -> FormatWriter:
         """Open the writer of a data set.

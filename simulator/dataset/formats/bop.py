@@ -139,14 +139,14 @@ def gt_info(frame: LabelledFrame, target: Target) -> dict[str, Any]:
     """
     rows, columns = np.nonzero(frame.mask)
     visible, inside = len(rows), frame.truth.silhouette_inside
-    whole, visible_box, obj = visible, [-1, -1, -1, -1], [-1, -1, -1, -1]
+    amodal, visible_box, obj = visible, [-1, -1, -1, -1], [-1, -1, -1, -1]
     bounds = np.full((2, 2), np.nan)
     if inside < 1 or not visible:
         outside = pixels_beside(frame.camera, frame.pose, target)
         if outside is None:  # no raster reaches behind the camera
-            whole = round(visible / (inside or 1.0))
+            amodal = round(visible / (inside or 1.0))
         else:
-            whole, bounds = visible + outside[0], outside[1]
+            amodal, bounds = visible + outside[0], outside[1]
     if visible:
         image_box = np.array([[columns.min(), rows.min()], [columns.max(), rows.max()]])
         visible_box = _box_entry(*image_box)
@@ -154,10 +154,10 @@ def gt_info(frame: LabelledFrame, target: Target) -> dict[str, Any]:
     return {
         "bbox_obj": obj,
         "bbox_visib": visible_box,
-        "px_count_all": whole,
+        "px_count_all": amodal,
         "px_count_valid": visible,  # depth is valid on the whole mask
         "px_count_visib": visible,
-        "visib_fract": visible / whole if whole else 0.0,
+        "visib_fract": visible / amodal if amodal else 0.0,
     }
 
 

@@ -76,8 +76,8 @@ class FolderStore:
         Names in it that do not belong to the data set.
     """
 
-    def __init__(self, folder: Path, others: frozenset[str] = frozenset()) -> None:
-        self.folder, self._others = folder, others
+    def __init__(self, folder: Path, other_files: frozenset[str] = frozenset()) -> None:
+        self.folder, self._others = folder, other_files
         self._place = folder.stat()
 
     @property

@@ -80,11 +80,11 @@ class UrlStore:
         if name not in self._appended:
             before = self.read(name, 2**32) if self.exists(name) else b""
             self._appended[name] = (bytearray(before), time.monotonic())
-        whole, written_s = self._appended[name]
-        whole += text
+        content, written_s = self._appended[name]
+        content += text
         if time.monotonic() - written_s >= _APPEND_INTERVAL_S:
             self._write_appended(name)
-            self._appended[name] = (whole, time.monotonic())
+            self._appended[name] = (content, time.monotonic())
 
     def read(self, name: str, max_bytes: int) -> bytes:
         """Read the contents of a file, including appended text."""

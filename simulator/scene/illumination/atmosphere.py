@@ -199,11 +199,11 @@ def optical_depth_to_top(
     for begin, end, which in ((low, np.zeros_like(low), low > 0), (low, length, np.ones(low.shape, bool))):
         if not which.any():
             continue
-        at, start = r[which][:, None], begin[which][:, None]
+        radius, start = r[which][:, None], begin[which][:, None]
         # quadratic spacing away from the lowest point
         span = end[which][:, None] - start
         t = start + span * x**2
-        height = np.sqrt(at**2 + t * t + 2 * at * mu[which][:, None] * t) - air.radius_m
+        height = np.sqrt(radius**2 + t * t + 2 * radius * mu[which][:, None] * t) - air.radius_m
         weight = np.abs(span) * 2 * x / steps
         depth[which] += (air.extinction_m(height) * weight[..., None]).sum(axis=-2)
     return depth

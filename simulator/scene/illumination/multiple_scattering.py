@@ -119,11 +119,11 @@ class _Paths:
 def _paths(air: Atmosphere, radius_m: FloatArray, rays: FloatArray, suns: FloatArray) -> _Paths:
     """Integrate along the rays (K, 3) from radii (H,), for Suns (S, 3)."""
     sunlight = _SunTable(air)
-    mu, at = rays[:, 2], radius_m[:, None]
-    to_top = -at * mu + np.sqrt((at * mu) ** 2 + air.top_m**2 - at**2)
-    under = (at * mu) ** 2 + air.radius_m**2 - at**2
-    hits_ground = (under > 0) & (mu < 0)
-    length = np.where(hits_ground, -at * mu - np.sqrt(np.clip(under, 0, None)), to_top)
+    mu, radius = rays[:, 2], radius_m[:, None]
+    to_top = -radius * mu + np.sqrt((radius * mu) ** 2 + air.top_m**2 - radius**2)
+    discriminant = (radius * mu) ** 2 + air.radius_m**2 - radius**2
+    hits_ground = (discriminant > 0) & (mu < 0)
+    length = np.where(hits_ground, -radius * mu - np.sqrt(np.clip(discriminant, 0, None)), to_top)
     angle = rays @ suns.T
     phases = rayleigh_phase(angle)[..., None], mie_phase(angle, air.mie_g)[..., None]
     depth = np.zeros((*length.shape, len(air.rayleigh_m)))

@@ -95,14 +95,14 @@ def _almanac(minute_utc: str) -> _Almanac:
     earth = np.asarray(heliocentric["p"], float)
     geocentric, magnitudes = [], []
     for planet in _PLANETS:
-        at = np.asarray(without_year_warning(erfa.plan94, now.tt1, now.tt2, planet.number)["p"], float)
-        delay = float(np.linalg.norm(at - earth)) * _LIGHT_DAYS_PER_AU
-        at = np.asarray(
+        position = np.asarray(without_year_warning(erfa.plan94, now.tt1, now.tt2, planet.number)["p"], float)
+        delay = float(np.linalg.norm(position - earth)) * _LIGHT_DAYS_PER_AU
+        position = np.asarray(
             without_year_warning(erfa.plan94, now.tt1, now.tt2 - delay, planet.number)["p"], float
         )
-        relative = at - earth
-        r, d = float(np.linalg.norm(at)), float(np.linalg.norm(relative))
-        phase = np.degrees(np.arccos(np.clip(at @ relative / (r * d), -1, 1)))
+        relative = position - earth
+        r, d = float(np.linalg.norm(position)), float(np.linalg.norm(relative))
+        phase = np.degrees(np.arccos(np.clip(position @ relative / (r * d), -1, 1)))
         a, b, c = planet.phase
         magnitudes.append(planet.magnitude + 5 * np.log10(r * d) + a * phase + b * phase**2 + c * phase**3)
         geocentric.append(relative * AU_M)

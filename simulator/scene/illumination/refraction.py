@@ -83,8 +83,8 @@ def sunlight_past_earth(r_m: FloatArray, r_sun_m: FloatArray, bands: Bands) -> F
     bending = BENDING_RAD * np.exp(-_HEIGHTS_M / BENDING_HEIGHT_M)
     arrives = _HEIGHTS_M - behind * bending
     light = _grazing(bands) / (1 + behind * bending / BENDING_HEIGHT_M)[:, None]
-    at = y + sun_m * position
-    return np.array([weight @ np.interp(at, arrives, column, left=0.0) for column in light.T])
+    position_m = y + sun_m * position
+    return np.array([weight @ np.interp(position_m, arrives, column, left=0.0) for column in light.T])
 
 
 @lru_cache(maxsize=8)

@@ -175,11 +175,11 @@ def histogram(wge: WeakGradientElimination) -> Array:
     curve = counts.sum() / bins / max(mean, 1e-9) * np.exp(-s / max(mean, 1e-9))
     points = np.stack([x0 + (x1 - x0) * s, row(curve)], axis=-1).astype(np.int32)
     cv2.polylines(canvas, [points], False, RED, 2, cv2.LINE_AA)
-    at = int(x0 + (x1 - x0) * wge.threshold)
-    cv2.line(canvas, (at, y0), (at, y1), (60, 60, 60), 2)
+    threshold_px = int(x0 + (x1 - x0) * wge.threshold)
+    cv2.line(canvas, (threshold_px, y0), (threshold_px, y1), (60, 60, 60), 2)
     cv2.line(canvas, (x0, y1), (x1, y1), (0, 0, 0), 1)
     texts = (
-        (f"threshold {wge.threshold:.3f}", (at + 8, y0 + 14)),
+        (f"threshold {wge.threshold:.3f}", (threshold_px + 8, y0 + 14)),
         ("red: exponential fitted by its mean", (int(points[min(20, bins - 1), 0]) + 12, y0 + 60)),
         ("normalised gradient", (WIDTH // 2 - 80, HEIGHT - 18)),
         ("pixels, logarithmic", (8, 24)),
@@ -280,8 +280,8 @@ def _streams(trace: Trace) -> Dict[str, Array]:
     if published is not None:
         names = {"wge": "WGE stream", "sh": "S&H stream", "lsd": "LSD stream"}
         streams = {names[k]: v for k, v in published.by_name.items()}
-        own = {names[k].replace("stream", "merged"): v for k, v in published.merged.items()}
-        return {**streams, **own, "all merged": published.lines}
+        merged_streams = {names[k].replace("stream", "merged"): v for k, v in published.merged.items()}
+        return {**streams, **merged_streams, "all merged": published.lines}
     field, lines = trace.get("stream_field"), trace.get("merged")
     if field is None or lines is None:
         return {}

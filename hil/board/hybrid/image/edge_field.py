@@ -125,12 +125,12 @@ class EdgeField:
         y, x = np.nonzero(self.mask)
         theta = np.mod(np.arctan2(self.gy[y, x], self.gx[y, x]), np.pi)
         edge = np.stack([x, y], axis=-1).astype(np.float32)
-        here = np.stack(np.divmod(at, self.mask.shape[1])[::-1], axis=-1).astype(np.float32)
+        positions = np.stack(np.divmod(at, self.mask.shape[1])[::-1], axis=-1).astype(np.float32)
         for k in range(ORIENTATION_BINS):
             own, near = np.flatnonzero(channel == k), edge[_in_bin(theta, k)]
             if not len(own) or not len(near):
                 continue
-            away, down = here[own, :1] - near[:, 0], here[own, 1:] - near[:, 1]
+            away, down = positions[own, :1] - near[:, 0], positions[own, 1:] - near[:, 1]
             # in place: another allocation would take as long as the arithmetic
             away *= away
             down *= down
@@ -307,11 +307,11 @@ def _in_bin(theta: Array, k: int) -> Array:
 def nearest_edges(mask: Array, angle: Array) -> Tuple[NearestEdges, ...]:
     """Return the nearest-edge table of each orientation."""
     h, w = mask.shape
-    at = np.flatnonzero(mask)
-    theta = angle.ravel()[at]
+    edge_index = np.flatnonzero(mask)
+    theta = angle.ravel()[edge_index]
     out = []
     for k in range(ORIENTATION_BINS):
-        near = at[_in_bin(theta, k)]
+        near = edge_index[_in_bin(theta, k)]
         if not len(near):
             far = np.full((h, w), 1e4, np.float32)
             out.append(NearestEdges(far, np.zeros((h, w), np.int32), np.zeros((1, 2), np.float32)))

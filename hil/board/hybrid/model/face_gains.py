@@ -47,9 +47,9 @@ def shade(faces: Faces, visible_face: Array, patch: ImagePatch, dark: Optional[A
     for k in 1 + np.argsort(-area[1:], kind="stable")[:MAX_SATURATED_GROUPS] if bright[1:].any() else ():
         if bright[k]:
             part = cv2.resize((group == k).astype(np.float32), (w, h), interpolation=cv2.INTER_AREA)
-            over = _saturated_excess(picture, part, patch)
-            level[k] += over
-            picture = picture + np.float32(over) * part
+            excess = _saturated_excess(picture, part, patch)
+            level[k] += excess
+            picture = picture + np.float32(excess) * part
     background_offset = None
     if patch.textured:
         view_data = group, level, picture, centre, core, empty, ground
@@ -133,13 +133,13 @@ def _shade_groups(
 def _saturated_excess(picture: Array, part: Array, patch: ImagePatch) -> float:
     """Return a saturated face's excess over full scale, estimated from the blur that it spreads over its border."""
     optics = OPTICS_PX / patch.factor
-    base, own = blurred(picture, optics), blurred(part, optics)
-    ring = (own > 0.02) & (own < 0.98)
+    base, part_share = blurred(picture, optics), blurred(part, optics)
+    ring = (part_share > 0.02) & (part_share < 0.98)
     if int(ring.sum()) < 10:
         return 0.0
-    base, own, gray = base[ring], own[ring], patch.gray[ring]
+    base, part_share, gray = base[ring], part_share[ring], patch.gray[ring]
     costs = [
-        float(np.abs(patch.response.mean_and_slope(base + np.float32(over) * own)[0] - gray).sum())
+        float(np.abs(patch.response.mean_and_slope(base + np.float32(over) * part_share)[0] - gray).sum())
         for over in EXCESS_CANDIDATES * patch.full_scale
     ]
     return float(EXCESS_CANDIDATES[int(np.argmin(costs))] * patch.full_scale)

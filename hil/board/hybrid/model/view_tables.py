@@ -125,8 +125,8 @@ def _spread(ids: Array, count: int, rng: np.random.Generator) -> Array:
     if len(ids) <= count:
         return ids
     edges = np.linspace(0, len(ids), count + 1)
-    at = np.floor(edges[:-1] + rng.random(count) * np.diff(edges)).astype(int)
-    return ids[np.clip(at, 0, len(ids) - 1)]
+    indices = np.floor(edges[:-1] + rng.random(count) * np.diff(edges)).astype(int)
+    return ids[np.clip(indices, 0, len(ids) - 1)]
 
 
 def is_round(model: BoardModel) -> bool:

@@ -87,11 +87,11 @@ def choose_library() -> str:
     system, ending = SYSTEMS.get(sys.platform, (sys.platform, ""))
     machine = _machine(system)
     wider = [f"{system}-{machine}-avx2{ending}"] if _has_avx2() else []
-    there = [name for name in sorted(_checksums()) if library_folder().joinpath(name).is_file()]
+    available = [name for name in sorted(_checksums()) if library_folder().joinpath(name).is_file()]
     for name in (*wider, f"{system}-{machine}{ending}"):
-        if name in there:
+        if name in available:
             return name
-    has = ", ".join(name.rsplit(".", 1)[0] for name in there) or "none"
+    has = ", ".join(name.rsplit(".", 1)[0] for name in available) or "none"
     raise KernelError(
         f"the estimator has no compiled library for {system}-{machine} (available: {has}): {REMEDY}"
     )

@@ -151,9 +151,9 @@ def group_poses(
     )
     frame.count("hypotheses", len(q))
     frame.mark("pnp")
-    for every, keep in RANKINGS:
+    for stride, keep in RANKINGS:
         if len(q) > keep:
-            cost = quick_cost(target, q, t, edges.views, coarse, RANK_CAP_PX, every)
+            cost = quick_cost(target, q, t, edges.views, coarse, RANK_CAP_PX, stride)
             top = np.argpartition(cost, keep)[:keep]
             q, t = q[top], t[top]
     frame.mark("correspondences")

@@ -171,19 +171,19 @@ def straight_windows(small: Array, segments: Array, count: int = 3) -> List[Box]
         # directions, unlike waves and limbs
         crossing = 1.0 - cv2.magnitude(c, s) / np.maximum(total, 1e-6)
         score = (total - mean * side * side) * crossing / side
-        own = half // 2
+        radius = half // 2
         for _ in range(2):
             row, col = (int(v) for v in np.unravel_index(int(np.argmax(score)), score.shape))
             if score[row, col] <= 0:
                 break
-            here = 2.0 * np.array([col, row]) + 0.5
+            centre = 2.0 * np.array([col, row]) + 0.5
             # include the centre's own pixel: one just outside would leave the window empty
-            inside = (np.abs(x - col) <= own) & (np.abs(y - row) <= own)
+            inside = (np.abs(x - col) <= radius) & (np.abs(y - row) <= radius)
             # clip segments that leave the window
-            p = np.clip(ends[inside].reshape(-1, 2), here - 0.6 * side, here + 0.6 * side)
+            p = np.clip(ends[inside].reshape(-1, 2), centre - 0.6 * side, centre + 0.6 * side)
             (x0, y0), (x1, y1) = p.min(axis=0), p.max(axis=0)
             windows.append((float(score[row, col]), (float(x0), float(y0), float(x1), float(y1))))
-            score[max(0, row - own) : row + own, max(0, col - own) : col + own] = -1.0
+            score[max(0, row - radius) : row + radius, max(0, col - radius) : col + radius] = -1.0
     windows.sort(key=lambda f: -f[0])
     return [box for _, box in windows[: 2 * count]]
 

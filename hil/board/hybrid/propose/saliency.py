@@ -152,15 +152,15 @@ def _segments(segments: Array, w: int, h: int) -> List[Array]:
     x = np.clip(np.rint(p[:, 0]).astype(int), 0, w - 1)
     y = np.clip(np.rint(p[:, 1]).astype(int), 0, h - 1)
     size = length[which]
-    at, cells = y * w + x, h * w
+    cell, cells = y * w + x, h * w
     for k, part in enumerate((size < 6, (size >= 6) & (size < 14), size >= 14)):
-        out[k] += np.bincount(at[part], minlength=cells).reshape(h, w)
+        out[k] += np.bincount(cell[part], minlength=cells).reshape(h, w)
     weight = np.minimum(size, 20.0)
     u, v = d[which, 0], d[which, 1]
     moments = (weight, weight * (u * u - v * v), weight * 2 * u * v)
-    total, out[3], out[4] = (np.bincount(at, t, cells).reshape(h, w).astype(np.float32) for t in moments)
-    about, c, s = (cv2.blur(v, (11, 11)) for v in (total, out[3], out[4]))
-    return [*out[:3], about - np.hypot(c, s)]
+    total, out[3], out[4] = (np.bincount(cell, t, cells).reshape(h, w).astype(np.float32) for t in moments)
+    mean, c, s = (cv2.blur(v, (11, 11)) for v in (total, out[3], out[4]))
+    return [*out[:3], mean - np.hypot(c, s)]
 
 
 def saliency_map(

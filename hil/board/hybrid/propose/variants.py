@@ -61,8 +61,8 @@ def near_symmetries(target: PreparedTarget, best: List[Hypothesis]) -> List[Hypo
     for h in best:
         centre = quat.matrix(h.q) @ target.centre_m + h.t
         sight = np.concatenate([[0.0], centre / np.linalg.norm(centre)])
-        others = [quat.multiply(h.q, s) for s in (*target.model.symmetry_wxyz, *HALF_TURNS)]
-        for other in (*others, quat.multiply(sight, h.q)):
+        attitudes = [quat.multiply(h.q, s) for s in (*target.model.symmetry_wxyz, *HALF_TURNS)]
+        for other in (*attitudes, quat.multiply(sight, h.q)):
             q = quat.normalise(other)
             # keep the centre in place
             out.append(h.at(q, centre - quat.matrix(q) @ target.centre_m))

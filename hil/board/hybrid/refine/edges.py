@@ -189,10 +189,10 @@ def fine_align(
             shape = silhouette(quat.matrix(q)[0], t[0], target.occ, camera, origin, f, (w, h))
             inward = inward_sign(shape, uv, n)
         offset, strength = search_normals(gradients, uv, n, inward, reach)
-        good = strength > 4.0
-        r = np.where(good, offset, 0.0)
-        spread = max(0.35, 1.4826 * float(np.median(np.abs(r[good]))) if good.any() else 1.0)
-        weight = good * tukey(r, 4.0 * spread)
+        is_edge = strength > 4.0
+        r = np.where(is_edge, offset, 0.0)
+        spread = max(0.35, 1.4826 * float(np.median(np.abs(r[is_edge]))) if is_edge.any() else 1.0)
+        weight = is_edge * tukey(r, 4.0 * spread)
         J = jacobian(pr, camera, t) / f
         step, normal = gauss_newton_step(
             J, r[None], weight[None], parameter_scale(float(t[0, 2]), radius_m), 1e-6
@@ -202,7 +202,7 @@ def fine_align(
         H = normal[0]
         inliers = float(weight.sum())
         found = inliers / max(len(idx), 1)
-        tight = float((good * np.exp(-((r / 0.7) ** 2))).sum()) / max(len(idx), 1)
+        tight = float((is_edge * np.exp(-((r / 0.7) ** 2))).sum()) / max(len(idx), 1)
         rms = float(np.sqrt((weight * r * r).sum() / max(inliers, 1e-9)))
     covariance = np.linalg.pinv(H) * max(rms, 0.1) ** 2 * 4.0
     return PoseFit(q[0], t[0], rms, covariance), EdgeFit(found, tight, rms * f)

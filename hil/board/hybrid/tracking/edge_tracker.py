@@ -208,7 +208,7 @@ def _one_scale(
 
 
 def _edge_candidates(
-    image: Array, noise: float, at: Array, n: Array, factor: int, polarity: Array
+    image: Array, noise: float, samples_px: Array, n: Array, factor: int, polarity: Array
 ) -> Optional[Tuple[Array, Array, Array]]:
     """Return offsets [px], strengths [sigma] and signs (M, CANDIDATES) of edges across each sample; None out of view.
 
@@ -218,7 +218,7 @@ def _edge_candidates(
         The image.
     noise : float
         Standard deviation of the image noise.
-    at : (M, 2) array
+    samples_px : (M, 2) array
         Samples [px].
     n : (M, 2) array
         Unit normals of the projected edges.
@@ -227,14 +227,14 @@ def _edge_candidates(
     polarity : (M,) array
         Polarity of each sample's edge in earlier frames.
     """
-    crop = _crop(image, at, factor * (HALF_PROFILE_PX + HALF_KERNEL_PX + 2))
+    crop = _crop(image, samples_px, factor * (HALF_PROFILE_PX + HALF_KERNEL_PX + 2))
     if crop is None:
         return None
     small, x0, y0 = crop
     if factor > 1:
         h, w = (s // factor for s in small.shape)
         small = cv2.resize(small[: h * factor, : w * factor], (w, h), interpolation=cv2.INTER_AREA)
-    profile = _profiles(np.asarray(small, np.float32), ((at - (x0, y0)) + 0.5) / factor - 0.5, n)
+    profile = _profiles(np.asarray(small, np.float32), ((samples_px - (x0, y0)) + 0.5) / factor - 0.5, n)
     offset, strength = _peaks(profile, noise / factor)
     # a candidate of opposite polarity belongs to another edge
     sign = np.sign(strength)

@@ -77,8 +77,8 @@ def predict(state: TrackState, dt_s: float) -> TrackState:
     F[:3, 6:9] = np.eye(3) * dt_s
     F[3:6, 9:] = np.eye(3) * dt_s
     Q = np.zeros((12, 12))
-    for at, sigma in ((0, ANGULAR_ACCELERATION_RAD_S2), (3, LINEAR_ACCELERATION_M_S2)):
-        a, b = slice(at, at + 3), slice(at + 6, at + 9)
+    for first, sigma in ((0, ANGULAR_ACCELERATION_RAD_S2), (3, LINEAR_ACCELERATION_M_S2)):
+        a, b = slice(first, first + 3), slice(first + 6, first + 9)
         Q[a, a] = np.eye(3) * sigma**2 * dt_s**4 / 4
         Q[a, b] = Q[b, a] = np.eye(3) * sigma**2 * dt_s**3 / 2
         Q[b, b] = np.eye(3) * sigma**2 * dt_s**2

@@ -300,8 +300,8 @@ class TrackingEstimator(Estimator):
 
 def squared_distance(fit: TrackFit, q: Array, t: Array) -> float:
     """Return the squared Mahalanobis distance of a pose from one aligned on edges, by the latter's covariance."""
-    off = innovation(first_state(fit.q, fit.t, fit.covariance), q, t)
-    return float(off @ np.linalg.solve(fit.covariance, off))
+    error = innovation(first_state(fit.q, fit.t, fit.covariance), q, t)
+    return float(error @ np.linalg.solve(fit.covariance, error))
 
 
 def track_confidence(fit: TrackFit) -> float:

@@ -85,23 +85,25 @@ def crop_image(
     factor = crop.diameter_px / sphere_px
     step = (np.arange(side_px) - 0.5 * (side_px - 1)) * factor / f
     x, y = np.meshgrid(step, step)
-    at = camera.pixels(np.stack([x, y, np.ones_like(x)], axis=-1) @ crop.swing().T)
+    pixels = camera.pixels(np.stack([x, y, np.ones_like(x)], axis=-1) @ crop.swing().T)
     if reduced is not None:
         scale = np.array([image.shape[1] / reduced.shape[1], image.shape[0] / reduced.shape[0]])
         if factor > 2.0 * scale.max():
             # averages of averages
-            image, at, factor = reduced, (at + 0.5) / scale - 0.5, factor / float(scale.max())
+            image, pixels, factor = reduced, (pixels + 0.5) / scale - 0.5, factor / float(scale.max())
     h, w = image.shape
-    x0, y0 = (int(np.clip(np.floor(at[..., k].min()) - factor, 0, size - 2)) for k, size in ((0, w), (1, h)))
+    x0, y0 = (
+        int(np.clip(np.floor(pixels[..., k].min()) - factor, 0, size - 2)) for k, size in ((0, w), (1, h))
+    )
     x1, y1 = (
-        int(np.clip(np.ceil(at[..., k].max()) + factor, low + 2, size))
+        int(np.clip(np.ceil(pixels[..., k].max()) + factor, low + 2, size))
         for k, low, size in ((0, x0, w), (1, y0, h))
     )
     part = image[y0:y1, x0:x1]
     if factor > 1.0:
         part = area_mean(part, max(2, round((x1 - x0) / factor)), max(2, round((y1 - y0) / factor)))
-    u = ((at[..., 0] - x0 + 0.5) * (part.shape[1] / (x1 - x0)) - 0.5).astype(np.float32)
-    v = ((at[..., 1] - y0 + 0.5) * (part.shape[0] / (y1 - y0)) - 0.5).astype(np.float32)
+    u = ((pixels[..., 0] - x0 + 0.5) * (part.shape[1] / (x1 - x0)) - 0.5).astype(np.float32)
+    v = ((pixels[..., 1] - y0 + 0.5) * (part.shape[0] / (y1 - y0)) - 0.5).astype(np.float32)
     part = np.asarray(part, np.float32)
     return np.asarray(cv2.remap(part, u, v, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE))
 

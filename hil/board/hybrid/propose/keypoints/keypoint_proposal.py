@@ -168,16 +168,16 @@ class LearnedProposer:
         crops, sources = [starts[k] for k in distinct], [regions[k] for k in distinct]
         for pass_index in range(MAX_PASSES):
             log_p, craft, size = self.network(network_inputs(image, noise, camera, crops, reduced, black))
-            likely = [int(k) for k in np.argsort(-craft) if craft[k] >= craft.max() - MAX_LOGIT_DEFICIT]
-            corrected = {k: self._correct_crop(crops[k], log_p[k], size[k]) for k in likely}
+            selected = [int(k) for k in np.argsort(-craft) if craft[k] >= craft.max() - MAX_LOGIT_DEFICIT]
+            corrected = {k: self._correct_crop(crops[k], log_p[k], size[k]) for k in selected}
             # merge crops that converged to the same place
-            likely = self._distinct(likely, corrected, keep if pass_index else SECOND_PASS_CROPS)
-            unfinished = any(self._needs_another_pass(crops[k], corrected[k]) for k in likely)
+            selected = self._distinct(selected, corrected, keep if pass_index else SECOND_PASS_CROPS)
+            unfinished = any(self._needs_another_pass(crops[k], corrected[k]) for k in selected)
             if pass_index == MAX_PASSES - 1 or not unfinished:
                 break
-            crops, sources = [corrected[k] for k in likely], [sources[k] for k in likely]
+            crops, sources = [corrected[k] for k in selected], [sources[k] for k in selected]
         return [
-            self._proposal(sources[k], crops[k], log_p[k], float(craft[k]), size[k]) for k in likely[:keep]
+            self._proposal(sources[k], crops[k], log_p[k], float(craft[k]), size[k]) for k in selected[:keep]
         ]
 
     def infer_again(
@@ -241,8 +241,8 @@ class LearnedProposer:
         g = min(learned, key=angular_offset)
         back = g.crop.swing().T
         q_crop = quat.multiply(quat.from_matrix(back), q)[None]
-        at = (back @ centre / self.radius_m)[None]
-        score = log_likelihoods(g.table, self.points, self._focal(g.crop), q_crop, at)
+        t_crop = (back @ centre / self.radius_m)[None]
+        score = log_likelihoods(g.table, self.points, self._focal(g.crop), q_crop, t_crop)
         return float(score[0] / LIKELIHOOD_DIVISOR - g.log_likelihood[0])
 
     def log_likelihood_deficit(
@@ -269,19 +269,19 @@ class LearnedProposer:
         f = 0.5 * (self.camera.fx_px + self.camera.fy_px)
         crop = ImageCrop(centre / range_m, float(2 * f * np.tan(half_angle)))
         log_p, craft, size = self.network(network_inputs(image, noise, self.camera, [crop], None, black))
-        whole = Region(0.0, 0.0, float(image.shape[1]), float(image.shape[0]), "predicted")
+        region = Region(0.0, 0.0, float(image.shape[1]), float(image.shape[0]), "predicted")
         return -self.log_likelihood(
-            [self._proposal(whole, crop, log_p[0], float(craft[0]), float(size[0]))], q, t
+            [self._proposal(region, crop, log_p[0], float(craft[0]), float(size[0]))], q, t
         )
 
     def _distinct(self, order: Sequence[int], crops: Dict[int, ImageCrop], most: int) -> List[int]:
         """Return the first ``most`` of the crops that do not overlap."""
         f = 0.5 * (self.camera.fx_px + self.camera.fy_px)
-        kept: List[int] = []
+        distinct: List[int] = []
         for k in order:
-            if len(kept) < most and all(_are_distinct(crops[k], crops[j], f) for j in kept):
-                kept.append(k)
-        return kept
+            if len(distinct) < most and all(_are_distinct(crops[k], crops[j], f) for j in distinct):
+                distinct.append(k)
+        return distinct
 
     def _needs_another_pass(self, before: ImageCrop, after: ImageCrop) -> bool:
         """Return True if a correction is large enough for another pass."""

@@ -94,11 +94,15 @@ def pose_modes(log_p: Array, points: Array, focal: float, log_size: float, most:
     order = np.argsort(-score)
     # the grid's maxima follow, because a mode of wide distributions covers many poses
     q, t = np.concatenate([q[order], coarse]), np.concatenate([t[order], at])
-    kept: List[int] = []
+    separated: List[int] = []
     for k in range(len(q)):
-        if len(kept) < most and all(abs(float(q[k] @ q[j])) < np.cos(0.5 * MIN_SEPARATION_RAD) for j in kept):
-            kept.append(k)
-    return PoseModes(q[kept], t[kept], log_likelihoods(table, points, focal, q[kept], t[kept]))
+        if len(separated) < most and all(
+            abs(float(q[k] @ q[j])) < np.cos(0.5 * MIN_SEPARATION_RAD) for j in separated
+        ):
+            separated.append(k)
+    return PoseModes(
+        q[separated], t[separated], log_likelihoods(table, points, focal, q[separated], t[separated])
+    )
 
 
 def most_likely_position(log_p: Array, points: Array, focal: float, log_size: float) -> Array:
@@ -199,8 +203,8 @@ def _grid_maxima(
         if not kept or np.abs(q[kept] @ q[k]).max() < np.cos(0.5 * MIN_SEPARATION_RAD):
             kept.append(int(k))
     z = sphere_distance / size[kept]
-    off = R[kept] @ points.mean(axis=0)
-    xy = middle * (z / focal)[:, None] - off[:, :2]
+    centroid_offset = R[kept] @ points.mean(axis=0)
+    xy = middle * (z / focal)[:, None] - centroid_offset[:, :2]
     return q[kept], np.column_stack([xy, z]), best[kept]
 
 
@@ -218,9 +222,9 @@ def _project(points: Array, focal: float, R: Array, t: Array) -> Tuple[Array, Ar
 
 def _look_up(table: Array, uv: Array) -> Tuple[Array, Array, Array]:
     """Return values, slopes and curvatures (N, K, 2) of tables (K, 2, BINS) at positions [half sides; bins]."""
-    at = np.clip((uv + HALF_RANGE) / BIN_WIDTH - 0.5, 1.0, BINS - 2.001)
-    low = np.floor(at).astype(np.intp)
-    part = at - low
+    position = np.clip((uv + HALF_RANGE) / BIN_WIDTH - 0.5, 1.0, BINS - 2.001)
+    low = np.floor(position).astype(np.intp)
+    part = position - low
     base = (np.arange(table.shape[0])[:, None] * 2 + np.arange(2)) * BINS
     flat = table.ravel()
     low = np.clip(low, 1, BINS - 3)
