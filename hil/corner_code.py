@@ -94,6 +94,10 @@ def draw_code(
     ----------
     image : (H, W) or (H, W, 3) array
         Digital numbers.
+    code : CornerCode
+        Frame number and time to draw.
+    place : CodePlace
+        Position of the code.
     white_dn : int
         Digital number of white; black is 0.
 

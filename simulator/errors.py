@@ -28,6 +28,10 @@ def write_error(path: Path, error: OSError, remedy: str = "choose a folder you m
 
     Parameters
     ----------
+    path : Path
+        File that cannot be written.
+    error : OSError
+        Error of the operating system.
     remedy : str, optional
         Advice for any error but a full disk.
     """
@@ -47,6 +51,8 @@ def missing_extra(what: str, extra: str, error: ImportError) -> UserError:
         Feature that needs the library, as in "format parquet".
     extra : str
         Name in pyproject.toml.
+    error : ImportError
+        Error of the import.
     """
     if isinstance(error, ModuleNotFoundError):
         name = (error.name or str(error)).partition(".")[0]

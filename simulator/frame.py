@@ -98,6 +98,10 @@ def take_frame(
 
     Parameters
     ----------
+    renderer : Renderer
+        Renderer of the images.
+    scene : SceneState
+        Scene at mid-exposure.
     target : Target
         Model of the scene's craft, before any variation.
     labels : bool or LabelRequest, optional

@@ -284,6 +284,10 @@ def open_frames(
     stage : callable
         Function applied to each frame where it is drawn: encoding, or `Frame.without_radiance` to send less. With other
         processes, a module-level function or a picklable object.
+    processes : int, optional
+        Number of processes; 0 draws in this process.
+    device_index : int, optional
+        EGL device to render on; None for the driver's choice.
     first : SceneState, optional
         First scene to be drawn; its maps are read while the renderer starts.
     prefetched : mapping, optional
@@ -364,8 +368,12 @@ def run_frames(
 
     Parameters
     ----------
+    plan : FramePlan
+        Frames to draw.
     renderer : Renderer or FrameProducer
         Renderer to draw with here, or a producer from `open_frames`.
+    sinks : iterable of Sink, optional
+        Sinks that receive each frame.
     labels : FrameLabels, optional
         Labels as in `take_frame`, or a function that returns them for a frame's number.
     numbers : iterable of int, optional

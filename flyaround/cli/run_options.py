@@ -27,6 +27,8 @@ def with_run_options(command: Callable[..., None], kind: type[Run] | None = None
 
     Parameters
     ----------
+    command : callable
+        Command to extend.
     kind : type, optional
         Type of the run; by default the argument's annotation.
     """

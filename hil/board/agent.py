@@ -78,6 +78,12 @@ def describe_board(model_name: str, model_sha256: str, method: str, *, compiled:
 
     Parameters
     ----------
+    model_name : str
+        Name of the target model.
+    model_sha256 : str
+        Hash of the target model.
+    method : str
+        Name of the estimator.
     compiled : bool
         True for a built-in estimator: the versions of OpenCV and of the compiled kernels are then included.
     """

@@ -94,6 +94,12 @@ def estimated_pose(
 
     Parameters
     ----------
+    estimator : BoardEstimator
+        Estimator to call.
+    image : array
+        Image, as received.
+    context : FrameContext
+        Time, camera and other properties of the image.
     encoding : str
         Transfer function of the pixels; the estimator receives linear ones.
     """

@@ -24,6 +24,10 @@ def serve_sessions(agent: BoardAgent, *, reconnect: bool, start: List[str]) -> B
 
     Parameters
     ----------
+    agent : BoardAgent
+        Agent that serves the sessions.
+    reconnect : bool
+        True to connect again after each session.
     start : list of str
         Arguments that start this program again, after the interpreter's name.
 

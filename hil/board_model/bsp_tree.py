@@ -54,6 +54,8 @@ def build_tree(faces_m: FloatArray, large: BoolArray) -> FaceTree:
 
     Parameters
     ----------
+    faces_m : (F, 4, 3) array
+        Corners of the faces, target frame [m].
     large : BoolArray
         Faces (F,) whose planes may split space.
     """

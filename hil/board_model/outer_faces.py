@@ -155,6 +155,10 @@ def _distinctiveness(
 
     Parameters
     ----------
+    parts : sequence of Part
+        Parts of the target.
+    triangles_m : (T, 3, 3) array
+        Triangles, target frame [m].
     owner : IntArray
         Part of each triangle.
     surface : BoolArray

@@ -113,6 +113,8 @@ def run_campaign(
         Command that starts a board; URL, target and method are appended.
     workers : int, optional
         Number of parallel runs.
+    progress : callable, optional
+        Called with the number done, and the total.
     command : tuple of str, optional
         Words of the command line, for the record.
     say : callable, optional

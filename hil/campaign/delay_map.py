@@ -72,6 +72,8 @@ def map_delays(
         New or empty folder, or that of a map with the same settings.
     board_command : tuple of str
         Command that starts a board, for the cells that are verified.
+    workers : int, optional
+        Number of processes.
     progress : callable, optional
         Called with a label of the flights, the number done and the total.
 

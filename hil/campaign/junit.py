@@ -30,6 +30,12 @@ def junit_xml(
 
     Parameters
     ----------
+    campaign : Campaign
+        Campaign with its requirements.
+    cases : sequence of ReadyCase
+        Cases of the campaign.
+    runs : sequence of RunVerdict
+        Verdicts on the runs.
     durations_s : mapping of tuple of str and int to float
         Durations of the flights, by case and seed.
     """

@@ -31,6 +31,8 @@ def run_with_board_process(
 
     Parameters
     ----------
+    flight : FlightRun
+        Flight to run.
     command : tuple of str
         Command line of a board, before the host's address.
     options : tuple of str

@@ -63,6 +63,8 @@ def run_demo(
 
     Parameters
     ----------
+    folder : Path
+        Folder of the demo.
     board_command : sequence of str
         Command that starts a board; URL and target are appended.
     overwrite : bool

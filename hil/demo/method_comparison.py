@@ -101,8 +101,16 @@ def method_answer(
 
     Parameters
     ----------
+    method : str
+        Name of the estimator.
+    frame_id : int
+        Number of the frame.
+    result : PoseResult
+        Result of the method.
     poses : sequence
         Stage name, q (N, 4) and t (N, 3) of the poses that each stage passed on, in order.
+    truth : Truth
+        Truth record of the frame.
     """
     q, t = result.q_camera_from_target_wxyz, result.t_camera_from_target_m
     right = q is not None and t is not None and _any_correct(truth, q[None], t[None])

@@ -230,6 +230,10 @@ def summarise(
 
     Parameters
     ----------
+    records : iterable of FrameScore
+        Scores of the frames.
+    method : str, optional
+        Name of the method.
     failures : sequence of str, optional
         Stage that failed, one entry for each feasible frame that is not coarse.
     times_ms : sequence of float, optional

@@ -119,6 +119,20 @@ def frame_record(
 
     Parameters
     ----------
+    q_true_wxyz : (4,) array
+        True ``q_camera_from_target``.
+    t_true_m : (3,) array
+        True target position, camera frame [m].
+    q_est_wxyz : (4,) array or None
+        Estimated ``q_camera_from_target``; None without an estimate.
+    t_est_m : (3,) array or None
+        Estimated target position, camera frame [m]; None without an estimate.
+    accepted : bool
+        True if the estimator accepted its pose.
+    feasible : bool, optional
+        True if the frame can be solved.
+    frame_class : str, optional
+        Class of the frame for reports.
     covariance : (6, 6) array, optional
         Covariance of rotation [rad] and translation [m], camera axes, from the estimator.
 

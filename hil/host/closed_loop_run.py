@@ -244,6 +244,8 @@ def frame_every(every_s: float | None, plan: Plan) -> int:
     ----------
     every_s : float or None
         Time between images; None for one image per control period.
+    plan : Plan
+        Plan of the flight.
 
     Raises
     ------

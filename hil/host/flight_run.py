@@ -185,6 +185,8 @@ def with_time_code(
 
     Parameters
     ----------
+    frames : iterable of Frame
+        Frames in order.
     place : CodePlace, optional
         Position of the code, by default the upper left corner; ``time_code_px`` of each frame is its box.
     faults : Faults, optional

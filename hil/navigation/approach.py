@@ -107,6 +107,8 @@ class Approach:
 
         Parameters
         ----------
+        t_s : float
+            Start of the control period [s].
         estimate : RelativeEstimate or None
             Estimate at ``t_s``; None without a track.
         status : Status

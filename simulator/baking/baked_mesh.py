@@ -132,6 +132,8 @@ def geometry_of(
 
     Parameters
     ----------
+    merged : MergedParts
+        Parts of the target as one mesh.
     parts : sequence of Part
         Parts of the target in its own order.
     numbers : mapping

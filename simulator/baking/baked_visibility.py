@@ -69,8 +69,12 @@ def trace_visibility(
 
     Parameters
     ----------
+    charts : Charts
+        Charts of the mesh, with their nodes.
     planes : (T, 3) array
         Normals of the triangles.
+    caster : RayCaster
+        Ray caster of the mesh.
     directions : (D, 3) array
         Unit vectors.
     radius_m : float
@@ -127,6 +131,8 @@ def encode_visibility(visibility: NodeVisibility, patch: IntArray) -> NDArray[np
 
     Parameters
     ----------
+    visibility : NodeVisibility
+        Visibility of the nodes.
     patch : (N,) array
         Patch of each node; patch p is coded as 2 + 2 p, and one more for its back.
     """

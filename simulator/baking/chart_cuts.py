@@ -38,6 +38,8 @@ def cut_charts(
         Vertices.
     groups : (V,) array
         Group numbers, never mixed in one chart.
+    triangles : (T, 3) array
+        Vertex indices.
     normal : (T, 3) array
         Of the triangles.
     texel_m : float
@@ -126,10 +128,22 @@ def _patch_keys(
 
     Parameters
     ----------
+    corners_m : (T, 3, 3) array
+        Corners of the triangles [m].
+    normal : (T, 3) array
+        Unit normals.
+    area : (T,) array
+        Areas [m2].
+    group : (T,) array
+        Group of each triangle; only triangles of one group merge.
     plane : (T,) array
         Sets of neighbours of nearly the same normal; a flat one gets one key, so that it stays whole.
     is_round : (T,) array
         True on a round face, whatever its size.
+    texel_m : float
+        Size of a texel [m].
+    normal_bins : int
+        Number of bins per component of a normal.
     """
     weight = np.maximum(area, 1e-30)
     alone = _bends(plane, normal, area)[plane]

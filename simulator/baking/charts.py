@@ -118,6 +118,8 @@ def make_charts(
         Unit normals of the vertices.
     groups : (V,) array
         Group numbers, never mixed in one chart.
+    triangles : (T, 3) array
+        Vertex indices.
     texel_m : float
         Largest node spacing.
     """
@@ -192,8 +194,14 @@ def _lay_out(
         Corners of the triangles [m].
     corner_normals : (T, 3, 3) array
         Unit normals at the corners.
+    chart : (T,) array
+        Chart of each triangle.
+    border : (T, 3) array
+        True for edges on the border of a chart.
     across : (T, 3) array
         Normals with twice the triangles' areas as length.
+    texel_m : float
+        Size of a texel [m].
     """
     count = int(chart.max()) + 1
     face: FloatArray = np.stack([np.bincount(chart, v, count) for v in across.T], axis=1).astype(float)
@@ -256,6 +264,8 @@ def _nearest_on_charts(
         Their charts.
     xy : (T, 3, 2) array
         Corners of the triangles.
+    chart : (T,) array
+        Chart of each triangle.
     nodes : (C,) array
         Number of nodes of each chart.
     area : (T,) array

@@ -115,8 +115,12 @@ def find_edges(parts: tuple[Part, ...], numbers: Mapping[str, int], *, is_closed
 
     Parameters
     ----------
+    parts : tuple of Part
+        Parts of the target.
     numbers : mapping
         Material numbers, from 1.
+    is_closed : bool
+        True if the mesh encloses a volume.
     """
     vertices, ends, faces, creases, planes, materials = [], [], [], [], [], []
     first_vertex = first_face = 0

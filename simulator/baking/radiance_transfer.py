@@ -87,6 +87,8 @@ def baked_transfer(mesh: BakedMesh, reflectance: FloatArray, patch: int = PATCH)
 
     Parameters
     ----------
+    mesh : BakedMesh
+        Mesh with its charts.
     reflectance : (M, n) array
         Of each material, per band.
     patch : int, optional
@@ -169,6 +171,10 @@ def solve_radiosity(
 
     Parameters
     ----------
+    charts : Charts
+        Charts of the mesh, with their nodes.
+    rays : NodeVisibility
+        Visibility of the nodes.
     reflectance : (N, n) array
         Of each node, per band.
     side : int, optional

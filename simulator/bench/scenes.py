@@ -208,8 +208,14 @@ def labels_cost(
 
     Parameters
     ----------
+    renderer : Renderer
+        Renderer of the images.
+    target : Target
+        Target model.
     scenes : sequence of SceneState
         At least two; the optical flow of each leads to the next one.
+    n_frames : int
+        Number of frames to time.
     """
     added_ms, ratios = [], []
     for k in range(n_frames + 1):

@@ -53,6 +53,8 @@ def start_once(cache_folder: str, early: str = "", late: str = "") -> tuple[floa
 
     Parameters
     ----------
+    cache_folder : str
+        Folder of the process's cache.
     early : str, optional
         Python code to run before anything is imported.
     late : str, optional

@@ -95,6 +95,10 @@ def _towns(rng: np.random.Generator, cells: IntArray, spread: float, texels: flo
 
     Parameters
     ----------
+    rng : Generator
+        Random generator.
+    cells : (N, N) array
+        Index of the Voronoi cell of each texel.
     spread : float
         Standard deviation of the logarithm of a town's light.
     texels : float
@@ -122,6 +126,10 @@ def _cells(rng: np.random.Generator, count: int, bend: float) -> tuple[IntArray,
 
     Parameters
     ----------
+    rng : Generator
+        Random generator.
+    count : int
+        Number of cells along each side.
     bend : float
         Amplitude of the distortion of straight borders [texels].
     """

@@ -60,8 +60,12 @@ def _encode(cloud: Float32Array, around: Float32Array, land: Float32Array) -> By
 
     Parameters
     ----------
+    cloud : (R, SIZE) array
+        Rows of the cloud detail.
     around : (R + 2, SIZE) array
         Blurred cloud tops, with one row above and below.
+    land : (R, SIZE) array
+        Rows of the land detail.
     """
     texel_km, slope = PERIOD_KM / SIZE, 1 / (2 * SLOPE_PER_KM)
     tops = around[1:-1]

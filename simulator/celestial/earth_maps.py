@@ -207,8 +207,14 @@ def _panchromatic_land(
 
     Parameters
     ----------
+    pool : ThreadPoolExecutor
+        Threads that share the work.
+    day_bgr : (H, W, 3) array
+        Day map, BGR.
     shore : Future
         Future of the distance to the coast; modified in place.
+    out : (H, W, 4) array
+        Map whose channels are written.
 
     Returns
     -------
@@ -280,6 +286,8 @@ def _enlarged_root(reflectance: Float32Array, rows: slice) -> ByteArray:
     ----------
     reflectance : (H / 4, W / 4) array
         At a quarter of the size.
+    rows : slice
+        Rows of the result.
     """
     first, last = rows.start // 4, -(-rows.stop // 4)
     # bilinear interpolation reads one more row

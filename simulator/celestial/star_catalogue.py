@@ -91,6 +91,8 @@ def stars(epoch_utc: str, bands: Bands, *, by_photons: bool = False) -> StarFiel
     ----------
     epoch_utc : str
         ISO 8601; proper motion is applied for whole years, which is 0.1 arcsec for nearly every star.
+    bands : Bands
+        Spectral bands of the image.
     by_photons : bool, optional
         True for a detector that counts photons, of which a red star has more per joule than a blue one.
     """
@@ -150,6 +152,12 @@ def star_irradiance_w_m2(
 
     Parameters
     ----------
+    hp_mag : (n,) array
+        Hipparcos magnitudes.
+    b_minus_v : (n,) array
+        Colour indices B-V.
+    bands : Bands
+        Spectral bands of the image.
     v_minus_i : array, optional
         Cousins colour, needed for M stars; by default the one that usually goes with ``b_minus_v``.
     """

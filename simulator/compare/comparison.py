@@ -94,10 +94,18 @@ def compare_pictures(
 
     Parameters
     ----------
+    renderer : Renderer
+        Renderer of the images.
+    references : sequence of Reference
+        Reference images.
+    target : Target
+        Target model.
     find_pose : PoseFinder
         Estimator that returns the pose of the craft in an image without a record.
     sensor : str, optional
         Preset for our images; by default, one as noisy as the reference.
+    progress : callable, optional
+        Called with the number of finished images, and the total.
     """
     pairs = []
     for k, reference in enumerate(references):
@@ -135,6 +143,12 @@ def edges_by_atmosphere(
 
     Parameters
     ----------
+    renderer : Renderer
+        Renderer of the images.
+    scene : SceneState
+        Scene at mid-exposure.
+    target : Target
+        Target model.
     image : array
         The scene's image under its own atmosphere, which sets the threshold.
     """

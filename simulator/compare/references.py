@@ -61,9 +61,13 @@ def read_references(folder: Path, camera: Camera, count: int, labels: Path | Non
 
     Parameters
     ----------
+    folder : Path
+        Folder of the images.
     camera : Camera
         Assumed camera: its focal length is scaled to each image's width, its principal point keeps its offset from the
         centre. A truth record next to an image (same name, .json) takes precedence.
+    count : int
+        Maximum number of images.
     labels : Path, optional
         List of ``filename q_vbs2tango r_Vo2To_vbs_true`` in SPEED's or SPEED+'s format.
 

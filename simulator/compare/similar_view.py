@@ -83,10 +83,18 @@ def find_similar_view(
 
     Parameters
     ----------
+    renderer : Renderer
+        Renderer of the images.
+    reference : Reference
+        Reference image.
+    target : Target
+        Target model.
     estimate : PoseEstimate or None
         Pose of the craft; without it, attitude and position are the candidates'.
     sensor : str, optional
         Preset for our image; by default, one as noisy as the reference.
+    seed : int, optional
+        Seed of the candidates.
     """
     space = image_statistics(reference.image).space
     plan = plan_recipe(RECIPES[space], CANDIDATES, seed=seed, quality="draft")

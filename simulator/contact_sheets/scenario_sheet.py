@@ -75,10 +75,16 @@ def write_recipe_sheets(
 
     Parameters
     ----------
+    recipes : iterable of Recipe
+        Recipes to draw.
+    folder : Path
+        Output folder.
     axes : bool, optional
         True to draw the model's axes: x red, y green, z blue.
     width_px : int, optional
         Width of one sample.
+    progress : callable, optional
+        Called with the number done, and the total.
     """
     drawable = [r for r in recipes if not r.members]
     for n_done, recipe in enumerate(drawable):

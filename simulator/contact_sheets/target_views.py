@@ -68,6 +68,14 @@ def view_scene(
 
     Parameters
     ----------
+    target : Target
+        Target model.
+    eye : (3,) array
+        Direction from the target to the camera, target frame.
+    width_px : int
+        Width of the image.
+    height_px : int
+        Height of the image.
     to_sun : array_like, optional
         Direction of the Sun, camera frame.
     """

@@ -91,6 +91,8 @@ def capture(
 
     Parameters
     ----------
+    plan : DocumentPlan
+        Frames to capture.
     folder : str or Path
         Folder, or URL of an fsspec store such as ``s3://bucket/set``.
     formats : tuple of str, optional
@@ -103,10 +105,16 @@ def capture(
         Shares of training, validation and test frames; by default a recipe's own.
     extra_files : mapping, optional
         Further files by name, written next to the card before the first frame.
+    resume : bool, optional
+        True to resume an interrupted capture.
     workers : int, optional
         Number of processes that draw, check and encode, each with its own renderer; the bytes do not depend on it.
     cluster : RayCluster, optional
         Ray cluster that draws instead; its frames are written here.
+    device_index : int, optional
+        EGL device to render on; None for the driver's choice.
+    progress : callable, optional
+        Called with the number of finished frames, and the total.
     tell : callable, optional
         Called before anything is drawn, with one sentence per format that lists the omitted labels.
 

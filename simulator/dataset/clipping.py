@@ -99,6 +99,8 @@ def summarise_clipping(frames: Sequence[Clipping], document: dict[str, Any]) -> 
 
     Parameters
     ----------
+    frames : sequence of Clipping
+        Clipping of each frame.
     document : dict
         Their scenario or recipe, for the advice.
     """

@@ -74,6 +74,8 @@ def open_source(
 
     Parameters
     ----------
+    place : Path
+        Folder or list of labels of the data set.
     form : str, optional
         Format, detected by default.
     target : str, optional
@@ -118,10 +120,16 @@ def convert(
 
     Parameters
     ----------
+    source : ImportSource
+        Frames to convert.
     folder : Path
         New or empty folder; each of several formats has a subfolder.
+    form : str
+        Names of the formats, separated by commas.
     split : tuple of int, optional
         Shares of training, validation and test frames; by default the source's own.
+    progress : callable, optional
+        Called with the number done, and the total.
     tell : callable, optional
         Called before anything is written, with one sentence per format that lists the omitted labels.
 

@@ -77,6 +77,8 @@ def open_dataset(folder: str | Path, split: str | None = None) -> LabelledDatase
 
     Parameters
     ----------
+    folder : str or Path
+        Data set.
     split : str, optional
         Train, validation or test; by default all frames.
 

@@ -72,6 +72,8 @@ def write_overlays(
         Names out of `MARKS`, in drawing order.
     n : int, optional
         Number of frames, spread evenly; by default all.
+    progress : callable, optional
+        Called with the number done, and the total.
 
     Raises
     ------
@@ -100,6 +102,8 @@ def overlay(frame: LabelledFrame, target: Target, marks: tuple[str, ...]) -> Byt
 
     Parameters
     ----------
+    frame : LabelledFrame
+        Frame with its labels.
     target : Target
         Model that the data set names.
     marks : tuple of str

@@ -44,8 +44,14 @@ def render_scene(
 
     Parameters
     ----------
+    scene : SceneState
+        Scene at mid-exposure.
+    target : Target
+        Target model.
     labels : LabelRequest, optional
         Layers besides truth and mask.
+    device_index : int, optional
+        EGL device to render on; None for the driver's choice.
     prefetched : mapping, optional
         Maps that are being decoded, see `flyaround.simulator.loop.open_frames`.
 

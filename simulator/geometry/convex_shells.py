@@ -104,6 +104,8 @@ class Boxes:
 
         Parameters
         ----------
+        corners_m : (K, N, 3) array
+            Corners of the items [m].
         size_m : float
             Approximate size of a box.
         """
@@ -171,6 +173,8 @@ def largest_shells(bodies: Sequence[ConvexShell], radius_m: float) -> tuple[Conv
 
     Parameters
     ----------
+    bodies : sequence of ConvexShell
+        Convex bodies.
     radius_m : float
         Radius of the craft's bounding sphere.
     """
@@ -205,6 +209,10 @@ def _connected_bodies(corners_m: FloatArray, step_m: float, least_m2: float) -> 
 
     Parameters
     ----------
+    corners_m : (T, 3, 3) array
+        Triangles of the part [m].
+    step_m : float
+        Distance within which corners merge [m].
     least_m2 : float
         Least area of a body.
     """

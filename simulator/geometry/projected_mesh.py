@@ -134,6 +134,8 @@ def project_to_pinhole(mesh: TriangleMesh, R: FloatArray, t: FloatArray) -> Proj
 
     Parameters
     ----------
+    mesh : TriangleMesh
+        Mesh of the target.
     R : (3, 3) array
         Rotation from the mesh's frame to the camera frame.
     t : (3,) array

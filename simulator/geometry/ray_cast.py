@@ -133,6 +133,10 @@ def _hit_pairs(
 
     Parameters
     ----------
+    ray : (P,) array
+        Index of each pair's ray.
+    triangle : (P,) array
+        Index of each pair's triangle.
     origins : (3, K) or (K, 3) array
         Ray origins.
     x : (3, T) array

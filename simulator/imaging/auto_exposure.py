@@ -40,6 +40,8 @@ class AutoExposure(Section, frozen=True, kw_only=True):
 
         Parameters
         ----------
+        radiance_w_m2_sr : float
+            Radiance to expose for.
         full_scale_j_m2_sr : float
             Radiance times exposure at full scale.
         """

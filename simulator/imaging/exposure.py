@@ -138,6 +138,8 @@ def ground_drawings(scene: SceneState, scene_at: Callable[[float], SceneState] |
 
     Parameters
     ----------
+    scene : SceneState
+        Scene at mid-exposure.
     scene_at : callable, optional
         Result of `scene_propagator` for the scene.
     """

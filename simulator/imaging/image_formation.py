@@ -195,6 +195,8 @@ def expose_scene(scene: SceneState, radiance_w_m2_sr: Float32Array) -> Float32Ar
 
     Parameters
     ----------
+    scene : SceneState
+        Scene at mid-exposure.
     radiance_w_m2_sr : (H, W) or (H, W, 3) array
         [W m-2 sr-1], row 0 at the top.
     """
@@ -224,6 +226,8 @@ def digitise_scene(
 
     Parameters
     ----------
+    scene : SceneState
+        Scene at mid-exposure.
     signal : array
         Result of `expose_scene`.
     sensor : Sensor, optional

@@ -84,6 +84,12 @@ def image_motion_px(
 
     Parameters
     ----------
+    scene : SceneState
+        Scene at mid-exposure.
+    target : Target
+        Target model.
+    span_s : float
+        Duration of the motion [s].
     scene_at : callable, optional
         Result of `scene_propagator` for the scene.
     """

@@ -66,6 +66,10 @@ def metered_radiance_w_m2_sr(scene: SceneState, target: Target, share: float) ->
 
     Parameters
     ----------
+    scene : SceneState
+        Scene at mid-exposure.
+    target : Target
+        Target model.
     share : float
         Share of the image's area, 0..1: 0.9 lets the brightest tenth exceed it.
     """

@@ -58,6 +58,8 @@ def pose_at_rows(scene: SceneState, points_target_m: FloatArray) -> tuple[SceneS
 
     Parameters
     ----------
+    scene : SceneState
+        Scene at mid-exposure.
     points_target_m : (K, 3) array
         Target frame [m].
     """

@@ -76,6 +76,8 @@ def wireframe_step_share(
 
     Parameters
     ----------
+    scene : SceneState
+        Scene at mid-exposure.
     views : sequence of ProjectedEdge
         Projected edges of the target.
     signal : (H, W) array

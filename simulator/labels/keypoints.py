@@ -102,6 +102,12 @@ def geometric_states(
 
     Parameters
     ----------
+    scene : SceneState
+        Scene at mid-exposure.
+    target : Target
+        Target model.
+    mesh : TriangleMesh
+        Mesh of the target.
     scenes : sequence of SceneState, optional
         Result of `keypoint_scenes`, if already known.
     """
@@ -139,6 +145,8 @@ def radiometric_state(scene: SceneState, pixel: np.ndarray, signal: Float32Array
 
     Parameters
     ----------
+    scene : SceneState
+        Scene at mid-exposure.
     pixel : (2,) array
         Projection.
     signal : (H, W) array

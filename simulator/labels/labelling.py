@@ -161,6 +161,10 @@ def truth_record(
 
     Parameters
     ----------
+    scene : SceneState
+        Scene at mid-exposure.
+    target : Target
+        Target model.
     signal : (H, W) array
         Noise-free signal, 1 at full scale.
     level : callable

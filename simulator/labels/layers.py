@@ -64,6 +64,14 @@ def draw_layers(
 
     Parameters
     ----------
+    renderer : Renderer
+        Renderer of the images.
+    scene : SceneState
+        Scene at mid-exposure.
+    target : Target
+        Target model.
+    request : LabelRequest
+        Requested layers.
     surface : Surfaces
         Surface at the pixels' centres.
     mask : array
@@ -126,6 +134,14 @@ def amodal_mask(
 
     Parameters
     ----------
+    renderer : Renderer
+        Renderer of the images.
+    scene : SceneState
+        Scene at mid-exposure.
+    target : Target
+        Target model.
+    mask : (H, W) array
+        Mask of the target.
     box : Box or None
         Bounds of the projected craft; None if part of it is behind the camera.
     """
@@ -179,10 +195,16 @@ def _pinhole_flow(
 
     Parameters
     ----------
+    camera : Camera
+        Camera of the image.
     R : (3, 3) array
         Rotation from the camera frame to that of the next frame, for points on the target.
     t : (3,) array
         Translation of the same motion [m].
+    depth_m : (H, W) array
+        Depth of the frame [m].
+    window : tuple of slice
+        Rows and columns of the window.
     """
     v, u = (np.arange(part.start, part.stop, dtype=float) for part in window)
     x, y = (u - camera.cx_px) / camera.fx_px, ((v - camera.cy_px) / camera.fy_px)[:, None]

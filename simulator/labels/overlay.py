@@ -114,6 +114,8 @@ def draw_axes(canvas: ByteArray, camera: Camera, pose: Pose, length_m: float) ->
     ----------
     canvas : (H, W, 3) array
         8 bits.
+    camera : Camera
+        Camera of the image.
     pose : Pose
         Camera-from-target pose.
     length_m : float

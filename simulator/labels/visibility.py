@@ -39,8 +39,12 @@ def occluded_from_camera(mesh: TriangleMesh, points_m: ArrayLike, camera_from_ta
 
     Parameters
     ----------
+    mesh : TriangleMesh
+        Mesh of the target.
     points_m : array_like
         (K, 3) points on the surface, in front of the camera, target frame [m].
+    camera_from_target : Pose
+        Pose of the target in the camera frame.
     """
     points = camera_from_target.apply(points_m)
     distance = np.linalg.norm(points, axis=1)
@@ -55,6 +59,8 @@ def hidden_from_direction(mesh: TriangleMesh, points_m: ArrayLike, direction: Ar
 
     Parameters
     ----------
+    mesh : TriangleMesh
+        Mesh of the target.
     points_m : array_like
         (K, 3) points on the surface, target frame [m].
     direction : array_like

@@ -91,6 +91,12 @@ def view_edges(
 
     Parameters
     ----------
+    camera : Camera
+        Camera of the image.
+    camera_from_target : Pose
+        Pose of the target in the camera frame.
+    target : Target
+        Target model.
     mesh : TriangleMesh
         All triangles of ``target``.
     """

@@ -67,6 +67,8 @@ class Autopilot:
 
         Parameters
         ----------
+        figures : DockingFigures
+            Position and motion relative to the port.
         goal_m : float or None
             Distance in front of the port at which to come to rest, or None to dock.
         held_s : float

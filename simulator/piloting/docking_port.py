@@ -90,10 +90,14 @@ def port_along(
 
     Parameters
     ----------
+    target : Target
+        Target model.
     axis_target : (3,) array
         Outward axis, not normalised.
     R_target_from_lvlh : (3, 3) array
         Attitude; nadir is the port's down side.
+    flight : Flight
+        Flight of chaser and target.
     """
     axis = axis_target / np.linalg.norm(axis_target)
     com = np.array(target.mass.com_m)
@@ -142,6 +146,8 @@ def distance_to_surface_m(target: Target, origin_m: FloatArray, direction: Float
 
     Parameters
     ----------
+    target : Target
+        Target model.
     origin_m : (3,) array
         Model frame.
     direction : (3,) array

@@ -189,6 +189,8 @@ def subsolar_deg(r_sun_eci_m: FloatArray, R_fixed_from_eci: FloatArray) -> tuple
     ----------
     r_sun_eci_m : (3,) array
         Position of the Sun from the body's centre.
+    R_fixed_from_eci : (3, 3) array
+        Rotation from ECI to body-fixed axes.
     """
     x, y, z = R_fixed_from_eci @ r_sun_eci_m
     return math.degrees(math.atan2(z, math.hypot(x, y))), math.degrees(math.atan2(y, x))

@@ -84,6 +84,8 @@ class ActiveGuidance:
 
         Parameters
         ----------
+        t_s : float
+            Time of the flight [s].
         state : LvlhState
             Present position [m] and velocity [m s-1] of the chaser, LVLH.
         """
@@ -105,6 +107,16 @@ def begin_mode(
 
     Parameters
     ----------
+    title : str
+        Name of the mode.
+    mode : Chaser
+        Guidance law of the mode.
+    state : LvlhState
+        State of the chaser now.
+    n_rad_s : float
+        Mean motion of the target.
+    t_s : float
+        Time of the flight [s].
     orbit : OrbitTrack, optional
         Orbit of the target, for free flight in eccentric orbits; by default circular.
     """
@@ -134,6 +146,10 @@ def cubic_between(start: LvlhState, end: LvlhState, duration_s: float, t_s: floa
 
     Parameters
     ----------
+    start : LvlhState
+        First state.
+    end : LvlhState
+        Last state.
     duration_s : float
         Time between them.
     t_s : float

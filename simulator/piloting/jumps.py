@@ -69,6 +69,12 @@ def next_event_s(flight: Flight, event: Event, after_s: float, until_s: float | 
     ----------
     flight : Flight
         Must reach ``until_s``, or else `search_s` beyond ``after_s``.
+    event : Event
+        Kind of event.
+    after_s : float
+        Time after which to search [s].
+    until_s : float or None, optional
+        End of the search [s]; None for two orbits.
     """
     margin = margin_of(flight, event)
     end_s = after_s + search_s(flight) if until_s is None else until_s

@@ -28,6 +28,10 @@ def orbit_ahead(plan: Plan, span_s: float, *, quick: bool) -> Flight:
 
     Parameters
     ----------
+    plan : Plan
+        Plan of the flight.
+    span_s : float
+        Duration to propagate [s].
     quick : bool
         True for a point mass with J2 instead of the scenario's forces: seconds off after some orbits.
     """

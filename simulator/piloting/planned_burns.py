@@ -158,6 +158,8 @@ def predicted_path(
         Orbit of the target.
     chaser : ChaserState
         Present state.
+    plan : BurnPlan
+        Planned burns.
     after_s : float
         Time after the last burn.
     samples : int, optional

@@ -50,6 +50,8 @@ class Propellant:
         ----------
         acceleration_camera_m_s2 : (3,) array
             Applied for ``dt_s``.
+        dt_s : float
+            Duration of the acceleration [s].
         """
         if not acceleration_camera_m_s2.any():
             return self
@@ -66,6 +68,8 @@ def plume_strikes(chaser: ChaserState, acceleration_camera_m_s2: FloatArray, tar
 
     Parameters
     ----------
+    chaser : ChaserState
+        State of the chaser.
     acceleration_camera_m_s2 : (3,) array
         Acceleration.
     target_radius_m : float

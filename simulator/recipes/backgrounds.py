@@ -125,6 +125,12 @@ def _sunlit_share(
 
     Parameters
     ----------
+    camera : Camera
+        Camera of the image.
+    R_eci_from_camera : (3, 3) array
+        Rotation from camera axes to ECI.
+    radius_m : float
+        Radius of the body [m].
     r_m : (3,) array
         Camera position from the body's centre.
     to_sun : (3,) array

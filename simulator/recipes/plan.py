@@ -240,8 +240,14 @@ def plan_recipe(
         Name of a built-in recipe, file, or the recipe itself.
     n : int, optional
         Number of samples, by default the recipe's.
+    seed : int, optional
+        Seed of every random choice; by default the recipe's.
     target : str, optional
         Target to use instead of the recipe's: a name.
+    bands : Bands, optional
+        Spectral bands; by default the recipe's.
+    quality : Quality, optional
+        Quality preset; by default the recipe's.
     camera : str or Path, optional
         Camera to use instead of the recipe's: a name or a file.
     environment : Environment, optional

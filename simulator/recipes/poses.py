@@ -53,6 +53,14 @@ def draw_pose(rng: Generator, recipe: Recipe, camera: Camera, target: Target, k:
 
     Parameters
     ----------
+    rng : Generator
+        Random generator.
+    recipe : Recipe
+        Recipe with the ranges.
+    camera : Camera
+        Camera of the image.
+    target : Target
+        Target model.
     k : int
         Number of the sample, which selects the cell of a board.
 

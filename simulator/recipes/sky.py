@@ -128,6 +128,10 @@ def place_in_sky(rng: Generator, sky: Sky, t_m: FloatArray, sun: FloatArray, nad
 
     Parameters
     ----------
+    rng : Generator
+        Random generator.
+    sky : Sky
+        Directions of Sun and nadir.
     t_m : (3,) array
         Model's origin, camera axes, at the sky's altitude.
     sun : (3,) array

@@ -32,6 +32,10 @@ def element(name: str, /, *content: Content, **attributes: str | float | bool | 
 
     Parameters
     ----------
+    name : str
+        Name of the element.
+    content : Content
+        Texts, which are escaped, and mark-up.
     attributes : str, float or bool or None
         Attributes by name, with ``class_`` for ``class`` and ``text_anchor`` for ``text-anchor``; ``None`` and
         ``False`` are omitted, ``True`` has no value.

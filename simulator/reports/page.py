@@ -87,6 +87,8 @@ class Page:
         ----------
         head : sequence of str
             Names of the columns; the first column names the rows, and empty cells are omitted from cards.
+        rows : iterable of sequence
+            Cells of each row.
         """
         cells = [[markup(cell) for cell in row] for row in rows]
         widths = [max(map(_longest_word, column)) for column in zip(head, *cells, strict=True)]

@@ -47,6 +47,8 @@ def cached_array(key: str, make: Callable[[], NDArray[_T]]) -> NDArray[_T]:
     ----------
     key : str
         File name without suffix; it must change whenever the output of ``make`` would.
+    make : callable
+        Makes the array.
     """
     return cached_arrays((key,), lambda: (make(),))[0]
 

@@ -101,6 +101,8 @@ def empty_folder(path: Path, *, option: str = "-o", resume: bool | None = None, 
 
     Parameters
     ----------
+    path : Path
+        Folder.
     option : str, optional
         Command-line option that names the folder.
     resume : bool, optional

@@ -43,6 +43,8 @@ def within(bounds: tuple[float, float], per_unit: float = 1) -> Meta:
 
     Parameters
     ----------
+    bounds : tuple of float
+        Lowest and highest value.
     per_unit : float, optional
         Units of the key per unit of the field.
     """

@@ -28,6 +28,8 @@ def pack(tree: object, *kinds: type) -> ByteArray:
 
     Parameters
     ----------
+    tree : object
+        Tree to serialise.
     kinds : type
         Types of the dataclasses in the tree, the root's first.
 
@@ -51,6 +53,8 @@ def unpack(packed: ByteArray, of: type[_T], *inner: type) -> _T:
 
     Parameters
     ----------
+    packed : (n,) array
+        Bytes from `pack`.
     of : type
         Type of the tree's root, the first type given to `pack`.
     inner : type

@@ -32,6 +32,8 @@ def read_toml(path: Path, name: str, advice: str) -> bytes:
 
     Parameters
     ----------
+    path : Path
+        File to read.
     name : str
         Name of the file in messages.
     advice : str

@@ -47,6 +47,8 @@ def read_regular(path: Path, max_bytes: int) -> bytes:
 
     Parameters
     ----------
+    path : Path
+        File to read.
     max_bytes : int
         Size limit; a longer file is refused before it is read.
 
@@ -190,6 +192,10 @@ def refuse_deep(data: bytes, where: str, skip: re.Pattern[bytes] = JSON_TEXT) ->
 
     Parameters
     ----------
+    data : bytes
+        Text to check.
+    where : str
+        Name of the text, for the message.
     skip : Pattern, optional
         Pattern of the language's strings and comments, whose brackets do not count.
 

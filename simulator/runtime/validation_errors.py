@@ -20,6 +20,10 @@ def convert_document(raw: dict[str, Any], kind: type[_T], where: str) -> _T:
 
     Parameters
     ----------
+    raw : dict
+        Content of the file.
+    kind : type
+        Type of the document.
     where : str
         Name of the file in messages.
 

@@ -188,6 +188,8 @@ def with_image_options(document: D, encoding: Encoding | None, *, auto_exposure:
 
     Parameters
     ----------
+    document : Scenario or Recipe
+        Document to change.
     encoding : Encoding or None
         New encoding, or None to keep it.
     auto_exposure : bool

@@ -89,6 +89,8 @@ def load_vary(path: str | Path, own: Vary | None = None) -> Vary:
 
     Parameters
     ----------
+    path : str or Path
+        File to read.
     own : Vary, optional
         Ranges of the recipe, used for keys that are missing in the file.
 
@@ -176,6 +178,8 @@ def parse_scenario(content: bytes, where: str, stem: str, folder: Path) -> Scena
 
     Parameters
     ----------
+    content : bytes
+        TOML text.
     where : str
         Name of the file in messages.
     stem : str

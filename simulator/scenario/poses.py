@@ -122,6 +122,8 @@ def scene_at(
 
     Parameters
     ----------
+    plan : FramePlan
+        Frames whose scenes are used.
     q_camera_from_target_wxyz : array_like
         (4,) unit quaternion, Hamilton, scalar first; it is normalised.
     t_camera_from_target_m : array_like

@@ -68,6 +68,8 @@ def _annotated_text(text: str, root: type[msgspec.Struct], header_lines: Sequenc
 
     Parameters
     ----------
+    text : str
+        TOML text.
     root : type
         Type of the file.
     header_lines : sequence of str

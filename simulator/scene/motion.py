@@ -31,6 +31,8 @@ def propagated_scene(scene: SceneState, dt_s: float) -> SceneState:
 
     Parameters
     ----------
+    scene : SceneState
+        Scene at mid-exposure.
     dt_s : float
         Time from mid-exposure [s], of either sign.
 

@@ -64,14 +64,26 @@ def scene_above(
 
     Parameters
     ----------
+    epoch_utc : str
+        Time, UTC.
     place : tuple of float
         Geodetic latitude and longitude [deg], altitude [km].
+    camera : Camera
+        Camera of the image.
+    target : TargetRef
+        Name and hash of the target.
     azimuth_deg : float, optional
         Azimuth of the boresight, from north to east; the top of the image points away from the Earth.
     off_nadir_deg : float, optional
         Angle of the boresight from nadir.
     look_at : str, optional
         ``earth`` for that direction; ``moon`` or ``sun`` for the centre of that body.
+    bands : Bands, optional
+        Spectral bands of the image.
+    quality : Quality, optional
+        Quality preset.
+    environment : Environment, optional
+        Layers of the world.
     """
     now = Instant.from_utc(epoch_utc)
     earth, moon = bodies = bodies_at(now, EARTH)

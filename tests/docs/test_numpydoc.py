@@ -1,6 +1,7 @@
-"""Parameters sections by numpydoc's rules: every entry names a parameter, in the signature's order, with its type.
+"""Docstrings by numpydoc's rules: parameters in the signature's order with their types, and imperative summaries.
 
-Checks of numpydoc's validation (PR02, PR03, PR04) on every docstring of the product, and PR01 on the public names.
+Checks of numpydoc's validation on every docstring of the product: PR02, PR03, PR04, SS05, and, where a function has a
+Parameters section, PR01.
 """
 
 import ast
@@ -17,6 +18,10 @@ FILES = sorted(path for room in ROOMS for path in (ROOT / room).rglob("*.py")) +
 ENTRY = re.compile(r"^(\*{0,2}\w+(?:, \*{0,2}\w+)*)(?: : (.*))?$")
 # longer ones are sentences
 LONGEST_TYPE_WORDS = 14
+# imperatives that end like a third person
+IMPERATIVES = {"Pass", "Press", "Process"}
+# rooms whose Parameters sections may still be incomplete
+INCOMPLETE = ("gui", "simulator/camera", "simulator/render", "simulator/targets", "simulator/world", "tools")
 
 
 def section(doc, title):
@@ -62,6 +67,15 @@ def failures(path):
         if not isinstance(node, (ast.ClassDef, ast.FunctionDef, ast.AsyncFunctionDef)):
             continue
         where = f"{path.relative_to(ROOT)}:{node.lineno} {node.name}"
+        first = (ast.get_docstring(node) or "").partition(" ")[0]
+        is_property = any("property" in ast.unparse(decorator) for decorator in node.decorator_list)
+        if (
+            not isinstance(node, ast.ClassDef)
+            and not is_property
+            and first.endswith("s")
+            and first not in IMPERATIVES
+        ):
+            yield f"{where}: SS05 the summary begins with an imperative, not {first!r}"
         if (section(ast.get_docstring(node) or "", "Raises") or ["name"])[0].startswith((" ", "If ")):
             yield f"{where}: a Raises section names the exception before its condition"
         body = section(ast.get_docstring(node) or "", "Parameters")
@@ -87,6 +101,10 @@ def failures(path):
         extra = [] if foreign else [name for name in order if name not in known]
         if extra:
             yield f"{where}: PR02 no such parameters: {extra}"
+        missing = [name for name in known if name not in order]
+        complete = not path.relative_to(ROOT).as_posix().startswith(INCOMPLETE)
+        if missing and complete and not isinstance(node, ast.ClassDef):
+            yield f"{where}: PR01 parameters not documented: {missing}"
         listed = [name for name in known if name in order]
         if [name for name in order if name in known] != listed:
             yield f"{where}: PR03 order of the signature is {listed}"

@@ -79,6 +79,8 @@ def run_camera_board(
     ----------
     url : str
         Address of the camera, ``gige://ADDRESS``.
+    options : CameraBoardOptions
+        Options of the camera board.
     make_estimator : callable
         Makes an estimator from a camera JSON object.
     hello : Hello

@@ -56,6 +56,8 @@ def check_options(url: str, values: Dict[str, Any]) -> None:
 
     Parameters
     ----------
+    url : str
+        URL of the host or camera.
     values : dict of str to object
         Option values by `AgentOption.name`.
 

@@ -200,6 +200,10 @@ def find_streams(
         Whole image, float32.
     wge : WeakGradientElimination
         Strong gradients of the whole image.
+    region : Region
+        Region of interest.
+    config : PublishedConfig
+        Settings of the published method.
     """
     diagonal = region.diagonal_px
     rows, cols = crop_of(region, image, SEARCH_MARGIN * diagonal)

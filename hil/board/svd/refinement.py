@@ -208,6 +208,8 @@ def _mutual_nearest(way: Array, nearest: Array, is_visible: Array) -> Array:
         Vectors from each corner to the nearest image corner [px].
     nearest : (B, C) array
         Index of that image corner.
+    is_visible : (B, C) array
+        True for visible corners of the model.
     """
     d = np.where(is_visible, np.hypot(way[..., 0], way[..., 1]), np.inf)
     least = np.full((len(d), int(nearest.max(initial=0)) + 1), np.inf)
@@ -267,6 +269,8 @@ def gauss_newton_step(J: Array, r: Array, w: Array, scale: Array, damping: float
         Weights.
     scale : (6,) array
         Natural size of each parameter, for damping.
+    damping : float
+        Share of the mean diagonal that is added to the diagonal.
 
     Returns
     -------

@@ -25,6 +25,8 @@ def merge_segments(segments: Array, diagonal_px: float, keep: int = 60) -> Array
         End points x0 y0 x1 y1.
     diagonal_px : float
         Diagonal of the region, which scales the tolerances of offset (1 %) and gap (10 %).
+    keep : int, optional
+        Maximum number of segments returned.
 
     Returns
     -------

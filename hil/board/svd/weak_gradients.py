@@ -69,6 +69,12 @@ def eliminate_weak_gradients(
     ----------
     image : (h, w) array
         Image, float32, in any unit.
+    blur_px : float, optional
+        Standard deviation of the Gaussian blur [px].
+    bins : int, optional
+        Number of bins of the gradient histogram.
+    cdf : float, optional
+        Value of the fitted distribution function at the threshold.
     """
     blurred = cv2.GaussianBlur(image, (0, 0), blur_px)
     gx, gy = prewitt(blurred)

@@ -32,6 +32,8 @@ def find_interface(name: str, address: str | None = None) -> Interface:
 
     Parameters
     ----------
+    name : str
+        Name of the interface, such as ``eth1``.
     address : str, optional
         One of its addresses other than the first (on ``lo``, any that begins with 127).
 

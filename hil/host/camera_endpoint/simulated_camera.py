@@ -56,6 +56,8 @@ def run_camera(
     ----------
     pictures : Pictures
         Source of the images.
+    config : EndpointConfig
+        Settings of the endpoint process.
     ledger : CameraLedger, optional
         Ledger of each image and the board's answer, if ``config`` has an answer port.
     on_opened : callable, optional

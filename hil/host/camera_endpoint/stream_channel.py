@@ -84,6 +84,12 @@ class StreamChannel:
 
         Parameters
         ----------
+        block : Block
+            Image to send.
+        receiver : tuple of str and int
+            Address and port of the receiver.
+        now_s : float
+            Monotonic time [s].
         interval_s : float
             Frame interval; sending takes half of it.
         delay_s : float

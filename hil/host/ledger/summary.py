@@ -216,6 +216,8 @@ def summarise(rows: Iterable[FrameRecord] | LedgerTally, **run: Any) -> LedgerSu
 
     Parameters
     ----------
+    rows : iterable of FrameRecord or LedgerTally
+        Rows of the ledger, or their tally.
     run : object
         Fields of ``LedgerSummary`` that do not follow from rows: started_utc, ended, mode, truth, url, ...
 

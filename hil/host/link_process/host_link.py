@@ -62,8 +62,12 @@ def choose_pixel_format(bits: int, channels: tuple[int, ...], wish: PixelFormatN
 
     Parameters
     ----------
+    bits : int
+        Bits per pixel of the detector.
     channels : tuple of int
         Shape of the images beyond rows and columns: empty, or (3,).
+    wish : PixelFormatName
+        Requested format, or ``auto``.
 
     Raises
     ------

@@ -86,6 +86,8 @@ def unpack_json(data: bytes, max_bytes: int) -> Dict[str, Any]:
 
     Parameters
     ----------
+    data : bytes
+        UTF-8 text of the object.
     max_bytes : int
         Largest accepted size; nesting deeper than ``MAX_JSON_DEPTH`` is refused as well.
 

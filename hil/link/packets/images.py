@@ -51,6 +51,8 @@ def check_terms(terms: HelloAck, encodings: int, pixel_formats: int = format_mas
 
     Parameters
     ----------
+    terms : HelloAck
+        Terms of the host.
     encodings : int
         Encodings that this side offered in its HELLO.
     pixel_formats : int, optional

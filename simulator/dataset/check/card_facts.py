@@ -34,6 +34,8 @@ def check_card(
 
     Parameters
     ----------
+    card : DatasetCard
+        Card of the data set.
     target : Target or None
         Model that was drawn, if available.
     layers_of_frames : sequence of tuple of str
@@ -74,10 +76,14 @@ def check_frames_listed(
 
     Parameters
     ----------
+    card : DatasetCard
+        Card of the data set.
     splits : mapping
         Split of each frame number, as listed in ``split.json``.
     assigned : mapping
         Recomputed frame numbers of each split; empty if they cannot be recomputed.
+    folder : Path
+        Data set.
     """
     for q in card.quarantined:
         if q.frame >= card.n_frames or is_frame_complete(folder, q.frame):

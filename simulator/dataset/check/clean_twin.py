@@ -71,8 +71,16 @@ def _check_band(
 
     Parameters
     ----------
+    truth : Truth
+        Truth record of the frame.
     sensor : Sensor
         Sensor whose linear numbers both images hold.
+    image : (H, W) array
+        Digital numbers of the image.
+    clean : (H, W) array
+        Digital numbers of the noise-free twin.
+    on_craft : (H, W) array
+        True for pixels of the target.
     gain : (bands,) array
         Weights of the detector's bands in this channel. They scale noise and dark current too.
     """

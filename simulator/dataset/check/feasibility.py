@@ -125,6 +125,10 @@ def check_step_share(
 
     Parameters
     ----------
+    truth : Truth
+        Truth record of the frame.
+    target : Target
+        Target model.
     signal : (H, W) array
         Noise-free signal, 1 at full scale.
     absolute : float
@@ -199,6 +203,12 @@ def _sides(image: FloatArray, pixels: FloatArray, normal: FloatArray, grid_px: f
 
     Parameters
     ----------
+    image : (H, W) array
+        Image.
+    pixels : (S, 2) array
+        Points on the edge [px].
+    normal : (S, 2) array
+        Unit normals of the edge.
     grid_px : float
         Sub-pixel grid of the look-up [px]; 0 for exact positions.
     """

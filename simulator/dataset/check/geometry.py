@@ -206,6 +206,12 @@ def differing_pixels(
 
     Parameters
     ----------
+    truth : Truth
+        Truth record of the frame.
+    mask : (H, W) array
+        Mask of the target.
+    target : Target
+        Target model.
     origin_px : tuple of int, optional
         The mask's first pixel in the image (an amodal mask starts outside).
     """
@@ -258,6 +264,10 @@ def subdivide_for_lens(camera: Camera, corners_m: FloatArray, R: FloatArray, t_m
 
     Parameters
     ----------
+    camera : Camera
+        Camera of the image.
+    corners_m : (M, 3, 3) array
+        Triangles in the camera frame [m].
     R : (3, 3) array
         Rotation from the target to the camera frame.
     t_m : (3,) array

@@ -51,6 +51,10 @@ def check_layers(truth: Truth, mask: ByteArray, layers: Layers, target: Target |
 
     Parameters
     ----------
+    truth : Truth
+        Truth record of the frame.
+    mask : (H, W) array
+        Mask of the target.
     layers : Layers
         Layers by name, as drawn or read.
     target : Target, optional

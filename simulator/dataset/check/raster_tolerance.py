@@ -54,8 +54,12 @@ class CandidateTriangles:
 
         Parameters
         ----------
+        normal : (3,) array
+            Unit normal, camera frame.
         ray : (3,) array
             Unit vector from the camera through the pixel.
+        within_rad : float
+            Maximum angle between the normals [rad].
         """
         clamped = [-ray] if abs(normal @ ray) < HORIZON_COSINE else []
         return any(

@@ -116,6 +116,8 @@ class RayOracle:
 
         Parameters
         ----------
+        ray : (3,) array
+            Direction (x, y, 1) of the ray, camera frame.
         px_per_ray : (2, 2) array
             Derivative of the pixel by the ray.
         radius_px : float

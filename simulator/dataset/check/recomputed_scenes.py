@@ -56,6 +56,8 @@ def check_scenes(card: DatasetCard, scenes: Mapping[int, SceneState], seed: int)
 
     Parameters
     ----------
+    card : DatasetCard
+        Card of the data set.
     scenes : mapping
         Recorded scenes by number.
     seed : int

@@ -81,6 +81,10 @@ def sample(frames: Sequence[int], share: float, seed: int) -> list[int]:
 
     Parameters
     ----------
+    frames : sequence of int
+        Frames to choose from.
+    share : float
+        Share of the frames.
     seed : int
         Seed of the sample; it must be unpredictable for anyone who could alter the data set.
     """
@@ -98,10 +102,14 @@ def check_pictures(
 
     Parameters
     ----------
+    folder : Path
+        Data set.
     frames : sequence of int
         Numbers of readable frames to draw.
     target : Target
         Target named by card and records.
+    progress : callable, optional
+        Called after each frame.
     """
     from flyaround.simulator.render.earth.map_textures import prefetch_maps_of  # noqa: PLC0415 - a check without pictures needs no renderer
     from flyaround.simulator.render.renderer import Renderer  # noqa: PLC0415 - the same
@@ -141,6 +149,16 @@ def check_drawn_again(
 
     Parameters
     ----------
+    renderer : Renderer
+        Renderer of the images.
+    truth : Truth
+        Truth record of the frame.
+    image : (H, W) or (H, W, 3) array
+        Digital numbers of the stored image.
+    mask : (H, W) array
+        Mask of the target.
+    target : Target
+        Target model.
     layers : Layers, optional
         Label layers of the frame by name, as read.
     """
@@ -215,6 +233,8 @@ def check_same_layers(
         Layers as read, by name.
     again : mapping
         Layers as drawn again, by name.
+    mask : (H, W) array
+        Mask of the target.
     is_same_renderer : bool
         True if the image is equal to the byte, so that only rounding at few pixels is allowed.
     """

@@ -105,6 +105,10 @@ def check_dataset(
 
     Parameters
     ----------
+    folder : str or Path
+        Data set.
+    progress : callable, optional
+        Called with the number done, and the total.
     redraw : float, optional
         Share of the frames to redraw from their records, at least three; 0 for none. Without OpenGL none is, and the
         report says so.
@@ -270,6 +274,18 @@ def check_frame(
 
     Parameters
     ----------
+    k : int
+        Number of the frame.
+    truth : Truth
+        Truth record of the frame.
+    image : (H, W) or (H, W, 3) array
+        Digital numbers of the image.
+    mask : (H, W) array
+        Mask of the target.
+    card : DatasetCard
+        Card of the data set.
+    target : Target or None
+        Target model; None if it is not available.
     layers : Layers, optional
         Label layers of the frame by name, as drawn or read.
     """

@@ -155,6 +155,8 @@ def find_picture(labels: Path, places: Iterable[Path], name: Any) -> Path:  # no
         Path of the list.
     places : iterable of Path
         Folders to search, in order.
+    name : object
+        Name of the image in the list.
 
     Raises
     ------

@@ -72,7 +72,7 @@ class FolderStore:
 
     Parameters
     ----------
-    others : frozenset of str, optional
+    other_files : frozenset of str, optional
         Names in it that do not belong to the data set.
     """
 

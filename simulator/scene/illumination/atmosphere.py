@@ -117,6 +117,10 @@ def body_atmosphere(
 
     Parameters
     ----------
+    body : Body
+        Body with or without air.
+    bands : Bands
+        Spectral bands of the image.
     thickness_m : float, optional
         Height of the top, by default the body's; densities below do not change.
     aerosol_depth : float, optional
@@ -178,6 +182,8 @@ def sun_share(radius_m: FloatArray, mu_sun: FloatArray, ground_m: float) -> Floa
         Distance from the centre.
     mu_sun : array
         Cosine of the Sun's zenith angle.
+    ground_m : float
+        Radius of the ground [m].
     """
     horizon = -np.sqrt(np.clip(1 - (ground_m / np.maximum(radius_m, ground_m)) ** 2, 0, None))
     x = np.clip((mu_sun - horizon) / (2 * SUN_ANGULAR_RADIUS_RAD) + 0.5, 0, 1)
@@ -289,12 +295,16 @@ def path_light(
 
     Parameters
     ----------
+    air : Atmosphere
+        Atmosphere of the body.
     camera_m : (3,) array
         Position from the Earth's centre.
     directions : (K, 3) array
         Unit vectors.
     sun : (..., 3) array
         Unit vectors to the Sun; with several, in-scatter is (..., K, n) and transmittance (K, n).
+    steps : int, optional
+        Number of integration steps.
     multiple : MultipleScattering, optional
         Table of light scattered at least twice, to be added.
     """
@@ -342,6 +352,8 @@ def airglow_path(air: Atmosphere, perigee_m: FloatArray) -> FloatArray:
 
     Parameters
     ----------
+    air : Atmosphere
+        Atmosphere of the body.
     perigee_m : array
         Least distances of the rays from the centre.
     """
@@ -365,6 +377,8 @@ def ground_irradiance(
 
     Parameters
     ----------
+    air : Atmosphere
+        Atmosphere of the body.
     mu_sun : (K,) array
         Cosines of the Sun's zenith angle.
     diffuse : bool, optional

@@ -112,6 +112,10 @@ def field_of_samples(
         [W m-2 sr-1].
     solid_angle_sr : float or array
         Solid angle of each sample, or (K,).
+    disc_cosine : float
+        Cosine of the disc's angular radius.
+    axis : (3,) array
+        Direction of the disc's centre.
     additional_w_m2 : (P, n) array, optional
         Irradiance of other light, from `moon_plate_irradiance`.
     disc : int, optional
@@ -166,6 +170,8 @@ def globe_shine(
         Position of the target, axes of the globe [m].
     sun_globe : array
         Unit vector to the Sun, axes of the globe.
+    R_camera_from_globe : (3, 3) array
+        Rotation from the globe's axes to the camera's.
     sun_w_m2 : array
         Irradiance of the Sun at the globe, per band.
     albedo : (H, W) array
@@ -215,10 +221,14 @@ def moon_shine(
 
     Parameters
     ----------
+    r_moon_from_target_m : (3,) array
+        Position of the Moon relative to the target [m].
     sun : array
         Unit vector to the Sun, in the frame of ``r_moon_from_target_m``.
     R_camera : array
         Rotation from it to the camera.
+    sun_w_m2 : (n,) array
+        Solar irradiance per band.
     axis : array
         Axis of the field to which the coefficients belong, camera frame.
     """

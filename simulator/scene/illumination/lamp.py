@@ -70,6 +70,8 @@ class Lamp(Section, frozen=True, kw_only=True):
             Illuminated points, camera frame [m].
         normals : (K, 3) array
             Unit normals there, camera frame.
+        bands : Bands
+            Spectral bands of the image.
         """
         to_lamp = np.asarray(self.offset_m) - positions_m
         distance = np.linalg.norm(to_lamp, axis=1)

@@ -67,6 +67,8 @@ def planets(epoch_utc: str, observer_eci_m: FloatArray) -> PlanetLight:
 
     Parameters
     ----------
+    epoch_utc : str
+        Time, UTC.
     observer_eci_m : (3,) array
         Position from the Earth's centre.
     """

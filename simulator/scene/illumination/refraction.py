@@ -66,6 +66,8 @@ def sunlight_past_earth(r_m: FloatArray, r_sun_m: FloatArray, bands: Bands) -> F
         Position from the Earth's centre, in space stretched so that the ellipsoid is a sphere [m].
     r_sun_m : (3,) array
         Position of the Sun, in the same space [m].
+    bands : Bands
+        Spectral bands of the image.
     """
     air = earth_atmosphere(bands)
     to_sun = np.asarray(r_sun_m, float) - r_m
@@ -97,6 +99,8 @@ def shadow_profile(distance_km: int, sun_distance_gm: int, bands: Bands) -> tupl
         Distance behind the Earth.
     sun_distance_gm : int
         Distance of the Sun from there [10^9 m].
+    bands : Bands
+        Spectral bands of the image.
 
     Returns
     -------

@@ -104,6 +104,12 @@ def update(state: TrackState, q: Array, t: Array, covariance: Array) -> "tuple[T
 
     Parameters
     ----------
+    state : TrackState
+        State before the update.
+    q : (4,) array
+        Measured attitude quaternion, camera from target.
+    t : (3,) array
+        Measured target position, camera frame [m].
     covariance : (6, 6) array
         Covariance of the measured pose.
     """

@@ -45,6 +45,10 @@ class ImageCrop:
         ----------
         f_px : float
             Focal length of the camera [px].
+        shift : (2,) array
+            Displacement of the target's centre [half sides of the input].
+        log_size : float
+            Logarithm of the target's size over the size that the crop assumes.
         """
         half = 0.5 * self.diameter_px / (INPUT_FILL * f_px)
         d = self.swing() @ np.array([half * shift[0], half * shift[1], 1.0])
