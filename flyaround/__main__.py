@@ -18,6 +18,7 @@ from flyaround.simulator.runtime.urls import without_secrets
 
 DRAWING = frozenset({"render", "capture", "sim", "demo", "bench"})
 """Commands that open the graphics driver, which aborts the process if memory is short."""
+
 INTERRUPTED, TERMINATED = 130, 143  # 128 plus the signal's number, as in shells
 
 

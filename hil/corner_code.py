@@ -24,6 +24,7 @@ COLUMNS, ROWS = 16, 8
 BLOCK_COLUMNS, BLOCK_ROWS = COLUMNS + 2, ROWS + 2
 PAYLOAD = struct.Struct(">IQ")
 CHECK = struct.Struct(">I")
+
 MIN_CONTRAST = 8.0
 """Least difference between the rim's levels for a code to be detected [DN]."""
 

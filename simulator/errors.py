@@ -99,9 +99,7 @@ def machine_sentence(error: BaseException) -> str | None:
 
 
 def near_names(name: str, names: Sequence[str], most: int = 1) -> list[str]:
-    """Return the names of ``names`` that ``name`` was probably meant for: a close match, or one contained in the
-    other.
-    """
+    """Return the names that ``name`` was probably meant for: close matches, or those that contain it or vice versa."""
     close = get_close_matches(name, names, n=most, cutoff=_NEAR)
     containing = [
         k for k in names if k not in close and min(len(k), len(name)) > 2 and (name in k or k in name)

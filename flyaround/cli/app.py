@@ -39,6 +39,7 @@ COMMANDS = {
     "targets": "targets:app",
 }
 """Module and function, or application of a group, of each command, in the order of the help page."""
+
 HIL_COMMANDS = {
     "host": "hil_host:host",
     "board": "hil_board:board",
@@ -55,6 +56,7 @@ HIL_COMMANDS = {
     "display-match": "display:display_match",
 }
 """The same for the group ``hil``."""
+
 ABOUT = {
     "sim": "Fly a scenario in a window, with time control and manual control. F1 lists the keys.",
     "render": "Render one frame and its truth, or one for each pose of a list.",
@@ -79,6 +81,7 @@ ABOUT = {
     "targets": "List the targets, add a mesh as a target, export or render them.",
 }
 """First paragraph of each command's help, for the page that lists them without importing anything."""
+
 HIL_ABOUT = {
     "host": "Stream a flight to a board, or fly on its poses (--closed-loop).",
     "board": "Run the board agent on this machine: connect, estimate, answer.",

@@ -61,7 +61,7 @@ def capture(
                 labels=parse_labels(layers),
                 sensors=parse_sensors(data_set.sensors),
                 split=shares,
-                beside={RUN_TOML: run_toml(run)},
+                extra_files={RUN_TOML: run_toml(run)},
                 resume=run.resume,
                 workers=drawing.workers,
                 cluster=cluster,

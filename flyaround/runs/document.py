@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 
 RUN_TOML = "run.toml"
 PATH = "path"
+
 NOT_RECORDED = "how"
 """Metadata of a field that affects only the destination or the processes; such fields are not recorded."""
 

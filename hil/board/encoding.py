@@ -19,8 +19,10 @@ def _srgb_light(y: Array) -> Array:
 
 # All 8-bit pixel values, relative to full scale.
 _NUMBERS = np.arange(256) / 255
+
 _LIGHT: Dict[str, Array] = {"srgb": _srgb_light(_NUMBERS), "gamma": _NUMBERS**GAMMA}
 """Relative light of each 8-bit value, by encoding."""
+
 ENCODINGS = ("linear", *_LIGHT)
 
 

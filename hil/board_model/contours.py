@@ -27,20 +27,25 @@ if TYPE_CHECKING:
 
 # Number of viewing directions, and of contour points for each.
 VIEWS, POINTS = 200, 72
+
 RANGE_RADII = 10.0
 """Range of the views [radii of the target]; the board corrects for other ranges."""
 
 # Side of the rendered views [px].
 SIZE_PX = 384
+
 FILL_SHARE = 0.92
 """Share of the image covered by the target's bounding sphere."""
+
 MAX_MATCH_PX = 1.6
 """Largest distance between a contour pixel and the mesh point that represents it [px]."""
+
 CREASE_COSINE = float(np.cos(np.deg2rad(20.0)))
 """Cosine of the angle between corner normals beyond which two faces form a sharp edge."""
 
 # Structuring element of the morphological operations: 8-neighbourhood.
 KERNEL = np.ones((3, 3), np.uint8)
+
 MAX_RADIUS = 1.0
 """Largest radius of curvature [radii of the target]: flatter surfaces end at an edge first."""
 

@@ -50,11 +50,13 @@ if TYPE_CHECKING:
     from flyaround.simulator.scenario.plan import Plan
 
 RESULT_JSON, BOARD_LOG = "result.json", "board.log"
+
 PART = ".part"
 """Suffix of the folder of an incomplete run."""
 
 # Maximum size of an accepted result or summary [bytes].
 MAX_BYTES = 1 << 20
+
 FRAMES = 30
 """Default number of frames of a case, as for ``hil host``."""
 

@@ -45,8 +45,10 @@ MAX_BYTES = 1 << 20
 
 # Maximum number of flights of a map, against typing errors.
 MAX_FLIGHTS = 1_000_000
+
 EXTENSIONS = 4
 """Largest number of latencies added while more than half of the approaches succeed at the last one."""
+
 REFINED_TO_S = 0.1
 """Resolution of the 50 % latency for the first jitter and the first loss rate [s]."""
 

@@ -27,6 +27,7 @@ SCHEMA, VERSION = "flyaround.display", 1
 # Degrees of the Chebyshev polynomials of the distortion, and of the brightness over the screen.
 GEOMETRY_DEGREE = 7
 SHADING_DEGREE = 4
+
 MIN_MODULATION = 0.1
 """Least modulation of the fringes relative to white at which a pixel is used."""
 

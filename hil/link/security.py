@@ -34,6 +34,7 @@ NONCE_BYTES = PROOF_BYTES = 32
 MAC_BYTES = 16
 COUNTER = struct.Struct("<Q")
 TRAILER_BYTES = COUNTER.size + MAC_BYTES
+
 WINDOW = 1024
 """Largest reordering of packets that is accepted on lines that may reorder."""
 
@@ -43,8 +44,10 @@ MIN_KEY_BYTES, MAX_KEY_BYTES = 16, 4096
 # Time-out for the host's proof [s], and interval at which a request is repeated [s].
 ANSWER_TIMEOUT_S = 10.0
 REPEAT_S = 1.0
+
 MAX_REQUESTS = 128
 """Largest number of requests on one line before a proof; a board sends one per second for a minute."""
+
 _ABOUT = struct.Struct("<HBQI")
 _IN_CLEAR = (PacketType.ERROR, PacketType.BYE)
 

@@ -26,6 +26,7 @@ if TYPE_CHECKING:
 
 # Maximum integration step [s].
 _LONGEST_STEP_S = 1.0
+
 P, V, A, W, B = slice(0, 3), slice(3, 6), slice(6, 9), slice(9, 12), slice(12, 18)
 """Slices of the error state: position, velocity, attitude, rate, and the correlated pose errors."""
 

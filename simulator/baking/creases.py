@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from flyaround.simulator.runtime.arrays import ByteArray, FloatArray
 
 SIZE = 512  # texels along each side of the tile
+
 SLOPE_MAX, DEVIATION_MAX = 1.0, 0.5
 """Full scale of the slope channels (plus and minus) and of the deviation channel."""
 
@@ -27,8 +28,10 @@ SLOPE_MAX, DEVIATION_MAX = 1.0, 0.5
 _SEED = 1972
 # facets in a tile, rms slope along each axis (alternately valleys and ridges), stretch and its direction [rad]
 _LAYERS = ((40, 0.22, 1.5, 0.4), (150, -0.16, 1.7, 1.7), (700, 0.09, 1.4, 2.7), (3000, -0.035, 1.2, 1.0))
+
 VARIANCE = 2 * sum(rms**2 for _, rms, *_ in _LAYERS)
 """Variance of the slopes, summed over both axes."""
+
 # share of a facet's mean slope, and of its height, relative to those of its curvature
 _TILT, _STEP = (
     0.8,

@@ -41,6 +41,7 @@ BENCH_SCENES = (
 """Built-in scenarios; ``+rgb``: three bands, ``+blur``: ground motion of half a pixel, ``+1024``: 1024 x 1024
 pixels.
 """
+
 SQUARE_CAMERA = "square-1024"
 
 # Exposure time of the scene with motion blur [s].

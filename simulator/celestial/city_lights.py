@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from flyaround.simulator.runtime.arrays import ByteArray, Float32Array, FloatArray, IntArray
 
 MAX_LIGHT = 16.0  # largest value of the light channels, as a multiple of their mean
+
 MAP_MAX_W_M2_SR = 7.0e-4
 """Radiance of the brightest texel of the night map: 70 nW cm-2 sr-1 over its 5 km, in the band of VIIRS.
 

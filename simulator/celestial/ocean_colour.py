@@ -19,8 +19,10 @@ if TYPE_CHECKING:
 # Size of the map [px].
 WIDTH, HEIGHT = 4032, 2016
 MASK = "ocean_colour_mask_720x360.png"
+
 MAPS = {1: "ocean_colour_mono_4032x2016.png", 3: "ocean_colour_4032x2016.png"}
 """Files, by number of bands."""
+
 SCALE = 0.35  # reflectance of the bluest texel: clear shallows over white sand (Maritorena 1994)
 
 

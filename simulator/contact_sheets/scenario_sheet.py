@@ -32,6 +32,7 @@ if TYPE_CHECKING:
 # Tiles of a sheet.
 COLUMNS, ROWS = 3, 2
 WIDTH_PX, SAMPLE_WIDTH_PX = 480, 256  # width of a frame and of a sample
+
 _AXIS_LENGTH = 0.6
 """Length of an arrow relative to the distance of the mesh's farthest vertex."""
 

@@ -37,10 +37,13 @@ SIDES = {
     "+z": (0, 0, 1),
     "-z": (0, 0, -1),
 }
+
 KEY_LIGHT, FILL_LIGHT, FILL_SHARE = (-0.5, -0.45, -1.0), (0.6, 0.25, -1.0), 0.2
 """Key light up and to the left behind the camera (camera frame), and fill light of a fifth from the other side."""
+
 FOCAL_WIDTHS = 3.0
 """Focal length in image widths, long so that sides look orthographic."""
+
 FILLED_SHARE = 0.9  # share of the image that the craft spans
 
 # Geocentric distance of the target [m].
@@ -51,6 +54,7 @@ EDGE_RGB, POINT_RGB = (86, 180, 233), (230, 159, 0)
 # Exponent of the transfer function of the images.
 GAMMA = 2.2
 PIECES = 60  # pieces of an edge, each visible or hidden
+
 SURFACE_TOLERANCE = 0.006
 """Depth below the surface, as a share of the craft's diagonal, at which a label still counts as visible."""
 

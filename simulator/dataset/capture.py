@@ -181,7 +181,7 @@ def _capture(
     store: Store,
     planned: DatasetCard,
     open_producer: Callable[[DocumentPlan, DatasetCard], AbstractContextManager[FrameProducer[CheckedFrame]]],
-    beside: Mapping[str, bytes],
+    extra_files: Mapping[str, bytes],
     progress: Callable[[int, int], None],
     *,
     resume: bool,
@@ -205,8 +205,8 @@ def _capture(
                 _require_disk_space(store, plan, labels, formats, plan.n_frames - len(existing.kept))
         missing = [k for k in range(plan.n_frames) if k not in existing.kept]
         with DatasetWriter(store, card) as writer:
-            if beside:
-                store.write(list(beside.items()))
+            if extra_files:
+                store.write(list(extra_files.items()))
             exports = ExportSink(store, card, card.split, existing.kept)
             frames = run_frames(
                 plan, producer, [writer, exports], labels=lambda k: _request(plan, k, labels), numbers=missing

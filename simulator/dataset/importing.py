@@ -46,6 +46,7 @@ MIN_COLOURED_SHARE, MIN_COLOUR_SPREAD_DN = (
     0.01,
     16,
 )
+
 SCHEMA = "flyaround.imported"
 """Schema name of the card's scenario for imported images."""
 

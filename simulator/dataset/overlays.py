@@ -33,6 +33,7 @@ if TYPE_CHECKING:
     from flyaround.simulator.targets.model import Target
 
 MARKS = ("axes", "wireframe", "keypoints", "box", "mask")
+
 _AXIS_LENGTH = 0.6
 """Length of an arrow relative to the distance of the mesh's farthest vertex."""
 

@@ -22,10 +22,13 @@ if TYPE_CHECKING:
 
 MARGIN = 2e-4
 """Margin by which boxes must be inside the hidden region, relative to the radius. Larger than vertex rounding."""
+
 MIN_DISTANCE_M = 0.15
 """Distance from the camera below which a shell is not used [m], because the near plane (0.01 m) may clip it open."""
+
 BOX_SIZE = 0.05
 """Size of the bounding boxes, as a share of the radius."""
+
 _WELD_DISTANCE = 2e-6  # distance below which corners are merged, relative to the radius
 _MAX_SHELLS = 4  # largest number of shells per craft, which bounds the time of the tests
 _MIN_SHARE = 0.1  # smallest area of a shell, relative to the largest one's

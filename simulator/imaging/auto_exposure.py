@@ -16,6 +16,7 @@ if TYPE_CHECKING:
 
 # Steps of the exposure filter per time constant.
 STEPS_PER_LAG = 2
+
 MEMORY_LAGS = 12
 """Lags after which earlier values have decayed below 1e-5 and are ignored."""
 

@@ -37,16 +37,21 @@ if TYPE_CHECKING:
 
 MIN_MOTION_PX = 0.3
 """Motion during the exposure below which one instant suffices: its blur is below 0.1 px rms [px]."""
+
 INSTANT_SPACING_PX = 1.0
 """Motion between instants [px]. Pixels integrate over their area, so steps of one pixel leave no gap."""
+
 GAUSS_LIMITS_PX = (1.1, 2.1, 3.1)
 """Motion up to which 2, 3 and 4 Gauss-Legendre instants suffice [px]. Up to the Nyquist frequency the contrast is then
 within 2 % of a continuous exposure.
 """
+
 MAX_BLUR_PX = 32.0
 """Longest blur of the ground [px]; longer ones are drawn by instants."""
+
 MAX_PATH_SAG_PX = 0.05
 """Largest deviation of the ground's path from a straight line, at its centre [px]."""
+
 SINGLE_DRAWING_PX, DRAWING_SPACING_PX = 1.0, 5.0
 """Ground motion up to which one drawing suffices, and the motion between drawings otherwise [px]. Averaging removes the
 dependence of clouds and city lights on sub-pixel positions.
@@ -54,6 +59,7 @@ dependence of clouds and city lights on sub-pixel positions.
 
 # Distance from the body's centre beyond which the ground's motion during an exposure is ignored [m].
 LOW_ORBIT_M = 5e7
+
 TEST_POINTS, TEST_POINTS_DISTORTED = 5, 17
 """Points along each side of the image where the ground is tested, without and with lens distortion."""
 

@@ -24,6 +24,7 @@ MAX_SMEAR_PX, MAX_RESIDUAL_PX = 2.5, 0.5
 """Largest displacement of a craft that is drawn once and smeared, and largest residual of the affine flow [px]. The
 ends of a smear are then correct within a quarter of a pixel.
 """
+
 MAX_GROUND_SPEED_M_S = 1.6e3
 """Bound on ground speed from rotation [m s-1]: the Earth's equator moves at 465, that of Mars at 240."""
 

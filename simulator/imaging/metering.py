@@ -25,6 +25,7 @@ if TYPE_CHECKING:
 
 N_POINTS = 600  # surface points that are metered
 BACKGROUND_GRID = (16, 12)  # columns and rows of metered background
+
 DARK_RADIANCE_W_M2_SR = 1e-4
 """Radiance below which a point counts as dark [W m-2 sr-1]; sunlit surfaces are five orders of magnitude brighter."""
 

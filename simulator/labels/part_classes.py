@@ -41,6 +41,7 @@ _WORDS: dict[PartClass, str] = {
     "radiator": r"radiators?|(?:heat|engine)_shield|louvers?",
     "body": r"body|bus|hull|chassis|structure|frames?|shell|plates?|module|truss|box|mli|blankets?",
 }
+
 _STEMS: dict[PartClass, str] = {
     "solar_array": "solarpane|solararray|solarcell|solarwing|photovoltaic",
     "antenna": "antenna",
@@ -50,6 +51,7 @@ _STEMS: dict[PartClass, str] = {
     "radiator": "radiator",
 }
 """Words recognised within longer ones, for run-together names."""
+
 _RULES = tuple((name, re.compile(rf"(?:^|_)(?:{words})(?:_|$)")) for name, words in _WORDS.items())
 _STEM_RULES = tuple((name, re.compile(stems)) for name, stems in _STEMS.items())
 _WORD = re.compile(r"[A-Z]+(?=[A-Z][a-z])|[A-Z]?[^\W\d_A-Z]+|[A-Z]+|\d+")

@@ -29,8 +29,10 @@ if TYPE_CHECKING:
     from flyaround.simulator.world.frames.pose import Pose
 
 MIN_DEPTH_M = 0.05  # least depth of an edge in front of the camera
+
 ROD_RADIUS_FACTOR = 1.2
 """Distance from a rod's axis, in radii, within which a surface counts as the rod's own. Rods may taper."""
+
 END_ON_SINE = 0.1
 """Sine of the angle between a rod and the line of sight below which the rod is seen end-on."""
 

@@ -1,4 +1,4 @@
-"""A docking autopilot that uses only the translation switches and the docking figures."""
+"""Docking autopilot: flies the chaser by its translation switches, from the figures that a pilot sees."""
 
 from __future__ import annotations
 
@@ -21,21 +21,30 @@ SWITCH_PAIRS: tuple[tuple[Switch, Switch], ...] = (("right", "left"), ("down", "
 
 FLYAROUND_ANGLE_DEG = 25.0
 """Angle off the axis above which the chaser first flies around the target [deg]."""
+
 FLYAROUND_SPEED_M_S = 0.25  # speed around the target
+
 FLYAROUND_CLEARANCE_M = 3.0
 """Clearance between the target's sphere and the chaser's docking point while flying around [m]."""
+
 CONTACT_M_S = 0.08  # closing speed at contact
+
 FINAL_APPROACH_M = 4.0
 """Distance to the port within which the chaser closes at `CONTACT_M_S` [m]."""
+
 CLOSING_LIMIT_SHARE = 0.8
 """Share of the allowed closing speed that the autopilot uses."""
+
 BRAKE_M_S2 = 0.012
 """Deceleration that the autopilot plans with, along and across the axis [m s-2]."""
+
 # speed per distance, across and along the axis
 ACROSS_GAIN_1_S, ALONG_GAIN_1_S = 0.12, 0.1
 MAX_LATERAL_SPEED_M_S = 0.3  # largest speed across the axis
+
 DEAD_BAND_M_S, DEAD_BAND_PER_M = 0.002, 5e-5
 """Dead band and its growth with the distance, which prevents chattering of the switches."""
+
 COARSE_THRESHOLD_M_S = 0.3
 """Velocity error above which `COARSE_GAIN` applies [m s-1]."""
 
@@ -93,7 +102,7 @@ class Autopilot:
         return Demand(switches=frozenset(closed), gain=gain) if closed else Demand()
 
     def demanded_velocity(self, figures: DockingFigures, goal_m: float | None) -> FloatArray:
-        """Return the wanted (3,) velocity along the port's axes, right, down, in [m s-1]."""
+        """Return the commanded velocity (3,) along the port's axes: right, down, inward [m s-1]."""
         f = figures
         on_axis = f.lateral_m <= self._limits.lateral_m and f.axial_m > 0
         if f.off_axis_deg > FLYAROUND_ANGLE_DEG and not on_axis:

@@ -36,17 +36,22 @@ ATTITUDE_MODES: tuple[AttitudeMode, ...] = get_args(AttitudeMode)
 
 # Boresight of the camera in its own frame.
 BORESIGHT: Vec3 = (0.0, 0.0, 1.0)
+
 ACTIVE_STEP_S = 0.2
 """Longest step while manual control, brake or autopilot thrust, or while contact is possible [s]."""
+
 AUTOPILOT_PERIOD_S = 0.1
 """Period of the autopilot's decisions [s]."""
 
 # Longest step while no thruster fires [s].
 COAST_STEP_S = 20.0
+
 ABORT_M_S2 = 0.25
 """Acceleration of an abort [m s-2]."""
+
 PLUME_CAUTION_INTERVAL_S = 300.0
 """Least time between two cautions about plume impingement [s]."""
+
 # LVLH components (radial, along-track, cross-track) of thrust right, down, forward: up is radial, forward is
 # along-track
 LVLH_FROM_DEMAND = np.array([[0.0, -1.0, 0.0], [0.0, 0.0, 1.0], [-1.0, 0.0, 0.0]])
@@ -318,7 +323,7 @@ class Steering:
     # --- turns
 
     def _turn(self, chaser: ChaserState, flight: Flight, frame: Lvlh, h: float) -> FloatArray:
-        """Return the (3,) wanted rate relative to ECI, camera axes [rad s-1]."""
+        """Return the commanded rate (3,) relative to ECI, camera axes [rad s-1]."""
         demand = self._demand
         demanded_rate = laws.RATE_RAD_S * demand.gain * np.array(demand.turn)
         if self.thrust == "continuous":

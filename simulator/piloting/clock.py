@@ -7,10 +7,13 @@ from typing import Literal
 # Rates of simulated time, and the rate of a jump.
 RATES = (0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0, 200.0, 500.0, 1000.0)
 JUMP_RATE = 1000.0
+
 STEP_S = 0.02
 """Integration step at 1x [s]; it grows with the rate as far as `Steering.step_s` allows."""
+
 MAX_STEPS_PER_S = 1000.0
 """Largest number of steps per second of real time; if steps must be shorter, simulated time falls behind its rate."""
+
 _ROUNDING = 1e-9
 """Relative tolerance for rounding when real time is summed up from equal parts."""
 

@@ -25,6 +25,7 @@ if TYPE_CHECKING:
 
 Switch = str
 """Name of an on-off controller, one of `SWITCHES`."""
+
 # Thrust directions in camera axes: x right, y down, z forward.
 THRUST: dict[Switch, Vec3] = {
     "forward": (0.0, 0.0, 1.0),
@@ -48,23 +49,33 @@ NO_DEMAND: Vec3 = (0.0, 0.0, 0.0)  # no demand along any axis
 
 ACCELERATION_M_S2 = 0.05
 """Full thrust per mass: two seconds of it give 0.1 m/s, the speed of an inspection [m s-2]."""
+
 RATE_RAD_S = np.radians(2.0)  # full rate of a rotation
+
 SLEW_RAD_S2 = np.radians(10.0)
 """Slew acceleration of the attitude control [rad s-2], which keeps images from jerking."""
+
 BRAKE_M_S2 = 0.1  # largest deceleration of the brake
 TRACK_GAIN_1_S = 1.0  # rate per angle of the attitude error
 COARSE_GAIN, FINE_GAIN = 5.0, 0.2  # factors of a demand with the modifiers
+
 PULSE_M_S = 0.01
 """Delta-v of one pulse."""
+
 PULSE_RAD = np.radians(0.2)
 """Rotation of one pulse [rad]."""
+
 PULSE_RAD_S = np.radians(0.2)
 """Rate of a rotation by pulses, reached in one step [rad s-1]."""
+
 RATE_TIME_S = 1.0
 """Time in which a rotation reaches the demanded rate in rate-hold mode [s]."""
+
 MAX_ALIGN_RATE_RAD_S = np.radians(5.0)
 """Largest rate on the way to the docked attitude [rad s-1]."""
+
 AT_REST_M_S = 1e-6  # speed below which the brake gives no thrust
+
 BRAKE_RELEASE_M_S = 1e-4
 """Speed below which the brake releases [m s-1]."""
 

@@ -1,4 +1,4 @@
-"""Docking figures: the chaser's state relative to the port, comparison with limits, judgement of contacts."""
+"""Docking figures: the chaser's position, attitude and motion relative to the port, and their limits at contact."""
 
 from __future__ import annotations
 
@@ -20,10 +20,13 @@ State = Literal["within", "near", "outside"]
 
 PROBE_M: Vec3 = (0.0, 0.0, 1.0)
 """The chaser's docking point in camera axes: on the boresight, a metre in front of the camera."""
+
 CAPTURE_M = 0.5
 """Largest distance from the port's centre at which the docking point makes contact in its plane [m]."""
+
 CORRIDOR_DEG = 10.0
 """Half angle of the corridor in front of the port, if the scenario has none [deg]."""
+
 NEAR_LIMIT_FACTOR = 2.0
 """Multiple of the limit up to which a figure counts as near the limit."""
 

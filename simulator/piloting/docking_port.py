@@ -27,6 +27,7 @@ FRAME = "docking"
 
 # Unit vector along the V-bar, LVLH.
 VBAR: Vec3 = (0.0, 1.0, 0.0)
+
 _MIN_SINE = 0.2
 """Sine of the angle to the port's axis below which a reference direction is rejected."""
 

@@ -25,8 +25,10 @@ if TYPE_CHECKING:
 
 SAMPLE_INTERVAL_S = 0.1
 """Simulated time between samples [s]; at higher rates each step is a sample."""
+
 VALUES_PER_SAMPLE = 15
 """Values of a sample: time, the chaser's 13 (NaN while guided), index of the controls."""
+
 MAX_SAMPLES = 400_000
 """Largest number of samples, eleven hours at 0.1 s; beyond it every second sample is dropped."""
 
@@ -36,6 +38,7 @@ MAX_CONTROLS_BYTES = 40_000_000
 # Maximum length of a bookmark's note, and maximum number of bookmarks.
 MAX_NOTE_LENGTH = 200
 MAX_BOOKMARKS = 500
+
 ROUNDING_S = 5e-4
 """Tolerance for sums of steps [s]."""
 

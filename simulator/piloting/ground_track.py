@@ -25,6 +25,7 @@ if TYPE_CHECKING:
 
 SAMPLES_PER_ORBIT = 181
 """Points of the track per orbit."""
+
 SEARCH_ORBITS = 1.7
 """Orbits searched for eclipses; one of them is drawn."""
 

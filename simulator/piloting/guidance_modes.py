@@ -21,8 +21,10 @@ if TYPE_CHECKING:
 
 CONTROL_PERIOD_S = 1.0
 """Period of control with constant thrust [s]."""
+
 LARGEST_M_S2 = 0.05
 """Largest thrust per mass along each LVLH axis [m s-2]."""
+
 JOIN_SPEED_M_S = 0.2
 """Mean speed on the joining path [m s-1]."""
 

@@ -30,13 +30,16 @@ if TYPE_CHECKING:
 
 MIN_CLEARANCE_RADII = 1.5
 """Smallest distance of a guidance mode from the centre of mass, in radii of the target."""
+
 HOLD_DISTANCE_M = 10.0
 """Default distance of a hold point from the centre of mass [m]; farther from a large target."""
 
 # Default speed of an approach [m s-1].
 APPROACH_M_S = 0.1
+
 FLYAROUND_PERIOD_S = 900.0
 """Default period of a fly-around [s]."""
+
 RANGE_AMPLITUDE_M = 5.0
 """Default amplitude of range keeping to both sides [m]."""
 

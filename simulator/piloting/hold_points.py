@@ -14,8 +14,10 @@ Decision = Literal["open", "go", "no-go", "passed"]
 
 DISTANCES_M = (150.0, 100.0, 50.0, 20.0, 10.0, 5.0)
 """Distances from the port [m]; those beyond the chaser's start are omitted."""
+
 POSITION_TOLERANCE, MIN_POSITION_TOLERANCE_M = 0.03, 0.2
 """Tolerance of a hold point's position: a share of its distance, at least this distance [m]."""
+
 REST_SPEED_M_S = 0.02
 """Speed below which the chaser counts as at rest at a hold point [m s-1], plus 1e-3 of its distance per second."""
 

@@ -28,8 +28,10 @@ EVENTS: dict[Event, str] = {
 
 # Tolerance of the time of an event [s].
 TIME_TOLERANCE_S = 0.01
+
 SEARCH_MARGIN_S = 300.0
 """Largest delay of an event relative to its time on a simplified orbit [s]."""
+
 _STEPS_PER_ORBIT = 200
 """Steps per orbit: an eclipse lasts a third of a low orbit, and a twentieth of a geostationary one."""
 

@@ -27,6 +27,7 @@ if TYPE_CHECKING:
 # Maximum number of points of the trail, and their interval [s]; a longer trail is thinned.
 MAX_TRAIL_POINTS = 4000
 TRAIL_INTERVAL_S = 0.5
+
 RESTORED_TRAIL_POINTS = 400
 """Points of the trail of a restored future."""
 

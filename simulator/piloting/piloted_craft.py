@@ -30,8 +30,10 @@ HOLD_POINTS_EVERY_S = 0.5
 
 # Shortest span of the propagated orbit [s].
 FIRST_SPAN_S = 1800.0
+
 MARGIN_S = 60.0
 """Smallest span for which the flight is propagated ahead [s]."""
+
 PREDICTION_S = 600.0
 """Span of the prediction after the last burn."""
 

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 
 # Half angle of the cone within which a thruster's plume strikes the target [deg].
 PLUME_HALF_ANGLE_DEG = 30.0
+
 PLUME_RANGE_M = 20.0
 """Distance from the target's hull beyond which a plume is harmless [m]."""
 

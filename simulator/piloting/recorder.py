@@ -32,6 +32,7 @@ if TYPE_CHECKING:
 
 REPLAY_INTERVAL_S = 1.0
 """Interval between writes of ``replay.toml``, which states the flight's length [s]."""
+
 RECORDING_NAME, REPLAY_NAME = "flight.npz", "replay.toml"
 
 

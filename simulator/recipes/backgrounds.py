@@ -33,6 +33,7 @@ if TYPE_CHECKING:
 
 # Maximum number of draws until a sample meets all conditions.
 MAX_DRAWS = 1000
+
 _MIN_SUN_SHARE, _MIN_SUN_SINE = 0.999, 0.05
 """Smallest visible share of the Sun's disc at the craft, and smallest sine of its elevation on the ground."""
 

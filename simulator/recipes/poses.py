@@ -35,6 +35,7 @@ if TYPE_CHECKING:
 
 # Maximum number of draws until a pose meets all conditions.
 MAX_DRAWS = 10_000
+
 TANGO_SIZE_M = 0.80320
 """Half the diagonal of Tango's bounding box."""
 

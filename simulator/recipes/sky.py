@@ -32,6 +32,7 @@ YEAR_S = 365.0 * 86400.0
 
 # Maximum number of draws until a time meets all conditions.
 MAX_DRAWS = 1000
+
 MAX_DIP_SHARE = 0.9
 """Largest depression of the Sun below the horizontal for a sunlit target, relative to the horizon's dip."""
 

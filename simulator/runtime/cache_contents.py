@@ -21,8 +21,10 @@ SIZE_VARIABLE = "FLYAROUND_CACHE_MB"
 
 # Default limit of the cache [MB].
 DEFAULT_MB = 300
+
 FOLDERS = ("board-models", "shaders", "boards")
 """Subfolders that this project writes to; others in the folder are not its own."""
+
 SUFFIXES = (".npy", ".tmp", ".lock")
 RECENT_USE_S = 600.0  # entries used so recently may belong to a running program
 

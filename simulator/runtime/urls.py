@@ -6,7 +6,9 @@ import re
 
 _USER = re.compile(r"(?<=://)(?:[^/\s:@'\"]*:(?!\d+(?:[/\s'\",;]|$))[^\s'\"]*|[^/\s'\"]*)@")
 """User name and password: up to the last @ before the path, or of a word whose password contains slashes."""
+
 _QUERY = re.compile(r"(\b[a-zA-Z][\w+.-]*://[^\s'\"?#]*)([?#][^\s'\"]*)")
+
 _VALUE = re.compile(r"(?<=[?&#;])(?!(?:baud|rtscts|datagram)=)([^=&;#]*)=[^&;#]*")
 """Query of a URL, except the settings of links to boards."""
 

@@ -30,8 +30,10 @@ if TYPE_CHECKING:
 
 _MAX_PHASE = 0.5
 """Product of bandwidth and period of the wheels' control above which it is unstable, because the torque is held."""
+
 _MAX_RANGE_M = 1e6
 """Largest start range, as for the other modes of a chaser [m]."""
+
 _PARALLEL_SINE = 1e-3
 """Sine of the angle between two axes below which they count as parallel."""
 

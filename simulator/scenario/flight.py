@@ -39,6 +39,7 @@ if TYPE_CHECKING:
 
 # Longest and shortest interval at which the flight is checked for impact on the ground [s].
 _CHECK_INTERVAL_S, _MIN_STEP_S = 60.0, 1.0
+
 MAX_FRAMES = 1_000_000
 """Number of frames above which a run is probably a mistake."""
 

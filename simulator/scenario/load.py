@@ -37,8 +37,10 @@ _Document = TypeVar("_Document", Scenario, Recipe)
 
 # Maximum number of recipes that stand on each other, which ends a circle.
 MAX_BASES = 8
+
 TARGET_RECIPE = "eval-black"
 """Recipe whose name may be followed by a target: eval-black-dragon is eval-black with --target dragon."""
+
 _NOT_INHERITED = ("base", "name", "members")
 
 

@@ -70,8 +70,10 @@ _TEXT_MARKERS = (
     ("BEGIN Ephemeris", "an STK ephemeris (.e)", "export it as a CCSDS OEM"),
     ("RINEX VERSION", "a RINEX file", "convert it to a CCSDS OEM"),
 )
+
 _ORBIT_TOLERANCE = 0.01
 """Relative tolerance between the position of a state and of its Keplerian elements, because both are rounded."""
+
 SUPPORTED_FORMATS = "CCSDS OEM, OPM and OMM (key = value or XML), OMM as JSON or CSV, and two-line elements"
 
 

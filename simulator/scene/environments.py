@@ -77,6 +77,7 @@ class EnvironmentSection(Environment, frozen=True, forbid_unknown_fields=True):
 
 
 _FULL = Environment()
+
 NOTHING = Environment(
     earth=False,
     clouds=False,
@@ -92,6 +93,7 @@ NOTHING = Environment(
     sea_ice=False,
 )
 """No body, no light but the Sun's: a base for `msgspec.structs.replace`."""
+
 ENVIRONMENTS: dict[EnvironmentName, Environment] = {
     "full": _FULL,
     # the atmosphere of the SVD thesis ends at 25 km

@@ -47,13 +47,16 @@ if TYPE_CHECKING:
 
 MAX_COMMANDS = 64
 """Largest number of commands processed per socket before packets are sent again."""
+
 MAX_REPORTED_ADDRESSES = 16
 """Largest number of unlisted addresses that are reported."""
+
 REPEAT_WINDOW_S = 1.0
 """Time within which a repeated command is acknowledged again but not executed again [s]."""
 
 # Longest wait for an event [s].
 IDLE_S = 0.5
+
 RELEASE_TIMEOUT_S = 1.5
 """Time for a board to release control after the goodbye [s]."""
 

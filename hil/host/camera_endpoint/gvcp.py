@@ -13,10 +13,13 @@ from enum import IntEnum
 PORT = 3956
 KEY = 0x42
 HEADER = struct.Struct(">BBHHH")
+
 MAX_BYTES = 576
 """Largest accepted datagram without IP and UDP headers [bytes]."""
+
 MAX_MEMORY_BYTES = 536
 """Largest size of one memory access [bytes]."""
+
 ACKNOWLEDGE = 0x01
 """Flag of a command that requires an acknowledgement."""
 

@@ -19,13 +19,16 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 HEADER = struct.Struct(">HHI")
+
 IP_UDP_BYTES = 28
 """IP and UDP headers, which a stream channel's packet size includes [bytes]."""
 
 # Payload type of an image.
 IMAGE_PAYLOAD = 1
+
 LEADER, TRAILER, DATA = 1, 2, 3
 """Packet formats."""
+
 RESENT, UNAVAILABLE = 0x0100, 0x800C
 """Status of a resent packet, and of one that is no longer available."""
 

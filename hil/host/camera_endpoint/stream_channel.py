@@ -16,19 +16,25 @@ if TYPE_CHECKING:
 
 BURST = 8
 """Packets sent at once; bursts are spaced by the same number of packet intervals."""
+
 MAX_BURSTS = 4
 """Largest number of consecutive bursts for catching up, before commands are processed again."""
+
 MAX_GAP_S = 1e-4
 """Maximum time between packets, so that small images do not take half an interval."""
+
 SHARE_OF_INTERVAL = 0.5
 """Share of the frame interval over which the packets of a block are spread."""
 
 # Maximum size of the images kept for resending [bytes].
 MAX_STORED_BYTES = 64 << 20
+
 MAX_STORED_BLOCKS = 8
 """Limits of the blocks stored for resending."""
+
 MAX_RESENT = 2048
 """Largest number of packets resent per request."""
+
 RESENT_PER_PACKET = 2
 """Limit of resent packets relative to a block's packets and, over all blocks, to those just sent."""
 

@@ -78,6 +78,7 @@ def _floats(*names: str, unit: str = "") -> tuple[PacketField, ...]:
 
 _FRAME = PacketField("frame_id", 32, "uint")
 _POSE = _floats("q_w", "q_x", "q_y", "q_z") + _floats("t_x_m", "t_y_m", "t_z_m", unit="m")
+
 KINDS = {
     "TRUTH": PacketKind("TRUTH", 0x101, (_FRAME, *_POSE)),
     "ESTIMATE": PacketKind(

@@ -43,6 +43,7 @@ class PixelFormat(IntEnum):
 
 PIXEL_FORMATS: Tuple[PixelFormat, ...] = tuple(PixelFormat)
 """Formats in the order of their bits in ``Hello.pixel_formats``."""
+
 GREY_FORMATS: Tuple[PixelFormat, ...] = tuple(f for f in PIXEL_FORMATS if f.channels == 1)
 
 

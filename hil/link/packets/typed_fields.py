@@ -27,6 +27,7 @@ _DIAGONAL = (0, 6, 11, 15, 18, 20)
 
 FRAME_FIELDS = {FieldTag.SUN_CAMERA: _DIRECTION.size, FieldTag.TRANSFER: 1}
 """Fields of FRAME_HEADER, with the size of each value."""
+
 POSE_FIELDS = {FieldTag.COVARIANCE: _COVARIANCE.size}
 """Fields of POSE, with the size of each value."""
 

@@ -22,10 +22,13 @@ if TYPE_CHECKING:
 SIGNAL_LEVELS = np.linspace(0, 1, 129) ** 2  # denser for little light: the noise grows with its root
 NOISE_SPREAD = (0.55, 1.1)  # mean |x| is 0.80 sigma for a normal distribution, 0.87 for a uniform one
 MIXED_SPREAD = (0.2, 1.5)  # demosaicing averages neighbours, a colour matrix adds unequally lit bands
+
 MEDIAN_TOLERANCE = 0.5
 """Tolerance of the median of the noise [sigma]."""
+
 MIN_NOISE_STEPS = 1.2
 """Noise, in steps of the digital numbers, below which rounding dominates the difference from the twin."""
+
 MIN_PIXELS, MAX_PIXELS = 200, 500_000
 """Minimum number of pixels for a statistic, and the number that suffices for a whole image."""
 

@@ -31,6 +31,7 @@ if TYPE_CHECKING:
 
 JPEG_MAX_DN, JPEG_RMS_DN = 8.0, 1.5
 """Bounds on the difference between two decoders of the same JPEG image [DN]."""
+
 RELATIVE, ABSOLUTE = 1e-9, 1e-9
 """Tolerances of numbers computed with other versions of the libraries."""
 

@@ -18,8 +18,10 @@ if TYPE_CHECKING:
 
 SNAP_PX = 1 / 128
 """Rounding of a vertex and of the opposite edge together, doubled for the rasteriser's arithmetic [px]."""
+
 MAX_OVERHANG = 4.0
 """Largest overhang of a triangle that is thinner than the rounding, relative to its height."""
+
 HORIZON_COSINE = 0.01
 """Cosine to the line of sight below which a normal may have been clamped to the horizon."""
 

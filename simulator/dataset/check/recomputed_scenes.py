@@ -35,10 +35,13 @@ if TYPE_CHECKING:
 
 RELATIVE = 1e-7
 """Relative tolerance of a propagated state on another machine."""
+
 ABSOLUTE = {"_m": 1e-5, "_m_s": 1e-6}
 """Absolute tolerance by unit suffix [m, m/s], for differences of large ECI vectors."""
+
 DEFAULT_ABSOLUTE = 1e-9  # tolerance of all other numbers
 MAX_SAMPLES = 50  # per recipe: a constrained pose takes as long as the labels of a frame
+
 EXCLUDED_FIELDS = ("camera", "target")
 """Fields that other checks cover."""
 

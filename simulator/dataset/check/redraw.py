@@ -54,10 +54,13 @@ RELATIVE, ABSOLUTE = 0.01, 0.004  # tolerances between renderers, as shares of t
 MAX_OTHER, MAX_OF_MASK = 2e-4, 0.01  # share of the image's pixels, and of the craft's, that may differ
 MIN_PIXELS = 4  # pixels that may differ in any image
 SAME_RENDERER_TOLERANCE = 1e-6  # tolerance of statistics if the images are equal
+
 LAYER_RELATIVE = {"depth": 2e-5}
 """Relative tolerance for another renderer or processor."""
+
 LAYER_ABSOLUTE = {"depth": 1e-3, "normals": 0.02, "flow": 0.02, "clean": 1.0}
 """Absolute tolerance in the layer's unit: metres, 1, pixels, digital numbers."""
+
 MAX_EDGE_PIXELS = 6
 """Number of pixels that rounding at an edge may assign to another surface; or `MAX_OF_MASK`."""
 

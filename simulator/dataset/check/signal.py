@@ -20,8 +20,10 @@ if TYPE_CHECKING:
     from flyaround.simulator.targets.model import Target
 
 BY_SIGNAL = ("visible", "saturated", "below_noise")
+
 RELATIVE = 0.02
 """Relative tolerance of the contrast at the noise level, within which either state is accepted."""
+
 MEAN_OF_SRGB = np.full(3, 1 / 3) @ np.linalg.inv(SRGB_FROM_BANDS)
 """Weights of the linear sRGB channels that give the mean of the detector's bands."""
 

@@ -26,8 +26,10 @@ VISIBILITY_MARGIN_M, FACING_MARGIN = (
     1e-3,
     0.02,
 )  # within these margins of being visible, either label is accepted
+
 ROD_RADIUS_MARGIN = 1.15
 """Radii around a rod's axis within which a surface counts as the rod's own, even if it tapers."""
+
 END_ON_COSINE = 0.985
 """Cosine of the angle between a rod and the line of sight, above which the rod's own cap hides it (10 degrees)."""
 

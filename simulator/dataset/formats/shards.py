@@ -8,6 +8,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
 Item = TypeVar("Item")
+
 MAX_BYTES, MAX_FRAMES = 128_000_000, 1000
 """Limits of a shard, which is collected in memory before it is written."""
 

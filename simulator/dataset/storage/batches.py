@@ -15,6 +15,7 @@ if TYPE_CHECKING:
 
 # Size of the waiting files above which a batch is written [bytes].
 MAX_BYTES = 64_000_000
+
 MAX_S = 2.0
 """Limits of a batch in bytes and seconds, and so of the frames that a loss of power may cost."""
 

@@ -25,6 +25,7 @@ _LAYER_PER_PIXEL = {
     "amodal": 0.02,
     "wireframe": 0.0,
 }
+
 _EXPORT_SIZE_FACTOR = 1.0
 """Size of an export relative to the native images."""
 

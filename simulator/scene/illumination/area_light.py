@@ -23,6 +23,7 @@ Side = Annotated[float, Meta(ge=0.01, le=100)]
 
 # Maximum number of lights, that of the shader.
 MAX_LIGHTS = 8
+
 DIFFUSE_DEG = 60.0
 """Half angle at which a Lambertian emitter has half of its on-axis intensity [deg]."""
 
