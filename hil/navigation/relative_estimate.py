@@ -256,8 +256,8 @@ class MotionModel:
         """Return the effect (6,), ``left_s`` later, of a constant acceleration that began ``since_s`` ago."""
         c, s = np.cos(self.n_rad_s * since_s), np.sin(self.n_rad_s * since_s)
         x, y, z = push.tolist()
-        attitude = np.array([c * x + s * y, c * y - s * x, z])
-        return np.asarray(transition_matrix(self.n_rad_s, left_s)[:, 3:] @ attitude)
+        rotated_push = np.array([c * x + s * y, c * y - s * x, z])
+        return np.asarray(transition_matrix(self.n_rad_s, left_s)[:, 3:] @ rotated_push)
 
     def _rotated(self, q: FloatArray, w: FloatArray, h: float) -> tuple[FloatArray, FloatArray]:
         """Return attitude and rate after one step.

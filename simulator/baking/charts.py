@@ -124,13 +124,13 @@ def make_charts(
         Largest node spacing.
     """
     corners = positions_m[triangles]
-    across = face_vectors(corners)
-    area = np.linalg.norm(across, axis=1)
-    normal = across / np.maximum(area, 1e-30)[:, None]
+    area_vectors = face_vectors(corners)
+    area = np.linalg.norm(area_vectors, axis=1)
+    normal = area_vectors / np.maximum(area, 1e-30)[:, None]
     for attempt in range(20):
         chart, border = cut_charts(positions_m, groups, triangles, normal, texel_m, touching=attempt == 0)
         face, axes, low, extent, counts = _lay_out(
-            corners, normals[triangles], chart, border, across, texel_m
+            corners, normals[triangles], chart, border, area_vectors, texel_m
         )
         if int(counts.prod(axis=1).sum()) <= MAX_NODES:
             break
@@ -182,7 +182,7 @@ def _lay_out(
     corner_normals: FloatArray,
     chart: IntArray,
     border: BoolArray,
-    across: FloatArray,
+    area_vectors: FloatArray,
     texel_m: float,
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, IntArray]:
     """Return normal (C, 3), axes (C, 2, 3), lowest coordinates (C, 2), extent (C, 2) and node counts (C, 2) of each
@@ -198,13 +198,13 @@ def _lay_out(
         Chart of each triangle.
     border : (T, 3) array
         True for edges on the border of a chart.
-    across : (T, 3) array
+    area_vectors : (T, 3) array
         Normals with twice the triangles' areas as length.
     texel_m : float
         Size of a texel [m].
     """
     count = int(chart.max()) + 1
-    face: FloatArray = np.stack([np.bincount(chart, v, count) for v in across.T], axis=1).astype(float)
+    face: FloatArray = np.stack([np.bincount(chart, v, count) for v in area_vectors.T], axis=1).astype(float)
     bare = np.linalg.norm(face, axis=1) < 1e-20  # slivers
     np.add.at(face, chart[bare[chart]], corner_normals[bare[chart], 0])
     face /= np.maximum(np.linalg.norm(face, axis=1, keepdims=True), 1e-30)
@@ -290,8 +290,8 @@ def _nearest_on_charts(
         node, hit = node[tested], hit[tested]
         w = _barycentric(node_xy[on_faces[node]], corners[hit])
         inside = w.min(axis=1) >= 0
-        atlas_index = on_faces[node[inside]]
-        triangle[atlas_index], shares[atlas_index], is_on_face[node[inside]] = (
+        covered = on_faces[node[inside]]
+        triangle[covered], shares[covered], is_on_face[node[inside]] = (
             candidates[hit[inside]],
             w[inside],
             True,

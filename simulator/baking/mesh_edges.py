@@ -148,19 +148,19 @@ def find_edges(parts: tuple[Part, ...], numbers: Mapping[str, int], *, is_closed
 def _of_part(part: Part) -> tuple[FloatArray, IntArray, IntArray, BoolArray, FloatArray, BoolArray]:
     positions = part.positions_m.astype(float)
     triangles = np.asarray(part.triangles)
-    _, first, position = np.unique(
+    _, first, vertex_index = np.unique(
         np.round(positions / _COINCIDENCE_M).astype(np.int64), axis=0, return_index=True, return_inverse=True
     )
-    position = position.ravel()
+    vertex_index = vertex_index.ravel()
     corners = positions[triangles]
     planes = face_planes(corners)
     normal = planes[:, :3]
-    table = edge_table(position[triangles])
+    table = edge_table(vertex_index[triangles])
     head, twin = table.first, table.first.copy()
     twin[table.pair_edge] = table.pairs[:, 1]
     # every side of every triangle, from its lower vertex to its higher one
     start, end = triangles.ravel(), np.roll(triangles, -1, axis=1).ravel()
-    is_forward = position[start] <= position[end]
+    is_forward = vertex_index[start] <= vertex_index[end]
     start, end = np.where(is_forward, start, end), np.where(is_forward, end, start)
     # shading normals on both sides, at both ends
     n = part.normals.astype(float)

@@ -64,10 +64,10 @@ def make_city_lights() -> ByteArray:
         parks * _soft(rng.lognormal(0.0, 0.6, count)[quarter], 1.2) * (0.1 + streets * (0.2 + 0.6 * points))
     )
     centres = _towns(rng, quarter, 0.8, 1.6) * (0.4 + points)
-    neighbours = np.minimum(_towns(rng, town, 0.5, 6.0), 3.0)
+    town_light = np.minimum(_towns(rng, town, 0.5, 6.0), 3.0)
     city = (
-        built * (0.8 + 0.7 * neighbours)
-        + avenues * (0.2 + 0.25 * neighbours)
+        built * (0.8 + 0.7 * town_light)
+        + avenues * (0.2 + 0.25 * town_light)
         + main_roads
         + 0.3 * np.minimum(centres, 8.0)
     )

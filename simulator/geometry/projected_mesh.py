@@ -117,11 +117,11 @@ class ProjectedMesh:
         self, edge: IntArray, triangle: IntArray, ends: FloatArray, farthest: FloatArray
     ) -> tuple[IntArray, IntArray]:
         """Return the pairs whose triangle may cross the edge's line and be nearer than ``farthest`` (E,)."""
-        way = ends[:, 1] - ends[:, 0]
-        view_basis = np.stack([-way[:, 1], way[:, 0]]) / np.maximum(np.hypot(*way.T), 1e-300)
-        offset = (view_basis * ends[:, 0].T).sum(axis=0)
+        direction = ends[:, 1] - ends[:, 0]
+        normal = np.stack([-direction[:, 1], direction[:, 0]]) / np.maximum(np.hypot(*direction.T), 1e-300)
+        offset = (normal * ends[:, 0].T).sum(axis=0)
         x, y, radius = (values[triangle] for values in self._discs)
-        distance = np.abs(view_basis[0][edge] * x + view_basis[1][edge] * y - offset[edge])
+        distance = np.abs(normal[0][edge] * x + normal[1][edge] * y - offset[edge])
         candidates = np.flatnonzero((distance <= radius + 1e-12) & (self._nearest[triangle] > farthest[edge]))
         return edge[candidates], triangle[candidates]
 

@@ -85,11 +85,11 @@ def instants_of(motion_px: float, exposure_s: float) -> Instants:
         return Instants()
     for n, limit_px in enumerate(GAUSS_LIMITS_PX, start=2):
         if motion_px <= limit_px:
-            scene_at, weights = np.polynomial.legendre.leggauss(n)
-            return Instants(tuple((exposure_s / 2 * scene_at).tolist()), tuple((weights / 2).tolist()))
+            nodes, weights = np.polynomial.legendre.leggauss(n)
+            return Instants(tuple((exposure_s / 2 * nodes).tolist()), tuple((weights / 2).tolist()))
     n = int(np.clip(np.ceil(motion_px / INSTANT_SPACING_PX), 1, MAX_INSTANTS))
-    scene_at = (np.arange(n) + 0.5) / n - 0.5
-    return Instants(tuple((exposure_s * scene_at).tolist()), (1 / n,) * n)
+    nodes = (np.arange(n) + 0.5) / n - 0.5
+    return Instants(tuple((exposure_s * nodes).tolist()), (1 / n,) * n)
 
 
 def instants(
@@ -158,11 +158,11 @@ def ground_drawings(scene: SceneState, scene_at: Callable[[float], SceneState] |
     c = scene.camera
     # disc and undistorted image are convex, so points along the edges suffice; a distorted image needs more points
     n = TEST_POINTS if c.distortion.is_none else TEST_POINTS_DISTORTED
-    across = [np.linspace(-0.5, size - 0.5, n) for size in (c.width_px, c.height_px)]
-    points = np.stack(np.meshgrid(*across), axis=-1).reshape(-1, 2)
-    if not all(_is_all_ground(then, points) for then in (early, scene, late)):
+    side_px = [np.linspace(-0.5, size - 0.5, n) for size in (c.width_px, c.height_px)]
+    points = np.stack(np.meshgrid(*side_px), axis=-1).reshape(-1, 2)
+    if not all(_is_all_ground(moment, points) for moment in (early, scene, late)):
         return 0
-    ends = [background_px(scene, then, points) for then in (early, late)]
+    ends = [background_px(scene, moment, points) for moment in (early, late)]
     displacement_px = float(np.abs(ends[1] - ends[0]).max())
     sag_px = float(np.abs((ends[0] + ends[1]) / 2 - points).max())
     # negated, so that NaN is refused
@@ -241,14 +241,14 @@ def _smear(craft: Rendered, flow: CraftFlow, camera: Camera) -> Rendered:
     )
     radiance_and_coverage = np.dstack([craft.radiance, craft.coverage])
     y, x = craft.window[0].start - rows.start, craft.window[1].start - columns.start
-    around = np.zeros(
+    padded = np.zeros(
         (rows.stop - rows.start, columns.stop - columns.start, radiance_and_coverage.shape[2]), np.float32
     )
-    around[y : y + radiance_and_coverage.shape[0], x : x + radiance_and_coverage.shape[1]] = (
+    padded[y : y + radiance_and_coverage.shape[0], x : x + radiance_and_coverage.shape[1]] = (
         radiance_and_coverage
     )
     blurred = motion_blur(
-        around, lambda px: flow.displacements_px(px + np.array([columns.start, rows.start]))
+        padded, lambda px: flow.displacements_px(px + np.array([columns.start, rows.start]))
     )
     light = blurred[..., 0] if craft.radiance.ndim == 2 else blurred[..., :-1]
     return replace(craft, radiance=light, coverage=blurred[..., -1], window=(rows, columns))
@@ -262,8 +262,8 @@ def _composite(ground: Float32Array, craft_images: list[Rendered]) -> None:
     rows, columns = (
         slice(min(c.window[k].start for c in visible), max(c.window[k].stop for c in visible)) for k in (0, 1)
     )
-    behind = ground[rows, columns]
-    light, transmission = np.zeros_like(behind), np.ones(behind.shape[:2], np.float32)
+    background = ground[rows, columns]
+    light, transmission = np.zeros_like(background), np.ones(background.shape[:2], np.float32)
     weight = np.float32(1 / len(craft_images))
     for craft in visible:
         y, x = (
@@ -276,8 +276,8 @@ def _composite(ground: Float32Array, craft_images: list[Rendered]) -> None:
         transmission[y, x] -= craft.coverage * weight
     # rounding and the overshoot of cubic interpolation may give negative values
     np.maximum(transmission, 0, out=transmission)
-    behind *= transmission if behind.ndim == 2 else transmission[..., None]
-    behind += light
+    background *= transmission if background.ndim == 2 else transmission[..., None]
+    background += light
 
 
 def _background_displacements_px(

@@ -152,14 +152,14 @@ def background_px(scene: SceneState, then: SceneState, pixels: FloatArray) -> Fl
 def target_corners_px(scene: SceneState, then: SceneState, target: Target) -> FloatArray:
     """Return (8, 2) corners of the craft's box in the scene ``then``; zeros if they are not in the image."""
     corners, c = box_3d_m(target), scene.camera
-    craft_px = then.camera.project(then.camera_from_target.apply(corners))
-    scene_at = scene.camera.project(scene.camera_from_target.apply(corners))
+    moved_px = then.camera.project(then.camera_from_target.apply(corners))
+    corners_px = scene.camera.project(scene.camera_from_target.apply(corners))
     # a craft far outside the image needs no smear
     size = np.array([c.width_px, c.height_px])
     if (
-        not np.all(np.isfinite(scene_at))
-        or np.any(scene_at.max(axis=0) < 0)
-        or np.any(scene_at.min(axis=0) > size)
+        not np.all(np.isfinite(corners_px))
+        or np.any(corners_px.max(axis=0) < 0)
+        or np.any(corners_px.min(axis=0) > size)
     ):
-        craft_px = np.zeros_like(craft_px)
-    return np.asarray(craft_px)
+        moved_px = np.zeros_like(moved_px)
+    return np.asarray(moved_px)

@@ -78,12 +78,12 @@ def check_layers(truth: Truth, mask: ByteArray, layers: Layers, target: Target |
 
 def _check_support(truth: Truth, mask: ByteArray, layers: Layers, target: Target | None) -> list[str]:
     """Check for common support, unit normals towards the camera, valid parts, and keypoints at their depth."""
-    faults, with_flow = [], mask > 0
+    faults, on_target = [], mask > 0
     if "depth" in layers:
         depth = layers["depth"]
-        if depth.dtype != np.float32 or not np.array_equal(np.isfinite(depth), with_flow):
+        if depth.dtype != np.float32 or not np.array_equal(np.isfinite(depth), on_target):
             faults.append("depth is not finite exactly on the mask")
-        elif with_flow.any() and depth[with_flow].min() <= 0:
+        elif on_target.any() and depth[on_target].min() <= 0:
             faults.append("depth is not in front of the camera")
         else:
             faults += [
@@ -92,25 +92,25 @@ def _check_support(truth: Truth, mask: ByteArray, layers: Layers, target: Target
                 if not depth_confirms_keypoint(truth, k, depth)
                 and not (target is not None and ray_confirms_keypoint(truth, k, target))
             ]
-    if "flow" in layers and (_in_any_channel(np.isfinite(layers["flow"])) & ~with_flow).any():
+    if "flow" in layers and (_in_any_channel(np.isfinite(layers["flow"])) & ~on_target).any():
         faults.append("there is optical flow off the mask")
     if "parts" in layers:
         parts = layers["parts"]
-        if not np.array_equal(parts > 0, with_flow):
+        if not np.array_equal(parts > 0, on_target):
             faults.append("the parts do not partition the mask")
         elif parts.max(initial=0) > len(truth.parts):
             faults.append(f"part {parts.max()} has no name among {len(truth.parts)}")
     if "normals" in layers:
         # as bits without the sign: comparing half floats is by far the slowest step
         bits = np.ascontiguousarray(layers["normals"], np.float16).view(np.uint16)
-        there = (_in_any_channel(bits) & 0x7FFF) > 0
-        normals = layers["normals"][with_flow].astype(float)
-        if not np.array_equal(there, with_flow):
+        has_normal = (_in_any_channel(bits) & 0x7FFF) > 0
+        normals = layers["normals"][on_target].astype(float)
+        if not np.array_equal(has_normal, on_target):
             faults.append("normals are not there exactly on the mask")
         elif not np.all(np.abs(np.linalg.norm(normals, axis=1) - 1) <= NORMAL_TOLERANCE):
             faults.append("normals are not of unit length")
         else:
-            faults += _check_facing(truth, with_flow, normals)
+            faults += _check_facing(truth, on_target, normals)
     return faults
 
 
@@ -122,9 +122,9 @@ def _in_any_channel(values: NDArray[Any]) -> NDArray[Any]:
     return combined
 
 
-def _check_facing(truth: Truth, with_flow: NDArray[np.bool_], n: FloatArray) -> list[str]:
-    """Check normals (K, 3) of the pixels that are ``with_flow``, row by row, against the viewing rays."""
-    rows, columns = np.nonzero(with_flow)
+def _check_facing(truth: Truth, on_target: NDArray[np.bool_], n: FloatArray) -> list[str]:
+    """Check normals (K, 3) of the target's pixels, row by row, against the viewing rays."""
+    rows, columns = np.nonzero(on_target)
     if not len(rows):
         return []
     rays = rays_with_opencv(truth.camera, np.stack([columns, rows], axis=1).astype(float))

@@ -87,7 +87,7 @@ class RayOracle:
         self._triangles, parts = triangles[n_ahead == 3], self._parts[n_ahead == 3]
         crossing = np.flatnonzero((n_ahead > 0) & (n_ahead < 3))
         if len(crossing):
-            pieces = [_ahead_of_camera(vertices, self._normals, triangles[k]) for k in crossing]
+            pieces = [_clip_to_near_plane(vertices, self._normals, triangles[k]) for k in crossing]
             sizes = np.array([len(points) for points, _ in pieces])
             first = len(vertices) + np.concatenate([[0], np.cumsum(sizes)[:-1]])
             # each gives a triangle or a quadrilateral, as a fan from its first corner
@@ -159,23 +159,23 @@ class RayOracle:
         return Hits(1 / inverse[order], self._parts[near][order], normals[order])
 
 
-def _ahead_of_camera(
+def _clip_to_near_plane(
     vertices: FloatArray, normals: FloatArray, triangle: IntArray
 ) -> tuple[FloatArray, FloatArray]:
     """Clip a triangle to the half-space in front of the camera; return its corners (3 or 4, 3) in order and their
     normals.
     """
-    points, hits_by_ray = [], []
+    points, corner_normals = [], []
     for a, b in zip(triangle, np.roll(triangle, -1), strict=True):
         za, zb = vertices[a, 2], vertices[b, 2]
         if za > NEAR_M:
             points.append(vertices[a])
-            hits_by_ray.append(normals[a])
+            corner_normals.append(normals[a])
         if (za > NEAR_M) != (zb > NEAR_M):
-            share = (NEAR_M - za) / (zb - za)
-            points.append(vertices[a] + share * (vertices[b] - vertices[a]))
-            hits_by_ray.append(normals[a] + share * (normals[b] - normals[a]))
-    return np.array(points), np.array(hits_by_ray)
+            fraction = (NEAR_M - za) / (zb - za)
+            points.append(vertices[a] + fraction * (vertices[b] - vertices[a]))
+            corner_normals.append(normals[a] + fraction * (normals[b] - normals[a]))
+    return np.array(points), np.array(corner_normals)
 
 
 @lru_cache(maxsize=2)
