@@ -50,6 +50,8 @@ class FrameRequest:
 
     Parameters
     ----------
+    scene : SceneState
+        Scene at mid-exposure.
     labels : bool or LabelRequest, optional
         True for truth and mask, or a request for further layers.
     timed : bool, optional

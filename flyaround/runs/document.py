@@ -66,6 +66,10 @@ class RunField(NamedTuple):
         Key in the document, such as ``line.listen``.
     section : type
         Type of its table.
+    kind : msgspec.inspect.Type
+        Type of its value.
+    default : object
+        Default value; ``msgspec.NODEFAULT`` for a required field.
     declared : OptionInfo or ArgumentInfo
         Help and names on the command line.
     recorded : bool

@@ -51,6 +51,10 @@ class BoardSummary:
 
     Parameters
     ----------
+    frames : int
+        Number of frames answered.
+    accepted : int
+        Number of answers with an accepted pose.
     goodbye : bool
         True if the host ended the session with a goodbye.
     ended : str

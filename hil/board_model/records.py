@@ -41,6 +41,8 @@ class FacesRecord(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_on
 
     Parameters
     ----------
+    step_m : float
+        Length of one unit of ``corners`` [m].
     corners : str
         Base64 of a zlib stream of little-endian int16 x `step_m`: (faces, 4 corners, xyz), target frame. Corners are in
         order as seen from outside; a triangle repeats the last one.

@@ -66,6 +66,8 @@ class FlownBy(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=T
 
     Attributes
     ----------
+    flyaround : str, optional
+        Version of Flyaround.
     model_sha256 : str, optional
         Hash of the target model.
     board : str, optional
@@ -110,6 +112,10 @@ class RunTask:
 
     Parameters
     ----------
+    ready : ReadyCase
+        Case with its files read.
+    seed : int
+        Seed of flight, dispersions and faults.
     folder : Path
         Output folder.
     board_command : tuple of str

@@ -50,6 +50,14 @@ class LinkSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fie
         Address for an external board, started by hand. By default, each run starts a board on this machine.
     key : str, optional
         File with the key for an address that other machines can reach, next to the campaign file.
+    encoding : str, optional
+        Compression of the images.
+    pixel_format : str, optional
+        Pixel format of the images.
+    timeout_s : float, optional
+        Time to wait for the board and for each answer.
+    max_misses : int, optional
+        Number of successive unanswered frames after which the board counts as lost; 0 for no limit.
     """
 
     listen: Annotated[str, msgspec.Meta(max_length=200)] | None = None
@@ -65,8 +73,12 @@ class Case(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True
 
     Attributes
     ----------
+    name : str
+        Name of the case, which is also that of its output folder.
     scenario : str
         Name of a built-in scenario, or a TOML file next to the campaign file.
+    seeds : tuple of int, or Seeds
+        Seeds to fly, as a list or as a range.
     closed_loop : bool, optional
         Fly the approach on pose measurements.
     pose : {'board', 'truth', 'noisy'}, optional
@@ -83,6 +95,8 @@ class Case(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True
         Real time: delay from the end of the exposure to the hand-over of the image.
     deadline_s : Seconds, optional
         Time after which an answer misses the deadline; in real time the frame interval by default.
+    link : LinkSettings, optional
+        Connection of the board.
     faults : Faults or str, optional
         Faults, inline or as a file next to the campaign file; by default the scenario's. Each run's seed replaces the
         seed of the faults.
@@ -123,6 +137,14 @@ class Requirement(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fiel
 
     Attributes
     ----------
+    name : str
+        Name of the requirement in reports.
+    quantity : str
+        Quantity of a run's ledger, one of `QUANTITIES`.
+    comparison : str
+        Operator between the quantity and the limit.
+    limit : float or str
+        Limit in the quantity's unit, or one of its words.
     cases : tuple of str, optional
         Names of cases; ``*`` matches any letters.
     """
@@ -155,8 +177,14 @@ class ReadyCase:
 
     Parameters
     ----------
+    case : Case
+        The case.
+    scenario : Scenario
+        Its scenario.
     source : bytes
         Contents of the scenario file.
+    faults : Faults
+        Its faults, or those of the scenario.
     key : Path or None
         File of the link's key.
     """

@@ -68,6 +68,12 @@ class MapFlight:
 
     Parameters
     ----------
+    scenario : str
+        Name or file of the scenario.
+    cell : Cell
+        Latency, jitter and loss of the poses.
+    seed : int
+        Seed of flight, dispersions and losses.
     every_s : float, optional
         Time between images; by default the thrusters' period.
     board_command : tuple of str, optional

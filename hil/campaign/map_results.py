@@ -20,10 +20,26 @@ class MapSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fiel
 
     Attributes
     ----------
+    schema : str
+        Name of the format.
+    version : int
+        Version of the format.
+    scenario : str
+        Name of the scenario.
     inputs : str
         SHA-256 of the scenario.
+    latencies_s : tuple of float
+        Latencies of the poses.
+    jitters_s : tuple of float
+        Largest additional random latencies.
+    drops : tuple of float
+        Shares of lost poses.
     flights : int
         Flights per cell, with seeds starting at ``first_seed``.
+    first_seed : int
+        Seed of the first flight of each cell.
+    every_s : float or None
+        Time between poses; None for the thrusters' control period.
     check : int
         Number of cells that are verified with rendered images and a board.
     check_flights : int
@@ -127,12 +143,22 @@ class DelayMapOutcome(msgspec.Struct, frozen=True, kw_only=True):
 
     Attributes
     ----------
+    schema : str
+        Name of the format.
+    version : int
+        Version of the format.
+    settings : MapSettings
+        Settings of the map.
     half : tuple of HalfLatency
         Result for each jitter and loss rate.
     extended : tuple of float
         Latencies beyond those requested, added because success was not yet rare there.
+    cells : tuple of CellResult
+        Result of each combination of latency, jitter and loss.
     refined : tuple of CellResult
         Cells between two latencies, for the first jitter and the first loss rate only.
+    checked : tuple of CheckedCell
+        Cells that were flown again with rendered images and a board.
     """
 
     schema: Literal["flyaround.delay_map"] = "flyaround.delay_map"

@@ -32,6 +32,10 @@ class RunRecord:
 
     Parameters
     ----------
+    summary : LedgerSummary
+        Summary of the ledger.
+    rows : tuple of FrameRecord
+        Rows of the ledger.
     steps : dict of str to list of str
         Columns of ``closed_loop.csv`` by name; empty without a closed loop.
     """

@@ -32,8 +32,12 @@ class Verdict:
 
     Parameters
     ----------
+    requirement : Requirement
+        The requirement.
     value : Value
         Value of the quantity; a missing value, None, fails.
+    passed : bool
+        True if the value meets the limit.
     margin : float or None
         Distance of a number from the limit, negative if it fails.
     """
@@ -80,8 +84,14 @@ class RunVerdict:
 
     Parameters
     ----------
+    case : str
+        Name of the case.
+    seed : int
+        Seed of the run.
     failure : str
         Cause of a run without a result or with an abnormal end; every requirement then fails.
+    verdicts : tuple of Verdict
+        Result of each requirement on the case.
     """
 
     case: str

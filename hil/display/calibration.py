@@ -60,6 +60,8 @@ class DisplayCalibration(msgspec.Struct, frozen=True, kw_only=True):
         Chebyshev coefficients, 8 x 8 for x and for y, of the residual [px] over the screen mapped to -1..1.
     shading : list of list of float
         Chebyshev coefficients, 5 x 5, of the brightness of level 255 over the screen [DN of the camera].
+    levels : list of int
+        Grey levels of the screen at which the response was measured.
     response : list of float
         Relative brightness of each of ``levels``, from 0 at level 0 to 1 at 255.
     black_dn : float
@@ -74,6 +76,10 @@ class DisplayCalibration(msgspec.Struct, frozen=True, kw_only=True):
         Cell size of the frame code.
     geometry_rms_px : float
         RMS distance of the measured points from the fitted map.
+    schema : str, optional
+        Name of the format.
+    version : int, optional
+        Version of the format.
     """
 
     screen_px: tuple[int, int]

@@ -24,6 +24,14 @@ class MeanPredictor(msgspec.Struct, frozen=True, kw_only=True):
         Mean position [m].
     q_wxyz : tuple of float
         Mean attitude (Markley et al. 2007).
+    mean_E_T_m : float
+        Mean position error.
+    median_E_T_m : float
+        Median position error.
+    mean_E_R_deg : float
+        Mean attitude error.
+    median_E_R_deg : float
+        Median attitude error.
     """
 
     n: int

@@ -56,6 +56,8 @@ class Summary(msgspec.Struct, frozen=True, kw_only=True):
         Number of frames.
     n_feasible : int
         Number of feasible frames.
+    n_accepted : int
+        Number of accepted frames.
     coarse_success : float or None
         Share of feasible frames whose best pose, accepted or not, is within 5 deg and 5 % of the range.
     fine_success : float or None
@@ -127,6 +129,12 @@ class MethodMetrics(Summary, frozen=True, kw_only=True):
 
     Parameters
     ----------
+    method : str, optional
+        Name of the method.
+    by_range : list of RangeBin
+        Metrics of each interval of range.
+    by_class : dict of str to Summary
+        Metrics of each class of frames.
     failures : dict of str to int, optional
         Number of feasible frames that are not coarse, by the stage that failed.
     bias_m : tuple of float, optional
@@ -163,6 +171,10 @@ class Metrics(MethodMetrics, frozen=True, kw_only=True):
 
     Parameters
     ----------
+    schema : str, optional
+        Name of the format.
+    version : int, optional
+        Version of the format.
     kernels : str, optional
         Implementation of the inner loops: ``native`` and the library's file, or ``none`` and the reason.
     pictures : str, optional
@@ -171,6 +183,8 @@ class Metrics(MethodMetrics, frozen=True, kw_only=True):
         True if colour images were converted to grey.
     mean_predictor : MeanPredictor, optional
         Errors of the mean pose as the answer to every feasible frame; None without feasible frames.
+    by_method : dict of str to MethodMetrics, optional
+        Metrics of each method by name.
     """
 
     schema: str = SCHEMA

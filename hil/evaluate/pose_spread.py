@@ -37,6 +37,8 @@ class PoseSpread(msgspec.Struct, frozen=True, kw_only=True):
         Rotation error about the boresight.
     available : float
         Share of the feasible frames that are accepted.
+    wrong : float
+        Share of the accepted poses that are wrong.
     """
 
     across_share: float

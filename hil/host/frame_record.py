@@ -108,12 +108,26 @@ class FrameRecord:
 
     Parameters
     ----------
+    frame_id : int
+        Number of the frame.
+    epoch_utc : str
+        Mid-exposure, ISO 8601.
+    t_s : float
+        Mid-exposure, from the start of the scenario.
+    exposure_s : float
+        Exposure time.
     outcome : str
         ``accepted``, ``declined`` or ``dropped:CAUSE``; empty while unknown.
+    reason : str
+        Reason for a declined or dropped frame; empty for an accepted one.
     e2e_ms : float, optional
         Time from the first byte sent to the pose received, on the link process's clock.
+    render_ms : float, optional
+        Time to render the image.
     send_lag_ms : float, optional
         Delay of the start of sending (real time).
+    send_ms : float, optional
+        Time to send the frame.
     uplink_ms : float, optional
         Time from sending the frame to its complete reception on the board, by the clock offset.
     board_wait_ms : float, optional
@@ -122,10 +136,18 @@ class FrameRecord:
         Time from complete reception on the board to the end of the estimator.
     downlink_ms : float, optional
         Time from sending the pose to its reception, by the clock offset.
+    stages_ms : dict of str to float
+        Duration of each stage of the estimator.
+    confidence : float, optional
+        Probability that the pose is correct, as the board reports it.
     q_wxyz : tuple, optional
         Estimated ``q_camera_from_target``; ``truth_q_wxyz`` is the true one.
     t_m : tuple, optional
         Estimated ``t_camera_from_target``; ``truth_t_m`` is the true one.
+    truth_q_wxyz : tuple, optional
+        True ``q_camera_from_target``.
+    truth_t_m : tuple, optional
+        True ``t_camera_from_target``.
     E_T_m : float, optional
         Position error, if the truth is known.
     E_R_deg : float, optional

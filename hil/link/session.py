@@ -78,10 +78,16 @@ class LinkStats:
 
     Parameters
     ----------
+    sent : int, optional
+        Packets sent.
+    received : int, optional
+        Intact packets received.
     corrupt : int, optional
         Packets damaged on the line.
     mistakes : int, optional
         Intact packets that violate the protocol.
+    sequence_gaps : int, optional
+        Number of gaps in the sequence numbers of received packets.
     stale : int, optional
         Packets of an earlier session on the same line.
     kinds : dict of str to int, optional

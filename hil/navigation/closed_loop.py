@@ -49,6 +49,10 @@ class ClosedLoopConfig:
         Velocity dispersion of the start, per axis.
     thrust_sigma : float, optional
         Standard deviation of a pulse relative to its command, per axis; the filter assumes the same.
+    acceleration_noise : float, optional
+        Density of the unmodelled white acceleration [m s-2 Hz-1/2].
+    rate_noise : float, optional
+        Density of the target's white angular acceleration [rad s-2 Hz-1/2].
     inertia_known : bool, optional
         True if the filter propagates the target as a rigid body.
     rules : ApproachRules, optional
@@ -135,8 +139,14 @@ class ClosedLoopResult:
         True distance from the path's end.
     final_error_deg : float
         Larger one of the camera's pointing error and the error of the estimated target attitude.
+    min_range_m : float
+        Smallest true range.
+    keep_out_violations : int
+        Control periods inside the keep-out sphere and outside the corridor.
     delta_v_m_s : float
         Total velocity change.
+    steps : tuple of LoopStep
+        Record of each control period.
     """
 
     outcome: Outcome

@@ -23,6 +23,8 @@ class ForecastError:
 
     Parameters
     ----------
+    horizon_s : float
+        Time from the last measurement to the predicted one.
     median_deg : float
         Median angle between predicted and true attitude.
     p95_deg : float
@@ -31,6 +33,8 @@ class ForecastError:
         RMS of the angle.
     sigma_deg : float
         RMS angle predicted by the filter, one sigma about all three axes.
+    count : int
+        Number of predictions.
     """
 
     horizon_s: float

@@ -56,6 +56,8 @@ class RadianceTransfer:
         ``INTERREFLECTION_STEP``.
     interreflected_sky : (n, 9, A) array
         The same per coefficient of the sky's radiance in `harmonics`.
+    directions : (D, 3) array
+        Unit vectors to the Sun for which ``interreflected`` was computed, model frame.
     """
 
     visibility: ByteArray

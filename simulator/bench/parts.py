@@ -56,6 +56,14 @@ class PartCost:
 
     Parameters
     ----------
+    name : str
+        Name of the operation.
+    ms_p50 : float
+        Median duration.
+    ms_p95 : float
+        95th percentile of the duration.
+    peak_mb : float, optional
+        Peak memory of the process; None if it was not measured.
     kernels : str, optional
         Implementation of an estimator's inner loops; None for other parts.
     """

@@ -38,6 +38,8 @@ class AirTables:
 
     Parameters
     ----------
+    air : Atmosphere
+        Atmosphere of the tables.
     transmittance : (RADII, COSINES, n) array
         Transmittance to the top of the atmosphere; mapping of Bruneton & Neyret (2008), section 4.
     ground : (GROUND_SAMPLES, n) array

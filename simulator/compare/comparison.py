@@ -46,12 +46,24 @@ class Pair:
 
     Parameters
     ----------
+    reference : Reference
+        The reference image.
+    scene : SceneState
+        Scene of our image.
+    image : (H, W) uint8 array
+        Our image.
+    theirs : ImageStatistics
+        Statistics of the reference.
+    ours : ImageStatistics
+        Statistics of our image.
     edges : dict
         Binary edges of our image for each atmosphere, all at one threshold; only one entry against space.
     histogram_moved_dn : float
         Earth mover's distance of the histograms [DN].
     gradient_moved_dn : float
         Earth mover's distance of the gradient histograms [DN per pixel].
+    same_view : bool
+        True if our image has the pose of the reference, and not only a similar view.
     likeness : float or None
         Correlation over the craft's box; None without a common pose.
     """

@@ -47,6 +47,18 @@ class CaptureSummary:
 
     Parameters
     ----------
+    folder : Path or str
+        Folder or URL of the data set.
+    n_written : int
+        Number of frames written.
+    n_kept : int
+        Number of frames that existed and were kept.
+    n_feasible : int
+        Number of the written frames that are feasible.
+    quarantined : tuple of tuple of int and str
+        Number and first fault of each frame whose labels contradict its scene.
+    clipping : ClippingSummary, optional
+        Saturation of the written frames; None if none shows a target.
     redraws : dict, optional
         Number of poses drawn again in these frames, for each of the recipe's constraints.
     damaged : tuple of int, optional

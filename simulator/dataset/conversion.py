@@ -38,6 +38,8 @@ class ImportSource:
 
     Parameters
     ----------
+    card : DatasetCard
+        Card of the data set that is written.
     form : str
         Name of its format.
     frames : iterable of LabelledFrame

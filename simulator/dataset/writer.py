@@ -32,6 +32,16 @@ class CheckedFrame:
 
     Parameters
     ----------
+    number : int
+        Number of the frame.
+    files : EncodedFrame
+        Contents of its files.
+    feasible : bool
+        True if the frame is feasible.
+    reason : str
+        First fault of its labels; empty if there is none.
+    clipping : Clipping
+        Saturation of the frame.
     manifest : bytes
         Lines with the hashes of the files.
     redraws : dict, optional

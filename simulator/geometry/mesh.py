@@ -26,6 +26,10 @@ class TriangleMesh:
 
     Parameters
     ----------
+    positions_m : (N, 3) array
+        Vertex positions.
+    triangles : (M, 3) array
+        Vertex indices of each triangle.
     in_shell : (M,) array, optional
         True for triangles of a closed shell that faces outwards; None if unknown.
     """

@@ -21,6 +21,8 @@ class MeshBody:
 
     Parameters
     ----------
+    name : str
+        Name of the body in the file.
     positions_m : (V, 3) array
         Distinct positions, model frame.
     triangles : (F, 3) array

@@ -61,6 +61,8 @@ class ExposureTrack:
 
     Parameters
     ----------
+    settings : AutoExposure
+        Limits, level and time constant of the control.
     exposure_for_radiance_s : callable
         Function from a time since the flight's start to the metered exposure [s].
     """

@@ -56,6 +56,8 @@ class Labels:
 
     Parameters
     ----------
+    truth : Truth
+        Truth record of the image.
     mask : (H, W) uint8 array
         255 on the target.
     depth_m : (H, W) array

@@ -37,6 +37,8 @@ class DockingFigures:
 
     Parameters
     ----------
+    t_s : float
+        Time since the scenario's start.
     axial_m : float
         Distance in front of the port's plane; negative behind it.
     closing_m_s : float

@@ -49,6 +49,8 @@ class HistorySample:
 
     Parameters
     ----------
+    t_s : float
+        Time since the scenario's start.
     steered : ChaserState or None
         The chaser under manual control, None under guidance.
     controls : object

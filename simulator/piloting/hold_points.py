@@ -28,6 +28,8 @@ class HoldPoint:
 
     Parameters
     ----------
+    name : str
+        Name on the display.
     axial_m : float
         Distance of the docking point in front of the port.
     decision : Decision, optional

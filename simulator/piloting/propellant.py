@@ -30,6 +30,10 @@ class Propellant:
     ----------
     thrusters : Thrusters
         Mass at the start and specific impulse.
+    delta_v_m_s : float, optional
+        Applied delta-v.
+    used_kg : float, optional
+        Propellant used so far.
     """
 
     thrusters: Thrusters

@@ -21,6 +21,10 @@ class Telemetry:
 
     Parameters
     ----------
+    epoch_utc : str
+        Mid-exposure, ISO 8601.
+    t_s : float
+        Mid-exposure, from the start of the scenario.
     range_m : float
         Distance from the camera to the target's centre of mass.
     closing_m_s : float

@@ -58,6 +58,8 @@ class RecipePlan(DocumentPlan):
 
     Parameters
     ----------
+    recipe : Recipe
+        The recipe.
     n_frames : int
         Number of samples.
     environment : Environment, optional

@@ -43,6 +43,8 @@ class PlaceInSky:
 
     Parameters
     ----------
+    now : Instant
+        Time of the sample.
     body : Body
         Central body.
     R_eci_from_camera : (3, 3) array

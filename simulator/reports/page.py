@@ -59,10 +59,14 @@ class Page:
         Title of the window.
     heading : str, optional
         Heading of the page, by default the title.
+    width_px : int, optional
+        Largest width of the page.
     dark : bool, optional
         Light ink on dark paper, for pages that are mostly images of space.
     style : str, optional
         CSS of this page alone, after the common one.
+    parts : list of Markup, optional
+        Contents so far, in order.
     """
 
     title: str

@@ -32,12 +32,16 @@ class Plugin:
 
     Parameters
     ----------
+    kind : Kind
+        Kind of the plug-in.
     name : str
         Name of the entry point.
     package : str
         Distribution that provides the plug-in.
     version : str
         Version of that distribution.
+    entry : importlib.metadata.EntryPoint
+        Entry point from which it is loaded.
     """
 
     kind: Kind

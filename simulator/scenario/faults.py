@@ -193,6 +193,10 @@ class Faults(Section, frozen=True, kw_only=True):
         Simultaneous faults.
     line : tuple of LineFault, optional
         Simultaneous faults.
+    schema : str, optional
+        Name of the format.
+    version : int, optional
+        Version of the format.
     """
 
     seed: Annotated[int, msgspec.Meta(ge=0, le=2**62)] = 0

@@ -57,6 +57,16 @@ class DocumentPlan(ABC):
 
     Parameters
     ----------
+    target : Target
+        Model of the target.
+    camera : Camera
+        Camera of the frames.
+    seed : int
+        Seed of every random draw.
+    bands : str, optional
+        ``mono`` (panchromatic) or ``rgb``.
+    quality : str, optional
+        Preset of the renderer.
     every_s : float, optional
         Spacing of the frames, or None.
     vary : Vary, optional
@@ -137,6 +147,10 @@ class Plan(DocumentPlan):
 
     Parameters
     ----------
+    scenario : Scenario
+        The scenario.
+    flight : Flight
+        Its propagated flight.
     times_s : tuple of float
         Mid-exposure of each frame, from the flight's start [s].
     exposures : Exposures, optional

@@ -20,12 +20,30 @@ class Environment(msgspec.Struct, frozen=True, kw_only=True):
 
     Attributes
     ----------
-    moon : bool
-        The Moon, and bodies other than the Earth.
-    earthshine : bool
-        Light of bodies on the target.
+    earth : bool
+        The Earth.
+    clouds : bool
+        Clouds.
+    ocean_glint : bool
+        Reflection of the Sun in the sea.
+    night_lights : bool
+        Lights of cities on the night side.
+    atmosphere : bool
+        Scattering and absorption by the air.
+    airglow : bool
+        Emission of the air at 85 to 100 km, visible at night.
+    stars : bool
+        Stars.
+    sun : bool
+        The Sun's disc.
     sunlight : bool
         The Sun lights the target; if False it lights only the background, as in front of a laboratory's screen.
+    earthshine : bool
+        Light of bodies on the target.
+    moon : bool
+        The Moon, and bodies other than the Earth.
+    planets : bool
+        Planets, as points of light.
     seasons : bool
         Land and ice of the date, otherwise of August.
     relief : bool
@@ -34,8 +52,6 @@ class Environment(msgspec.Struct, frozen=True, kw_only=True):
         Climatological ice.
     undifferentiated : bool
         Land, sea and clouds reflect alike, as on a plain globe.
-    airglow : bool
-        Emission of the air at 85 to 100 km, visible at night.
     atmosphere_thickness_km : float
         Height of the top of the atmosphere.
     aerosol_optical_depth : float

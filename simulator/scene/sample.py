@@ -66,6 +66,8 @@ class VariedBy(msgspec.Struct, frozen=True, kw_only=True):
         Number of area lights.
     lamp : bool
         True if a lamp is lit.
+    earthshine : bool or None
+        Whether bodies light the target; None if it is not varied.
     environment : str
         Name of the layers, or empty.
     craft : int or None

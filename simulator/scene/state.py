@@ -74,6 +74,10 @@ class SceneState(BodyStates):
         Number of the frame; with ``seed`` the key of its random numbers.
     seed : int
         Seed of the random numbers.
+    camera : Camera
+        Camera that takes the image.
+    sensor : Sensor
+        Detector: noise, full well, bits and transfer function.
     exposure_s : float
         Integration time [s].
     optics : Optics, optional
@@ -84,6 +88,10 @@ class SceneState(BodyStates):
         Preset of the renderer.
     bands : Bands, optional
         ``mono`` (panchromatic) or ``rgb``.
+    environment : Environment, optional
+        Layers of the world that are drawn.
+    target : TargetRef
+        Name and hash of the target's model.
     q_camera_from_target_wxyz : array
         Rotation from the model frame to the camera frame.
     t_camera_from_target_m : array

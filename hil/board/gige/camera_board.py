@@ -38,6 +38,8 @@ class CameraBoardOptions:
 
     Parameters
     ----------
+    settings : CameraSettings, optional
+        Region, pixel format and trigger of the camera.
     camera_file : str, optional
         File with the intrinsics of the whole detector; by default, the host at ``answer_url`` sends them.
     poses_file : str, optional

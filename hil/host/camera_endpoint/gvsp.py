@@ -94,6 +94,10 @@ class Block:
         Block identifier, 1 to 65535.
     timestamp_ns : int
         Start of the exposure.
+    pixel_format : StreamFormat
+        Pixel format on the line.
+    region : ReadoutRegion
+        Region of the detector that was read.
     data : bytes
         Pixels of the image.
     packet_bytes : int

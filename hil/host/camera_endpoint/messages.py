@@ -30,8 +30,12 @@ class EndpointConfig:
 
     Parameters
     ----------
+    interface : Interface
+        Network interface of the endpoint.
     allowed : tuple of str
         Addresses that may send commands.
+    terms : CameraTerms
+        Properties of the simulated camera.
     xml : bytes
         GenICam description that is served.
     xml_name : str

@@ -118,6 +118,10 @@ class CameraTerms:
 
     Parameters
     ----------
+    width_px : int
+        Width of the detector.
+    height_px : int
+        Height of the detector.
     bits : int
         Bits per pixel of the detector.
     exposure_us : float

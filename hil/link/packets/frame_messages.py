@@ -51,14 +51,30 @@ class FrameHeader:
 
     Parameters
     ----------
+    frame_id : int
+        Number of the frame.
+    width_px : int
+        Image width.
+    height_px : int
+        Image height.
     bits : int
         Bits per pixel of the detector, right-aligned if the pixel format has room for more.
+    encoding : Encoding
+        Compression of the pixels.
+    total_bytes : int
+        Size of the frame's pixels as sent.
+    chunk_count : int
+        Number of FRAME_CHUNK packets that follow.
+    exposure_s : float
+        Exposure time.
     t_s : float
         Time of mid-exposure since the start of the scenario.
     host_send_ns : int
         The host's monotonic clock at the start of sending.
     epoch_utc : str
         Mid-exposure, ISO 8601, at most 40 characters.
+    pixel_format : PixelFormat, optional
+        Layout of the pixels.
     binning_x : int, optional
         Physical pixels per image pixel, horizontally.
     binning_y : int, optional
@@ -192,6 +208,12 @@ class PoseMessage:
 
     Parameters
     ----------
+    frame_id : int
+        Number of the frame that is answered.
+    accepted : bool
+        True if the board considers the pose correct.
+    reason : str, optional
+        Reason for a declined frame.
     q_camera_from_target_wxyz : Quat, optional
         Attitude of the best pose, of length 1 within ``QUATERNION_TOLERANCE``; None without a pose. A declined answer
         may have one.

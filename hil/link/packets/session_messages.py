@@ -116,8 +116,14 @@ class HelloAck:
         Bits per pixel of the detector; the pixel format holds at least as many.
     encoding : Encoding, optional
         Compression, chosen from those that the board offered.
+    mode : Mode, optional
+        Pace of the session: lockstep or real time.
+    truth : TruthPolicy, optional
+        Whether, and when, the host sends the truth.
     window : int, optional
         Number of frames that may be in transit or in progress at once (credits).
+    chunk_bytes : int, optional
+        Largest number of pixel bytes in a FRAME_CHUNK.
     target_name : str, optional
         Name of the host's target.
     target_sha256 : str, optional
@@ -216,6 +222,12 @@ class TimeSyncReply:
 
     Parameters
     ----------
+    asked_ns : int
+        Time of the request, clock of the side that asked.
+    received_ns : int
+        Reception of the request, clock of the side that answers.
+    sent_ns : int
+        Sending of the reply, clock of the side that answers.
     newest_frame : int, optional
         Last frame that the replying side received completely, ``NO_FRAME`` before the first. If the request followed a
         later frame, that frame was lost. None if it is not reported.

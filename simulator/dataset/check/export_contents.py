@@ -50,6 +50,8 @@ class Entry:
     ----------
     key : str
         Unique in the file, or in the shards of a split.
+    value : object
+        The value.
     frame : int, optional
         Number of the frame, if the entry belongs to one.
     """

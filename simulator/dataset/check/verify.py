@@ -71,6 +71,12 @@ class CheckReport:
 
     Parameters
     ----------
+    n_frames : int
+        Number of frames.
+    n_labels : int
+        Number of label values that were checked.
+    faults : tuple of Fault
+        Faults found.
     n_redrawn : int, optional
         Number of frames redrawn from their records.
     not_redrawn : str, optional

@@ -47,6 +47,8 @@ class PosedPicture:
         Name in the set's own list.
     path : Path
         Image file.
+    camera_from_target : Pose
+        Pose of the target in the camera frame.
     t_s : float, optional
         Time since the first image of a sequence [s].
     """
@@ -65,6 +67,8 @@ class PosedPictures:
     ----------
     labels : Path
         Path of the list.
+    pictures : tuple of PosedPicture
+        The images, in the list's order.
     camera : Camera or None
         Camera of the data set; None if it has no camera file.
     default_camera : str, optional

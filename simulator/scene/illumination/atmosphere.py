@@ -60,6 +60,8 @@ class Atmosphere:
         Lower and upper edge [m].
     thickness_m : float
         Height of the top [m].
+    radius_m : float, optional
+        Radius of the ground.
     """
 
     rayleigh_m: FloatArray
@@ -234,6 +236,12 @@ class PathLight:
 
     Parameters
     ----------
+    rayleigh : (K, n) array
+        Light scattered once by molecules [sr-1 per unit phase function].
+    mie : (K, n) array
+        Light scattered once by the aerosol.
+    transmittance : (K, n) array
+        Transmittance of the path.
     multiple : (K, n) array
         Light scattered at least twice, isotropic [sr-1]; zero if not requested.
     """
@@ -253,6 +261,8 @@ class MultipleScattering:
     psi : (HEIGHTS, SUNS, n) array
         Radiance over the Sun's irradiance [sr-1]; rows: square root of height over thickness; columns: cosine of the
         Sun's zenith angle, -1 to 1, stretched around the horizon (``sun_column``).
+    thickness_m : float
+        Height of the top of the atmosphere.
     """
 
     psi: FloatArray

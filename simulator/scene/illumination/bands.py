@@ -27,6 +27,8 @@ class Band:
 
     Parameters
     ----------
+    name : str
+        Name of the band.
     low_nm : float
         Lower limit of a rectangular response.
     high_nm : float

@@ -22,12 +22,16 @@ class _Planet:
 
     Parameters
     ----------
+    name : str
+        Name of the planet.
     number : int
         SOFA's number of the planet.
     magnitude : float
         V at 1 au from Sun and Earth.
     phase : tuple of float
         Coefficients of the powers 1, 2, 3 of the phase angle in degrees.
+    b_minus_v : float
+        Colour index B - V.
     """
 
     name: str
