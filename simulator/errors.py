@@ -80,7 +80,7 @@ def machine_sentence(error: BaseException) -> str | None:
     words = " ".join(str(error).split())
     if isinstance(error, MemoryError):
         detail = f" ({words})" if words else ""
-        return f"not enough memory{detail}; close other programs, or ask for fewer workers or a smaller image or mesh"
+        return f"not enough memory{detail}; close other programs, or use fewer workers or a smaller image or mesh"
     if any(mark in words.lower() for mark in _LIMITS):
         return (
             f"the machine's limits are reached: {words}; raise them (ulimit -v, -u) or ask for fewer workers"

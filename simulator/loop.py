@@ -186,7 +186,7 @@ class _LocalProducer(FrameProducer[Result]):
 
     def result(self) -> Result:
         if not self._pending:
-            raise RuntimeError("no frame is under way")
+            raise RuntimeError("no frame is in flight")
         return draw_request(self._renderer, self._pending.popleft(), self._stage, self._target)
 
     def frames(self, requests: Iterable[FrameRequest]) -> Iterator[Result]:

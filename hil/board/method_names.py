@@ -35,7 +35,7 @@ def refuse_former_name(method: str) -> None:
     """
     if method in RENAMED:
         raise BoardModelError(
-            f"method {method!r} is now called {RENAMED[method]!r}: take that, or the published algorithm as"
+            f"method {method!r} is now called {RENAMED[method]!r}: use that name, or the published algorithm as"
             " 'svd-2018' or 'svd-thesis'"
         )
 
@@ -58,4 +58,4 @@ def name_in_file(method: str, path: object) -> str:
 @lru_cache(maxsize=256)
 def _warn(method: str, path: str) -> None:
     """Log a warning, once per file and name."""
-    logger.warning("%s: method %r is read as %r, its present name", path, method, RENAMED[method])
+    logger.warning("%s: method %r is read as %r, its current name", path, method, RENAMED[method])

@@ -259,7 +259,7 @@ def frame_every(every_s: float | None, plan: Plan) -> int:
     if periods < 1 or abs(periods * thrusters.period_s - every_s) > 1e-9:
         raise UserError(
             f"--every {every_s:g} is not a multiple of the thrusters' control period of {thrusters.period_s:g} s: "
-            "choose one that is"
+            "choose a multiple"
         )
     return periods
 

@@ -61,8 +61,8 @@ class PoseLink:
         for fault in (*faults.camera, *faults.line):
             if not isinstance(fault, SUPPORTED_FAULTS):
                 raise UserError(
-                    f"a fault {fault.name!r} needs pictures and a line: fly on a board's poses, or leave it out; "
-                    "without pictures only delay, jitter and drop are possible"
+                    f"a fault {fault.name!r} needs a board: fly on a board's poses, or leave it out; "
+                    "without a board only delay, jitter and drop are possible"
                 )
         return PoseLink(faults=faults.line, seed=faults.seed)
 

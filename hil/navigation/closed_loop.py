@@ -171,7 +171,7 @@ def check_closed_loop(flight: Flight, what: str) -> None:
     by_path = not guidance.ballistic and not hasattr(guidance, "impulse_lvlh")
     if not by_path or flight.recording is not None or flight.scripted is not None:
         raise UserError(
-            f"{what} has no path that a closed loop could follow: choose a chaser mode such as vbar, "
+            f"{what} has no path for a closed loop: choose a chaser mode such as vbar, "
             "rbar, waypoints, glideslope or hold, as in tango-vbar-closed-loop"
         )
     if guidance.acting_thrusters is None:

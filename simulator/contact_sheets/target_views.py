@@ -153,7 +153,7 @@ def draw_view(
     scene = view_scene(target, eye, width_px, height_px)
     rendered = renderer.render(scene, target, labels=True)
     if rendered.depth_m is None:
-        raise RuntimeError("the renderer was asked for labels and gave no depth")
+        raise RuntimeError("the renderer returned no depth although labels were requested")
     fill = renderer.render(view_scene(target, eye, width_px, height_px, FILL_LIGHT), target).radiance
     radiance = np.asarray(rendered.radiance, float) + FILL_SHARE * np.asarray(fill, float)
     return TargetView(develop(radiance), scene, rendered.depth_m)

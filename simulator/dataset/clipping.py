@@ -133,8 +133,8 @@ def _advice(frames: Sequence[Clipping], document: dict[str, Any]) -> str:
     number = f"exposure_s = {_two_digits(best)} in [sensor] (here {frames[0].exposure_s:g})"
     if longest > _MAX_EXPOSURE_RATIO * best:
         return (
-            f"add [sensor.auto_exposure], for frames want {_two_digits(best)} to {_two_digits(longest)} s; or, for the "
-            f"brightest, {number}"
+            f"add [sensor.auto_exposure], because the frames need {_two_digits(best)} to {_two_digits(longest)} s; or, "
+            f"for the brightest, {number}"
         )
     return f"set {number}, or add [sensor.auto_exposure] (--auto-exposure), which follows the light"
 

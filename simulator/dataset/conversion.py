@@ -92,7 +92,7 @@ def open_source(
     """
     if form == NATIVE or (form is None and (place / CARD_NAME).is_file()):
         if target is not None or camera is not None:
-            raise UserError(f"{place} says its target and camera itself; leave out --target and --camera")
+            raise UserError(f"{place} defines its own target and camera; leave out --target and --camera")
         dataset = open_dataset(place)
         card = dataset.card
         if card.image_bits is None and len(dataset):  # a card of an earlier version
@@ -101,7 +101,7 @@ def open_source(
     pictures, kind = read_foreign(place, form)
     name = target or pictures.default_target
     if not name:
-        raise UserError(f"{place} does not say what craft it shows; name it with --target")
+        raise UserError(f"{place} does not name its target; name it with --target")
     craft, lens = load_target(name), camera_of(pictures, camera)
     if camera is None:
         check_grey(pictures)

@@ -106,8 +106,8 @@ def check_grey(picture_set: PosedPictures) -> None:
         path = picture_set.pictures[int(k)].path
         if is_coloured(read_picture(path)):
             raise UserError(
-                f"picture {path} is in colour and camera {picture_set.default_camera} takes grey ones; name the camera "
-                "that took it with --camera, or save the pictures in grey"
+                f"picture {path} is in colour and camera {picture_set.default_camera} expects grey ones; name the "
+                "camera that took it with --camera, or save the pictures in grey"
             )
 
 

@@ -101,6 +101,6 @@ def open_dataset(folder: str | Path, split: str | None = None) -> LabelledDatase
     ]
     if not numbers:
         raise UserError(
-            f"data set {folder} has no whole frame{'' if split is None else f' of split {split}'}; capture more"
+            f"data set {folder} has no complete frame{'' if split is None else f' of split {split}'}; capture more"
         )
     return LabelledDataset(folder, card, numbers, splits)

@@ -178,7 +178,7 @@ class RayFrames(FrameProducer[Result]):
     def result(self) -> Result:
         """Return the oldest frame in flight; waits for it."""
         if not self.in_flight:
-            raise RuntimeError("no frame is under way")
+            raise RuntimeError("no frame is in flight")
         while not self._ready:
             self._collect()
         return self._ready.popleft()
@@ -186,7 +186,7 @@ class RayFrames(FrameProducer[Result]):
     def frames(self, requests: Iterable[FrameRequest]) -> Iterator[Result]:
         """Yield one frame per request, in order, drawn by shards."""
         if self.in_flight > 0:
-            raise RuntimeError("frames of a run that was broken off are under way; open another producer")
+            raise RuntimeError("frames of an interrupted run are in flight; open another producer")
         pending = iter(requests)
         while shard := list(islice(pending, self._shard)):
             while not self.has_room:
@@ -210,8 +210,8 @@ class RayFrames(FrameProducer[Result]):
         while not self._ray.wait([reference], timeout=_POLL_INTERVAL_S)[0]:
             if self._ray.cluster_resources().get("CPU", 0.0) < 1:
                 raise UserError(
-                    f"the Ray cluster {self._cluster.address} has no node left that draws; start one, and go on with "
-                    "--resume"
+                    f"the Ray cluster {self._cluster.address} has no rendering node left; start one, and "
+                    "continue with --resume"
                 )
         try:
             shard: _Shard[Result] = self._ray.get(reference)
@@ -222,9 +222,9 @@ class RayFrames(FrameProducer[Result]):
             self._info, self._node = shard.info, shard.node
         elif (shard.info.renderer, shard.info.version) != (self._info.renderer, self._info.version):
             raise UserError(
-                f"the nodes of the Ray cluster draw by different renderers, so their bytes would differ: "
+                f"the nodes of the Ray cluster use different renderers, so their images would differ: "
                 f"{self._node} by {self._info.renderer} ({self._info.version}), {shard.node} by {shard.info.renderer} "
-                f"({shard.info.version}); use nodes that are alike"
+                f"({shard.info.version}); use identical nodes"
             )
         self._ready.extend(shard.results)
 
@@ -242,7 +242,7 @@ class RayFrames(FrameProducer[Result]):
             raise RuntimeError(f"a task of the Ray cluster failed: {error}") from error
         first = " ".join(str(error).split())[:200]
         raise UserError(
-            f"the Ray cluster lost frames that were being drawn, {MAX_RETRIES + 1} times in a row: {first}; look at "
+            f"the Ray cluster lost frames in flight, {MAX_RETRIES + 1} times in a row: {first}; look at "
             "its nodes, and go on with --resume"
         ) from error
 

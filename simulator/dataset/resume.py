@@ -61,7 +61,7 @@ def card_to_resume(store: Store, card: DatasetCard) -> tuple[DatasetCard, Datase
     if not store.exists(CARD_NAME):
         if not store.is_empty():
             raise UserError(
-                f"{store.title} is not empty and has no {CARD_NAME} to go on from; name a new folder with -o"
+                f"{store.title} is not empty and has no {CARD_NAME} to continue from; name a new folder with -o"
             )
         return card, None
     try:
@@ -75,7 +75,7 @@ def card_to_resume(store: Store, card: DatasetCard) -> tuple[DatasetCard, Datase
         if getattr(old.machine, field) != getattr(card.machine, field):
             raise UserError(
                 f"{store.title} was captured with {field} {getattr(old.machine, field)}, here it is "
-                f"{getattr(card.machine, field)}; go on where it began, or name a new folder"
+                f"{getattr(card.machine, field)}; continue there, or name a new folder"
             )
     for field in ("scenario", "seed", "every_s", "camera", "target", "labels", "sensors"):
         if getattr(old, field) != getattr(card, field):
@@ -89,7 +89,7 @@ def card_to_resume(store: Store, card: DatasetCard) -> tuple[DatasetCard, Datase
             )
     if card.n_frames < old.n_frames:
         raise UserError(
-            f"{store.title} is a data set of {old.n_frames} frames, and {card.n_frames} are asked for; resume with "
+            f"{store.title} is a data set of {old.n_frames} frames, and {card.n_frames} are requested; resume with "
             f"-n {old.n_frames} or more, or name a new folder"
         )
     if card.split and old.split and card.split != old.split:
@@ -200,6 +200,6 @@ def _require_same_frames(store: Store, plan: FramePlan, old: DatasetCard, frames
             raise UserError(f"cannot read {where} ({error}); name a new folder with -o") from error
         if scene != plan.scene(k):
             raise UserError(
-                f"{store.title} has {old.n_frames} frames spread over the flight, and with {plan.n_frames} each would "
-                f"be of another moment; resume with -n {old.n_frames}, use --every, or name a new folder"
+                f"{store.title} has {old.n_frames} frames spread over the flight, and {plan.n_frames} frames would "
+                f"have other times; resume with -n {old.n_frames}, use --every, or name a new folder"
             )

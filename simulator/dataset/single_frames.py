@@ -96,7 +96,7 @@ def check_picture_path(path: str | Path) -> Path:
         raise UserError(f"{path} is a folder; name a file in it, for example {path / 'frame.png'}")
     if not path.suffix:
         raise UserError(
-            f"{path} has no ending that says how to write it; end the name in {' or '.join(SUFFIXES)}"
+            f"{path} has no suffix, which selects the format; end the name in {' or '.join(SUFFIXES)}"
         )
     if path.suffix not in SUFFIXES:
         raise UserError(

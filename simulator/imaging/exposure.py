@@ -203,7 +203,7 @@ def _integrate_over_ground(
         mean = blurred if mean is None else np.add(mean, blurred, out=mean)
         stage_ms["motion_blur"] += (time.perf_counter() - start) * 1e3
     if mean is None:
-        raise ValueError("a ground that is never drawn has no mean")
+        raise ValueError("the number of drawings of the ground must be positive")
     if n_drawings > 1:
         mean /= np.float32(n_drawings)
     early, late = (scene_at(sign * scene.exposure_s / 2) for sign in (-1, 1))

@@ -88,7 +88,7 @@ def class_report(target: Target) -> list[str]:
     listing = "; ".join(f"{c} {_summary(parts_by_class[c])}" for c in PART_CLASSES if c in parts_by_class)
     lines = [f"classes of parts by their names (--classes FILE sets them): {listing}"]
     if unclassified:
-        lines.append(f"class not known from the name, body taken: {_summary(unclassified)}")
+        lines.append(f"class unknown from the name, body assumed: {_summary(unclassified)}")
     return lines
 
 

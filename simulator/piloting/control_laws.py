@@ -110,7 +110,7 @@ class Demand:
     def __post_init__(self) -> None:
         for axes in (self.thrust, self.turn):
             if len(axes) != 3 or not all(-1.0 <= share <= 1.0 for share in axes):
-                raise ValueError(f"a demand of {axes} is not three shares from -1 to 1")
+                raise ValueError(f"a demand of {axes} must be three numbers from -1 to 1")
         if not 0.0 < self.gain <= COARSE_GAIN or not self.switches <= set(SWITCHES):
             raise ValueError(f"gain {self.gain} or one of {sorted(self.switches)} cannot be demanded")
 

@@ -268,7 +268,7 @@ class Timeline:
             If there are too many.
         """
         if len(self.bookmarks) >= MAX_BOOKMARKS:
-            raise UserError(f"there are {MAX_BOOKMARKS} bookmarks; take one away first (timeline.unbookmark)")
+            raise UserError(f"there are {MAX_BOOKMARKS} bookmarks; remove one first (timeline.unbookmark)")
         mark = Bookmark(t_s, " ".join(note.split())[:MAX_NOTE_LENGTH])
         other_bookmarks = (b for b in self.bookmarks if abs(b.t_s - t_s) > ROUNDING_S)
         self.bookmarks = tuple(sorted((*other_bookmarks, mark), key=lambda b: b.t_s))

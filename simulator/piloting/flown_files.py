@@ -42,7 +42,7 @@ class FlownFiles:
         self._flight, self._scenario = session.flight, session.plan.scenario
         self._count = len(self._timeline)
         if self._count < 2:
-            raise UserError("nothing was flown yet, so there is no flight to keep")
+            raise UserError("there is no flight to save yet")
         self.folder = empty_folder(folder, option="another name")
         self._rows = array("d")
         self._next = 0

@@ -133,7 +133,7 @@ class FlyGlideslope(GuidanceOrder):
         distance = float(np.linalg.norm(p))
         if distance <= end_m:
             raise UserError(
-                f"the chaser is {distance:.1f} m from the target, inside {end_m:g} m; name a nearer end"
+                f"the chaser is {distance:.1f} m from the target, inside {end_m:g} m; choose a nearer end"
             )
         return Glideslope(
             start_lvlh_m=vec3(p),
@@ -240,7 +240,7 @@ class KeepRange(GuidanceOrder):
         distance = float(np.linalg.norm(state[0]))
         if not near_m <= distance <= far_m or far_m - near_m < MIN_SWING_M:
             raise UserError(
-                f"the chaser is {distance:.1f} m away; name two distances, at least 4 m apart, that it is between"
+                f"the chaser is {distance:.1f} m away; give a smaller and a larger distance, 4 m apart"
             )
         return RangeKeeping(position_lvlh_m=vec3(state[0]), near_m=near_m, far_m=far_m)
 

@@ -55,7 +55,7 @@ def event_ahead_s(plan: Plan, flight: Flight, event: Event, now_s: float) -> flo
             near = orbit_ahead(plan, near_s + 1.0, quick=False)
             when = next_event_s(near, event, now_s, until_s=near_s)
     if when is None:
-        raise UserError(f"within the next two orbits there is no moment at which {EVENTS[event]}")
+        raise UserError(f"the next two orbits contain no time at which {EVENTS[event]}")
     return when
 
 

@@ -87,7 +87,7 @@ class LookBack:
         """
         self.keep(always=True)
         if len(self.timeline) < 2:
-            raise UserError("nothing was flown yet, so there is nothing to look back at")
+            raise UserError("there is no flight to replay yet")
         return self._go(self.timeline.at(t_s))
 
     def step(self, samples: int) -> float:

@@ -126,7 +126,7 @@ class Pulse(Order):
     def carry_out(self, craft: PilotedCraft) -> None:
         """Take over, and give the pulse."""
         if self.switch not in SWITCHES:
-            raise UserError(f"there is no switch {self.switch}, only {', '.join(SWITCHES)}")
+            raise UserError(f"unknown switch {self.switch}, allowed: {', '.join(SWITCHES)}")
         craft.take_over()
         craft.steering.pulse(self.switch)
 
@@ -251,7 +251,7 @@ class JudgeBy(Order):
     def carry_out(self, craft: PilotedCraft) -> News:
         """Apply the limits."""
         if self.preset not in PRESETS:
-            raise UserError(f"there are no limits {self.preset}, only {', '.join(PRESETS)}")
+            raise UserError(f"unknown limits {self.preset}, allowed: {', '.join(PRESETS)}")
         limits = craft.docking.limits = PRESETS[self.preset]
         return "note", f"limits: {limits.title} ({limits.source})"
 

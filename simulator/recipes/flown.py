@@ -48,7 +48,7 @@ def flight_scene(
         scene = plan.shifted((step * poses.every_s,)).scene(0)
         return replace(scene, sample=Sample(sequence=SequenceStep(sequence=number, step=step)))
     if not isinstance(poses, AboutTrajectory):
-        raise TypeError("poses are of no flight")
+        raise TypeError("the recipe's poses do not come from a flight")
     plan = _flight(document, target.name, seed, 0)
     share = k / max(n_frames - 1, 1) if poses.moments == "even" else float(rng.random())
     scene = plan.shifted((share * plan.scenario.duration_s,)).scene(0)
@@ -124,6 +124,6 @@ def _with_start_distance(chaser: AnyChaser, distance_m: float, where: str) -> An
     if start:
         return msgspec.structs.replace(chaser, start_m=float(np.copysign(distance_m, start)))
     raise UserError(
-        f"{where}: its chaser has no start to bring to range_m of [poses]; name a scenario that has (mode hold, drift, "
-        "keep_range, vbar, rbar, glideslope)"
+        f"{where}: its chaser cannot start at range_m of [poses]; use a chaser with an initial position (mode "
+        "hold, drift, keep_range, vbar, rbar, glideslope)"
     )

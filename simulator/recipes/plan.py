@@ -107,7 +107,7 @@ class RecipePlan(DocumentPlan):
             raise UserError(f"recipe {self.recipe.name} has no section [background]; name another recipe")
         if views is not None and views > library.views:
             raise UserError(
-                f"recipe {self.recipe.name}: {views} views are asked for, and its library has {library.views}; ask for "
+                f"recipe {self.recipe.name}: {views} views are requested, but its library has {library.views}; request "
                 "less, or raise views in its section [background]"
             )
         return library if views is None else msgspec.structs.replace(library, views=views)
@@ -317,7 +317,7 @@ def _count(recipe: Recipe, n: int | None) -> int:
     )
     if n is not None and n > n_available:
         raise UserError(
-            f"recipe {recipe.name}: {n} frames are asked for, and {recipe.poses.file} has poses for {n_available}; "
+            f"recipe {recipe.name}: {n} frames are requested, but {recipe.poses.file} has poses for {n_available}; "
             f"give -n {n_available} or less, or a longer list"
         )
     return n_available if n is None else n

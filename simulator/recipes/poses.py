@@ -140,7 +140,7 @@ def _translation_m(
             offset = rng.normal(0.0, kind.sigma, 2) if kind.sigma else np.zeros(2)
             if np.abs(offset).max() <= 1:
                 return _at(camera, middle + offset * size / 2, z)
-        raise RuntimeError("no normal of at most two falls within one in ten thousand draws")
+        raise RuntimeError("fewer than one in ten thousand normal draws falls within the bounds")
     radius_px = np.array([camera.fx_px, camera.fy_px]) * radius_m(target) / z
     slack = np.maximum(size / 2 - radius_px, 0)
     return _at(camera, middle + rng.uniform(-1, 1, 2) * slack, z)

@@ -63,7 +63,7 @@ class Plugin:
         except Exception as error:
             reason = " ".join(str(error).split())[:200]
             raise UserError(
-                f"{self.title} cannot be imported ({type(error).__name__}: {reason}); mend the package, or pip "
+                f"{self.title} cannot be imported ({type(error).__name__}: {reason}); repair the package, or pip "
                 f"uninstall {self.package}"
             ) from error
 

@@ -69,7 +69,7 @@ def unpack(packed: ByteArray, of: type[_T], *inner: type) -> _T:
     length = int(data[:8].view("<u8")[0])
     tree = _Unpacker(data, 8 + length, (of, *inner)).read(json.loads(data[8 : 8 + length].tobytes()))
     if not isinstance(tree, of):
-        raise TypeError(f"a {type(tree).__name__} is stored and a {of.__name__} was asked for")
+        raise TypeError(f"a {type(tree).__name__} is stored, but a {of.__name__} was requested")
     return tree
 
 
@@ -109,7 +109,9 @@ class _Unpacker:
             return tuple(self.read(item) for item in node["tuple"])
         kind = self._kinds[node["kind"]] if node["kind"] < len(self._kinds) else None
         if not dataclasses.is_dataclass(kind):
-            raise TypeError(f"a dataclass of kind {node['kind']} is stored, which was not asked for")
+            raise TypeError(
+                f"a dataclass of kind {node['kind']} is stored, which is not among the requested kinds"
+            )
         names = [f.name for f in dataclasses.fields(kind)]
         if len(names) != len(node["values"]):
             raise TypeError(f"{len(node['values'])} values are stored of a {kind.__name__} of {len(names)}")

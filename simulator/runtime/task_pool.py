@@ -71,7 +71,7 @@ def run_tasks(
             process.terminate()
         if isinstance(error, BrokenProcessPool):
             raise UserError(
-                "a worker process was killed from outside (out of memory?); run the command again to resume"
+                "a worker process was killed, perhaps for lack of memory; run the command again to resume"
             ) from error
         raise
     pool.shutdown()

@@ -72,12 +72,12 @@ def parse_toml(content: bytes, where: str) -> dict[str, Any]:
     """
     if len(content) > MAX_TOML_BYTES:
         raise UserError(
-            f"{where} is longer than {MAX_TOML_BYTES / 1e6:g} MB, which no such file is; shorten it"
+            f"{where} is longer than {MAX_TOML_BYTES / 1e6:g} MB, the limit of such a file; shorten it"
         )
     text = decode_text(content, where)
     refuse_deep(content, where, skip=TOML_TEXT)
     if _DOTTED.search(content):
-        raise UserError(f"{where} has a key of more than {MAX_DOTS} dots, which no such file has")
+        raise UserError(f"{where} has a key of more than {MAX_DOTS} dots, the limit of such a file")
     try:
         document = tomllib.loads(text)
     except ValueError as error:  # also integers of thousands of digits
@@ -85,7 +85,7 @@ def parse_toml(content: bytes, where: str) -> dict[str, Any]:
     except RecursionError as error:
         raise UserError(f"{where} is not valid TOML: it nests too deep") from error
     if _is_deep(document):  # dotted keys within brackets multiply the depth
-        raise UserError(f"{where} nests more than {MAX_DEPTH} tables in each other, which no such file does")
+        raise UserError(f"{where} nests more than {MAX_DEPTH} tables, the limit of such a file")
     refuse_not_finite(document, where)
     return document
 

@@ -86,10 +86,7 @@ def refuse_link_out(path: Path, folder: Path) -> None:
         If it does.
     """
     if not _is_within(path, folder):
-        raise UserError(
-            f"{path} is reached by a link that leads out of {folder}, from which alone files are read; put the files "
-            "themselves there"
-        )
+        raise UserError(f"{path} is a link to a file outside {folder}; put the file itself there")
 
 
 def find_beside(owner: Path, name: str, what: str, root: Path | None = None) -> Path:
@@ -114,9 +111,9 @@ def find_beside(owner: Path, name: str, what: str, root: Path | None = None) -> 
     plain = name.replace("\\", "/")
     quoted = f"{owner}: {what} file {name[:80]!r}"
     if "\0" in name or not plain.strip():
-        raise UserError(f"{quoted} has no name that a file can have; export the model again")
+        raise UserError(f"{quoted} is not a valid file name; export the model again")
     if "://" in plain or (urlsplit(plain).scheme and not PureWindowsPath(plain).drive):
-        raise UserError(f"{quoted} is an address, which is not fetched; put the file beside the model")
+        raise UserError(f"{quoted} is a URL, which is not fetched; put the file next to the model")
     folder = (root or owner.parent).resolve()
     if Path(plain).is_absolute() or PureWindowsPath(plain).anchor or PureWindowsPath(plain).drive:
         inside = False
@@ -124,8 +121,7 @@ def find_beside(owner: Path, name: str, what: str, root: Path | None = None) -> 
         inside = _is_within(owner.parent.resolve() / plain, folder)
     if not inside:
         raise UserError(
-            f"{quoted} is not within the model's folder, from which alone files are read; put it there and "
-            "name it without its path"
+            f"{quoted} is not within the model's folder; put it there and name it without its path"
         )
     return owner.parent / plain
 
@@ -208,9 +204,7 @@ def refuse_deep(data: bytes, where: str, skip: re.Pattern[bytes] = JSON_TEXT) ->
     steps = _OPENING[numbers].astype(np.int8)
     steps -= _CLOSING[numbers]
     if np.cumsum(steps, dtype=np.int32).max(initial=0) > MAX_DEPTH:
-        raise UserError(
-            f"{where} nests more than {MAX_DEPTH} brackets in each other, which no such file does"
-        )
+        raise UserError(f"{where} nests more than {MAX_DEPTH} brackets, the limit of such a file")
 
 
 def refuse_not_finite(value: Any, where: str, key: str = "") -> None:  # noqa: ANN401 - a document is anything

@@ -64,7 +64,7 @@ class WorkerPool(Generic[T]):
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
         if count < 1:
-            raise ValueError(f"at least one process must work, got {count}")
+            raise ValueError(f"the number of processes must be at least 1, got {count}")
         self._make = partial(WorkerProcess, work, open_resource=open_resource, capacity=capacity, name=name)
         self._count, self._name = count, name
         self._restarts, self._answer_within_s = restarts, answer_within_s
@@ -177,7 +177,7 @@ class WorkerPool(Generic[T]):
             raise error or RuntimeError(what)
         self.close()
         self._start()
-        raise JobsLostError(f"{what} and is started again; the flight goes on") from error
+        raise JobsLostError(f"{what} and is restarted; the flight continues") from error
 
     def close(self) -> None:
         """End the processes; jobs in flight are abandoned."""

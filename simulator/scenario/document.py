@@ -95,7 +95,7 @@ def _camera_pitch_um(camera: CameraFile, preset: Sensor, where: str) -> tuple[fl
     ):
         raise UserError(
             f"{where}: the camera's file has pixels of {pitch[0]:g} x {pitch[1]:g} um, detector "
-            f"{preset.preset} has {preset_pitch[0]:g} x {preset_pitch[1]:g}: say which by [sensor] pixel_pitch_um"
+            f"{preset.preset} has {preset_pitch[0]:g} x {preset_pitch[1]:g}: choose one with [sensor] pixel_pitch_um"
         )
     return pitch
 

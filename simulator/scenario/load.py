@@ -310,7 +310,7 @@ def _bases(raw: dict[str, Any], where: str, folder: Path) -> Iterator[dict[str, 
         raw = toml_table(content, where)
         yield raw
     raise UserError(
-        f"{where}: key base: recipes stand on each other {MAX_BASES} deep or in a circle; cut one"
+        f"{where}: key base: the recipe has more than {MAX_BASES} bases, or they form a cycle; remove one"
     )
 
 
@@ -321,7 +321,7 @@ def _resolve_pose_file(poses: AnyPoses | None, where: str, folder: Path) -> AnyP
     key = "file" if isinstance(poses, PoseList) else "scenario"
     name = getattr(poses, key)
     if not name.strip():
-        raise UserError(f"{where}: section [poses] names no file or scenario; give one")
+        raise UserError(f"{where}: section [poses] gives neither a file nor a scenario; give one")
     return msgspec.structs.replace(poses, **{key: str(folder / name)}) if (folder / name).is_file() else poses
 
 

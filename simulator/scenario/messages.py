@@ -92,7 +92,7 @@ def _orbit(
         orbit_source = orbit_source(0.0)[:2]
     elif motion == "oem":
         raise UserError(
-            f"key orbit.motion is 'oem', but {name} has one state and no ephemeris: remove the key"
+            f"key orbit.motion is 'oem', but {name} has a single state but no ephemeris: remove the key"
         )
     state = _state_orbit(centre, orbit_source)
     if (problem := state.problem()) is not None:
@@ -133,7 +133,7 @@ def chaser_ephemeris(scenario: Scenario) -> Ephemeris | None:
     ephemeris = _orbit_file(Path(chaser.file), "chaser.file", epoch, centre, chaser.satellite)
     if isinstance(ephemeris, tuple):
         raise UserError(
-            f"key chaser.file is {chaser.file!r}, which has one state and no ephemeris: give an OEM"
+            f"key chaser.file is {chaser.file!r}, which has a single state but no ephemeris: give an OEM"
         )
     ephemeris.require_span(scenario.duration_s)
     return ephemeris
@@ -238,4 +238,4 @@ def read_message(path: Path, key: str) -> bytes:
             f"key {key} is {str(path)!r}, which cannot be read: {error.strerror or error}"
         ) from error
     except ValueError as error:  # a null character in the name
-        raise UserError(f"key {key} is {str(path)!r}, which is no name of a file: {error}") from error
+        raise UserError(f"key {key} is {str(path)!r}, which is not a valid file name: {error}") from error

@@ -43,7 +43,7 @@ log = logging.getLogger(__name__)
 
 _BINARY_SIGNATURES = (
     (b"DAF/SPK", "an SPK kernel (.bsp)", "write an OEM of it with SPICE's spk2oem or GMAT"),
-    (b"NAIF/DAF", "an SPICE kernel", "write an OEM of it with SPICE's spk2oem or GMAT"),
+    (b"NAIF/DAF", "a SPICE kernel", "write an OEM of it with SPICE's spk2oem or GMAT"),
     (b"DAF/", "a SPICE kernel", "write an OEM of the SPK with SPICE's spk2oem or GMAT"),
     (b"\x1f\x8b", "compressed by gzip", "unpack it"),
     (b"PK\x03\x04", "a zip archive", "unpack it"),
@@ -124,7 +124,7 @@ def read_orbit_file(
         elements = choose_set(read_element_sets(text, where), satellite, where)
         return state_from_tle(elements.line1, elements.line2, epoch)
     hint = " (its keys must be in capitals)" if start.upper().startswith("CCSDS_") else ""
-    raise UserError(f"{where} is no orbit file that is known{hint}: read are {SUPPORTED_FORMATS}")
+    raise UserError(f"{where} is not in a known orbit format{hint}: supported are {SUPPORTED_FORMATS}")
 
 
 def _decode(data: bytes, where: str) -> str:
@@ -135,11 +135,11 @@ def _decode(data: bytes, where: str) -> str:
     text = decode_text(data, where)
     start = first_line(text)
     if not start:
-        raise UserError(f"{where} is empty: read are {SUPPORTED_FORMATS}")
+        raise UserError(f"{where} is empty: supported are {SUPPORTED_FORMATS}")
     matches = [row[1:] for row in _TEXT_SIGNATURES if start.startswith(row[0])]
     matches += [row[1:] for row in _TEXT_MARKERS if row[0] in text[:100_000]]
     for what, remedy in matches:
-        raise UserError(f"{where} is {what}, which is not read: {remedy}")
+        raise UserError(f"{where} is {what}, which is not supported: {remedy}")
     return text
 
 

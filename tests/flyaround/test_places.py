@@ -32,7 +32,7 @@ def test_a_full_folder_of_the_console_is_told_by_its_option(full, capsys):
 
 
 def test_a_picture_without_an_ending_or_in_the_place_of_a_folder(tmp_path, capsys):
-    assert "has no ending" in _fails(capsys, "render", SCENARIO, "-o", tmp_path / "picture")
+    assert "has no suffix" in _fails(capsys, "render", SCENARIO, "-o", tmp_path / "picture")
     assert "is a folder; name a file in it" in _fails(capsys, "render", SCENARIO, "-o", tmp_path)
 
 

@@ -180,7 +180,7 @@ def test_an_open_mesh_without_its_materials_is_taken_and_all_findings_said_at_on
         "1 lines begin with a word that OBJ does not have",
         "proposed",
         "classes of parts by their names (--classes FILE sets them): solar_array 1 (SolarPanel); body 1 (Cube.001)",
-        "class not known from the name, body taken: 1 (Cube.001)",
+        "class unknown from the name, body assumed: 1 (Cube.001)",
         "a: 2 x 1 x 2 m, 2 parts,",
         "; estimator: no keypoint network",
     )

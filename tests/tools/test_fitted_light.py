@@ -82,7 +82,7 @@ def test_what_cannot_be_fitted_is_told_before_anything_is_written(tmp_path, caps
     assert "is not JSON" in told("[")
     assert "nests more than 64 brackets" in told("[" * 1000)
     assert "length is 2" in told([row | {"q_vbs2tango_true": [2, 0, 0, 0]}])
-    assert "not before the camera" in told([row | {"r_Vo2To_vbs_true": [0, 0, -5]}])
+    assert "not in front of the camera" in told([row | {"r_Vo2To_vbs_true": [0, 0, -5]}])
     # another camera
     assert "another aspect ratio than the camera's 1920 x 1200" in told(
         [row], grey[:, :60], "--camera", "speedplus"

@@ -86,9 +86,9 @@ class Faces:
             raise ValueError("faces and the nodes of their tree do not fit together")
         below = np.arange(len(children))[:, None]
         if np.any((children >= len(children)) | ((children >= 0) & (children <= below))):
-            raise ValueError("a node of the tree of faces names a node that is not below it")
+            raise ValueError("a node of the tree of faces refers to a node that is not below it")
         if not np.all(np.isfinite(corners)) or np.any((indices < 0) | (indices >= len(corners))):
-            raise ValueError("the tree of faces names a face that is not there")
+            raise ValueError("the tree of faces refers to a face that does not exist")
         n = np.cross(corners[:, 2] - corners[:, 0], corners[:, 3] - corners[:, 1])
         n = n / np.maximum(np.linalg.norm(n, axis=1, keepdims=True), 1e-18)
         group, groups = _brightness_groups(material, n, NORMAL_STEPS)

@@ -96,7 +96,7 @@ class ExportsCheck:
         if not names:
             return
         if not card.complete:
-            self._not_checked.append("exports are finished at the end of a capture")
+            self._not_checked.append("exports are written at the end of a capture")
             return
         if not card.is_of_this_version:
             self._not_checked.append(
@@ -109,7 +109,7 @@ class ExportsCheck:
             try:
                 form = find_format(name)
                 if form not in BUILT_IN:
-                    self._not_checked.append(f"format {name} is of another package")
+                    self._not_checked.append(f"format {name} belongs to another package")
                     continue
                 self._comparisons.append(_Comparison(form, folder / name, initial_card, is_complete=whole))
             except UserError as error:

@@ -162,7 +162,7 @@ class DatasetFormat:
             If it is read-only, cannot hold this data set, or a required library is not installed.
         """
         if self.writer is None:
-            raise UserError(f"format {self.name} is read, not written; choose another with --format")
+            raise UserError(f"format {self.name} can only be read; choose another with --format")
         reason = None if self.problem is None else self.problem(card)
         if reason is not None:
             raise UserError(f"format {self.name} cannot hold this data set: {reason}")

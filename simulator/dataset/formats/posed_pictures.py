@@ -197,16 +197,14 @@ def checked_pose(q_wxyz: Any, t_m: Any, where: str) -> Pose:  # noqa: ANN401 - v
         except (TypeError, ValueError, OverflowError):
             row = []
         if len(row) != count or not all(math.isfinite(v) for v in row):
-            raise UserError(
-                f"{where}: the {quantity} is {str(values)[:80]}, {count} finite numbers are needed"
-            )
+            raise UserError(f"{where}: the {quantity} is {str(values)[:80]}, give {count} finite numbers")
         numbers.append(row)
     q, t = numbers
     if abs(math.hypot(*q) - 1) > UNIT_TOLERANCE:
         raise UserError(f"{where}: the quaternion's length is {math.hypot(*q):g}; it must be one")
     if not (t[2] > 0 and MIN_RANGE_M < math.hypot(*t) < MAX_RANGE_M):
         raise UserError(
-            f"{where}: the target is at {t} m, which is not before the camera or not {MIN_RANGE_M:g} to "
-            f"{MAX_RANGE_M:g} m away; the data set's axes are another's"
+            f"{where}: the target is at {t} m, which is not in front of the camera or not {MIN_RANGE_M:g} to "
+            f"{MAX_RANGE_M:g} m away; the data set may use other axes"
         )
     return Pose.of("camera", "target", q, t)

@@ -91,7 +91,7 @@ def parse_formats(text: str) -> tuple[str, ...]:
     for name in names:
         if name not in writable():
             if name in readable():
-                raise UserError(f"format {name} is read, not written; choose from {', '.join(writable())}")
+                raise UserError(f"format {name} can only be read; choose from {', '.join(writable())}")
             raise UserError(
                 f"unknown data-set format '{name}' in --format; choose from {', '.join(writable())}"
             )
@@ -132,12 +132,12 @@ def read_foreign(place: Path, name: str | None = None) -> tuple[PosedPictures, s
     readers = {format_.name: format_.read for format_ in formats().values() if format_.read is not None}
     if name is not None:
         if find_format(name).read is None:
-            raise UserError(f"format {name} is written, not read; read are {', '.join(readers)}")
+            raise UserError(f"format {name} can only be written; readable are {', '.join(readers)}")
         readers = {name: readers[name]}
     for format_, read in readers.items():
         pictures = read(place)
         if pictures is not None:
             if not pictures.pictures:
-                raise UserError(f"{pictures.labels} lists no picture; give a list with some")
+                raise UserError(f"{pictures.labels} lists no picture; give another list")
             return pictures, format_
-    raise UserError(f"{place} holds no data set of a format that is read here ({', '.join(readers)})")
+    raise UserError(f"{place} holds no data set in a readable format ({', '.join(readers)})")

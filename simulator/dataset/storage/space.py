@@ -59,7 +59,7 @@ def require_disk_space(store: Store, n_frames: int, each_bytes: int) -> None:
     if free is not None and required > free:
         raise UserError(
             f"{n_frames:,} frames take about {_size(required)} and the disk of {store.title} has {_size(free)} left; "
-            "ask for fewer with -n, or name a folder on another disk with -o"
+            "choose fewer with -n, or name a folder on another disk with -o"
         )
 
 

@@ -151,5 +151,5 @@ class UrlStore:
         except Exception as error:
             words = without_secrets(" ".join(str(error).split())) or type(error).__name__
             raise UserError(
-                f"cannot {what} {self._title}: {words}; check the URL, the store and who may write there"
+                f"cannot {what} {self._title}: {words}; check the URL, the store and its permissions"
             ) from error

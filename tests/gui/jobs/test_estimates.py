@@ -162,7 +162,7 @@ def test_one_that_hangs_is_ended_and_another_method_goes_on(session: FlightSessi
         assert longest < NO_WAIT_S, "the window waited"
         (told,) = estimates.take_troubles()
         assert "done nothing" in told
-        assert "flight goes on" in told
+        assert "flight continues" in told
         estimates.choose("hybrid")
         until(lambda: estimates.newest is not None, lambda: estimates.update(picture))
 

@@ -250,13 +250,13 @@ def test_resume_takes_more_samples_of_a_recipe_and_not_fewer(tmp_path):
             assert (
                 tmp_path / "grown" / path.relative_to(tmp_path / "whole")
             ).read_bytes() == path.read_bytes()
-    with pytest.raises(UserError, match="data set of 2 frames, and 1 are asked for"):
+    with pytest.raises(UserError, match="data set of 2 frames, and 1 are requested"):
         capture(recipe(1), tmp_path / "grown", resume=True)
 
 
 def test_more_moments_of_a_flight_are_other_moments(copy):
     before = {path: path.read_bytes() for path in copy.rglob("*") if path.is_file()}
-    with pytest.raises(UserError, match="each would be of another moment"):
+    with pytest.raises(UserError, match="frames would have other times"):
         capture(small_flight(384, n=N + 1), copy, resume=True)
     assert {path: path.read_bytes() for path in copy.rglob("*") if path.is_file()} == before
 

@@ -77,7 +77,7 @@ def test_what_is_proposed_follows_what_the_scenario_can_do():
     assert (told.share, told.worst_share) == (0.2, 0.3)
     assert "exposure_s = 0.002 in [sensor] (here 0.01)" in told.advice
     far = summarise_clipping([*even, Clipping(1000, 0, 0.01, 0.05)], document)
-    assert far.advice.startswith("add [sensor.auto_exposure], for frames want 0.002 to 0.05 s")
+    assert far.advice.startswith("add [sensor.auto_exposure], because the frames need 0.002 to 0.05 s")
     following = {**document, "sensor": {"auto_exposure": {"level": 0.5}}}
     assert "set level below 0.5" in summarise_clipping(even, following).advice
     assert "recipe" in summarise_clipping(even, {"name": "eval-black"}).advice

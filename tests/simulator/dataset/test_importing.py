@@ -135,7 +135,7 @@ def test_what_is_wrong_in_a_foreign_set_is_told_and_nothing_is_written(lightbox,
     labels.write_text("[" * 100_000)
     assert "nests more than 64 brackets" in told()
     assert "length is 2" in told([rows[0] | {"q_vbs2tango_true": [2, 0, 0, 0]}])
-    assert "not before the camera" in told([rows[0] | {"r_Vo2To_vbs_true": [0, 0, -5]}])
+    assert "not in front of the camera" in told([rows[0] | {"r_Vo2To_vbs_true": [0, 0, -5]}])
     assert "is not in" in told([rows[0] | {"filename": "none.jpg"}])
     assert "not within" in told([rows[0] | {"filename": "../../etc/passwd"}])
     labels.write_text("[")
@@ -152,7 +152,7 @@ def test_what_is_wrong_in_a_foreign_set_is_told_and_nothing_is_written(lightbox,
     empty = tmp_path / "empty"
     empty.mkdir()
     assert run(["convert", str(empty), "-o", str(out)]) == 2
-    assert "holds no data set of a format that is read" in capsys.readouterr().err
+    assert "holds no data set in a readable format" in capsys.readouterr().err
 
 
 def test_evaluate_says_how_to_take_a_foreign_folder(lightbox, tmp_path, capsys):
@@ -223,7 +223,7 @@ def test_spark_and_urso_lists_of_others(tmp_path, capsys):
     assert "lists no picture" in told(head)
     assert "names a.png, which is not in" in told(head + "../x,a.png,0,0,5,0,0,0,1\n")
     cv2.imwrite(str(folder / "a.png"), np.zeros((30, 48), np.uint8))
-    assert "does not say what craft it shows; name it with --target" in told(head + "1,a.png,0,0,5,0,0,0,1\n")
+    assert "does not name its target; name it with --target" in told(head + "1,a.png,0,0,5,0,0,0,1\n")
     row = head + "1,a.png,0,0,5,0,0,0,1\n"
     assert "no camera.json; name the camera" in told(row, "--target", "tango@low")
     path.unlink()

@@ -104,7 +104,7 @@ def test_a_file_sets_classes_by_name_or_pattern():
 def test_classes_that_were_taken_and_parts_that_are_not_known_are_said():
     lines = class_report(craft("SolarPanel", "Cube.001", "Hull"))
     assert "solar_array 1 (SolarPanel); body 2 (Cube.001, Hull)" in lines[0]
-    assert lines[1] == "class not known from the name, body taken: 1 (Cube.001)"
+    assert lines[1] == "class unknown from the name, body assumed: 1 (Cube.001)"
     assert len(class_report(craft("Hull"))) == 1
 
 

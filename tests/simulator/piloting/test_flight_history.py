@@ -158,7 +158,7 @@ def test_the_recording_follows(tmp_path):
 
 
 def test_nothing_to_look_back_at_and_no_future_left(session):
-    with pytest.raises(UserError, match="nothing was flown yet"):
+    with pytest.raises(UserError, match="there is no flight to replay yet"):
         session.look_back.seek(0.0)
     fly(session, 1.0)
     with pytest.raises(UserError, match="no future was left"):
@@ -196,5 +196,5 @@ def test_bookmarks_are_in_order_and_bounded():
     assert [b.t_s for b in timeline.bookmarks] == [1.0, 3.0]
     for k in range(MAX_BOOKMARKS - 2):
         timeline.bookmark(10.0 + k, "x")
-    with pytest.raises(UserError, match="bookmarks; take one away"):
+    with pytest.raises(UserError, match="bookmarks; remove one"):
         timeline.bookmark(5000.0, "one more")

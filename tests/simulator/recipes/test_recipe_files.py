@@ -62,7 +62,7 @@ def recipe_file(tmp_path, text):
         ('[poses]\nkind = "trajectory"\nscenario = "tango-vbra"\n', r"there is no scenario 'tango-vbra'"),
         ('[poses]\nkind = "trajectory"\nscenario = "tango-limb"\n[background]\n', r"its own sky"),
         ('base = "eval-read"\n', r"eval-earth"),
-        ('base = "mine.toml"\n', r"in a circle"),
+        ('base = "mine.toml"\n', r"form a cycle"),
         ('base = "../mine.toml"\n', r"not within"),
         ("frames = 0\n", r"frames is 0, allowed: a whole number of at least 1"),
         ("rnage = 1\n", r"unknown key rnage .* did you mean range"),
@@ -169,7 +169,7 @@ def test_a_view_of_a_library_depends_on_its_number_alone_and_shows_the_body():
         nadir = view.place.R_eci_from_camera.T @ -r
         seen += nadir[2] > np.cos(np.radians(70))
     assert 5 < seen < 20  # whole of the image or part of it
-    with pytest.raises(UserError, match="3001 views are asked for"):
+    with pytest.raises(UserError, match="3001 views are requested"):
         plan.library(3001)
 
 

@@ -47,5 +47,5 @@ def test_two_draw_what_one_draws_in_order_and_say_what_went_wrong(renderer, draw
 
 
 def test_none_cannot_draw():
-    with pytest.raises(ValueError, match="at least one"):
+    with pytest.raises(ValueError, match="at least 1"):
         WorkerPool(draw, 0, open_resource=OpenRenderer())

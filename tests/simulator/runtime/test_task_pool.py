@@ -18,5 +18,5 @@ def test_results_come_in_the_order_of_the_tasks():
 
 
 def test_a_process_killed_from_outside_is_one_sentence():
-    with pytest.raises(UserError, match="killed from outside"):
+    with pytest.raises(UserError, match="was killed"):
         list(run_tasks(kill_process, [1, 2], 1))

@@ -264,7 +264,7 @@ GOOD = oem(np.arange(-60.0, 121.0, 60.0))
         (b"\x1f\x8b\x08", "is compressed by gzip"),
         (b'[{"NAME": 1}]', "unknown key 'NAME'"),
         (b"[" * 100, "nests more than"),
-        (b"hello\n", "is no orbit file that is known"),
+        (b"hello\n", "is not in a known orbit format"),
     ],
 )
 def test_a_file_that_is_not_read_is_named(data, sentence):
@@ -446,5 +446,5 @@ def test_burns_and_thrusters_do_not_go_with_followed_craft(tmp_path):
     (tmp_path / "a.tle").write_text("\n".join(TLE))
     path = scenario(tmp_path, orbit='kind = "oem"\nfile = "a.tle"\nmotion = "oem"')
     path.write_text(path.read_text().replace("2026-03-20T12:00:00Z", "2020-06-01T12:05:00Z"))
-    with pytest.raises(UserError, match="has one state and no ephemeris"):
+    with pytest.raises(UserError, match="has a single state but no ephemeris"):
         load_scenario(path)

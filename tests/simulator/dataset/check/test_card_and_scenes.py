@@ -206,7 +206,7 @@ def test_a_key_that_is_there_twice_is_found(copy, name, frame):
     without_manifest(copy)
     text = (copy / name).read_text()
     (copy / name).write_text(text.replace("{", '{"seed": 99,', 1))
-    assert [k for k, what in wrong(copy) if "key 'seed' is there twice" in what] == [frame]
+    assert [k for k, what in wrong(copy) if "key 'seed' occurs twice" in what] == [frame]
 
 
 SPLITS = {

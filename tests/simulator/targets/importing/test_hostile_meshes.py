@@ -87,13 +87,13 @@ OUTSIDE = (
     ("round.bin", "not within the model's folder"),
     ("C:\\secret.bin", "not within the model's folder"),
     ("\\\\server\\share\\secret.bin", "not within the model's folder"),
-    ("http://example.org/a.bin", "is an address"),
-    ("file:///etc/hostname", "is an address"),
+    ("http://example.org/a.bin", "is a URL"),
+    ("file:///etc/hostname", "is a URL"),
     ("pipe.bin", "is no regular file"),
     (".", "is a folder"),
     ("gone.bin", "is missing"),
     ("x" * 5000, "is missing"),
-    ("a\0b", "no name that a file can have"),
+    ("a\0b", "not a valid file name"),
 )
 
 
