@@ -130,8 +130,14 @@ class BoardAgent:
         URL of the host.
     model_path : str or Path, optional
         Board model file, or the name of a bundled one; unused with ``make_estimator``.
+    method : str, optional
+        Name of the estimator; unused with ``make_estimator``.
     make_estimator : EstimatorFactory, optional
         Called once per session with the camera as a dict (``fx_px``, ``cx_px``, ...); returns the estimator.
+    model_name : str, optional
+        Name of the target that ``make_estimator`` is for.
+    model_sha256 : str, optional
+        Hash of that target's model, which the host compares with its own.
     connect_timeout_s : float, optional
         Time-out of the connection, and of the host's first message.
     window : int, optional

@@ -89,6 +89,10 @@ class FrameServer:
     ----------
     link : Link
         Link after the handshake that settled ``terms``.
+    terms : HelloAck
+        Terms of the session.
+    estimator : BoardEstimator
+        Estimator that answers the frames.
     window : int
         Number of complete frames that the board announced it can hold.
     watchdog_s : float, optional

@@ -30,6 +30,8 @@ class ProtocolMistake(PacketError):  # noqa: N818 - the sender's mistake, not th
 
     Parameters
     ----------
+    sentence : str
+        Description of the violation.
     frame_id : int, optional
         Frame that the packet is about; None if there is none.
     """

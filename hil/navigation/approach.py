@@ -83,6 +83,8 @@ class Approach:
         Control period.
     end_lvlh_m : (3,) array
         End of the path, LVLH.
+    rules : ApproachRules, optional
+        Settings of the guidance.
     """
 
     def __init__(

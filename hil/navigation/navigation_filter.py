@@ -101,6 +101,8 @@ class NavigationFilter:
         LVLH frame of the target as a function of time, from its known orbit.
     com_target_m : (3,) array
         Centre of mass of the target, model frame.
+    settings : FilterSettings, optional
+        Settings of the filter.
 
     References
     ----------

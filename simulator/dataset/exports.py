@@ -92,6 +92,12 @@ class ExportSink:
 
     Parameters
     ----------
+    store : Store
+        Store of the data set.
+    card : DatasetCard
+        Card of the data set.
+    ratio : tuple of int or None
+        Ratio of training, validation and test frames; None without a split.
     existing : iterable of int, optional
         Numbers of the existing frames that a resumed capture keeps.
     """

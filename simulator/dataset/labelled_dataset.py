@@ -21,6 +21,8 @@ class LabelledDataset(Sequence[LabelledFrame]):
 
     Parameters
     ----------
+    folder : Path
+        Folder of the data set.
     card : DatasetCard
         Card of the data set.
     numbers : sequence of int

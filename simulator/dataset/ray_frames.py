@@ -82,6 +82,8 @@ class RayFrames(FrameProducer[Result]):
     ----------
     stage : callable
         Function applied to each frame where it is rendered.
+    cluster : RayCluster
+        Cluster that renders the frames.
     first : SceneState
         First scene to be drawn.
     target : Target

@@ -69,6 +69,8 @@ class SplitAssigner:
 
     Parameters
     ----------
+    ratio : tuple of int
+        Ratio of training, validation and test frames.
     assigned : dict, optional
         Splits of frames that are already assigned.
     """

@@ -104,6 +104,8 @@ class DatasetWriter:
 
     Parameters
     ----------
+    store : Store
+        Store that receives the files.
     card : DatasetCard
         Card of the data set, written at once and marked incomplete.
     """

@@ -1,6 +1,6 @@
 """Docstrings by numpydoc's rules: parameters in the signature's order with their types, and imperative summaries.
 
-Checks of numpydoc's validation on every docstring of the product: PR02, PR03, PR04, SS05, and, where a function has a
+Checks of numpydoc's validation on every docstring of the product: PR02, PR03, PR04, SS05, and, where there is a
 Parameters section, PR01.
 """
 
@@ -53,7 +53,11 @@ def fields(node, classes):
         if name in classes:
             names += fields(classes[name], classes)
     for statement in node.body:
-        if isinstance(statement, ast.AnnAssign) and isinstance(statement.target, ast.Name):
+        if (
+            isinstance(statement, ast.AnnAssign)
+            and isinstance(statement.target, ast.Name)
+            and "ClassVar" not in ast.unparse(statement.annotation)
+        ):
             names.append(statement.target.id)
         if isinstance(statement, ast.FunctionDef) and statement.name in {"__init__", "__new__"}:
             names = arguments(statement)
@@ -101,9 +105,13 @@ def failures(path):
         extra = [] if foreign else [name for name in order if name not in known]
         if extra:
             yield f"{where}: PR02 no such parameters: {extra}"
-        missing = [name for name in known if name not in order]
+        required = fields(node, {}) if isinstance(node, ast.ClassDef) else known
+        # ``*_deg`` in the text above the section describes all names with that ending
+        endings = tuple(re.findall(r"``\*?(_\w+)``", ast.get_docstring(node) or ""))
+        missing = [name for name in required if name not in order and not name.startswith("_")]
+        missing = [name for name in missing if not name.endswith(endings)]
         complete = not path.relative_to(ROOT).as_posix().startswith(INCOMPLETE)
-        if missing and complete and not isinstance(node, ast.ClassDef):
+        if missing and complete:
             yield f"{where}: PR01 parameters not documented: {missing}"
         listed = [name for name in known if name in order]
         if [name for name in order if name in known] != listed:

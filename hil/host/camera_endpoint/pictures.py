@@ -59,6 +59,8 @@ class RenderedPictures:
 
     Parameters
     ----------
+    plan : Plan
+        Frames of a scenario.
     producer : FrameProducer
         Renders one image at a time.
     """

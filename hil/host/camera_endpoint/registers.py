@@ -148,6 +148,10 @@ class Registers:
 
     Parameters
     ----------
+    terms : CameraTerms
+        Properties of the simulated camera.
+    interface : Interface
+        Network interface of the endpoint.
     source_port : int
         Port from which the stream is sent.
     xml : bytes

@@ -64,6 +64,10 @@ class ExportsCheck:
 
     Parameters
     ----------
+    folder : Path
+        Folder of the data set.
+    card : DatasetCard
+        Card of the data set.
     numbers : sequence of int
         Numbers of all intact frames.
     seed : int
@@ -158,6 +162,12 @@ class _Comparison:
 
     Parameters
     ----------
+    form : DatasetFormat
+        Format of the export.
+    root : Path
+        Folder of the export.
+    card : DatasetCard
+        Card of the data set.
     is_complete : bool
         True if all frames are passed. Otherwise existing lists and shards may hold additional frames.
     """

@@ -59,6 +59,10 @@ class SpeedWriter:
 
     Parameters
     ----------
+    output : Path
+        Output folder.
+    card : DatasetCard
+        Card of the data set.
     kind : str
         ``speed`` or ``speedplus``.
     """

@@ -72,6 +72,8 @@ class FolderStore:
 
     Parameters
     ----------
+    folder : Path
+        Folder to write into.
     other_files : frozenset of str, optional
         Names in it that do not belong to the data set.
     """
