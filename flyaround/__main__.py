@@ -44,12 +44,12 @@ def run(arguments: list[str]) -> int:
     """Run one command line, and return its exit code: 0 success, 1 a failed check, 2 a user's mistake."""
     problem = limits_problem(drawing=bool(DRAWING.intersection(arguments)))
     if problem is not None:
-        _say_error(problem)
+        _print_error(problem)
         return 2
     try:
         _call(arguments)
     except (KeyboardInterrupt, SystemExit) as leave:
-        stop = _stop_behind(leave)
+        stop = _cause_of_exit(leave)
         if stop is None:
             return leave.code if isinstance(leave, SystemExit) and isinstance(leave.code, int) else 0
         terminated = isinstance(stop, Terminated)
@@ -57,13 +57,13 @@ def run(arguments: list[str]) -> int:
         sys.stderr.write(f"flyaround: {verb}; files written so far are complete\n")
         return TERMINATED if terminated else INTERRUPTED
     except Exception as error:
-        sentence = str(error) if _is_users(error) else machine_sentence(error)
+        sentence = str(error) if _is_for_user(error) else machine_sentence(error)
         if sentence is None:
             raise
-        _say_error(sentence)
+        _print_error(sentence)
         logging.getLogger("flyaround").debug("traceback", exc_info=True)
-        if not _is_users(error):
-            _leave_full_output()
+        if not _is_for_user(error):
+            _discard_output()
         return 2
     return 0
 
@@ -76,12 +76,12 @@ def _call(arguments: list[str]) -> None:
         app(args=arguments, prog_name="flyaround")
 
 
-def _is_users(error: Exception) -> bool:
+def _is_for_user(error: Exception) -> bool:
     """Return True if an error message tells the user what to do."""
     return isinstance(error, UserError | LinkError | BoardModelError)
 
 
-def _say_error(sentence: str) -> None:
+def _print_error(sentence: str) -> None:
     """Print a sentence as one line, without secrets in URLs; as plain text if memory is too short for Rich."""
     line = without_secrets(" ".join(sentence.splitlines()))
     try:
@@ -95,7 +95,7 @@ def _say_error(sentence: str) -> None:
         sys.stderr.write(f"flyaround: {line}\n")
 
 
-def _leave_full_output() -> None:
+def _discard_output() -> None:
     """Discard buffered standard output that could not be written, so that Python does not fail again at exit."""
     try:
         sys.stdout.flush()
@@ -103,7 +103,7 @@ def _leave_full_output() -> None:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
-def _stop_behind(leave: BaseException) -> KeyboardInterrupt | None:
+def _cause_of_exit(leave: BaseException) -> KeyboardInterrupt | None:
     """Return the interruption that an exit wraps: Click turns an interruption into an exit code."""
     error: BaseException | None = leave
     while error is not None and not isinstance(error, KeyboardInterrupt):

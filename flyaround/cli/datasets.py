@@ -98,7 +98,9 @@ def _print_capture(summary: CaptureSummary) -> None:
         f"{summary.n_feasible} of the new ones feasible, {len(summary.quarantined)} quarantined)"
     )
     if summary.damaged:
-        say(f"{len(summary.damaged)} frames were damaged and are rendered again: {_some(summary.damaged)}")
+        say(
+            f"{len(summary.damaged)} frames were damaged and are rendered again: {_first_numbers(summary.damaged)}"
+        )
     for name, count in summary.redraws.items():
         say(f"{count} poses sampled again for {name}")
     if summary.clipping is not None:
@@ -107,7 +109,7 @@ def _print_capture(summary: CaptureSummary) -> None:
         _print_capture(summary.second)
 
 
-def _some(frames: tuple[int, ...], most: int = 10) -> str:
+def _first_numbers(frames: tuple[int, ...], most: int = 10) -> str:
     """Return the first numbers as text, with an ellipsis if there are more."""
     return ", ".join(str(k) for k in frames[:most]) + (", ..." if len(frames) > most else "")
 

@@ -82,7 +82,7 @@ def display(
     ):
         sink = ScreenSink(screen, predistorter, code=code, hold_s=0.0 if step else hold_s)
         for k, _ in enumerate(run_frames(plan, producer, [sink], labels=False)):
-            _wait(f"frame {k}", step=step)
+            _announce(f"frame {k}", step=step)
             if not screen.open:
                 break
     if save is not None:
@@ -99,14 +99,14 @@ def _show_patterns(screen: FullScreen, hold_s: float, save: Path | None, *, step
         screen.show(pattern.image)
         if save is not None:
             write_atomic(save / f"{pattern.name}.png", encode_png(pattern.image))
-        _wait(pattern.name, step=step)
+        _announce(pattern.name, step=step)
         if not step:
             time.sleep(hold_s)
         if not screen.open:
             raise UserError("the screen was closed before all patterns were shown: start again")
 
 
-def _wait(name: str, *, step: bool) -> None:
+def _announce(name: str, *, step: bool) -> None:
     """Print the name of the shown picture; with ``step`` wait for a line on standard input."""
     if step:
         typer.echo(name)

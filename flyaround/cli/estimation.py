@@ -53,7 +53,7 @@ def estimate(
         estimator = any_estimator(
             model,
             CameraIntrinsics.from_dict(msgspec.to_builtins(intrinsics)),
-            _choice(run.method, run.published),
+            _method_choice(run.method, run.published),
         )
     except BoardModelError as error:
         raise UserError(str(error)) from error
@@ -92,7 +92,7 @@ def _print_network(method: str, model: BoardModel, network: str | None) -> None:
         )
 
 
-def _choice(method: str, published: Published) -> MethodChoice:
+def _method_choice(method: str, published: Published) -> MethodChoice:
     """Return a method, with solver and streams if it is a published one."""
     streams = split_names(published.streams)
     return MethodChoice(method, published.solver, None if streams is None else tuple(streams))
@@ -197,7 +197,7 @@ def _choices(run: EvaluateRun) -> tuple[MethodChoice, ...]:
     methods = list(dict.fromkeys(run.methods or (HYBRID,)))
     for method in methods:
         check_method(method)
-    choices = tuple(_choice(m, run.published if m in PUBLISHED else Published()) for m in methods)
+    choices = tuple(_method_choice(m, run.published if m in PUBLISHED else Published()) for m in methods)
     if len({c.label for c in choices}) < len(choices):
         raise UserError("two networks in --method have the same file name: rename one")
     if any(msgspec.structs.astuple(run.published)) and not any(m in PUBLISHED for m in methods):

@@ -71,7 +71,7 @@ def host(
     """
     deadline_s = run.timing.deadline_s
     if run.line.listen.startswith(SCHEME):
-        _be_camera(run, context)
+        _serve_as_camera(run, context)
     elif deadline_s is not None and not 0 < deadline_s < math.inf:
         raise UserError(f"--deadline is {deadline_s:g}: give seconds above 0, or leave it out")
     elif run.closed_loop.pose != "board":
@@ -175,7 +175,7 @@ def _warn_of_a_slow_line(link: LinkConfig, plan: Plan) -> None:
         say(f"flyaround: {advice}", stderr=True)
 
 
-def _be_camera(run: HostRun, context: typer.Context) -> None:
+def _serve_as_camera(run: HostRun, context: typer.Context) -> None:
     """Serve the camera endpoint with its defaults: no board, no poses, no ledger."""
     listen = run.line.listen
     interface = listen.removeprefix(SCHEME).rstrip("/")

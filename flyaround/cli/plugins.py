@@ -17,7 +17,7 @@ from flyaround.simulator.runtime.plugins import plugins as plugins_of
 def plugins(as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False) -> None:
     """List the sensors, formats, recipes, estimators, targets and bodies of installed packages (docs/plugins.md)."""
     plugins_by_kind = [plugin for kind in GROUPS for plugin in plugins_of(kind).values()]
-    rows = [(plugin, _state(plugin)) for plugin in plugins_by_kind]
+    rows = [(plugin, _load_problem(plugin)) for plugin in plugins_by_kind]
     if as_json:
         fields = ("kind", "name", "package", "version")
         typer.echo(json.dumps([{**{f: getattr(p, f) for f in fields}, "problem": why} for p, why in rows]))
@@ -31,7 +31,7 @@ def plugins(as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")]
     terminal().print(table)
 
 
-def _state(plugin: Plugin) -> str:
+def _load_problem(plugin: Plugin) -> str:
     """Return the reason why a plug-in cannot be used; empty if it can."""
     try:
         plugin.load()

@@ -65,7 +65,7 @@ def make_run(kind: type[_R], values: Mapping[str, Any]) -> _R:
     table: dict[str, Any] = {}
     flags = {}
     for field in run_fields(kind):
-        value = _plain(values.get(field.name), field.kind)
+        value = _document_value(values.get(field.name), field.kind)
         *sections, name = field.key.split(".")
         section = table
         for inner in sections:
@@ -83,10 +83,10 @@ def make_run(kind: type[_R], values: Mapping[str, Any]) -> _R:
     return run
 
 
-def _plain(value: Any, kind: mi.Type) -> Any:  # noqa: ANN401 - an option value
+def _document_value(value: Any, kind: mi.Type) -> Any:  # noqa: ANN401 - an option value
     """Return an option value as in the document: choices in any case, None for an empty list."""
     if isinstance(value, list | tuple):
-        return [_plain(item, kind) for item in value] or None
+        return [_document_value(item, kind) for item in value] or None
     if isinstance(value, Path):
         return str(value)
     choices = [v for t in _alternatives(kind) if isinstance(t, mi.LiteralType) for v in t.values]
@@ -143,7 +143,7 @@ def _run_parameter(kind: type[Run], fields: Mapping[str, RunField]) -> inspect.P
         if file is not None:
             raw = read_run(file, kind)
             context.default_map = {
-                field.name: v for field in fields.values() if (v := _at(raw, field.key)) is not None
+                field.name: v for field in fields.values() if (v := _value_at(raw, field.key)) is not None
             }
         return file
 
@@ -162,7 +162,7 @@ def _run_parameter(kind: type[Run], fields: Mapping[str, RunField]) -> inspect.P
     )
 
 
-def _at(table: Any, key: str) -> Any:  # noqa: ANN401 - TOML
+def _value_at(table: Any, key: str) -> Any:  # noqa: ANN401 - TOML
     """Return the value at a dotted key such as ``line.listen``, or None."""
     for step in key.split("."):
         table = table.get(step) if isinstance(table, dict) else None

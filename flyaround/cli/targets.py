@@ -52,7 +52,7 @@ def overview(
         return
     if export is not None:
         empty_folder(export, option="--export")
-    rows = _loaded()
+    rows = _load_targets()
     if export is not None:
         for t in rows:
             write_glb(t, export / f"{t.name}.glb")
@@ -76,7 +76,7 @@ def add(
 ) -> None:
     """Import a mesh as a target: check it, repair it if safe, propose keypoints and a wireframe."""
     file, craft = Path(run.file), run.craft
-    name = run.name if run.name is not None else _name_of(file)
+    name = run.name if run.name is not None else _target_name(file)
     check_name(name, built_in_targets(), replace=run.replace)
     options = ImportOptions(
         **msgspec.structs.asdict(run.frame),
@@ -92,7 +92,7 @@ def add(
     expect = _expected_of_the_estimator(target)
     path = install(target)
     write_run(path, run)
-    page = _sheet_of(target) if run.sheet else None
+    page = _write_sheet(target) if run.sheet else None
     if as_json:
         document = _summary(target) | {
             "path": str(path),
@@ -147,13 +147,13 @@ def remove(
         say(f"removed {name!r} ({path})")
 
 
-def _name_of(file: Path) -> str:
+def _target_name(file: Path) -> str:
     """Return a target name for a file: lower case, other characters replaced by hyphens."""
     plain = "".join(c if c.isalnum() and c.isascii() else "-" for c in file.stem.lower())
     return "-".join(piece for piece in plain.split("-") if piece) or "mesh"
 
 
-def _sheet_of(target: Target) -> Path | None:
+def _write_sheet(target: Target) -> Path | None:
     """Render the target's contact sheet next to its file; without OpenGL, print that it is skipped."""
     try:
         return write_contact_sheet([target], sheet_folder(target.name))
@@ -162,7 +162,7 @@ def _sheet_of(target: Target) -> Path | None:
         return None
 
 
-def _loaded() -> list[Target]:
+def _load_targets() -> list[Target]:
     """Return all targets; a user's target that cannot be read is reported and skipped."""
     rows = []
     for name in list_targets():

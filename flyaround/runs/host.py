@@ -207,8 +207,10 @@ class ClosedLoop(Section, frozen=True, kw_only=True):
     ] = None
 
 
-_OF_ANSWERS = "--deadline {value:g} applies to a board's answers: leave out it or --pose"
-_OF_A_LOOP = "--pose-errors applies to a board's poses in a closed loop: give --closed-loop without --pose"
+_DEADLINE_RULE = "--deadline {value:g} applies to a board's answers: leave out it or --pose"
+_POSE_ERRORS_RULE = (
+    "--pose-errors applies to a board's poses in a closed loop: give --closed-loop without --pose"
+)
 
 
 class HostRun(Run, frozen=True, kw_only=True, tag="flyaround.run.hil-host"):
@@ -231,9 +233,9 @@ class HostRun(Run, frozen=True, kw_only=True, tag="flyaround.run.hil-host"):
             "a closed loop decides each frame before it is rendered: leave out --workers",
         ),
         Only("closed_loop.pose", "closed_loop.on", (True,), "--pose {value} needs --closed-loop"),
-        Only("closed_loop.pose_errors", "closed_loop.on", (True,), _OF_A_LOOP),
-        Only("closed_loop.pose_errors", "closed_loop.pose", ("board",), _OF_A_LOOP),
-        Only("timing.deadline_s", "closed_loop.pose", ("board",), _OF_ANSWERS),
+        Only("closed_loop.pose_errors", "closed_loop.on", (True,), _POSE_ERRORS_RULE),
+        Only("closed_loop.pose_errors", "closed_loop.pose", ("board",), _POSE_ERRORS_RULE),
+        Only("timing.deadline_s", "closed_loop.pose", ("board",), _DEADLINE_RULE),
         Only(
             "timing.latency_s",
             "timing.mode",

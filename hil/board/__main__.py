@@ -42,7 +42,7 @@ def main(arguments: Optional[List[str]] = None, program: str = "flyaround.hil.bo
             if options.url is not None:
                 check_options(options.url, vars(options))
             if options.systemd_unit:
-                sys.stdout.write(_unit(argv, options))
+                sys.stdout.write(_systemd_unit(argv, options))
                 return ExitCode.ORDERLY
             if options.image is not None:
                 answer = _answer(options.image, options.camera, options.model, options.method)
@@ -93,7 +93,7 @@ def _options(arguments: List[str], program: str) -> argparse.Namespace:
     return options
 
 
-def _unit(argv: List[str], options: argparse.Namespace) -> str:
+def _systemd_unit(argv: List[str], options: argparse.Namespace) -> str:
     words = [word for word in argv if word != "--systemd-unit"]
     if not options.reconnect:
         words.append("--reconnect")

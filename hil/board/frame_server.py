@@ -245,12 +245,12 @@ class FrameServer:
                         self._link.send(TimeSyncRequest(now_ns()))
                 try:
                     message = self._link.recv(CLOCK_REQUEST_S)
-                    if message is not None and not self._take(message):
+                    if message is not None and not self._handle(message):
                         return
                 except ProtocolMistake as mistake:
-                    self._mistaken(mistake)
+                    self._report_violation(mistake)
                 except PacketError as error:
-                    self._damaged(error)
+                    self._report_damage(error)
                 self._report_lost_frames()
                 stats = self._link.stats
                 if stats.received - stats.stale != last_received:
@@ -270,7 +270,7 @@ class FrameServer:
         with contextlib.suppress(LinkClosed):
             self._link.send(message)
 
-    def _take(self, message: Message) -> bool:
+    def _handle(self, message: Message) -> bool:
         """Handle one message. Return False at the end of the session."""
         at_ns = now_ns()
         if isinstance(message, FrameHeader):
@@ -279,7 +279,7 @@ class FrameServer:
             complete = self._assembler.chunk(message)
             if complete is not None:
                 self._newest = complete[0].frame_id
-                self._arrive(_Arrival(complete[0], complete[1], at_ns))
+                self._enqueue(_Arrival(complete[0], complete[1], at_ns))
         elif isinstance(message, TimeSyncRequest):
             self._say(answer_time_sync(message, at_ns, self._newest))
         elif isinstance(message, TimeSyncReply):
@@ -292,7 +292,7 @@ class FrameServer:
             return False
         return True
 
-    def _arrive(self, arrival: _Arrival) -> None:
+    def _enqueue(self, arrival: _Arrival) -> None:
         if self._arrivals.qsize() < self._room:  # no race: only this thread enqueues frames
             self._arrivals.put(arrival)
             return
@@ -301,14 +301,14 @@ class FrameServer:
         self._warn(text)
         self._say(ErrorMessage(ErrorCode.BUSY, text, frame_id))
 
-    def _damaged(self, error: PacketError) -> None:
+    def _report_damage(self, error: PacketError) -> None:
         """Report a corrupt packet and abandon the frame in progress, which cannot be completed."""
         self._warn(str(error))
         self._assembler.abandon()
         if not self._assembler.has_lost:
             self._say(ErrorMessage(ErrorCode.CORRUPT, str(error), NO_FRAME))
 
-    def _mistaken(self, mistake: ProtocolMistake) -> None:
+    def _report_violation(self, mistake: ProtocolMistake) -> None:
         """Report a protocol violation to the host, which alone can correct it."""
         self._warn(str(mistake))
         frame_id = mistake.frame_id

@@ -43,7 +43,7 @@ def serve_sessions(agent: BoardAgent, *, reconnect: bool, start: List[str]) -> B
         if reconnect:
             summary = agent.serve_repeatedly(lambda sentence: _say(sentence, manager))
             _say(summary.ended + RESTART_NOTE, manager)
-            _start_anew(start)
+            _restart_process(start)
         try:
             return agent.serve()
         except LinkError as error:
@@ -73,7 +73,7 @@ def _say(sentence: str, manager: ServiceManager) -> None:
     manager.notify(f"STATUS={sentence}")
 
 
-def _start_anew(start: List[str]) -> NoReturn:
+def _restart_process(start: List[str]) -> NoReturn:
     """Replace this process by a new run of the program; hung threads end with the old one."""
     # Python 3.10 and later also know the interpreter's own options
     words = getattr(sys, "orig_argv", [sys.executable, *start])

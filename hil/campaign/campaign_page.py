@@ -94,7 +94,7 @@ def _margin(verdict: Verdict) -> str:
     return format_value(verdict.margin, QUANTITIES[verdict.requirement.quantity].unit) + share
 
 
-def _of(n: int, total: int) -> str:
+def _n_of_total(n: int, total: int) -> str:
     """Format two counts without a line break."""
     return f"{n} of {total}".replace(" ", "\N{NO-BREAK SPACE}")
 
@@ -113,7 +113,7 @@ def _requirement_row(requirement: Requirement, runs: Sequence[RunVerdict]) -> li
         _sign(passed=all(v.passed for _, v in verdicts)),
         requirement.quantity,
         f"{requirement.comparison} {format_value(requirement.limit, QUANTITIES[requirement.quantity].unit)}",
-        _of(sum(v.passed for _, v in verdicts), len(verdicts)),
+        _n_of_total(sum(v.passed for _, v in verdicts), len(verdicts)),
         _value(worst),
         _margin(worst),
         _report(run, f"{run.case}, seed {run.seed}"),
@@ -129,7 +129,7 @@ def _column(requirement: Requirement) -> str:
 def _matrix_row(case: str, campaign: Campaign, runs: Sequence[RunVerdict]) -> list[Markup | str]:
     case_runs = [run for run in runs if run.case == case]
     n = sum(run.passed for run in case_runs)
-    total = element("span", _of(n, len(case_runs)), class_="ok" if n == len(case_runs) else "no")
+    total = element("span", _n_of_total(n, len(case_runs)), class_="ok" if n == len(case_runs) else "no")
     row: list[Markup | str] = [case, total]
     for requirement in campaign.requirement:
         verdicts = [v for _, v in _verdicts(requirement, case_runs)]
@@ -145,7 +145,7 @@ def _matrix_row(case: str, campaign: Campaign, runs: Sequence[RunVerdict]) -> li
 def _cell(text: str, passed: int, total: int) -> Markup:
     """Return a cell: a value above the number of runs that passed."""
     value = element("span", text, class_="ok" if passed == total else "no")
-    return element("div", value, element("small", _of(passed, total)))
+    return element("div", value, element("small", _n_of_total(passed, total)))
 
 
 def _runs_of(case: str, runs: Sequence[RunVerdict]) -> Markup:

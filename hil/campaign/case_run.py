@@ -144,7 +144,7 @@ def current_versions(ready: ReadyCase) -> FlownBy:
     return FlownBy(
         flyaround=version("flyaround"),
         model_sha256=_model_sha256(ready.scenario.target),
-        board=_own_board() if is_own_board else "",
+        board=_describe_own_board() if is_own_board else "",
     )
 
 
@@ -154,7 +154,7 @@ def _model_sha256(target: str) -> str:
 
 
 @cache
-def _own_board() -> str:
+def _describe_own_board() -> str:
     try:
         return describe_board("", "", "", compiled=True).board
     except BoardModelError:  # without kernels, each run that needs them reports it
@@ -207,7 +207,7 @@ def _fly_unattended(task: RunTask, part: Path) -> RunResult:
             (part / TRACE_JSON).unlink(missing_ok=True)
         record = RunRecord.read(part)
         board, renderer = record.summary.board, _renderer(part)
-        values = _measured(task, record)
+        values = _measured_values(task, record)
     except Exception as error:  # noqa: BLE001 - reported in the result
         kind = "" if isinstance(error, UserError) else f"{type(error).__name__}: "
         failure = f"{kind}{error}"[:1000]
@@ -226,7 +226,7 @@ def _renderer(part: Path) -> str:
     return "" if terms is None or terms.versions is None else terms.versions.gl_renderer
 
 
-def _measured(task: RunTask, record: RunRecord) -> dict[str, float | str]:
+def _measured_values(task: RunTask, record: RunRecord) -> dict[str, float | str]:
     traits = task.ready.case.traits
     values: dict[str, Value] = {
         name: quantity.value_of(record) for name, quantity in QUANTITIES.items() if quantity.needs <= traits
@@ -292,7 +292,7 @@ def _drop_wall_clock(part: Path) -> None:
     (part / FRAMES_CSV).unlink()
     writer = LedgerWriter(part)
     for row in rows:
-        writer.add(_timeless(row))
+        writer.add(_without_wall_clock(row))
     writer.close()
     terms = read_terms(part)
     if terms is not None:
@@ -314,7 +314,7 @@ def _drop_wall_clock(part: Path) -> None:
     )
 
 
-def _timeless(row: FrameRecord) -> FrameRecord:
+def _without_wall_clock(row: FrameRecord) -> FrameRecord:
     """Return a row without wall-clock times, but with times of the flight."""
     defaults = FrameRecord(frame_id=0, epoch_utc="", t_s=0.0, exposure_s=0.0, outcome="")
     measured = [

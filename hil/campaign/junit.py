@@ -43,7 +43,7 @@ def junit_xml(
     for number, ready in enumerate(cases):
         case = ready.case
         case_runs = [run for run in runs if run.case == case.name]
-        tests = [_test(campaign, run, k) for run in case_runs for k in range(max(1, len(run.verdicts)))]
+        tests = [_test_case(campaign, run, k) for run in case_runs for k in range(max(1, len(run.verdicts)))]
         suite = ET.SubElement(
             root,
             "testsuite",
@@ -70,7 +70,7 @@ def junit_xml(
     return data + b"\n"
 
 
-def _test(campaign: Campaign, run: RunVerdict, k: int) -> ET.Element:
+def _test_case(campaign: Campaign, run: RunVerdict, k: int) -> ET.Element:
     """Return the test of a requirement of a run, or of the run alone if it has no requirements."""
     verdict = run.verdicts[k] if run.verdicts else None
     name = f"seed {run.seed}" + (f": {verdict.requirement.name}" if verdict is not None else "")

@@ -52,15 +52,15 @@ def calibration_patterns(width_px: int, height_px: int) -> Iterator[Pattern]:
         for k in range(SHIFTS):
             wave = 127.5 + 127.5 * np.cos(2 * np.pi * (positions / PERIOD_PX - k / SHIFTS))
             yield Pattern(
-                f"{axis}_phase_{k}", _spread(np.rint(wave).astype(np.uint8), axis, width_px, height_px)
+                f"{axis}_phase_{k}", _filled_screen(np.rint(wave).astype(np.uint8), axis, width_px, height_px)
             )
         half = 2 * positions // PERIOD_PX
         gray = half ^ (half >> 1)
         for bit in range(half_period_bits(size)):
             row = (255 * ((gray >> bit) & 1)).astype(np.uint8)
-            yield Pattern(f"{axis}_code_{bit}", _spread(row, axis, width_px, height_px))
+            yield Pattern(f"{axis}_code_{bit}", _filled_screen(row, axis, width_px, height_px))
 
 
-def _spread(row: ByteArray, axis: Axis, width_px: int, height_px: int) -> ByteArray:
+def _filled_screen(row: ByteArray, axis: Axis, width_px: int, height_px: int) -> ByteArray:
     column = row[None, :] if axis == "x" else row[:, None]
     return np.ascontiguousarray(np.broadcast_to(column, (height_px, width_px)))

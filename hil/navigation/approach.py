@@ -118,8 +118,8 @@ class Approach:
         last_used_s : float or None
             Exposure time of its newest pose.
         """
-        doubt = self._doubt(t_s, estimate, status, last_used_s)
-        self._abort = self._abort or self._why_abort(t_s, estimate, last_used_s)
+        doubt = self._hold_reason(t_s, estimate, status, last_used_s)
+        self._abort = self._abort or self._abort_reason(t_s, estimate, last_used_s)
         if self._abort:
             return Decision("abort", self._abort, self._retreat(estimate))
         if estimate is None:
@@ -136,7 +136,7 @@ class Approach:
         impulse = path_impulse(state, self._path.state_lvlh(self._path_s, self._n), self._Phi, self._h)
         return Decision("approach", "", impulse)
 
-    def _doubt(
+    def _hold_reason(
         self, t_s: float, estimate: RelativeEstimate | None, status: Status, last_used_s: float | None
     ) -> str:
         if estimate is None or last_used_s is None:
@@ -150,7 +150,7 @@ class Approach:
             return f"position known to {share:.1%} of the range"
         return ""
 
-    def _why_abort(self, t_s: float, estimate: RelativeEstimate | None, last_used_s: float | None) -> str:
+    def _abort_reason(self, t_s: float, estimate: RelativeEstimate | None, last_used_s: float | None) -> str:
         rules, keep_out = self._rules, self._keep_out
         if t_s - (last_used_s or 0.0) > rules.abort_after_s:
             return f"no usable pose for {rules.abort_after_s:g} s"

@@ -298,7 +298,7 @@ class ClosedLoop:
             commanded, delivered = self._thrust(t, h, decision.command_m_s, frame)
             step = replace(step, commanded_lvlh_m_s=commanded, delta_v_lvlh_m_s=delivered)
             self.steps.append(step)
-            if step.phase == "arrived" or (step.phase == "abort" and self._is_away(step)):
+            if step.phase == "arrived" or (step.phase == "abort" and self._has_departed(step)):
                 return
             if step.phase != "abort" and k % self._config.frame_every == 0:
                 yield snapshot
@@ -366,7 +366,7 @@ class ClosedLoop:
         self._state = relative_step(self._flight.orbit, t, h, self._state, push)
         return np.asarray(commanded), delivered
 
-    def _is_away(self, step: LoopStep) -> bool:
+    def _has_departed(self, step: LoopStep) -> bool:
         """Return True beyond twice the sphere's radius, or if the position is unknown."""
         keep_out = self._flight.guidance.keep_out
         radius = 0.0 if keep_out is None else keep_out.radius_m

@@ -152,23 +152,23 @@ class NavigationFilter:
         from a frozen image.
         """
         newest, self._newest = self._newest, pose
-        if newest is not None and _same(newest, pose):
+        if newest is not None and _is_same_pose(newest, pose):
             return "repeated"
         if self._track:
-            accepted_fixes = self._with(self._track, pose)
+            accepted_fixes = self._with_fix(self._track, pose)
             if accepted_fixes == "too old":
                 return "too old"
             if accepted_fixes is not None:
                 self._track, self._candidate, self._gated_in_a_row = accepted_fixes, [], 0
                 self._predicted = None
-                self._forget(pose.t_s)
+                self._trim_history(pose.t_s)
                 return "used"
             self._gated_in_a_row += 1
         return self._add_to_candidate(pose)
 
     def _add_to_candidate(self, pose: PoseMeasurement) -> Verdict:
         """Add a gated pose to the candidate track, or start one."""
-        longer = self._with(self._candidate, pose) if self._candidate else None
+        longer = self._with_fix(self._candidate, pose) if self._candidate else None
         if longer == "too old":
             return "too old"
         if longer is None:
@@ -192,7 +192,7 @@ class NavigationFilter:
         self._predicted = self.motion.propagated(last, t_s, self._thrust)
         return self._predicted
 
-    def _with(self, fixes: list[_Fix], pose: PoseMeasurement) -> list[_Fix] | Literal["too old"] | None:
+    def _with_fix(self, fixes: list[_Fix], pose: PoseMeasurement) -> list[_Fix] | Literal["too old"] | None:
         """Return the fixes with one more in time order; None if it fails the gate."""
         before = [fix for fix in fixes if fix.pose.t_s <= pose.t_s]
         later = fixes[len(before) :]
@@ -224,7 +224,7 @@ class NavigationFilter:
             self.settings.memory.correlation(float(np.linalg.norm(turn)), float(ratio))
         )
 
-    def _forget(self, t_s: float) -> None:
+    def _trim_history(self, t_s: float) -> None:
         oldest = t_s - self.settings.history_s
         keep = [fix for fix in self._track if fix.pose.t_s >= oldest]
         self._track = keep or self._track[-1:]
@@ -311,7 +311,7 @@ class NavigationFilter:
         )
 
 
-def _same(a: PoseMeasurement, b: PoseMeasurement) -> bool:
+def _is_same_pose(a: PoseMeasurement, b: PoseMeasurement) -> bool:
     return np.array_equal(a.q_camera_from_target_wxyz, b.q_camera_from_target_wxyz) and np.array_equal(
         a.t_camera_from_target_m, b.t_camera_from_target_m
     )

@@ -236,12 +236,12 @@ class MotionModel:
         if thrust is not None:
             push, since = thrust.acceleration_lvlh_m_s2, estimate.t_s - thrust.start_s
             # Simpson's rule over the step: thrust at tau acts for the remaining h - tau
-            pushes = (self._pushed(push, since + tau, h - tau) for tau in (0.0, h / 2, h))
+            pushes = (self._thrust_effect(push, since + tau, h - tau) for tau in (0.0, h / 2, h))
             first, middle, last = pushes
             propagated_state = propagated_state + h / 6 * (first + 4 * middle + last)
             G = np.vstack([h * h / 2 * I3, h * I3])
             Q[:6, :6] += G @ np.diag((self.thrust_sigma * push) ** 2) @ G.T
-        q, w = self._rotated(estimate.q_eci_from_target_wxyz, estimate.omega_target_rad_s, h)
+        q, w = self._step_attitude(estimate.q_eci_from_target_wxyz, estimate.omega_target_rad_s, h)
         return replace(
             estimate,
             t_s=estimate.t_s + h,
@@ -252,14 +252,14 @@ class MotionModel:
             joint_covariance=Phi @ estimate.joint_covariance @ Phi.T + Q,
         )
 
-    def _pushed(self, push: FloatArray, since_s: float, left_s: float) -> FloatArray:
+    def _thrust_effect(self, push: FloatArray, since_s: float, left_s: float) -> FloatArray:
         """Return the effect (6,), ``left_s`` later, of a constant acceleration that began ``since_s`` ago."""
         c, s = np.cos(self.n_rad_s * since_s), np.sin(self.n_rad_s * since_s)
         x, y, z = push.tolist()
         rotated_push = np.array([c * x + s * y, c * y - s * x, z])
         return np.asarray(transition_matrix(self.n_rad_s, left_s)[:, 3:] @ rotated_push)
 
-    def _rotated(self, q: FloatArray, w: FloatArray, h: float) -> tuple[FloatArray, FloatArray]:
+    def _step_attitude(self, q: FloatArray, w: FloatArray, h: float) -> tuple[FloatArray, FloatArray]:
         """Return attitude and rate after one step.
 
         The rate uses the classical Runge-Kutta method, and the attitude the mean rate (error h^3).

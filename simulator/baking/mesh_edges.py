@@ -125,7 +125,7 @@ def find_edges(parts: tuple[Part, ...], numbers: Mapping[str, int], *, is_closed
     vertices, ends, faces, creases, planes, materials = [], [], [], [], [], []
     first_vertex = first_face = 0
     for part in parts:
-        places, edge, face, crease, plane, left = _of_part(part)
+        places, edge, face, crease, plane, left = _edges_of_part(part)
         materials.append(np.where(left, 1, -1) * numbers[part.material])
         vertices.append(places)
         ends.append(edge + first_vertex)
@@ -145,7 +145,7 @@ def find_edges(parts: tuple[Part, ...], numbers: Mapping[str, int], *, is_closed
     )
 
 
-def _of_part(part: Part) -> tuple[FloatArray, IntArray, IntArray, BoolArray, FloatArray, BoolArray]:
+def _edges_of_part(part: Part) -> tuple[FloatArray, IntArray, IntArray, BoolArray, FloatArray, BoolArray]:
     positions = part.positions_m.astype(float)
     triangles = np.asarray(part.triangles)
     _, first, vertex_index = np.unique(

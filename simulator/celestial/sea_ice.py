@@ -64,11 +64,11 @@ _POLAR_SINE = 0.94
 def sea_ice(epoch_utc: str) -> ByteArray:
     """Return (720, 1440) ice concentration, 0..255, row 0 in the north, column 0 at -180 degrees."""
     moment = datetime.fromisoformat(epoch_utc)
-    return _of_day(moment.timetuple().tm_yday)
+    return _make_sea_ice(moment.timetuple().tm_yday)
 
 
 @lru_cache(maxsize=4)
-def _of_day(day: int) -> ByteArray:
+def _make_sea_ice(day: int) -> ByteArray:
     longitude = (np.arange(WIDTH) + 0.5) * 360 / WIDTH - 180
     share = np.zeros((HEIGHT, WIDTH), np.uint8)
     rows = _polar_rows()
@@ -121,7 +121,7 @@ def near_ice(z: FloatArray, longitude: FloatArray, epoch_utc: str) -> NDArray[np
 @lru_cache(maxsize=4)
 def _ice_cells(day: int) -> NDArray[np.bool_]:
     """Return (180, 360) True for one-degree cells with ice in the cell or nearby: one row, or two columns away."""
-    cells = _of_day(day).reshape(180, HEIGHT // 180, 360, WIDTH // 360).max(axis=(1, 3))
+    cells = _make_sea_ice(day).reshape(180, HEIGHT // 180, 360, WIDTH // 360).max(axis=(1, 3))
     wrapped = np.pad(cells, ((1, 1), (2, 2)), mode="wrap")
     return np.asarray(cv2.dilate(wrapped, np.ones((3, 5), np.uint8))[1:-1, 2:-2] > 0)
 

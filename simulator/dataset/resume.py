@@ -143,7 +143,7 @@ def _is_intact(store: Store, k: int, hashes: dict[str, str]) -> bool | None:
         return None
     if _record_name(k) in hashes:
         return all(_has_hash(store, name, digest) for name, digest in hashes.items())
-    return isinstance(store, FolderStore) and _agrees_with_its_record(store.folder, k)
+    return isinstance(store, FolderStore) and _matches_record(store.folder, k)
 
 
 def _has_hash(store: Store, name: str, digest: str) -> bool:
@@ -153,7 +153,7 @@ def _has_hash(store: Store, name: str, digest: str) -> bool:
         return False
 
 
-def _agrees_with_its_record(folder: Path, k: int) -> bool:
+def _matches_record(folder: Path, k: int) -> bool:
     """Return True if image, mask and layers have the record's hashes, and there are no other files."""
     if not is_frame_complete(folder, k):
         return False

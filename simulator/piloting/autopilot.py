@@ -120,7 +120,7 @@ class Autopilot:
         remaining_m = f.axial_m - (goal_m or 0.0)
         allowed_m_s = CLOSING_LIMIT_SHARE * max(limits.closing_m_s, limits.closing_per_m * f.axial_m)
         if goal_m is None and f.axial_m < FINAL_APPROACH_M:
-            speed = CONTACT_M_S if self._ready(f) else 0.0
+            speed = CONTACT_M_S if self._is_aligned(f) else 0.0
             # back off slowly if attitude error or offset are too large at this distance
             return speed if speed or f.axial_m > FINAL_APPROACH_M / 4 else -CONTACT_M_S / 2
         braking = float(np.sqrt(2 * BRAKE_M_S2 * abs(remaining_m)))
@@ -135,7 +135,7 @@ class Autopilot:
         funnel = limits.lateral_m + 0.1 * max(f.axial_m, 0.0)
         return speed * float(np.clip(2.0 - f.lateral_m / funnel, 0.0, 1.0)) if speed > 0 else speed
 
-    def _ready(self, f: DockingFigures) -> bool:
+    def _is_aligned(self, f: DockingFigures) -> bool:
         limits = self._limits
         attitude_error_deg = max(abs(f.roll_deg), abs(f.pitch_deg), abs(f.yaw_deg))
         return f.lateral_m < 0.5 * limits.lateral_m and attitude_error_deg < 0.7 * limits.attitude_deg

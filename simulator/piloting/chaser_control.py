@@ -209,11 +209,11 @@ class Steering:
         wanted_s : float
             Step given by the clock's rate.
         """
-        longest = min(wanted_s, self._longest_s(chaser))
+        longest = min(wanted_s, self._max_step_s(chaser))
         edge = self.burns.next_edge_s(chaser.t_s) - chaser.t_s
         return min(longest, edge) if edge > 1e-9 else longest
 
-    def _longest_s(self, chaser: ChaserState) -> float:
+    def _max_step_s(self, chaser: ChaserState) -> float:
         t_s = chaser.t_s
         if self.guided is not None:
             if t_s >= self.guided.coasts_from_s:

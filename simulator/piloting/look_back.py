@@ -88,15 +88,15 @@ class LookBack:
         self.keep(always=True)
         if len(self.timeline) < 2:
             raise UserError("there is no flight to replay yet")
-        return self._go(self.timeline.at(t_s))
+        return self._show_sample(self.timeline.at(t_s))
 
     def step(self, samples: int) -> float:
         """Move some samples forwards or back; return the time [s]."""
         self.keep(always=True)
         now = self.timeline.at(self._craft.t_s)
-        return self._go(min(max(now + samples, 0), len(self.timeline) - 1))
+        return self._show_sample(min(max(now + samples, 0), len(self.timeline) - 1))
 
-    def _go(self, k: int) -> float:
+    def _show_sample(self, k: int) -> float:
         sample = self.timeline.place(k)
         self._restore(sample.t_s, sample.steered, sample.controls)
         self.active = k < len(self.timeline) - 1
@@ -105,21 +105,21 @@ class LookBack:
     def _restore(self, t_s: float, steered: ChaserState | None, controls: object) -> None:
         self._clock.reset()
         self._craft.restore(t_s, steered, controls)
-        self._restored = self._packed()
+        self._restored = self._packed_controls()
 
-    def _packed(self) -> bytes:
+    def _packed_controls(self) -> bytes:
         return pickle.dumps(self._craft.controls(), protocol=5)
 
     @property
     def changed(self) -> bool:
         """True if an order has changed the control since the seek."""
-        return self.active and self._packed() != self._restored
+        return self.active and self._packed_controls() != self._restored
 
     def play(self, dt_s: float) -> bool:
         """Advance the replay by ``dt_s``; return True at its end."""
         t_s = self._craft.t_s + dt_s
         if t_s >= self.timeline.end_s:
-            self._go(len(self.timeline) - 1)
+            self._show_sample(len(self.timeline) - 1)
             return True
         sample = self.timeline.place(self.timeline.at(t_s))
         self._restore(t_s, self.timeline.chaser_between(t_s), sample.controls)
@@ -134,15 +134,15 @@ class LookBack:
         k = self.timeline.at(self._craft.t_s)
         if self._craft.t_s > self.timeline.time_of(k) and not self.changed:
             # restore the sample exactly, not the interpolated state
-            self._go(k)
-        self._leave_after(k)
+            self._show_sample(k)
+        self._fly_on_from(k)
 
     def restart(self) -> None:
         """Restart the flight; the flown part becomes the discarded future."""
         self.keep(always=True)
-        self._leave_after(-1)
+        self._fly_on_from(-1)
 
-    def _leave_after(self, k: int) -> None:
+    def _fly_on_from(self, k: int) -> None:
         self.active = False
         if k + 1 < len(self.timeline) or k < 0:
             t_s = self.timeline.time_of(k) if k >= 0 else -1.0
@@ -166,7 +166,7 @@ class LookBack:
         self.trail.replace((t, lvlh_position(flight, c or flight.chaser(t))) for t, c in trail)
         if self.recorder is not None:
             self.recorder.swap_future()
-        return self._go(k)
+        return self._show_sample(k)
 
 
 class Trail:

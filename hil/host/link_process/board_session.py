@@ -145,7 +145,7 @@ class BoardSession:
                 self.leave(str(error))
                 return
             except ProtocolMistake as mistake:
-                self._mistaken(mistake)
+                self._count_violation(mistake)
                 continue
             except PacketError:
                 self._in_flight.note_damage()
@@ -159,7 +159,7 @@ class BoardSession:
                 return
             self._handle(message, now_ns(), self.link)
 
-    def _mistaken(self, mistake: ProtocolMistake) -> None:
+    def _count_violation(self, mistake: ProtocolMistake) -> None:
         """Handle a protocol violation by the board: its content is ignored, and it is counted."""
         self._mistakes += 1
         if self._mistakes <= MAX_LOGGED:

@@ -126,18 +126,18 @@ def _check_band(
         if np.count_nonzero(noisy_pixels) < MIN_PIXELS:
             continue
         spread = float(np.minimum(np.abs(residual[noisy_pixels] / sigma[noisy_pixels]), 10).mean())
-        if not spread_limits[0] < spread < spread_limits[1] or _is_off(
+        if not spread_limits[0] < spread < spread_limits[1] or _is_biased(
             residual, sigma, noisy_pixels, rounding
         ):
             return f"{region} the image less its clean twin is {spread:.2f} sigma of the noise, not about 0.8"
     # clipping below zero does not move the median of larger values
     dark = ~inside & (signal_of < 0.5)[twin]
-    if np.count_nonzero(dark) >= MIN_PIXELS and _is_off(residual, sigma, dark, rounding):
+    if np.count_nonzero(dark) >= MIN_PIXELS and _is_biased(residual, sigma, dark, rounding):
         return "the clean twin is not as dark as the image where there is little light"
     return ""
 
 
-def _is_off(residual: FloatArray, sigma: FloatArray, where: BoolArray, rounding: FloatArray) -> bool:
+def _is_biased(residual: FloatArray, sigma: FloatArray, where: BoolArray, rounding: FloatArray) -> bool:
     """Return True if the median of the noise deviates from zero by more than its distribution and rounding allow."""
     # the image's own median is an integer, too
     allowed = MEDIAN_TOLERANCE + 2 * float(np.median(rounding[where])) / float(np.median(sigma[where]))

@@ -1,4 +1,4 @@
-"""Multiple scattering in double precision, as a table over height and the Sun's zenith angle.
+"""Table of multiple scattering over height and the Sun's zenith angle, in double precision.
 
 Light is scattered isotropically after the first scattering, as in Hillaire (2020), section 5.5. In contrast to that
 method, which assumes a local geometric series, the orders are summed along the rays, including light from the ground.
@@ -101,9 +101,9 @@ class _Paths:
         Row of each step in the table.
     column : (STEPS, H, K, S) array
         Column of each step in the table.
-    foot : (H, K, n) array
+    white_ground : (H, K, n) array
         Radiance of white ground over its irradiance.
-    foot_column : (H, K, S) array
+    ground_column : (H, K, S) array
         Column of the ground point in the table.
     """
 
@@ -112,8 +112,8 @@ class _Paths:
     scattered: FloatArray
     row: FloatArray
     column: FloatArray
-    foot: FloatArray
-    foot_column: FloatArray
+    white_ground: FloatArray
+    ground_column: FloatArray
 
 
 def _paths(air: Atmosphere, radius_m: FloatArray, rays: FloatArray, suns: FloatArray) -> _Paths:
@@ -149,8 +149,8 @@ def _paths(air: Atmosphere, radius_m: FloatArray, rays: FloatArray, suns: FloatA
         height = np.clip((r - air.radius_m) / air.thickness_m, 0, 1)
         steps.append((arrives * sum(by_kind), np.sqrt(height), sun_column(mu_sun)))
         depth += extinction * dt[..., None]
-    foot = start + length[..., None] * rays
-    mu_sun = np.clip(foot @ suns.T / air.radius_m, -1, 1)
+    ground_point = start + length[..., None] * rays
+    mu_sun = np.clip(ground_point @ suns.T / air.radius_m, -1, 1)
     white = np.where(hits_ground[..., None], np.exp(-depth) / np.pi, 0.0)
     direct = sunlight(np.full(mu_sun.shape, air.radius_m), mu_sun) * np.clip(mu_sun, 0, None)[..., None]
     scattered, row, column = (np.stack(part) for part in zip(*steps, strict=True))
@@ -170,6 +170,6 @@ def _higher_orders(
         more = np.zeros_like(total)
         for scattered, row, column in zip(paths.scattered, paths.row, paths.column, strict=True):
             more += scattered[:, :, None] * interpolate_table(psi, row[..., None], column)
-        ground = interpolate_table(ground_flux, np.zeros_like(paths.foot_column), paths.foot_column)
-        light = total + more + albedo * paths.foot[:, :, None] * ground
+        ground = interpolate_table(ground_flux, np.zeros_like(paths.ground_column), paths.ground_column)
+        light = total + more + albedo * paths.white_ground[:, :, None] * ground
     return MultipleScattering(psi, thickness_m)

@@ -239,18 +239,18 @@ def projected(G: Array) -> Tuple[Array, Array, float]:
         Gram matrix of the weighted derivatives by K brightnesses and six pose parameters, and of the residual.
     """
     k = len(G) - 7
-    L = _loaded(G[:k, :k], 1e-6, 1e-12)
+    L = _regularised(G[:k, :k], 1e-6, 1e-12)
     left = G[k:, k:] - G[k:, :k] @ np.linalg.solve(L, G[:k, k:])
     return left[:6, :6], left[:6, 6], max(float(left[6, 6]), 0.0)
 
 
 def damped_step(H: Array, g: Array, scale: Array, damping: float) -> Array:
     """Return the step (6,) of the damped normal equations, solved in scaled parameters."""
-    A = _loaded(H * scale[:, None] * scale[None, :], damping, 1e-9)
+    A = _regularised(H * scale[:, None] * scale[None, :], damping, 1e-9)
     return np.asarray(np.linalg.solve(A, g * scale) * scale)
 
 
-def _loaded(A: Array, share: float, least: float) -> Array:
+def _regularised(A: Array, share: float, least: float) -> Array:
     """Return the matrix with ``share`` of its mean diagonal plus ``least`` added to the diagonal."""
     A = A.copy()
     diagonal = A.ravel()[:: len(A) + 1]
