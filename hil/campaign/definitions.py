@@ -77,7 +77,7 @@ class Case(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True
         Name of the case, which is also that of its output folder.
     scenario : str
         Name of a built-in scenario, or a TOML file next to the campaign file.
-    seeds : tuple of int, or Seeds
+    seeds : tuple of int or SeedRange
         Seeds to fly, as a list or as a range.
     closed_loop : bool, optional
         Fly the approach on pose measurements.

@@ -142,7 +142,7 @@ class PoseNoise:
         Standard deviation of the rotation about the boresight.
     correlated_share : float, optional
         Share of each variance that is correlated between successive poses.
-    memory : ErrorMemory, optional
+    memory : ErrorCorrelation, optional
         Decay of that correlation as the view changes.
     available : float, optional
         Share of the images whose pose is accepted.

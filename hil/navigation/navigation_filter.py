@@ -60,7 +60,7 @@ class FilterSettings:
         Initial sigma of the angular rate, per axis.
     history_s : float, optional
         Largest delay of a pose.
-    memory : ErrorMemory, optional
+    memory : ErrorCorrelation, optional
         Correlation of the pose errors.
     scale : ScaleSettings, optional
         Scale of the pose errors.

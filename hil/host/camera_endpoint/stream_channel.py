@@ -30,7 +30,7 @@ SHARE_OF_INTERVAL = 0.5
 MAX_STORED_BYTES = 64 << 20
 
 MAX_STORED_BLOCKS = 8
-"""Limits of the blocks stored for resending."""
+"""Maximum number of images kept for resending."""
 
 MAX_RESENT = 2048
 """Largest number of packets resent per request."""
