@@ -26,7 +26,7 @@ PAYLOAD = struct.Struct(">IQ")
 CHECK = struct.Struct(">I")
 
 MIN_CONTRAST = 8.0
-"""Least difference between the rim's levels for a code to be detected [DN]."""
+"""Minimum difference between the rim's levels for a code to be detected [DN]."""
 
 
 @dataclass(frozen=True)

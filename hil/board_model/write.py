@@ -37,7 +37,7 @@ if TYPE_CHECKING:
 POSITION_STEPS = 8192
 """Quantisation steps along the target's radius: half a millimetre on Dragon, below a tenth of a pixel in any image."""
 
-# Least area of a face whose plane may split space [share of the target's size, squared].
+# Minimum area of a face whose plane may split space [share of the target's size, squared].
 MIN_SPLITTING_AREA = 1.2e-3
 
 # Decimals of the planes in the file.

@@ -130,7 +130,7 @@ def judge(campaign: Campaign, case: str, seed: int, result: RunResult) -> RunVer
 
 
 def worst_verdict(verdicts: Sequence[Verdict]) -> Verdict:
-    """Return the verdict without a value, else a failed one, else the one with the least margin."""
+    """Return the verdict without a value, else a failed one, else the one with the minimum margin."""
     return min(
         verdicts, key=lambda v: (v.value is not None, v.passed, v.margin if v.margin is not None else 0.0)
     )

@@ -29,7 +29,7 @@ GEOMETRY_DEGREE = 7
 SHADING_DEGREE = 4
 
 MIN_MODULATION = 0.1
-"""Least modulation of the fringes relative to white at which a pixel is used."""
+"""Minimum modulation of the fringes relative to white at which a pixel is used."""
 
 # Maximum number of measured points in the fits, for speed.
 MAX_POINTS = 60_000

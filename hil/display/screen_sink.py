@@ -50,7 +50,7 @@ class ScreenSink:
     code : bool
         Draw the code of frame number and time.
     hold_s : float
-        Least time for which each frame is shown [s].
+        Minimum time for which each frame is shown [s].
     """
 
     def __init__(

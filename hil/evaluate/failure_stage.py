@@ -29,11 +29,11 @@ if TYPE_CHECKING:
 # Stages in order.
 KINDS = ("region", "edges", "ambiguity", "correspondence")
 
-# Least share of the true box that a useful region contains (the published one cuts off 2.5 % on each side by
+# Minimum share of the true box that a useful region contains (the published one cuts off 2.5 % on each side by
 # definition, and the tips of antennas), and its largest area [true boxes].
 MIN_BOX_SHARE, MAX_BOX_RATIO = 0.5, 8.0
 
-# Least share of the visible model edges with an image edge at the true pose.
+# Minimum share of the visible model edges with an image edge at the true pose.
 MIN_EDGE_SHARE = 0.35
 
 # Longest side of the edge field [px], that of the estimator's fine field.

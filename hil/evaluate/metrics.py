@@ -36,7 +36,7 @@ RANGE_BINS_M = (
 SPEED_PLUS_DEG, SPEED_PLUS_SHARE = 0.169, 2.173e-3
 
 
-# Least number of values for a meaningful bootstrap interval.
+# Minimum number of values for a meaningful bootstrap interval.
 MIN_BOOTSTRAP = 5
 
 # 95 % quantile of chi-square with six degrees of freedom.

@@ -18,7 +18,7 @@ WRONG_SIGMAS = 5.0
 # Ratio of a normal distribution's standard deviation to its median absolute deviation.
 MAD_TO_SIGMA = 1.4826
 
-# Least number of poses for a spread, and smallest standard deviation reported.
+# Minimum number of poses for a spread, and smallest standard deviation reported.
 MIN_POSES, MIN_SIGMA = 10, 1e-6
 
 

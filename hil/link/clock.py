@@ -19,7 +19,7 @@ from flyaround.hil.link.packets.messages import TimeSyncReply, TimeSyncRequest
 
 # Largest drift of computer oscillators, assumed while the drift is unknown [ppm]
 MAX_DRIFT_PPM = 100.0
-# Least duration of a line fit [s], and least number of seconds with an exchange
+# Minimum duration of a line fit [s], and minimum number of seconds with an exchange
 MIN_LINE_S, MIN_LINE_POINTS = 5.0, 5
 
 # Time span of which only the best clock sample is kept [ns].

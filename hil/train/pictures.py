@@ -36,7 +36,7 @@ OVERSAMPLING = 2
 # One of this many frames is held out.
 HELD_OUT_EVERY = 10
 
-# Least number of training images.
+# Minimum number of training images.
 MIN_PICTURES = 20
 
 # Largest tilt of the camera [half fields of view], and number of attempts to keep the target in view.

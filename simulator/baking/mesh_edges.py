@@ -30,7 +30,7 @@ _SEARCH_RADIUS = 0.004  # largest distance between edges that are compared, rela
 _SAMPLE_COUNTS = 3, 12  # least and largest number of sample points along an edge
 _SAMPLE_SPACING = 0.02  # spacing of the points along a long edge, as a share of the mesh's extent
 _NEIGHBOURS = 6  # nearest points of other edges to examine
-# least cosine of the angle between normals of one plane, and between edges that count as parallel
+# minimum cosine of the angle between normals of one plane, and between edges that count as parallel
 _SAME_PLANE_COSINE, _PARALLEL_COSINE = 0.999, 0.95
 _END_TOLERANCE = 0.02  # share of its length by which an edge may end before the point of the other
 _MIN_LENGTH = 0.003  # length below which no gap of an edge is searched, as a share of the mesh's extent

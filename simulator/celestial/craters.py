@@ -42,7 +42,7 @@ _STATES = 24  # tabulated stages of a crater's erosion
 _PERSISTENT_KM = 8.0  # diameter of craters that outlast the ground's age
 _SHARP_PX = 0.6  # standard deviation of the anti-aliasing blur
 _BRIGHT_SHARE = 0.1  # share of its lifetime for which a crater's ejecta stay brighter than old ground
-# share of the lifetime with visible rays; least radius with rays; their length [radii]
+# share of the lifetime with visible rays; minimum radius with rays; their length [radii]
 _RAY_SHARE, _MIN_RAYED_RADIUS_PX, _RAY_RADII = 0.03, 5.0, 7.0
 
 

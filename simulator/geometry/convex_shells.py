@@ -217,7 +217,7 @@ def _connected_bodies(corners_m: FloatArray, step_m: float, least_m2: float) -> 
     step_m : float
         Distance within which corners merge [m].
     least_m2 : float
-        Least area of a body.
+        Minimum area of a body.
     """
     cell = np.rint(corners_m.reshape(-1, 3) / step_m).astype(np.int64)
     cell -= cell.min(axis=0, initial=0)

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from flyaround.simulator.targets.model import Edge, Target
     from flyaround.simulator.world.frames.pose import Pose
 
-MIN_DEPTH_M = 0.05  # least depth of an edge in front of the camera
+MIN_DEPTH_M = 0.05  # minimum depth of an edge in front of the camera
 
 ROD_RADIUS_FACTOR = 1.2
 """Distance from a rod's axis, in radii, within which a surface counts as the rod's own. Rods may taper."""

@@ -50,7 +50,7 @@ ABORT_M_S2 = 0.25
 """Acceleration of an abort [m s-2]."""
 
 PLUME_CAUTION_INTERVAL_S = 300.0
-"""Least time between two cautions about plume impingement [s]."""
+"""Minimum time between two cautions about plume impingement [s]."""
 
 # LVLH components (radial, along-track, cross-track) of thrust right, down, forward: up is radial, forward is
 # along-track

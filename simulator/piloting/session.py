@@ -36,7 +36,7 @@ FRAME_STEP_S = 0.1
 """Simulated time of a single frame at 1x [s]."""
 
 GUARD_RELEASE_S = 5.0
-"""Least time without an intervention after which the keep-out guard counts as released [s]."""
+"""Minimum time without an intervention after which the keep-out guard counts as released [s]."""
 
 FUEL_SHARE = 0.04
 """Propellant as a share of the chaser's initial mass; the tanks of small craft hold some 5 %."""

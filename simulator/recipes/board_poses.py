@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 _CANDIDATES = 80  # candidate directions for each pose
 _DISTANCE_STEPS, _DISTANCE_RATIO = 12, 1.15  # number of distances to try, and the ratio of successive ones
-MARGIN_PX = 6.0  # least distance of the board from the image's edge
+MARGIN_PX = 6.0  # minimum distance of the board from the image's edge
 
 
 def board_pose(

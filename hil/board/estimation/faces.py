@@ -16,8 +16,8 @@ Array = np.ndarray
 # on which brightness varies with direction as much as between materials.
 NORMAL_STEPS, CURVED_NORMAL_STEPS = 3, 6
 
-# Most groups that a byte numbers, lit and in shadow, beside the background.
-FEWEST_GROUPS = 127
+# Maximum number of groups: a byte numbers each of them lit and in shadow, and the background.
+MAX_GROUPS = 127
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,10 +102,10 @@ class Faces:
 
     @cached_property
     def coarser(self) -> Faces:
-        """The same faces in fewer groups: by coarser normals, or at the last by `FEWEST_GROUPS` groups of materials."""
+        """The same faces in fewer groups: by coarser normals, or finally by `MAX_GROUPS` groups of materials."""
         if self.steps > 0:
             return self.grouped(self.steps - 1)
-        return replace(self, group=self.material % FEWEST_GROUPS, groups=FEWEST_GROUPS)
+        return replace(self, group=self.material % MAX_GROUPS, groups=MAX_GROUPS)
 
     @cached_property
     def labels(self) -> Array:

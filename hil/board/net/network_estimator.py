@@ -28,7 +28,7 @@ Array = np.ndarray
 
 logger = logging.getLogger(__name__)
 
-# Least probability of the best neighbourhood of attitudes at which a pose is accepted.
+# Minimum probability of the best neighbourhood of attitudes at which a pose is accepted.
 MIN_PROBABILITY = 0.5
 
 # Bound of the standardised logarithm of the range.

@@ -22,7 +22,7 @@ Pairs = Tuple[Array, Array]
 # Largest number of pairs to solve, which bounds the run time.
 MAX_PAIRS = 6000
 
-# Least number of points of each solver.
+# Minimum number of points of each solver.
 MIN_POINTS = {"p3p": 3, "ap3p": 4, "epnp": 4, "sqpnp": 4, "ippe": 4, "iterative": 4}
 
 # Kinds of groups in the order in which the budget is distributed, most distinctive first; True: with an antenna.

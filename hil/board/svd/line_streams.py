@@ -22,7 +22,7 @@ from flyaround.hil.board.svd.weak_gradients import WeakGradientElimination, prew
 
 Array = np.ndarray
 
-# Shares of the region's diagonal: least length and largest gap of a line in each stream.
+# Shares of the region's diagonal: minimum length and largest gap of a line in each stream.
 WGE_LENGTH, WGE_GAP = 0.15, 0.03
 SH_LENGTH, SH_GAP = 0.05, 0.01
 

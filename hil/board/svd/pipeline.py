@@ -42,13 +42,13 @@ BLUR_PX, SMALLEST_PX = 1.5, 24.0
 # and the error of the next distinct pose is larger by at least this factor.
 MIN_INLIERS, ERROR_RATIO = 0.5, 1.15
 
-# Least number of matched corners for acceptance, because four points fit any planar figure.
+# Minimum number of matched corners for acceptance, because four points fit any planar figure.
 MIN_CORNERS = 7
 
 # Distance from the image border within which line ends are ignored, because the border cuts lines [px].
 MIN_BORDER_PX = 2.5
 
-# Number of poses compared for distinctness, and their least differences [rad, share of the range].
+# Number of poses compared for distinctness, and their minimum differences [rad, share of the range].
 RANKED_POSES, DISTINCT_RAD, DISTINCT_SHARE = 400, 0.05, 0.02
 
 

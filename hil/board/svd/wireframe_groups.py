@@ -15,7 +15,7 @@ from flyaround.hil.board.svd.perceptual_groups import Chains, PointGroups, same_
 
 Array = np.ndarray
 
-# Least size of a wireframe group [share of the model's radius].
+# Minimum size of a wireframe group [share of the model's radius].
 MIN_SIZE = 0.6
 
 

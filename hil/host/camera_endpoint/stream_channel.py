@@ -99,7 +99,7 @@ class StreamChannel:
         interval_s : float
             Frame interval; sending takes half of it.
         delay_s : float
-            Least time between packets.
+            Minimum time between packets.
         """
         gap_s = max(delay_s, min(SHARE_OF_INTERVAL * interval_s / block.n_packets, MAX_GAP_S))
         if self._block is not None:

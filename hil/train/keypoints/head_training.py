@@ -50,7 +50,7 @@ if TYPE_CHECKING:
 # Batch size; number of held-out views; steps between checkpoints and reports.
 BATCH, HELD_OUT_VIEWS, CHECKPOINT_STEPS = 64, 100, 200
 
-# Least distance between distinct keypoints [radii], and least number of distinct keypoints.
+# Minimum distance between distinct keypoints [radii], and minimum number of distinct keypoints.
 DISTINCT_RADII, MIN_DISTINCT = 0.05, 6
 
 

@@ -21,10 +21,10 @@ TILE_PX, FLAT_SHARE = 16, 0.1
 # Mask response to zero-mean normal noise clipped at zero, as a share of that to unclipped noise.
 CLIPPED_RESPONSE = 0.58
 
-# Zeros in a 3 x 3 neighbourhood from which it counts as dark; mask response there; least share of dark pixels.
+# Zeros in a 3 x 3 neighbourhood from which it counts as dark; mask response there; minimum share of dark pixels.
 MIN_ZEROS, DARK_RESPONSE, MIN_DARK_SHARE = 4, 0.512, 0.02
 
-# Least number of pixels well inside the scale.
+# Minimum number of pixels well inside the scale.
 MIN_UNCLIPPED_PIXELS = 300
 
 # Quantile that bounds the darkest part of a reduced image, and its distance below that part's mean [sigma].

@@ -56,7 +56,7 @@ def draw_faces(
     patch : ImagePatch
         Patch to render.
     least_px : float
-        Least area of a face [rendered px^2]; smaller ones are skipped, so their neighbours show.
+        Minimum area of a face [rendered px^2]; smaller ones are skipped, so their neighbours show.
     """
     h, w = (side * patch.fine for side in patch.gray.shape)
     visible_face, order = np.zeros((h, w), np.int32), contiguous(order, "int64")
@@ -82,7 +82,7 @@ def fill_faces(
     shape : tuple of int
         Rows and columns.
     least_px : float
-        Least area of a polygon that is filled [px^2].
+        Minimum area of a polygon that is filled [px^2].
     exact : bool
         Preserve the area of polygons narrower than a pixel.
     """

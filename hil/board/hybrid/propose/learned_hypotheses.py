@@ -13,7 +13,7 @@ from flyaround.hil.board.hybrid.propose.keypoints.keypoint_proposal import Learn
 # Longest side of the edge field [px], and margin around the crop [share of the diagonal].
 FIELD_PX, FIELD_MARGIN = 200, 0.05
 
-# Least side of a region [px].
+# Minimum side of a region [px].
 MIN_SIDE_PX = 24.0
 
 

@@ -34,7 +34,7 @@ HALF_PROFILE_PX, HALF_KERNEL_PX = 12, 2
 # Additional distance at which a stronger edge is preferred, per sigma of strength [px].
 STRENGTH_BONUS_PX = 0.04
 
-# Least strength of an edge [sigma of the noise].
+# Minimum strength of an edge [sigma of the noise].
 MIN_STRENGTH_SIGMA = 4.5
 
 # Gauss-Newton iterations at each reduction.

@@ -24,7 +24,7 @@ Pose = Tuple[Array, Array]
 # Longest side of the rendering [px], and the blur of each alignment step [px].
 PATCH_PX, BLURS_PX = 120, (1.2, 0.6)
 
-# Least score gain by which a candidate replaces the most likely pose: a rendering this small hardly resolves 5 deg.
+# Minimum score gain by which a candidate replaces the most likely pose: a rendering this small hardly resolves 5 deg.
 MIN_SCORE_GAIN = 0.02
 
 # Factor on the covariance of ``photo_step``, which is calibrated for arbitrary starts; predicted poses are closer

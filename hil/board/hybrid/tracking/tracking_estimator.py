@@ -34,11 +34,11 @@ Array = np.ndarray
 # Default time between frames [s].
 DEFAULT_INTERVAL_S = 1.0
 
-# Largest search range of edges, beyond which the target is initialised again, and least range [px].
+# Largest search range of edges, beyond which the target is initialised again, and minimum range [px].
 MAX_REACH_PX, MIN_REACH_PX = 60.0, 6.0
 # One-sigma errors of an initialisation: attitude [rad], position across and along the line of sight [share of range].
 INITIAL_SIGMA_RAD, INITIAL_SIGMA_ACROSS, INITIAL_SIGMA_ALONG = float(np.radians(1.0)), 0.001, 0.006
-# Criteria for an accepted fit: least share of edges, least number of edges, largest RMS, least confidence.
+# Criteria for an accepted fit: minimum share of edges, minimum number of edges, largest RMS, minimum confidence.
 MIN_EDGE_SHARE, MIN_EDGES, MAX_RMS_PX, MIN_CONFIDENCE = 0.3, 25, 2.5, 0.5
 
 # Confidence below which, and attitude sigma above which [rad], the synthetic view is compared as well, because the

@@ -35,13 +35,13 @@ OUTLIER_SHARE = 0.05
 # Divisor of the log-likelihoods, because the errors of one image's keypoints are correlated.
 LIKELIHOOD_DIVISOR = 8.0
 
-# Number of refined attitudes, least angle between them [rad], and iterations in each half of the refinement.
+# Number of refined attitudes, minimum angle between them [rad], and iterations in each half of the refinement.
 N_REFINED, MIN_SEPARATION_RAD, NEWTON_STEPS = 20, float(np.radians(11.0)), 5
 
-# Least curvature of a log-probability [1 / bins^2], which limits the step where it is flat or convex.
+# Minimum curvature of a log-probability [1 / bins^2], which limits the step where it is flat or convex.
 MIN_CURVATURE = 0.01
 
-# Least depth of a keypoint in front of the camera [radii].
+# Minimum depth of a keypoint in front of the camera [radii].
 MIN_DEPTH_RADII = 0.3
 
 
