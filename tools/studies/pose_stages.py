@@ -156,7 +156,7 @@ def stage_row(
     frame, box = search.image.frame, target_box(target, q, t)
     held, large = max((_holds(r, box) for r in search.image.regions), default=(0.0, 0.0))
     off, size = min(
-        (_beside(estimator, p, q, t) for p in search.places), default=(9.0, 0.0), key=lambda v: v[0]
+        (_beside(estimator, p, q, t) for p in search.locations), default=(9.0, 0.0), key=lambda v: v[0]
     )
     errors = [frame_errors(q, t, h.q, h.t)[2] for h in search.hypotheses]
     nearest = int(np.argmin(errors)) if errors else -1

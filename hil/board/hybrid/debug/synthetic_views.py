@@ -63,7 +63,7 @@ def learned_proposal_picture(
         tile = grey(view, max(float(np.percentile(view, 99.5)), 1.0))
         q = quat.normalise(quat.multiply(back, proposal.q[k]))
         draw_wireframe(tile, model, small, q, proposal.crop.swing().T @ proposal.t[k], ORANGE)
-        label(tile, f"{k + 1}: log likelihood {proposal.log_likely[k] - proposal.log_likely[0]:.1f}")
+        label(tile, f"{k + 1}: log likelihood {proposal.log_likelihood[k] - proposal.log_likelihood[0]:.1f}")
         tiles.append(tile)
     return _grid(tiles, 3, size)
 
