@@ -58,7 +58,7 @@ UNCALIBRATED_SIGMA_RAD, UNCALIBRATED_SIGMA_SHARE = 0.010, 0.005
 
 # Minimum number of edge samples of any decision. For a decision by edges only: minimum share of the model's length with
 # an edge, in front of empty space and of a texture, and minimum share of samples with an edge.
-MIN_EDGES, MIN_DRAWN, MIN_DRAWN_TEXTURED, MIN_FOUND = 25, 0.35, 0.5, 0.3
+MIN_EDGES, MIN_DRAWN, MIN_DRAWN_TEXTURED, MIN_MATCHED = 25, 0.35, 0.5, 0.3
 
 # Minimum diameter of the target's bounding sphere [px]: a smaller image fits any pose.
 MIN_SIZE_PX = 70.0
@@ -78,7 +78,7 @@ class Evidence:
         Share of the lit pixels outside the model's silhouette.
     margin : float
         Score of the pose minus that of the best distinct pose.
-    found : float
+    matched_share : float
         Share of the visible samples with a sub-pixel edge.
     tight : float
         Share of the visible samples whose sub-pixel edge is very close.
@@ -119,7 +119,7 @@ class Evidence:
     explained: float
     outside: float
     margin: float
-    found: float
+    matched_share: float
     tight: float
     rms_px: float
     sigma_rad: float
@@ -219,7 +219,9 @@ def decide(e: Evidence, accept_at: float = ACCEPT_AT) -> str:
         return "too few edges found"
     if e.size_px < MIN_SIZE_PX:
         return "target too small in the picture"
-    if e.score is None and (e.drawn < (MIN_DRAWN if e.empty else MIN_DRAWN_TEXTURED) or e.found < MIN_FOUND):
+    if e.score is None and (
+        e.drawn < (MIN_DRAWN if e.empty else MIN_DRAWN_TEXTURED) or e.matched_share < MIN_MATCHED
+    ):
         return "too little of the model is supported by edges"
     if e.margin < min_margin(e):
         return "ambiguous: another pose explains the picture as well"

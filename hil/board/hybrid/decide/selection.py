@@ -239,7 +239,7 @@ def image_evidence(target: PreparedTarget, best: Hypothesis, s: Support, margin:
         explained=s.explained,
         outside=s.outside,
         margin=margin,
-        found=s.drawn,
+        matched_share=s.drawn,
         tight=s.drawn,
         rms_px=0.0,
         sigma_rad=turn,
@@ -257,10 +257,10 @@ def edge_evidence(target: PreparedTarget, best: Hypothesis, margin: float) -> Ev
     assert fit is not None  # noqa: S101 - it was refined on edges
     return replace(
         image_evidence(target, best, s, margin),
-        found=fit.found,
+        matched_share=fit.matched_share,
         tight=fit.tight,
         rms_px=fit.rms_px,
-        edges=int(fit.found * len(s.visible)),
+        edges=int(fit.matched_share * len(s.visible)),
         score=None,
     )
 

@@ -47,7 +47,7 @@ class EdgeFit:
 
     Parameters
     ----------
-    found : float
+    matched_share : float
         Share of the visible samples with an image edge nearby.
     tight : float
         Share of the visible samples with an image edge very near.
@@ -55,7 +55,7 @@ class EdgeFit:
         RMS residual of the inliers [image px].
     """
 
-    found: float
+    matched_share: float
     tight: float
     rms_px: float
 

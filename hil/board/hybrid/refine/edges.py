@@ -178,7 +178,7 @@ def fine_align(
     q, t = q[None].copy(), t[None].copy()
     camera, radius_m, f = target.camera, target.radius_m, gradients.factor
     origin = gradients.x0, gradients.y0
-    H, rms, found, tight, inliers = np.eye(6), 9.9, 0.0, 0.0, 0.0
+    H, rms, matched_share, tight, inliers = np.eye(6), 9.9, 0.0, 0.0, 0.0
     h, w = gradients.gx.shape
     for reach in reach_px:
         pr = project(target.samples, camera, quat.matrix(q), t, idx[None])
@@ -201,11 +201,11 @@ def fine_align(
         q, t = apply_step(q, t, step)
         H = normal[0]
         inliers = float(weight.sum())
-        found = inliers / max(len(idx), 1)
+        matched_share = inliers / max(len(idx), 1)
         tight = float((is_edge * np.exp(-((r / 0.7) ** 2))).sum()) / max(len(idx), 1)
         rms = float(np.sqrt((weight * r * r).sum() / max(inliers, 1e-9)))
     covariance = np.linalg.pinv(H) * max(rms, 0.1) ** 2 * 4.0
-    return PoseFit(q[0], t[0], rms, covariance), EdgeFit(found, tight, rms * f)
+    return PoseFit(q[0], t[0], rms, covariance), EdgeFit(matched_share, tight, rms * f)
 
 
 def search_normals(

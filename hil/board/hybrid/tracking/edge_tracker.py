@@ -41,7 +41,7 @@ MIN_STRENGTH_SIGMA = 4.5
 ITERATIONS = 6
 
 # Derivative of a Gaussian of one pixel, normalised to a unit step.
-_DERIVATIVE = np.array([-0.0585, -0.2597, 0.0, 0.2597, 0.0585], np.float32) / 0.7534 * 1.0
+_DERIVATIVE = np.array([-0.0585, -0.2597, 0.0, 0.2597, 0.0585], np.float32) / 0.7534
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,13 +56,13 @@ class TrackFit:
         Target position, camera frame [m].
     covariance : (6, 6) array
         Covariance of rotation [rad] and translation [m], camera axes.
-    found : float
+    matched_share : float
         Share of the visible samples with an image edge nearby.
-    near : float
+    near_share : float
         Share of the visible samples with an image edge within a pixel.
     rms_px : float
         RMS of the inlier residuals [px].
-    used : int
+    n_inliers : int
         Number of inliers.
     polarity : (S,) array
         Sign and reliability of each sample's edge, -1..1: positive if it is brighter along the normal.
@@ -71,10 +71,10 @@ class TrackFit:
     q: Array
     t: Array
     covariance: Array
-    found: float
-    near: float
+    matched_share: float
+    near_share: float
     rms_px: float
-    used: int
+    n_inliers: int
     polarity: Array
 
 
@@ -193,8 +193,10 @@ def _one_scale(
             return None
         fit_q, fit_t, H = quat.rotate(fit_q, step[0, :3]), fit_t + step[0, 3:], normal[0]
     rms = float(np.sqrt((weight * r * r).sum() / max(float(weight.sum()), 1e-9)))
-    learnt, sure = polarity.copy(), weight > 0.5
-    learnt[idx[sure]] = 0.7 * learnt[idx[sure]] + 0.3 * sign[np.arange(len(idx)), choice][sure]
+    new_polarity, is_inlier = polarity.copy(), weight > 0.5
+    new_polarity[idx[is_inlier]] = (
+        0.7 * new_polarity[idx[is_inlier]] + 0.3 * sign[np.arange(len(idx)), choice][is_inlier]
+    )
     return TrackFit(
         fit_q,
         fit_t,
@@ -203,7 +205,7 @@ def _one_scale(
         float((np.isfinite(candidate).any(axis=1) & (np.abs(r) < 1.0 * factor) & (weight > 0)).mean()),
         rms,
         int((weight > 0.2).sum()),
-        learnt,
+        new_polarity,
     )
 
 

@@ -152,7 +152,12 @@ class TrackingEstimator(Estimator):
     def _track(self, frame: Observation, state: TrackState) -> Optional[PoseResult]:
         """Return the tracked pose; None if the track is lost."""
         fit = self._align_on_edges(frame, state)
-        if fit is None or fit.used < MIN_EDGES or fit.rms_px > MAX_RMS_PX or fit.found < MIN_EDGE_SHARE:
+        if (
+            fit is None
+            or fit.n_inliers < MIN_EDGES
+            or fit.rms_px > MAX_RMS_PX
+            or fit.matched_share < MIN_EDGE_SHARE
+        ):
             return None
         confidence = track_confidence(fit)
         q, t, covariance = fit.q, fit.t, fit.covariance
@@ -180,7 +185,7 @@ class TrackingEstimator(Estimator):
             return None
         self.state, self.polarity = posterior, polarity
         self.missed, self.edge_only_frames = 0, edge_only_frames
-        frame.count("edges", fit.used)
+        frame.count("edges", fit.n_inliers)
         frame.mark("update")
         return PoseResult(
             True,
@@ -309,5 +314,5 @@ def track_confidence(fit: TrackFit) -> float:
 
     A logistic function fitted on ``tango-flyaround``.
     """
-    z = 14.0 * (fit.near - 0.33) + 8.0 * (fit.found - 0.48) - max(0.0, fit.rms_px - 1.0)
+    z = 14.0 * (fit.near_share - 0.33) + 8.0 * (fit.matched_share - 0.48) - max(0.0, fit.rms_px - 1.0)
     return float(1.0 / (1.0 + np.exp(-np.clip(z, -30, 30))))

@@ -391,7 +391,7 @@ def test_what_speaks_against_a_pose_lowers_its_confidence():
 def test_a_pose_is_accepted_from_the_confidence_on_that_the_documents_name() -> None:
     """docs/hybrid.md: of 600 frames that the threshold was not chosen on, 0.9 accepts a wrong pose and 0.93 none."""
     told = Evidence(0.5, 0.5, 0.0, 0.05, 0.5, 0.5, 0.0, 0.01, 0.003, 100, 300.0, False, 0.2, 0.97, 0.5)
-    edges = replace(told, score=None, drawn=0.9, outside=0.0, found=0.9, tight=0.8, sigma_share=0.001)
+    edges = replace(told, score=None, drawn=0.9, outside=0.0, matched_share=0.9, tight=0.8, sigma_share=0.001)
     for wanted, reason in (
         (0.905, "confidence too low"),
         (0.925, "confidence too low"),

@@ -163,7 +163,7 @@ def evidence(**change: float) -> Evidence:
         "explained": 0.9,
         "outside": 0.0,
         "margin": 0.2,
-        "found": 0.9,
+        "matched_share": 0.9,
         "tight": 0.8,
         "rms_px": 0.3,
         "sigma_rad": 0.002,
