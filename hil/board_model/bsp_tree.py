@@ -66,60 +66,70 @@ def build_tree(faces_m: FloatArray, large: BoolArray) -> FaceTree:
 
 
 def _grow(
-    tree: FaceTree, big: FloatArray, big_of: IntArray, small: FloatArray, small_of: IntArray, depth: int = 0
+    tree: FaceTree,
+    large: FloatArray,
+    large_index: IntArray,
+    small: FloatArray,
+    small_index: IntArray,
+    depth: int = 0,
 ) -> int:
-    if not len(big) and not len(small):
+    """Add a node for some faces, recursively; return its index, or -1 without faces."""
+    if not len(large) and not len(small):
         return -1
-    me = len(tree.plane)
+    node = len(tree.plane)
     tree.plane.append((0.0, 0.0, 0.0, 0.0))
     tree.children.append((-1, -1))
     tree.members.append([])
-    if not len(big) or depth >= MAX_DEPTH:
-        tree.members[me] = _emit(tree, np.concatenate([big, small]), np.concatenate([big_of, small_of]))
-        return me
-    plane, n, d = _best_plane(big, small)
-    s = big @ n - d
+    if not len(large) or depth >= MAX_DEPTH:
+        tree.members[node] = _add_faces(
+            tree, np.concatenate([large, small]), np.concatenate([large_index, small_index])
+        )
+        return node
+    plane, n, d = _best_plane(large, small)
+    s = large @ n - d
     # a quadrilateral is not exactly planar: treat it as lying in its own plane, or it would be cut for ever
     s[plane] = 0.0
     front, behind = (s > PLANE_TOLERANCE_M).any(axis=1), (s < -PLANE_TOLERANCE_M).any(axis=1)
     on = ~front & ~behind
-    tree.plane[me] = (float(n[0]), float(n[1]), float(n[2]), d)
-    tree.members[me] = _emit(tree, big[on], big_of[on])
+    tree.plane[node] = (float(n[0]), float(n[1]), float(n[2]), d)
+    tree.members[node] = _add_faces(tree, large[on], large_index[on])
     cut = np.flatnonzero(front & behind)
     sides = []
     for sign, on_one_side in ((1.0, front & ~behind), (-1.0, behind & ~front)):
-        pieces = [(piece, int(big_of[k])) for k in cut for piece in _clip(big[k], sign * s[k])]
-        corners = np.concatenate([big[on_one_side], np.array([p for p, _ in pieces]).reshape(-1, 4, 3)])
-        sides.append((corners, np.concatenate([big_of[on_one_side], np.array([k for _, k in pieces], int)])))
+        pieces = [(piece, int(large_index[k])) for k in cut for piece in _clip(large[k], sign * s[k])]
+        corners = np.concatenate([large[on_one_side], np.array([p for p, _ in pieces]).reshape(-1, 4, 3)])
+        sides.append(
+            (corners, np.concatenate([large_index[on_one_side], np.array([k for _, k in pieces], int)]))
+        )
     ahead = small.mean(axis=1) @ n - d >= FRONT_TOLERANCE_M
-    first = _grow(tree, *sides[0], small[ahead], small_of[ahead], depth + 1)
-    second = _grow(tree, *sides[1], small[~ahead], small_of[~ahead], depth + 1)
-    tree.children[me] = (first, second)
-    return me
+    first = _grow(tree, *sides[0], small[ahead], small_index[ahead], depth + 1)
+    second = _grow(tree, *sides[1], small[~ahead], small_index[~ahead], depth + 1)
+    tree.children[node] = (first, second)
+    return node
 
 
-def _emit(tree: FaceTree, corners: FloatArray, source: IntArray) -> list[int]:
+def _add_faces(tree: FaceTree, corners: FloatArray, source: IntArray) -> list[int]:
     start = len(tree.corners_m)
     tree.corners_m += list(corners)
     tree.source += source.tolist()
     return list(range(start, len(tree.corners_m)))
 
 
-def _best_plane(big: FloatArray, small: FloatArray) -> tuple[int, FloatArray, float]:
+def _best_plane(large: FloatArray, small: FloatArray) -> tuple[int, FloatArray, float]:
     """Return the index and plane of the face that cuts the fewest others and divides them most evenly."""
     best: tuple[float, int, FloatArray, float] | None = None
-    for k in range(0, len(big), -(-len(big) // MAX_PLANES)):
-        face = big[k]
+    for k in range(0, len(large), -(-len(large) // MAX_PLANES)):
+        face = large[k]
         n = np.cross(face[2] - face[0], face[3] - face[1])
         n = n / np.linalg.norm(n)
         d = float(n @ face[0])
-        s = big @ n - d
+        s = large @ n - d
         front, behind = (s > PLANE_TOLERANCE_M).any(axis=1), (s < -PLANE_TOLERANCE_M).any(axis=1)
-        r = small @ n - d
-        through = ((r > 1e-3).any(axis=1) & (r < -1e-3).any(axis=1)).sum()
+        small_distance = small @ n - d
+        small_cut = ((small_distance > 1e-3).any(axis=1) & (small_distance < -1e-3).any(axis=1)).sum()
         cost = (
             4.0 * (front & behind).sum()
-            + 0.6 * through
+            + 0.6 * small_cut
             + 0.3 * abs(int(front.sum()) - int(behind.sum()))
             - 2.0 * (~front & ~behind).sum()
         )
