@@ -67,12 +67,12 @@ STEP_MS = 40  # step of the console's clock
 
 def run(*arguments: str | Path) -> str:
     """Return the standard output of a command that must succeed."""
-    out, said = StringIO(), StringIO()
-    with redirect_stdout(out), redirect_stderr(said):
+    out, errors = StringIO(), StringIO()
+    with redirect_stdout(out), redirect_stderr(errors):
         code = run_command([str(a) for a in arguments])
     if code:
         sys.exit(
-            f"flyaround {' '.join(map(str, arguments))}: {code}\n{said.getvalue()}{out.getvalue()[-2000:]}"
+            f"flyaround {' '.join(map(str, arguments))}: {code}\n{errors.getvalue()}{out.getvalue()[-2000:]}"
         )
     return out.getvalue()
 
@@ -84,13 +84,13 @@ def digest(content: bytes) -> str:
 
 def files_of(folder: Path, part: str) -> dict[str, str]:
     """Hash every file of a folder; JSON documents without the sections of `NOT_HASHED`."""
-    found = {}
+    hashes = {}
     for path in sorted(p for p in folder.rglob("*") if p.is_file() and ".lock" not in p.name):
         content = path.read_bytes()
         if path.suffix == ".json":
             content = json.dumps(_without_origin(json.loads(content))).encode()
-        found[f"{part}/{path.relative_to(folder)}"] = digest(content)
-    return found
+        hashes[f"{part}/{path.relative_to(folder)}"] = digest(content)
+    return hashes
 
 
 def _without_origin(value: object) -> object:
@@ -161,7 +161,7 @@ def console(_folder: Path) -> dict[str, str]:
 
 def poses(kept: Path) -> dict[str, str]:
     """Hash the estimator's answers, without times, on 128 images that are rendered once and kept in a folder."""
-    found = {}
+    hashes = {}
     for target, (recipe, n) in POSES.items():
         data = kept / target
         if not (data / "dataset.json").exists():
@@ -169,10 +169,10 @@ def poses(kept: Path) -> dict[str, str]:
         images = sorted(p for p in (data / "images").glob("*.png") if ".mask" not in p.name)
         answers = json.loads(run("estimate", *images, "--target", target, "--camera", "speed", "--json"))
         for image, answer in zip(images, answers, strict=True):
-            found[f"pose/{target}/{image.name}"] = digest(
+            hashes[f"pose/{target}/{image.name}"] = digest(
                 json.dumps({key: answer[key] for key in ANSWER}).encode()
             )
-    return found
+    return hashes
 
 
 PARTS = {"scenes": scenes, "frames": frames, "console": console}

@@ -104,13 +104,13 @@ def first_steps(program: Path, home: Path) -> list[Step]:
         start, worked = time.perf_counter(), _processor_s()
         done = run_as_nobody(program, command.split(), home)
         seconds, processor_s = time.perf_counter() - start, _processor_s() - worked
-        kept = json.loads(run_as_nobody(program, ["cache", "--json"], home).stdout)["size_bytes"]
+        cache_bytes = json.loads(run_as_nobody(program, ["cache", "--json"], home).stdout)["size_bytes"]
         problem = (done.stderr.strip().splitlines() or ["no word"])[-1] if done.returncode else ""
         if not steps and seconds > MAX_FIRST_PICTURE_S:
             problem = problem or f"took more than {MAX_FIRST_PICTURE_S:.0f} s"
-        if kept > MAX_CACHE_BYTES:
+        if cache_bytes > MAX_CACHE_BYTES:
             problem = problem or f"the cache exceeds {MAX_CACHE_BYTES / 1e6:.0f} MB"
-        steps.append(Step(command, seconds, processor_s, kept, problem))
+        steps.append(Step(command, seconds, processor_s, cache_bytes, problem))
     return steps
 
 

@@ -23,8 +23,8 @@ _DRAWN = re.compile(r"^pytestmark = .*mark\.gl", re.MULTILINE)
 def _simulator(*, drawn: bool) -> tuple[str, ...]:
     """Return the simulator's and the tools' test files marked ``gl`` as a whole, or all others."""
     files = [*ROOT.glob("tests/simulator/**/test_*.py"), *ROOT.glob("tests/tools/**/test_*.py")]
-    found = [p for p in files if bool(_DRAWN.search(p.read_text(encoding="utf-8"))) is drawn]
-    return tuple(sorted(p.relative_to(ROOT).as_posix() for p in found))
+    paths = [p for p in files if bool(_DRAWN.search(p.read_text(encoding="utf-8"))) is drawn]
+    return tuple(sorted(p.relative_to(ROOT).as_posix() for p in paths))
 
 
 ESTIMATOR = ("tests/hil/board/*/**/test_*.py", "tests/hil/evaluate/test_*.py")
@@ -85,11 +85,11 @@ class Factor:
 
 def _blas(core: str, *needs: str) -> Factor:
     # among cores with the same 64-bit code OpenBLAS reports the oldest
-    told = "Katmai" if core == "Prescott" else core
+    core_name = "Katmai" if core == "Prescott" else core
     return Factor(
         f"blas-{core.lower()}",
         {"OPENBLAS_CORETYPE": core},
-        BLAS.replace("{CORE}", repr({told})),
+        BLAS.replace("{CORE}", repr({core_name})),
         needs=needs,
     )
 
@@ -145,10 +145,10 @@ def factors() -> tuple[Factor, ...]:
 def _missing(factor: Factor) -> list[str]:
     """Return the processor features that a factor needs and that are missing."""
     try:
-        told = Path("/proc/cpuinfo").read_text(encoding="utf-8", errors="replace").split()
+        words = Path("/proc/cpuinfo").read_text(encoding="utf-8", errors="replace").split()
     except OSError:
         return list(factor.needs)
-    return [flag for flag in factor.needs if flag not in told]
+    return [flag for flag in factor.needs if flag not in words]
 
 
 def _files(patterns: tuple[str, ...]) -> list[str]:
@@ -182,20 +182,20 @@ def main() -> int:
     known = factors()
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("factor", nargs="*", choices=[*(f.name for f in known), []], help="default: all")
-    asked = parser.parse_args()
+    options = parser.parse_args()
     results = []
     for factor in known:
-        if asked.factor and factor.name not in asked.factor:
+        if options.factor and factor.name not in options.factor:
             continue
         missing = _missing(factor)
         start = time.monotonic()
         print(f"\n== {factor.name}: {factor.environment}", flush=True)
-        said = f"omitted: this processor has no {', '.join(missing)}" if missing else run(factor)
-        results.append((factor.name, said, time.monotonic() - start))
+        outcome = f"omitted: this processor has no {', '.join(missing)}" if missing else run(factor)
+        results.append((factor.name, outcome, time.monotonic() - start))
     print()
-    for name, said, seconds in results:
-        print(f"{name:16} {seconds:6.0f} s  {said}")
-    return int(any(said != "passed" and not said.startswith("left out") for _, said, _ in results))
+    for name, outcome, seconds in results:
+        print(f"{name:16} {seconds:6.0f} s  {outcome}")
+    return int(any(outcome != "passed" and not outcome.startswith("left out") for _, outcome, _ in results))
 
 
 if __name__ == "__main__":

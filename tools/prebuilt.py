@@ -99,15 +99,15 @@ def main() -> None:
     compressor = zstandard.ZstdCompressor(level=_LEVEL, write_checksum=True)
     # file names are a kind and a hash of inputs and sources
     old = {file.name.rpartition("-")[0]: file for file in FOLDER.glob(f"*{SUFFIX}")}
-    wanted = set()
+    names = set()
     for name, data in made():
-        file, kept = FOLDER / (name + SUFFIX), old.get(name.rpartition("-")[0])
-        wanted.add(file)
-        if kept is not None and agree(name, zstandard.decompress(kept.read_bytes()), data):
-            kept.rename(file)
+        file, former = FOLDER / (name + SUFFIX), old.get(name.rpartition("-")[0])
+        names.add(file)
+        if former is not None and agree(name, zstandard.decompress(former.read_bytes()), data):
+            former.rename(file)
             continue
         file.write_bytes(compressor.compress(data))
-    for file in set(FOLDER.glob(f"*{SUFFIX}")) - wanted:
+    for file in set(FOLDER.glob(f"*{SUFFIX}")) - names:
         file.unlink()
 
 

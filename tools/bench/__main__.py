@@ -36,12 +36,12 @@ def scaling(*, gpu: Gpu = None, as_json: AsJson = False) -> None:
             json.dumps({"schema": "flyaround.scaling", "version": 1, **asdict(scaling_result)}, indent=1)
         )
         return
-    for what, costs, powers in (
+    for kind, costs, powers in (
         ("Earth behind Tango", scaling_result.by_pixels, scaling_result.pixel_powers),
         ("dimpled sphere before space", scaling_result.by_triangles, scaling_result.triangle_powers),
     ):
         table = Table(
-            "pixels", "triangles", "processor ms", "wall ms", "first frame s", "grows as", title=what
+            "pixels", "triangles", "processor ms", "wall ms", "first frame s", "grows as", title=kind
         )
         for cost, power in zip(costs, (None, *powers), strict=True):
             table.add_row(

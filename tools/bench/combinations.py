@@ -145,16 +145,16 @@ def goals_of(costs: tuple[CombinationCost, ...]) -> tuple[Goal, ...]:
         name: str,
         limit: float,
         is_selected: Callable[[CombinationCost], bool],
-        what: str = "frame_ms",
-        **beside: str,
+        quantity: str = "frame_ms",
+        **conditions: str,
     ) -> Iterator[Goal]:
         """Return the worst ratio of a selected combination to the one that differs from it by ``beside``."""
         measured = []
         for c in costs:
-            key = {k: getattr(c, k) for k in ("scenario", "camera", "bands", "variant")} | beside
+            key = {k: getattr(c, k) for k in ("scenario", "camera", "bands", "variant")} | conditions
             mate = by_key.get((key["scenario"], key["camera"], key["bands"], key["variant"]))
             if is_selected(c) and mate is not None and mate is not c:
-                measured.append((getattr(c, what) / getattr(mate, what), c))
+                measured.append((getattr(c, quantity) / getattr(mate, quantity), c))
         if measured:
             ratio, worst = max(measured, key=lambda one: one[0])
             words = (worst.scenario, worst.camera, worst.bands, worst.variant)
@@ -240,14 +240,14 @@ def _flown(scenario: Scenario, n_frames: int) -> Plan:
 
 
 def _varied(scenario: Scenario, variant: str) -> Scenario:
-    what, _, value = variant.partition(" ")
-    if what == "target":
+    setting, _, value = variant.partition(" ")
+    if setting == "target":
         # at the distance at which the target is as large in the image
         ratio = _reach_m(value) / _reach_m(scenario.target)
         x, y, z = (float(ratio * part) for part in scenario.chaser.state_lvlh(0.0, 0.0)[0])
         chaser = Hold(position_lvlh_m=(x, y, z))
         return msgspec.structs.replace(scenario, target=value, chaser=chaser)
-    changes = {"bits": int(value)} if what == "bits" else {"preset": value}
+    changes = {"bits": int(value)} if setting == "bits" else {"preset": value}
     return msgspec.structs.replace(scenario, sensor=msgspec.structs.replace(scenario.sensor, **changes))
 
 

@@ -98,16 +98,16 @@ def bench_scaling(
 def dimpled_sphere(triangles: int) -> Target:
     """Return a target of about ``triangles`` triangles: a smooth sphere of 0.5 m with dimples."""
     rings = max(round((triangles / 4) ** 0.5), 4)
-    around = 2 * rings
+    n_around = 2 * rings
     polar, azimuth = (
-        a.ravel() for a in np.mgrid[0 : np.pi : (rings + 1) * 1j, 0 : 2 * np.pi : (around + 1) * 1j]
+        a.ravel() for a in np.mgrid[0 : np.pi : (rings + 1) * 1j, 0 : 2 * np.pi : (n_around + 1) * 1j]
     )
     out = np.stack([np.sin(polar) * np.cos(azimuth), np.sin(polar) * np.sin(azimuth), np.cos(polar)], -1)
     radius = 0.5 + 0.01 * np.sin(12 * polar) * np.cos(12 * azimuth)
-    k = (np.arange(rings)[:, None] * (around + 1) + np.arange(around)).ravel()
-    below = k + around + 1
-    upper = np.stack([k, below, k + 1], -1)[around:]  # at the poles a cell is one triangle
-    lower = np.stack([k + 1, below, below + 1], -1)[:-around]
+    k = (np.arange(rings)[:, None] * (n_around + 1) + np.arange(n_around)).ravel()
+    below = k + n_around + 1
+    upper = np.stack([k, below, k + 1], -1)[n_around:]  # at the poles a cell is one triangle
+    lower = np.stack([k + 1, below, below + 1], -1)[:-n_around]
     faces = np.concatenate([upper, lower])
     points = (radius[:, None] * out).astype(np.float32)
     part = Part(

@@ -57,11 +57,11 @@ def prove(options: argparse.Namespace) -> int:
         log.info("%s: drawing %d pictures", line.text, options.n)
         pictures(scenario, options.n, folder / "pictures")
         log.info("running the host's estimator on them")
-        here = run_here(scenario, folder / "pictures", options.n, folder)
+        host_rows = run_here(scenario, folder / "pictures", options.n, folder)
         log.info("running the emulated board: it needs seconds for each picture")
         with served_board(image, line, folder) as (_, url):
             run_host(scenario, folder / "pictures", options.n, url, folder / "board")
-        runs.append(compare_runs(here, folder / "board", processor, system, line.text))
+        runs.append(compare_runs(host_rows, folder / "board", processor, system, line.text))
     print(table_head(), *(run.row() for run in runs), sep="\n")
     return 0 if all(run.agreement.holds for run in runs) else 1
 
@@ -113,8 +113,8 @@ def _options() -> argparse.Namespace:
     command = commands.add_parser("compare", help="print a row of the table in docs/validation/boards.md")
     command.add_argument("host", type=Path, help="ledger of the host's estimator")
     command.add_argument("board", type=Path, help="ledger of the board, for the same images")
-    for what in ("processor", "system", "link"):
-        command.add_argument(f"--{what}", required=True, help="text for the table")
+    for column in ("processor", "system", "link"):
+        command.add_argument(f"--{column}", required=True, help="text for the table")
     return parser.parse_args()
 
 

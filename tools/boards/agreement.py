@@ -74,10 +74,16 @@ def agreement(host: Sequence[FrameRecord], board: Sequence[FrameRecord]) -> Agre
         raise UserError("the two runs do not have the same frames: give both the same images and -n")
     same, differences = 0, []
     for row in host:
-        other = answers[row.frame_id]
-        same += row.outcome == other.outcome
-        if row.outcome == other.outcome == ACCEPTED and row.q_wxyz and row.t_m and other.q_wxyz and other.t_m:
-            differences.append(pose_errors(other.q_wxyz, other.t_m, row.q_wxyz, row.t_m))
+        board_row = answers[row.frame_id]
+        same += row.outcome == board_row.outcome
+        if (
+            row.outcome == board_row.outcome == ACCEPTED
+            and row.q_wxyz
+            and row.t_m
+            and board_row.q_wxyz
+            and board_row.t_m
+        ):
+            differences.append(pose_errors(board_row.q_wxyz, board_row.t_m, row.q_wxyz, row.t_m))
     far_m, far_deg = np.array(differences).reshape(-1, 2).T
     took_ms = [
         row.board_total_ms - row.board_wait_ms

@@ -51,7 +51,7 @@ def write_initramfs(path: Path, kernel_modules: Path, busybox: Path) -> None:
     path.write_bytes(gzip.compress(cpio(files), mtime=0))
 
 
-def loading_order(modules: dict[str, bytes], wanted: Iterable[str]) -> list[str]:
+def loading_order(modules: dict[str, bytes], names: Iterable[str]) -> list[str]:
     """Return the names of the wanted modules and their dependencies, each after its own dependencies.
 
     Parameters
@@ -77,7 +77,7 @@ def loading_order(modules: dict[str, bytes], wanted: Iterable[str]) -> list[str]
                 add(_plain(needed))
         order.append(name)
 
-    for name in wanted:
+    for name in names:
         add(_plain(name))
     return order
 

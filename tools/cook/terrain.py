@@ -116,9 +116,9 @@ def _drainage_areas(down: IntArray) -> FloatArray:
 def _steps(rng: np.random.Generator, x: FloatArray) -> FloatArray:
     """Return a random number for each unit interval of x, with a transition over a tenth of a unit."""
     values = rng.standard_normal(64)
-    whole = np.floor(x)
-    share = np.clip(10 * (x - whole), 0.0, 1.0)
-    k = whole.astype(int)
+    floor = np.floor(x)
+    share = np.clip(10 * (x - floor), 0.0, 1.0)
+    k = floor.astype(int)
     return np.asarray(values[(k - 1) % 64] * (1 - share) + values[k % 64] * share)
 
 

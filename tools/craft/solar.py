@@ -75,9 +75,9 @@ def busbars(field: CellField, z_m: float, width_m: float, detail: Detail) -> lis
     reach = (field.pitch_y_m - field.gap_m) / 2 * 0.96
     top = z_m + field.height_m
     ribbon = rectangle((-width_m / 2, -reach), (width_m / 2, reach))
-    across = np.concatenate([xs - field.pitch_x_m / 4, xs + field.pitch_x_m / 4])
+    positions = np.concatenate([xs - field.pitch_x_m / 4, xs + field.pitch_x_m / 4])
     # sunk into the cell: no two faces in one plane
-    return [cell_grid(across, ys, ribbon, top - 0.5e-4, 1.5e-4)]
+    return [cell_grid(positions, ys, ribbon, top - 0.5e-4, 1.5e-4)]
 
 
 def panel(

@@ -42,7 +42,9 @@ def numbers(column: list[str]) -> np.ndarray:
 def approach_picture(steps: dict[str, list[str]]) -> Figure:
     """Plot the approach with the corridor and the keep-out sphere, and the errors along it."""
     figure, (way, position, attitude) = figure_with_axes(1, 3, 3.6, width=13, widths=(1.2, 1, 1))
-    along, radial, across = (numbers(steps[f"{name}_m"]) for name in ("along_track", "radial", "cross_track"))
+    along, radial, cross_track = (
+        numbers(steps[f"{name}_m"]) for name in ("along_track", "radial", "cross_track")
+    )
     out = np.linspace(0, 19, 2)
     for side in (-1, 1):
         way.plot(out, side * out * np.tan(np.radians(CORRIDOR_DEG)), color=VERMILION, lw=1)
@@ -50,7 +52,7 @@ def approach_picture(steps: dict[str, list[str]]) -> Figure:
     for side in (-1, 1):
         way.plot(SPHERE_M * np.cos(turn), side * SPHERE_M * np.sin(turn), color=VERMILION, lw=1)
     way.plot(along, radial, color=BLUE, label="radial")
-    way.plot(along, across, color=GREEN, label="cross-track")
+    way.plot(along, cross_track, color=GREEN, label="cross-track")
     way.plot([HOLD_M], [0], "o", color=ORANGE, label="hold point")
     way.set(xlim=(0, 19), ylim=(-6, 6), xlabel="along-track [m]", ylabel="off the axis [m]")
     way.legend(frameon=False, fontsize=8)
@@ -69,11 +71,11 @@ def approach_picture(steps: dict[str, list[str]]) -> Figure:
     return figure
 
 
-def two_curves(ax: Axes, t: np.ndarray, error: np.ndarray, sigma: np.ndarray, what: str) -> None:
+def two_curves(ax: Axes, t: np.ndarray, error: np.ndarray, sigma: np.ndarray, title: str) -> None:
     """Plot an error of the estimate and the maximum sigma of the filter."""
     ax.plot(t, error, color=BLUE, label="error")
     ax.plot(t, sigma, color=DIM, lw=1, label="sigma")
-    ax.set(xlabel="time [s]", ylabel=what, yscale="log")
+    ax.set(xlabel="time [s]", ylabel=title, yscale="log")
     ax.legend(frameon=False, fontsize=8)
 
 
@@ -97,8 +99,8 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("ledger", type=Path)
     parser.add_argument("-o", "--out", type=Path, required=True)
-    given = parser.parse_args()
-    save(approach_picture(read_steps(given.ledger)), given.out / "closed_loop.jpg")
+    options = parser.parse_args()
+    save(approach_picture(read_steps(options.ledger)), options.out / "closed_loop.jpg")
     for name, errors in forecasts():
         for model, of_model in (("rigid body", errors.rigid_body), ("constant rate", errors.constant_rate)):
             cells = " | ".join(f"{e.rms_deg:.2f} ({e.p95_deg:.2f})" for e in of_model[:: len(of_model) // 6])

@@ -76,14 +76,14 @@ class Statement:
 def statements(page: Path, text: str) -> list[Statement]:
     """Return the statements of a page that have figures, without code blocks."""
     text = re.sub(r"```.*?```", "\n\n", text, flags=re.DOTALL)
-    found = []
+    result = []
     for part in _SENTENCE.split(text):
         line = " ".join(part.split())
         figures = frozenset(_FIGURE.findall(line))
         words = frozenset(_WORD.findall(line.lower())) - _COMMON
         if figures:
-            found.append(Statement(page, line, figures, words))
-    return found
+            result.append(Statement(page, line, figures, words))
+    return result
 
 
 def all_statements(docs: Path = DOCS) -> list[Statement]:
@@ -92,9 +92,9 @@ def all_statements(docs: Path = DOCS) -> list[Statement]:
     return [s for p in pages for s in statements(p.relative_to(docs), p.read_text(encoding="utf-8"))]
 
 
-def repeated(found: Sequence[Statement]) -> Iterable[tuple[Statement, Statement]]:
+def repeated(statements_: Sequence[Statement]) -> Iterable[tuple[Statement, Statement]]:
     """Yield pairs of statements of different pages with the same subject and figures of a common unit."""
-    long = [s for s in found if len(s.words) >= MIN_WORDS]
+    long = [s for s in statements_ if len(s.words) >= MIN_WORDS]
     for k, a in enumerate(long):
         for b in long[k + 1 :]:
             if a.page == b.page or not {u for _, u in a.figures} & {u for _, u in b.figures}:
@@ -115,9 +115,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return 0
     differ = 0
     for a, b in repeated(found):
-        same = a.figures == b.figures
-        differ += not same
-        print(f"{'repeated' if same else 'DIFFERS'}\n  {a.page}: {a.text}\n  {b.page}: {b.text}")
+        has_same_figures = a.figures == b.figures
+        differ += not has_same_figures
+        print(f"{'repeated' if has_same_figures else 'DIFFERS'}\n  {a.page}: {a.text}\n  {b.page}: {b.text}")
     return 1 if differ else 0
 
 

@@ -263,5 +263,5 @@ def vectors() -> dict[str, Any]:
 
 if __name__ == "__main__":
     # --session: docs/hil_session.txt
-    asked = session_text() if "--session" in sys.argv[1:] else json.dumps(vectors(), indent=1)
-    sys.stdout.write(asked + "\n")
+    text = session_text() if "--session" in sys.argv[1:] else json.dumps(vectors(), indent=1)
+    sys.stdout.write(text + "\n")

@@ -53,8 +53,8 @@ def files(root: Path, only: Sequence[str] = ()) -> list[str]:
     only : sequence of str
         Prefixes of paths; empty for all files.
     """
-    found = [p for folder in SCOPE for p in (root / folder).rglob("*.py") if p.name not in PAGES_AND_PLOTS]
-    names = sorted(path.relative_to(root).as_posix() for path in found)
+    paths = [p for folder in SCOPE for p in (root / folder).rglob("*.py") if p.name not in PAGES_AND_PLOTS]
+    names = sorted(path.relative_to(root).as_posix() for path in paths)
     return [name for name in names if name.startswith(tuple(only) or "")]
 
 
@@ -91,12 +91,12 @@ def _mutants(file: Path, root: Path, source: str) -> dict[int, list[WorkItem]]:
     with use_db(":memory:") as db:
         init([root / file], db, {})
         items = db.work_items
-    found: dict[int, list[WorkItem]] = {}
+    by_line: dict[int, list[WorkItem]] = {}
     for item in items:
         spec = item.mutations[0]
         if spec.start_pos[0] not in quiet and not any(word in spec.operator_name for word in LEFT_OUT):
-            found.setdefault(spec.start_pos[0], []).append(item)
-    return found
+            by_line.setdefault(spec.start_pos[0], []).append(item)
+    return by_line
 
 
 def case_of(root: Path, item: WorkItem) -> Case:
@@ -128,12 +128,12 @@ def main() -> int:
     parser.add_argument(
         "-o", type=Path, default=Path("out/mutants.sqlite"), help="session file of cosmic-ray"
     )
-    given = parser.parse_args()
+    options = parser.parse_args()
     root = Path.cwd()
-    given.o.parent.mkdir(parents=True, exist_ok=True)
-    with use_db(str(given.o)) as db, copies(root, given.at_once) as made:
+    options.o.parent.mkdir(parents=True, exist_ok=True)
+    with use_db(str(options.o)) as db, copies(root, options.at_once) as trees:
         if not db.num_work_items:
-            db.add_work_items(draw(root, files(root, given.only), given.n, given.seed))
+            db.add_work_items(draw(root, files(root, options.only), options.n, options.seed))
         waiting = {case_of(root, item): item.job_id for item in db.pending_work_items}
 
         def keep(case: Case, verdict: Verdict) -> None:
@@ -144,15 +144,15 @@ def main() -> int:
             result = WorkResult(WorkerOutcome.NORMAL, f"{verdict.word} {verdict.test}", outcome, diff)
             db.set_result(waiting[case], result)
 
-        judge(waiting, made, keep)
+        judge(waiting, trees, keep)
         noticed = [(item, result) for item, result in db.completed_work_items if result.is_killed]
-        wrong = failing(made[0], (Verdict("killed", r.output.partition(" ")[2]) for _, r in noticed))
+        wrong = failing(trees[0], (Verdict("killed", r.output.partition(" ")[2]) for _, r in noticed))
         for item, result in noticed:
             if result.output.partition(" ")[2] in wrong:
                 db.set_result(item.job_id, evolve(result, test_outcome=TestOutcome.SURVIVED))
         share = 1 - survival_rate(db) / 100
-    say(f"{share:.0%} detected; cr-report --surviving-only --show-diff {given.o} prints the survivors")
-    return 0 if share >= given.least else 1
+    say(f"{share:.0%} detected; cr-report --surviving-only --show-diff {options.o} prints the survivors")
+    return 0 if share >= options.least else 1
 
 
 if __name__ == "__main__":

@@ -201,10 +201,10 @@ def copies(root: Path, n: int) -> Iterator[list[Copy]]:
     try:
         warm = folder / "cache"
         shutil.copytree(cache, warm, copy_function=_link, ignore=shutil.ignore_patterns("*.lock"))
-        made = [Copy(folder / str(k), warm) for k in range(n)]
-        for copy in made:
+        trees = [Copy(folder / str(k), warm) for k in range(n)]
+        for copy in trees:
             copy.make(root)
-        yield made
+        yield trees
     finally:
         shutil.rmtree(folder, ignore_errors=True)
 
@@ -215,12 +215,12 @@ def _link(source: str, to: str) -> None:
         os.link(source, to)
 
 
-def judge(cases: Iterable[Case], copies: Sequence[Copy], heard: Callable[[Case, Verdict], None]) -> None:
+def judge(cases: Iterable[Case], copies: Sequence[Copy], report: Callable[[Case, Verdict], None]) -> None:
     """Judge every case, one at a time in each copy; no test keeps running when this returns or raises.
 
     Parameters
     ----------
-    heard : callable
+    report : callable
         Function called with each verdict.
     """
     waiting = iter(cases)
@@ -244,7 +244,7 @@ def judge(cases: Iterable[Case], copies: Sequence[Copy], heard: Callable[[Case, 
                     busy.remove(entry)
                     copy.write(case.file, case.before)
                     free.append(copy)
-                    heard(case, verdict)
+                    report(case, verdict)
                     say(f"{verdict.word:11s} {verdict.seconds:5.0f} s  {case.name}  {verdict.test}")
             time.sleep(0.1)
     finally:
@@ -261,10 +261,10 @@ def failing(copy: Copy, verdicts: Iterable[Verdict]) -> set[str]:
     run = copy.start(blamed)
     while run.verdict() is None:
         time.sleep(0.5)
-    found = set(_FAILED.findall(run.log.read_text(encoding="utf-8", errors="replace"))) & set(blamed)
-    for test in sorted(found):
+    failed = set(_FAILED.findall(run.log.read_text(encoding="utf-8", errors="replace"))) & set(blamed)
+    for test in sorted(failed):
         say(f"{test} fails without any bug")
-    return found
+    return failed
 
 
 def mirrored(file: str) -> str:

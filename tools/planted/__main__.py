@@ -79,27 +79,27 @@ def main() -> int:
         default=0.85,
         help="minimum share of detected bugs; the exit code is 1 below it",
     )
-    told = parser.parse_args()
-    bugs = {bug.name: bug for bug in read_bugs() if not told.names or bug.name in told.names}
-    if unknown := set(told.names) - set(bugs):
+    options = parser.parse_args()
+    bugs = {bug.name: bug for bug in read_bugs() if not options.names or bug.name in options.names}
+    if unknown := set(options.names) - set(bugs):
         parser.error(f"no bug has the name {', '.join(sorted(unknown))}")
     root, started, verdicts = Path.cwd(), time.monotonic(), dict[str, Verdict]()
 
     def heard(case: Case, verdict: Verdict) -> None:
         verdicts[case.name] = verdict
 
-    with copies(root, told.at_once) as made:
-        judge((case_of(root, bug, bug.first) for bug in bugs.values()), made, heard)
-        left = [bugs[name] for name, verdict in verdicts.items() if verdict.word not in DETECTED]
-        if not told.narrow:
-            judge((case_of(root, bug, [mirrored(bug.file)]) for bug in left), made, heard)
-        wrong = failing(made[0], verdicts.values())
+    with copies(root, options.at_once) as trees:
+        judge((case_of(root, bug, bug.first) for bug in bugs.values()), trees, heard)
+        undetected = [bugs[name] for name, verdict in verdicts.items() if verdict.word not in DETECTED]
+        if not options.narrow:
+            judge((case_of(root, bug, [mirrored(bug.file)]) for bug in undetected), trees, heard)
+        wrong = failing(trees[0], verdicts.values())
     missed = [n for n, v in verdicts.items() if v.word not in DETECTED or v.test in wrong]
     for name in missed:
         say(f"unnoticed: {name}: {bugs[name].wrong}")
     share = 1 - len(missed) / len(bugs)
     say(f"{len(bugs) - len(missed)} of {len(bugs)} detected, {share:.0%}, {time.monotonic() - started:.0f} s")
-    return 0 if share >= told.least else 1
+    return 0 if share >= options.least else 1
 
 
 if __name__ == "__main__":

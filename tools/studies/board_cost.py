@@ -62,12 +62,12 @@ def main() -> None:
     parser.add_argument("-n", type=int, default=30, help="frames")
     options = parser.parse_args()
     card = read_card(options.dataset)
-    whole = [k for k in range(card.n_frames) if is_frame_complete(options.dataset, k)][: options.n]
+    complete = [k for k in range(card.n_frames) if is_frame_complete(options.dataset, k)][: options.n]
     with TemporaryDirectory() as name:
         folder = Path(name)
         write_board_model(load_target(options.target or card.target.name), folder / "model.json")
         (folder / "camera.json").write_bytes(msgspec.json.encode(card.camera))
-        pictures = [grey(read_png(frame_paths(options.dataset, k).image)) for k in whole]
+        pictures = [grey(read_png(frame_paths(options.dataset, k).image)) for k in complete]
         np.save(folder / "frames.npy", np.stack(pictures))
         answer = subprocess.run(
             [sys.executable, "-c", BOARD, name],
@@ -78,7 +78,7 @@ def main() -> None:
         )
     figures = json.loads(answer.stdout)
     rows = figures["rows"][1:]  # the first frame includes one-time setup
-    for what, some in (
+    for label, some in (
         ("all", rows),
         ("accepted", [r for r in rows if r["accepted"]]),
         ("declined", [r for r in rows if not r["accepted"]]),
@@ -87,7 +87,7 @@ def main() -> None:
         if times:
             half, most = np.quantile(times, [0.5, 0.95])
             print(
-                f"{what}: {len(times)} frames, {half:.0f} ms in the median, {most:.0f} at the 95th percentile"
+                f"{label}: {len(times)} frames, {half:.0f} ms in the median, {most:.0f} at the 95th percentile"
             )
     stages = {name: 0.0 for r in rows for name in r["stages"]}
     for name in stages:

@@ -113,13 +113,13 @@ def main() -> None:
     collect.add_argument("-o", "--output", required=True, type=Path)
     fit = commands.add_parser("fit", help="fit the weights")
     fit.add_argument("evidence", nargs="+", type=Path)
-    given = parser.parse_args()
-    if given.command == "collect":
-        rows = [row for folder in given.sets for row in collected(folder, given.target)]
-        given.output.write_bytes(msgspec.json.encode(rows))
+    options = parser.parse_args()
+    if options.command == "collect":
+        rows = [row for folder in options.sets for row in collected(folder, options.target)]
+        options.output.write_bytes(msgspec.json.encode(rows))
         print(f"{len(rows)} frames, {np.mean([r['right'] for r in rows]):.3f} right")
         return
-    rows = [row for path in given.evidence for row in msgspec.json.decode(path.read_bytes())]
+    rows = [row for path in options.evidence for row in msgspec.json.decode(path.read_bytes())]
     X, y = np.array([r["terms"] for r in rows]), np.array([r["right"] for r in rows])
     names = [r["set"] for r in rows]
     print("bias and weights:", np.round(fitted(X, y), 3).tolist())
@@ -129,9 +129,13 @@ def main() -> None:
         w = fitted(X[fold != k], y[fold != k])
         p[fold == k] = 1 / (1 + np.exp(-(w[0] + X[fold == k] @ w[1:])))
     for bar in (0.8, 0.85, 0.9, 0.93, 0.95, 0.97):
-        taken = p >= bar
-        each = ", ".join(f"{s} {taken[[n == s for n in names]].mean():.2f}" for s in dict.fromkeys(names))
-        print(f"threshold {bar}: accepted {taken.sum()} of {len(rows)}, wrong {(taken & ~y).sum()}; {each}")
+        accepted = p >= bar
+        by_set = ", ".join(
+            f"{s} {accepted[[n == s for n in names]].mean():.2f}" for s in dict.fromkeys(names)
+        )
+        print(
+            f"threshold {bar}: accepted {accepted.sum()} of {len(rows)}, wrong {(accepted & ~y).sum()}; {by_set}"
+        )
     for s in dict.fromkeys(names):
         own = [r for r in rows if r["set"] == s and r["right"] and r.get("covariance") is not None]
         squared = np.array([np.array(r["error"]) @ np.linalg.solve(r["covariance"], r["error"]) for r in own])

@@ -157,17 +157,17 @@ def main() -> None:
     parser.add_argument("--scenarios", nargs="*", default=SCENARIOS)
     parser.add_argument("--pose", choices=("truth", "board"), default="board")
     parser.add_argument("--any-view", action="store_true")
-    given = parser.parse_args()
+    options = parser.parse_args()
     cv2.setNumThreads(1)
-    given.out.mkdir(parents=True, exist_ok=True)
+    options.out.mkdir(parents=True, exist_ok=True)
     with open_frames(Frame.image_and_truth, processes=1, ahead=1) as draw:
-        for seed in seeds_of(given.seeds):
-            for scenario in given.scenarios:
-                path = given.out / f"{scenario}-{seed}.npz"
+        for seed in seeds_of(options.seeds):
+            for scenario in options.scenarios:
+                path = options.out / f"{scenario}-{seed}.npz"
                 if path.exists():
                     continue
                 since = time.monotonic()
-                result, drawn = fly(planned(scenario, seed, any_view=given.any_view), draw, given.pose)
+                result, drawn = fly(planned(scenario, seed, any_view=options.any_view), draw, options.pose)
                 write(path, result, drawn)
                 nees = np.array([s.nees for s in result.steps[20:] if s.nees is not None])
                 print(

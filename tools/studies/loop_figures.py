@@ -87,15 +87,15 @@ def row(name: str, flights: Sequence[Flight]) -> str:
     """Return a row of the table."""
     arrived = [f for f in flights if f.arrived]
     low, high = wilson_interval(len(arrived), len(flights)) or (0.0, 1.0)
-    there = arrived or flights
-    shortest = min(len(f.nees) for f in there)
-    by_time = np.nanmean(np.array([f.nees[SETTLED:shortest] for f in there]), axis=0)
-    least, most = nees_band(len(there), STATES)
+    counted = arrived or flights
+    shortest = min(len(f.nees) for f in counted)
+    by_time = np.nanmean(np.array([f.nees[SETTLED:shortest] for f in counted]), axis=0)
+    least, most = nees_band(len(counted), STATES)
     inside = np.mean((by_time > least) & (by_time < most))
     return (
         f"| {name}: {len(flights)} | {len(arrived)} ({low:.0%} to {high:.0%}) "
         f"| {sum(f.outcome == 'aborted' for f in flights)} | {sum(f.violations > 0 for f in flights)} "
-        f"| {1e3 * max(f.error_m for f in there):.0f} mm, {max(f.error_deg for f in there):.2f} deg "
+        f"| {1e3 * max(f.error_m for f in counted):.0f} mm, {max(f.error_deg for f in counted):.2f} deg "
         f"| {np.mean([f.delta_v_m_s for f in flights]):.2f} m/s "
         f"| {np.mean(by_time):.1f}; {least:.1f} to {most:.1f}; {inside:.0%} |"
     )
@@ -106,17 +106,17 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--seeds", help="FIRST-LAST")
     parser.add_argument("--drawn", type=Path, nargs="*", default=[])
-    given = parser.parse_args()
+    options = parser.parse_args()
     print(HEAD)
-    for folder in given.drawn:
+    for folder in options.drawn:
         for scenario in SCENARIOS:
             paths = sorted(folder.glob(f"{scenario}-[0-9]*.npz"))
             if paths:
                 print(row(f"{scenario}, drawn", drawn(paths)), flush=True)
-    if given.seeds:
+    if options.seeds:
         for pose in ("noisy", "truth"):
             for scenario in SCENARIOS:
-                print(row(f"{scenario}, {pose}", flown(scenario, seeds_of(given.seeds), pose)), flush=True)
+                print(row(f"{scenario}, {pose}", flown(scenario, seeds_of(options.seeds), pose)), flush=True)
 
 
 if __name__ == "__main__":

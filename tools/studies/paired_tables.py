@@ -33,14 +33,14 @@ def mcnemar(n_gained: int, n_lost: int) -> float:
     return float(binomtest(n_gained, n_gained + n_lost).pvalue) if n_gained + n_lost else 1.0
 
 
-def paired(rows: Sequence[EvaluatedFrame], first: str, other: str) -> tuple[int, int, float]:
-    """Return the feasible frames that only ``other`` gets coarsely right, those that only ``first`` does, and the
+def paired(rows: Sequence[EvaluatedFrame], first: str, second: str) -> tuple[int, int, float]:
+    """Return the feasible frames that only ``second`` gets coarsely right, those that only ``first`` does, and the
     p-value of `mcnemar`.
     """
     right = {(r.method, r.frame): r.record.coarse for r in rows if r.record.feasible}
-    both = [k for method, k in right if method == first and (other, k) in right]
-    gained = sum(right[other, k] and not right[first, k] for k in both)
-    lost = sum(right[first, k] and not right[other, k] for k in both)
+    common = [k for method, k in right if method == first and (second, k) in right]
+    gained = sum(right[second, k] and not right[first, k] for k in common)
+    lost = sum(right[first, k] and not right[second, k] for k in common)
     return gained, lost, mcnemar(gained, lost)
 
 
@@ -79,7 +79,7 @@ def units_table(records: Sequence[tuple[str, Sequence[FrameScore]]]) -> str:
     lines.append("|---|---|---|---|---|---|")
     for name, all_records in records:
         feasible = [r for r in all_records if r.feasible]
-        for what, holds in chosen.items():
+        for label, holds in chosen.items():
             errors = [
                 (r.E_T_m, r.E_R_deg)
                 for r in feasible
@@ -90,7 +90,9 @@ def units_table(records: Sequence[tuple[str, Sequence[FrameScore]]]) -> str:
             if len(turn):
                 median, mean = float(np.median(turn)), float(np.mean(turn))
                 turned = f"{_mean(turn)} | {_number(median)} | {np.radians(mean):.3f}"
-            lines.append(f"| {name}, {what} | {len(errors)} of {len(feasible)} | {_mean(shift)} | {turned} |")
+            lines.append(
+                f"| {name}, {label} | {len(errors)} of {len(feasible)} | {_mean(shift)} | {turned} |"
+            )
     return "\n".join(lines)
 
 
@@ -104,8 +106,8 @@ def write_into_page(page: Path, part: str, name: str, text: str) -> None:
     """
     before = page.read_text(encoding="utf-8")
     place = re.compile(rf"(<!-- study {re.escape(part)} {re.escape(name)} -->\n).*?(<!-- end -->)", re.DOTALL)
-    after, found = place.subn(lambda m: f"{m[1]}{text}\n{m[2]}", before)
-    if not found:
+    after, n_replaced = place.subn(lambda m: f"{m[1]}{text}\n{m[2]}", before)
+    if not n_replaced:
         raise UserError(
             f"{page} has no place for this table: add the lines <!-- study {part} {name} --> and <!-- end -->"
         )
@@ -130,5 +132,5 @@ def _mean(values: np.ndarray) -> str:
     if not len(values):
         return "-"
     _, interval = bootstrap_intervals(list(values))
-    around = "" if interval is None else f" ({interval[0]:.3g}-{interval[1]:.3g})"
-    return f"{float(np.mean(values)):.3g}{around}"
+    interval_text = "" if interval is None else f" ({interval[0]:.3g}-{interval[1]:.3g})"
+    return f"{float(np.mean(values)):.3g}{interval_text}"

@@ -63,11 +63,11 @@ def read_flight(path: Path) -> FlightErrors:
 def normalised(flights: list[FlightErrors]) -> list[np.ndarray]:
     """Return the errors divided by the sigma of their range, wrong errors as NaN."""
     shares = [f.errors / np.column_stack([*[f.range_m] * 3, *[np.ones(len(f.range_m))] * 3]) for f in flights]
-    every = np.vstack(shares)
-    sigma = 1.4826 * np.nanmedian(np.abs(every), axis=0)
+    all_shares = np.vstack(shares)
+    sigma = 1.4826 * np.nanmedian(np.abs(all_shares), axis=0)
     for _ in range(20):
-        right = np.all(np.abs(every) <= WRONG_SIGMAS * sigma, axis=1)
-        sigma = np.sqrt(np.mean(every[right] ** 2, axis=0))
+        right = np.all(np.abs(all_shares) <= WRONG_SIGMAS * sigma, axis=1)
+        sigma = np.sqrt(np.mean(all_shares[right] ** 2, axis=0))
     result = []
     for share in shares:
         wrong = ~np.all(np.abs(share) <= WRONG_SIGMAS * sigma, axis=1)
@@ -97,13 +97,15 @@ def by_range(flights: list[FlightErrors], kept: list[np.ndarray]) -> str:
     return "\n".join(lines)
 
 
-def by_lag(flights: list[FlightErrors], kept: list[np.ndarray]) -> str:
+def by_lag(flights: list[FlightErrors], errors: list[np.ndarray]) -> str:
     """Return the autocorrelation of the normalised errors over the lag, averaged over all parts."""
     head = " | ".join(str(lag) for lag in LAGS_S)
     lines = [f"| lag [s] | {head} |", "|---" * (len(LAGS_S) + 1) + "|"]
     turning = [f.turn_rad[-1] / f.t_s[-1] > np.radians(0.5) for f in flights]
-    for name, which in (("steady", False), ("tumbling", True)):
-        chosen = [(f, x) for f, x, turns in zip(flights, kept, turning, strict=True) if bool(turns) is which]
+    for name, is_tumbling in (("steady", False), ("tumbling", True)):
+        chosen = [
+            (f, x) for f, x, turns in zip(flights, errors, turning, strict=True) if bool(turns) is is_tumbling
+        ]
         variance = np.nanmean(np.vstack([x for _, x in chosen]) ** 2)
         cells, turned, nearer = [], [], []
         for lag in LAGS_S:
@@ -124,11 +126,11 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("flights", type=Path)
     flights = [read_flight(path) for path in sorted(parser.parse_args().flights.glob("*.npz"))]
-    kept = normalised(flights)
+    errors = normalised(flights)
     print(f"{len(flights)} flights\n")
-    print(by_range(flights, kept))
+    print(by_range(flights, errors))
     print()
-    print(by_lag(flights, kept))
+    print(by_lag(flights, errors))
 
 
 if __name__ == "__main__":

@@ -154,8 +154,8 @@ def stage_row(
     result = estimator.estimate(image)
     search = propose_learned(prepare(estimator.setup, Observation(image)))
     frame, box = search.image.frame, target_box(target, q, t)
-    held, large = max((_holds(r, box) for r in search.image.regions), default=(0.0, 0.0))
-    off, size = min(
+    held_share, large = max((_holds(r, box) for r in search.image.regions), default=(0.0, 0.0))
+    offset, size = min(
         (_beside(estimator, p, q, t) for p in search.locations), default=(9.0, 0.0), key=lambda v: v[0]
     )
     errors = [frame_errors(q, t, h.q, h.t)[2] for h in search.hypotheses]
@@ -184,10 +184,10 @@ def stage_row(
     return StageRow(
         frame_index,
         float(np.linalg.norm(t)),
-        held,
+        held_share,
         large,
         drawn,
-        off,
+        offset,
         size,
         errors[nearest] if errors else 180.0,
         nearest,
@@ -217,15 +217,15 @@ def _beside(estimator: PoseEstimator, place: LearnedProposal, q: Array, t: Array
     centre = t + quat.matrix(q) @ target.centre_m
     distance, f = float(np.linalg.norm(centre)), 0.5 * (target.camera.fx_px + target.camera.fy_px)
     wide = 2 * f / float(np.sqrt(max((distance / target.radius_m) ** 2 - 1.0, 1e-6)))
-    off = f * float(np.linalg.norm(place.crop.direction - centre / distance)) / wide
-    return off, place.crop.diameter_px / wide
+    offset = f * float(np.linalg.norm(place.crop.direction - centre / distance)) / wide
+    return offset, place.crop.diameter_px / wide
 
 
 def _refined(image: PreparedImage, source: Source, q: Array, t: Array) -> tuple[Hypothesis, float]:
     """Return a pose near the truth after refinement, and the higher score of it and the refined truth."""
     target, frame = image.setup.target, image.frame
     patch = cut_patch(target, frame, target_box(target, q, t), CLOSE_PX)
-    beside = quat.rotate(q, np.array([TURN_RAD, 0.0, 0.0]))
+    turned = quat.rotate(q, np.array([TURN_RAD, 0.0, 0.0]))
     ends = [
         refine_to_convergence(
             target,
@@ -233,7 +233,7 @@ def _refined(image: PreparedImage, source: Source, q: Array, t: Array) -> tuple[
             patch,
             draw_shadows(target, patch, draw(target, patch, Hypothesis(PoseFit(a, b), source))),
         )
-        for a, b in ((beside, t * FARTHER), (q, t))
+        for a, b in ((turned, t * FARTHER), (q, t))
     ]
     return ends[0], max(e.score for e in ends)
 

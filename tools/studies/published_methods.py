@@ -96,8 +96,8 @@ def wrong_model(model: BoardModel, sigma_m: float, seed: int = 7) -> BoardModel:
 def expose(folder: Path, out: Path, factor: float, frames: Sequence[int] | None = None) -> Path:
     """Return a data set of the same frames, or ``frames`` of them, rendered with ``factor`` times the exposure."""
     card = read_card(folder)
-    asked = range(card.n_frames) if frames is None else frames
-    missing = [k for k in asked if is_frame_complete(folder, k) and not is_frame_complete(out, k)]
+    numbers = range(card.n_frames) if frames is None else frames
+    missing = [k for k in numbers if is_frame_complete(folder, k) and not is_frame_complete(out, k)]
     if not missing and (out / "dataset.json").is_file():
         return out
     (out / "images").mkdir(parents=True, exist_ok=True)
@@ -110,23 +110,23 @@ def expose(folder: Path, out: Path, factor: float, frames: Sequence[int] | None 
             if frame.truth is None:
                 raise RuntimeError("a labelled frame needs its truth")
             # feasibility is that of the frame at the right exposure
-            same = msgspec.structs.replace(
+            rescaled = msgspec.structs.replace(
                 frame.truth, feasible=truth.feasible, infeasible_reason=truth.infeasible_reason
             )
-            write_frame(out, k, replace(frame, truth=same))
+            write_frame(out, k, replace(frame, truth=rescaled))
     (out / "dataset.json").write_bytes((folder / "dataset.json").read_bytes())
     return out
 
 
 def feasible_frames(folder: Path, most: int) -> list[int]:
     """Return the first ``most`` solvable frames of a set."""
-    found: list[int] = []
+    numbers: list[int] = []
     for k in range(read_card(folder).n_frames):
-        if len(found) == most:
+        if len(numbers) == most:
             break
         if is_frame_complete(folder, k) and read_truth(frame_paths(folder, k).truth).feasible:
-            found.append(k)
-    return found
+            numbers.append(k)
+    return numbers
 
 
 class Study:
@@ -208,20 +208,20 @@ class Study:
 
     def bent(self) -> str:
         """Return the best method with a distorted model."""
-        found = {"exact": self.rows(HYBRID, [BEST])}
+        rows_by_model = {"exact": self.rows(HYBRID, [BEST])}
         for sigma in MODEL_ERRORS_M:
             wrong = wrong_model(self.model, sigma)
-            found[f"bent by {1e3 * sigma:g} mm"] = self.rows(f"model-{sigma}", [BEST], model=wrong)
-        return together(found)
+            rows_by_model[f"bent by {1e3 * sigma:g} mm"] = self.rows(f"model-{sigma}", [BEST], model=wrong)
+        return together(rows_by_model)
 
     def exposure(self) -> str:
         """Return the best method with a wrong exposure."""
-        found = {"right exposure": self.rows(HYBRID, [BEST])}
+        rows_by_exposure = {"right exposure": self.rows(HYBRID, [BEST])}
         for factor in EXPOSURE_FACTORS:
             place = self.reports / f"set-exposure-{factor}"
-            other = expose(self.folder, place, factor, self.frames) if self.evaluate else place
-            found[f"exposure x {factor:g}"] = self.rows(f"exposure-{factor}", [BEST], of=other)
-        return together(found)
+            exposed = expose(self.folder, place, factor, self.frames) if self.evaluate else place
+            rows_by_exposure[f"exposure x {factor:g}"] = self.rows(f"exposure-{factor}", [BEST], of=exposed)
+        return together(rows_by_exposure)
 
 
 def compared(rows: Sequence[EvaluatedFrame], labels: Sequence[str], first: str) -> str:

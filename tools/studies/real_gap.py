@@ -130,7 +130,7 @@ def swaps(
     renderer: Renderer, twin: Twin, mockup: Target, flight: Target, number: int
 ) -> dict[str, ByteArray]:
     """Return the twin with one property replaced, by the name of the row."""
-    scene, seen = twin.scene, twin.reference.image
+    scene, photograph = twin.scene, twin.reference.image
     strongest = max(scene.area_lights, key=lambda one: one.radiance_w_m2_sr)
     detector = scene.sensor.detector
     if detector is None:
@@ -151,24 +151,24 @@ def swaps(
     return {
         "light: one box": drawn(renderer, replace(scene, lights=(strongest,)), mockup),
         "light: of the recipe": drawn(renderer, replace(scene, lights=_recipe_lights(scene, number)), mockup),
-        "light: theirs, smooth": _with_their_light(seen, twin.image, plain, on),
+        "light: theirs, smooth": _with_their_light(photograph, twin.image, plain, on),
         "material: flight": drawn(renderer, scene, flight),
         "lens: sharp": drawn(renderer, sharp, mockup),
         "lens: soft": drawn(renderer, soft, mockup),
         "noise: none": plain,
-        "background: theirs": _laid(twin.image, seen, inside),
-        "inside: theirs": _laid(seen, twin.image, inside),
+        "background: theirs": _laid(twin.image, photograph, inside),
+        "inside: theirs": _laid(photograph, twin.image, inside),
     }
 
 
 def _recipe_lights(scene: SceneState, number: int) -> tuple[Any, ...]:
     """Return the light boxes of a frame of the recipe, around its craft."""
     plan = plan_recipe(RECIPE, number + 1, seed=SEED)
-    other = plan.scene(number)
-    shift = np.asarray(scene.t_camera_from_target_m) - np.asarray(other.t_camera_from_target_m)
+    recipe_scene = plan.scene(number)
+    shift = np.asarray(scene.t_camera_from_target_m) - np.asarray(recipe_scene.t_camera_from_target_m)
     return tuple(
         msgspec.structs.replace(one, position_m=vec3(np.asarray(one.position_m) + shift))
-        for one in other.area_lights
+        for one in recipe_scene.area_lights
     )
 
 
@@ -182,10 +182,12 @@ def _laid(inside: ByteArray, outside: ByteArray, share: np.ndarray[Any, Any]) ->
     return np.rint(share * inside + (1 - share) * outside).astype(np.uint8)
 
 
-def _with_their_light(seen: ByteArray, ours: ByteArray, plain: ByteArray, on: BoolArray) -> ByteArray:
+def _with_their_light(
+    photograph: ByteArray, rendering: ByteArray, plain: ByteArray, on: BoolArray
+) -> ByteArray:
     """Return the rendering scaled to the real image's brightness over many pixels, with its own detail and noise."""
     black = float(np.percentile(plain[~on], 20)) if (~on).any() else 0.0
-    their_black = float(np.percentile(seen[~on], 20)) if (~on).any() else 0.0
+    their_black = float(np.percentile(photograph[~on], 20)) if (~on).any() else 0.0
     weight = on.astype(np.float32)
 
     def smooth(image: ByteArray, level: float) -> np.ndarray[Any, Any]:
@@ -193,8 +195,8 @@ def _with_their_light(seen: ByteArray, ours: ByteArray, plain: ByteArray, on: Bo
         total, share = (cv2.GaussianBlur(a, (0, 0), SMOOTH_PX) for a in (above, weight))
         return np.asarray(total / np.maximum(share, 1e-3))
 
-    ratio = np.clip((smooth(seen, their_black) + MIN_DN) / (smooth(plain, black) + MIN_DN), 0.1, 10.0)
-    noise = ours.astype(np.float32) - plain
+    ratio = np.clip((smooth(photograph, their_black) + MIN_DN) / (smooth(plain, black) + MIN_DN), 0.1, 10.0)
+    noise = rendering.astype(np.float32) - plain
     lit = black + np.where(on, ratio, 1.0) * (plain - black)
     return np.clip(np.rint(lit + noise), 0, 255).astype(np.uint8)
 
@@ -249,19 +251,19 @@ def failures_picture(
         q, t = result.q_camera_from_target_wxyz, result.t_camera_from_target_m
         if q is None or t is None:
             continue
-        other = scene_with_pose(twin.scene, target, Pose.of("camera", "target", q, t), 0)
+        estimated_scene = scene_with_pose(twin.scene, target, Pose.of("camera", "target", q, t), 0)
         shift = np.asarray(t) - np.asarray(twin.scene.t_camera_from_target_m)
         lights = tuple(
             msgspec.structs.replace(one, position_m=vec3(np.asarray(one.position_m) + shift))
             for one in twin.scene.area_lights
         )
-        there = drawn(renderer, replace(other, lights=lights), target)
-        found = np.isfinite(renderer.surfaces(other, target, layers=False).depth_m)
-        either = twin.on | found
+        estimated_image = drawn(renderer, replace(estimated_scene, lights=lights), target)
+        on_estimate = np.isfinite(renderer.surfaces(estimated_scene, target, layers=False).depth_m)
+        either = twin.on | on_estimate
         rows, columns = np.flatnonzero(either.any(axis=1)), np.flatnonzero(either.any(axis=0))
         size = int(1.15 * max(np.ptp(rows), np.ptp(columns))) + 20
         x, y = int(columns.mean()) - size // 2, int(rows.mean()) - size // 2
-        cut = [_window(image, x, y, size) for image in (twin.image, there)]
+        cut = [_window(image, x, y, size) for image in (twin.image, estimated_image)]
         rim = np.full((SHOWN_PX, 4), 255, np.uint8)
         lines += [np.hstack([cut[0], rim, cut[1]]), np.full((4, 2 * SHOWN_PX + 4), 255, np.uint8)]
     return np.vstack(lines[:-1]) if lines else None

@@ -178,13 +178,13 @@ def frames(names: Sequence[str]) -> None:
 
 def starts(names: Sequence[str]) -> None:
     """Print the table of a first start: the minimum of several, measured alternately."""
-    found: dict[str, list[float]] = {name: [] for name in ("all", *names)}
+    times: dict[str, list[float]] = {name: [] for name in ("all", *names)}
     for _ in range(STARTS):
-        for name, taken in found.items():
+        for name, durations in times.items():
             with TemporaryDirectory() as folder:
-                taken.append(1e-3 * start_once(folder, *START_WITHOUT.get(name, ("", "")))[0])
-    for name, taken in found.items():
-        print(f"{name:26s} {min(taken):5.2f} ({min(taken) - min(found['all']):+.2f})")
+                durations.append(1e-3 * start_once(folder, *START_WITHOUT.get(name, ("", "")))[0])
+    for name, durations in times.items():
+        print(f"{name:26s} {min(durations):5.2f} ({min(durations) - min(times['all']):+.2f})")
 
 
 if __name__ == "__main__":

@@ -58,8 +58,8 @@ def cells(folder: Path, rng: np.random.Generator, *, varied: bool) -> Iterator[t
         size = (small.shape[1] // CELL_PX, small.shape[0] // CELL_PX)
         share = cv2.resize(mask.astype(np.float32), size, interpolation=cv2.INTER_AREA)
         ring = (cv2.dilate(share, np.ones((25, 25), np.uint8)) > 0.5) & (share < 0.01)
-        for where, count, value in ((share > 0.5, ON, 1.0), (share < 0.01, OFF, 0.0), (ring, BESIDE, 0.0)):
-            at = np.argwhere(where)
+        for region, count, value in ((share > 0.5, ON, 1.0), (share < 0.01, OFF, 0.0), (ring, BESIDE, 0.0)):
+            at = np.argwhere(region)
             at = at[rng.choice(len(at), min(len(at), count), replace=False)] if len(at) else at
             yield m[at[:, 0], at[:, 1]], np.full(len(at), value)
 
@@ -80,10 +80,10 @@ def train(x: FloatArray, y: FloatArray, seed: int = 0) -> dict[str, FloatArray]:
             hidden = np.maximum(part @ weights[0] + weights[1], 0.0)
             p = 1 / (1 + np.exp(-np.clip(hidden @ weights[2] + weights[3], -30, 30)))
             error = (p - y[rows]) / len(rows)
-            back = np.outer(error, weights[2]) * (hidden > 0)
+            hidden_error = np.outer(error, weights[2]) * (hidden > 0)
             slopes = [
-                part.T @ back + 1e-4 * weights[0],
-                back.sum(axis=0),
+                part.T @ hidden_error + 1e-4 * weights[0],
+                hidden_error.sum(axis=0),
                 hidden.T @ error,
                 error.sum(keepdims=True),
             ]

@@ -50,14 +50,14 @@ def flat_plate(name: str, x: tuple[float, float], y: tuple[float, float], z: flo
     )
 
 
-def ball(radius_m: float, around: int = 160) -> Part:
+def ball(radius_m: float, n_around: int = 160) -> Part:
     """Return a smooth sphere about the origin."""
-    down = around // 2
-    a, b = np.meshgrid(np.linspace(0, 2 * np.pi, around + 1), np.linspace(0, np.pi, down + 1))
+    down = n_around // 2
+    a, b = np.meshgrid(np.linspace(0, 2 * np.pi, n_around + 1), np.linspace(0, np.pi, down + 1))
     n = np.stack([np.sin(b) * np.cos(a), np.sin(b) * np.sin(a), np.cos(b)], axis=-1).reshape(-1, 3)
-    row, column = (q.ravel() for q in np.meshgrid(np.arange(down), np.arange(around), indexing="ij"))
-    first = row * (around + 1) + column
-    below = first + around + 1
+    row, column = (q.ravel() for q in np.meshgrid(np.arange(down), np.arange(n_around), indexing="ij"))
+    first = row * (n_around + 1) + column
+    below = first + n_around + 1
     triangles = np.concatenate(
         [np.stack([first, below, below + 1], axis=1), np.stack([first, below + 1, first + 1], axis=1)]
     )

@@ -106,20 +106,20 @@ def fit_outline(reference: ByteArray, target: Target, side: str, coarse: Target 
     x = min(tried, key=lambda x: _lost(reference, first, side, x, 2))
     x = _descend(reference, first, side, x, 8, 1, narrow)
     simplex = np.vstack([x, x + np.diag(STEP)])
-    found = minimize(
+    solution = minimize(
         functools.partial(_lost_at, reference, first, side),
         x,
         method="Nelder-Mead",
         options={"initial_simplex": simplex, "maxfev": POLISH},
     )
-    x = np.asarray(found.x)
+    x = np.asarray(solution.x)
     model = _drawn(reference.shape, mesh, side, x, 1)
     R, t_m, focal = _pose(mesh, side, x)
-    left = np.abs(_distances(reference, mesh, side, x, 1))
+    residual = np.abs(_distances(reference, mesh, side, x, 1))
     return Fit(
         overlap=float((reference & model).sum() / (reference | model).sum()),
-        median_px=float(np.median(left)),
-        p95_px=float(np.percentile(left, 95)),
+        median_px=float(np.median(residual)),
+        p95_px=float(np.percentile(residual, 95)),
         R_camera_from_target=R,
         t_camera_from_target_m=t_m,
         focal_px=focal,
@@ -150,10 +150,10 @@ def _width_m(mesh: _Mesh) -> float:
 
 def _start(reference: ByteArray, mesh: _Mesh, side: str, range_widths: float) -> FloatArray:
     """Return initial parameters: view along the side's axis, at the outline's size and position."""
-    seen = mesh.positions_m @ np.array(SIDES[side], float).T / _width_m(mesh)
-    middle = (seen.min(axis=0) + seen.max(axis=0)) / 2
+    projected = mesh.positions_m @ np.array(SIDES[side], float).T / _width_m(mesh)
+    middle = (projected.min(axis=0) + projected.max(axis=0)) / 2
     v, u = np.nonzero(reference)
-    scale_px = float(np.ptp(u) / np.ptp(seen[:, 0]))
+    scale_px = float(np.ptp(u) / np.ptp(projected[:, 0]))
     h, w = reference.shape
     at = (np.array([u.min() + u.max(), v.min() + v.max()]) - (w - 1, h - 1)) / 2 / scale_px
     return np.r_[0, 0, 0, at - middle[:2], np.log(range_widths), np.log(scale_px)]
@@ -168,9 +168,9 @@ def _pose(mesh: _Mesh, side: str, x: FloatArray) -> tuple[FloatArray, FloatArray
 def _drawn(shape: tuple[int, ...], mesh: _Mesh, side: str, x: FloatArray, shrink: int) -> ByteArray:
     """Return the model's filled outline on an image ``shrink`` times smaller."""
     R, t_m, focal = _pose(mesh, side, x)
-    seen = mesh.positions_m @ R.T + t_m
+    in_camera = mesh.positions_m @ R.T + t_m
     middle = (np.array(shape[::-1]) - 1) / 2
-    uv = (seen[:, :2] / np.maximum(seen[:, 2:], 1e-3) * focal + middle + 0.5) / shrink - 0.5
+    uv = (in_camera[:, :2] / np.maximum(in_camera[:, 2:], 1e-3) * focal + middle + 0.5) / shrink - 0.5
     image = np.zeros((shape[0] // shrink, shape[1] // shrink), np.uint8)
     corners = np.rint(np.clip(uv, -1e4, 1e4) * 2**FILL_SHIFT).astype(np.int32)[mesh.triangles]
     # the front-facing triangles cover the silhouette
@@ -218,9 +218,9 @@ def _descend(
     damping = 1e-2
     r = _distances(reference, mesh, side, x, shrink)
     for _ in range(steps):
-        ahead = [_distances(reference, mesh, side, x + d, shrink) for d in np.diag(STEP)]
-        back = [_distances(reference, mesh, side, x - d, shrink) for d in np.diag(STEP)]
-        J = (np.array(ahead) - np.array(back)).T / 2
+        forward = [_distances(reference, mesh, side, x + d, shrink) for d in np.diag(STEP)]
+        backward = [_distances(reference, mesh, side, x - d, shrink) for d in np.diag(STEP)]
+        J = (np.array(forward) - np.array(backward)).T / 2
         w = 1 / (1 + (r / robust_px) ** 2)
         A = J.T @ (J * w[:, None])
         y = np.linalg.solve(A + damping * np.diag(np.diag(A) + 1e-6), -J.T @ (w * r))
@@ -248,8 +248,8 @@ def read_picture(path: Path, outline: Path | None, threshold_dn: float) -> tuple
     mask = np.zeros_like(grey)
     if outline is None:
         _, bright = cv2.threshold(cv2.GaussianBlur(grey, (0, 0), BLUR_PX), threshold_dn, 1, cv2.THRESH_BINARY)
-        found, _ = cv2.findContours(bright, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
-        pieces = [c for c in found if cv2.contourArea(c) >= MIN_AREA_PX]
+        contours, _ = cv2.findContours(bright, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
+        pieces = [c for c in contours if cv2.contourArea(c) >= MIN_AREA_PX]
         cv2.drawContours(mask, pieces, -1, 1, cv2.FILLED)
         return grey, np.asarray(mask, np.uint8)
     try:
@@ -267,8 +267,8 @@ def overlay(image: ByteArray, fit: Fit) -> ByteArray:
     """Return the image (BGR) with its own outline in yellow and the model's in red."""
     canvas = cv2.cvtColor(image, cv2.COLOR_GRAY2BGR)
     for mask, colour in ((fit.reference, (0, 255, 255)), (fit.model, (0, 0, 255))):
-        found, _ = cv2.findContours(mask, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
-        cv2.drawContours(canvas, found, -1, colour, 1)
+        contours, _ = cv2.findContours(mask, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
+        cv2.drawContours(canvas, contours, -1, colour, 1)
     return np.asarray(canvas, np.uint8)
 
 
@@ -281,20 +281,22 @@ def main(argv: list[str] | None = None) -> int:
     parser.add_argument("--outline", type=Path, help="JSON list of polygons in pixels, traced by hand")
     parser.add_argument("--threshold", type=float, default=30.0, help="minimum brightness of the craft [DN]")
     parser.add_argument("-o", "--overlay", type=Path, help="image with both outlines")
-    given = parser.parse_args(argv)
+    options = parser.parse_args(argv)
     try:
-        image, reference = read_picture(given.picture, given.outline, given.threshold)
-        fit = fit_outline(reference, load_target(given.target), given.side, load_target(given.target, "low"))
+        image, reference = read_picture(options.picture, options.outline, options.threshold)
+        fit = fit_outline(
+            reference, load_target(options.target), options.side, load_target(options.target, "low")
+        )
     except UserError as error:
         sys.stdout.write(f"{error}\n")
         return 2
     sys.stdout.write(
-        f"{given.picture.name}: overlap {fit.overlap:.3f}, outlines {fit.median_px:.2f} px apart (median), "
+        f"{options.picture.name}: overlap {fit.overlap:.3f}, outlines {fit.median_px:.2f} px apart (median), "
         f"{fit.p95_px:.1f} px (95th percentile); focal length {fit.focal_px:.0f} px, "
         f"range {fit.t_camera_from_target_m[2]:.2f} m\n"
     )
-    if given.overlay:
-        cv2.imwrite(str(given.overlay), overlay(image, fit))
+    if options.overlay:
+        cv2.imwrite(str(options.overlay), overlay(image, fit))
     return 0
 
 

@@ -167,12 +167,12 @@ def _screws(frame: RailFrame, heights_m: tuple[float, ...], lift_m: float, detai
     """Return the button heads along the panel boards of all four sides."""
     meshes = []
     for face, width, along in ((frame.face_x_m, frame.y_m, 1), (frame.face_y_m, frame.x_m, 0)):
-        across = np.linspace(-1, 1, 2 * round(width / 0.05)) * (width / 2 - RAIL_M - 0.0045)
+        offsets = np.linspace(-1, 1, 2 * round(width / 0.05)) * (width / 2 - RAIL_M - 0.0045)
         for side in (-1, 1):
             axis = [0.0, 0.0, 0.0]
             axis[1 - along] = side
             points = []
-            for a, z in itertools.product(across, heights_m):
+            for a, z in itertools.product(offsets, heights_m):
                 p = [0.0, 0.0, z]
                 p[along], p[1 - along] = a, side * (face + lift_m)
                 points.append(p)

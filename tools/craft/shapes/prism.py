@@ -97,8 +97,8 @@ def _turn(a: FloatArray, b: FloatArray, c: FloatArray) -> FloatArray:
 
 def _in_wedge(before: FloatArray, at: FloatArray, after: FloatArray, p: FloatArray) -> bool:
     """Return True if ``p`` lies in the inner angle of the corner ``before at after``."""
-    left, right = _turn(before, at, p) >= 0, _turn(at, after, p) >= 0
-    return bool(left and right) if _turn(before, at, after) >= 0 else bool(left or right)
+    is_left, is_right = _turn(before, at, p) >= 0, _turn(at, after, p) >= 0
+    return bool(is_left and is_right) if _turn(before, at, after) >= 0 else bool(is_left or is_right)
 
 
 def _clip_ears(points: FloatArray, loop: list[int]) -> IntArray:

@@ -101,16 +101,16 @@ def lathe(profile: ArrayLike, origin_m: ArrayLike, axis: ArrayLike, segments: in
     bands = []
     for k in range(len(step)):
         normal = [slope[k], slope[k]]
-        for end, other in ((0, k - 1), (1, k + 1)):
-            if 0 <= other < len(step):
-                beside = slope[other]
+        for end, neighbour in ((0, k - 1), (1, k + 1)):
+            if 0 <= neighbour < len(step):
+                neighbour_slope = slope[neighbour]
             elif p[k + end, 0] == 0:
                 # across the axis the surface continues as its own mirror image
-                beside = slope[k] * (-1, 1)
+                neighbour_slope = slope[k] * (-1, 1)
             else:
                 continue
-            if slope[k] @ beside > np.cos(CREASE_RAD):
-                blend = slope[k] + beside
+            if slope[k] @ neighbour_slope > np.cos(CREASE_RAD):
+                blend = slope[k] + neighbour_slope
                 normal[end] = blend / np.linalg.norm(blend)
         bands.append(_band(p[k], p[k + 1], normal, radial, w))
     return merge(bands).moved(origin_m)

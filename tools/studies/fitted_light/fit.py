@@ -146,7 +146,7 @@ def light_basis(
     of_part = np.array([0, *(names.index(p.material) for p in target.parts)])
     material = of_part[parts]
     window = reference.image[y0 : y0 + height, x0 : x0 + width].astype(np.float32)
-    seen = cv2.resize(window, on.shape[::-1], interpolation=cv2.INTER_AREA)
+    observed = cv2.resize(window, on.shape[::-1], interpolation=cv2.INTER_AREA)
     low, high = (
         morph(np.where(on, material + 1, 0).astype(np.uint8), np.ones((3, 3), np.uint8))
         for morph in (cv2.erode, cv2.dilate)
@@ -154,7 +154,12 @@ def light_basis(
     gain = dn_per_radiance(scene)
     drawn = [renderer.render(replace(small, lights=(light,)), target).radiance[on] * gain for light in lights]
     return LightBasis(
-        scene, tuple(lights), np.array(drawn, float), seen[on].astype(float), material[on], (low == high)[on]
+        scene,
+        tuple(lights),
+        np.array(drawn, float),
+        observed[on].astype(float),
+        material[on],
+        (low == high)[on],
     )
 
 
@@ -193,26 +198,26 @@ def fit_light(basis: LightBasis, factors: FloatArray | None = None, most: int = 
         columns = columns[np.sort(strong)]
         weights, black = _weights(basis.drawn[columns] * scale, basis.seen)
     model = black + weights @ (basis.drawn[columns] * scale)
-    off = np.where(basis.seen > CLIPPED_DN, np.minimum(model - basis.seen, 0), model - basis.seen)
+    residual = np.where(basis.seen > CLIPPED_DN, np.minimum(model - basis.seen, 0), model - basis.seen)
     lights = tuple(
         msgspec.structs.replace(basis.lights[k], radiance_w_m2_sr=float(np.clip(w * _UNIT, 1e-3, 1e8)))
         for k, w in zip(columns, weights, strict=True)
         if w > 0
     )
-    return FittedLight(lights, float(black), float(np.sqrt(np.mean(off * off))))
+    return FittedLight(lights, float(black), float(np.sqrt(np.mean(residual * residual))))
 
 
-def _weights(drawn: FloatArray, seen: FloatArray) -> tuple[FloatArray, float]:
+def _weights(drawn: FloatArray, observed: FloatArray) -> tuple[FloatArray, float]:
     """Return non-negative weights (K,) of rows (K, P), and a constant, that fit the unclipped data (P,)."""
-    design = np.vstack([drawn, np.ones(len(seen))])
+    design = np.vstack([drawn, np.ones(len(observed))])
     normal = design @ design.T
     ridge = 1e-6 * np.trace(normal) / len(normal) * np.eye(len(normal))
     root = np.linalg.cholesky(normal + ridge).T
-    clipped, wanted = seen > CLIPPED_DN, seen.copy()
+    clipped, goal = observed > CLIPPED_DN, observed.copy()
     weights = np.zeros(len(design))
     for _ in range(_ROUNDS):
-        weights, _ = nnls(root, np.linalg.solve(root.T, design @ wanted))
-        wanted[clipped] = np.maximum((weights @ design)[clipped], seen[clipped])
+        weights, _ = nnls(root, np.linalg.solve(root.T, design @ goal))
+        goal[clipped] = np.maximum((weights @ design)[clipped], observed[clipped])
     return weights[:-1], float(weights[-1])
 
 
@@ -238,9 +243,9 @@ def fit_materials(bases: Sequence[LightBasis], target: Target) -> FloatArray:
             over += np.bincount(basis.material[use], (light * above)[use], count)
             under += np.bincount(basis.material[use], (light * light)[use], count)
             pixels += np.bincount(basis.material[use], light[use] > 3.0, count)
-        told = pixels > _MIN_PIXELS
-        factors = np.where(told, np.clip(over / under, *_FACTORS), factors)
-        factors[told] /= factors[int(np.argmax(pixels))]
+        is_large = pixels > _MIN_PIXELS
+        factors = np.where(is_large, np.clip(over / under, *_FACTORS), factors)
+        factors[is_large] /= factors[int(np.argmax(pixels))]
         factors = np.clip(factors, *_FACTORS)
     return factors
 

@@ -60,12 +60,12 @@ def write_fitted(
 def fit_row(d: Mapping[str, Any]) -> list[str]:
     """Return the cells of an image under `HEAD`, from its document."""
     r, o = d["reference"], d["ours"]
-    off = "no edge" if d["outline_px"] is None else f"{d['outline_px']:.1f}"
+    distance = "no edge" if d["outline_px"] is None else f"{d['outline_px']:.1f}"
     name = d["picture"] + (" (materials fitted on it)" if d["materials_fitted_on_it"] else "")
     return [
         name, str(d["lights"]), f"{d['ncc']:.2f}", f"{d['ssim']:.2f}", f"{r['dark_dn']:.0f}", f"{o['dark_dn']:.0f}",
         f"{r['noise_dn']:.1f}", f"{o['noise_dn']:.1f}", f"{100 * r['clipped']:.1f} %", f"{100 * o['clipped']:.1f} %",
-        f"{d['gradient_moved_dn']:.2f}", off,
+        f"{d['gradient_moved_dn']:.2f}", distance,
     ]  # fmt: skip
 
 

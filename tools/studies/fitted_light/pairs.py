@@ -184,22 +184,22 @@ def _pair(
     rows, columns = np.flatnonzero(on.any(axis=1)), np.flatnonzero(on.any(axis=0))
     hull = np.zeros(on.shape, np.uint8)
     cv2.fillConvexPoly(hull, cv2.convexHull(np.argwhere(on)[:, ::-1].astype(np.int32)), 1)
-    seen = reference.image
+    photograph = reference.image
     gradients = [
         np.histogram(sobel(one)[on], GRADIENT_BINS, (0, MAX_GRADIENT_DN))[0] / on.sum()
-        for one in (seen, image)
+        for one in (photograph, image)
     ]
     return FittedPair(
         reference=reference,
         image=image,
         light=light,
         window=(int(columns[0]), int(rows[0]), int(columns[-1]) + 1, int(rows[-1]) + 1),
-        ncc=correlation(seen[on], image[on]),
-        ssim=float(structural_similarity(seen, image)[on].mean()),
-        theirs=_look(seen, hull > 0),
+        ncc=correlation(photograph[on], image[on]),
+        ssim=float(structural_similarity(photograph, image)[on].mean()),
+        theirs=_look(photograph, hull > 0),
         ours=_look(image, hull > 0),
         gradient_moved_dn=histogram_distance_dn(gradients[0], gradients[1], MAX_GRADIENT_DN),
-        outline_px=_outline_px(seen, image, on),
+        outline_px=_outline_px(photograph, image, on),
         fitted_on=fitted_on,
     )
 
@@ -237,22 +237,24 @@ def structural_similarity(a: ByteArray, b: ByteArray) -> np.typing.NDArray[np.fl
 
     x, y = a.astype(np.float64), b.astype(np.float64)
     mx, my = mean(x), mean(y)
-    vx, vy, both = mean(x * x) - mx * mx, mean(y * y) - my * my, mean(x * y) - mx * my
+    vx, vy, covariance = mean(x * x) - mx * mx, mean(y * y) - my * my, mean(x * y) - mx * my
     c1, c2 = (0.01 * 255) ** 2, (0.03 * 255) ** 2
-    return np.asarray((2 * mx * my + c1) * (2 * both + c2) / ((mx * mx + my * my + c1) * (vx + vy + c2)))
+    return np.asarray(
+        (2 * mx * my + c1) * (2 * covariance + c2) / ((mx * mx + my * my + c1) * (vx + vy + c2))
+    )
 
 
-def _outline_px(theirs: ByteArray, ours: ByteArray, on: BoolArray) -> float | None:
+def _outline_px(photograph: ByteArray, rendering: ByteArray, on: BoolArray) -> float | None:
     """Return the median distance from the rendering's gradient ridges along the outline to the image's ridges [px]."""
     solid, near = np.asarray(on, np.uint8), np.ones((5, 5), np.uint8)
     along = cv2.dilate(solid, near) > cv2.erode(solid, near)
-    ridge, edge = _ridges(theirs), _ridges(ours) & along
+    ridge, edge = _ridges(photograph), _ridges(rendering) & along
     # the craft may be cut off at the border of the image
     edge[[0, 1, -2, -1]] = edge[:, [0, 1, -2, -1]] = False
     if not ridge.any() or not edge.any():
         return None
-    away = cv2.distanceTransform(np.asarray(~ridge, np.uint8), cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
-    return float(np.median(away[edge]))
+    distance_px = cv2.distanceTransform(np.asarray(~ridge, np.uint8), cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
+    return float(np.median(distance_px[edge]))
 
 
 def _ridges(image: ByteArray) -> BoolArray:

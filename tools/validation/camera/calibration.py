@@ -104,8 +104,8 @@ def pictures(renderer: Renderer, camera: Camera, count: int, seed: int) -> list[
 
 def corners(image: ByteArray) -> tuple[FloatArray, FloatArray]:
     """Return the object points (70, 3) and pixels (70, 2) of the chessboard's inner corners; none if not found."""
-    seen, start = cv2.findChessboardCorners(image, (COLUMNS - 1, ROWS - 1))
-    if not seen:
+    is_detected, start = cv2.findChessboardCorners(image, (COLUMNS - 1, ROWS - 1))
+    if not is_detected:
         return np.empty((0, 3)), np.empty((0, 2))
     rows, columns = np.divmod(np.arange((ROWS - 1) * (COLUMNS - 1)), COLUMNS - 1)
     points = np.stack([columns * SQUARE_M, rows * SQUARE_M, np.zeros(len(rows))], axis=1)
@@ -119,9 +119,9 @@ def corners(image: ByteArray) -> tuple[FloatArray, FloatArray]:
 
 def _spacing_px(points: FloatArray, pixels: FloatArray) -> float:
     """Return the minimum image distance between corners that are neighbours on the board."""
-    apart = np.linalg.norm(points[:, None] - points[None], axis=-1)
-    step = apart[apart > 1e-9].min()
-    a, b = np.nonzero((apart > 1e-9) & (apart < 1.01 * step))
+    distance = np.linalg.norm(points[:, None] - points[None], axis=-1)
+    step = distance[distance > 1e-9].min()
+    a, b = np.nonzero((distance > 1e-9) & (distance < 1.01 * step))
     return float(np.linalg.norm(pixels[a] - pixels[b], axis=1).min())
 
 
@@ -162,13 +162,13 @@ def _fisheye(
     )
     views = len(objects)
     rows, residuals = [], []
-    for k, (points, seen) in enumerate(zip(objects, pixels, strict=True)):
+    for k, (points, pixels_) in enumerate(zip(objects, pixels, strict=True)):
         projected, J = cv2.fisheye.projectPoints(points[:, None], turns[k], moves[k], K, d)
         row = np.zeros((2 * len(points), 8 + 6 * views))
         row[:, :8] = J[:, :8]
         row[:, 8 + 6 * k : 14 + 6 * k] = J[:, 8:14]
         rows.append(row)
-        residuals.append((projected.reshape(-1, 2) - seen).ravel())
+        residuals.append((projected.reshape(-1, 2) - pixels_).ravel())
     J, r = np.concatenate(rows), np.concatenate(residuals)
     variance = float(r @ r) / (len(r) - J.shape[1])
     sigma = np.sqrt(variance * np.diag(np.linalg.inv(J.T @ J))[:8])

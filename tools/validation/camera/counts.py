@@ -64,9 +64,9 @@ def reading_law(sensor: Sensor, mean_e: float) -> FloatArray:
     reach = _REACH * np.sqrt(mean_e) + _REACH
     electrons = np.arange(max(int(mean_e - reach), 0), int(mean_e + reach) + 2)
     chance = poisson_law.pmf(electrons, mean_e)
-    held = np.minimum(electrons, d.full_well_e * d.pixels_per_bin)[chance > 1e-12]
-    charge, which = np.unique(held, return_inverse=True)
-    weight = np.bincount(which, chance[chance > 1e-12])
+    stored = np.minimum(electrons, d.full_well_e * d.pixels_per_bin)[chance > 1e-12]
+    charge, index = np.unique(stored, return_inverse=True)
+    weight = np.bincount(index, chance[chance > 1e-12])
     middle_dn = np.array([charge[0], charge[-1]]) / d.gain_e_per_dn + d.black_level_dn
     reach_dn = _REACH * d.read_noise_per_pixel_e / d.gain_e_per_dn + 2
     full = 2**sensor.bits - 1

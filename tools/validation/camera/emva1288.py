@@ -142,11 +142,11 @@ def measure_colours(name: str, *, way: str, seed: int = 5, levels: int = COLOUR_
     out = []
     for c, colour in enumerate(COLOURS):
         if way == READOUT_MODES[2]:
-            found = float(np.polyfit(shares[:, c] * sensor.saturation_e, mean[:, c], 1)[0])
+            slope = float(np.polyfit(shares[:, c] * sensor.saturation_e, mean[:, c], 1)[0])
         else:
             # without the dark level, whose few digital numbers do not change with a factor near one
-            found = float(np.polyfit(mean[1:, c], variance[1:, c], 1)[0])
-        out.append(Measured(f"{colour} [DN/e]", float(balance[c] / detector.gain_e_per_dn), found))
+            slope = float(np.polyfit(mean[1:, c], variance[1:, c], 1)[0])
+        out.append(Measured(f"{colour} [DN/e]", float(balance[c] / detector.gain_e_per_dn), slope))
     return out
 
 

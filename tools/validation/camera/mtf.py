@@ -111,11 +111,11 @@ def compare(case: str, picture: FloatArray | None = None) -> tuple[FloatArray, F
     sensor, optics = CASES[case]
     sharp = edge() if picture is None else picture
     image = expose((sharp / sharp.max()).astype(np.float32), sensor, 1.0, 1.0, optics)
-    found = measured_mtf(image.astype(float), FREQUENCIES)
+    measured = measured_mtf(image.astype(float), FREQUENCIES)
     # across the edge: nearly along x
     angle = np.arctan(SLANT)
     fx, fy = FREQUENCIES * np.cos(angle), -FREQUENCIES * np.sin(angle)
     pixel = np.sinc(fx) * np.sinc(fy)
     used = applied_mtf(fx, fy, optics, sensor)
     ideal = used if optics.psf == "kernel" else optics_mtf(fx, fy, optics, sensor)
-    return found, ideal * pixel, used * pixel
+    return measured, ideal * pixel, used * pixel

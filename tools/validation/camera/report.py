@@ -132,10 +132,10 @@ def detector(seed: int) -> Section:
     ]
     for preset in _detectors():
         for way in READOUT_MODES:
-            found = measure_colours(preset, way=way, seed=seed)
-            worst = max(abs(m.error) for m in found)
+            results = measure_colours(preset, way=way, seed=seed)
+            worst = max(abs(m.error) for m in results)
             good &= worst <= COLOUR_GOAL
-            cells = [f"{1 / m.given:.3f}" for m in found] + [f"{1 / m.found:.3f}" for m in found]
+            cells = [f"{1 / m.given:.3f}" for m in results] + [f"{1 / m.found:.3f}" for m in results]
             lines.append(
                 f"| {preset} | {way} | {' | '.join(cells)} | {100 * worst:.2f} % | {_verdict(worst <= COLOUR_GOAL)} |"
             )
@@ -154,12 +154,12 @@ def photons(seed: int) -> Section:
     ]
     good = True
 
-    def add(what: str, mean_e: float, outcome: tuple[float, int, float]) -> None:
+    def add(quantity: str, mean_e: float, outcome: tuple[float, int, float]) -> None:
         nonlocal good
         statistic, freedom, p = outcome
         good &= p > CHANCE_GOAL
         lines.append(
-            f"| {what} | {mean_e:g} | {statistic:.1f} | {freedom} | {p:.2g} | {_verdict(p > CHANCE_GOAL)} |"
+            f"| {quantity} | {mean_e:g} | {statistic:.1f} | {freedom} | {p:.2g} | {_verdict(p > CHANCE_GOAL)} |"
         )
 
     for mean_e in MEANS_E:
@@ -187,10 +187,10 @@ def transfer(renderer: Renderer) -> Section:
     coarse, fine = (drawn_edge(renderer, quality) for quality in ("default", "high"))
     for case in CASES:
         quick, ideal, _ = compare(case, coarse)
-        found, _, _ = compare(case, fine)
-        worst_quick, worst = (float(np.abs(m - ideal).max()) for m in (quick, found))
+        measured, _, _ = compare(case, fine)
+        worst_quick, worst = (float(np.abs(m - ideal).max()) for m in (quick, measured))
         good &= max(worst, worst_quick) <= MTF_GOAL
-        cells = " | ".join(f"{found[k]:.3f} ({ideal[k]:.3f})" for k in at)
+        cells = " | ".join(f"{measured[k]:.3f} ({ideal[k]:.3f})" for k in at)
         verdict = _verdict(max(worst, worst_quick) <= MTF_GOAL)
         lines.append(f"| {case} | {cells} | {worst_quick:.4f} | {worst:.4f} | {verdict} |")
     return lines, good

@@ -30,9 +30,9 @@ _JPEG_DN = 2.0  # maximum mean difference due to lossy compression, after smooth
 def read_back(folder: Path, name: str) -> list[str]:
     """Return the errors of one export format against the native layout; empty if there are none."""
     frames = {frame.number: frame for frame in open_dataset(folder)}
-    found = dict(_READERS[name](folder / name, frames))
-    wrong = [f"{name}, frame {k}: {what}" for k, what in found.items() if what]
-    return wrong + [f"{name}: frame {k} is missing" for k in sorted(frames.keys() - found.keys())]
+    faults = dict(_READERS[name](folder / name, frames))
+    wrong = [f"{name}, frame {k}: {fault}" for k, fault in faults.items() if fault]
+    return wrong + [f"{name}: frame {k} is missing" for k in sorted(frames.keys() - faults.keys())]
 
 
 def _splits(frames: Frames) -> list[str]:
@@ -47,16 +47,16 @@ def _poses_differ(frame: LabelledFrame, R: Any, t_m: Any) -> str:  # noqa: ANN40
 
 def _speed(root: Path, frames: Frames) -> Iterator[tuple[int, str]]:
     for split in _splits(frames):
-        found, _ = read_foreign(root / f"{split}.json", "speed")
-        for picture in found.pictures:
+        pictures, _ = read_foreign(root / f"{split}.json", "speed")
+        for picture in pictures.pictures:
             number = int(picture.path.stem.removeprefix("img"))
             frame = frames[number]
             image = cv2.imread(str(picture.path), cv2.IMREAD_UNCHANGED)
-            ours = frame.image if frame.image.ndim == 2 else frame.image[..., ::-1]
+            original = frame.image if frame.image.ndim == 2 else frame.image[..., ::-1]
             pose = picture.camera_from_target
-            if image is None or image.shape != ours.shape:
+            if image is None or image.shape != original.shape:
                 yield number, "no image of the native one's size and bands"
-            elif np.abs(_smooth(image) - _smooth(ours)).mean() > _JPEG_DN:
+            elif np.abs(_smooth(image) - _smooth(original)).mean() > _JPEG_DN:
                 yield number, "another image"
             else:
                 yield number, _poses_differ(frame, pose.R, pose.t_m)
@@ -81,13 +81,13 @@ def _bop(root: Path, frames: Frames) -> Iterator[tuple[int, str]]:
             mask = cv2.imread(
                 str(scene / "mask_visib" / f"{frame.number:06d}_000000.png"), cv2.IMREAD_UNCHANGED
             )
-            ours = frame.image if frame.image.ndim == 2 else frame.image[..., ::-1]
-            (about,) = info[key]
-            if image is None or not np.array_equal(image, ours):
+            original = frame.image if frame.image.ndim == 2 else frame.image[..., ::-1]
+            (entry,) = info[key]
+            if image is None or not np.array_equal(image, original):
                 yield frame.number, "another image"
             elif mask is None or not np.array_equal(mask, frame.mask):
                 yield frame.number, "another mask"
-            elif about["px_count_visib"] != np.count_nonzero(mask):
+            elif entry["px_count_visib"] != np.count_nonzero(mask):
                 yield frame.number, "another number of pixels"
             elif not np.allclose(np.reshape(cameras[key]["cam_K"], (3, 3)), frame.camera.K):
                 yield frame.number, "another camera"
@@ -110,12 +110,12 @@ def _coco(root: Path, frames: Frames) -> Iterator[tuple[int, str]]:
             elif not np.array_equal(coco.annToMask(one[0]) > 0, frame.mask > 0):
                 yield number, "another mask"
             else:
-                seen = np.reshape(one[0]["keypoints"], (-1, 3))
-                ours = [(k.state, k.pixel_px) for k in frame.truth.keypoints]
+                exported = np.reshape(one[0]["keypoints"], (-1, 3))
+                recorded = [(k.state, k.pixel_px) for k in frame.truth.keypoints]
                 good = all(
                     bool(v) == (state != "out_of_frame")
                     and (not v or np.allclose((x - 0.5, y - 0.5), np.asarray(at)))
-                    for (x, y, v), (state, at) in zip(seen, ours, strict=True)
+                    for (x, y, v), (state, at) in zip(exported, recorded, strict=True)
                 )
                 yield number, "" if good else "other keypoints"
 
@@ -126,18 +126,20 @@ def _yolo(root: Path, frames: Frames) -> Iterator[tuple[int, str]]:
         for path in sorted((root / "labels" / SHORT[split]).glob("*.txt")):
             frame = frames[int(path.stem)]
             image = cv2.imread(str(root / "images" / SHORT[split] / f"{path.stem}.png"), cv2.IMREAD_UNCHANGED)
-            ours = frame.image if frame.image.ndim == 2 else frame.image[..., ::-1]
+            original = frame.image if frame.image.ndim == 2 else frame.image[..., ::-1]
             words = [float(word) for word in path.read_text().split()]
-            if image is None or not np.array_equal(image, ours):
+            if image is None or not np.array_equal(image, original):
                 yield frame.number, "another image"
             elif not words:
                 yield frame.number, "no box" if frame.mask.any() else ""
             else:
                 W, H = frame.camera.width_px, frame.camera.height_px
                 cx, cy, w, h = np.multiply(words[1:5], (W, H, W, H))
-                same = np.allclose((cx - w / 2, cy - h / 2, w, h), cv2.boundingRect(frame.mask), atol=1e-3)
+                is_equal = np.allclose(
+                    (cx - w / 2, cy - h / 2, w, h), cv2.boundingRect(frame.mask), atol=1e-3
+                )
                 count = len(frame.truth.keypoints)
-                yield frame.number, "" if same and len(words) == 5 + 3 * count else "another box"
+                yield frame.number, "" if is_equal and len(words) == 5 + 3 * count else "another box"
 
 
 def _webdataset(root: Path, frames: Frames) -> Iterator[tuple[int, str]]:
@@ -145,14 +147,14 @@ def _webdataset(root: Path, frames: Frames) -> Iterator[tuple[int, str]]:
     shards = [str(path) for path in sorted(root.glob("*.tar"))]
     for sample in webdataset.WebDataset(shards, shardshuffle=False, empty_check=False):
         frame = frames[int(sample["__key__"])]
-        same = all(sample[ending] == frame.read(ending) for ending in ("png", "mask.png", "json"))
-        yield frame.number, "" if same else "other bytes than the native files"
+        is_equal = all(sample[ending] == frame.read(ending) for ending in ("png", "mask.png", "json"))
+        yield frame.number, "" if is_equal else "other bytes than the native files"
 
 
 def _parquet(root: Path, frames: Frames) -> Iterator[tuple[int, str]]:
     datasets = importlib.import_module("datasets")
-    found = datasets.load_dataset(str(root), cache_dir=str(root.parent / "cache"), streaming=True)
-    for split in found.values():
+    rows = datasets.load_dataset(str(root), cache_dir=str(root.parent / "cache"), streaming=True)
+    for split in rows.values():
         for row in split:
             frame = frames[row["number"]]
             if not np.array_equal(np.asarray(row["image"]), frame.image):
@@ -162,8 +164,8 @@ def _parquet(root: Path, frames: Frames) -> Iterator[tuple[int, str]]:
             elif tuple(row["q_camera_from_target_wxyz"]) != frame.truth.q_camera_from_target_wxyz:
                 yield frame.number, "another attitude"
             else:
-                same = tuple(row["t_camera_from_target_m"]) == frame.truth.t_camera_from_target_m
-                yield frame.number, "" if same else "another place"
+                is_equal = tuple(row["t_camera_from_target_m"]) == frame.truth.t_camera_from_target_m
+                yield frame.number, "" if is_equal else "another place"
 
 
 _READERS: dict[str, Callable[[Path, Frames], Iterator[tuple[int, str]]]] = {

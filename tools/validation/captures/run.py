@@ -51,25 +51,25 @@ def prove(recipe: str, n: int, workers: int, width_px: int | None, out: Path) ->
         # reported before rendering starts; no file remains
         refused[lacks[1]] = lacks[2]
         formats.remove(lacks[1])
-    found: dict[str, Any] = {"recipe": recipe, "n": n, "refused": refused, "capture_rc": done.returncode}
+    result: dict[str, Any] = {"recipe": recipe, "n": n, "refused": refused, "capture_rc": done.returncode}
     if not done.stdout.strip():
-        return found | {"error": done.stderr.strip()[-500:]}
+        return result | {"error": done.stderr.strip()[-500:]}
     summary = json.loads(done.stdout)
     sets = summary.get("members", {"": summary})
-    found["quarantined"] = [fault for one in sets.values() for fault in one["quarantined"]]
-    found["images"] = sum(one["written"] for one in sets.values())
-    found["burnt_out"] = max((one["clipping"] or {"share": 0.0})["share"] for one in sets.values())
-    found["images_per_s"] = round(found["images"] / wall_s, 2)
-    found["processor_s_each"] = round(processor_s / max(found["images"], 1), 3)
-    found["faults"], found["read_back"] = [], []
+    result["quarantined"] = [fault for one in sets.values() for fault in one["quarantined"]]
+    result["images"] = sum(one["written"] for one in sets.values())
+    result["burnt_out"] = max((one["clipping"] or {"share": 0.0})["share"] for one in sets.values())
+    result["images_per_s"] = round(result["images"] / wall_s, 2)
+    result["processor_s_each"] = round(processor_s / max(result["images"], 1), 3)
+    result["faults"], result["read_back"] = [], []
     for member in sets:
         place = folder / member
         checked = flyaround("check", str(place), "--json")
         report = json.loads(checked.stdout) if checked.stdout.strip() else {"faults": [checked.stderr[-500:]]}
-        found["faults"] += report["faults"]
-        found["read_back"] += [what for name in formats for what in read_back(place, name)]
+        result["faults"] += report["faults"]
+        result["read_back"] += [what for name in formats for what in read_back(place, name)]
     shutil.rmtree(folder, ignore_errors=True)
-    return found
+    return result
 
 
 def _small_camera(recipe: str, width_px: int, out: Path) -> list[str]:
@@ -102,10 +102,10 @@ def main() -> int:
     for recipe in options.recipe or list_recipes():
         if recipe in done:
             continue
-        found = prove(recipe, options.n, options.workers, options.width, options.output)
+        result = prove(recipe, options.n, options.workers, options.width, options.output)
         with log.open("a") as file:
-            file.write(json.dumps(found) + "\n")
-        print(_row(found), flush=True)
+            file.write(json.dumps(result) + "\n")
+        print(_row(result), flush=True)
     return tell(log)
 
 

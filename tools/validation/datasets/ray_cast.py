@@ -105,14 +105,16 @@ class ExportedMesh:
         """Return the parts that a raster may show at one pixel, 0 for none; with a lens, at its undistorted place."""
         R, t_m, K = _rotation(truth), np.array(truth.t_camera_from_target_m), _matrix(truth)
         depth_m = self._mesh.vertices @ R[2] + t_m[2]
-        ahead = np.all(depth_m[self._mesh.faces] > _NEAR_M, axis=1)
+        in_front = np.all(depth_m[self._mesh.faces] > _NEAR_M, axis=1)
         at = cv2.projectPoints(self._mesh.vertices, cv2.Rodrigues(R)[0], t_m, K, np.zeros(5))[0].reshape(
             -1, 2
         )
-        faces = self._mesh.faces[ahead]
+        faces = self._mesh.faces[in_front]
         lens = bool(truth.camera.distortion.coefficients)
         plain_px = (_without_lens(truth, pixel_px[None]) @ K[:2, :2].T + K[:2, 2])[0] if lens else pixel_px
-        return shown_parts(at[faces] - plain_px, depth_m[faces], self._parts[ahead], _COPLANAR_M, lens=lens)
+        return shown_parts(
+            at[faces] - plain_px, depth_m[faces], self._parts[in_front], _COPLANAR_M, lens=lens
+        )
 
 
 def _check_root(scene: Any) -> None:  # noqa: ANN401 - a scene of trimesh
@@ -163,25 +165,27 @@ def compare(
     """Compare every pixel around the craft with the ray cast."""
     height, width = mask.shape
     near = np.argwhere(cv2.dilate(((mask > 0) | (parts > 0)).astype(np.uint8), np.ones((17, 17), np.uint8)))
-    every = np.argwhere(np.ones((height, width), bool))[:: max(height * width // 20_000, 1)]
-    asked = np.unique(np.concatenate([near, every]), axis=0)[:, ::-1]
-    found = mesh.first_parts(truth, asked)
-    labelled, on = parts[asked[:, 1], asked[:, 0]], mask[asked[:, 1], asked[:, 0]] > 0
+    all_pixels = np.argwhere(np.ones((height, width), bool))[:: max(height * width // 20_000, 1)]
+    pixels = np.unique(np.concatenate([near, all_pixels]), axis=0)[:, ::-1]
+    found = mesh.first_parts(truth, pixels)
+    labelled, on = parts[pixels[:, 1], pixels[:, 0]], mask[pixels[:, 1], pixels[:, 0]] > 0
     wrong_mask = [
         p
-        for p, has in zip(asked[on != (found > 0)], on[on != (found > 0)], strict=True)
+        for p, has in zip(pixels[on != (found > 0)], on[on != (found > 0)], strict=True)
         if not _is_seen(truth, mesh, p, bool(has))
     ]
-    other = on & (found > 0) & (labelled != found)
+    is_other_part = on & (found > 0) & (labelled != found)
     wrong_parts = [
         p
-        for p, part in zip(asked[other], labelled[other], strict=True)
+        for p, part in zip(pixels[is_other_part], labelled[is_other_part], strict=True)
         if not _shows(truth, mesh, p, int(part))
     ]
     # a mask of each part, as in formats with several objects
     times = sum((parts == k).astype(np.uint8) for k in range(1, mesh.n_parts + 1))
-    twice = int(np.count_nonzero(times != (mask > 0)))
-    return Disagreement(int(np.count_nonzero(mask)), len(asked), len(wrong_mask), len(wrong_parts), twice)
+    n_repeated = int(np.count_nonzero(times != (mask > 0)))
+    return Disagreement(
+        int(np.count_nonzero(mask)), len(pixels), len(wrong_mask), len(wrong_parts), n_repeated
+    )
 
 
 def _about(pixel: NDArray[Any]) -> NDArray[Any]:

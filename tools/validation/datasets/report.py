@@ -96,8 +96,8 @@ def main() -> int:
                 continue
             start_s = time.process_time()
             with options.output.open("a") as file:
-                for found in prove(name, last, options.seed, options.width, done[name], options.camera):
-                    file.write(json.dumps(found) + "\n")
+                for row in prove(name, last, options.seed, options.width, done[name], options.camera):
+                    file.write(json.dumps(row) + "\n")
                     file.flush()
             each_s = (time.process_time() - start_s) / (last - done[name])
             done[name] = last

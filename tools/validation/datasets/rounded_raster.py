@@ -58,10 +58,10 @@ def shown_parts(
     for k in range(_TRIES):
         moved = places + (rng.uniform(-unsure_px, unsure_px, places.shape) if k else 0.0)
         whole = np.rint(moved * STEPS).astype(np.int64)[of_corner.reshape(-1)].reshape(-1, 3, 2)
-        twice = _cross(whole[:, 1] - whole[:, 0], whole[:, 2] - whole[:, 0])
-        held = _holds_origin(whole, twice)
+        twice_area = _cross(whole[:, 1] - whole[:, 0], whole[:, 2] - whole[:, 0])
+        holds_centre = _holds_origin(whole, twice_area)
         # back faces, clockwise in an image whose rows go down, are not drawn where a body is closed
-        for drawn in (held, held & (twice < 0)):
+        for drawn in (holds_centre, holds_centre & (twice_area < 0)):
             shown |= _first(corners[drawn], depth[drawn], part[drawn], coplanar_m, rounding_px)
     return shown
 
@@ -78,8 +78,8 @@ def _holds_origin(corners: NDArray[np.int64], twice_area: NDArray[np.int64]) -> 
     edge = np.roll(turned, -1, axis=1) - turned
     side = _cross(edge, -turned)
     x, y = edge[..., 0], edge[..., 1]
-    mine = (y < 0) | ((y == 0) & (x > 0))
-    return np.asarray((twice_area != 0) & np.all((side > 0) | ((side == 0) & mine), axis=1))
+    is_own = (y < 0) | ((y == 0) & (x > 0))
+    return np.asarray((twice_area != 0) & np.all((side > 0) | ((side == 0) & is_own), axis=1))
 
 
 def _first(
@@ -94,24 +94,27 @@ def _first(
         return {0}
     inverse = 1 / depth_m
     e1, e2 = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
-    twice = _cross(e1, e2)
+    twice_area = _cross(e1, e2)
     longest = np.hypot(*np.moveaxis(np.roll(corners, -1, axis=1) - corners, -1, 0)).max(axis=1)
     with np.errstate(divide="ignore", invalid="ignore"):
         # 1/z is linear on the image: from the first corner to the origin
-        b, c = _cross(-corners[:, 0], e2) / twice, _cross(e1, -corners[:, 0]) / twice
-        here = inverse[:, 0] + b * (inverse[:, 1] - inverse[:, 0]) + c * (inverse[:, 2] - inverse[:, 0])
+        b, c = _cross(-corners[:, 0], e2) / twice_area, _cross(e1, -corners[:, 0]) / twice_area
+        inverse_depth = (
+            inverse[:, 0] + b * (inverse[:, 1] - inverse[:, 0]) + c * (inverse[:, 2] - inverse[:, 0])
+        )
         # change of the inverse depth over a pixel
         along = (
-            np.stack([inverse[:, 1] - inverse[:, 0], inverse[:, 2] - inverse[:, 0]], axis=1) / twice[:, None]
+            np.stack([inverse[:, 1] - inverse[:, 0], inverse[:, 2] - inverse[:, 0]], axis=1)
+            / twice_area[:, None]
         )
         slope = np.hypot(
             along[:, 0] * e2[:, 1] - along[:, 1] * e1[:, 1], along[:, 1] * e1[:, 0] - along[:, 0] * e2[:, 0]
         )
     # a plane is as exact as its corners: its depth may be that of a position this far from the origin, and a thinner
     # triangle limits the depth only to the range of its corners
-    thin = np.abs(twice) <= rounding_px * longest
+    thin = np.abs(twice_area) <= rounding_px * longest
     unsure = np.where(thin, np.inf, rounding_px * slope)
-    high = np.minimum(np.where(thin, np.inf, here) + unsure, inverse.max(axis=1))
-    low = np.maximum(np.where(thin, -np.inf, here) - unsure, inverse.min(axis=1))
+    high = np.minimum(np.where(thin, np.inf, inverse_depth) + unsure, inverse.max(axis=1))
+    low = np.maximum(np.where(thin, -np.inf, inverse_depth) - unsure, inverse.min(axis=1))
     first = low.max()
     return set(parts[high >= first / (1 + coplanar_m * first)].tolist())

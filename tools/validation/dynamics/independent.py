@@ -72,30 +72,30 @@ def _day(
     forces: ForceModel,
     velocities: tuple[FloatArray, FloatArray],
     orbit_s: float,
-    where: str,
+    label: str,
 ) -> list[Row]:
     track = propagate(
         table[0, 1:4], velocities[0], DAY_S, forces, (table[0, 4:7] - table[0, 1:4], velocities[1])
     )
     inertial = [float(np.linalg.norm(track(row[0])[0] - row[1:4])) for row in table]
-    apart = [float(np.linalg.norm(track.relative(row[0])[0] - (row[4:7] - row[1:4]))) for row in table]
+    error_m = [float(np.linalg.norm(track.relative(row[0])[0] - (row[4:7] - row[1:4]))) for row in table]
     orbit = int(np.searchsorted(table[:, 0], orbit_s))
     against = "Basilisk 2.12.1 (RK4, 1 s)"
     return [
-        Row(what=f"position over a day {where}", against=against, unit="m", goal=1.0, measured=max(inertial)),
+        Row(what=f"position over a day {label}", against=against, unit="m", goal=1.0, measured=max(inertial)),
         Row(
-            what=f"relative position over an orbit {where}",
+            what=f"relative position over an orbit {label}",
             against=against,
             unit="m",
             goal=1e-3,
-            measured=max(apart[:orbit]),
+            measured=max(error_m[:orbit]),
         ),
         Row(
-            what=f"relative position over a day {where}",
+            what=f"relative position over a day {label}",
             against=against,
             unit="m",
             goal=1e-2,
-            measured=max(apart),
+            measured=max(error_m),
         ),
     ]
 
@@ -107,8 +107,8 @@ def against_skyfield(reference: Path) -> list[Row]:
     turned = []
     for row in table[jd < 2460000.0]:
         t = Instant(float(row[0]), 0.0)
-        ours = R_itrs_from_eci(t, polar_motion=False)
-        turned.append(arcsec(ours, row[8:].reshape(3, 3)).max())
+        rotation = R_itrs_from_eci(t, polar_motion=False)
+        turned.append(arcsec(rotation, row[8:].reshape(3, 3)).max())
     name = "Skyfield 1.55, DE421"
     sun = float(arcsec(sun_eci_m(jd, 0 * jd), table[:, 2:5]).max())
     moon = float(arcsec(moon_eci_m(jd, 0 * jd), table[:, 5:8]).max())

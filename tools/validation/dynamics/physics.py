@@ -38,10 +38,10 @@ def conservation() -> list[Row]:
         energy = [float(v @ v) / 2 + gravity.potential(r) for r, v in map(track, times)]
         # the field is symmetric about the pole, so the polar component of angular momentum is conserved in both models
         momentum = [float(np.cross(r, v)[2]) for r, v in map(track, times)]
-        for what, values in (("energy", energy), ("axial momentum", momentum)):
+        for quantity, values in (("energy", energy), ("axial momentum", momentum)):
             rows.append(
                 Row(
-                    what=f"{what} over a day, {name}, relative",
+                    what=f"{quantity} over a day, {name}, relative",
                     against="conservation",
                     unit="1",
                     goal=1e-12,
@@ -61,13 +61,13 @@ def tumbles() -> list[Row]:
     drift = float(np.max(np.linalg.norm(momenta - momenta[0], axis=1)) / np.linalg.norm(momenta[0]))
     rows = [
         Row(
-            what=f"{what} of a free tumble over a day, relative",
+            what=f"{quantity} of a free tumble over a day, relative",
             against="conservation",
             unit="1",
             goal=1e-12,
             measured=measured,
         )
-        for what, measured in (("momentum", drift), ("energy", float(np.ptp(energies)) / energies[0]))
+        for quantity, measured in (("momentum", drift), ("energy", float(np.ptp(energies)) / energies[0]))
     ]
     rate, attitude = axisymmetric_errors()
     against = "Euler's closed solution"
@@ -100,20 +100,29 @@ def axisymmetric_errors(span_s: float = 3600.0) -> tuple[float, float]:
     ----------
     Wertz (1978), Spacecraft Attitude Determination and Control, eq. 16-60 to 16-67.
     """
-    across, along = 3.0, 4.5
+    transverse, along = 3.0, 4.5
     w0 = np.array([0.03, 0.01, 0.05])
-    track = propagate_attitude([1, 0, 0, 0], w0, np.diag([across, across, along]), span_s)
-    momentum = np.array([across, across, along]) * w0
-    spin = (along - across) / across * w0[2]
+    track = propagate_attitude([1, 0, 0, 0], w0, np.diag([transverse, transverse, along]), span_s)
+    momentum = np.array([transverse, transverse, along]) * w0
+    spin = (along - transverse) / transverse * w0[2]
     worst_rate = worst_attitude = 0.0
     for t in np.linspace(0.0, span_s, 50):
         q, w = track(float(t))
         c, s = np.cos(spin * t), np.sin(spin * t)
         exact = np.array([w0[0] * c - w0[1] * s, w0[0] * s + w0[1] * c, w0[2]])
         worst_rate = max(worst_rate, float(np.linalg.norm(w - exact)))
-        precessed = _turn(momentum / across, float(t)) @ _turn(np.array([0.0, 0.0, -spin]), float(t))
-        apart = precessed.T @ matrix_from_quat(q)
-        sine = np.array([apart[2, 1] - apart[1, 2], apart[0, 2] - apart[2, 0], apart[1, 0] - apart[0, 1]]) / 2
+        precessed = _turn(momentum / transverse, float(t)) @ _turn(np.array([0.0, 0.0, -spin]), float(t))
+        difference = precessed.T @ matrix_from_quat(q)
+        sine = (
+            np.array(
+                [
+                    difference[2, 1] - difference[1, 2],
+                    difference[0, 2] - difference[2, 0],
+                    difference[1, 0] - difference[0, 1],
+                ]
+            )
+            / 2
+        )
         worst_attitude = max(worst_attitude, float(np.linalg.norm(sine)))
     return worst_rate, worst_attitude
 
@@ -155,6 +164,6 @@ def _linear_error(orbit: Elements, gravity: Gravity, Phi: FloatArray, scale: flo
     start = scale * np.array([60.0, -80.0, 40.0, 0.01, -0.05, 0.02])
     frame = lvlh_frame(r, v, gravity.acceleration(r))
     track: OrbitTrack = propagate(r, v, span_s, gravity, frame.to_eci(start[:3], start[3:]))
-    then = lvlh_frame(*track(span_s), track.acceleration(span_s))
-    p, _ = then.from_eci(*track.relative(span_s))
+    end_frame = lvlh_frame(*track(span_s), track.acceleration(span_s))
+    p, _ = end_frame.from_eci(*track.relative(span_s))
     return float(np.linalg.norm((Phi @ start)[:3] - p))

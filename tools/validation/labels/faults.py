@@ -69,10 +69,10 @@ def _shifted_mask(frame: Frame) -> Frame | None:
 
 
 def _moved_keypoint(record: dict[str, Any]) -> bool:
-    seen = [k for k in record["keypoints"] if k["pixel_px"] is not None]
-    for k in seen[:1]:
+    projected = [k for k in record["keypoints"] if k["pixel_px"] is not None]
+    for k in projected[:1]:
         k["pixel_px"][0] += 0.001
-    return bool(seen)
+    return bool(projected)
 
 
 def _hidden_keypoint_shown(record: dict[str, Any]) -> bool:
@@ -121,11 +121,11 @@ def _moved_edge(record: dict[str, Any]) -> bool:
 
 def _called_saturated(record: dict[str, Any]) -> bool:
     """Mark keypoints as saturated, only in frames with a noise-free twin, which reveals the fault."""
-    seen = [k for k in record["keypoints"] if k["state"] == "visible"]
-    usable = bool(seen) and "clean" in record["layers"] and record["scene"]["bands"] == "mono"
+    visible = [k for k in record["keypoints"] if k["state"] == "visible"]
+    usable = bool(visible) and "clean" in record["layers"] and record["scene"]["bands"] == "mono"
     detector = record["scene"]["sensor"]["detector"]
     usable = usable and (detector is None or detector["blooming"] == 0)
-    for k in seen[:usable]:
+    for k in visible[:usable]:
         k["state"] = "saturated"
     return usable
 

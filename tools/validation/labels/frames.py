@@ -75,11 +75,11 @@ def random_frame(seed: int, k: int) -> tuple[SceneState, LabelRequest]:
     layers = tuple(name for name in LAYERS if rng.random() < 0.8)
     if scene.shutter.is_rolling:
         layers = tuple(name for name in layers if name != "flow")
-    then = propagated_scene(scene, FLOW_S)
+    later = propagated_scene(scene, FLOW_S)
     flow = FlowLabel(
-        t_s=then.t_s,
-        q_camera_from_target_wxyz=then.q_camera_from_target_wxyz,
-        t_camera_from_target_m=then.t_camera_from_target_m,
+        t_s=later.t_s,
+        q_camera_from_target_wxyz=later.q_camera_from_target_wxyz,
+        t_camera_from_target_m=later.t_camera_from_target_m,
     )
     return scene, LabelRequest(layers=layers, flow=flow if "flow" in layers else None)
 

@@ -128,16 +128,16 @@ def _machine(vendor: str, renderer: str, version: str) -> CardMachine:
     return describe_machine(vendor, renderer, version)
 
 
-def _work(seed: int, wanted: list[int], results: multiprocessing.Queue[dict[str, Any]]) -> None:
+def _work(seed: int, numbers: list[int], results: multiprocessing.Queue[dict[str, Any]]) -> None:
     with Renderer() as renderer:
-        for k in wanted:
+        for k in numbers:
             try:
                 results.put(check_one(renderer, seed, k))
             except Exception as error:  # noqa: BLE001 - a frame that fails is a result, and the others continue
                 results.put({"k": k, "faults": [f"{type(error).__name__}: {error}"]})
 
 
-def run(seed: int, wanted: list[int], workers: int) -> Iterator[dict[str, Any]]:
+def run(seed: int, numbers: list[int], workers: int) -> Iterator[dict[str, Any]]:
     """Yield results in order of arrival.
 
     Raises
@@ -150,19 +150,19 @@ def run(seed: int, wanted: list[int], workers: int) -> Iterator[dict[str, Any]]:
     context = multiprocessing.get_context("spawn")
     results: multiprocessing.Queue[dict[str, Any]] = context.Queue()
     processes = [
-        context.Process(target=_work, args=(seed, wanted[w::workers], results), daemon=True)
+        context.Process(target=_work, args=(seed, numbers[w::workers], results), daemon=True)
         for w in range(workers)
     ]
     for process in processes:
         process.start()
-    left = len(wanted)
-    while left:
+    remaining = len(numbers)
+    while remaining:
         try:
             yield results.get(timeout=10)
-            left -= 1
+            remaining -= 1
         except queue.Empty:
             if any(process.exitcode for process in processes):
-                raise RuntimeError(f"a rendering process died with {left} frames left") from None
+                raise RuntimeError(f"a rendering process died with {remaining} frames left") from None
     for process in processes:
         process.join()
 
@@ -263,19 +263,19 @@ def main() -> int:
     if options.results.is_file():
         lines = [json.loads(line) for line in options.results.read_text().splitlines()]
     known = {line["k"] for line in newest(lines) if not (options.again and line["faults"])}
-    wanted = [k for k in range(options.n) if k not in known]
+    numbers = [k for k in range(options.n) if k not in known]
     commit = _commit()
     options.results.parent.mkdir(parents=True, exist_ok=True)
     with options.results.open("a") as file:
-        for found_now in run(options.seed, wanted, min(max(1, options.workers), len(wanted))):
+        for found_now in run(options.seed, numbers, min(max(1, options.workers), len(numbers))):
             result = found_now | {"commit": commit}
             lines.append(result)
             file.write(json.dumps(result) + "\n")
             file.flush()
             if result["faults"]:
                 print(f"frame {result['k']}: {'; '.join(result['faults'])}", flush=True)
-    found = summary([line for line in newest(lines) if line["k"] < options.n])
+    totals = summary([line for line in newest(lines) if line["k"] < options.n])
     if options.page:
-        write_atomic(PAGE, page(found, options.seed).encode())
-    print(msgspec.json.format(msgspec.json.encode(found), indent=1).decode())
-    return 1 if found["wrong_frames"] or found["spoilt_and_missed"] else 0
+        write_atomic(PAGE, page(totals, options.seed).encode())
+    print(msgspec.json.format(msgspec.json.encode(totals), indent=1).decode())
+    return 1 if totals["wrong_frames"] or totals["spoilt_and_missed"] else 0

@@ -68,8 +68,8 @@ def solver_light() -> Light:
     with REFERENCE.open(newline="") as file:
         rows = list(csv.reader(file))[1:]
 
-    def part(what: str, *shape: int) -> FloatArray:
-        values = np.array([[float(x) for x in row[5:]] for row in rows if row[0] == what])
+    def part(quantity: str, *shape: int) -> FloatArray:
+        values = np.array([[float(x) for x in row[5:]] for row in rows if row[0] == quantity])
         return values.reshape(len(GROUNDS), len(SUNS_DEG), *shape, 4)
 
     directions = len(VIEWS_DEG), len(AZIMUTHS_DEG)
@@ -78,7 +78,7 @@ def solver_light() -> Light:
 
 def our_light() -> Light:
     """Return the light of our model, in double precision."""
-    both: list[list[FloatArray]] = [[], [], []]
+    by_time: list[list[FloatArray]] = [[], [], []]
     for bands in ("mono", "rgb"):
         air = flat_air(bands)
         tables = [multiple_scattering(air, ground) for ground in GROUNDS]
@@ -86,9 +86,9 @@ def our_light() -> Light:
             [_light(air, table, ground, sun) for sun in SUNS_DEG]
             for ground, table in zip(GROUNDS, tables, strict=True)
         ]
-        for k, kept in enumerate(both):
-            kept.append(np.array([[case[k] for case in row] for row in cases]))
-    return Light(*(np.concatenate(kept, axis=-1) for kept in both))
+        for k, radiances in enumerate(by_time):
+            radiances.append(np.array([[case[k] for case in row] for row in cases]))
+    return Light(*(np.concatenate(radiances, axis=-1) for radiances in by_time))
 
 
 def _light(
@@ -124,8 +124,8 @@ def _seen(
 
 def rows(renderer: Renderer | None = None) -> list[Row]:  # noqa: ARG001 - the physics alone; another row covers the rendering
     """Measure and return every comparison."""
-    ours, solver = our_light(), solver_light()
-    up, down, ground = (getattr(ours, n) / getattr(solver, n) - 1 for n in ("up", "down", "ground"))
+    rendered, solver = our_light(), solver_light()
+    up, down, ground = (getattr(rendered, n) / getattr(solver, n) - 1 for n in ("up", "down", "ground"))
     measured = [
         (
             f"light leaving the air, albedo {albedo:g}, largest of all bands",
@@ -143,13 +143,13 @@ def rows(renderer: Renderer | None = None) -> list[Row]:  # noqa: ARG001 - the p
     ]
     return [
         Row(
-            what=what,
+            what=quantity,
             against="PythonicDISORT",
             unit="1",
             goal=goal,
             measured=float(value),
         )
-        for what, goal, value in measured
+        for quantity, goal, value in measured
     ]
 
 

@@ -33,9 +33,9 @@ def sphere_row(renderer: Renderer) -> Row:
     # enough pixels that the radiance at a pixel's centre equals the mean over its area
     drawn = draw_lit_ball(renderer, BRUSHED, 160, 40, quality="high")
     n = drawn.normals
-    across = np.cross(n, np.asarray(BRUSHED.grain))
-    across /= np.linalg.norm(across, axis=1, keepdims=True)
-    frame = np.stack([across, np.cross(n, across), n], axis=1)  # (K, 3, 3) to the axes of the face
+    transverse = np.cross(n, np.asarray(BRUSHED.grain))
+    transverse /= np.linalg.norm(transverse, axis=1, keepdims=True)
+    frame = np.stack([transverse, np.cross(n, transverse), n], axis=1)  # (K, 3, 3) to the axes of the face
     view = np.einsum("kij,kj->ki", frame, drawn.views)
     f0 = BRUSHED.base_color[0]
     again = 1 + f0 * (1 / _single_albedo(view) - 1)

@@ -136,8 +136,8 @@ def limbs(air: Atmosphere) -> FloatArray:
     camera = np.array([-np.sqrt((air.radius_m + 400e3) ** 2 - air.radius_m**2), 0.0, air.radius_m])
     rays = np.stack([0 * HEIGHTS_M, 0 * HEIGHTS_M, air.radius_m + HEIGHTS_M], axis=1) - camera
     rays /= np.linalg.norm(rays, axis=1, keepdims=True)
-    up, around = np.radians(SUNS_DEG).T
-    suns = np.stack([np.cos(up) * np.cos(around), np.cos(up) * np.sin(around), np.sin(up)], axis=1)
+    up, azimuth = np.radians(SUNS_DEG).T
+    suns = np.stack([np.cos(up) * np.cos(azimuth), np.cos(up) * np.sin(azimuth), np.sin(up)], axis=1)
     path = path_light(air, camera, rays, suns, steps=48, multiple=table)
     cosine = (suns @ rays.T)[..., None]
     light = path.rayleigh * rayleigh_phase(cosine) + path.mie * mie_phase(cosine, air.mie_g) + path.multiple
@@ -173,8 +173,8 @@ def colours() -> Colours:
     )
     eye = sun * [sum(_lobe(*lobe) for lobe in lobes) for lobes in LOBES]
     xyz = spectra @ eye.T / eye.sum(axis=1) * D65
-    ours = np.concatenate([limbs(bands), exact[-len(surfaces) :]])
-    return Colours(np.pi * ours, np.pi * exact, np.pi * xyz @ SRGB_FROM_XYZ.T)
+    rendered = np.concatenate([limbs(bands), exact[-len(surfaces) :]])
+    return Colours(np.pi * rendered, np.pi * exact, np.pi * xyz @ SRGB_FROM_XYZ.T)
 
 
 def _lobe(height: float, middle: float, below: float, above: float) -> FloatArray:
@@ -194,7 +194,7 @@ def rows(renderer: Renderer | None = None) -> list[Row]:  # noqa: ARG001 - colou
     """Measure and return every comparison."""
     light = colours()
     brightness = light.exact.sum(axis=1, keepdims=True)
-    seen = (light.ours @ np.transpose(SRGB_FROM_BANDS) - light.srgb) / brightness
+    difference = (light.ours @ np.transpose(SRGB_FROM_BANDS) - light.srgb) / brightness
     natural = np.flatnonzero(brightness[:-MAN_MADE] > 0.02)
     measured = (
         (
@@ -205,19 +205,19 @@ def rows(renderer: Renderer | None = None) -> list[Row]:  # noqa: ARG001 - colou
         (
             "limbs and grounds as sRGB by `SRGB_FROM_BANDS`, over the sum, rms",
             0.04,
-            seen[natural],
+            difference[natural],
         ),
-        ("paints and lamps as sRGB by `SRGB_FROM_BANDS`, over the sum, rms", 0.07, seen[-MAN_MADE:]),
+        ("paints and lamps as sRGB by `SRGB_FROM_BANDS`, over the sum, rms", 0.07, difference[-MAN_MADE:]),
     )
     return [
         Row(
-            what=what,
+            what=quantity,
             against=against,
             unit="1",
             goal=goal,
-            measured=float(np.sqrt(np.mean(off**2))),
+            measured=float(np.sqrt(np.mean(deviation**2))),
         )
-        for (what, goal, off), against in zip(
+        for (quantity, goal, deviation), against in zip(
             measured, ("30 wavelengths", *2 * ("CIE 1931 of 30 wavelengths",)), strict=True
         )
     ]

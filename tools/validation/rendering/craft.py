@@ -101,14 +101,14 @@ def edge_rows(renderer: Renderer) -> list[Row]:
     return [*_edges(renderer, "default", 0.04, 0.1), *_edges(renderer, "high", 0.02, 0.05)]
 
 
-def _sphere(renderer: Renderer, what: str, material: Material) -> Row:
+def _sphere(renderer: Renderer, quantity: str, material: Material) -> Row:
     """Return the maximum error over a sphere's lit face relative to its maximum, the Sun's disc integrated."""
     drawn = draw_lit_ball(renderer, material, 128, 100)
     exact = np.mean([_gltf(material, drawn.normals, drawn.views, d) for d in drawn.sun], axis=0)
     exact *= drawn.irradiance_w_m2
     error = np.abs(drawn.radiance - exact).max() / exact.max()
     return Row(
-        what=f"Radiance of a {what}",
+        what=f"Radiance of a {quantity}",
         against="numeric integration",
         unit="1",
         goal=0.01,
@@ -179,11 +179,11 @@ def penumbra_row(renderer: Renderer) -> Row:
     )
     image = renderer.render(scene, target).radiance.astype(float)
     y, x = np.mgrid[:size, :size]
-    across = ((x - camera.cx_px) * np.cos(turn) + (y - camera.cy_px) * np.sin(turn)) * 5.0 / camera.fx_px
-    lit = image[across < -0.009].mean()
+    transverse = ((x - camera.cx_px) * np.cos(turn) + (y - camera.cy_px) * np.sin(turn)) * 5.0 / camera.fx_px
+    lit = image[transverse < -0.009].mean()
     # share of a disc beyond a chord, by the chord's angle from the centre; the Sun moves along x
     towards = np.asarray(scene.sun_direction_camera)
-    angle = across * towards[2] ** 2 / height / SUN_RAD
+    angle = transverse * towards[2] ** 2 / height / SUN_RAD
     bounded = np.clip(angle, -1, 1)
     exact = 0.5 - (np.arcsin(bounded) + bounded * np.sqrt(1 - bounded**2)) / np.pi
     # means along the edge, whose slope covers every phase of the shadow map's texels
@@ -205,8 +205,10 @@ def _furnace(renderer: Renderer) -> Row:
         white = Material(name="m", base_color=(1.0, 1.0, 1.0), metallic=metallic, roughness=roughness)
         target = bare_target([ball(0.5)], [white])
         scene = bare_scene(target, square_camera(96, 400.0), (0, 0, 5.0), sunlit=False)
-        seen = renderer.render(scene, target, labels=True, sky=uniform_field(np.array([7.0])))
-        worst = max(worst, float(np.abs(seen.radiance[np.asarray(seen.coverage) > 0.999] / 7.0 - 1).max()))
+        rendered = renderer.render(scene, target, labels=True, sky=uniform_field(np.array([7.0])))
+        worst = max(
+            worst, float(np.abs(rendered.radiance[np.asarray(rendered.coverage) > 0.999] / 7.0 - 1).max())
+        )
     return Row(what="White furnace", against="the sky's radiance", unit="1", goal=0.01, measured=worst)
 
 
@@ -294,8 +296,8 @@ def _beside_steps(depth_m: FloatArray) -> BoolArray:
     """Return (H, W) True for pixels on either side of a depth step."""
     bend = np.zeros(depth_m.shape)
     for axis in (0, 1):
-        across = np.abs(np.roll(depth_m, 1, axis) - 2 * depth_m + np.roll(depth_m, -1, axis))
-        bend = np.maximum(bend, np.nan_to_num(across, nan=np.inf))
+        second_difference = np.abs(np.roll(depth_m, 1, axis) - 2 * depth_m + np.roll(depth_m, -1, axis))
+        bend = np.maximum(bend, np.nan_to_num(second_difference, nan=np.inf))
     return np.asarray(bend > STEP_M)
 
 
@@ -321,20 +323,20 @@ def mitsuba_rows(renderer: Renderer, most_spp: int = 4096) -> list[Row]:
         scene = bare_scene(target, square_camera(320, 1450.0), (0, 0, 6.0), rotvec, sun_camera=sun)
         traced = path_trace(scene, target, MITSUBA_SKY_W_M2_SR, *(min(n, most_spp) for n in samples))
         for quality, differences in found.items():
-            seen = renderer.render(
+            rendered = renderer.render(
                 replace(scene, quality=quality),
                 target,
                 labels=True,
                 sky=uniform_field(np.array([MITSUBA_SKY_W_M2_SR])),
             )
-            coverage = np.asarray(seen.coverage, float)
+            coverage = np.asarray(rendered.coverage, float)
             # the uniform sky is behind the craft too
-            ours = np.asarray(seen.radiance, float) + (1 - coverage) * MITSUBA_SKY_W_M2_SR
+            radiance = np.asarray(rendered.radiance, float) + (1 - coverage) * MITSUBA_SKY_W_M2_SR
             full = np.pad(coverage > 0.999, 1)
             inner = np.all([np.roll(full, s, axis=a) for a in (0, 1) for s in (-1, 0, 1)], axis=0)[1:-1, 1:-1]
-            whole = inner & ~_beside_steps(np.asarray(seen.depth_m, float))
+            covered = inner & ~_beside_steps(np.asarray(rendered.depth_m, float))
             differences.append(
-                (difference(ours, traced.radiance, inner), difference(ours, traced.radiance, whole))
+                (difference(radiance, traced.radiance, inner), difference(radiance, traced.radiance, covered))
             )
         noise.append(float(np.mean((traced.noise / traced.radiance)[inner])))
     against = f"Mitsuba 3, {' + '.join(str(min(n, most_spp)) for n in MITSUBA_VIEWS[0][2:])} samples or more"

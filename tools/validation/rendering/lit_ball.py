@@ -54,8 +54,8 @@ def draw_lit_ball(
     """Return a rendered ball of one material in an image of ``size_px`` squared."""
     target, camera = bare_target([ball(_RADIUS_M)], [material]), square_camera(size_px, 3.75 * size_px)
     scene = bare_scene(target, camera, (0, 0, _RANGE_M), sun_camera=(0.5, -0.3, -0.8), quality=quality)
-    seen = renderer.render(scene, target, labels=True)
-    y, x = np.nonzero(np.asarray(seen.coverage) > 0.999)
+    rendered = renderer.render(scene, target, labels=True)
+    y, x = np.nonzero(np.asarray(rendered.coverage) > 0.999)
     rays = np.stack(
         [(x - camera.cx_px) / camera.fx_px, (y - camera.cy_px) / camera.fy_px, np.ones(len(x))], axis=1
     )
@@ -73,5 +73,5 @@ def draw_lit_ball(
         views=-rays[chosen],
         sun=cap @ np.stack([side, np.cross(towards, side), towards]),
         irradiance_w_m2=float(sun_irradiance_w_m2("mono", float(np.linalg.norm(scene.r_sun_eci_m)))[0]),
-        radiance=seen.radiance[y, x][chosen],
+        radiance=rendered.radiance[y, x][chosen],
     )

@@ -60,7 +60,7 @@ class Difference:
     flip: float
 
 
-def difference(ours: FloatArray, theirs: FloatArray, inner: FloatArray) -> Difference:
+def difference(rendered: FloatArray, reference: FloatArray, inner: FloatArray) -> Difference:
     """Compare two images.
 
     Parameters
@@ -72,18 +72,22 @@ def difference(ours: FloatArray, theirs: FloatArray, inner: FloatArray) -> Diffe
     ----------
     Andersson et al. (2021), Visualizing errors in rendered high dynamic range images, Eurographics short papers.
     """
-    chosen = inner & (theirs > 0.02 * np.percentile(theirs[inner], 99.9))
-    relative = np.abs(ours[chosen] / theirs[chosen] - 1)
-    return Difference(float(np.median(relative)), float(np.percentile(relative, 95)), _flip(ours, theirs))
+    chosen = inner & (reference > 0.02 * np.percentile(reference[inner], 99.9))
+    relative = np.abs(rendered[chosen] / reference[chosen] - 1)
+    return Difference(
+        float(np.median(relative)), float(np.percentile(relative, 95)), _flip(rendered, reference)
+    )
 
 
-def _flip(ours: FloatArray, theirs: FloatArray) -> float:
+def _flip(rendered: FloatArray, reference: FloatArray) -> float:
     try:
         import flip_evaluator  # noqa: PLC0415 - an extra
     except ImportError:
         return float("nan")
     # FLIP's exposures span the light of the reference; the scale itself does not matter
-    pictures = [np.repeat(np.maximum(x, 0)[..., None], 3, axis=2).astype(np.float32) for x in (theirs, ours)]
+    pictures = [
+        np.repeat(np.maximum(x, 0)[..., None], 3, axis=2).astype(np.float32) for x in (reference, rendered)
+    ]
     return float(flip_evaluator.evaluate(*pictures, "HDR", inputsRGB=False, applyMagma=False)[1])
 
 
@@ -100,15 +104,15 @@ def load() -> Any:  # noqa: ANN401 - an untyped module
     except ImportError as error:
         raise missing_extra("a path-traced reference", "validation", error) from error
     if "DRJIT_LIBLLVM_PATH" not in os.environ:
-        found = sorted((int(m[1]), str(p)) for p in Path("/usr/lib").glob("*/libLLVM*.so*")
+        libraries = sorted((int(m[1]), str(p)) for p in Path("/usr/lib").glob("*/libLLVM*.so*")
                        if (m := re.match(r"libLLVM[-.a-z]*(\d+)", p.name)))  # fmt: skip
         # Mitsuba ends the process with LLVM 15 and 16 instead of raising
-        if not found or found[-1][0] < OLDEST_LLVM:
+        if not libraries or libraries[-1][0] < OLDEST_LLVM:
             raise UserError(
                 f"Mitsuba needs LLVM {OLDEST_LLVM} or newer: apt install libllvm19, or set "
                 "DRJIT_LIBLLVM_PATH to a libLLVM.so"
             )
-        os.environ["DRJIT_LIBLLVM_PATH"] = found[-1][1]
+        os.environ["DRJIT_LIBLLVM_PATH"] = libraries[-1][1]
     try:
         mitsuba.set_variant("llvm_ad_rgb")
     except (ImportError, RuntimeError) as error:
@@ -195,7 +199,7 @@ def _traced(scene: SceneState, target: Target, light: dict[str, Any], spp: int) 
 def _empty_world(mi: Any, scene: SceneState) -> dict[str, Any]:  # noqa: ANN401
     camera = scene.camera
     place = -UNITS_PER_M * np.asarray(scene.t_camera_from_target_m)
-    ahead = place + np.array([0.0, 0.0, 1.0])
+    target = place + np.array([0.0, 0.0, 1.0])
     return {
         "type": "scene",
         "integrator": {"type": "path", "max_depth": DEPTH, "rr_depth": DEPTH},
@@ -203,7 +207,7 @@ def _empty_world(mi: Any, scene: SceneState) -> dict[str, Any]:  # noqa: ANN401
             "type": "perspective",
             "fov": float(np.degrees(2 * np.arctan(camera.width_px / 2 / camera.fx_px))),
             "to_world": mi.ScalarTransform4f().look_at(
-                origin=list(map(float, place)), target=list(map(float, ahead)), up=[0, -1, 0]
+                origin=list(map(float, place)), target=list(map(float, target)), up=[0, -1, 0]
             ),
             "film": {
                 "type": "hdrfilm",
