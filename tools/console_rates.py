@@ -24,8 +24,8 @@ from flyaround.simulator.scenario.load import load_scenario
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-SIZE, CAMERA_PX = (1280, 800), (640, 400)
-GOALS = {"window_per_s": 30.0, "pictures_per_s": 20.0}
+SIZE, CAMERA_PX = (1280, 800), (640, 400)  # size of the window, and of the camera's image [px]
+GOALS = {"window_per_s": 30.0, "pictures_per_s": 20.0}  # minimum rates [1/s]
 
 
 @contextmanager

@@ -58,6 +58,7 @@ MESHES = {
     "box": DATA / "v0.1" / "targets" / "box-v01.glb",
     "plate": DATA / "reports" / "obj_map_kd_options" / "o_opt_s.obj",
 }
+# recipe and number of images of each target
 POSES = {"tango": ("eval-earth", 64), "soyuz-ms": ("eval-black", 32), "dragon": ("eval-black", 32)}
 ANSWER = ("accepted", "reason", "q_camera_from_target_wxyz", "t_camera_from_target_m", "confidence")
 NOT_HASHED = ("software", "machine", "run")

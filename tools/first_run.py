@@ -20,8 +20,8 @@ from tempfile import TemporaryDirectory
 ROOT = Path(__file__).parents[1]
 NOBODY = "65534"
 SHARED_MEMORY = "64m"
-MAX_CACHE_BYTES = 300e6
-MAX_FIRST_PICTURE_S = 60.0
+MAX_CACHE_BYTES = 300e6  # limit of the cache after all commands
+MAX_FIRST_PICTURE_S = 60.0  # limit of the first image's time [s]
 COMMANDS = (
     "render tango-flyaround -o first.png",
     "demo",

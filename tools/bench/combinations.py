@@ -32,14 +32,14 @@ if TYPE_CHECKING:
     from flyaround.simulator.scenario.scenario import Scenario
     from flyaround.simulator.scene.illumination.bands import Bands
 
-FRAMES = 5
-WARM_UP = 2
+FRAMES = 5  # timed frames per combination
+WARM_UP = 2  # untimed frames before them
 STEP_S = 0.05  # time between consecutive frames, which all differ
 BASE, CLOSE = "tango-earth-10m", "tango-close-3m"
 PINHOLE, LENS = "speed", "speedplus"
 FISHEYE, PINHOLE_OF_ITS_SIZE = "fisheye-140", "paper"
 LARGE_TARGET = "tianzhou"  # 111,000 triangles
-BIT_DEPTHS = (10, 12, 16)
+BIT_DEPTHS = (10, 12, 16)  # bits of the detector in the variants
 _BANDS: tuple[Bands, ...] = ("mono", "rgb")
 
 

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from flyaround.simulator.frame import Frame
 
 SCENE = "tango-earth-10m"
-WIDTH_PX = 64
+WIDTH_PX = 64  # so small that pixels cost nothing
 FIRST, FRAMES = 5, 25  # the first frames fill caches
 
 

@@ -22,9 +22,9 @@ if TYPE_CHECKING:
 
     from flyaround.simulator.scene.state import SceneState
 
-TRIANGLES = (20_000, 80_000, 320_000, 1_000_000)
+TRIANGLES = (20_000, 80_000, 320_000, 1_000_000)  # numbers of triangles of the generated mesh
 SCALES = (0.25, 0.5, 1.0)  # share of the width: 480 to 1920 pixels
-FRAMES = 4
+FRAMES = 4  # timed frames per size
 PIXEL_SCENE, TRIANGLE_SCENE = "tango-earth-10m", "tango-space-10m"
 
 

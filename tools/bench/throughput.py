@@ -31,11 +31,11 @@ THROUGHPUT_SCENES = (
     "tango-earth-10m-1024+rgb",
     "tango-earth-10m-1024+blur",
 )
-SECONDS = 5.0
+SECONDS = 5.0  # duration of each measurement [s]
 _DIFFERENT = 30  # number of scenes, rendered in rotation
-_WARM_UP = 3
-_REFERENCE_LAPS = 5
-_START_TIMEOUT_S = 240.0
+_WARM_UP = 3  # untimed frames per process
+_REFERENCE_LAPS = 5  # timed laps of the reference loop
+_START_TIMEOUT_S = 240.0  # time for all processes to start [s]
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from tools.boards.debian_image import BoardImage
 
 HOST_WANTED, DONE = "a host is wanted", "all of the service is checked"
-MAX_S = 1500.0
+MAX_S = 1500.0  # time limit of the emulated board [s]
 
 
 def check_service(image: BoardImage, folder: Path) -> list[str]:

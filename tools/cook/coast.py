@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
     Points = NDArray[np.float64]
 
-WIDTH, HEIGHT = 8640, 4320
+WIDTH, HEIGHT = 8640, 4320  # size of the map [texels]
 SUBPIXELS = 4
 """Rows and columns of the filled grid per pixel of the map."""
 COUNTS_PER_PIXEL = 16  # eight per forty-eighth of a degree

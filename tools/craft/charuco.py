@@ -26,7 +26,7 @@ from tools.craft.chessboard import COLUMNS, MATT_WHITE, ROWS, SQUARE_M, board, l
 from tools.craft.shapes.mesh import merge
 
 DICTIONARY = cv2.aruco.DICT_4X4_50
-MARKER_M = 0.030
+MARKER_M = 0.030  # side of a marker
 MODULES = 8
 """Modules of 5 mm along a square: six of the marker, its border included, and one of white on either side."""
 TEXELS = 24

@@ -23,9 +23,9 @@ from tools.craft.shapes.mesh import Mesh, merge
 from tools.craft.shapes.prism import prism, rectangle
 from tools.craft.shapes.solids import box
 
-COLUMNS, ROWS = 11, 8
-SQUARE_M = 0.040
-PLATE_X_M, PLATE_Y_M, PLATE_M = 0.52, 0.40, 0.010
+COLUMNS, ROWS = 11, 8  # squares of the board
+SQUARE_M = 0.040  # side of a square
+PLATE_X_M, PLATE_Y_M, PLATE_M = 0.52, 0.40, 0.010  # size of the plate
 COAT_M = 0.0010
 """Thickness of the painted squares, whose upper faces make the face of the board."""
 MASS_KG = 1.3

@@ -20,8 +20,7 @@ if TYPE_CHECKING:
 
     from tools.craft.level import Level
 
-BELL_STEPS: dict[Detail, int] = {"full": 12, "medium": 6, "low": 3}
-TAPE_STEPS: dict[Detail, int] = {"full": 8, "medium": 4, "low": 2}
+BELL_STEPS: dict[Detail, int] = {"full": 12, "medium": 6, "low": 3}  # rings along a nozzle
 
 
 def nozzle(

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from flyaround.simulator.targets.model import Detail
 
-COARSER: dict[Detail, int] = {"full": 1, "medium": 2, "low": 4}
+COARSER: dict[Detail, int] = {"full": 1, "medium": 2, "low": 4}  # divisor of the number of segments
 
 
 @dataclass(frozen=True)

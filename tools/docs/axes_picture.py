@@ -18,7 +18,7 @@ from flyaround.simulator.dataset.overlays import overlay
 from flyaround.simulator.recipes.plan import plan_recipe
 from flyaround.simulator.reports.pictures import write_jpeg
 
-SEED, WIDTH_PX = 4, 640
+SEED, WIDTH_PX = 4, 640  # seed of the captures, and width of the figure's tiles
 SAMPLES = {"paper-dragon": 33, "paper-soyuz": 19, "paper-tianzhou": 8, "paper-change6": 6}
 """Sample of each recipe in which the craft is near, completely visible and sunlit."""
 

@@ -22,7 +22,7 @@ from flyaround.simulator.scenario.plan import plan_flight
 from flyaround.simulator.scene.state import SceneState
 from flyaround.simulator.world.frames.rotation import matrix_from_quat
 
-TILE = (300, 225)
+TILE = (300, 225)  # size of a tile [px]
 QUIET = Detector(
     full_well_e=20_000.0, gain_e_per_dn=5.0, black_level_dn=60.0, read_noise_e=0.0, shot_noise=False
 )

@@ -23,8 +23,9 @@ from flyaround.simulator.scenario.load import load_scenario
 from flyaround.simulator.scenario.plan import plan_flight
 
 SCENARIOS = {"steady": "tango-vbar-closed-loop", "tumbling": "tango-vbar-closed-loop-tumble"}
+# keep-out sphere, half angle of the corridor, end of the approach
 SPHERE_M, CORRIDOR_DEG, HOLD_M = 12.0, 15.0, 3.0
-HORIZON_S, RUNS = 60.0, 8
+HORIZON_S, RUNS = 60.0, 8  # horizon of the attitude forecast, and number of flights
 
 
 def read_steps(folder: Path) -> dict[str, list[str]]:

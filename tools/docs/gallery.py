@@ -29,9 +29,9 @@ from flyaround.simulator.world.frames.rotation import (
 from flyaround.simulator.world.time.instant import Instant
 
 DOCS = Path(__file__).parents[2] / "docs"
-SIZE = (1120, 700)
-JPEG = 82
-LARGEST_BYTES = 100_000
+SIZE = (1120, 700)  # size of an image [px]
+JPEG = 82  # quality of the images
+LARGEST_BYTES = 100_000  # maximum size of an image file
 Picture = Callable[[fa.Renderer], np.ndarray]
 
 

@@ -38,7 +38,7 @@ from flyaround.hil.link.packets.messages import (
 )
 from flyaround.hil.link.packets.packet import PROTOCOL_VERSION, Packet, encode_packet
 
-SESSION_ID = 0x0123456789ABCDEF
+SESSION_ID = 0x0123456789ABCDEF  # any number with eight different bytes
 
 _CAMERA = {
     "width_px": 1920,
@@ -154,7 +154,7 @@ EXAMPLES: list[tuple[str, Message]] = [
 ]
 
 
-_HOST_STEP, _BOARD_STEP = 1_000_000, 5_000_000
+_HOST_STEP, _BOARD_STEP = 1_000_000, 5_000_000  # interval of the time stamps on either side [ns]
 # four by two pixels; the host chooses the session id
 _PIXELS = bytes([0, 16, 32, 48, 64, 80, 96, 255])
 _SMALL = {**_CAMERA, "width_px": 4, "height_px": 2, "cx_px": 1.5, "cy_px": 0.5}

@@ -15,7 +15,7 @@ from flyaround.simulator.scenario.load import list_scenarios, load_scenario
 from flyaround.simulator.scenario.plan import plan_flight
 
 FOLDER = Path("assets") / "scenarios"
-WIDTH_PX, JPEG_QUALITY = 240, 82
+WIDTH_PX, JPEG_QUALITY = 240, 82  # width of a thumbnail, and its JPEG quality
 MIDDLE = 0.4
 """Share of the flight after which the image is taken."""
 OTHERWISE = {"tango-eclipse-pass": 0.05}

@@ -19,8 +19,8 @@ if TYPE_CHECKING:
 
     from flyaround.simulator.targets.model import Target
 
-TILE = (400, 300)
-QUALITY = 80
+TILE = (400, 300)  # size of an image [px]
+QUALITY = 80  # of the JPEG files
 PICTURES = "images/targets"
 
 

@@ -33,7 +33,7 @@ from tools.docs.gallery import (
     write_jpeg,
 )
 
-PLACE = (20.0, -30.0, 420.0)
+PLACE = (20.0, -30.0, 420.0)  # latitude [deg], longitude [deg] and altitude [km]
 
 
 def craft_before(

@@ -26,7 +26,7 @@ from tools.studies.drawn_loop import SCENARIOS, planned, seeds_of
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-STATES, SETTLED = 12, 20
+STATES, SETTLED = 12, 20  # states of the NEES, and steps before the filter has settled
 HEAD = (
     "| flights | arrived (95 % interval) | gave up | inside | largest error | delta-v "
     "| NEES, mean; band; times inside |\n"

@@ -18,9 +18,11 @@ import numpy as np
 
 from flyaround.simulator.world.frames.rotation import matrix_from_quat, rotvec_between
 
+# intervals of range, farthest first
 RANGES_M = ((15.0, 19.0), (10.0, 15.0), (6.0, 10.0), (4.0, 6.0), (2.0, 4.0))
-LAGS_S = (1, 2, 5, 10, 20, 30, 45, 60, 90, 120)
-WRONG_SIGMAS = 5.0
+LAGS_S = (1, 2, 5, 10, 20, 30, 45, 60, 90, 120)  # time lags of the correlation
+WRONG_SIGMAS = 5.0  # number of standard deviations beyond which a pose is wrong
+# components of an error vector
 PARTS = {"across": slice(0, 2), "along": slice(2, 3), "tilt": slice(3, 5), "roll": slice(5, 6)}
 
 

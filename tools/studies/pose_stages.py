@@ -62,7 +62,7 @@ EDGES, NEAR_DEG, NEAR_SHARE, OFF, RATIO = 0.3, 10.0, 0.1, 0.15, 1.2
 # initial pose near the truth: rotation about an axis across the line of sight, and factor of the range
 TURN_RAD, FARTHER = float(np.radians(3.0)), 1.04
 
-EDGES_PX = 360
+EDGES_PX = 360  # longest side of the edge field
 
 
 @dataclass(frozen=True)

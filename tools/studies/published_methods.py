@@ -51,8 +51,8 @@ WAVES = 60
 BEST = MethodChoice(HYBRID)
 METHODS = (MethodChoice("svd-2018"), MethodChoice("svd-thesis"))
 
-MODEL_ERRORS_M = (0.002, 0.005)
-EXPOSURE_FACTORS = (0.25, 4.0)
+MODEL_ERRORS_M = (0.002, 0.005)  # standard deviation of the model's distortion, per axis
+EXPOSURE_FACTORS = (0.25, 4.0)  # factors on the exposure
 
 
 def wrong_model(model: BoardModel, sigma_m: float, seed: int = 7) -> BoardModel:

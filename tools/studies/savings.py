@@ -41,9 +41,9 @@ if TYPE_CHECKING:
     from flyaround.simulator.runtime.arrays import BoolArray, FloatArray
 
 SCENES = BENCH_SCENES[:8]
-TURNS, WARM_UP = 15, 2
-STARTS = 7
-_MANY = 10**9
+TURNS, WARM_UP = 15, 2  # timed and untimed frames per scene and variant
+STARTS = 7  # number of program starts per variant
+_MANY = 10**9  # larger than any count
 _RAYS: Any = vars(tiles)["_CornerRays"]
 _CULLING = software_path.TileCulling
 _EARTH, _BLOCK = smooth_earth.SmoothEarthPass, UniformBlock
@@ -148,7 +148,7 @@ def scene_costs(renderers: dict[str, Renderer], scene: str) -> dict[str, tuple[f
     """Return the time per frame of a scene [ms] and the maximum difference from the first renderer's image [DN]."""
     plan, views = bench_views(scene, TURNS + WARM_UP)
     laps: dict[str, list[float]] = {name: [] for name in renderers}
-    off = dict.fromkeys(renderers, 0)
+    calls_off = dict.fromkeys(renderers, 0)
     order = list(renderers)
     for k, view in enumerate(views):
         images = {}
@@ -158,8 +158,10 @@ def scene_costs(renderers: dict[str, Renderer], scene: str) -> dict[str, tuple[f
                 images[name] = take_frame(renderers[name], view, plan.target, labels=False).image.astype(int)
                 if k >= WARM_UP:
                     laps[name].append(1e3 * (time.process_time() - start))
-        off = {name: max(off[name], int(np.abs(images[name] - images[order[0]]).max())) for name in order}
-    return {name: (least_ms(laps[name]), off[name]) for name in order}
+        calls_off = {
+            name: max(calls_off[name], int(np.abs(images[name] - images[order[0]]).max())) for name in order
+        }
+    return {name: (least_ms(laps[name]), calls_off[name]) for name in order}
 
 
 def frames(names: Sequence[str]) -> None:

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
     from flyaround.simulator.runtime.arrays import FloatArray
 
-HIDDEN, EPOCHS, BATCH = 24, 30, 512
+HIDDEN, EPOCHS, BATCH = 24, 30, 512  # hidden units, and settings of the optimiser
 
 # cells sampled from one frame: on the craft, anywhere else, and adjacent to the craft
 ON, OFF, BESIDE = 150, 450, 100

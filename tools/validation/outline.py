@@ -37,18 +37,18 @@ SIDES = {
     "-z": ((1, 0, 0), (0, 1, 0), (0, 0, 1)),
 }
 """Initial camera axes (right, down, forward) in the target frame: upright as in Tango's public images."""
-TILTS_RAD = tuple(itertools.product((-0.06, 0.0, 0.06), repeat=2))
+TILTS_RAD = tuple(itertools.product((-0.06, 0.0, 0.06), repeat=2))  # initial tilts
 START_RANGES = (6.0,)
 """Initial ranges in widths of the craft."""
 STEP = np.array([0.015, 0.015, 0.005, 0.003, 0.003, 0.05, 0.005])
 """Steps of the derivatives: rotations [rad], shifts in widths of the craft, log range at constant size, log size."""
 ROBUST_PX = (12.0, 4.0, 1.5)
 """Distances beyond which a point has little weight, decreasing, so that missing parts do not bias the fit."""
-POINTS = 500
+POINTS = 500  # points of the outline in a fit
 POLISH = 200
 """Evaluations of the overlap in the final optimisation."""
-FILL_SHIFT = 4
-BLUR_PX = 1.2
+FILL_SHIFT = 4  # fractional bits of OpenCV's polygon coordinates
+BLUR_PX = 1.2  # blur of the photograph before thresholding
 MIN_AREA_PX = 40
 """Minimum area of a bright region that counts as craft in front of a black sky, after the blur."""
 

@@ -16,8 +16,8 @@ from tools.craft.solar import CellField, busbars, cells
 
 CELL_X_M, CELL_Y_M = 0.040, 0.080
 """A large triple-junction cell as sold for CubeSats (Azur Space 3G28 and 3G30: 40 x 80 mm, two corners cut)."""
-CELL_PITCH_M = 0.0408
-WING_M = 0.0016
+CELL_PITCH_M = 0.0408  # spacing of the solar cells
+WING_M = 0.0016  # thickness of a wing panel
 RIM_M = 0.0022
 """Height of the bright ring round a telescope's baffle."""
 

@@ -22,11 +22,11 @@ from tools.craft.labels import box_edges
 from tools.craft.shapes.mesh import Mesh, merge
 from tools.craft.shapes.solids import box
 
-RAIL_M = 0.0085
-RAIL_EDGE_M = 0.0009
+RAIL_M = 0.0085  # width of a rail (CubeSat Design Specification)
+RAIL_EDGE_M = 0.0009  # rounding of a rail's edges
 RAIL_END_M = 0.0065
 """The rails reach this far past the end plates (the specification asks for 6.5 mm of standoff on +z and -z)."""
-PLATE_M = 0.0015
+PLATE_M = 0.0015  # thickness of a side plate
 RECESS_M = 0.0012
 """The plates' outer faces lie this far below the plane of the rails."""
 RIB_M = 0.0007

@@ -30,8 +30,8 @@ from tools.craft.mass import MassElement
 from tools.craft.shapes.mesh import Mesh, merge
 from tools.craft.shapes.solids import box, rod
 
-UHF_M, VHF_M = 0.180, 0.610
-BOARD_M = 0.0032
+UHF_M, VHF_M = 0.180, 0.610  # lengths of the antennas
+BOARD_M = 0.0032  # thickness of the antenna board
 ANTENNA_Z_M = -U1.face_z_m - 0.0022
 ROOT_M = 0.040
 """Both antennas leave the board this far from its middle."""

@@ -43,8 +43,8 @@ WINGS = Wings(
     size_m=(0.0840, 0.3270),
     gap_m=0.0040,
 )
-TAPE_M = 0.170
-TELESCOPE_M = 0.042
+TAPE_M = 0.170  # length of an antenna
+TELESCOPE_M = 0.042  # radius of the telescope's aperture
 END_M = U3.face_z_m
 NOTES = (
     "Origin at the middle of the structure, z along the rails; telescope on -z, wings in the plane of +y. Mass "

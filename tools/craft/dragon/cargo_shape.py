@@ -36,8 +36,8 @@ HATCH_HALF_M = 0.60
 CLAW_LOW_M, CLAW_HIGH_M = (-0.16, -2.03, -0.50), (0.16, -1.73, 0.36)
 """Fairing of the umbilical between capsule and trunk."""
 
-SIDEWALL = Revolved.of([(RIM_RADIUS_M, RIM_TOP_M), (DECK_RADIUS_M, DECK_M)])
-TRUNK = Revolved.of([(TRUNK_RADIUS_M, TRUNK_LOW_M), (TRUNK_RADIUS_M, TRUNK_HIGH_M)])
+SIDEWALL = Revolved.from_profile([(RIM_RADIUS_M, RIM_TOP_M), (DECK_RADIUS_M, DECK_M)])
+TRUNK = Revolved.from_profile([(TRUNK_RADIUS_M, TRUNK_LOW_M), (TRUNK_RADIUS_M, TRUNK_HIGH_M)])
 WINGS = SideWings(
     wing=Wing(
         panels=4,

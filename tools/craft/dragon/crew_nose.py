@@ -23,7 +23,7 @@ from tools.craft.shapes.mesh import Mesh, merge
 from tools.craft.shapes.prism import prism
 from tools.craft.shapes.solids import bar, box, rod
 
-SHELL_M = 0.05
+SHELL_M = 0.05  # thickness of the nose cone
 
 
 def nose_cone(level: Level, *, closed: bool) -> Mesh:

@@ -43,8 +43,8 @@ WINDOW_Z_M = 1.85
 CLAW_LOW_M, CLAW_HIGH_M = (-2.11, -0.17, -0.55), (-1.80, 0.17, 0.42)
 """Fairing of the umbilical between capsule and trunk."""
 
-SIDEWALL = Revolved.of([(RIM_RADIUS_M, RIM_TOP_M), (DECK_RADIUS_M, DECK_M)])
-TRUNK = Revolved.of([(TRUNK_RADIUS_M, TRUNK_LOW_M), (TRUNK_RADIUS_M, TRUNK_HIGH_M)])
+SIDEWALL = Revolved.from_profile([(RIM_RADIUS_M, RIM_TOP_M), (DECK_RADIUS_M, DECK_M)])
+TRUNK = Revolved.from_profile([(TRUNK_RADIUS_M, TRUNK_LOW_M), (TRUNK_RADIUS_M, TRUNK_HIGH_M)])
 
 
 def nose_rotation() -> np.ndarray:

@@ -26,9 +26,9 @@ from tools.craft.shapes.solids import box, cone, dome, lathe, rod, truss
 EARTH_M = BUS_HALF_Z_M - SKIN_M
 """Height of the payload module's Earth face along z; the zenith face is opposite."""
 KA_AXIS = (-0.5, 0.0, -(0.75**0.5))
-KA_DEPTH_M = 0.13
+KA_DEPTH_M = 0.13  # depth of the dish
 KA_VERTEX = (KA_MAST_X_M + KA_AXIS[0] * 0.20, 0.75, -KA_TOP_M + 0.10 + KA_AXIS[2] * 0.20)
-RING_STEPS: dict[Detail, int] = {"full": 10, "medium": 5, "low": 3}
+RING_STEPS: dict[Detail, int] = {"full": 10, "medium": 5, "low": 3}  # rings of a disc or dish
 
 
 def build_instruments(detail: Detail) -> list[Piece]:

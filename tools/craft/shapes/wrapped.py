@@ -94,8 +94,8 @@ class Revolved:
     profile: FloatArray
 
     @classmethod
-    def of(cls, profile: ArrayLike) -> Revolved:
-        """Return the surface of a profile given as any sequence of pairs."""
+    def from_profile(cls, profile: ArrayLike) -> Revolved:
+        """Return the surface of a profile, a sequence of pairs (radius, height) [m]."""
         return cls(np.asarray(profile, float))
 
     def radius(self, z_m: ArrayLike) -> FloatArray:

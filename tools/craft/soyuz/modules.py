@@ -33,7 +33,7 @@ from tools.craft.soyuz.shape import (
     SKIRT_PROFILE,
 )
 
-BLANKET_M = 0.012
+BLANKET_M = 0.012  # thickness of the insulation
 
 
 def build_modules(level: Level) -> list[Piece]:

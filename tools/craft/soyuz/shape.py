@@ -55,10 +55,10 @@ DESCENT_PROFILE = (
 """The descent module's bell: radius and height."""
 SKIRT_PROFILE = ((SKIRT_RADIUS_M, SKIRT_LOW_M), (SKIRT_RADIUS_M, SKIRT_EDGE_M), (DRUM_RADIUS_M, DRUM_LOW_M))
 
-ORBITAL = Revolved.of(ORBITAL_PROFILE)
-DESCENT = Revolved.of(DESCENT_PROFILE)
-DRUM = Revolved.of([(DRUM_RADIUS_M, DRUM_LOW_M), (DRUM_RADIUS_M, DRUM_HIGH_M)])
-SKIRT = Revolved.of(SKIRT_PROFILE)
+ORBITAL = Revolved.from_profile(ORBITAL_PROFILE)
+DESCENT = Revolved.from_profile(DESCENT_PROFILE)
+DRUM = Revolved.from_profile([(DRUM_RADIUS_M, DRUM_LOW_M), (DRUM_RADIUS_M, DRUM_HIGH_M)])
+SKIRT = Revolved.from_profile(SKIRT_PROFILE)
 
 WINGS = SideWings(
     wing=Wing(

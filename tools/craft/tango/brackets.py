@@ -21,7 +21,7 @@ from tools.craft.tango.dimensions import (
     PANEL_BOTTOM_M,
 )
 
-PLATE_M = 0.007
+PLATE_M = 0.007  # thickness of the sheet metal
 Y_AXIS, Z_AXIS, X_AXIS = (0, 1, 0), (0, 0, 1), (1, 0, 0)
 NODE_TOP_M, NODE_LOW_M = 0.284, 0.211
 """Heights of the two inner nodes of an outrigger."""

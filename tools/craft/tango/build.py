@@ -23,7 +23,7 @@ NOTES = (
     "of the SPEED data set; sizes of fittings were measured from public pictures; the mass distribution is "
     "an estimate."
 )
-HALF = 0.5**0.5
+HALF = 0.5**0.5  # sine of 45 degrees
 SYMMETRY: tuple[Quat, ...] = ((HALF, 0.0, 0.0, HALF), (0.0, 0.0, 0.0, 1.0), (HALF, 0.0, 0.0, -HALF))
 """Quarter turns about z: the nearly square panel and body look alike but for offset and antennas."""
 

@@ -26,9 +26,9 @@ NECK_RADIUS_M = 1.64
 """Radius of the propulsion module's forward cone at the cargo module."""
 NOZZLE_LOW_M = -3.80
 
-CARGO = Revolved.of([(CARGO_RADIUS_M, CARGO_LOW_M), (CARGO_RADIUS_M, CARGO_HIGH_M)])
-CONE = Revolved.of([(CARGO_RADIUS_M, CARGO_HIGH_M), (CONE_RADIUS_M, CONE_HIGH_M)])
-DRIVE = Revolved.of([(DRIVE_RADIUS_M, DRIVE_LOW_M), (DRIVE_RADIUS_M, DRIVE_HIGH_M)])
+CARGO = Revolved.from_profile([(CARGO_RADIUS_M, CARGO_LOW_M), (CARGO_RADIUS_M, CARGO_HIGH_M)])
+CONE = Revolved.from_profile([(CARGO_RADIUS_M, CARGO_HIGH_M), (CONE_RADIUS_M, CONE_HIGH_M)])
+DRIVE = Revolved.from_profile([(DRIVE_RADIUS_M, DRIVE_LOW_M), (DRIVE_RADIUS_M, DRIVE_HIGH_M)])
 
 WINGS = SideWings(
     wing=Wing(

@@ -35,16 +35,16 @@ if TYPE_CHECKING:
     from flyaround.simulator.targets.model import Target
 
 RECIPE = "lightbox"
-CANDIDATES = 48
-DISTANCE_M, SIDE_M = 2.5, 1.0
-CLIPPED_DN = 245.0
+CANDIDATES = 48  # number of candidate boxes around the craft
+DISTANCE_M, SIDE_M = 2.5, 1.0  # distance of the boxes from the craft, and their side
+CLIPPED_DN = 245.0  # digital number from which a pixel counts as saturated
 _UNIT = 1000.0  # radiance with which candidates are rendered [W m-2 sr-1]
 _ACROSS_PX = 260  # width of the craft in the small images
 _ROUNDS = 8  # iterations of the exclusion of clipped pixels
 _MIN_SHARE = 0.02  # share of an image's light below which a box is omitted
-_ALTERNATIONS = 4
-_FACTORS = (0.2, 5.0)
-_MIN_PIXELS = 30
+_ALTERNATIONS = 4  # iterations between light and materials
+_FACTORS = (0.2, 5.0)  # limits of the factor on a material's reflectance
+_MIN_PIXELS = 30  # number of pixels below which a material is not fitted
 
 
 @dataclass(frozen=True, eq=False)

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from flyaround.simulator.runtime.arrays import ByteArray
     from tools.studies.fitted_light.pairs import FittedPair
 
-MARGIN_PX, SHOWN_PX = 24, 720
+MARGIN_PX, SHOWN_PX = 24, 720  # margin around the craft, and width of the images
 HEAD = (
     "picture", "boxes", "NCC", "SSIM", "dark [DN]", "ours", "noise [DN]", "ours", "clipped in the hull", "ours",
     "gradients apart [DN/px]", "outline off [px]",

@@ -30,10 +30,10 @@ if TYPE_CHECKING:
     from flyaround.simulator.targets.model import Target
     from tools.studies.fitted_light.fit import FittedLight, LightBasis
 
-CLIPPED_DN = 250
+CLIPPED_DN = 250  # digital number from which a pixel counts as saturated
 SHAPE_WITHIN = 0.01  # maximum difference of the aspect ratios of an image and its camera
-_BLOCK_PX = 16
-_SSIM_SIGMA_PX, _SSIM_SIDE_PX = 1.5, 11
+_BLOCK_PX = 16  # side of the blocks whose darkest give noise and black level
+_SSIM_SIGMA_PX, _SSIM_SIDE_PX = 1.5, 11  # Gaussian window of Wang et al. (2004)
 _EDGE_DN_PX = 2.0  # gradient of the blurred image that counts as an edge: a third of a dark craft's outline
 
 

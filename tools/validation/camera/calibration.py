@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from flyaround.simulator.render.renderer import Renderer
     from flyaround.simulator.runtime.arrays import ByteArray, FloatArray
 
-BOARDS = 20
+BOARDS = 20  # number of images
 LENSES: dict[str, Camera] = {
     "pinhole": Camera(width_px=800, height_px=600, fx_px=1015.0, fy_px=1023.0, cx_px=394.3, cy_px=305.8),
     "brown_conrady": Camera(
@@ -80,8 +80,8 @@ class Calibration:
 def calibrate(renderer: Renderer, lens: str, *, boards: int = BOARDS, seed: int = 1) -> Calibration:
     """Render a chessboard in ``boards`` poses through a lens and calibrate the lens with OpenCV."""
     camera = LENSES[lens]
-    found = [corners(image) for image in pictures(renderer, camera, boards, seed)]
-    views = [(points, pixels) for points, pixels in found if len(points) >= 20]
+    corners_px = [corners(image) for image in pictures(renderer, camera, boards, seed)]
+    views = [(points, pixels) for points, pixels in corners_px if len(points) >= 20]
     objects, pixels = [v[0] for v in views], [v[1] for v in views]
     solve = _fisheye if camera.distortion.model == "kannala_brandt" else _opencv
     names, values, sigma, rms = solve(camera, objects, pixels)

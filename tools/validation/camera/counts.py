@@ -17,9 +17,9 @@ if TYPE_CHECKING:
     from flyaround.simulator.camera.detector.sensor import Sensor
     from flyaround.simulator.runtime.arrays import FloatArray
 
-SAMPLES = 100_000
-SHAPE = (250, 400)
-MIN_EXPECTED = 20.0
+SAMPLES = 100_000  # number of samples of each distribution
+SHAPE = (250, 400)  # size of an image with as many pixels
+MIN_EXPECTED = 20.0  # minimum expected count of a bin
 _REACH = 9.0  # standard deviations on either side over which the distributions are summed
 
 

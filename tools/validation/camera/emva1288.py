@@ -22,8 +22,8 @@ if TYPE_CHECKING:
     from flyaround.simulator.camera.detector.sensor import Detector, Sensor
     from flyaround.simulator.runtime.arrays import FloatArray
 
-SHAPE = (600, 800)
-FRAMES = 40
+SHAPE = (600, 800)  # size of an image [px]
+FRAMES = 40  # number of images for spatial variances
 
 
 @dataclass(frozen=True)
@@ -101,7 +101,7 @@ def photon_transfer(sensor: Sensor, seed: int) -> tuple[float, float]:
     return gain, float(np.sqrt(noise[0] - 1 / 12) / gain)
 
 
-COLOUR_SHAPE, COLOUR_LEVELS = (240, 320), 40
+COLOUR_SHAPE, COLOUR_LEVELS = (240, 320), 40  # size of a colour image [px], and number of exposure levels
 COLOURS = ("red", "green", "blue")
 READOUT_MODES = ("raw mosaic", "three planes, white balanced", "interpolated mosaic, white balanced")
 

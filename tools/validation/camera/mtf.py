@@ -19,10 +19,10 @@ if TYPE_CHECKING:
     from flyaround.simulator.runtime.arrays import FloatArray
     from flyaround.simulator.scene.state import Quality
 
-SIZE = 256
-SLANT = np.tan(np.radians(5.0))
-BINS = 8
-FREQUENCIES = np.arange(0.05, 0.46, 0.05)
+SIZE = 256  # side of the image [px]
+SLANT = np.tan(np.radians(5.0))  # of the edge, as ISO 12233 proposes
+BINS = 8  # sub-pixel bins of the edge profile
+FREQUENCIES = np.arange(0.05, 0.46, 0.05)  # cycles per pixel
 _BLANK = Sensor(preset="mtf", full_scale_j_m2_sr=1.0, blur_sigma_px=0.0)
 CASES: dict[str, tuple[Sensor, Optics]] = {
     "speed: Gaussian, 1 px": (replace(_BLANK, blur_sigma_px=1.0), Optics()),

@@ -25,13 +25,13 @@ if TYPE_CHECKING:
 
 
 PAGE = Path("docs/validation/camera.md")
-GOALS = {"system gain [DN/e]": 0.01, "read noise [e]": 0.03}
-OTHER_GOAL = 0.03
-COLOUR_GOAL = 0.02
-MTF_GOAL = 0.02
-RMS_GOAL_PX = 0.05
-SIGMAS_GOAL = 3.0
-CHANCE_GOAL = 1e-3
+GOALS = {"system gain [DN/e]": 0.01, "read noise [e]": 0.03}  # maximum relative errors
+OTHER_GOAL = 0.03  # maximum relative error of the other quantities
+COLOUR_GOAL = 0.02  # maximum relative error
+MTF_GOAL = 0.02  # maximum difference of contrast
+RMS_GOAL_PX = 0.05  # maximum reprojection error
+SIGMAS_GOAL = 3.0  # maximum error of a parameter in its own sigmas
+CHANCE_GOAL = 1e-3  # minimum p-value
 CALIBRATION_NOTE = (
     "Twenty pictures of the chessboard (recipe `calibration-chessboard`, 800 x 600, blur 0.7 px, 8 bits, noise of "
     "half a digital number), corners by `findChessboardCorners` and `cornerSubPix`, lens by "
@@ -61,8 +61,8 @@ COUNT_NOTE = (
     "that of photons, full well, read noise and converter, from the dark to beyond saturation. Bins expect 20. "
     f"Goal: p above {CHANCE_GOAL:g}."
 )
-MEANS_E = (0.5, 3.0, 30.0, 3000.0)
-SHARES = (0.0, 0.001, 0.1, 0.9, 1.0, 1.1)
+MEANS_E = (0.5, 3.0, 30.0, 3000.0)  # means of the Poisson distributions [e]
+SHARES = (0.0, 0.001, 0.1, 0.9, 1.0, 1.1)  # mean signal as a share of saturation
 
 Section = tuple[list[str], bool]
 

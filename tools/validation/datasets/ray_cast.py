@@ -32,9 +32,9 @@ _TURNED_BACK = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
 # If it differs, rays on three rings around the centre are cast; if those differ too, rasterisation is repeated for that
 # pixel in integers, because most rays miss faces thinner than 1/256 px.
 _RINGS_PX = (0.03, 0.1, 0.5)
-_DIRECTIONS = 12
+_DIRECTIONS = 12  # rays per ring
 _COPLANAR_M = 2e-3  # a decal and the surface below it
-_NEAR_M = 1e-3
+_NEAR_M = 1e-3  # depth below which a face is not projected
 
 
 @dataclass(frozen=True)
@@ -167,14 +167,14 @@ def compare(
     near = np.argwhere(cv2.dilate(((mask > 0) | (parts > 0)).astype(np.uint8), np.ones((17, 17), np.uint8)))
     all_pixels = np.argwhere(np.ones((height, width), bool))[:: max(height * width // 20_000, 1)]
     pixels = np.unique(np.concatenate([near, all_pixels]), axis=0)[:, ::-1]
-    found = mesh.first_parts(truth, pixels)
+    cast_parts = mesh.first_parts(truth, pixels)
     labelled, on = parts[pixels[:, 1], pixels[:, 0]], mask[pixels[:, 1], pixels[:, 0]] > 0
     wrong_mask = [
         p
-        for p, has in zip(pixels[on != (found > 0)], on[on != (found > 0)], strict=True)
+        for p, has in zip(pixels[on != (cast_parts > 0)], on[on != (cast_parts > 0)], strict=True)
         if not _is_seen(truth, mesh, p, bool(has))
     ]
-    is_other_part = on & (found > 0) & (labelled != found)
+    is_other_part = on & (cast_parts > 0) & (labelled != cast_parts)
     wrong_parts = [
         p
         for p, part in zip(pixels[is_other_part], labelled[is_other_part], strict=True)

@@ -18,7 +18,7 @@ STEPS = 256
 """Sub-pixel steps of a raster: those of Mesa's software driver, and the minimum of GPUs."""
 ROUNDING_PX = 2 / STEPS
 """Maximum displacement of a plane's depth by the rounding of two corners (docs/datasets.md)."""
-_TRIES = 24
+_TRIES = 24  # number of roundings that are tried
 # single-precision error of a corner halfway between two steps: both roundings are tried
 _UNSURE_PX = 2e-4
 LENS_PX = 0.02
@@ -57,9 +57,9 @@ def shown_parts(
     shown: set[int] = set()
     for k in range(_TRIES):
         moved = places + (rng.uniform(-unsure_px, unsure_px, places.shape) if k else 0.0)
-        whole = np.rint(moved * STEPS).astype(np.int64)[of_corner.reshape(-1)].reshape(-1, 3, 2)
-        twice_area = _cross(whole[:, 1] - whole[:, 0], whole[:, 2] - whole[:, 0])
-        holds_centre = _holds_origin(whole, twice_area)
+        rounded = np.rint(moved * STEPS).astype(np.int64)[of_corner.reshape(-1)].reshape(-1, 3, 2)
+        twice_area = _cross(rounded[:, 1] - rounded[:, 0], rounded[:, 2] - rounded[:, 0])
+        holds_centre = _holds_origin(rounded, twice_area)
         # back faces, clockwise in an image whose rows go down, are not drawn where a body is closed
         for drawn in (holds_centre, holds_centre & (twice_area < 0)):
             shown |= _first(corners[drawn], depth[drawn], part[drawn], coplanar_m, rounding_px)

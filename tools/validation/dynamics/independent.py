@@ -132,8 +132,8 @@ def against_astropy(reference: Path) -> Row:
     worst = 0.0
     with path.open(newline="") as file:
         for epoch, *values in list(csv.reader(file))[1:]:
-            theirs = np.array(values, float).reshape(3, 3)
-            worst = max(worst, float(arcsec(R_itrs_from_eci(Instant.from_utc(epoch)), theirs).max()))
+            expected = np.array(values, float).reshape(3, 3)
+            worst = max(worst, float(arcsec(R_itrs_from_eci(Instant.from_utc(epoch)), expected).max()))
     return Row(
         what="GCRS to ITRS, 1973-2026", against="astropy 8.0.2", unit="arcsec", goal=1e-6, measured=worst
     )

@@ -16,8 +16,9 @@ import numpy as np
 from flyaround.hil.host.report import write_report
 from tools.validation.hil.camera_latency import drawn_pictures, measure_latency
 
-P99_MS, P999_MS = 1.0, 5.0
-TRIP_P99_MS = 2.0
+P99_MS, P999_MS = 1.0, 5.0  # goals for the error of the camera's latency
+TRIP_P99_MS = 2.0  # goal for the round trip
+# edges of the histogram
 EDGES_MS = (0.0, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0, np.inf)
 
 

@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     Pictures = Sequence[NDArray[np.uint8]]
 
 PLACE = CodePlace()
-EXPOSURE_S = 0.01
+EXPOSURE_S = 0.01  # exposure time of the images
 
 
 class CodeReader:

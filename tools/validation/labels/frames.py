@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from flyaround.simulator.targets.model import Target
 
 BLACK = Environment(earth=False, stars=False, sun=False, moon=False, earthshine=False)
-FLOW_S = 1.0
+FLOW_S = 1.0  # time to the frame of the optical flow
 
 
 @lru_cache(maxsize=64)

@@ -43,8 +43,8 @@ if TYPE_CHECKING:
 
 PAGE = Path("docs/validation/labels.md")
 RESULTS = Path("out/label_results.jsonl")
-FROM_FILES_EVERY = 10
-SPOILT_EVERY = 5
+FROM_FILES_EVERY = 10  # every tenth frame is also checked from files
+SPOILT_EVERY = 5  # every fifth frame is also checked with injected faults
 
 
 def check_one(renderer: Renderer, seed: int, k: int) -> dict[str, Any]:

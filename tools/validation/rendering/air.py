@@ -26,7 +26,8 @@ if TYPE_CHECKING:
     from flyaround.simulator.scene.illumination.bands import Bands
 
 REFERENCE = Path("tests/reference/disort.csv")
-GROUNDS, SUNS_DEG = (0.0, 0.3, 0.8), (30.0, 60.0, 75.0)
+GROUNDS, SUNS_DEG = (0.0, 0.3, 0.8), (30.0, 60.0, 75.0)  # albedos of the ground, zenith angles of the Sun
+# nadir angles and azimuths of the view
 VIEWS_DEG, AZIMUTHS_DEG = (10.0, 25.0, 40.0, 55.0, 66.0), (0.0, 90.0, 180.0)
 FLAT_RADIUS_M = 6.4e8  # the solver's atmosphere is plane-parallel
 NOTES = """

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 BRUSHED = Material(
     name="m", base_color=(0.9,) * 3, metallic=1.0, roughness=0.35, anisotropy=0.7, grain=(0.2, 1.0, 0.1)
 )
-_SAMPLES = 1500
+_SAMPLES = 1500  # number of half vectors of the integral
 
 
 def rows(renderer: Renderer) -> list[Row]:

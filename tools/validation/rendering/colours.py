@@ -28,7 +28,8 @@ if TYPE_CHECKING:
     from flyaround.simulator.runtime.arrays import FloatArray
     from flyaround.simulator.scene.illumination.atmosphere import Atmosphere
 
-NM = np.arange(405.0, 700.0, 10.0)
+NM = np.arange(405.0, 700.0, 10.0)  # wavelengths
+# heights of the path's lowest point
 HEIGHTS_M = 1e3 * np.array([1.0, 3.0, 5.0, 8.0, 10.0, 12.0, 15.0, 18.0, 20.0, 25.0, 30.0, 40.0])
 SUNS_DEG = ((80, 0), (60, 90), (30, 90), (10, 180), (5, 0), (2, 0), (0, 0), (-3, 0))
 """Elevation of the Sun at the tangent point, and azimuth from the line of sight."""
@@ -111,7 +112,7 @@ LOBES = (
     ((0.821, 568.8, 46.9, 40.5), (0.286, 530.9, 16.3, 31.1)),
     ((1.217, 437.0, 11.8, 36.0), (0.681, 459.0, 26.0, 13.8)),
 )
-D65 = np.array([0.9505, 1.0, 1.089])
+D65 = np.array([0.9505, 1.0, 1.089])  # white point, CIE XYZ (IEC 61966-2-1)
 SRGB_FROM_XYZ = np.array([[3.2406, -1.5372, -0.4986], [-0.9689, 1.8758, 0.0415], [0.0557, -0.204, 1.057]])
 NOTES = """
 Limbs from 400 km at eight heights of the Sun, from noon to dusk: our three bands beside the same air at 30

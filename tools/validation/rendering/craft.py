@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from flyaround.simulator.scene.state import Quality
 
 SUN_RAD = SUN_RADIUS_M / AU_M
-EDGE_ANGLES_DEG = tuple(2.5 * k for k in range(-36, 36))
+EDGE_ANGLES_DEG = tuple(2.5 * k for k in range(-36, 36))  # directions of the plate's edges
 EDGE_CAMERA = square_camera(128, 600.0)
 # principal point far off the image's middle, where the plate is: distortion bends its edges there
 _LENS = replace(square_camera(128, 150.0), cx_px=-20.0, cy_px=0.0)
@@ -317,12 +317,12 @@ def mitsuba_rows(renderer: Renderer, most_spp: int = 4096) -> list[Row]:
     bare = tuple(replace(m, name=f"bare {m.name}") for m in plain)
     parts = tuple(replace(part, material=f"bare {part.material}") for part in target.parts)
     target = replace(target, materials=bare, parts=parts, sha256=digest)
-    found: dict[Quality, list[tuple[Difference, Difference]]] = {"high": [], "default": []}
+    pairs: dict[Quality, list[tuple[Difference, Difference]]] = {"high": [], "default": []}
     noise = []
     for rotvec, sun, *samples in MITSUBA_VIEWS:
         scene = bare_scene(target, square_camera(320, 1450.0), (0, 0, 6.0), rotvec, sun_camera=sun)
         traced = path_trace(scene, target, MITSUBA_SKY_W_M2_SR, *(min(n, most_spp) for n in samples))
-        for quality, differences in found.items():
+        for quality, differences in pairs.items():
             rendered = renderer.render(
                 replace(scene, quality=quality),
                 target,
@@ -349,7 +349,7 @@ def mitsuba_rows(renderer: Renderer, most_spp: int = 4096) -> list[Row]:
             measured=max(noise),
         )
     ]
-    for quality, differences in found.items():
+    for quality, differences in pairs.items():
         limits = {
             "relative radiance, median": 0.03,
             "95th percentile": 0.10,

@@ -39,9 +39,9 @@ if TYPE_CHECKING:
     from flyaround.simulator.scene.illumination.bands import Bands
     from flyaround.simulator.scene.state import SceneState
 
-SIZE, FIELD_RAD = 128, 0.046
+SIZE, FIELD_RAD = 128, 0.046  # side of the image [px], and its field of view
 WIDE = 300e3  # height from which the whole Earth is visible [km]
-PHASES_DEG = (5.0, 30.0, 60.0, 90.0, 120.0, 150.0)
+PHASES_DEG = (5.0, 30.0, 60.0, 90.0, 120.0, 150.0)  # phase angles of the Moon
 NOTES = """
 Full Earth: two thirds of the spherical albedo of 0.295 +- 0.008 (Penttila et al. 2022, Front. Remote Sens. 3,
 790723), times an anisotropy near the Sun's direction of 1.27: our estimate, after angular distribution models as Su

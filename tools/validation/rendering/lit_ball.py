@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from flyaround.simulator.scene.state import Quality
     from flyaround.simulator.targets.model import Material
 
-_RADIUS_M, _RANGE_M = 0.5, 5.0
+_RADIUS_M, _RANGE_M = 0.5, 5.0  # radius and distance of the ball
 # cosines; nearer to the terminator and the limb, facets and shadow texels dominate
 _LIT, _FACING = 0.06, 0.15
 

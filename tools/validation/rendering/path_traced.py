@@ -32,10 +32,10 @@ if TYPE_CHECKING:
     from flyaround.simulator.scene.state import SceneState
     from flyaround.simulator.targets.model import Material, Target
 
-SUN_POINTS = 32
-DEPTH = 6
-SAMPLES_PER_PASS = 64
-OLDEST_LLVM = 17
+SUN_POINTS = 32  # point sources over the Sun's disc
+DEPTH = 6  # maximum number of bounces
+SAMPLES_PER_PASS = 64  # samples per pixel of one pass
+OLDEST_LLVM = 17  # minimum version for Mitsuba's vectorised kernels
 # Mitsuba offsets rays from a surface by 9e-5 of (1 + maximum coordinate): in metres, with the camera 6 m away, that is
 # 0.6 mm, which moves shadows and opens gaps. The scene is therefore centred on the craft, in centimetres.
 UNITS_PER_M = 100.0

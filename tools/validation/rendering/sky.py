@@ -38,7 +38,7 @@ if TYPE_CHECKING:
     from flyaround.simulator.scene.environments import Environment
     from flyaround.simulator.scene.state import SceneState
 
-LIGHT_M_S, PLANCK_J_S = 299_792_458.0, 6.62607015e-34
+LIGHT_M_S, PLANCK_J_S = 299_792_458.0, 6.62607015e-34  # speed of light and Planck constant (SI, exact)
 NOTES = """
 The limb row compares how much of each pixel of the Sun's disc, half set, the ground hides with the share of 48 by 48
 rays that meet the ellipsoid, summed along the limb's normal.

@@ -24,8 +24,8 @@ if TYPE_CHECKING:
 
 SUN_DEG = (20.0, 45.0, 65.0)
 """Zenith angle of the Sun."""
-SIZE_PX = 64
-_HEIGHT_KM = 700.0
+SIZE_PX = 64  # side of the image
+_HEIGHT_KM = 700.0  # altitude of the camera
 _CLEAR = Environment(clouds=False, stars=False, planets=False, moon=False)
 NOTES = """
 From straight above: mean of the drawn radiance times pi over the Sun's irradiance on level ground, 450-750 nm.
