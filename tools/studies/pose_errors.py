@@ -77,11 +77,11 @@ def normalised(flights: list[FlightErrors]) -> list[np.ndarray]:
     return result
 
 
-def by_range(flights: list[FlightErrors], kept: list[np.ndarray]) -> str:
+def by_range(flights: list[FlightErrors], normalised_errors: list[np.ndarray]) -> str:
     """Return the RMS of each part of the errors by range, without wrong errors."""
     ranges = np.concatenate([f.range_m for f in flights])
     errors = np.vstack([f.errors for f in flights])
-    right = np.isfinite(np.vstack(kept)[:, 0])
+    right = np.isfinite(np.vstack(normalised_errors)[:, 0])
     lines = [
         "| range [m] | poses | across [mm] | along [mm] | tilt [deg] | roll [deg] |",
         "|---|---|---|---|---|---|",
