@@ -21,7 +21,7 @@ LONGEST_TYPE_WORDS = 14
 # imperatives that end like a third person
 IMPERATIVES = {"Pass", "Press", "Process"}
 # rooms whose Parameters sections may still be incomplete
-INCOMPLETE = ("gui", "simulator/camera", "simulator/render", "simulator/targets", "simulator/world", "tools")
+INCOMPLETE = ("gui", "simulator/camera", "simulator/render", "simulator/targets", "simulator/world")
 
 
 def section(doc, title):

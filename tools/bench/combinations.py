@@ -49,12 +49,24 @@ class CombinationCost:
 
     Parameters
     ----------
+    scenario : str
+        Name of the scenario.
+    camera : str
+        Name of the camera.
     bands : str
         ``mono`` or ``rgb``.
     variant : str
         Difference from the scenario besides the camera: ``sensor NAME``, ``bits N``, ``target NAME``; empty for none.
+    width_px : int
+        Image width.
+    height_px : int
+        Image height.
     frame_ms : float
         Render, read-back and sensor; no labels.
+    render_ms : float
+        Time to render.
+    sensor_ms : float
+        Time of the sensor model.
     labels_ms : float
         Additional time for truth, mask and all layers.
     capture_ms : float

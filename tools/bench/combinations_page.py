@@ -18,6 +18,10 @@ def combinations_page(machine: BenchMachine, costs: Sequence[CombinationCost], m
 
     Parameters
     ----------
+    machine : BenchMachine
+        Machine of the measurements.
+    costs : sequence of CombinationCost
+        Times of all combinations.
     made_by : str
         Command line that made the measurement.
     """

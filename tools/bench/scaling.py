@@ -52,6 +52,10 @@ class Scaling:
         The Earth behind Tango at increasing sizes.
     by_triangles : tuple of Cost
         A craft of increasing meshes in front of space.
+    pixel_powers : tuple of float
+        Exponents of the growth with the number of pixels.
+    triangle_powers : tuple of float
+        Exponents of the growth with the number of triangles.
     by_wall : bool
         True if the exponents are those of the wall time, because a GPU's work takes no processor time.
     """

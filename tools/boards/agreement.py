@@ -123,6 +123,8 @@ class BoardRun:
         OpenCV version that the board reported.
     kernels : str
         ``native`` or ``numpy``.
+    agreement : Agreement
+        Agreement with the host's estimator.
     """
 
     processor: str

@@ -32,6 +32,8 @@ def qemu_command(image: BoardImage, job: Path) -> list[str]:
 
     Parameters
     ----------
+    image : BoardImage
+        Disk image and kernel of the board.
     job : Path
         Tar archive that the board unpacks and whose ``run`` it executes.
     """
@@ -93,6 +95,8 @@ def emulated_board(image: BoardImage, files: Mapping[str, bytes], folder: Path) 
 
     Parameters
     ----------
+    image : BoardImage
+        Disk image and kernel of the board.
     files : mapping of str to bytes
         Files of the job by name, among them the shell script ``run``, which runs as root.
     folder : Path

@@ -30,6 +30,8 @@ def write_initramfs(path: Path, kernel_modules: Path, busybox: Path) -> None:
 
     Parameters
     ----------
+    path : Path
+        File to write.
     kernel_modules : Path
         Folder with the ``.ko`` files of the kernel, at any depth.
     busybox : Path
@@ -58,6 +60,8 @@ def loading_order(modules: dict[str, bytes], names: Iterable[str]) -> list[str]:
     ----------
     modules : dict of str to bytes
         Contents of the files, by name with underscores.
+    names : iterable of str
+        Modules to load.
 
     Raises
     ------

@@ -142,6 +142,10 @@ def coast_map(
         Shapefile of lake polygons, which are subtracted from the land.
     day_bgr : ByteArray
         Day map of the Earth, in which dry lakes are detected.
+    width : int
+        Width of the map [texels].
+    height : int
+        Height of the map [texels].
     """
     fine_width, fine_height, reach = SUBPIXELS * width, SUBPIXELS * height, SUBPIXELS * _REACH_PX
     filled = [lake for lake in polygons(lakes) if not is_dry(lake, day_bgr)]

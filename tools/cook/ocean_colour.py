@@ -35,6 +35,8 @@ def make_ocean_colour(bands: int, mask: BoolArray, sources: Sources) -> ByteArra
 
     Parameters
     ----------
+    bands : int
+        Number of bands, 1 or 3.
     mask : BoolArray
         (360, 720) mask of `make_mask`.
     sources : Sources

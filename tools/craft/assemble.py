@@ -62,18 +62,30 @@ def assemble(
 
     Parameters
     ----------
+    name : str
+        Name of the target.
+    title : str
+        Title in lists.
     pieces : sequence of Piece
         Pieces of one name become one part; they must have one material.
     materials : sequence of Material, optional
         Available materials; unused ones are omitted.
     keypoints : mapping of str to Vec3
         Position in the model frame [m] by name, in the order that labels report them.
+    wireframe : sequence of Edge
+        Edges of the wireframe.
     occluders : sequence of Mesh
         Coarse closed bodies.
     lumps : sequence of MassElement
         Mass distribution.
     frames : dict of str to tuple of Vec3
         Origin [m] and unit axis by name.
+    symmetry : tuple of Quat, optional
+        Rotations that leave the shape unchanged.
+    notes : str
+        Sources and simplifications.
+    pictures : tuple of TextureImage, optional
+        Textures of the materials.
     """
     parts = tuple(part_of(p) for p in gathered(pieces))
     used_names = {p.material for p in parts}

@@ -41,10 +41,18 @@ def nozzle(
         Centre of the throat.
     axis : (3,) array
         Direction of the exhaust.
+    throat_radius_m : float
+        Inner radius of the throat.
+    exit_radius_m : float
+        Inner radius of the exit.
+    length_m : float
+        Distance from throat to exit.
     wall_m : float
         Thickness of the wall.
     segments : int
         Facets round the axis at full detail.
+    detail : Detail
+        Level of detail.
 
     References
     ----------

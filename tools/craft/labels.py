@@ -144,6 +144,14 @@ def ring_edges(
 
     Parameters
     ----------
+    name : str
+        Common part of the edges' names.
+    centre_m : (3,) array
+        Centre of the rim.
+    axis : (3,) array
+        Outward normal of the flat end.
+    radius_m : float
+        Radius of the rim.
     segments : int
         Facets of the lathe at full detail.
     inside : bool, optional

@@ -20,12 +20,16 @@ class MassElement:
 
     Parameters
     ----------
+    name : str
+        Name of the body.
     mass_kg : float
         Its mass.
     centre_m : Vec3
         Of the box. For a rod ``centre_m`` is one end and ``tip_m`` the other.
     size_m : Vec3, optional
         Of the box. For a rod ``centre_m`` is one end and ``tip_m`` the other.
+    tip_m : Vec3, optional
+        Other end of a rod.
     """
 
     name: str

@@ -95,6 +95,16 @@ def panel(
 
     Parameters
     ----------
+    name : str
+        Common part of the pieces' names.
+    size_m : tuple of float
+        Size along x and y.
+    thickness_m : float
+        Thickness of the board.
+    field : CellField
+        Arrangement of the cells.
+    detail : Detail
+        Level of detail.
     board : str
         Material of the board.
     cell : str

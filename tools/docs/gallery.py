@@ -71,6 +71,10 @@ def film(light: np.ndarray, brightest: float, contrast: float = 0.3) -> np.ndarr
 
     Parameters
     ----------
+    light : (H, W, 3) array
+        Linear radiance.
+    brightest : float
+        Radiance at the beginning of the shoulder.
     contrast : float, optional
         Contrast of the middle of the curve.
     """

@@ -50,6 +50,8 @@ def files(root: Path, only: Sequence[str] = ()) -> list[str]:
 
     Parameters
     ----------
+    root : Path
+        Root of the checkout.
     only : sequence of str
         Prefixes of paths; empty for all files.
     """

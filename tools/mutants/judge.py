@@ -220,6 +220,10 @@ def judge(cases: Iterable[Case], copies: Sequence[Copy], report: Callable[[Case,
 
     Parameters
     ----------
+    cases : iterable of Case
+        Bugs to judge.
+    copies : sequence of Copy
+        Copies of the tree, one for each concurrent case.
     report : callable
         Function called with each verdict.
     """

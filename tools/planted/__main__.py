@@ -22,6 +22,8 @@ class PlantedBug(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
 
     Parameters
     ----------
+    name : str
+        Name on the command line.
     file : str
         Path relative to the root.
     old : str

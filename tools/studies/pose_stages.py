@@ -145,10 +145,16 @@ def stage_row(
 
     Parameters
     ----------
+    estimator : PoseEstimator
+        Estimator whose stages are compared.
+    image : (H, W) array
+        Image.
     q : (4,) array
         True attitude, camera from target.
     t : (3,) array
         True position [m].
+    frame_index : int
+        Number of the frame.
     """
     target = estimator.target
     result = estimator.estimate(image)

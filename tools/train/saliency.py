@@ -38,6 +38,10 @@ def cells(folder: Path, rng: np.random.Generator, *, varied: bool) -> Iterator[t
 
     Parameters
     ----------
+    folder : Path
+        Data set.
+    rng : Generator
+        Random numbers of the sampled cells and variations.
     varied : bool
         True to mirror each frame and change its exposure and noise at random.
     """

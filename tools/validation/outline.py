@@ -80,6 +80,8 @@ def fit_outline(reference: ByteArray, target: Target, side: str, coarse: Target 
     ----------
     reference : ByteArray
         (H, W) filled outline of the craft, nonzero inside.
+    target : Target
+        Model of the craft.
     side : str
         Axis from which the camera initially looks.
     coarse : Target, optional

@@ -80,6 +80,10 @@ def structure(
 
     Parameters
     ----------
+    frame : RailFrame
+        Size of the structure.
+    detail : Detail
+        Level of detail.
     rings_z_m : tuple of float, optional
         Heights of bars across the sides, where the ribs between units show.
     screws_z_m : tuple of float, optional

@@ -127,6 +127,10 @@ def _is_ear(places: list[list[float]], loop: list[int], k: int) -> bool:
     ----------
     places : list of list of float
         (x, y) of each point: a few numbers at a time are quicker as they are than as arrays.
+    loop : list of int
+        Indices of the points of the polygon, in order.
+    k : int
+        Index of the corner in ``loop``.
     """
     ear = (loop[k - 1], loop[k], loop[(k + 1) % len(loop)])
     corners = [places[n] for n in ear]
@@ -212,6 +216,12 @@ def clipped_rectangle(width_m: float, height_m: float, clip_m: float, clipped: s
 
     Parameters
     ----------
+    width_m : float
+        Size along x.
+    height_m : float
+        Size along y.
+    clip_m : float
+        Length of a cut along each side.
     clipped : str
         ``"top"``, ``"bottom"`` (a half wafer) or ``"all"``.
     """

@@ -60,10 +60,16 @@ def bar(a_m: ArrayLike, b_m: ArrayLike, width_m: float, depth_m: float, up: Arra
 
     Parameters
     ----------
+    a_m : (3,) array
+        Centre of one end.
+    b_m : (3,) array
+        Centre of the other end.
     width_m : float
         Section across ``up``.
     depth_m : float
         Section along ``up`` (made perpendicular to the bar).
+    up : (3,) array
+        Direction of the section's depth.
     """
     a, b = np.asarray(a_m, float), np.asarray(b_m, float)
     w = unit(b - a)

@@ -164,10 +164,18 @@ def pad(
 
     Parameters
     ----------
+    surface : Revolved
+        Surface on which the plate lies.
+    azimuth_rad : float
+        Azimuth of the plate's middle.
+    z_m : float
+        Height of the plate's middle.
     half_m : tuple of float
         Half extent round the axis and half extent along the surface.
     lift_m : float, optional
         Height of the rim.
+    sink_m : float, optional
+        Depth of the plate's base below the surface.
     dome_m : float, optional
         Additional height of the middle.
     exponent : float, optional
@@ -176,6 +184,10 @@ def pad(
         Turn on the surface.
     relief : callable, optional
         Height of what the plate lies on, above the surface, at points (N, 2) round the plate's middle.
+    segments : int, optional
+        Number of segments of the rim.
+    rings : int, optional
+        Number of rings between middle and rim.
     """
     edge = _superellipse(half_m, exponent, segments)
     rho = np.arange(1, rings + 1) / rings

@@ -81,10 +81,32 @@ class TangoDimensions:
 
     Parameters
     ----------
+    panel_x_m : float
+        Half extent of the solar panel along x.
+    panel_y_m : float
+        Half extent of the solar panel along y.
+    panel_bottom_m : float
+        Height of the panel's lower face.
+    panel_top_m : float
+        Height of the panel's upper face.
     columns : int
         Number of cell columns in each of the panel's two fields.
     rows : int
         Number of cell rows in each of the panel's two fields.
+    cell_pitch_x_m : float
+        Spacing of the cells along x.
+    cell_pitch_y_m : float
+        Spacing of the cells along y.
+    body_x_m : float
+        Half extent of the body along x.
+    body_y_low_m : float
+        Lower y of the body.
+    body_y_high_m : float
+        Upper y of the body.
+    body_top_m : float
+        Height of the body.
+    core_top_m : float
+        Height of the core below the panel.
     antenna_roots : tuple of Vec3
         Root of each rod antenna.
     antenna_tips : tuple of Vec3

@@ -183,6 +183,8 @@ def fit_light(basis: LightBasis, factors: FloatArray | None = None, most: int = 
 
     Parameters
     ----------
+    basis : LightBasis
+        Renderings under each candidate light.
     factors : (M,) array, optional
         Factor of each material's brightness relative to the target's.
     most : int, optional

@@ -63,14 +63,22 @@ class FittedPair:
 
     Parameters
     ----------
+    reference : Reference
+        The real image with its pose.
     image : ByteArray
         Rendering.
+    light : FittedLight
+        Fitted light.
     window : tuple of int
         Bounding box ``x0, y0, x1, y1`` of the craft [pixels].
     ncc : float
         Normalised cross-correlation inside the silhouette.
     ssim : float
         Structural similarity inside the silhouette.
+    theirs : CraftLook
+        Measurements of the real image.
+    ours : CraftLook
+        Measurements of the rendering.
     gradient_moved_dn : float
         Earth mover's distance of the gradient histograms inside the silhouette [DN per pixel].
     outline_px : float or None
@@ -126,8 +134,16 @@ def fit_pictures(
 
     Parameters
     ----------
+    renderer : Renderer
+        Renderer.
+    references : sequence of Reference
+        Images with poses.
+    target : Target
+        Model of the craft.
     materials : bool, optional
         True to fit the brightness of the materials too, on every second image, and to use it in all images.
+    progress : callable, optional
+        Receives the number of finished images and the total.
 
     Returns
     -------

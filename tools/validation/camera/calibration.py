@@ -49,6 +49,8 @@ class Calibration:
 
     Parameters
     ----------
+    lens : str
+        Name of the lens in ``LENSES``.
     names : tuple of str
         Names of the K parameters.
     true : (K,) array

@@ -115,8 +115,12 @@ def measure_colours(name: str, *, way: str, seed: int = 5, levels: int = COLOUR_
 
     Parameters
     ----------
+    name : str
+        Preset of the detector.
     way : str
         One of ``READOUT_MODES``.
+    seed : int, optional
+        Seed of the noise.
     levels : int, optional
         Number of brightness levels of the plate.
     """

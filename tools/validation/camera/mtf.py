@@ -105,6 +105,8 @@ def compare(case: str, picture: FloatArray | None = None) -> tuple[FloatArray, F
 
     Parameters
     ----------
+    case : str
+        Sensor and optics, a key of ``CASES``.
     picture : array, optional
         Image of the edge; by default computed.
     """

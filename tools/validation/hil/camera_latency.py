@@ -61,6 +61,10 @@ class LatencyResult:
 
     Parameters
     ----------
+    summary : LedgerSummary
+        Summary of the run.
+    rows : sequence of FrameRecord
+        Rows of its ledger.
     handover_error_ms : array
         Absolute value of (handed over - end of exposure - latency) of each frame.
     on_board_ms : array

@@ -306,6 +306,8 @@ def mitsuba_rows(renderer: Renderer, most_spp: int = 4096) -> list[Row]:
 
     Parameters
     ----------
+    renderer : Renderer
+        Renderer.
     most_spp : int, optional
         Maximum number of samples per pixel for each of Sun and sky.
     """

@@ -65,6 +65,10 @@ def difference(rendered: FloatArray, reference: FloatArray, inner: FloatArray) -
 
     Parameters
     ----------
+    rendered : (H, W) array
+        Rendered radiance.
+    reference : (H, W) array
+        Path-traced radiance.
     inner : array
         Pixels wholly on the target. Those below 2 % of the maximum are excluded from the relative difference.
 
