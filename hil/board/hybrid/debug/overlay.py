@@ -14,6 +14,9 @@ from flyaround.hil.board.hybrid.model.visibility import hidden, occluders
 
 Array = np.ndarray
 
+# Colours of Okabe and Ito in OpenCV's order, BGR.
+ORANGE, BLUE, GREEN, RED = (0, 159, 230), (233, 180, 86), (115, 158, 0), (0, 94, 213)
+
 # Number of points along an edge that are tested for occlusion.
 EDGE_STEPS = 24
 

@@ -13,16 +13,24 @@ from flyaround.hil.board.estimation.camera import CameraIntrinsics
 from flyaround.hil.board.estimation.record import Trace
 from flyaround.hil.board.estimation.result import PoseResult
 from flyaround.hil.board.estimation.target_model import BoardModel
-from flyaround.hil.board.hybrid.debug.overlay import draw_segments, draw_wireframe, grey, label
+from flyaround.hil.board.hybrid.debug.overlay import (
+    BLUE,
+    GREEN,
+    ORANGE,
+    RED,
+    draw_segments,
+    draw_wireframe,
+    grey,
+    label,
+)
 from flyaround.hil.board.hybrid.debug.synthetic_views import learned_proposal_picture, synthetic_view_picture
 from flyaround.hil.board.hybrid.image.noise import noise_sigma
 from flyaround.hil.board.svd.weak_gradients import WeakGradientElimination
 
 Array = np.ndarray
 
-# Size of the pictures [px], and the Okabe-Ito colours in BGR.
+# Size of the pictures [px].
 WIDTH, HEIGHT = 800, 500
-ORANGE, BLUE, GREEN, RED = (0, 159, 230), (233, 180, 86), (115, 158, 0), (0, 94, 213)
 
 GROUP_COLOURS = {
     "closed_tetrad": GREEN,

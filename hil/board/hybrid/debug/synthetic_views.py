@@ -10,7 +10,7 @@ import numpy as np
 from flyaround.hil.board.estimation import quaternion as quat
 from flyaround.hil.board.estimation.camera import CameraIntrinsics
 from flyaround.hil.board.estimation.target_model import BoardModel
-from flyaround.hil.board.hybrid.debug.overlay import draw_wireframe, grey, label
+from flyaround.hil.board.hybrid.debug.overlay import ORANGE, draw_wireframe, grey, label
 from flyaround.hil.board.hybrid.propose.keypoints.image_crop import crop_image, network_inputs
 from flyaround.hil.board.hybrid.propose.keypoints.keypoint_proposal import LearnedProposal
 from flyaround.hil.board.hybrid.propose.keypoints.network_input import INPUT_FILL
@@ -18,7 +18,6 @@ from flyaround.hil.board.hybrid.refine.synthetic_view import SyntheticViews
 
 Array = np.ndarray
 
-ORANGE = (0, 159, 230)
 
 # Range of the residual pictures [standard deviations of the noise].
 MAX_RESIDUAL_SIGMA = 8.0

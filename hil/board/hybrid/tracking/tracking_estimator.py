@@ -13,7 +13,7 @@ from flyaround.hil.board.estimation.estimator import Estimator
 from flyaround.hil.board.estimation.record import StageRecord, Trace
 from flyaround.hil.board.estimation.result import PoseResult
 from flyaround.hil.board.estimation.target_model import BoardModel
-from flyaround.hil.board.hybrid.decide.confidence import Evidence
+from flyaround.hil.board.hybrid.decide.confidence import MIN_EDGES, MIN_MATCHED, Evidence
 from flyaround.hil.board.hybrid.estimator import PoseEstimator
 from flyaround.hil.board.hybrid.hypotheses.ambiguity import largest_sigma
 from flyaround.hil.board.hybrid.image.noise import noise_sigma
@@ -38,8 +38,8 @@ DEFAULT_INTERVAL_S = 1.0
 MAX_REACH_PX, MIN_REACH_PX = 60.0, 6.0
 # One-sigma errors of an initialisation: attitude [rad], position across and along the line of sight [share of range].
 INITIAL_SIGMA_RAD, INITIAL_SIGMA_ACROSS, INITIAL_SIGMA_ALONG = float(np.radians(1.0)), 0.001, 0.006
-# Criteria for an accepted fit: minimum share of edges, minimum number of edges, largest RMS, minimum confidence.
-MIN_EDGE_SHARE, MIN_EDGES, MAX_RMS_PX, MIN_CONFIDENCE = 0.3, 25, 2.5, 0.5
+# Maximum RMS residual of an accepted fit [px], and minimum confidence.
+MAX_RMS_PX, MIN_CONFIDENCE = 2.5, 0.5
 
 # Confidence below which, and attitude sigma above which [rad], the synthetic view is compared as well, because the
 # edges of a single visible face constrain its tilt weakly.
@@ -156,7 +156,7 @@ class TrackingEstimator(Estimator):
             fit is None
             or fit.n_inliers < MIN_EDGES
             or fit.rms_px > MAX_RMS_PX
-            or fit.matched_share < MIN_EDGE_SHARE
+            or fit.matched_share < MIN_MATCHED
         ):
             return None
         confidence = track_confidence(fit)
