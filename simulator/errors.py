@@ -59,9 +59,9 @@ def missing_extra(what: str, extra: str, error: ImportError) -> UserError:
         return UserError(
             f"{what} needs {name}, which is not installed; run: pip install 'flyaround[{extra}]'"
         )
-    words = " ".join(str(error).split())
+    reason = " ".join(str(error).split())
     return UserError(
-        f"{what} needs the extra {extra}, which cannot be loaded: {words}; see what flyaround doctor says"
+        f"{what} needs the extra {extra}, which cannot be loaded: {reason}; see what flyaround doctor says"
     )
 
 
@@ -77,25 +77,25 @@ _LIMITS = (
 
 def machine_sentence(error: BaseException) -> str | None:
     """Return a sentence for a failure of the machine or system (memory, threads, files), or None for a bug."""
-    words = " ".join(str(error).split())
+    reason = " ".join(str(error).split())
     if isinstance(error, MemoryError):
-        detail = f" ({words})" if words else ""
+        detail = f" ({reason})" if reason else ""
         return f"not enough memory{detail}; close other programs, or use fewer workers or a smaller image or mesh"
-    if any(mark in words.lower() for mark in _LIMITS):
+    if any(mark in reason.lower() for mark in _LIMITS):
         return (
-            f"the machine's limits are reached: {words}; raise them (ulimit -v, -u) or ask for fewer workers"
+            f"the machine's limits are reached: {reason}; raise them (ulimit -v, -u) or ask for fewer workers"
         )
     if isinstance(error, ImportError):
-        return f"a part of the installation cannot be loaded: {words}; install it again, or raise this shell's limits"
+        return f"a part of the installation cannot be loaded: {reason}; install it again, or raise this shell's limits"
     if isinstance(error, RecursionError):
         return "something given nests too deep to be read; look at the file for brackets within brackets"
     if not isinstance(error, OSError):
         return None
-    place = f": {error.filename}" if error.filename is not None else ""
+    file = f": {error.filename}" if error.filename is not None else ""
     if error.errno in _FULL:
-        return f"no space left on the disk{place}; free some space or choose another disk"
-    words = error.strerror or str(error) or type(error).__name__
-    return f"the system refused{place}: {words}; check the path, its permissions and the machine's limits"
+        return f"no space left on the disk{file}; free some space or choose another disk"
+    reason = error.strerror or str(error) or type(error).__name__
+    return f"the system refused{file}: {reason}; check the path, its permissions and the machine's limits"
 
 
 def near_names(name: str, names: Sequence[str], most: int = 1) -> list[str]:

@@ -145,10 +145,10 @@ def factors() -> tuple[Factor, ...]:
 def _missing(factor: Factor) -> list[str]:
     """Return the processor features that a factor needs and that are missing."""
     try:
-        words = Path("/proc/cpuinfo").read_text(encoding="utf-8", errors="replace").split()
+        flags = Path("/proc/cpuinfo").read_text(encoding="utf-8", errors="replace").split()
     except OSError:
         return list(factor.needs)
-    return [flag for flag in factor.needs if flag not in words]
+    return [flag for flag in factor.needs if flag not in flags]
 
 
 def _files(patterns: tuple[str, ...]) -> list[str]:

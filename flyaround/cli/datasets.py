@@ -49,14 +49,14 @@ def capture(
         vary = run.pictures.vary
         plans = {member: varied_plan(plan, load_vary(vary, plan.vary)) for member, plan in plans.items()}
     shares = None if data_set.split is None else parse_split(data_set.split)
-    place = run.output.rstrip("/") or run.output
+    output = run.output.rstrip("/") or run.output
     summaries = {}
     for member, plan in plans.items():
         layers = ",".join(plan.labels) if data_set.labels is None else data_set.labels
         with progress_bar(member or "capture", quiet=as_json) as progress:
             summaries[member] = capture_plan(
                 plan,
-                place if not member else f"{place}/{member}",
+                output if not member else f"{output}/{member}",
                 formats=names,
                 labels=parse_labels(layers),
                 sensors=parse_sensors(data_set.sensors),

@@ -179,10 +179,10 @@ def display_match(
     as_json: Annotated[bool, typer.Option("--json", help="Print a list as JSON.")] = False,
 ) -> None:
     """Identify the frame that each grabbed image shows by its time code; exit 1 if one has none."""
-    place = CodePlace() if calibration is None else read_calibration(calibration).code_place
+    code_place = CodePlace() if calibration is None else read_calibration(calibration).code_place
     rows = []
     for path in grabs:
-        code = read_code(_read_grey(path), place)
+        code = read_code(_read_grey(path), code_place)
         rows.append(
             {
                 "path": str(path),

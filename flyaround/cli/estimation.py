@@ -62,8 +62,8 @@ def estimate(
         write_run(empty_folder(debug, option="--debug"), run)
     rows = []
     for k, image in enumerate(run.images):
-        place = debug if debug is None or len(run.images) == 1 else debug / f"{k:03d}_{Path(image).stem}"
-        rows.append({**_estimated(estimator, Path(image), intrinsics, place), "network": network})
+        folder = debug if debug is None or len(run.images) == 1 else debug / f"{k:03d}_{Path(image).stem}"
+        rows.append({**_estimated(estimator, Path(image), intrinsics, folder), "network": network})
     if as_json:
         typer.echo(json.dumps(rows if len(rows) > 1 else rows[0], indent=1))
     else:
@@ -98,15 +98,15 @@ def _method_choice(method: str, published: Published) -> MethodChoice:
     return MethodChoice(method, published.solver, None if streams is None else tuple(streams))
 
 
-def _estimated(estimator: Estimator, path: Path, intrinsics: Camera, place: Path | None) -> dict[str, Any]:
+def _estimated(estimator: Estimator, path: Path, intrinsics: Camera, folder: Path | None) -> dict[str, Any]:
     """Estimate an image and return the JSON document; write a picture of every stage if a folder is given."""
     raw = read_png(path)
     image = checked_picture(raw, intrinsics, str(path))
-    trace: dict[str, Any] | None = None if place is None else {"every_stage": True}
+    trace: dict[str, Any] | None = None if folder is None else {"every_stage": True}
     result = estimator.estimate(image, trace)
-    if place is not None and trace is not None:
-        place.mkdir(exist_ok=True)
-        write_stage_pictures(place, image, trace, result, estimator.model, estimator.camera)
+    if folder is not None and trace is not None:
+        folder.mkdir(exist_ok=True)
+        write_stage_pictures(folder, image, trace, result, estimator.model, estimator.camera)
     q, t = result.q_camera_from_target_wxyz, result.t_camera_from_target_m
     return {
         "image": str(path),

@@ -92,8 +92,8 @@ def _earlier_flight(folder: Path) -> tuple[Path, ...]:
 def _print_flight(summary: dict[str, Any]) -> None:
     """Print a flight's summary: folder, phases, events and delta-v."""
     say(f"{summary['rows']} states in {summary['states']}")
-    for words in summary["followed"]:
-        say(words)
+    for sentence in summary["followed"]:
+        say(sentence)
     phases = (f"{p['phase']} {p['from_s']:g} to {p['to_s']:g} s" for p in summary["phases"])
     say(f"phases: {', '.join(phases)}")
     if summary["delta_v_m_s"] is None:

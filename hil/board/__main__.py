@@ -94,12 +94,12 @@ def _options(arguments: List[str], program: str) -> argparse.Namespace:
 
 
 def _systemd_unit(argv: List[str], options: argparse.Namespace) -> str:
-    words = [word for word in argv if word != "--systemd-unit"]
+    arguments = [word for word in argv if word != "--systemd-unit"]
     if not options.reconnect:
-        words.append("--reconnect")
+        arguments.append("--reconnect")
     if options.watchdog is None:
-        words += ["--watchdog", f"{WATCHDOG_S:g}"]
-    return systemd_unit(program_path(sys.argv[0]), words, options.url or "")
+        arguments += ["--watchdog", f"{WATCHDOG_S:g}"]
+    return systemd_unit(program_path(sys.argv[0]), arguments, options.url or "")
 
 
 def _serve(options: argparse.Namespace, argv: List[str], program: str) -> int:

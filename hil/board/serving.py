@@ -76,6 +76,6 @@ def _say(sentence: str, manager: ServiceManager) -> None:
 def _restart_process(start: List[str]) -> NoReturn:
     """Replace this process by a new run of the program; hung threads end with the old one."""
     # Python 3.10 and later also know the interpreter's own options
-    words = getattr(sys, "orig_argv", [sys.executable, *start])
+    command = getattr(sys, "orig_argv", [sys.executable, *start])
     sys.stdout.flush()
-    os.execv(sys.executable, [sys.executable, *words[1:]])  # noqa: S606 - itself
+    os.execv(sys.executable, [sys.executable, *command[1:]])  # noqa: S606 - itself

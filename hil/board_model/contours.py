@@ -120,9 +120,9 @@ def _surface(target: Target) -> _Surface:
     positions, triangles, normals, start = [], [], [], 0
     for part in target.parts:
         p = part.positions_m.astype(float)
-        _, first, place = np.unique(np.round(p, 6), axis=0, return_index=True, return_inverse=True)
+        _, first, vertex_index = np.unique(np.round(p, 6), axis=0, return_index=True, return_inverse=True)
         positions.append(p[first])
-        triangles.append(place.ravel()[part.triangles] + start)
+        triangles.append(vertex_index.ravel()[part.triangles] + start)
         normals.append(part.normals.astype(float)[part.triangles])
         start += len(first)
     p, t, n = (np.concatenate(x) for x in (positions, triangles, normals))
@@ -265,8 +265,8 @@ def _blend_normals(s: _Surface, edge: IntArray, share: FloatArray) -> FloatArray
         face = s.faces[edge, k]
         corners, normals = s.triangles[face], s.corner_normals[face]
         for end, weight in ((0, 1 - share), (1, share)):
-            at = np.argmax(corners == s.ends[edge, end][:, None], axis=1)
-            total += weight[:, None] * normals[np.arange(len(edge)), at]
+            corner = np.argmax(corners == s.ends[edge, end][:, None], axis=1)
+            total += weight[:, None] * normals[np.arange(len(edge)), corner]
     return total
 
 

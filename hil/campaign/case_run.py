@@ -282,8 +282,8 @@ def _fly_with_board(
     if settings.listen is not None:
         flight.run()
         return
-    words = ("--target", plan.target.name, "--method", case.method)
-    run_with_board_process(flight, task.board_command, words, part / BOARD_LOG)
+    board_options = ("--target", plan.target.name, "--method", case.method)
+    run_with_board_process(flight, task.board_command, board_options, part / BOARD_LOG)
 
 
 def _drop_wall_clock(part: Path) -> None:

@@ -115,18 +115,18 @@ class HalfLatency(msgspec.Struct, frozen=True, kw_only=True):
             latency_s = float(levels[k - 1] + step * (levels[k] - levels[k - 1]))
             low = "?" if above is None else f"{above:.3g}"
             high = "?" if below is None else f"{below:.3g}"
-            words = f"{latency_s:.3g} s ({low} to {high})"
+            text = f"{latency_s:.3g} s ({low} to {high})"
         elif above is not None:
-            words = f"above {above:g} s"
+            text = f"above {above:g} s"
         else:
-            words = "not found" if below is None else f"below {below:g} s"
+            text = "not found" if below is None else f"below {below:g} s"
         return HalfLatency(
             jitter_s=row[0].jitter_s,
             drops=row[0].drops,
             latency_s=latency_s,
             above_s=above,
             below_s=below,
-            words=words,
+            words=text,
         )
 
 

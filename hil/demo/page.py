@@ -71,23 +71,23 @@ TILE_FOLDER = "page"
 
 def write_page(results: DemoResults) -> Path:
     """Write images, plots and ``index.html``, and return the path of the page."""
-    place = results.folder / TILE_FOLDER
-    place.mkdir(exist_ok=True)
-    images = [_image(results, place, k) for k in range(results.checked.n_frames)]
+    tile_folder = results.folder / TILE_FOLDER
+    tile_folder.mkdir(exist_ok=True)
+    images = [_image(results, tile_folder, k) for k in range(results.checked.n_frames)]
     shown_rows = results.rows[:: max(len(results.rows) // N_ANSWERS, 1)][:N_ANSWERS]
-    answers = [_answer(results, place, row) for row in shown_rows]
+    answers = [_answer(results, tile_folder, row) for row in shown_rows]
     return _page(results, images, answers).write(results.folder / "index.html")
 
 
-def _image(results: DemoResults, place: Path, k: int) -> Markup:
+def _image(results: DemoResults, tile_folder: Path, k: int) -> Markup:
     """Return a labelled image with its truth overlaid, plain on hover."""
     paths = frame_paths(results.folder / "dataset", k)
     truth, image = read_truth(paths.truth), np.asarray(read_png(paths.image), np.uint8)
     truth_image = draw_truth(image, truth, results.plan.target)
     plain = screen_rgb(image, truth.scene.sensor, truth.camera.pixel_encoding)
     names = {"truth": f"truth_{k:02d}.jpg", "plain": f"plain_{k:02d}.jpg"}
-    _write_small(place / names["truth"], with_inset(truth_image, truth), THUMBNAIL_PX)
-    _write_small(place / names["plain"], with_inset(plain, truth), THUMBNAIL_PX)
+    _write_small(tile_folder / names["truth"], with_inset(truth_image, truth), THUMBNAIL_PX)
+    _write_small(tile_folder / names["plain"], with_inset(plain, truth), THUMBNAIL_PX)
     n_visible = sum(p.state == "visible" for p in truth.keypoints)
     notes = [f"{truth.t_s:.0f} s", f"{_range(truth):.1f} m", f"{n_visible}/{len(truth.keypoints)} keypoints"]
     if not truth.feasible:
@@ -123,7 +123,7 @@ def with_inset(image: ByteArray, truth: Truth) -> ByteArray:
     return out
 
 
-def _answer(results: DemoResults, place: Path, row: FrameRecord) -> Markup:
+def _answer(results: DemoResults, tile_folder: Path, row: FrameRecord) -> Markup:
     """Return a frame as the board received it, with the returned pose overlaid."""
     frame = results.loop_frames[row.frame_id]
     truth = frame.truth
@@ -133,7 +133,7 @@ def _answer(results: DemoResults, place: Path, row: FrameRecord) -> Markup:
     if row.q_wxyz is not None and row.t_m is not None:
         canvas = draw_pose(canvas, truth, results.plan.target, row.q_wxyz, row.t_m)
     source = f"{TILE_FOLDER}/answer_{row.frame_id:02d}.jpg"
-    _write_small(place.parent / source, with_inset(canvas, truth), (960, 600))
+    _write_small(tile_folder.parent / source, with_inset(canvas, truth), (960, 600))
     notes = [f"frame {row.frame_id}: {row.outcome}"]
     if row.E_R_deg is not None:
         notes.append(f"{row.E_R_deg:.2f} deg, {1e3 * (row.E_T_m or 0):.0f} mm")

@@ -111,11 +111,11 @@ def write_page(
         by_class = _groups_table(list(m.by_class.items()))
         page.section(label, element("h3", "By range"), by_range, element("h3", "By class"), by_class)
     page.section("Failures", KEY)
-    place = report / TILE_FOLDER
-    place.mkdir(exist_ok=True)
+    tile_folder = report / TILE_FOLDER
+    tile_folder.mkdir(exist_ok=True)
     camera = CameraIntrinsics.from_dict(msgspec.to_builtins(card.camera))
     for label in labels:
-        page.add(_failures(place, folder, model, camera, label, [r for r in rows if r.method == label]))
+        page.add(_failures(tile_folder, folder, model, camera, label, [r for r in rows if r.method == label]))
     return page.write(report / INDEX)
 
 
@@ -267,7 +267,7 @@ def _bin_name(low: float, high: float | None) -> str:
 
 
 def _failures(
-    place: Path,
+    tile_folder: Path,
     folder: Path,
     model: BoardModel,
     camera: CameraIntrinsics,
@@ -286,7 +286,7 @@ def _failures(
         tiles = []
         for r in worst:
             source = f"{TILE_FOLDER}/{label.replace(' ', '-')}-{kind}-{r.frame:06d}.jpg"
-            write_jpeg(place.parent / source, _tile(folder, model, camera, r))
+            write_jpeg(tile_folder.parent / source, _tile(folder, model, camera, r))
             tiles.append(picture(source, _caption(r), alt=f"frame {r.frame}"))
         parts.append(
             markup(element("h3", f"{label}: {title} ({len(frames)})"), note(ABOUT[kind]), gallery(tiles))

@@ -103,11 +103,11 @@ def _dot(n: int) -> float:
     return float(np.clip(6000.0 / max(n, 1), 5.0, 22.0))
 
 
-def _mark(ax: Axes, value: float, words: str, style: str) -> None:
+def _mark(ax: Axes, value: float, text: str, style: str) -> None:
     """Draw a labelled horizontal line."""
     ax.axhline(value, color=INK, ls=style, lw=1, zorder=3)
     ax.annotate(
-        words,
+        text,
         (0.99, value),
         (0, 3),
         xycoords=ax.get_yaxis_transform(),

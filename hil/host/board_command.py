@@ -20,5 +20,5 @@ def board_url(url: str) -> str:
 
 def board_command(url: str, target: str, *, keyed: bool) -> str:
     """Return the command that starts a board for a host that listens on ``url``."""
-    words = f"flyaround hil board {board_url(url)}"
-    return words + (f" --target {target}" if target else "") + (" --key FILE" if keyed else "")
+    command = f"flyaround hil board {board_url(url)}"
+    return command + (f" --target {target}" if target else "") + (" --key FILE" if keyed else "")

@@ -295,10 +295,10 @@ def read_steps(folder: Path) -> dict[str, list[str]]:
         lines = list(csv.reader(io.StringIO(read_regular(path, MAX_BYTES).decode()), strict=True))
         if tuple(lines[0]) != COLUMNS or len({len(line) for line in lines}) > 1:
             raise ValueError("unexpected columns")
-        words = ("phase", "reason", "filter")
+        text_columns = ("phase", "reason", "filter")
         for line in lines[1:]:
             for name, cell in zip(COLUMNS, line, strict=True):
-                if cell and name not in words:
+                if cell and name not in text_columns:
                     float(cell)
     except (OSError, ValueError, IndexError, csv.Error) as error:
         raise UserError(f"{path} is damaged ({error!s:.120}): copy it again") from error

@@ -108,7 +108,7 @@ def view_scene(
     ]
     t = -middle + np.array([0.0, 0.0, max(float(np.max(need)), float(from_middle[:, 2].max()) * 1.5)])
     sun = np.asarray(to_sun) / np.linalg.norm(to_sun) * AU_M
-    place = np.array([ORBIT_M, 0.0, 0.0])
+    target_position = np.array([ORBIT_M, 0.0, 0.0])
     return SceneState(
         epoch_utc="2026-01-01T00:00:00Z",
         t_s=0.0,
@@ -125,13 +125,13 @@ def view_scene(
         t_camera_from_target_m=vec3(t),
         omega_target_rad_s=(0.0, 0.0, 0.0),
         v_target_camera_m_s=(0.0, 0.0, 0.0),
-        r_camera_eci_m=vec3(place),
+        r_camera_eci_m=vec3(target_position),
         v_camera_eci_m_s=(0.0, 0.0, 0.0),
         q_camera_from_eci_wxyz=(1.0, 0.0, 0.0, 0.0),
         omega_camera_rad_s=(0.0, 0.0, 0.0),
-        r_target_eci_m=vec3(place + t),
+        r_target_eci_m=vec3(target_position + t),
         v_target_eci_m_s=(0.0, 0.0, 0.0),
-        r_sun_eci_m=vec3(place + t + sun),
+        r_sun_eci_m=vec3(target_position + t + sun),
         bodies=earth_and_moon((0.0, 3.8e8, 0.0)),
         sun_visible_fraction=1.0,
     )

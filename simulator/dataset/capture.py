@@ -163,18 +163,18 @@ def capture(
 
 
 @contextmanager
-def _store_for(place: str | Path, *, resume: bool) -> Iterator[Store]:
+def _store_for(output: str | Path, *, resume: bool) -> Iterator[Store]:
     """Open the store of a new data set, or of one to resume; a folder is locked for this capture."""
-    if is_url(place):
-        with closing(UrlStore(str(place))) as remote:
+    if is_url(output):
+        with closing(UrlStore(str(output))) as remote:
             if not resume and not remote.is_empty():
                 raise UserError(
                     f"{remote.title} is not empty; name a new place with -o, or continue it with --resume"
                 )
             yield remote
         return
-    is_new = not Path(place).exists()
-    folder = empty_folder(Path(place), resume=True)
+    is_new = not Path(output).exists()
+    folder = empty_folder(Path(output), resume=True)
     try:
         with only_writer(folder, "capture"):
             store = FolderStore(folder, frozenset({lock_name("capture")}))

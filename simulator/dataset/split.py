@@ -44,9 +44,9 @@ def parse_split(text: str) -> Ratio:
     UserError
         If it is not three whole numbers, of which one is above 0.
     """
-    words = text.split(":")
-    numbers = [int(word) for word in words if word.strip().isdecimal()]
-    if len(words) != 3 or len(numbers) != 3 or not any(numbers) or max(numbers) > MAX_SHARE:
+    parts = text.split(":")
+    numbers = [int(word) for word in parts if word.strip().isdecimal()]
+    if len(parts) != 3 or len(numbers) != 3 or not any(numbers) or max(numbers) > MAX_SHARE:
         raise UserError(
             f"--split '{text}' is not three whole numbers train:validation:test; give for example 8:1:1"
         )

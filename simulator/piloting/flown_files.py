@@ -62,8 +62,8 @@ class FlownFiles:
         """
         until = time.perf_counter() + longest_s
         while self._next < min(self._count, len(self._timeline)):
-            place = self._timeline.place(self._next)
-            chaser = place.steered or self._flight.chaser(place.t_s)
+            sample = self._timeline.place(self._next)
+            chaser = sample.steered or self._flight.chaser(sample.t_s)
             self._rows.extend(state_row(self._flight.state_with_chaser(chaser)))
             self._next += 1
             if time.perf_counter() >= until:

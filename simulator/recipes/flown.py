@@ -97,9 +97,9 @@ def _sequence(scenario: Scenario, poses: Sequences, seed: int, number: int, wher
     )
     for _ in range(_MAX_STARTS):
         if isinstance(scenario.orbit, ElementsOrbit):
-            place = float(rng.uniform(0.0, 360.0))
+            position_deg = float(rng.uniform(0.0, 360.0))
             scenario = msgspec.structs.replace(
-                scenario, orbit=msgspec.structs.replace(scenario.orbit, true_anomaly_deg=place)
+                scenario, orbit=msgspec.structs.replace(scenario.orbit, true_anomaly_deg=position_deg)
             )
         plan = plan_flight(scenario, times=(0.0,), seed=seed)
         is_lit = all(
@@ -118,8 +118,8 @@ def _with_start_distance(chaser: AnyChaser, distance_m: float, where: str) -> An
     for key in ("position_lvlh_m", "start_lvlh_m"):
         start = getattr(chaser, key, None)
         if start is not None and np.any(start):
-            place = np.asarray(start, float) * (distance_m / np.linalg.norm(start))
-            return msgspec.structs.replace(chaser, **{key: vec3(place)})
+            position = np.asarray(start, float) * (distance_m / np.linalg.norm(start))
+            return msgspec.structs.replace(chaser, **{key: vec3(position)})
     start = getattr(chaser, "start_m", None)
     if start:
         return msgspec.structs.replace(chaser, start_m=float(np.copysign(distance_m, start)))

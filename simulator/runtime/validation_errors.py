@@ -68,13 +68,13 @@ def explain(message: str, raw: dict[str, Any], root: type[msgspec.Struct]) -> st
 def _unknown(name: str, key: str, types: list[mi.Type]) -> str:
     keys = _keys(types)
     near = near_names(name, keys)
-    place = f"in section [{key}]" if key else "at the top level"
+    where = f"in section [{key}]" if key else "at the top level"
     hint = f"did you mean {near[0]}? " if near else ""
-    return f"unknown key {name} {place}: {hint}allowed: {', '.join(keys)}"
+    return f"unknown key {name} {where}: {hint}allowed: {', '.join(keys)}"
 
 
 def _missing(name: str, key: str, types: list[mi.Type]) -> str:
-    place = f"section [{key}] lacks" if key else "the top level lacks"
+    where = f"section [{key}] lacks" if key else "the top level lacks"
     allowed = [
         field.type
         for t in types
@@ -84,7 +84,7 @@ def _missing(name: str, key: str, types: list[mi.Type]) -> str:
     ]
     tags = [t.tag for t in types if isinstance(t, mi.StructType) and t.tag_field == name]
     description = ", ".join(str(tag) for tag in tags) if tags else describe_all(allowed)
-    return f"{place} the key {name}, allowed: {description}"
+    return f"{where} the key {name}, allowed: {description}"
 
 
 def _walk(raw: Any, root: type[msgspec.Struct], path: str) -> tuple[Any, list[mi.Type]]:  # noqa: ANN401 - TOML

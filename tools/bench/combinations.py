@@ -169,8 +169,8 @@ def goals_of(costs: tuple[CombinationCost, ...]) -> tuple[Goal, ...]:
                 measured.append((getattr(c, quantity) / getattr(mate, quantity), c))
         if measured:
             ratio, worst = max(measured, key=lambda one: one[0])
-            words = (worst.scenario, worst.camera, worst.bands, worst.variant)
-            yield Goal(name=name, measured=ratio, limit=limit, unit="x", worst=" ".join(filter(None, words)))
+            names = (worst.scenario, worst.camera, worst.bands, worst.variant)
+            yield Goal(name=name, measured=ratio, limit=limit, unit="x", worst=" ".join(filter(None, names)))
 
     def plain(c: CombinationCost) -> bool:
         return c.bands == "mono" and not c.variant

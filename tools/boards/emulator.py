@@ -70,8 +70,8 @@ class EmulatedBoard:
         """Return the console output so far."""
         return self.console.read_text(encoding="utf-8", errors="replace").replace("\r\n", "\n")
 
-    def wait_for(self, words: str, timeout_s: float) -> str:
-        """Return the console output as soon as it contains ``words``.
+    def wait_for(self, text: str, timeout_s: float) -> str:
+        """Return the console output as soon as it contains ``text``.
 
         Raises
         ------
@@ -79,11 +79,11 @@ class EmulatedBoard:
             If they do not appear in time, or the board ends before they appear.
         """
         end_s = time.monotonic() + timeout_s
-        while words not in self.said():
+        while text not in self.said():
             if self.process.poll() is not None or time.monotonic() > end_s:
                 last = " / ".join(self.said().split("\n")[-8:])
                 raise UserError(
-                    f"the emulated board did not print {words!r} in {timeout_s:g} s: {self.console} ends with {last}"
+                    f"the emulated board did not print {text!r} in {timeout_s:g} s: {self.console} ends with {last}"
                 )
             time.sleep(0.2)
         return self.said()

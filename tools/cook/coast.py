@@ -48,17 +48,17 @@ def polygons(shapefile: bytes) -> Iterator[list[Points]]:
     ValueError
         If a record is not a polygon.
     """
-    at = 100
-    while at < len(shapefile):
-        words = struct.unpack_from(">i", shapefile, at + 4)[0]
-        kind = struct.unpack_from("<i", shapefile, at + 8)[0]
+    offset = 100
+    while offset < len(shapefile):
+        length = struct.unpack_from(">i", shapefile, offset + 4)[0]
+        kind = struct.unpack_from("<i", shapefile, offset + 8)[0]
         if kind != _POLYGON:
-            raise ValueError(f"the record at byte {at} has shape type {kind}, not {_POLYGON} (polygon)")
-        parts, points = struct.unpack_from("<2i", shapefile, at + 44)
-        first = np.frombuffer(shapefile, "<i4", parts, at + 52)
-        corners = np.frombuffer(shapefile, "<f8", 2 * points, at + 52 + 4 * parts).reshape(-1, 2)
+            raise ValueError(f"the record at byte {offset} has shape type {kind}, not {_POLYGON} (polygon)")
+        parts, points = struct.unpack_from("<2i", shapefile, offset + 44)
+        first = np.frombuffer(shapefile, "<i4", parts, offset + 52)
+        corners = np.frombuffer(shapefile, "<f8", 2 * points, offset + 52 + 4 * parts).reshape(-1, 2)
         yield np.split(corners, first[1:])
-        at += 8 + 2 * words
+        offset += 8 + 2 * length
 
 
 @dataclass(frozen=True)

@@ -119,10 +119,10 @@ def wing_ribs(wing: Wing, depth_m: float, count: int) -> Mesh:
 
 def wing_hinges(wing: Wing, radius_m: float, segments: int) -> Mesh:
     """Return the hinge barrels in the gaps, two to a gap, and at the inner edge."""
-    at = [lo[0] - wing.gap_m / 2 for lo, _ in wing.boxes()]
+    hinges = [lo[0] - wing.gap_m / 2 for lo, _ in wing.boxes()]
     y = 0.33 * wing.chord_m
     return merge(
-        [rod((x, s * y - 0.06, 0), (x, s * y + 0.06, 0), radius_m, segments) for x in at for s in (-1, 1)]
+        [rod((x, s * y - 0.06, 0), (x, s * y + 0.06, 0), radius_m, segments) for x in hinges for s in (-1, 1)]
     )
 
 

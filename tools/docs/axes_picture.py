@@ -29,11 +29,11 @@ def main() -> None:
     parser.add_argument("output", type=Path)
     output = parser.parse_args().output
     pictures = []
-    with tempfile.TemporaryDirectory() as place:
+    with tempfile.TemporaryDirectory() as folder:
         for name, sample in SAMPLES.items():
             plan = plan_recipe(name, sample + 1, seed=SEED)
-            capture(plan, Path(place) / name)
-            drawn = overlay(open_dataset(Path(place) / name)[sample], plan.target, ("axes",))
+            capture(plan, Path(folder) / name)
+            drawn = overlay(open_dataset(Path(folder) / name)[sample], plan.target, ("axes",))
             size = (WIDTH_PX, round(WIDTH_PX * drawn.shape[0] / drawn.shape[1]))
             pictures.append(cv2.resize(drawn, size, interpolation=cv2.INTER_AREA))
     write_jpeg(output, np.vstack([np.hstack(pictures[:2]), np.hstack(pictures[2:])]))

@@ -40,7 +40,7 @@ def backlit(scene: SceneState) -> SceneState:
     return replace(scene, r_sun_eci_m=vec3(r_sun))
 
 
-def tile(image: np.ndarray, bits: float, words: str) -> np.ndarray:
+def tile(image: np.ndarray, bits: float, text: str) -> np.ndarray:
     """Return one tile of the montage: 8 bits, with its caption below."""
     values: np.ndarray = (np.clip(image.astype(float) / (2**bits - 1), 0, 1) ** 0.6 * 255).astype(np.uint8)
     if values.ndim == 2:
@@ -49,7 +49,7 @@ def tile(image: np.ndarray, bits: float, words: str) -> np.ndarray:
         values, TILE, interpolation=cv2.INTER_AREA if values.shape[1] > TILE[0] else cv2.INTER_NEAREST
     )
     out = cv2.copyMakeBorder(out, 0, 22, 1, 1, cv2.BORDER_CONSTANT, value=(255, 255, 255))
-    cv2.putText(out, words, (6, TILE[1] + 16), cv2.FONT_HERSHEY_SIMPLEX, 0.45, (20, 20, 20), 1, cv2.LINE_AA)
+    cv2.putText(out, text, (6, TILE[1] + 16), cv2.FONT_HERSHEY_SIMPLEX, 0.45, (20, 20, 20), 1, cv2.LINE_AA)
     return out
 
 
@@ -101,13 +101,13 @@ def main() -> None:
         ]
         tiles = []
         y, x = slice(715, 865), slice(740, 940)
-        for words, sensor, light in terms:
+        for text, sensor, light in terms:
             t = exposure * light if sensor.detector is not None else 9e-4
             one = replace(scene, sensor=sensor, exposure_s=t, optics=Optics(f_number=2.8))
             image = digitise_scene(one, expose_scene(one, radiance))[y, x]
             # a coarse scale is shown over the range of its digital numbers
-            bits = float(np.log2(21)) if words.startswith("20 digital") else sensor.bits
-            tiles.append(tile(image, bits, words))
+            bits = float(np.log2(21)) if text.startswith("20 digital") else sensor.bits
+            tiles.append(tile(image, bits, text))
         cv2.imwrite(str(folder / "camera_noise.jpg"), grid(tiles, 4), [cv2.IMWRITE_JPEG_QUALITY, 43])
         ideal = replace(sensor_preset("ideal"), full_scale_j_m2_sr=0.08, bits=16)
         sun = plan_flight(load_scenario("tango-limb"), times=(0.0,))
@@ -124,18 +124,18 @@ def main() -> None:
             ("veiling glare, Sun 25 degrees off the axis", "speed", Optics(veiling_glare_sr=0.5)),
         ]
         tiles = []
-        for words, name, optics in lenses:
+        for text, name, optics in lenses:
             camera = load_camera(name)
             if name == "speedplus":
                 distortion = camera.distortion
                 camera = replace(
                     camera, distortion=replace(distortion, coefficients=(-1.1, 0.9, -0.003, -0.001))
                 )
-            base = backlit(sun.scene(0)) if "glare" in words else scene
-            target = sun.target if "glare" in words else plan.target
+            base = backlit(sun.scene(0)) if "glare" in text else scene
+            target = sun.target if "glare" in text else plan.target
             one = replace(base, camera=camera, optics=optics, sensor=ideal, exposure_s=1e-3)
             image = digitise_scene(one, expose_scene(one, renderer.render(one, target).radiance))
-            tiles.append(tile(image, 16, words))
+            tiles.append(tile(image, 16, text))
         cv2.imwrite(str(folder / "camera_lens.jpg"), grid(tiles, 3), [cv2.IMWRITE_JPEG_QUALITY, 82])
 
 

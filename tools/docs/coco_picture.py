@@ -62,10 +62,10 @@ def main() -> None:
         corners = fixed([(x, y), (x + w, y), (x + w, y + h), (x, y + h)])
         cv2.polylines(left, [corners], True, BOX, 2, cv2.LINE_AA, SHIFT)
         triples = np.reshape(one["keypoints"], (-1, 3))
-        for at, v in zip(fixed(triples[:, :2])[:, 0].tolist(), triples[:, 2].astype(int), strict=True):
+        for centre, v in zip(fixed(triples[:, :2])[:, 0].tolist(), triples[:, 2].astype(int), strict=True):
             if v:
-                cv2.circle(left, at, 9 << SHIFT, (255, 255, 255), -1, cv2.LINE_AA, SHIFT)
-                cv2.circle(left, at, 7 << SHIFT, V_COLOURS[int(v)], -1, cv2.LINE_AA, SHIFT)
+                cv2.circle(left, centre, 9 << SHIFT, (255, 255, 255), -1, cv2.LINE_AA, SHIFT)
+                cv2.circle(left, centre, 7 << SHIFT, V_COLOURS[int(v)], -1, cv2.LINE_AA, SHIFT)
         for part in annotations(coco, "train_parts")["annotations"]:
             on = decoded(part["segmentation"]) > 0
             colour = CLASS_COLOURS[part["category_id"] - FIRST_CLASS_ID]

@@ -167,7 +167,7 @@ def moonrise(renderer: fa.Renderer) -> np.ndarray:
     epoch = "2026-03-30T16:00:00Z"
     now = Instant.from_utc(epoch)
     moon = matrix_from_quat(q_itrs_from_eci(now)) @ moon_eci_m(now.tt1, now.tt2).reshape(3)
-    best, place = 9.0, (0.0, 0.0, 420.0)
+    best, position = 9.0, (0.0, 0.0, 420.0)
     # at this longitude the Moon is just above the horizon, which lies 19.8 degrees below the horizontal
     for longitude in np.arange(-180.0, 180.0, 0.25):
         r, enu = place_itrs_m(15.0, float(longitude), 420.0)
@@ -175,8 +175,8 @@ def moonrise(renderer: fa.Renderer) -> np.ndarray:
         height = np.degrees(np.arcsin(enu[2] @ to_moon))
         rising = enu[0] @ to_moon > 0  # afternoon, before full Moon
         if rising and abs(height + 19.15) < best:
-            best, place = abs(height + 19.15), (15.0, float(longitude), 420.0)
-    return exposed(radiance(renderer, above(epoch, place, 2.2, look_at="moon")), 0.97)
+            best, position = abs(height + 19.15), (15.0, float(longitude), 420.0)
+    return exposed(radiance(renderer, above(epoch, position, 2.2, look_at="moon")), 0.97)
 
 
 def stars(renderer: fa.Renderer) -> np.ndarray:

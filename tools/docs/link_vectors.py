@@ -222,9 +222,9 @@ def session_text() -> str:
         lines.append(f"{side}: {message.TYPE.name}, {len(data)} bytes")
         for name, part in (("header", data[:24]), ("payload", data[24:-4]), ("CRC-32", data[-4:])):
             runs = re.findall(rb"\0{4,}|[^\0]|\0", part, re.DOTALL)
-            words = [f"00*{len(run)}" if len(run) > 3 else run.hex() for run in runs]
+            run_texts = [f"00*{len(run)}" if len(run) > 3 else run.hex() for run in runs]
             lines += textwrap.wrap(
-                " ".join(words), 108, initial_indent=f"  {name:8}", subsequent_indent=" " * 10
+                " ".join(run_texts), 108, initial_indent=f"  {name:8}", subsequent_indent=" " * 10
             )
     return "\n".join(lines)
 

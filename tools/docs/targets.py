@@ -26,14 +26,14 @@ PICTURES = "images/targets"
 
 def write_docs(targets: Sequence[Target], folder: Path) -> None:
     """Write ``targets.md`` and its images below ``folder``."""
-    place = folder / PICTURES
-    place.mkdir(parents=True, exist_ok=True)
+    picture_folder = folder / PICTURES
+    picture_folder.mkdir(parents=True, exist_ok=True)
     lines = [INTRODUCTION]
     with Renderer() as renderer:
         for target in targets:
             views = [draw_view(renderer, target, eye, *TILE) for eye in OBLIQUE]
             row = np.concatenate([views[0].image, views[2].image, draw_labels(views[1], target)], axis=1)
-            write_jpeg(place / f"{target.name}.jpg", row, QUALITY)
+            write_jpeg(picture_folder / f"{target.name}.jpg", row, QUALITY)
             lines.append(_section(target))
     write_atomic(folder / "targets.md", "\n".join(lines).encode())
 

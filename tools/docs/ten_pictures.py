@@ -101,12 +101,12 @@ TEN: tuple[tuple[str, Picture], ...] = (
 
 def main(folder: str, *names: str) -> None:
     """Render all images, or the named ones."""
-    place = Path(folder)
-    place.mkdir(parents=True, exist_ok=True)
+    output = Path(folder)
+    output.mkdir(parents=True, exist_ok=True)
     with fa.Renderer() as renderer:
         for name, picture in TEN:
             if not names or name in names:
-                write_jpeg(place / f"{name}.jpg", picture(renderer))
+                write_jpeg(output / f"{name}.jpg", picture(renderer))
 
 
 if __name__ == "__main__":

@@ -105,8 +105,10 @@ def write_into_page(page: Path, part: str, name: str, text: str) -> None:
         If the page lacks these lines.
     """
     before = page.read_text(encoding="utf-8")
-    place = re.compile(rf"(<!-- study {re.escape(part)} {re.escape(name)} -->\n).*?(<!-- end -->)", re.DOTALL)
-    after, n_replaced = place.subn(lambda m: f"{m[1]}{text}\n{m[2]}", before)
+    pattern = re.compile(
+        rf"(<!-- study {re.escape(part)} {re.escape(name)} -->\n).*?(<!-- end -->)", re.DOTALL
+    )
+    after, n_replaced = pattern.subn(lambda m: f"{m[1]}{text}\n{m[2]}", before)
     if not n_replaced:
         raise UserError(
             f"{page} has no place for this table: add the lines <!-- study {part} {name} --> and <!-- end -->"

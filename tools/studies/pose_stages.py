@@ -217,14 +217,14 @@ def _holds(region: Region, box: tuple[int, int, int, int]) -> tuple[float, float
     return wide * high / area, (region.x1 - region.x0) * (region.y1 - region.y0) / area
 
 
-def _beside(estimator: PoseEstimator, place: LearnedProposal, q: Array, t: Array) -> tuple[float, float]:
+def _beside(estimator: PoseEstimator, proposal: LearnedProposal, q: Array, t: Array) -> tuple[float, float]:
     """Return the distance of a location from the truth [diameters] and the ratio of the sizes."""
     target = estimator.target
     centre = t + quat.matrix(q) @ target.centre_m
     distance, f = float(np.linalg.norm(centre)), 0.5 * (target.camera.fx_px + target.camera.fy_px)
     wide = 2 * f / float(np.sqrt(max((distance / target.radius_m) ** 2 - 1.0, 1e-6)))
-    offset = f * float(np.linalg.norm(place.crop.direction - centre / distance)) / wide
-    return offset, place.crop.diameter_px / wide
+    offset = f * float(np.linalg.norm(proposal.crop.direction - centre / distance)) / wide
+    return offset, proposal.crop.diameter_px / wide
 
 
 def _refined(image: PreparedImage, source: Source, q: Array, t: Array) -> tuple[Hypothesis, float]:

@@ -170,18 +170,18 @@ class Study:
         model: BoardModel | None = None,
     ) -> list[EvaluatedFrame]:
         """Return the rows of an evaluation for the frames that all its methods have answered."""
-        place = self.reports / name
+        report = self.reports / name
         if self.evaluate:
-            place.mkdir(parents=True, exist_ok=True)
+            report.mkdir(parents=True, exist_ok=True)
             evaluate_dataset(
                 of or self.folder,
-                place,
+                report,
                 methods=tuple(choices),
                 model=model,
                 workers=self.workers,
                 frames=self.frames,
             )
-        rows = existing_rows(place / ROWS)
+        rows = existing_rows(report / ROWS)
         answered = Counter(r.frame for r in rows)
         return [r for r in rows if answered[r.frame] == len(choices)]
 
@@ -218,8 +218,8 @@ class Study:
         """Return the best method with a wrong exposure."""
         rows_by_exposure = {"right exposure": self.rows(HYBRID, [BEST])}
         for factor in EXPOSURE_FACTORS:
-            place = self.reports / f"set-exposure-{factor}"
-            exposed = expose(self.folder, place, factor, self.frames) if self.evaluate else place
+            folder = self.reports / f"set-exposure-{factor}"
+            exposed = expose(self.folder, folder, factor, self.frames) if self.evaluate else folder
             rows_by_exposure[f"exposure x {factor:g}"] = self.rows(f"exposure-{factor}", [BEST], of=exposed)
         return together(rows_by_exposure)
 

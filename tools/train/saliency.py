@@ -63,9 +63,13 @@ def cells(folder: Path, rng: np.random.Generator, *, varied: bool) -> Iterator[t
         share = cv2.resize(mask.astype(np.float32), size, interpolation=cv2.INTER_AREA)
         ring = (cv2.dilate(share, np.ones((25, 25), np.uint8)) > 0.5) & (share < 0.01)
         for region, count, value in ((share > 0.5, ON, 1.0), (share < 0.01, OFF, 0.0), (ring, BESIDE, 0.0)):
-            at = np.argwhere(region)
-            at = at[rng.choice(len(at), min(len(at), count), replace=False)] if len(at) else at
-            yield m[at[:, 0], at[:, 1]], np.full(len(at), value)
+            pixels = np.argwhere(region)
+            pixels = (
+                pixels[rng.choice(len(pixels), min(len(pixels), count), replace=False)]
+                if len(pixels)
+                else pixels
+            )
+            yield m[pixels[:, 0], pixels[:, 1]], np.full(len(pixels), value)
 
 
 def train(x: FloatArray, y: FloatArray, seed: int = 0) -> dict[str, FloatArray]:

@@ -98,8 +98,8 @@ def fit_outline(reference: ByteArray, target: Target, side: str, coarse: Target 
     mesh, first = _mesh(target), _mesh(coarse or target)
     wide, middle, narrow = ROBUST_PX
     starts = [
-        _start(reference, first, side, at) + np.r_[tilt, np.zeros(5)]
-        for at in START_RANGES
+        _start(reference, first, side, start_range) + np.r_[tilt, np.zeros(5)]
+        for start_range in START_RANGES
         for tilt in TILTS_RAD
     ]
     tried = [_descend(reference, first, side, x, 7, 4, wide) for x in starts]
@@ -157,8 +157,8 @@ def _start(reference: ByteArray, mesh: _Mesh, side: str, range_widths: float) ->
     v, u = np.nonzero(reference)
     scale_px = float(np.ptp(u) / np.ptp(projected[:, 0]))
     h, w = reference.shape
-    at = (np.array([u.min() + u.max(), v.min() + v.max()]) - (w - 1, h - 1)) / 2 / scale_px
-    return np.r_[0, 0, 0, at - middle[:2], np.log(range_widths), np.log(scale_px)]
+    centre = (np.array([u.min() + u.max(), v.min() + v.max()]) - (w - 1, h - 1)) / 2 / scale_px
+    return np.r_[0, 0, 0, centre - middle[:2], np.log(range_widths), np.log(scale_px)]
 
 
 def _pose(mesh: _Mesh, side: str, x: FloatArray) -> tuple[FloatArray, FloatArray, float]:
@@ -189,10 +189,14 @@ def _distances(reference: ByteArray, mesh: _Mesh, side: str, x: FloatArray, shri
     points = points[np.linspace(0, len(points) - 1, POINTS).astype(int)]
     model = _drawn(reference.shape, mesh, side, x, shrink)
     signed = cv2.distanceTransform(model, cv2.DIST_L2, 5) - cv2.distanceTransform(1 - model, cv2.DIST_L2, 5)
-    at = ((points + 0.5) / shrink - 0.5).astype(np.float32)
+    positions = ((points + 0.5) / shrink - 0.5).astype(np.float32)
     signed = np.where(signed > 0, signed - 0.5, signed + 0.5).astype(np.float32)
     values = cv2.remap(
-        signed, at[None, :, 0], at[None, :, 1], cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE
+        signed,
+        positions[None, :, 0],
+        positions[None, :, 1],
+        cv2.INTER_LINEAR,
+        borderMode=cv2.BORDER_REPLICATE,
     )[0]
     # the reference's contour passes through the centres of its outermost pixels, half a pixel inside
     return np.asarray(values.astype(float) * shrink - 0.5)

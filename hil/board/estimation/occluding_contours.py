@@ -56,10 +56,10 @@ class Outlines:
         sizes = np.array([v * 3 * 2, v * n * 3 * 2, v * n * 3, v * n])
         if v < 1 or n < 1 or len(data) != sizes.sum():
             raise ValueError(f"outlines hold {len(data)} bytes instead of {sizes.sum()}")
-        at = np.concatenate([[0], np.cumsum(sizes)])
+        bounds = np.concatenate([[0], np.cumsum(sizes)])
         rows = [
             np.frombuffer(data[a:b], dtype)
-            for a, b, dtype in zip(at[:-1], at[1:], ("<i2", "<i2", "i1", "u1"))  # noqa: B905 - Python 3.9
+            for a, b, dtype in zip(bounds[:-1], bounds[1:], ("<i2", "<i2", "i1", "u1"))  # noqa: B905 - Python 3.9
         ]
         center = np.asarray(record["center_m"], float).reshape(3)
         return Outlines(

@@ -92,7 +92,7 @@ def alternatives(
     out: List[Alternative] = []
     for rq, rt, score in sorted(poses, key=lambda p: -p[2]):
         distinct = [(q, t)] + [(a.q_camera_from_target_wxyz, a.t_camera_from_target_m) for a in out]
-        if all(differs(rq, rt, aq, at) for aq, at in distinct):
+        if all(differs(rq, rt, other_q, other_t) for other_q, other_t in distinct):
             out.append(Alternative(rq, rt, score))
         if len(out) >= keep:
             break

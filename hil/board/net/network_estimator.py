@@ -69,11 +69,11 @@ class NetworkEstimator(Estimator):
     def _estimate(self, frame: StageRecord) -> PoseResult:
         picture = standardise(self._reduce(frame.image))
         frame.mark("reduce")
-        place, attitude = self.network.run(picture)
+        position_output, attitude = self.network.run(picture)
         frame.mark("network")
-        if not (np.isfinite(place).all() and np.isfinite(attitude).all()):
+        if not (np.isfinite(position_output).all() and np.isfinite(attitude).all()):
             return self._declined(frame, "the network's answer is not finite")
-        t, direction = position_from_output(place, self.network)
+        t, direction = position_from_output(position_output, self.network)
         probability = softmax(attitude)
         relative, confidence = mean_attitude(probability)
         q = quat.normalise(quat.multiply(quat.from_matrix(swing(direction)), relative))
@@ -92,20 +92,20 @@ class NetworkEstimator(Estimator):
         return np.diag([e.turn_rad**2] * 3 + [across, across, along])
 
 
-def position_from_output(place: Array, network: NetworkFile) -> Tuple[Array, Array]:
+def position_from_output(output: Array, network: NetworkFile) -> Tuple[Array, Array]:
     """Return the position (3,) of the model's origin in the camera frame [m], and the unit vector to it.
 
     Parameters
     ----------
-    place : (3,) array
+    output : (3,) array
         Position output of the network: x/z and y/z in half fields of view, and the standardised logarithm of the range.
     network : NetworkFile
         Trained network.
     """
-    ray = np.append(place[:2] * network.camera.half_view, 1.0)
+    ray = np.append(output[:2] * network.camera.half_view, 1.0)
     direction = ray / np.linalg.norm(ray)
     log_range = network.log_range_mean + network.log_range_scale * float(
-        np.clip(place[2], -MAX_LOG_RANGE, MAX_LOG_RANGE)
+        np.clip(output[2], -MAX_LOG_RANGE, MAX_LOG_RANGE)
     )
     return np.exp(log_range) * direction, direction
 

@@ -202,16 +202,16 @@ def model_circles(model: BoardModel) -> Tuple[Circle, ...]:
 
 def _ring_from(ends: Array, start: int) -> List[int]:
     """Return the chain of edges from ``start`` until the ring closes; empty if it does not."""
-    ring, at = [start], ends[start, 1]
+    ring, point = [start], ends[start, 1]
     heading = ends[start, 1] - ends[start, 0]
     for _ in range(400):
-        near = np.linalg.norm(ends - at, axis=2) < 1e-4
+        near = np.linalg.norm(ends - point, axis=2) < 1e-4
         best, best_cos, best_end = -1, 0.7, 0
         for m in np.flatnonzero(near.any(axis=1)):
             if m == ring[-1]:
                 continue
             end = 1 - int(near[m].argmax())
-            d = ends[m, end] - at
+            d = ends[m, end] - point
             cos = float(d @ heading / max(np.linalg.norm(d) * np.linalg.norm(heading), 1e-12))
             if cos > best_cos:
                 best, best_cos, best_end = int(m), cos, end
@@ -222,7 +222,7 @@ def _ring_from(ends: Array, start: int) -> List[int]:
         if best in ring:
             return []
         ring.append(best)
-        heading, at = ends[best, best_end] - at, ends[best, best_end]
+        heading, point = ends[best, best_end] - point, ends[best, best_end]
     return []
 
 

@@ -197,21 +197,21 @@ def reprojection(
     return error, inliers
 
 
-def _mutual_nearest(way: Array, nearest: Array, is_visible: Array) -> Array:
+def _mutual_nearest(distance: Array, nearest: Array, is_visible: Array) -> Array:
     """Return a mask (B, C) of visible model corners that are mutual nearest neighbours with an image corner.
 
     An image corner matches one corner of the craft; others that crowd around it would bias the pose.
 
     Parameters
     ----------
-    way : (B, C, 2) array
+    distance : (B, C, 2) array
         Vectors from each corner to the nearest image corner [px].
     nearest : (B, C) array
         Index of that image corner.
     is_visible : (B, C) array
         True for visible corners of the model.
     """
-    d = np.where(is_visible, np.hypot(way[..., 0], way[..., 1]), np.inf)
+    d = np.where(is_visible, np.hypot(distance[..., 0], distance[..., 1]), np.inf)
     least = np.full((len(d), int(nearest.max(initial=0)) + 1), np.inf)
     rows = np.arange(len(d))[:, None]
     np.minimum.at(least, (rows, nearest), d)

@@ -217,9 +217,9 @@ class Registers:
         return int(value)
 
     def __setitem__(self, register: Register, value: int) -> None:
-        block, at = self._find(register, 4)
+        block, offset = self._find(register, 4)
         assert isinstance(block, bytearray)  # noqa: S101 - the XML is not a register
-        struct.pack_into(">I", block, at, value & 0xFFFFFFFF)
+        struct.pack_into(">I", block, offset, value & 0xFFFFFFFF)
 
     def number(self, register: Register) -> float:
         """Return the value of a register that holds a float."""
@@ -259,8 +259,8 @@ class Registers:
             raise RefusedError(Status.BAD_ALIGNMENT)
         if not 0 < count <= MAX_MEMORY_BYTES:
             raise RefusedError(Status.INVALID_PARAMETER)
-        block, at = self._find(address, count)
-        return bytes(block[at : at + count])
+        block, offset = self._find(address, count)
+        return bytes(block[offset : offset + count])
 
     def write(self, address: int, data: bytes) -> list[Register]:
         """Write values, and return the registers that were written.

@@ -58,36 +58,36 @@ class LengthFraming:
         PacketError
             Once per damaged section, and for each failed packet; call again for the packets after it.
         """
-        buffer, at = self._buffer, 0
+        buffer, offset = self._buffer, 0
         try:
-            while len(buffer) - at >= PREFIX.size + HEADER.size:
-                length = self._claimed_length(at)
-                begin, end = at + PREFIX.size, at + PREFIX.size + length
-                trouble: Optional[PacketError] = None
+            while len(buffer) - offset >= PREFIX.size + HEADER.size:
+                length = self._claimed_length(offset)
+                begin, end = offset + PREFIX.size, offset + PREFIX.size + length
+                damage: Optional[PacketError] = None
                 if length:
                     if len(buffer) < end:
                         return None
                     try:
                         packet = decode_packet(bytes(memoryview(buffer)[begin:end]))
                     except (VersionMismatch, ProtocolMistake):
-                        at, self._in_garbage = end, False  # intact: do not search inside
+                        offset, self._in_garbage = end, False  # intact: do not search inside
                         raise
                     except PacketError as error:
-                        trouble = error if at >= self._failed_until else None
+                        damage = error if offset >= self._failed_until else None
                         self._failed_until = max(end, self._failed_until)
                     else:
-                        at, self._in_garbage = end, False
+                        offset, self._in_garbage = end, False
                         return packet
-                at = self._next_candidate(at, length)
-                if trouble is None and not self._in_garbage:
-                    trouble = PacketError("bytes between packets were dropped: the line is out of step")
+                offset = self._next_candidate(offset, length)
+                if damage is None and not self._in_garbage:
+                    damage = PacketError("bytes between packets were dropped: the line is out of step")
                 self._in_garbage = True
-                if trouble is not None:
-                    raise trouble
+                if damage is not None:
+                    raise damage
             return None
         finally:
-            del buffer[:at]
-            self._failed_until = max(0, self._failed_until - at)
+            del buffer[:offset]
+            self._failed_until = max(0, self._failed_until - offset)
 
     def _claimed_length(self, offset: int) -> int:
         """Return the size of the packet whose prefix may be at ``offset``; 0 unless prefix, magic and header agree."""
@@ -98,11 +98,11 @@ class LengthFraming:
         payload = _PAYLOAD_LENGTH.unpack_from(self._buffer, begin + _PAYLOAD_LENGTH_AT)[0]
         return length if length == payload + OVERHEAD_BYTES and length <= MAX_PACKET_BYTES else 0
 
-    def _next_candidate(self, at: int, failed: int) -> int:
+    def _next_candidate(self, offset: int, failed: int) -> int:
         """Return the next possible position of a prefix; inside the ``failed`` bytes only while credit lasts."""
         inside = failed <= self._credit
         if inside:
             self._credit -= failed
-        magic = self._buffer.find(MAGIC, at + PREFIX.size + (1 if inside else failed))
+        magic = self._buffer.find(MAGIC, offset + PREFIX.size + (1 if inside else failed))
         # keep what may be a prefix and the start of a magic
-        return magic - PREFIX.size if magic >= 0 else max(at + 1, len(self._buffer) - PREFIX.size - 3)
+        return magic - PREFIX.size if magic >= 0 else max(offset + 1, len(self._buffer) - PREFIX.size - 3)

@@ -222,13 +222,13 @@ def _npz(data: bytes) -> Iterator[Entry]:
 
 def _exr(data: bytes) -> Iterator[Entry]:
     with tempfile.TemporaryDirectory() as folder:
-        place = Path(folder) / "picture.exr"
-        place.write_bytes(data)
-        for part in OpenEXR.File(str(place), separate_channels=True, header_only=True).parts:
+        path = Path(folder) / "picture.exr"
+        path.write_bytes(data)
+        for part in OpenEXR.File(str(path), separate_channels=True, header_only=True).parts:
             low, high = (np.asarray(corner, np.int64) for corner in part.header["dataWindow"])
             if math.prod((high - low + 1).tolist()) > MAX_PIXELS:
                 raise ValueError("it is larger than any camera's picture")
-        channels = OpenEXR.File(str(place), separate_channels=True).channels()
+        channels = OpenEXR.File(str(path), separate_channels=True).channels()
         for name, channel in channels.items():
             yield Entry(name, np.asarray(channel.pixels))
 

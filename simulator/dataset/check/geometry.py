@@ -79,7 +79,7 @@ def check_keypoints(truth: Truth, card: DatasetCard) -> list[str]:
     variation = truth.scene.target.variation
     nominal = card.target.keypoints
     if not isinstance(variation, msgspec.UnsetType):
-        nominal = {name: vec3(variation.deform(at)) for name, at in nominal.items()}
+        nominal = {name: vec3(variation.deform(position)) for name, position in nominal.items()}
     if {k.name: tuple(k.target_m) for k in truth.keypoints} != {n: tuple(p) for n, p in nominal.items()}:
         faults.append("keypoints differ from the card's")
     elif [k.name for k in truth.keypoints] != list(card.target.keypoints):
@@ -328,9 +328,9 @@ def filled_silhouette(corners_px: FloatArray, shape: tuple[int, ...]) -> tuple[B
     fill_triangles(fine, corners)
     size = (int(high[0] - low[0]), int(high[1] - low[1]))
     eroded = cv2.erode(fine, np.ones((3, 3), np.uint8))
-    for place, grid, share in ((inner, eroded, INNER_COVERAGE), (outer, fine, OUTER_COVERAGE)):
+    for bound, grid, share in ((inner, eroded, INNER_COVERAGE), (outer, fine, OUTER_COVERAGE)):
         coarse = cv2.resize(grid, size, interpolation=cv2.INTER_AREA)
-        place[low[1] : high[1], low[0] : high[0]] = np.where(
+        bound[low[1] : high[1], low[0] : high[0]] = np.where(
             coarse >= 255 * share, np.uint8(255), np.uint8(0)
         )
     return inner, outer

@@ -59,9 +59,9 @@ def _write_output(output: FormatOutput, name: str, arrays: Arrays, encode: Calla
 
 def encode_npz(arrays: Arrays) -> bytes:
     """Return the bytes of a compressed NPZ file."""
-    place = io.BytesIO()
-    np.savez_compressed(place, **arrays)  # type: ignore[arg-type]
-    return place.getvalue()
+    buffer = io.BytesIO()
+    np.savez_compressed(buffer, **arrays)  # type: ignore[arg-type]
+    return buffer.getvalue()
 
 
 def arrays_of(frame: LabelledFrame) -> Arrays:

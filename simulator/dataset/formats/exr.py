@@ -36,9 +36,9 @@ def encode_channels(planes: Mapping[str, NDArray[Any]]) -> bytes:
     channels = {name: np.ascontiguousarray(plane) for name, plane in planes.items()}
     header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
     with tempfile.TemporaryDirectory() as folder:
-        place = Path(folder) / "layer.exr"
-        OpenEXR.File(header, channels).write(str(place))
-        return place.read_bytes()
+        path = Path(folder) / "layer.exr"
+        OpenEXR.File(header, channels).write(str(path))
+        return path.read_bytes()
 
 
 def decode_exr(data: bytes, names: tuple[str, ...], where: str) -> NDArray[Any]:
@@ -50,9 +50,9 @@ def decode_exr(data: bytes, names: tuple[str, ...], where: str) -> NDArray[Any]:
         If the file is damaged, too large, or lacks a channel.
     """
     with tempfile.TemporaryDirectory() as folder:
-        place = Path(folder) / Path(where).name
-        place.write_bytes(data)
-        return read_exr(place, names)
+        path = Path(folder) / Path(where).name
+        path.write_bytes(data)
+        return read_exr(path, names)
 
 
 def read_exr(path: Path, names: tuple[str, ...]) -> NDArray[Any]:

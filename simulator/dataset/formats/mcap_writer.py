@@ -56,14 +56,14 @@ class McapWriter:
         self._shards.add(frame.split or "train", (frame.number, time_ns, messages), size)
 
     def _shard(self, split: str, number: int, items: list[tuple[int, int, dict[str, Any]]]) -> None:
-        place = io.BytesIO()
-        writer = self._ros.Writer(place)
+        buffer = io.BytesIO()
+        writer = self._ros.Writer(buffer)
         schemas = {kind: writer.register_msgdef(kind, DEFINITIONS[kind]) for kind in _unique(TOPICS.values())}
         for frame, time_ns, messages in items:
             for topic, message in messages.items():
                 writer.write_message(topic, schemas[TOPICS[topic]], message, time_ns, time_ns, frame)
         writer.finish()
-        self._output.write(f"{split}-{number:05d}.mcap", place.getvalue())
+        self._output.write(f"{split}-{number:05d}.mcap", buffer.getvalue())
 
     def finish(self) -> None:
         """Write the last shards."""

@@ -43,10 +43,10 @@ class ParquetWriter:
 
     def _shard(self, split: str, number: int, rows: list[Row]) -> None:
         table = self._arrow.Table.from_pylist(rows, schema=self._schema())
-        place = io.BytesIO()
+        buffer = io.BytesIO()
         # images are compressed already
-        self._parquet.write_table(table, place, compression="zstd", row_group_size=100)
-        self._output.write(f"data/{split}-{number:05d}.parquet", place.getvalue())
+        self._parquet.write_table(table, buffer, compression="zstd", row_group_size=100)
+        self._output.write(f"data/{split}-{number:05d}.parquet", buffer.getvalue())
 
     def _schema(self) -> Any:  # noqa: ANN401 - the library has no types
         a = self._arrow

@@ -141,10 +141,10 @@ def find_camera(folder: Path, levels: int = 2) -> Camera | None:
     UserError
         If the file has a mistake.
     """
-    for place in (folder, *folder.resolve().parents[:levels]):
-        path = place / "camera.json"
+    for candidate in (folder, *folder.resolve().parents[:levels]):
+        path = candidate / "camera.json"
         if path.is_file():
-            refuse_link_out(path, place)
+            refuse_link_out(path, candidate)
             content = read_regular(path, MAX_CAMERA_BYTES)
             return parse_camera(content, str(path)).camera(str(path))
     return None
@@ -170,12 +170,12 @@ def find_picture(labels: Path, places: Iterable[Path], name: Any) -> Path:  # no
     if not isinstance(name, str) or not name:
         raise UserError(f"{labels} names a picture {name!r}; a file name is needed")
     searched = []
-    for place in places:
-        path = find_beside(place / labels.name, name, "picture")
+    for candidate in places:
+        path = find_beside(candidate / labels.name, name, "picture")
         if path.is_file():
             refuse_link_out(path, labels.parent)
             return path
-        searched.append(str(place))
+        searched.append(str(candidate))
     raise UserError(
         f"{labels} names {name}, which is not in {' or '.join(searched)}; give the whole data set"
     )

@@ -38,14 +38,14 @@ class WebWriter:
         self._shards.add(frame.split or "train", files, sum(len(data) for _, data in files))
 
     def _shard(self, split: str, number: int, items: list[Files]) -> None:
-        place = io.BytesIO()
-        with tarfile.open(fileobj=place, mode="w", format=tarfile.USTAR_FORMAT) as tar:
+        buffer = io.BytesIO()
+        with tarfile.open(fileobj=buffer, mode="w", format=tarfile.USTAR_FORMAT) as tar:
             for name, data in (file for files in items for file in files):
                 # neither time nor owner, so that the same frames give the same bytes
                 info = tarfile.TarInfo(name)
                 info.size = len(data)
                 tar.addfile(info, io.BytesIO(data))
-        self._output.write(f"{split}-{number:06d}.tar", place.getvalue())
+        self._output.write(f"{split}-{number:06d}.tar", buffer.getvalue())
 
     def finish(self) -> None:
         """Write the last shards, and the card."""

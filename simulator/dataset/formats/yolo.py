@@ -47,10 +47,10 @@ class YoloWriter:
         width, height = frame.camera.width_px, frame.camera.height_px
         x, y, w, h = box_xywh(box)
         shares = [(x + w / 2) / width, (y + h / 2) / height, w / width, h / height]
-        words = ["0", *(f"{share:.8f}" for share in shares)]
+        cells = ["0", *(f"{share:.8f}" for share in shares)]
         for px, py, v in keypoint_triples(frame):
-            words += [f"{px / width:.8f}", f"{py / height:.8f}", str(v)]
-        return " ".join(words) + "\n"
+            cells += [f"{px / width:.8f}", f"{py / height:.8f}", str(v)]
+        return " ".join(cells) + "\n"
 
     def finish(self) -> None:
         """Write ``data.yaml``. Trainers require a validation list; without a split it is the training one.

@@ -141,8 +141,8 @@ class FolderStore:
 
     def remove_unfinished(self) -> None:
         """Remove temporary files."""
-        for place in (self.folder, self.folder / "images"):
-            for path in place.glob(PART_FILES):
+        for folder in (self.folder, self.folder / "images"):
+            for path in folder.glob(PART_FILES):
                 with contextlib.suppress(OSError):
                     path.unlink()
 

@@ -149,7 +149,7 @@ class UrlStore:
         except UserError:
             raise
         except Exception as error:
-            words = without_secrets(" ".join(str(error).split())) or type(error).__name__
+            reason = without_secrets(" ".join(str(error).split())) or type(error).__name__
             raise UserError(
-                f"cannot {what} {self._title}: {words}; check the URL, the store and its permissions"
+                f"cannot {what} {self._title}: {reason}; check the URL, the store and its permissions"
             ) from error

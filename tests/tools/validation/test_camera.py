@@ -31,7 +31,7 @@ def test_photon_transfer_gives_the_data_sheet_s_gain_and_read_noise():
 @pytest.mark.parametrize("way", READOUT_MODES)
 def test_electrons_per_digital_number_of_each_colour(way):
     """imx174 as a colour detector: 8.16 e/DN, over the white balance of sunlight in 100 nm bands."""
-    found = measure_colours("imx174", way=way, levels=12)
+    found = measure_colours("imx174", mode=way, levels=12)
     # photons of a white plate: irradiance (G173) x wavelength, 159.0 x 648.6, 184.75 x 549.7, 186.4 x 451.7
     factors = np.array([1.0, 1.0155, 1.2248]) if way != READOUT_MODES[0] else np.ones(3)
     assert [1 / m.given for m in found] == pytest.approx(8.16 / factors, rel=2e-3)

@@ -87,9 +87,11 @@ def _pieces(detail: Detail) -> list[Piece]:
     }
     for name, (origin, normal) in sides.items():
         pieces += onto(face_cells(f"face_{name}", 2, 1, detail), origin, normal)
-        at = (0.0, 0.0434, 0.0)
+        position = (0.0, 0.0434, 0.0)
         if name != "pz":
-            sensor = [Piece(p.name, p.material, p.mesh.moved(at)) for p in sun_sensor("sun_sensors", detail)]
+            sensor = [
+                Piece(p.name, p.material, p.mesh.moved(position)) for p in sun_sensor("sun_sensors", detail)
+            ]
             pieces += onto(sensor, origin, normal)
     return pieces + _antenna_board(detail)
 

@@ -98,8 +98,8 @@ def _pieces(detail: Detail) -> list[Piece]:
     pieces = structure(U3, detail, rings_z_m=(-0.0553, 0.0553), screws_z_m=SCREWS_Z_M)
     for name, origin, normal in (("nx", (-fx, 0.0, 0.0), (-1, 0, 0)), ("px", (fx, 0.0, 0.0), (1, 0, 0))):
         for z in (-0.1075, 0.0, 0.1075):
-            at = (origin[0], 0.0, z)
-            pieces += onto(face_cells(f"face_{name}", 2, 1, detail), at, normal)
+            position = (origin[0], 0.0, z)
+            pieces += onto(face_cells(f"face_{name}", 2, 1, detail), position, normal)
     for z in (-0.1075, 0.0, 0.1075):
         pieces += onto(face_cells("face_py", 2, 1, detail), (0.0, fy, z), (0, 1, 0))
     return [*pieces, *WINGS.pieces(detail), *_front(detail), *_rear(detail), *_radiator_side(detail)]

@@ -129,9 +129,9 @@ def _thrusters(level: Level) -> list[Piece]:
         tangent = np.array([-np.sin(az), np.cos(az), 0.0])
         for side in (-1.0, 1.0):
             for z in (0.60, 0.86):
-                at = SIDEWALL.point(az + side * 0.085, z, 0.0)
+                position = SIDEWALL.point(az + side * 0.085, z, 0.0)
                 out = SIDEWALL.normal(az, z) + 0.45 * side * tangent
-                small.append(bell(at, out, 0.10, 0.03, 0.065, n))
+                small.append(bell(position, out, 0.10, 0.03, 0.065, n))
     return [
         Piece("thruster_pods", "white-seam", merge(pods)),
         Piece("draco_thrusters", "nozzle-alloy", merge(small)),
@@ -143,15 +143,16 @@ def _side(level: Level) -> list[Piece]:
     n = level.segments(36)
     bay = np.deg2rad(BAY_AZIMUTH_DEG)
     recess = pad(SIDEWALL, bay, BAY_Z_M, (0.44, 0.34), lift_m=0.006, exponent=6.0, segments=n, rings=4)
-    out, at = SIDEWALL.normal(bay, BAY_Z_M), SIDEWALL.point(bay, BAY_Z_M)
-    plate = rod(at - 0.02 * out, at + 0.05 * out, 0.20, n)
-    shaft = rod(at + 0.04 * out, at + 0.30 * out, 0.022, level.segments(24))
-    knob = rod(at + 0.29 * out, at + 0.33 * out, 0.04, level.segments(24))
+    out, position = SIDEWALL.normal(bay, BAY_Z_M), SIDEWALL.point(bay, BAY_Z_M)
+    plate = rod(position - 0.02 * out, position + 0.05 * out, 0.20, n)
+    shaft = rod(position + 0.04 * out, position + 0.30 * out, 0.022, level.segments(24))
+    knob = rod(position + 0.29 * out, position + 0.33 * out, 0.04, level.segments(24))
     lenses = [
-        rod(p - 0.02 * out, p + 0.06 * out, 0.05, n) for p in np.add(at, [(0.32, 0, 0.10), (-0.32, 0, 0.10)])
+        rod(p - 0.02 * out, p + 0.06 * out, 0.05, n)
+        for p in np.add(position, [(0.32, 0, 0.10), (-0.32, 0, 0.10)])
     ]
     # the open door protrudes next to the bay
-    side = at + np.array([-0.48, 0.02, 0.0])
+    side = position + np.array([-0.48, 0.02, 0.0])
     door = bar(side, side + 0.62 * out + (-0.22, 0, 0), 0.60, 0.04, (1, 0, 0))
     hatch = pad(SIDEWALL, -bay, 1.30, (0.45, 0.55), lift_m=0.010, exponent=4.0, segments=2 * n, rings=6)
     seal = pad(SIDEWALL, -bay, 1.30, (0.475, 0.575), lift_m=0.005, exponent=4.0, segments=2 * n, rings=6)

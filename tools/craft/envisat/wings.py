@@ -64,8 +64,10 @@ def build_array(detail: Detail) -> list[Piece]:
             continue
         for y in (-1.7, 0.0, 1.7):
             if k > 0:
-                at = x - ARRAY_PITCH_M / 2
-                hinges.append(rod((at, y - 0.06, -0.020), (at, y + 0.06, -0.020), 0.016, facets(detail, 12)))
+                hinge_x = x - ARRAY_PITCH_M / 2
+                hinges.append(
+                    rod((hinge_x, y - 0.06, -0.020), (hinge_x, y + 0.06, -0.020), 0.016, facets(detail, 12))
+                )
         top = -ARRAY_PLATE_M + 0.002
         ribs += [
             box((x - 0.46, y - 0.02, top - 0.037), (x + 0.46, y + 0.02, top)) for y in (-2.1, -0.8, 0.8, 2.1)

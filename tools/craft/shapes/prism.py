@@ -62,8 +62,8 @@ def triangulate(outline: FloatArray, holes: Sequence[FloatArray] = ()) -> IntArr
     for ring in sorted(rings, key=lambda r: -points[r, 0].max()):
         first = int(np.argmax(points[ring, 0]))
         turned = ring[first:] + ring[:first]
-        at = _bridge(points, loop, turned[0], rings)
-        loop = [*loop[: at + 1], *turned, turned[0], *loop[at:]]
+        bridge = _bridge(points, loop, turned[0], rings)
+        loop = [*loop[: bridge + 1], *turned, turned[0], *loop[bridge:]]
     triangles = _clip_ears(points, loop)
     area = _turn(*(points[triangles[:, k]] for k in range(3))) / 2
     expected = signed_area(outline) + sum(signed_area(h) for h in holes)
@@ -79,12 +79,12 @@ def _bridge(points: FloatArray, loop: list[int], start: int, rings: list[list[in
         edges += list(zip(ring, ring[1:] + ring[:1], strict=True))
     a, b = (points[[e[k] for e in edges]] for k in (0, 1))
     p = points[start]
-    for at in np.argsort(np.linalg.norm(points[loop] - p, axis=1)):
-        q = points[loop[at]]
+    for candidate in np.argsort(np.linalg.norm(points[loop] - p, axis=1)):
+        q = points[loop[candidate]]
         crossing = (_turn(p, q, a) * _turn(p, q, b) < 0) & (_turn(a, b, p) * _turn(a, b, q) < 0)
-        before, after = points[loop[at - 1]], points[loop[(at + 1) % len(loop)]]
+        before, after = points[loop[candidate - 1]], points[loop[(candidate + 1) % len(loop)]]
         if not crossing.any() and _in_wedge(before, q, after, p):
-            return int(at)
+            return int(candidate)
     raise ValueError("a hole of the plate cannot be joined to its outline: do they cross?")
 
 
@@ -95,10 +95,10 @@ def _turn(a: FloatArray, b: FloatArray, c: FloatArray) -> FloatArray:
     )
 
 
-def _in_wedge(before: FloatArray, at: FloatArray, after: FloatArray, p: FloatArray) -> bool:
+def _in_wedge(before: FloatArray, corner: FloatArray, after: FloatArray, p: FloatArray) -> bool:
     """Return True if ``p`` lies in the inner angle of the corner ``before at after``."""
-    is_left, is_right = _turn(before, at, p) >= 0, _turn(at, after, p) >= 0
-    return bool(is_left and is_right) if _turn(before, at, after) >= 0 else bool(is_left or is_right)
+    is_left, is_right = _turn(before, corner, p) >= 0, _turn(corner, after, p) >= 0
+    return bool(is_left and is_right) if _turn(before, corner, after) >= 0 else bool(is_left or is_right)
 
 
 def _clip_ears(points: FloatArray, loop: list[int]) -> IntArray:

@@ -223,8 +223,8 @@ def _superellipse(half_m: tuple[float, float], exponent: float, count: int) -> F
     power = 2 / exponent
     fine = np.column_stack([np.sign(c) * np.abs(c) ** power, np.sign(s) * np.abs(s) ** power]) * half_m
     along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(fine, axis=0), axis=1))])
-    at = (np.arange(count) + 0.5) / count * along[-1]
-    return np.column_stack([np.interp(at, along, fine[:, k]) for k in (0, 1)])
+    positions = (np.arange(count) + 0.5) / count * along[-1]
+    return np.column_stack([np.interp(positions, along, fine[:, k]) for k in (0, 1)])
 
 
 def tiled(

@@ -186,11 +186,11 @@ def _engines(level: Level) -> list[Piece]:
         for d in (-5.0, 5.0):
             small.append(bell(polar(1.06, az + d, BASE_LOW_M + 0.01), (0, 0, -1), 0.13, 0.03, 0.065, n // 2))
             out = SKIRT.normal(np.deg2rad(az + d), SKIRT_EDGE_M - 0.08)
-            at = SKIRT.point(np.deg2rad(az + d), SKIRT_EDGE_M - 0.08, -0.01)
-            small.append(bell(at, out, 0.10, 0.02, 0.05, n // 2))
+            position = SKIRT.point(np.deg2rad(az + d), SKIRT_EDGE_M - 0.08, -0.01)
+            small.append(bell(position, out, 0.10, 0.02, 0.05, n // 2))
     for az in (0.0, 90.0, 180.0, 270.0):
         out = DRUM.normal(np.deg2rad(az + 22.0), -0.60)
-        at = DRUM.point(np.deg2rad(az + 22.0), -0.60, -0.01)
-        small.append(bell(at, out, 0.09, 0.02, 0.05, n // 2))
+        position = DRUM.point(np.deg2rad(az + 22.0), -0.60, -0.01)
+        small.append(bell(position, out, 0.09, 0.02, 0.05, n // 2))
     pieces.append(Piece("attitude_thrusters", "nozzle-alloy", merge(small)))
     return pieces

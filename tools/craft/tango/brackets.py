@@ -47,10 +47,12 @@ def _both_x(mesh: Mesh) -> list[Mesh]:
     return [mesh, mesh.mirrored(0)]
 
 
-def _boss(at: tuple[float, float], origin: np.ndarray, u: np.ndarray, v: np.ndarray, detail: Detail) -> Mesh:
+def _boss(
+    centre: tuple[float, float], origin: np.ndarray, u: np.ndarray, v: np.ndarray, detail: Detail
+) -> Mesh:
     """Return a bolt head on a bracket's node."""
     n = np.cross(u, v)
-    p = origin + at[0] * u + at[1] * v
+    p = origin + centre[0] * u + centre[1] * v
     return rod(p, p + n * (PLATE_M + 0.0025), 0.0042, facets(detail, 12))
 
 

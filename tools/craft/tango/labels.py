@@ -87,10 +87,10 @@ def _frame_edges() -> list[Edge]:
     x, y, half, z = PANEL_X_M - FRAME_X_M, PANEL_Y_M - FRAME_Y_M, STRIP_M / 2, PANEL_TOP_M
     up = (0, 0, 1)
     lines = {"panel_strip_nx": -half, "panel_strip_px": half, "panel_frame_nx": -x, "panel_frame_px": x}
-    edges = [edge(name, (at, -y, z), (at, y, z), up) for name, at in lines.items()]
-    for row, at in (("ny", -y), ("py", y)):
-        edges.append(edge(f"panel_frame_{row}_nx", (-x, at, z), (-half, at, z), up))
-        edges.append(edge(f"panel_frame_{row}_px", (half, at, z), (x, at, z), up))
+    edges = [edge(name, (y_edge, -y, z), (y_edge, y, z), up) for name, y_edge in lines.items()]
+    for row, y_edge in (("ny", -y), ("py", y)):
+        edges.append(edge(f"panel_frame_{row}_nx", (-x, y_edge, z), (-half, y_edge, z), up))
+        edges.append(edge(f"panel_frame_{row}_px", (half, y_edge, z), (x, y_edge, z), up))
     return edges
 
 

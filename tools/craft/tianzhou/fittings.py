@@ -46,10 +46,11 @@ def _antennas(level: Level) -> list[Piece]:
     for az in (90.0, 270.0):
         a = np.deg2rad(az)
         p, w = CONE.point(a, 6.02), np.array([np.cos(a), np.sin(a), 0.0])
-        at = p + 0.04 * w + (0, 0, 0.06)
-        sensors.append(box(at - (0.13, 0.12, 0.14), np.add(at, (0.13, 0.12, 0.14)), 0.015))
+        position = p + 0.04 * w + (0, 0, 0.06)
+        sensors.append(box(position - (0.13, 0.12, 0.14), np.add(position, (0.13, 0.12, 0.14)), 0.015))
         lenses += [
-            rod(np.add(at, (x, 0, 0.12)), np.add(at, (x, 0, 0.165)), 0.042, n // 2) for x in (-0.055, 0.06)
+            rod(np.add(position, (x, 0, 0.12)), np.add(position, (x, 0, 0.165)), 0.042, n // 2)
+            for x in (-0.055, 0.06)
         ]
     radar = []
     for az in (30.0, 150.0, 210.0, 330.0):

@@ -177,11 +177,11 @@ def _engines(level: Level) -> list[Piece]:
         a = np.deg2rad(az)
         for z, surface in ((-3.05, DRIVE), (4.85, CARGO)):
             out = surface.normal(a, z)
-            at = surface.point(a, z) + 0.03 * out
+            position = surface.point(a, z) + 0.03 * out
             tangent = np.array([-np.sin(a), np.cos(a), 0.0])
             mounts.append(pad(surface, a, z, (0.20, 0.14), lift_m=0.05, exponent=4.0, segments=n))
             small += [
-                bell(at + side * 0.09 * tangent, out + 0.7 * side * tangent, 0.12, 0.02, 0.05, n // 2)
+                bell(position + side * 0.09 * tangent, out + 0.7 * side * tangent, 0.12, 0.02, 0.05, n // 2)
                 for side in (-1.0, 1.0)
             ]
     low, high = DRIVE_LOW_M - 0.03, DRIVE_LOW_M + 0.01

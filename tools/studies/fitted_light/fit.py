@@ -114,16 +114,16 @@ def candidate_lights(
     k = np.arange(count) + 0.5
     z, turn = 1 - 2 * k / count, k * np.pi * (3 - np.sqrt(5))
     ring = np.sqrt(1 - z * z)
-    ways = np.stack([ring * np.cos(turn), ring * np.sin(turn), z], axis=1)
+    directions = np.stack([ring * np.cos(turn), ring * np.sin(turn), z], axis=1)
     origin = np.asarray(scene.t_camera_from_target_m)
     return [
         AreaLight(
-            position_m=vec3(origin + distance_m * way),
+            position_m=vec3(origin + distance_m * direction),
             width_m=side_m,
             height_m=side_m,
             radiance_w_m2_sr=_UNIT,
         )
-        for way in ways
+        for direction in directions
     ]
 
 

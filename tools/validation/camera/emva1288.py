@@ -106,7 +106,7 @@ COLOURS = ("red", "green", "blue")
 READOUT_MODES = ("raw mosaic", "three planes, white balanced", "interpolated mosaic, white balanced")
 
 
-def measure_colours(name: str, *, way: str, seed: int = 5, levels: int = COLOUR_LEVELS) -> list[Measured]:
+def measure_colours(name: str, *, mode: str, seed: int = 5, levels: int = COLOUR_LEVELS) -> list[Measured]:
     """Return the system gain of each channel of a built-in detector with a colour filter [DN e-1], from a white plate.
 
     The expected value is the converter's gain times the channel's white balance. Interpolated sums of neighbours have
@@ -117,7 +117,7 @@ def measure_colours(name: str, *, way: str, seed: int = 5, levels: int = COLOUR_
     ----------
     name : str
         Preset of the detector.
-    way : str
+    mode : str
         One of ``READOUT_MODES``.
     seed : int, optional
         Seed of the noise.
@@ -125,7 +125,7 @@ def measure_colours(name: str, *, way: str, seed: int = 5, levels: int = COLOUR_
         Number of brightness levels of the plate.
     """
     base = without_nonuniformity(sensor_preset(name))
-    raw, planes = way == READOUT_MODES[0], way == READOUT_MODES[1]
+    raw, planes = mode == READOUT_MODES[0], mode == READOUT_MODES[1]
     detector = replace(_detector(base), colour_filter="none" if planes else "rggb", demosaic=not raw)
     sensor = replace(base, detector=detector)
     sunlight = sunlight_balance("rgb")
@@ -145,7 +145,7 @@ def measure_colours(name: str, *, way: str, seed: int = 5, levels: int = COLOUR_
             mean[k, c], variance[k, c] = (one.mean() + two.mean()) / 2, np.mean((one - two) ** 2) / 2
     out = []
     for c, colour in enumerate(COLOURS):
-        if way == READOUT_MODES[2]:
+        if mode == READOUT_MODES[2]:
             slope = float(np.polyfit(shares[:, c] * sensor.saturation_e, mean[:, c], 1)[0])
         else:
             # without the dark level, whose few digital numbers do not change with a factor near one

@@ -75,15 +75,17 @@ def measured_mtf(image: FloatArray, frequency: FloatArray) -> FloatArray:
     """
     height, width = image.shape
     slope = np.abs(np.diff(image, axis=1))
-    place = np.arange(width - 1) + 0.5
-    start = np.median((slope @ place) / slope.sum(axis=1))
+    position_px = np.arange(width - 1) + 0.5
+    start = np.median((slope @ position_px) / slope.sum(axis=1))
     rows = np.arange(16, height - 16)
     line = np.array([0.0, start])
     for _ in range(3):
         # pixels far from the edge are excluded from the centroid
-        near = np.abs(place - np.polyval(line, rows)[:, None]) < (height * SLANT if line[0] == 0 else 12)
+        near = np.abs(position_px - np.polyval(line, rows)[:, None]) < (
+            height * SLANT if line[0] == 0 else 12
+        )
         weight = slope[rows] * near
-        line = np.polyfit(rows, (weight @ place) / weight.sum(axis=1), 1)
+        line = np.polyfit(rows, (weight @ position_px) / weight.sum(axis=1), 1)
     y, x = np.mgrid[:height, :width]
     distance = (x - np.polyval(line, y)) / np.hypot(1, line[0])
     inside = (np.abs(distance) < width / 4) & (y >= rows[0]) & (y <= rows[-1])
@@ -93,8 +95,8 @@ def measured_mtf(image: FloatArray, frequency: FloatArray) -> FloatArray:
     spread = np.bincount(index, image[inside]) / np.maximum(count, 1)
     spike = np.diff(spread[count > 0])
     spike *= np.hanning(len(spike) + 2)[1:-1]
-    at = (np.arange(len(spike)) - np.argmax(np.abs(spike))) / BINS
-    transfer = np.abs(np.exp(-2j * np.pi * np.outer(frequency, at)) @ spike)
+    offset_px = (np.arange(len(spike)) - np.argmax(np.abs(spike))) / BINS
+    transfer = np.abs(np.exp(-2j * np.pi * np.outer(frequency, offset_px)) @ spike)
     # compensate for the attenuation by the bins and by their difference
     transfer /= np.abs(spike.sum()) * np.sinc(frequency / BINS) ** 2
     return np.asarray(transfer)

@@ -131,13 +131,13 @@ def detector(seed: int) -> Section:
         "|---|---|---|---|---|---|---|---|---|---|",
     ]
     for preset in _detectors():
-        for way in READOUT_MODES:
-            results = measure_colours(preset, way=way, seed=seed)
+        for mode in READOUT_MODES:
+            results = measure_colours(preset, mode=mode, seed=seed)
             worst = max(abs(m.error) for m in results)
             good &= worst <= COLOUR_GOAL
             cells = [f"{1 / m.given:.3f}" for m in results] + [f"{1 / m.found:.3f}" for m in results]
             lines.append(
-                f"| {preset} | {way} | {' | '.join(cells)} | {100 * worst:.2f} % | {_verdict(worst <= COLOUR_GOAL)} |"
+                f"| {preset} | {mode} | {' | '.join(cells)} | {100 * worst:.2f} % | {_verdict(worst <= COLOUR_GOAL)} |"
             )
     return lines, good
 
@@ -183,14 +183,14 @@ def transfer(renderer: Renderer) -> Section:
         "|---|---|---|---|---|---|---|",
     ]
     good = True
-    at = [int(np.argmin(np.abs(FREQUENCIES - f))) for f in (0.1, 0.25, 0.4)]
+    columns = [int(np.argmin(np.abs(FREQUENCIES - f))) for f in (0.1, 0.25, 0.4)]
     coarse, fine = (drawn_edge(renderer, quality) for quality in ("default", "high"))
     for case in CASES:
         quick, ideal, _ = compare(case, coarse)
         measured, _, _ = compare(case, fine)
         worst_quick, worst = (float(np.abs(m - ideal).max()) for m in (quick, measured))
         good &= max(worst, worst_quick) <= MTF_GOAL
-        cells = " | ".join(f"{measured[k]:.3f} ({ideal[k]:.3f})" for k in at)
+        cells = " | ".join(f"{measured[k]:.3f} ({ideal[k]:.3f})" for k in columns)
         verdict = _verdict(max(worst, worst_quick) <= MTF_GOAL)
         lines.append(f"| {case} | {cells} | {worst_quick:.4f} | {worst:.4f} | {verdict} |")
     return lines, good

@@ -114,8 +114,8 @@ def _coco(root: Path, frames: Frames) -> Iterator[tuple[int, str]]:
                 recorded = [(k.state, k.pixel_px) for k in frame.truth.keypoints]
                 good = all(
                     bool(v) == (state != "out_of_frame")
-                    and (not v or np.allclose((x - 0.5, y - 0.5), np.asarray(at)))
-                    for (x, y, v), (state, at) in zip(exported, recorded, strict=True)
+                    and (not v or np.allclose((x - 0.5, y - 0.5), np.asarray(pixel)))
+                    for (x, y, v), (state, pixel) in zip(exported, recorded, strict=True)
                 )
                 yield number, "" if good else "other keypoints"
 
@@ -127,19 +127,19 @@ def _yolo(root: Path, frames: Frames) -> Iterator[tuple[int, str]]:
             frame = frames[int(path.stem)]
             image = cv2.imread(str(root / "images" / SHORT[split] / f"{path.stem}.png"), cv2.IMREAD_UNCHANGED)
             original = frame.image if frame.image.ndim == 2 else frame.image[..., ::-1]
-            words = [float(word) for word in path.read_text().split()]
+            cells = [float(word) for word in path.read_text().split()]
             if image is None or not np.array_equal(image, original):
                 yield frame.number, "another image"
-            elif not words:
+            elif not cells:
                 yield frame.number, "no box" if frame.mask.any() else ""
             else:
                 W, H = frame.camera.width_px, frame.camera.height_px
-                cx, cy, w, h = np.multiply(words[1:5], (W, H, W, H))
+                cx, cy, w, h = np.multiply(cells[1:5], (W, H, W, H))
                 is_equal = np.allclose(
                     (cx - w / 2, cy - h / 2, w, h), cv2.boundingRect(frame.mask), atol=1e-3
                 )
                 count = len(frame.truth.keypoints)
-                yield frame.number, "" if is_equal and len(words) == 5 + 3 * count else "another box"
+                yield frame.number, "" if is_equal and len(cells) == 5 + 3 * count else "another box"
 
 
 def _webdataset(root: Path, frames: Frames) -> Iterator[tuple[int, str]]:

@@ -23,11 +23,11 @@ from tools.validation.captures.read_back import FORMATS, read_back
 _REFUSED = re.compile(r"format (\w+) cannot hold this data set: (.*)", re.DOTALL)
 
 
-def flyaround(*words: str) -> subprocess.CompletedProcess[str]:
+def flyaround(*arguments: str) -> subprocess.CompletedProcess[str]:
     """Run a command of Flyaround."""
     environment = os.environ | {"HF_HUB_OFFLINE": "1", "COLUMNS": "10000"}
     return subprocess.run(
-        [sys.executable, "-m", "flyaround", *words],
+        [sys.executable, "-m", "flyaround", *arguments],
         check=False,
         capture_output=True,
         text=True,
@@ -63,11 +63,11 @@ def prove(recipe: str, n: int, workers: int, width_px: int | None, out: Path) ->
     result["processor_s_each"] = round(processor_s / max(result["images"], 1), 3)
     result["faults"], result["read_back"] = [], []
     for member in sets:
-        place = folder / member
-        checked = flyaround("check", str(place), "--json")
+        member_folder = folder / member
+        checked = flyaround("check", str(member_folder), "--json")
         report = json.loads(checked.stdout) if checked.stdout.strip() else {"faults": [checked.stderr[-500:]]}
         result["faults"] += report["faults"]
-        result["read_back"] += [what for name in formats for what in read_back(place, name)]
+        result["read_back"] += [what for name in formats for what in read_back(member_folder, name)]
     shutil.rmtree(folder, ignore_errors=True)
     return result
 

@@ -88,14 +88,14 @@ class ExportedMesh:
 
     def first_parts(self, truth: Truth, pixels_px: NDArray[Any]) -> NDArray[Any]:
         """Return the part hit first by the ray through each pixel (K, 2); 0 for none."""
-        origins, ways = _rays(truth, pixels_px)
-        hit = self._rays.intersects_first(origins, ways)
+        origins, directions = _rays(truth, pixels_px)
+        hit = self._rays.intersects_first(origins, directions)
         return np.where(hit >= 0, self._parts[hit], 0)
 
     def near_parts(self, truth: Truth, pixel_px: NDArray[Any]) -> set[int]:
         """Return the parts hit first by the ray through one pixel, or within a decal's height behind; 0 for none."""
-        origins, ways = _rays(truth, pixel_px[None])
-        places, _, triangles = self._rays.intersects_location(origins, ways, multiple_hits=True)
+        origins, directions = _rays(truth, pixel_px[None])
+        places, _, triangles = self._rays.intersects_location(origins, directions, multiple_hits=True)
         if not len(places):
             return {0}
         far = np.linalg.norm(places - origins[0], axis=1)
@@ -106,14 +106,14 @@ class ExportedMesh:
         R, t_m, K = _rotation(truth), np.array(truth.t_camera_from_target_m), _matrix(truth)
         depth_m = self._mesh.vertices @ R[2] + t_m[2]
         in_front = np.all(depth_m[self._mesh.faces] > _NEAR_M, axis=1)
-        at = cv2.projectPoints(self._mesh.vertices, cv2.Rodrigues(R)[0], t_m, K, np.zeros(5))[0].reshape(
-            -1, 2
-        )
+        projected = cv2.projectPoints(self._mesh.vertices, cv2.Rodrigues(R)[0], t_m, K, np.zeros(5))[
+            0
+        ].reshape(-1, 2)
         faces = self._mesh.faces[in_front]
         lens = bool(truth.camera.distortion.coefficients)
         plain_px = (_without_lens(truth, pixel_px[None]) @ K[:2, :2].T + K[:2, 2])[0] if lens else pixel_px
         return shown_parts(
-            at[faces] - plain_px, depth_m[faces], self._parts[in_front], _COPLANAR_M, lens=lens
+            projected[faces] - plain_px, depth_m[faces], self._parts[in_front], _COPLANAR_M, lens=lens
         )
 
 
@@ -143,20 +143,20 @@ def _rotation(truth: Truth) -> NDArray[Any]:
 def _rays(truth: Truth, pixels_px: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]]:
     """Return origins and directions of the rays in the model frame."""
     R = _rotation(truth)
-    ways = np.insert(_without_lens(truth, pixels_px), 2, 1.0, axis=1) @ R  # R transposed, times columns
-    ways /= np.linalg.norm(ways, axis=1, keepdims=True)
-    return np.broadcast_to(-R.T @ np.array(truth.t_camera_from_target_m), ways.shape), ways
+    directions = np.insert(_without_lens(truth, pixels_px), 2, 1.0, axis=1) @ R  # R transposed, times columns
+    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    return np.broadcast_to(-R.T @ np.array(truth.t_camera_from_target_m), directions.shape), directions
 
 
 def _without_lens(truth: Truth, pixels_px: NDArray[Any]) -> NDArray[Any]:
     """Return the intersections of rays through pixels (K, 2) with the plane at depth 1."""
     camera, K = truth.camera, _matrix(truth)
     lens = np.array(camera.distortion.coefficients or [0.0] * 5)
-    at = np.ascontiguousarray(pixels_px, float).reshape(-1, 1, 2)
+    pixels = np.ascontiguousarray(pixels_px, float).reshape(-1, 1, 2)
     if camera.distortion.model == "kannala_brandt":
-        return np.asarray(cv2.fisheye.undistortPoints(at, K, lens).reshape(-1, 2))
+        return np.asarray(cv2.fisheye.undistortPoints(pixels, K, lens).reshape(-1, 2))
     stop = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 50, 1e-12)
-    return np.asarray(cv2.undistortPoints(at, K, lens, R=None, P=None, criteria=stop).reshape(-1, 2))
+    return np.asarray(cv2.undistortPoints(pixels, K, lens, R=None, P=None, criteria=stop).reshape(-1, 2))
 
 
 def compare(

@@ -180,9 +180,9 @@ def _published(text: str) -> dict[int, list[list[float]]]:
     states: dict[int, list[list[float]]] = {}
     current: list[list[float]] = []
     for line in text.splitlines():
-        words = line.split()
-        if words[1:] == ["xx"]:
-            current = states.setdefault(int(words[0]), [])
-        elif len(words) >= 7:
-            current.append([float(w) for w in words[:7]])
+        cells = line.split()
+        if cells[1:] == ["xx"]:
+            current = states.setdefault(int(cells[0]), [])
+        elif len(cells) >= 7:
+            current.append([float(w) for w in cells[:7]])
     return states

@@ -97,7 +97,7 @@ def looped_frames(pictures: Pictures, n_frames: int, rate_hz: float) -> Iterator
         # whole microseconds, like a frame's epoch
         time_us = (start_ns + round(1e9 * k / rate_hz)) // 1000
         epoch = datetime.fromtimestamp(time_us // 1_000_000, UTC).replace(microsecond=time_us % 1_000_000)
-        at = replace(
+        moved = replace(
             scene,
             camera=camera,
             frame_index=k,
@@ -107,7 +107,7 @@ def looped_frames(pictures: Pictures, n_frames: int, rate_hz: float) -> Iterator
         )
         code = CornerCode(k, 1000 * time_us)
         image = draw_code(pictures[k % len(pictures)], code, PLACE, 255)
-        yield Frame(at, image, NO_RADIANCE, time_code_px=PLACE.box_px)
+        yield Frame(moved, image, NO_RADIANCE, time_code_px=PLACE.box_px)
 
 
 def _board(url: str) -> None:

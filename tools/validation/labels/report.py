@@ -56,8 +56,8 @@ def check_one(renderer: Renderer, seed: int, k: int) -> dict[str, Any]:
     drawn = time.process_time()
     card = dataset_card(renderer, frame, seed)
     if k % FROM_FILES_EVERY == 0:
-        with tempfile.TemporaryDirectory() as place:
-            frame = _through_files(Path(place), frame)
+        with tempfile.TemporaryDirectory() as folder:
+            frame = _through_files(Path(folder), frame)
     faults = _check(k, frame, card)
     result: dict[str, Any] = {
         "k": k,

@@ -103,12 +103,12 @@ def _light(
     falling = (direct + diffuse)[0]
     foot = np.array([0.0, 0.0, air.radius_m + 1.0])
     out = []
-    for way in up.reshape(-1, 3):
-        along = foot @ way
+    for direction in up.reshape(-1, 3):
+        along = foot @ direction
         reach = np.sqrt(along**2 + air.top_m**2 - foot @ foot) - along
-        leaves, through = _seen(air, table, foot + (reach + 1.0) * way, -way, sun)
+        leaves, through = _seen(air, table, foot + (reach + 1.0) * direction, -direction, sun)
         # light that travels towards an azimuth comes from the opposite side
-        sky, _ = _seen(air, table, foot, way * (-1, -1, 1), sun)
+        sky, _ = _seen(air, table, foot, direction * (-1, -1, 1), sun)
         out.append((leaves + through * falling * ground / np.pi, sky))
     leaves, sky = np.moveaxis(np.reshape(out, (*view.shape, 2, -1)), 2, 0)
     return leaves, sky, falling

@@ -179,9 +179,9 @@ def path_trace(scene: SceneState, target: Target, sky_w_m2_sr: float, sun_spp: i
 def _key(scene: SceneState, target: Target, light: dict[str, Any], spp: int) -> str:
     """Return the file name of the path-traced image for one light."""
     camera = scene.camera
-    place = (scene.q_camera_from_target_wxyz, scene.t_camera_from_target_m, camera.width_px, camera.fx_px)
+    view = (scene.q_camera_from_target_wxyz, scene.t_camera_from_target_m, camera.width_px, camera.fx_px)
     samples = DEPTH, SAMPLES_PER_PASS
-    return entry_name("mitsuba", (_traced,), target.sha256, repr((place, light, spp)), samples)
+    return entry_name("mitsuba", (_traced,), target.sha256, repr((view, light, spp)), samples)
 
 
 def _traced(scene: SceneState, target: Target, light: dict[str, Any], spp: int) -> FloatArray:
@@ -202,8 +202,8 @@ def _traced(scene: SceneState, target: Target, light: dict[str, Any], spp: int) 
 
 def _empty_world(mi: Any, scene: SceneState) -> dict[str, Any]:  # noqa: ANN401
     camera = scene.camera
-    place = -UNITS_PER_M * np.asarray(scene.t_camera_from_target_m)
-    target = place + np.array([0.0, 0.0, 1.0])
+    origin = -UNITS_PER_M * np.asarray(scene.t_camera_from_target_m)
+    target = origin + np.array([0.0, 0.0, 1.0])
     return {
         "type": "scene",
         "integrator": {"type": "path", "max_depth": DEPTH, "rr_depth": DEPTH},
@@ -211,7 +211,7 @@ def _empty_world(mi: Any, scene: SceneState) -> dict[str, Any]:  # noqa: ANN401
             "type": "perspective",
             "fov": float(np.degrees(2 * np.arctan(camera.width_px / 2 / camera.fx_px))),
             "to_world": mi.ScalarTransform4f().look_at(
-                origin=list(map(float, place)), target=list(map(float, target)), up=[0, -1, 0]
+                origin=list(map(float, origin)), target=list(map(float, target)), up=[0, -1, 0]
             ),
             "film": {
                 "type": "hdrfilm",

@@ -205,10 +205,10 @@ def star_electrons(renderer: Renderer) -> tuple[float, float]:
     field = stars(scene.epoch_utc, "mono")
     # Hipparcos 91262: J2000 18h36m56.34s +38d47m01.3s
     ra, dec = np.radians([(18 + 36 / 60 + 56.34 / 3600) * 15, 38 + 47 / 60 + 1.3 / 3600])
-    at = np.array([np.cos(dec) * np.cos(ra), np.cos(dec) * np.sin(ra), np.sin(dec)])
-    at = field.directions[:, int(np.argmax(at @ field.directions))]
-    at = at + earth_velocity_c(scene.epoch_utc) + np.asarray(scene.v_camera_eci_m_s) / LIGHT_M_S
-    z = at / np.linalg.norm(at)
+    to_star = np.array([np.cos(dec) * np.cos(ra), np.cos(dec) * np.sin(ra), np.sin(dec)])
+    to_star = field.directions[:, int(np.argmax(to_star @ field.directions))]
+    to_star = to_star + earth_velocity_c(scene.epoch_utc) + np.asarray(scene.v_camera_eci_m_s) / LIGHT_M_S
+    z = to_star / np.linalg.norm(to_star)
     x = np.cross([0.1, 0.2, 1.0], z)
     x /= np.linalg.norm(x)
     scene = replace(scene, q_camera_from_eci_wxyz=quat(quat_from_matrix(np.stack([x, np.cross(z, x), z]))))

@@ -192,8 +192,8 @@ def histogram(wge: WeakGradientElimination) -> Array:
         ("normalised gradient", (WIDTH // 2 - 80, HEIGHT - 18)),
         ("pixels, logarithmic", (8, 24)),
     )
-    for text, place in texts:
-        cv2.putText(canvas, text, place, cv2.FONT_HERSHEY_SIMPLEX, 0.5, (40, 40, 40), 1, cv2.LINE_AA)
+    for text, position in texts:
+        cv2.putText(canvas, text, position, cv2.FONT_HERSHEY_SIMPLEX, 0.5, (40, 40, 40), 1, cv2.LINE_AA)
     return canvas
 
 
@@ -201,26 +201,31 @@ def camera_in_map(model: BoardModel, camera: CameraIntrinsics, q: Any, t: Any) -
     """Return a side view of the model's wireframe with the camera at its pose."""
     canvas = np.full((HEIGHT, WIDTH, 3), 255, np.uint8)
     R, t = quat.matrix(np.asarray(q, float)), np.asarray(t, float)
-    at = -R.T @ t
+    camera_position = -R.T @ t
     depth = 0.28 * float(np.linalg.norm(t))
     corners = np.array(
         [[0, 0], [camera.width_px, 0], [camera.width_px, camera.height_px], [0, camera.height_px]]
     )
     rays = (corners - (camera.cx_px, camera.cy_px)) / (camera.fx_px, camera.fy_px)
-    frustum = np.concatenate([rays, np.ones((4, 1))], axis=1) * depth @ R + at
-    sight = np.stack([at, np.zeros(3)])
+    frustum = np.concatenate([rays, np.ones((4, 1))], axis=1) * depth @ R + camera_position
+    sight = np.stack([camera_position, np.zeros(3)])
     edges = np.array([[e.a_m, e.b_m] for e in model.wireframe])
     # viewpoint to the side of the line of sight and slightly above it
-    forward = np.cross(at, [0.0, 0.0, 1.0] if abs(at[2]) < 0.9 * np.linalg.norm(at) else [1.0, 0.0, 0.0])
+    forward = np.cross(
+        camera_position,
+        [0.0, 0.0, 1.0]
+        if abs(camera_position[2]) < 0.9 * np.linalg.norm(camera_position)
+        else [1.0, 0.0, 0.0],
+    )
     forward = forward / np.linalg.norm(forward) - 0.35 * np.cross(
-        at / np.linalg.norm(at), forward / np.linalg.norm(forward)
+        camera_position / np.linalg.norm(camera_position), forward / np.linalg.norm(forward)
     )
     forward = forward / np.linalg.norm(forward)
-    right = at / np.linalg.norm(at)
+    right = camera_position / np.linalg.norm(camera_position)
     right = right - (right @ forward) * forward
     right = right / np.linalg.norm(right)
     V = np.stack([right, np.cross(forward, right)])
-    everything = np.concatenate([edges.reshape(-1, 3), frustum, at[None]]) @ V.T
+    everything = np.concatenate([edges.reshape(-1, 3), frustum, camera_position[None]]) @ V.T
     low, high = everything.min(axis=0), everything.max(axis=0)
     scale = min((WIDTH - 100) / (high[0] - low[0]), (HEIGHT - 110) / (high[1] - low[1]))
     middle = 0.5 * (low + high)
@@ -235,13 +240,13 @@ def camera_in_map(model: BoardModel, camera: CameraIntrinsics, q: Any, t: Any) -
     a, b = place(sight).tolist()
     cv2.line(canvas, a, b, (190, 190, 190), 1, cv2.LINE_AA, 4)
     for c in frustum:
-        a, b = place(np.stack([at, c])).tolist()
+        a, b = place(np.stack([camera_position, c])).tolist()
         cv2.line(canvas, a, b, ORANGE, 2, cv2.LINE_AA, 4)
     cv2.polylines(canvas, [place(frustum)], True, ORANGE, 2, cv2.LINE_AA, 4)
     for axis, colour in zip(np.eye(3) * 0.6 * model.radius_m, (RED, GREEN, BLUE)):  # noqa: B905 - 3.9 has no strict=
         a, b = place(np.stack([np.zeros(3), axis])).tolist()
         cv2.line(canvas, a, b, colour, 2, cv2.LINE_AA, 4)
-    text = f"camera in map coordinates: {at[0]:+.2f} {at[1]:+.2f} {at[2]:+.2f} m"
+    text = f"camera in map coordinates: {camera_position[0]:+.2f} {camera_position[1]:+.2f} {camera_position[2]:+.2f} m"
     cv2.putText(canvas, text, (12, 26), cv2.FONT_HERSHEY_SIMPLEX, 0.6, (40, 40, 40), 1, cv2.LINE_AA)
     return canvas
 

@@ -108,11 +108,11 @@ class EdgeField:
 
     def nearest_at(self, flat: Array) -> Array:
         """Return the position (N, 2) of the nearest edge at flat indices (N,) from ``lookup``."""
-        channel, at = np.divmod(flat, self.mask.size)
+        channel, pixel = np.divmod(flat, self.mask.size)
         out = np.zeros((len(flat), 2), np.float32)
         for k, t in enumerate(self.tables):
             own = channel == k
-            out[own] = t.place[t.label.ravel()[at[own]]]
+            out[own] = t.place[t.label.ravel()[pixel[own]]]
         return out
 
     def nearest_to(self, flat: Array) -> Tuple[Array, Array]:
@@ -120,12 +120,12 @@ class EdgeField:
 
         Exact, unlike the distances in the tables, and ten times faster than computing the tables.
         """
-        channel, at = np.divmod(flat, self.mask.size)
-        distance, place = np.full(len(flat), 1e4, np.float32), np.zeros((len(flat), 2), np.float32)
+        channel, pixel = np.divmod(flat, self.mask.size)
+        distance, position = np.full(len(flat), 1e4, np.float32), np.zeros((len(flat), 2), np.float32)
         y, x = np.nonzero(self.mask)
         theta = np.mod(np.arctan2(self.gy[y, x], self.gx[y, x]), np.pi)
         edge = np.stack([x, y], axis=-1).astype(np.float32)
-        positions = np.stack(np.divmod(at, self.mask.shape[1])[::-1], axis=-1).astype(np.float32)
+        positions = np.stack(np.divmod(pixel, self.mask.shape[1])[::-1], axis=-1).astype(np.float32)
         for k in range(ORIENTATION_BINS):
             own, near = np.flatnonzero(channel == k), edge[_in_bin(theta, k)]
             if not len(own) or not len(near):
@@ -136,8 +136,8 @@ class EdgeField:
             down *= down
             away += down
             best = away.argmin(axis=1)
-            distance[own], place[own] = np.sqrt(away[np.arange(len(own)), best]), near[best]
-        return distance, place
+            distance[own], position[own] = np.sqrt(away[np.arange(len(own)), best]), near[best]
+        return distance, position
 
     @property
     def size(self) -> Tuple[int, int]:

@@ -160,8 +160,8 @@ def with_outlines(table: ViewTable, outlines: Outlines, centre_m: Array) -> View
         # evenly spaced contour points replace every second wireframe sample
         stretch = len(p) / n_contour
         pick = np.floor((np.arange(n_contour) + rng.random(n_contour)) * stretch).astype(int) % len(p)
-        at = np.linspace(0, SHAPE_SAMPLES - 1, n_contour).astype(int)
-        xy[v, at], angle[v, at] = p[pick], a[pick]
+        selected = np.linspace(0, SHAPE_SAMPLES - 1, n_contour).astype(int)
+        xy[v, selected], angle[v, selected] = p[pick], a[pick]
     return replace(table, shape_xy=xy, shape_angle=angle, box=box)
 
 

@@ -174,8 +174,8 @@ def _one_scale(
     """Return the pose aligned at one reduction of the image; None if too little of it is in view."""
     samples, camera = target.samples, target.camera
     pr = project(samples, camera, quat.matrix(q)[None], t[None], idx[None])
-    at, n = pr.pixels[0], pr.normals[0]
-    edges = _edge_candidates(image, noise, at, n, factor, polarity[idx])
+    pixels, n = pr.pixels[0], pr.normals[0]
+    edges = _edge_candidates(image, noise, pixels, n, factor, polarity[idx])
     if edges is None:
         return None
     candidate, strength, sign = edges
@@ -184,7 +184,7 @@ def _one_scale(
     r, weight = np.zeros(len(idx)), np.zeros(len(idx))
     for k in range(ITERATIONS):
         now = project(samples, camera, quat.matrix(fit_q)[None], fit_t[None], idx[None])
-        gaps = candidate - np.einsum("mi,mi->m", now.pixels[0] - at, n)[:, None]
+        gaps = candidate - np.einsum("mi,mi->m", now.pixels[0] - pixels, n)[:, None]
         r, weight, choice = _weighted_residuals(gaps, strength, factor, k)
         J = jacobian(now, camera, fit_t[None])
         scale = parameter_scale(float(fit_t[2]), target.radius_m)
@@ -272,22 +272,22 @@ def _weighted_residuals(gaps: Array, strength: Array, factor: int, k: int) -> Tu
     return r, ok * tukey(r, limit), choice
 
 
-def _crop(image: Array, at: Array, margin: float) -> "Optional[Tuple[Array, int, int]]":
+def _crop(image: Array, pixels: Array, margin: float) -> "Optional[Tuple[Array, int, int]]":
     h, w = image.shape
-    x0, y0 = (int(v) for v in np.clip(at.min(axis=0) - margin, 0, [w, h]))
-    x1, y1 = (int(v) for v in np.clip(at.max(axis=0) + margin + 2, 0, [w, h]))
+    x0, y0 = (int(v) for v in np.clip(pixels.min(axis=0) - margin, 0, [w, h]))
+    x1, y1 = (int(v) for v in np.clip(pixels.max(axis=0) + margin + 2, 0, [w, h]))
     if min(x1 - x0, y1 - y0) < 16:
         return None
     return image[y0:y1, x0:x1], x0, y0
 
 
-def _profiles(image: Array, at: Array, n: Array) -> Array:
+def _profiles(image: Array, pixels: Array, n: Array) -> Array:
     """Return the derivative (M, 2 HALF_PROFILE_PX + 1) across the edge at each sample, averaged along the edge."""
     k = np.arange(-(HALF_PROFILE_PX + HALF_KERNEL_PX), HALF_PROFILE_PX + HALF_KERNEL_PX + 1, dtype=np.float32)
     along = np.stack([-n[:, 1], n[:, 0]], axis=-1)
     s = np.arange(-AVERAGED_PX, AVERAGED_PX + 1, dtype=np.float32) * 1.2
-    x = at[:, None, None, 0] + n[:, None, None, 0] * k + along[:, None, None, 0] * s[:, None]
-    y = at[:, None, None, 1] + n[:, None, None, 1] * k + along[:, None, None, 1] * s[:, None]
+    x = pixels[:, None, None, 0] + n[:, None, None, 0] * k + along[:, None, None, 0] * s[:, None]
+    y = pixels[:, None, None, 1] + n[:, None, None, 1] * k + along[:, None, None, 1] * s[:, None]
     m, a, p = x.shape
     values = cv2.remap(
         image,

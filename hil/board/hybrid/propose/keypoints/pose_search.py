@@ -190,10 +190,12 @@ def _grid_maxima(
     scores = np.empty((len(sizes), len(q)), np.float32)
     shift = ((middle + HALF_RANGE) / BIN_WIDTH).astype(np.float32)[:, None]
     for score, factor in zip(scores, sizes):  # noqa: B905 - Python 3.9 has no strict=
-        at = (rotated * np.float32(focal / sphere_distance * factor / BIN_WIDTH) + shift).astype(np.int32)
-        np.clip(at, 0, BINS - 1, out=at)
-        at += row
-        score[:] = table.ravel().take(at).sum(axis=(1, 2))
+        bin_index = (rotated * np.float32(focal / sphere_distance * factor / BIN_WIDTH) + shift).astype(
+            np.int32
+        )
+        np.clip(bin_index, 0, BINS - 1, out=bin_index)
+        bin_index += row
+        score[:] = table.ravel().take(bin_index).sum(axis=(1, 2))
     size = sizes[scores.argmax(axis=0)]
     best = scores.max(axis=0)
     kept: List[int] = []
