@@ -373,7 +373,7 @@ def test_what_speaks_against_a_pose_lowers_its_confidence():
         {"explained": 0.1},
         {"sigma_rad": 0.05},
         {"sigma_share": 0.03},
-        {"burnt": 0.6},
+        {"saturated": 0.6},
         {"network": -10.0},
     ):
         assert confidence(replace(told, **doubt)) < confidence(told)
