@@ -1,6 +1,10 @@
 // Solar cells, all slightly different, with silver contacts.
 // u_cells: four rows a lattice, as in simulator/render/craft/cell_lattice.py, but of places in the camera frame.
+#ifdef FLAT_CELLS
+#define u_cells v_cells
+#else
 uniform vec4 u_cells[4 * CELLS];
+#endif
 
 // Share of a stretch about a place, `off` from the nearest line, that lies on lines one pitch apart. In pitches; `wide` is
 // a line's, `stretch` the stretch's width, `per` one over it.

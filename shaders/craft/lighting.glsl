@@ -18,12 +18,12 @@ uniform sampler2D t_interreflection;
 
 // Irradiance of the sky on a plate of normal n, camera frame [W m-2]; simulator/scene/illumination/irradiance.py.
 color sky_irradiance(vec3 n) {
-    color e = BAND(u_sky[0]) + BAND(u_sky[1]) * n.x + BAND(u_sky[2]) * n.y + BAND(u_sky[3]) * n.z;
-    e += BAND(u_sky[4]) * (n.x * n.y) + BAND(u_sky[5]) * (n.y * n.z) + BAND(u_sky[6]) * (n.z * n.x);
-    e += BAND(u_sky[7]) * (3.0 * n.z * n.z - 1.0) + BAND(u_sky[8]) * (n.x * n.x - n.y * n.y);
+    color e = SKY(0) + SKY(1) * n.x + SKY(2) * n.y + SKY(3) * n.z;
+    e += SKY(4) * (n.x * n.y) + SKY(5) * (n.y * n.z) + SKY(6) * (n.z * n.x);
+    e += SKY(7) * (3.0 * n.z * n.z - 1.0) + SKY(8) * (n.x * n.x - n.y * n.y);
     float c2 = dot(n, u_globe_rim.xyz);
     c2 *= c2;
-    e += BAND(u_sky[9]) * ((35.0 * c2 - 30.0) * c2 + 3.0) * 0.125;
+    e += SKY(9) * ((35.0 * c2 - 30.0) * c2 + 3.0) * 0.125;
     return max(e, color(0.0));
 }
 

@@ -1,4 +1,26 @@
 // Radiance [W m-2 sr-1] and coverage of the target, per image pixel, from its samples.
+#include "common/bands.glsl"
+#define FLAT flat in
+#include "craft/flat_inputs.glsl"
+#ifdef FLAT_INPUTS
+#define u_intrinsics v_intrinsics
+#define u_sun_direction v_sun_direction
+#define u_globe_rim v_globe_rim
+#define u_globe_radiance v_globe_radiance
+#define u_nadir_direction v_nadir_direction
+#define u_pattern v_pattern
+#define u_window v_window
+#define u_texel v_texel.xy
+#define u_slope_texel v_texel.zw
+#define u_camera_from_target v_camera_from_target
+#if BANDS == 1
+#define u_shadow v_shadow
+#define u_light_from_camera v_light_from_camera
+#endif
+#else
+uniform vec2 u_texel, u_slope_texel; // one over the sizes of the samples' images and of the slopes'
+uniform vec4 u_window;               // x0, y0, width, height of the pixels that hold the target
+#endif
 #include "common/rays.glsl"
 #include "craft/sample_pattern.glsl"
 #include "craft/lighting.glsl"
@@ -22,9 +44,6 @@ uniform sampler2D t_texel;     // reflectance per band and metalness of each sam
 uniform sampler2D t_detail;    // their normals and roughness
 #endif
 
-// One over the sizes of the samples' images and of the slopes'.
-uniform vec2 u_texel, u_slope_texel;
-uniform vec4 u_window; // x0, y0, width, height of the pixels that hold the target
 layout(location = 0) out vec4 out_radiance;
 layout(location = 1) out float out_coverage;
 

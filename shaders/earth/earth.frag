@@ -96,7 +96,7 @@ void main() {
 layout(location = 0) out vec4 out_radiance;
 
 #if HIGH && CLOUDS && AIR && !SMOOTH
-const float TALLEST_KM = 12.0; // tops of deep convection lie at 10 to 16 km (Liu & Zipser 2005, J. Geophys. Res. 110, D23104)
+const float TALLEST_KM = 12.0; // most frequent height of tropical deep clouds (Chae & Sherwood 2010, J. Atmos. Sci. 67, 248)
 
 const float WALL = 0.75;       // light of a cloud's side over that of its top: it sees half of the sky
 

@@ -49,6 +49,8 @@ const float ROCK = 1.25;      // HIGH: contrast of bare rock where land is as ro
 const float GRAVEL = 0.55;    // HIGH: additional reflectance of valley floors over the rock beside them
 const float HALO = 0.025;     // HIGH: optical depth, as `thin` counts it, at a cloud's edge
 const float FLANK = 0.4;      // HIGH: light that a cloud's side lacks of its top's
+const float GLOW = 0.15;      // HIGH: share of lamps' light that comes from the air about them: an estimate
+const float MASS_LEVEL = 4.0; // HIGH: level of the detail that shows a cloud's width: 3.7 km
 const float EDDY = 0.05;      // HIGH: displacement of films by eddies [tiles of the detail]
 const float LEE = 1.6, LEE_KM = 9.0; // HIGH: greatest calm at a coast, and over what distance it fades
 const float RELIEF_KM = 0.35; // height of a deck's puffs of full contrast; of puffs that stand apart up to four times as much
@@ -220,6 +222,10 @@ color surface_radiance(GroundPoint g, Surface s, Waters waters, Detail detail) {
     // fragments and haze about clouds (Koren et al. 2007, Geophys. Res. Lett. 34, L08805), and towers of unlike depth
     s.veil += HALO * min(2.0 * s.share, 1.0) * exp(6.0 * min(over, 0.0));
     s.thick *= 0.3 + 1.4 * detail.cloud.w;
+    // tops of wider clouds are higher (Zhao & Di Girolamo 2007, doi:10.1029/2006JD007371): they are deeper, with a side in shade
+    vec4 mass = textureLod(t_detail, g.plane + g.lift, max(DETAIL_LEVEL, MASS_LEVEL));
+    float core = clamp(1.0 + (mass.x - 0.85) * scale, 0.0, 2.0);
+    s.thick *= 0.25 + 1.6 * core * core;
 #endif
     float cloud = cloud_reflectance(max(over, 0.0), s.thick, s.veil, g.thin);
 #if FAR
@@ -289,7 +295,8 @@ color surface_radiance(GroundPoint g, Surface s, Waters waters, Detail detail) {
     ground -= ground * (0.7 * cloud_reflectance(before, s.thick, s.veil, g.thin));
 #if HIGH
     // tops that the Sun reaches, and valleys of thick cloud in their shade
-    float relief = clamp(1.0 - (2.0 * RELIEF_KM) * min(scale, 4.0) * rise, 0.4, 1.5);
+    float whole = dot(mass.yz, g.toward) - level;
+    float relief = clamp(1.0 - (2.0 * RELIEF_KM) * min(scale, 4.0) * (rise + 2.0 * whole), 0.4, 1.5);
     // seen aslant, their sides hide a part of the tops
     vec2 towards_camera = g.lift * (2.0 * SLOPE_PER_KM * DETAIL_KM);
     relief *= 1.0 - FLANK * clamp(-scale * dot(detail.cloud.yz - 0.5, towards_camera), 0.0, 1.0);
@@ -316,8 +323,9 @@ color surface_radiance(GroundPoint g, Surface s, Waters waters, Detail detail) {
 #endif
     float streets = mix(city.z, city.y, clamp(1.5 * s.lit - 0.25, 0.0, 1.0)) * CITY_BRIGHTEST;
 #if HIGH
-    // smaller streets
+    // smaller streets, and light that the air scatters about them (Sanchez de Miguel et al. 2020, Sci. Rep. 10, 7829)
     streets *= textureLod(t_city, mat2(2.9, 2.4, -2.4, 2.9) * g.plane, DETAIL_LEVEL + 1.9).y * CITY_BRIGHTEST;
+    streets = mix(streets, 1.0, GLOW);
 #endif
     color lamps = g.lamps * (s.lit * s.lit * streets);
 #if CLOUDS

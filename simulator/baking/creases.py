@@ -1,8 +1,9 @@
 """Tiling slopes of creased foil, with their deviation within each mipmap texel; mottle of matt surfaces.
 
-Crumpling leaves sharp ridges around gently curved facets of all sizes: their lengths span a decade (Blair & Kudrolli
-2005, Geometry of crumpled paper, PRL 94, 166107). Here a layer is the upper or lower envelope of paraboloids, whose
-borders are straight (a power diagram): curved facets with a kink between them.
+Crumpling leaves sharp ridges around facets of all sizes: short ridges are log-normal, the longest a power law
+(Andresen, Hansen & Schmittbuhl 2007, Ridge network in crumpled paper, Phys. Rev. E 76, 026108). Here a layer is the
+upper or lower envelope of paraboloids, whose borders are straight (a power diagram): curved facets with a kink between
+them.
 """
 
 from __future__ import annotations

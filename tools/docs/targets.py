@@ -63,13 +63,13 @@ Surfaces beside the metal, paint and glass of glTF (`draft` has one scale of cre
 cells):
 
 - Foil (a material with `crinkle` and metalness): curved facets of 2 mm to 13 cm (`high`: from 0.5 mm) with sharp
-  creases between them (Blair & Kudrolli 2005), and tape along seams. Three tenths of the light go into the wide lobe of
+  creases between them (Andresen et al. 2007), and tape along seams. Three tenths of the light go into the wide lobe of
   creases below a millimetre. Facets below a pixel widen the lobe by the variance of their slopes (Olano & Baker 2010).
 - Its colour is that of the metal seen through its film: gold absorbs 0.37 of visible sunlight (aluminised Kapton,
   film outside: 0.40 of all sunlight), silver 0.26 (aluminised FEP 0.16 when new; both Fortescue et al. 2011, table
   11.3).
 - Cells and lenses (dark under polished glass): Fresnel reflection of cover glass with a quarter wave of magnesium
-  fluoride, and of the cell with one of titanium oxide (Macleod 2010): blue, violet at a slant, white at grazing.
+  fluoride, and of the cell with one of titanium oxide (indices are ours): blue, violet at a slant, white at grazing.
 - Cells in a lattice: no two alike in tilt (0.2 deg) and film; two busbars, and fingers, to their share of a pixel.
 - Backs of panels: reflectance that differs by some hundredths over decimetres, joints every 0.4 m. `high` also wears
   paint and metal of the built-in craft, by name: uneven gloss, fasteners beside joints, tape around rods (ours).

@@ -51,7 +51,7 @@ def craft_before(
     scene = scene_with_pose(
         scene, target, Pose.of("camera", "target", q, np.array([0.0, 0.0, distance_m])), 0
     )
-    return exposed(glare(radiance(renderer, scene, name)), 0.97)
+    return exposed(glare(radiance(renderer, scene, name)), 0.99)
 
 
 def twilight(renderer: fa.Renderer) -> np.ndarray:

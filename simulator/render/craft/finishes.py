@@ -126,11 +126,8 @@ def wear_of(material: Material) -> float:
 def film_reflectance(bands: Bands, cosine: float) -> FloatArray:
     """Return (n,) mean reflectance per band of coated cover glass and of the coated cell below, less grazing Fresnel.
 
-    The path under the glass is refracted; both films are a quarter wave thick at 600 nm.
-
-    References
-    ----------
-    Macleod (2010), Thin-film optical filters, section 2.6: one film between two media.
+    The path under the glass is refracted; both films are a quarter wave thick at 600 nm. Indices and thickness are
+    estimates; a film's reflections are summed as Airy does.
     """
     in_glass = np.sqrt(1 - (1 - cosine**2) / _GLASS**2)
     out = []

@@ -45,9 +45,9 @@ _AEROSOL_DEPTH, _AEROSOL_HEIGHT_M = 0.05, 1200.0
 """Vertical optical depth at 550 nm of clean air far from cities and deserts."""
 _AIRGLOW_W_M2_SR = {"panchromatic": 5.0e-7, "red": 1.29e-7, "green": 1.70e-7, "blue": 1.4e-7}
 """Airglow of 557.7 nm 250 R, sodium 50 R, a continuum of 0.3 R to an angstrom: Roach & Gordon (1973), The Light of the
-Night Sky, Leinert et al. (1998), Astron. Astrophys. Suppl. 127, sec. 6; OH 230 R in red, 680 R up to 750 nm and
-Chamberlain's bands 80 R: Johnston (1992), Spectroscopic observations of the night airglow from 3000 A to 9200 A,
-thesis. 1 R is 1e10 / (4 pi) photons m-2 s-1 sr-1."""
+Night Sky, Leinert et al. (1998), Astron. Astrophys. Suppl. 127, sec. 6; OH (7-2) 90 R, (8-3) 450 R and Chamberlain's
+bands 80 R: Johnston (1992), Spectroscopic observations of the night airglow from 3000 A to 9200 A, thesis, abstract;
+140 R of other OH bands in red: an estimate. 1 R is 1e10 / (4 pi) photons m-2 s-1 sr-1."""
 
 
 @dataclass(frozen=True, kw_only=True)
