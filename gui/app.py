@@ -219,7 +219,7 @@ class ConsoleLoop:
         window.font_scale = console.window.font_scale = layout.font_scale
         style.apply_style(window.imgui, window.scale)
         self._layout = Layout(window, layout)
-        console.help.about = self._layout.about()
+        console.help.descriptions = self._layout.descriptions()
         console.recent += [name for name in layout.recent if name not in console.recent]
         console.shown.update(self._layout.first_shown())
         if request.choose:
@@ -255,7 +255,7 @@ class ConsoleLoop:
             for name, *arguments in self._gamepad.commands(window.gamepad()):
                 console.steer(name, *arguments)
             needs_drawing |= self._update_feeds()
-            self._tell_troubles()
+            self._report_failures()
             if now - drawn_s >= (least_s if needs_drawing else 1 / STILL_HZ):
                 self._draw()
                 self._account(now)
@@ -371,7 +371,7 @@ class ConsoleLoop:
                 # the flight continues: a full disk must not end it
                 console.say(f"not saved: {error}", "caution")
 
-    def _tell_troubles(self) -> None:
+    def _report_failures(self) -> None:
         """Report failures of pictures, each once; the flight continues."""
         recorder = self._console.session.look_back.recorder
         for trouble in (

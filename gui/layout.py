@@ -17,7 +17,6 @@ import platformdirs
 
 from flyaround.gui import style
 from flyaround.gui.command_table import STATE, Command
-from flyaround.gui.jobs.all import running_jobs
 from flyaround.gui.menus import MenuBar
 from flyaround.gui.panels.all import PANELS
 from flyaround.gui.status_line import StatusLine, note_window
@@ -240,20 +239,22 @@ class Layout:
         self._was_shown = dict(console.shown)
 
     def _strip(self, console: Console) -> None:
-        """Draw the transport strip above the status line, and above it the jobs, if any."""
+        """Draw the transport strip above the status line, and above it the jobs."""
         imgui = self._window.imgui
         flags = imgui.WindowFlags_.no_scrollbar | imgui.WindowFlags_.no_saved_settings
-        height = imgui.get_frame_height() + 2 * imgui.get_style().window_padding.y
-        strips: list[tuple[str, TransportStrip | JobStrip]] = [("transport", self._transport)]
-        if running_jobs(console.jobs):
-            strips.append(("jobs", self._jobs))
-        for name, strip in strips:
+        padding = imgui.get_style().window_padding
+        low = self._w.vec(padding.x, 0.4 * padding.y)
+        height = imgui.get_frame_height() + 2 * low.y
+        imgui.push_style_var(imgui.StyleVar_.window_padding, low)
+        strips: dict[str, TransportStrip | JobStrip] = {"transport": self._transport, "jobs": self._jobs}
+        for name, strip in strips.items():
             if imgui.internal.begin_viewport_side_bar(
                 name, imgui.get_main_viewport(), imgui.Dir.down, height, flags
             ):
                 note_window(imgui, console, name)
                 strip.draw(console)
             imgui.end()
+        imgui.pop_style_var()
 
     def _first_tabs(self, console: Console) -> list[str]:
         """Return the windows of the first open panel of each place, the centre's last."""
@@ -278,7 +279,7 @@ class Layout:
         """True once the tour was completed or skipped."""
         return self._saved.tour_seen
 
-    def about(self) -> dict[str, tuple[str, str]]:
+    def descriptions(self) -> dict[str, tuple[str, str]]:
         """Return title and description of each panel."""
         return {p.name: (p.title, _description(type(p))) for p in self.panels}
 
@@ -378,8 +379,8 @@ class Layout:
         else:
             split("right", "centre", imgui.Dir.right, RIGHT)
             split("right-upper", "right", imgui.Dir.down, 0.81)
-            split("right-middle", "right-upper", imgui.Dir.down, 0.63)
-            split("right-low", "right-middle", imgui.Dir.down, 0.5)
+            split("right-middle", "right-upper", imgui.Dir.down, 0.59)
+            split("right-low", "right-middle", imgui.Dir.down, 0.52)
             # docks whose panels are all closed take no space
             split("left", "centre", imgui.Dir.left, LEFT)
             view = screen.work_size.x * (1 - RIGHT) * (1 - LEFT) / self._aspect

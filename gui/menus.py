@@ -131,4 +131,4 @@ class MenuBar:
         label = labelled(name, command.title) if name in ICONS else f"{NO_ICON}{command.title}"
         if self._imgui.menu_item_simple(f"{label}###{name}", command.shown, on):
             console.do(name)
-        self._w.about(console, name)
+        self._w.command_tip(console, name)

@@ -137,7 +137,7 @@ def running_jobs(jobs: Jobs) -> list[RunningJob]:
     if jobs.film is not None:
         rows.append(RunningJob(f"film {jobs.film.pictures} pictures", None, "film.stop"))
     if jobs.hil.on:
-        text = f"board session {jobs.hil.state}, {jobs.hil.sent} pictures sent"
+        text = f"board: {jobs.hil.state}, {jobs.hil.sent} sent"
         rows.append(RunningJob(text, None, "hil.stop"))
     if jobs.mesh is not None:
         rows.append(RunningJob(f"importing {jobs.mesh.name}"))

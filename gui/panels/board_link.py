@@ -48,7 +48,7 @@ class BoardLinkPanel(Panel):
         imgui.set_next_item_width(-1)
         _, self._url = imgui.input_text("##url", hil.url or self._url)
         imgui.end_disabled()
-        w.about(console, "hil.start", argument="url")
+        w.command_tip(console, "hil.start", argument="url")
         w.button(
             console, "hil.stop" if hil.on else "hil.start", *([] if hil.on else [self._url]), width=w.width
         )
@@ -126,7 +126,7 @@ class BoardLinkPanel(Panel):
         w.text(FAULTS[self._fault][1], style.QUIET)
         imgui.set_next_item_width(min(8 * imgui.get_font_size(), 0.5 * w.width))
         _, self._seconds = imgui.input_double("s##seconds", self._seconds, 0.0, 0.0, "%.3g")
-        w.about(console, "hil.fault", argument="seconds")
+        w.command_tip(console, "hil.fault", argument="seconds")
         w.flow(6 * imgui.get_font_size(), first=False)
         imgui.begin_disabled(not console.jobs.hil.on)
         seconds = min(max(self._seconds, 0.1), 3600.0)
