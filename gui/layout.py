@@ -229,10 +229,12 @@ class Layout:
                 console.options.panel or panel.place in {"centre", "over"}
             ):
                 hovered = panel.name if self._panel(console, panel) else hovered
+        floating = any(panel.place == "over" and console.shown.get(panel.name) for panel in self.panels)
         if self._build:
-            # new tabs raise themselves for some frames; one window per frame takes the focus
+            # new tabs raise themselves for some frames; one window per frame takes the focus,
+            # unless a floating window has it
             self._build, self._to_raise = False, [""] * 4 + self._first_tabs(console)
-        elif self._to_raise and (name := self._to_raise.pop(0)):
+        elif self._to_raise and not floating and (name := self._to_raise.pop(0)):
             imgui.set_window_focus(name)
         console.help.hovered = hovered
         self._saved.tour_seen |= bool(self._was_shown.get("tour")) and not console.shown.get("tour")
