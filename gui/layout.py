@@ -113,7 +113,7 @@ def panel_commands() -> tuple[Command, ...]:
         Command(
             f"layout.{name}",
             name.capitalize(),
-            f"panels for: {', '.join(sorted(opened))}",
+            f"panels: {', '.join(p.title for p in PANELS if p.name in opened)}",
             partial(preset, name),
         )
         for name, opened in PRESETS.items()

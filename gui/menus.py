@@ -18,7 +18,7 @@ Entries = tuple[tuple[str, tuple[str, ...]], ...]
 """Titles of submenus with names of commands, which may end in ``*`` for all commands that no other entry lists; entries
 of the menu itself have an empty title.
 """
-NO_ICON = " " * 6
+NO_ICON = " " * 7
 """Width of an icon, for aligning titles."""
 TEXT = """
 File

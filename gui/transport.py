@@ -77,7 +77,8 @@ class TransportStrip:
         w, imgui, flight = self._w, self._w.imgui, console.session.clock
         k = min(range(len(RATES)), key=lambda i: abs(math.log(RATES[i] / flight.rate)))
         imgui.set_next_item_width(width)
-        changed, new_k = imgui.slider_int("##rate", k, 0, len(RATES) - 1, f"{flight.rate:g}x")
+        text = "jump" if flight.jump else f"{flight.rate:g}x"
+        changed, new_k = imgui.slider_int("##rate", k, 0, len(RATES) - 1, text)
         w.command_tip(console, "time.rate")
         if changed and new_k != k:
             console.do("time.rate", f"{RATES[new_k]:g}")
@@ -154,7 +155,7 @@ class JobStrip:
             free = set(range(len(jobs) + JOB_COLUMNS)) - set(self._columns.values())
             column = self._columns.setdefault(name, min(free))
             imgui.same_line(left + column * width)
-            button = w.button_width(labelled(job.end, "End")) if job.end else 0.0
+            button = w.button_width(labelled("film.stop", "End")) if job.end else 0.0
             w.one_line(w.elided(job.text, width - button - 1.5 * imgui.get_font_size()), style.ACCENT)
             w.tip(job.text)
             if job.share is not None:
@@ -163,4 +164,4 @@ class JobStrip:
                 imgui.get_window_draw_list().add_rect_filled(w.vec(low.x, high.y), end, w.color(style.ACCENT))
             if job.end:
                 imgui.same_line(left + (column + 1) * width - button - imgui.get_font_size())
-                w.button(console, job.end, label="End")
+                w.button(console, job.end, label="End", icon="film.stop")

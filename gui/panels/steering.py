@@ -93,11 +93,12 @@ class SteeringPanel(Panel):
         w, session = self._w, console.session
         w.section("Planned burns [m/s]")
         burns = session.craft.steering.burns.burns
-        rows = [self._burn_cells(console, k, burn) for k, burn in enumerate(burns)]
-        w.table("burns", (0.27, 0.63, 0.1), rows, ("T+ [s]", "radial, along, cross", ""))
         at_s = max([session.t_s, *(b.end_s for b in burns)]) + FIRST_AFTER_S
         first = (round(at_s, 1), 0.0, FIRST_M_S, 0.0)
+        # above the table, whose growth must not move it
         w.button(console, "burn.plan", *first, label="Add a burn", width=w.width)
+        rows = [self._burn_cells(console, k, burn) for k, burn in enumerate(burns)]
+        w.table("burns", (0.27, 0.63, 0.1), rows, ("T+ [s]", "radial, along, cross", ""))
         if burns:
             self._forecast(console)
             w.button(console, "burn.cancel", width=w.width)

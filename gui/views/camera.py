@@ -105,7 +105,7 @@ class CameraView(Panel):
             self._metered, self._fault = picture, exposure_fault(picture.frame)
         if feed.late_s:
             canvas.box(within[:2], within[2:], style.PLATE)
-            text = f"picture of {feed.late_s:.0f} s ago"
+            text = f"no new picture for {feed.late_s:.0f} s"
             self._centred(canvas, within, text, console.preparing)
         elif self._fault:
             x = box.x + (box.width - canvas.size(self._fault)[0]) / 2
