@@ -109,9 +109,9 @@ class CameraView(Panel):
             self._centred(canvas, within, text, console.preparing)
         elif self._fault:
             x = box.x + (box.width - canvas.size(self._fault)[0]) / 2
-            # the docking display has figures at the upper edge
-            low = box.height - 1.5 * self._line if options.overlays.docking else 2 * self._line
-            self._write(canvas, (x, box.y + low), (Row("", self._fault, style.WARN, ""),))
+            # there are figures at the upper edge
+            low = box.y + box.height - 1.5 * self._line
+            self._write(canvas, (x, low), (Row("", self._fault, style.WARN, ""),))
 
     # --- arrangement
 
