@@ -11,7 +11,7 @@ from flyaround.gui import style
 from flyaround.gui.command_table import CommandTable
 from flyaround.gui.commands.all import COMMANDS
 from flyaround.gui.commands.log import script_header
-from flyaround.gui.console import Console
+from flyaround.gui.console import LONGEST_TICK_MS, Console
 from flyaround.gui.gamepad import Gamepad
 from flyaround.gui.jobs.program import new_path
 from flyaround.gui.layout import Layout, layout_file, panel_commands, read_layout
@@ -51,6 +51,8 @@ SLICE_S = 1 / 60
 URGENT, URGENT_ARMED = ("delete",), ("delete", "x")
 """Keys of abort and stop, which are handled before other queued keys if the window is slow."""
 FLIGHT_GROUPS = frozenset({"steer", "guidance", "burn", "docking", "time", "timeline"})
+FLYING_MS = 100.0
+"""Processing time of the flight per frame [ms]; beyond it the operator's time runs slower than real time."""
 GIVES_WAY = 5
 """Niceness of the render process, so that keys and the window stay responsive."""
 ANSWER_WITHIN_S = 20.0
@@ -172,6 +174,8 @@ def run(request: Request) -> dict[str, Any]:
                 console.log.write_to(request.log, script_header(console))
             state = ConsoleLoop(window, console, request).run()
         finally:
+            # ending jobs takes seconds
+            window.hide()
             # keep the recording also if the flight ends with an error
             console.close()
             replay = recorder.close()
@@ -219,7 +223,7 @@ class ConsoleLoop:
         window.font_scale = console.window.font_scale = layout.font_scale
         style.apply_style(window.imgui, window.scale)
         self._layout = Layout(window, layout)
-        console.help.about = self._layout.about()
+        console.help.descriptions = self._layout.descriptions()
         console.recent += [name for name in layout.recent if name not in console.recent]
         console.shown.update(self._layout.first_shown())
         if request.choose:
@@ -231,7 +235,7 @@ class ConsoleLoop:
         self._pressed: list[str] = []
         """Keys pressed in this frame: each counts until time has advanced, however short it was held."""
         self._gamepad = Gamepad()
-        self._window_ms = 0.0
+        self._window_ms, self._longest_ms = 0.0, LONGEST_TICK_MS
         self._drawn_s: list[float] = []
 
     def run(self) -> dict[str, Any]:
@@ -255,7 +259,7 @@ class ConsoleLoop:
             for name, *arguments in self._gamepad.commands(window.gamepad()):
                 console.steer(name, *arguments)
             needs_drawing |= self._update_feeds()
-            self._tell_troubles()
+            self._report_failures()
             if now - drawn_s >= (least_s if needs_drawing else 1 / STILL_HZ):
                 self._draw()
                 self._account(now)
@@ -287,7 +291,14 @@ class ConsoleLoop:
         if console.feed.newest is None:
             console.stand()
         else:
-            console.pass_time(wall_ms, console.table.held([*down, *pressed]))
+            tick_ms, began_s = min(wall_ms, self._longest_ms), self._window.seconds
+            console.pass_time(tick_ms, console.table.held([*down, *pressed]))
+            spent_ms = 1e3 * (self._window.seconds - began_s)
+            # costly steps at a high rate: less time passes in a frame, so that keys and abort act soon
+            if tick_ms:
+                self._longest_ms = max(
+                    int(min(tick_ms * FLYING_MS / max(spent_ms, 1e-3), LONGEST_TICK_MS)), 1
+                )
 
     def _update_feeds(self) -> bool:
         """Take finished pictures and request new ones; return True if one arrived."""
@@ -371,7 +382,7 @@ class ConsoleLoop:
                 # the flight continues: a full disk must not end it
                 console.say(f"not saved: {error}", "caution")
 
-    def _tell_troubles(self) -> None:
+    def _report_failures(self) -> None:
         """Report failures of pictures, each once; the flight continues."""
         recorder = self._console.session.look_back.recorder
         for trouble in (

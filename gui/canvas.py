@@ -92,7 +92,7 @@ class Canvas:
     def tip(self, corner: Point, size: Point, text: str) -> None:
         """Give a rectangle a hover text."""
         self._imgui.push_font(self._window.text_font, 0.0)
-        hover_text.tell_place(self._imgui, corner, size, text)
+        hover_text.area_tip(self._imgui, corner, size, text)
         self._imgui.pop_font()
 
     # --- lines

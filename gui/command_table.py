@@ -68,7 +68,7 @@ class Argument:
     unit: str = ""
 
     @property
-    def about(self) -> str:
+    def description(self) -> str:
         """Description: name, unit and bounds, meaning, and allowed words."""
         unit = f" [{self.unit}]" if self.unit else ""
         bounds = f", {self.least:g} to {self.most:g}" if math.isfinite(self.most - self.least) else ""
@@ -107,7 +107,7 @@ class Argument:
 
 def number(
     name: str,
-    about: str,
+    text: str,
     least: float = -math.inf,
     most: float = math.inf,
     unit: str = "",
@@ -115,12 +115,12 @@ def number(
     optional: bool = False,
 ) -> Argument:
     """Return an argument that is a finite number."""
-    return Argument(name, "number", about, least=least, most=most, unit=unit, optional=optional)
+    return Argument(name, "number", text, least=least, most=most, unit=unit, optional=optional)
 
 
-def word(name: str, about: str, choices: tuple[str, ...] = (), *, optional: bool = False) -> Argument:
+def word(name: str, text: str, choices: tuple[str, ...] = (), *, optional: bool = False) -> Argument:
     """Return an argument that is a text, or one of the allowed words."""
-    return Argument(name, "word", about, choices, optional=optional)
+    return Argument(name, "word", text, choices, optional=optional)
 
 
 STATE = Argument("state", "switch", "on or off; left out: the other one", optional=True)
@@ -190,7 +190,7 @@ class Command:
             [self.name, *(f"[{a.name}]" if a.optional else a.name.upper() for a in self.arguments)]
         )
 
-    def about(self, *supplied: Value) -> str:
+    def hover_text(self, *supplied: Value) -> str:
         """Return the hover text of its control: purpose, key and arguments.
 
         Parameters
@@ -199,7 +199,7 @@ class Command:
             Arguments that the control supplies; the others are listed with their units.
         """
         help_, keys = self.help[:1].upper() + self.help[1:], f" ({self.shown})" if self.shown else ""
-        open_ = [a.about for a in self.arguments[len(supplied) :] if a.kind != "switch"]
+        open_ = [a.description for a in self.arguments[len(supplied) :] if a.kind != "switch"]
         return "\n".join([f"{help_}{keys}", *open_, line_of(self.name, supplied) if supplied else self.form])
 
     def read(self, words: Sequence[str]) -> tuple[Value, ...]:
@@ -235,11 +235,11 @@ def command(
     state: Callable[[Any], bool] | None = None,
     flies: bool = False,
     title: str = "",
-    about: str = "",
+    text: str = "",
 ) -> Command:
     """Return a command with its title and help from the texts, unless given."""
-    text = (title, about) if title else _texts()[name]
-    return Command(name, *text, run, keys, arguments, state=state, flies=flies)
+    title_and_help = (title, text) if title else _texts()[name]
+    return Command(name, *title_and_help, run, keys, arguments, state=state, flies=flies)
 
 
 def switch(
@@ -275,7 +275,7 @@ def _texts() -> dict[str, tuple[str, str]]:
     """Return title and help of each command by its name."""
     name = "command_texts.toml"
     texts = parse_toml(files("flyaround.gui").joinpath(name).read_bytes(), name)
-    return {command: (title, about) for command, (title, about) in texts.items()}
+    return {command: (title, text) for command, (title, text) in texts.items()}
 
 
 class CommandTable:

@@ -131,7 +131,7 @@ class Help:
 
     Parameters
     ----------
-    about : dict of str to tuple of str, optional
+    descriptions : dict of str to tuple of str, optional
         Title and description of each panel.
     panel : str, optional
         Panel that the help describes.
@@ -141,7 +141,7 @@ class Help:
         Left, top, width and height of panels and bars.
     """
 
-    about: dict[str, tuple[str, str]] = field(default_factory=dict)
+    descriptions: dict[str, tuple[str, str]] = field(default_factory=dict)
     panel: str = ""
     hovered: str = ""
     behind: set[str] = field(default_factory=set)

@@ -32,10 +32,7 @@ BUTTONS: tuple[Do | tuple[()], ...] = (
     ("steer.arm",),  # guide
     ("steer.centre",),  # left stick pressed
     ("docking.go",),  # right stick pressed
-    ("steer.pulse", "forward"),  # cross
-    ("steer.pulse", "right"),
-    ("steer.pulse", "back"),
-    ("steer.pulse", "left"),
+    *(("steer.pulse", way) for way in ("forward", "right", "back", "left")),  # cross
 )
 LEFT_BUMPER, RIGHT_BUMPER = 4, 5
 STILL = (0.0, 0.0, 0.0)  # sticks at rest

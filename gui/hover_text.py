@@ -13,7 +13,7 @@ WIDEST = 26.0
 """Width of a hover text, in text heights."""
 
 
-def tell_item(imgui: Any, text: str) -> None:  # noqa: ANN401 - a foreign module
+def item_tip(imgui: Any, text: str) -> None:  # noqa: ANN401 - a foreign module
     """Show a text while the mouse rests on the last item, even a disabled one; beside a menu, above a strip below."""
     flags = imgui.HoveredFlags_.delay_short | imgui.HoveredFlags_.allow_when_disabled
     if not (imgui.is_item_hovered(flags) and text):
@@ -23,20 +23,20 @@ def tell_item(imgui: Any, text: str) -> None:  # noqa: ANN401 - a foreign module
         imgui.set_next_window_pos(imgui.ImVec2(high.x + imgui.get_font_size(), low.y))
     elif low.y > 0.85 * imgui.get_main_viewport().size.y:
         imgui.set_next_window_pos(imgui.ImVec2(low.x, low.y - 4), pivot=imgui.ImVec2(0, 1))
-    _tell(imgui, text)
+    _show(imgui, text)
 
 
-def tell_place(imgui: Any, corner: Sequence[float], size: Sequence[float], text: str) -> None:  # noqa: ANN401
+def area_tip(imgui: Any, corner: Sequence[float], size: Sequence[float], text: str) -> None:  # noqa: ANN401
     """Show a text while the mouse rests in a rectangle of the current window without a pressed button."""
     x, y = corner
     over = imgui.is_mouse_hovering_rect(imgui.ImVec2(x, y), imgui.ImVec2(x + size[0], y + size[1]))
     if not (over and text) or imgui.is_any_item_active():
         return
     if imgui.is_window_hovered(imgui.HoveredFlags_.stationary):
-        _tell(imgui, text)
+        _show(imgui, text)
 
 
-def _tell(imgui: Any, text: str) -> None:  # noqa: ANN401
+def _show(imgui: Any, text: str) -> None:  # noqa: ANN401
     if not imgui.begin_tooltip():
         return
     width = min(WIDEST * imgui.get_font_size(), 0.8 * imgui.get_main_viewport().size.x)

@@ -17,7 +17,6 @@ import platformdirs
 
 from flyaround.gui import style
 from flyaround.gui.command_table import STATE, Command
-from flyaround.gui.jobs.all import running_jobs
 from flyaround.gui.menus import MenuBar
 from flyaround.gui.panels.all import PANELS
 from flyaround.gui.status_line import StatusLine, note_window
@@ -114,7 +113,7 @@ def panel_commands() -> tuple[Command, ...]:
         Command(
             f"layout.{name}",
             name.capitalize(),
-            f"panels for: {', '.join(sorted(opened))}",
+            f"panels: {', '.join(p.title for p in PANELS if p.name in opened)}",
             partial(preset, name),
         )
         for name, opened in PRESETS.items()
@@ -230,30 +229,34 @@ class Layout:
                 console.options.panel or panel.place in {"centre", "over"}
             ):
                 hovered = panel.name if self._panel(console, panel) else hovered
+        floating = any(panel.place == "over" and console.shown.get(panel.name) for panel in self.panels)
         if self._build:
-            # new tabs raise themselves for some frames; one window per frame takes the focus
+            # new tabs raise themselves for some frames; one window per frame takes the focus,
+            # unless a floating window has it
             self._build, self._to_raise = False, [""] * 4 + self._first_tabs(console)
-        elif self._to_raise and (name := self._to_raise.pop(0)):
+        elif self._to_raise and not floating and (name := self._to_raise.pop(0)):
             imgui.set_window_focus(name)
         console.help.hovered = hovered
         self._saved.tour_seen |= bool(self._was_shown.get("tour")) and not console.shown.get("tour")
         self._was_shown = dict(console.shown)
 
     def _strip(self, console: Console) -> None:
-        """Draw the transport strip above the status line, and above it the jobs, if any."""
+        """Draw the transport strip above the status line, and above it the jobs."""
         imgui = self._window.imgui
         flags = imgui.WindowFlags_.no_scrollbar | imgui.WindowFlags_.no_saved_settings
-        height = imgui.get_frame_height() + 2 * imgui.get_style().window_padding.y
-        strips: list[tuple[str, TransportStrip | JobStrip]] = [("transport", self._transport)]
-        if running_jobs(console.jobs):
-            strips.append(("jobs", self._jobs))
-        for name, strip in strips:
+        padding = imgui.get_style().window_padding
+        low = self._w.vec(padding.x, 0.4 * padding.y)
+        height = imgui.get_frame_height() + 2 * low.y
+        imgui.push_style_var(imgui.StyleVar_.window_padding, low)
+        strips: dict[str, TransportStrip | JobStrip] = {"transport": self._transport, "jobs": self._jobs}
+        for name, strip in strips.items():
             if imgui.internal.begin_viewport_side_bar(
                 name, imgui.get_main_viewport(), imgui.Dir.down, height, flags
             ):
                 note_window(imgui, console, name)
                 strip.draw(console)
             imgui.end()
+        imgui.pop_style_var()
 
     def _first_tabs(self, console: Console) -> list[str]:
         """Return the windows of the first open panel of each place, the centre's last."""
@@ -278,7 +281,7 @@ class Layout:
         """True once the tour was completed or skipped."""
         return self._saved.tour_seen
 
-    def about(self) -> dict[str, tuple[str, str]]:
+    def descriptions(self) -> dict[str, tuple[str, str]]:
         """Return title and description of each panel."""
         return {p.name: (p.title, _description(type(p))) for p in self.panels}
 
@@ -378,8 +381,8 @@ class Layout:
         else:
             split("right", "centre", imgui.Dir.right, RIGHT)
             split("right-upper", "right", imgui.Dir.down, 0.81)
-            split("right-middle", "right-upper", imgui.Dir.down, 0.63)
-            split("right-low", "right-middle", imgui.Dir.down, 0.5)
+            split("right-middle", "right-upper", imgui.Dir.down, 0.59)
+            split("right-low", "right-middle", imgui.Dir.down, 0.52)
             # docks whose panels are all closed take no space
             split("left", "centre", imgui.Dir.left, LEFT)
             view = screen.work_size.x * (1 - RIGHT) * (1 - LEFT) / self._aspect

@@ -18,7 +18,7 @@ Entries = tuple[tuple[str, tuple[str, ...]], ...]
 """Titles of submenus with names of commands, which may end in ``*`` for all commands that no other entry lists; entries
 of the menu itself have an empty title.
 """
-NO_ICON = " " * 6
+NO_ICON = " " * 7
 """Width of an icon, for aligning titles."""
 TEXT = """
 File
@@ -131,4 +131,4 @@ class MenuBar:
         label = labelled(name, command.title) if name in ICONS else f"{NO_ICON}{command.title}"
         if self._imgui.menu_item_simple(f"{label}###{name}", command.shown, on):
             console.do(name)
-        self._w.about(console, name)
+        self._w.command_tip(console, name)

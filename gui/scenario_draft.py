@@ -35,6 +35,9 @@ class ScenarioDraft:
         Its file; None for a built-in scenario and one that is in no file.
     problem : str, optional
         What is wrong with it, in one sentence; empty if nothing is.
+    replacement : str, optional
+        Scenario to edit once the operator agrees to discard this changed text, empty for the one that flies; None
+        unless that question is open.
     """
 
     text: str = ""
@@ -42,6 +45,7 @@ class ScenarioDraft:
     file: Path | None = None
     problem: str = ""
     changed: bool = False
+    replacement: str | None = None
 
     def edit(self, name_or_path: str) -> None:
         """Start from a built-in scenario or a file.
@@ -99,7 +103,7 @@ class ScenarioDraft:
         if path.exists() and path != self.file:
             raise UserError(f"{path} exists already; name another file")
         write_atomic(path, self.text.encode())
-        self.name, self.file, self.changed = path.stem, path, False
+        self.name, self.file, self.changed, self.replacement = path.stem, path, False, None
 
 
 def line_of(message: str, text: str) -> int | None:

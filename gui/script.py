@@ -77,10 +77,10 @@ class Script:
             raise UserError(f"cannot read the script {path}: {error.strerror}") from error
         if len(data) > LARGEST_BYTES:
             raise UserError(f"the script {path} is larger than {LARGEST_BYTES // 1_000_000} MB")
-        return Script.of(data.decode("utf-8-sig", errors="replace"), table, str(path))
+        return Script.parse(data.decode("utf-8-sig", errors="replace"), table, str(path))
 
     @staticmethod
-    def of(text: str, table: CommandTable, where: str = "script") -> Script:
+    def parse(text: str, table: CommandTable, where: str = "script") -> Script:
         """Return a script from its text, ignoring empty lines and those that begin with ``#``."""
         lines: list[Line] = []
         for number, raw in enumerate(text.splitlines(), 1):

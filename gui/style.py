@@ -29,6 +29,8 @@ PURPLE: Rgba = (0.8, 0.475, 0.655, 1.0)
 BLUE: Rgba = (0.0, 0.447, 0.698, 1.0)
 """Too dark for text and thin lines on the console's background; for areas."""
 
+SHADOW: Rgba = (0.62, 0.62, 0.7, 1.0)
+"""The part of an orbit in the shadow of a body."""
 PRIMARY: Rgba = (0.0, 0.40, 0.63, 1.0)
 """Fill of a primary action's button: `BLUE`, darkened for text."""
 BRIGHT = 0.2

@@ -19,6 +19,8 @@ if TYPE_CHECKING:
 
 NARROW_EM = 56
 """Window width, in text heights, below which the strip shortens its texts."""
+JOB_COLUMNS = 4
+"""Columns of the line of jobs: one for each job that can be ended."""
 GUARD_MS = 3000
 """Time for which the open guard of the abort button waits for the second click [ms]."""
 
@@ -75,29 +77,38 @@ class TransportStrip:
         w, imgui, flight = self._w, self._w.imgui, console.session.clock
         k = min(range(len(RATES)), key=lambda i: abs(math.log(RATES[i] / flight.rate)))
         imgui.set_next_item_width(width)
-        changed, new_k = imgui.slider_int("##rate", k, 0, len(RATES) - 1, f"{flight.rate:g}x")
-        w.about(console, "time.rate")
+        text = "jump" if flight.jump else f"{flight.rate:g}x"
+        changed, new_k = imgui.slider_int("##rate", k, 0, len(RATES) - 1, text)
+        w.command_tip(console, "time.rate")
         if changed and new_k != k:
             console.do("time.rate", f"{RATES[new_k]:g}")
 
     def scrubber(self, console: Console, timeline: Timeline, end_s: float, width: float) -> None:
-        """Draw a slider over the flight, with marks of bookmarks, burns and discarded futures."""
+        """Draw a slider over the flight, with eclipses, bookmarks, burns, contacts and the branch to another future."""
         w, imgui = self._w, self._w.imgui
         imgui.set_next_item_width(width)
         flags = imgui.SliderFlags_.always_clamp | imgui.SliderFlags_.no_round_to_format
         changed, t_s = imgui.slider_float("##t", console.session.t_s, 0.0, end_s, "", flags)
-        w.tip(f"{console.table['timeline.seek'].about()}\ndrag to look back, Ctrl and click types a time")
+        w.tip(
+            f"{console.table['timeline.seek'].hover_text()}\ndrag to look back, Ctrl and click types a time"
+        )
         low, high = imgui.get_item_rect_min(), imgui.get_item_rect_max()
         draw, pad = imgui.get_window_draw_list(), 6.0 * w.window.scale
         span = max(high.x - low.x - 2 * pad, 1.0)
+
+        def x_of(t_s: float) -> float:
+            return float(low.x + pad + span * min(t_s / end_s, 1.0))
+
+        for start_s, dark_until_s in console.session.eclipses_s:
+            left, right = x_of(start_s), max(x_of(dark_until_s), x_of(start_s) + 2.0)
+            draw.add_rect_filled(w.vec(left, high.y - 5.0), w.vec(right, high.y), w.color(style.SHADOW))
         marks = [(mark.t_s, style.GOOD) for mark in timeline.bookmarks]
         marks += [(timeline.left_s[0], style.WARN)] if timeline.left_s is not None else []
         marks += [(contact.t_s, style.BAD) for contact in console.session.craft.docking.contacts]
         marks += [(burn.start_s, style.ACCENT) for burn in console.session.craft.steering.burns.burns]
         for at_s, colour in marks:
             if at_s <= end_s:
-                x = low.x + pad + span * at_s / end_s
-                draw.add_line(w.vec(x, low.y), w.vec(x, high.y), w.color(colour), 2.0)
+                draw.add_line(w.vec(x_of(at_s), low.y), w.vec(x_of(at_s), high.y), w.color(colour), 2.0)
         if changed:
             console.do("timeline.seek", max(round(t_s, 3), 0.0))
 
@@ -114,12 +125,12 @@ class TransportStrip:
                 console.say("abort: click once more within three seconds, or press Del")
             self._opened_ms = -GUARD_MS if opened else console.clock_ms
         w.tip(
-            f"{console.table['docking.abort'].about()}\ntwo clicks within three seconds; the key needs one press"
+            f"{console.table['docking.abort'].hover_text()}\ntwo clicks within three seconds; the key needs one press"
         )
 
 
 class JobStrip:
-    """A line for background jobs, each with its progress and a button that ends it.
+    """A line for background jobs, which is always there, so that nothing moves when a job begins or ends.
 
     Parameters
     ----------
@@ -129,18 +140,28 @@ class JobStrip:
 
     def __init__(self, window: Surface) -> None:
         self._w = Widgets(window)
+        self._columns: dict[str, int] = {}
+        """Column of each job, which it keeps until it ends."""
 
     def draw(self, console: Console) -> None:
         """Draw into the current side bar."""
         w, imgui = self._w, self._w.imgui
-        for k, job in enumerate(running_jobs(console.jobs)):
-            if k:
-                imgui.same_line(0, imgui.get_font_size())
-            imgui.align_text_to_frame_padding()
-            w.one_line(job.text, style.ACCENT)
+        jobs = {job.end or job.text: job for job in running_jobs(console.jobs)}
+        self._columns = {name: column for name, column in self._columns.items() if name in jobs}
+        left, width = imgui.get_cursor_pos_x(), w.width / JOB_COLUMNS
+        imgui.align_text_to_frame_padding()
+        w.one_line("" if jobs else "no job runs", style.QUIET)
+        for name, job in jobs.items():
+            free = set(range(len(jobs) + JOB_COLUMNS)) - set(self._columns.values())
+            column = self._columns.setdefault(name, min(free))
+            imgui.same_line(left + column * width)
+            button = w.button_width(labelled("film.stop", "End")) if job.end else 0.0
+            w.one_line(w.elided(job.text, width - button - 1.5 * imgui.get_font_size()), style.ACCENT)
+            w.tip(job.text)
             if job.share is not None:
-                imgui.same_line()
-                imgui.progress_bar(job.share, w.vec(6 * imgui.get_font_size(), 0), f"{100 * job.share:.0f} %")
+                low, high = imgui.get_item_rect_min(), imgui.get_item_rect_max()
+                end = w.vec(low.x + job.share * (high.x - low.x), high.y + 3.0)
+                imgui.get_window_draw_list().add_rect_filled(w.vec(low.x, high.y), end, w.color(style.ACCENT))
             if job.end:
-                imgui.same_line()
-                w.button(console, job.end, label="End")
+                imgui.same_line(left + (column + 1) * width - button - imgui.get_font_size())
+                w.button(console, job.end, label="End", icon="film.stop")

@@ -114,9 +114,9 @@ class Widgets:
 
     def tip(self, text: str) -> None:
         """Give the last item a hover text."""
-        hover_text.tell_item(self.imgui, text)
+        hover_text.item_tip(self.imgui, text)
 
-    def about(self, console: Console, name: str, *given: Value, argument: str = "") -> None:
+    def command_tip(self, console: Console, name: str, *given: Value, argument: str = "") -> None:
         """Give the last item the hover text of its command: purpose, key, and arguments with their units.
 
         Parameters
@@ -128,9 +128,9 @@ class Widgets:
         """
         command = console.table[name]
         if argument:
-            self.tip(next(a.about for a in command.arguments if a.name == argument))
+            self.tip(next(a.description for a in command.arguments if a.name == argument))
         else:
-            self.tip(command.about(*given))
+            self.tip(command.hover_text(*given))
 
     def row(
         self, name: str, values: Sequence[float], form: str, tip: str, *, figure: int | None = None
@@ -193,7 +193,7 @@ class Widgets:
         words = " ".join(a for a in arguments if isinstance(a, str))
         if self.filled_button(f"{text}###{name} {label} {words}", width, fill):
             console.do(name, *arguments)
-        self.about(console, name, *arguments)
+        self.command_tip(console, name, *arguments)
 
     def filled_button(self, label: str, width: float, fill: style.Rgba | None) -> bool:
         """Draw a button of a colour, also when hovered; return True if it was clicked."""
@@ -226,7 +226,7 @@ class Widgets:
         changed, value = self.imgui.checkbox(f"{label or command.title}##{name}", state)
         if changed:
             console.do(name, value) if command.arguments else console.do(name)
-        self.about(console, name)
+        self.command_tip(console, name)
 
     def switches(self, console: Console, names: Sequence[str]) -> None:
         """Draw tick boxes in as many columns as fit, at most two."""
@@ -264,7 +264,7 @@ class Widgets:
         imgui = self.imgui
         imgui.set_next_item_width(width)
         changed, k = imgui.combo(f"##{name}{argument}", names.index(now), [shown(n) for n in names])
-        self.about(console, name, argument=argument)
+        self.command_tip(console, name, argument=argument)
         if changed and not argument:
             console.do(name, names[k])
         return names[k]

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from flyaround.gui.console import Console
 
 FOLDER = Path("out") / "console"
-THIS, NEW = "this-flight", "new"  # what to capture, and into which folder, unless told otherwise
+THIS, NEW = "this-flight", "new"  # what to capture, and into which folder, by default
 
 
 def _what(console: Console, what: str) -> str:
@@ -54,10 +54,6 @@ def _start(
     console.say(f"capturing {frames} frames of {source} into {place}")
 
 
-def _stop(console: Console) -> None:
-    console.jobs.capture.stop()
-
-
 def _resume(console: Console) -> None:
     last = console.jobs.capture.request
     if last is None:
@@ -78,6 +74,6 @@ COMMANDS = (
             Argument("workers", "whole", "processes that draw", least=1, most=MOST_WORKERS, optional=True),
         ),
     ),
-    command("capture.stop", _stop),
+    command("capture.stop", lambda console: console.jobs.capture.stop()),
     command("capture.resume", _resume),
 )

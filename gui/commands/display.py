@@ -81,7 +81,7 @@ COMMANDS = (
             name,
             (OVERLAY_KEYS[name].lower(),) if name in OVERLAY_KEYS else (),
             title=title,
-            about=f"draw over the view: {title.lower()}",
+            text=f"draw over the view: {title.lower()}",
         )
         for name, title in OVERLAYS
     ),
@@ -101,7 +101,7 @@ COMMANDS = (
             partial(_layer, name),
             partial(_layer_is_on, name),
             title=title,
-            about=f"draw or leave out: {title.lower()}",
+            text=f"draw or leave out: {title.lower()}",
         )
         for name, title in LAYERS
     ),

@@ -17,8 +17,8 @@ COMMANDS = (
     ),
     switch(
         "estimator.stages",
-        lambda console, on: console.jobs.estimates.want_stages(wanted=on),
-        lambda console: console.jobs.estimates.stages_wanted,
+        lambda console, on: console.jobs.estimates.send_stages(on=on),
+        lambda console: console.jobs.estimates.with_stages,
     ),
     command("estimator.forget", lambda console: console.jobs.estimates.forget()),
 )

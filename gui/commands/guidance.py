@@ -73,10 +73,7 @@ COMMANDS = (
     command(
         "burn.plan",
         order(lambda *burn: PlanBurn(burn_of(*burn))),
-        arguments=(
-            number("t", SINCE_START, 0.0, 1e6 + MAX_BURN_LEAD_S, "s"),
-            *_lvlh(MAX_DELTA_V_M_S, "m/s"),
-        ),
+        arguments=(number("t", SINCE_START, 0.0, 1e6 + MAX_BURN_LEAD_S, "s"), *_lvlh(MAX_DELTA_V_M_S, "m/s")),
     ),
     command(
         "burn.cancel", order(CancelBurns), arguments=(number("t", SINCE_START, unit="s", optional=True),)

@@ -27,12 +27,17 @@ def built_in_name(scenario: Scenario) -> str:
 
 
 def _edit(console: Console, scenario: str | None = None) -> None:
-    flown = console.session.plan.scenario
-    if named := scenario or console.source or built_in_name(flown):
-        console.draft.edit(named)
-    else:
-        console.draft.begin(flown)
+    flown, draft = console.session.plan.scenario, console.draft
     console.open_panel("editor", shown=True)
+    # a second time is the answer
+    if draft.changed and draft.replacement is None:
+        draft.replacement = scenario or ""
+        return
+    draft.replacement = None
+    if named := scenario or console.source or built_in_name(flown):
+        draft.edit(named)
+    else:
+        draft.begin(flown)
 
 
 def _check(console: Console) -> None:

@@ -74,10 +74,8 @@ def _stick_turn(console: Console, up: float, right: float, roll: float) -> None:
 def _stick_lost(console: Console) -> None:
     pushed = (console.hand.thrust, console.hand.turn) != (NO_DEMAND, NO_DEMAND)
     console.hand.centre_sticks()
-    if pushed:
-        console.say("the gamepad is gone: what it pushed and turned has stopped", "warning")
-    else:
-        console.say("the gamepad is gone")
+    stopped = ": what it pushed and turned has stopped" * pushed
+    console.say(f"the gamepad is gone{stopped}", "warning" if pushed else "note")
 
 
 _HELD = (

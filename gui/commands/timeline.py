@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -92,7 +91,6 @@ class Keeping:
     session: FlightSession
     files: FlownFiles
     then: Callable[[Console, str], None]
-    _told_s: float = 0.0
 
     def __call__(self) -> bool:
         """Write a portion; return False at the end."""
@@ -104,19 +102,18 @@ class Keeping:
                 self.console.unsaved.append(self.session)
             return False
         if replay is None:
-            if time.monotonic() - self._told_s > 1.0:
-                self._told_s = time.monotonic()
-                self.console.say(f"keeping the flight: {100 * self.files.share:.0f} %")
             return True
         self.then(self.console, str(replay))
         return False
 
 
-def _tell(console: Console, replay: str) -> None:
+def _report_kept(console: Console, replay: str) -> None:
     console.say(f"kept {replay}: a scenario for sim, render, capture and hil host")
 
 
-def _keep(console: Console, folder: str | None = None, then: Callable[[Console, str], None] = _tell) -> None:
+def _keep(
+    console: Console, folder: str | None = None, then: Callable[[Console, str], None] = _report_kept
+) -> None:
     name = console.session.plan.scenario.name
     where = free_folder(FOLDER, name) if folder is None else Path(folder)
     session, files = console.session, FlownFiles(console.session, where)

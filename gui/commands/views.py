@@ -12,10 +12,6 @@ if TYPE_CHECKING:
     from flyaround.gui.console import Console
 
 
-def _fit(console: Console) -> None:
-    console.options.map.fitted = True
-
-
 def _zoom(console: Console, factor: float) -> None:
     look = console.options.map
     look.place(look.centre_lvlh_m, look.width_m / factor)
@@ -29,16 +25,12 @@ def _about(console: Console, about: str) -> None:
     console.options.orbit.about = next(a for a in ABOUT if a == about)
 
 
-def _turn(console: Console, azimuth_deg: float, elevation_deg: float, distance_m: float) -> None:
-    console.options.orbit.place(azimuth_deg, elevation_deg, distance_m)
-
-
 def _metres(name: str, of: str) -> Argument:
     return number(name, of, -MOST_WIDTH_M, MOST_WIDTH_M, "m")
 
 
 COMMANDS = (
-    command("map.fit", _fit),
+    command("map.fit", lambda console: setattr(console.options.map, "fitted", True)),
     command(
         "map.zoom", _zoom, arguments=(number("factor", "as large; above 1: nearer", 0.01, 100.0, "times"),)
     ),
@@ -55,7 +47,7 @@ COMMANDS = (
     command("orbit-camera.about", _about, arguments=(word("about", "the centre", ABOUT),)),
     command(
         "orbit-camera.place",
-        _turn,
+        lambda console, *angles_distance: console.options.orbit.place(*angles_distance),
         arguments=(
             number("azimuth", "0 looks along the flight", -360, 360, "deg"),
             number("elevation", "above the orbit", -90, 90, "deg"),

@@ -96,7 +96,7 @@ class Estimates:
         self._limit_s = limit_s
         self.on = False
         self.method = HYBRID
-        self.stages_wanted = False
+        self.with_stages = False
         self.newest: ComparedEstimate | None = None
         self.history: deque[ComparedEstimate] = deque(maxlen=KEPT)
         self.restarts = 0
@@ -128,9 +128,9 @@ class Estimates:
         if self._under_way is not None:
             self._end_worker()
 
-    def want_stages(self, *, wanted: bool) -> None:
+    def send_stages(self, *, on: bool) -> None:
         """Request pictures of the stages with each answer from now on, which doubles the time."""
-        self.stages_wanted, self._last = wanted, None
+        self.with_stages, self._last = on, None
 
     def forget(self) -> None:
         """Discard all answers, including the one in progress."""
@@ -229,7 +229,7 @@ class Estimates:
                 target=scene.target,
                 image=picture.frame.image,
                 t_s=scene.t_s,
-                stages=self.stages_wanted,
+                stages=self.with_stages,
             )
         )
         self._under_way, self._last, self._since_s = (picture, self.method), picture.frame, self._clock()

@@ -53,13 +53,13 @@ class HilSession:
         self._process: multiprocessing.context.SpawnProcess | None = None
         self._pipe: Connection | None = None
         self._board: ChildProgram | None = None
-        self._board_wanted: tuple[str, str] | None = None
+        self._next_board: tuple[str, str] | None = None
         self._reset(None, None)
 
     def _reset(self, session: FlightSession | None, log_dir: Path | None) -> None:
         """Discard the previous session, with its figures."""
         self._session, self.log_dir = session, log_dir
-        self._wanted = self._interrupted = False
+        self._scene_due = self._interrupted = False
         self._sent_t_s: float | None = None
         self._stop_s: float | None = None
         self._summary: LedgerSummary | None = None
@@ -137,7 +137,7 @@ class HilSession:
     @property
     def board_running(self) -> bool:
         """True while a board runs on this machine."""
-        return self._board is not None or self._board_wanted is not None
+        return self._board is not None or self._next_board is not None
 
     def start_board(self, target: str, method: str, url: str | None = None) -> None:
         """Start a board's process on this machine, once the session's host listens.
@@ -158,7 +158,7 @@ class HilSession:
             raise UserError("a board runs on this machine already: stop it first")
         where = url or self.url
         if not where and self.on:
-            self._board_wanted = (target, method)
+            self._next_board = (target, method)
             return
         if not where:
             raise UserError("no host listens yet: start a session, then its board")
@@ -168,7 +168,7 @@ class HilSession:
 
     def stop_board(self) -> None:
         """End the board's process."""
-        self._board_wanted = None
+        self._next_board = None
         if self._board is not None:
             self._board.stop()
 
@@ -189,9 +189,9 @@ class HilSession:
             notes.append(SessionNote("another flight was opened: the session with the board ends"))
             self.stop()
         self._take(notes)
-        if self._wanted and self._stop_s is None and session.t_s != self._sent_t_s:
+        if self._scene_due and self._stop_s is None and session.t_s != self._sent_t_s:
             # a paused flight has no new scene, and the board waits
-            self._wanted, self._sent_t_s = False, session.t_s
+            self._scene_due, self._sent_t_s = False, session.t_s
             self._send(session.scene())
         self._hasten()
         if not self._process.is_alive():
@@ -209,14 +209,14 @@ class HilSession:
     def _handle(self, event: Event, notes: list[SessionNote]) -> None:
         match event:
             case SceneWanted():
-                self._wanted = True
+                self._scene_due = True
             case FrameRecord():
                 self._add(event)
             case Listening(url):
                 self.url = url
                 notes.append(SessionNote(f"a board may connect: flyaround hil board {url}"))
-                if self._board_wanted is not None:
-                    board, self._board_wanted = self._board_wanted, None
+                if self._next_board is not None:
+                    board, self._next_board = self._next_board, None
                     self.start_board(*board)
             case SessionNote(text, warning):
                 if text.startswith("board connected"):
@@ -288,7 +288,7 @@ class HilSession:
             self._process.join()
         if self._pipe is not None:
             self._pipe.close()
-        self._process = self._pipe = self._session = self._stop_s = self._board_wanted = None
+        self._process = self._pipe = self._session = self._stop_s = self._next_board = None
         self.url = self.board_name = ""
 
     def close(self) -> None:

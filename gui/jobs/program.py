@@ -42,7 +42,7 @@ class ChildProgram:
     def __init__(self, arguments: Sequence[str], clock: Callable[[], float] = time.monotonic) -> None:
         self.arguments = tuple(arguments)
         self._clock = clock
-        self._told_s: float | None = None
+        self._stopping_since_s: float | None = None
         # -P: a folder named hil in the working directory is not imported
         command = [sys.executable, "-P", "-m", "flyaround", *arguments]
         environment = {**os.environ, "PYTHONPATH": os.pathsep.join(p for p in sys.path if p)}
@@ -61,7 +61,7 @@ class ChildProgram:
         """True while it runs; if it does not end when asked, it is killed."""
         if self._process.poll() is not None:
             return False
-        if self._told_s is not None and self._clock() - self._told_s > PATIENCE_S:
+        if self._stopping_since_s is not None and self._clock() - self._stopping_since_s > PATIENCE_S:
             self._process.kill()
         return True
 
@@ -73,15 +73,15 @@ class ChildProgram:
     @property
     def stopped(self) -> bool:
         """True once it has been asked to end."""
-        return self._told_s is not None
+        return self._stopping_since_s is not None
 
     def stop(self) -> None:
         """Interrupt it as Ctrl-C does; a second call kills it."""
         if self._process.poll() is not None:
             return
         with contextlib.suppress(OSError):
-            self._process.send_signal(signal.SIGINT if self._told_s is None else signal.SIGKILL)
-        self._told_s = self._told_s or self._clock()
+            self._process.send_signal(signal.SIGINT if self._stopping_since_s is None else signal.SIGKILL)
+        self._stopping_since_s = self._stopping_since_s or self._clock()
 
     def output(self) -> str:
         """Return its standard output, truncated."""

@@ -48,7 +48,7 @@ class BoardLinkPanel(Panel):
         imgui.set_next_item_width(-1)
         _, self._url = imgui.input_text("##url", hil.url or self._url)
         imgui.end_disabled()
-        w.about(console, "hil.start", argument="url")
+        w.command_tip(console, "hil.start", argument="url")
         w.button(
             console, "hil.stop" if hil.on else "hil.start", *([] if hil.on else [self._url]), width=w.width
         )
@@ -62,10 +62,11 @@ class BoardLinkPanel(Panel):
             w.button(console, "hil.board-stop", width=w.width)
         else:
             w.button(console, "hil.board", self._method, width=w.width)
-        w.section("Answers")
-        self._answers(hil)
+        # above the answers, whose growth must not move it
         w.section("Faults on purpose")
         self._faults(console)
+        w.section("Answers")
+        self._answers(hil)
 
     def _answers(self, hil: HilSession) -> None:
         w = self._w
@@ -126,7 +127,7 @@ class BoardLinkPanel(Panel):
         w.text(FAULTS[self._fault][1], style.QUIET)
         imgui.set_next_item_width(min(8 * imgui.get_font_size(), 0.5 * w.width))
         _, self._seconds = imgui.input_double("s##seconds", self._seconds, 0.0, 0.0, "%.3g")
-        w.about(console, "hil.fault", argument="seconds")
+        w.command_tip(console, "hil.fault", argument="seconds")
         w.flow(6 * imgui.get_font_size(), first=False)
         imgui.begin_disabled(not console.jobs.hil.on)
         seconds = min(max(self._seconds, 0.1), 3600.0)

@@ -54,18 +54,18 @@ class CapturePanel(Panel):
         )
         self._label("Frames")
         _, self._frames = imgui.input_int("##frames", self._frames, 10, 100)
-        self._w.about(console, "capture.start", argument="frames")
+        self._w.command_tip(console, "capture.start", argument="frames")
         self._label("Folder")
         _, self._folder = imgui.input_text_with_hint("##folder", "a new one in out/console", self._folder)
-        self._w.about(console, "capture.start", argument="folder")
+        self._w.command_tip(console, "capture.start", argument="folder")
         self._label("Processes")
         _, self._workers = imgui.input_int("##workers", self._workers, 1, 1)
-        self._w.about(console, "capture.start", argument="workers")
+        self._w.command_tip(console, "capture.start", argument="workers")
         w.text("Beside the native layout", style.QUIET)
         formats = writable()[1:]
         for name, _ in zip(formats, w.grid(len(formats), 110), strict=True):
             changed, on = imgui.checkbox(name, name in self._formats)
-            w.about(console, "capture.start", argument="formats")
+            w.command_tip(console, "capture.start", argument="formats")
             if changed:
                 (self._formats.add if on else self._formats.discard)(name)
         self._frames = min(max(self._frames, 1), MOST_FRAMES)

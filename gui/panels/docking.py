@@ -6,7 +6,7 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 from flyaround.gui import style
-from flyaround.gui.views.docking_hud import ABOUT, DISTANCE, status
+from flyaround.gui.views.docking_hud import DISTANCE, FIGURE_TIPS, status
 from flyaround.gui.widgets import Panel
 from flyaround.simulator.piloting.docking_figures import PRESETS, judge
 
@@ -20,7 +20,7 @@ STATES = {
     "outside": "outside: more than twice its limit",
 }
 # colours of the decisions at a hold point
-DECIDED = {"open": style.INK, "go": style.WITHIN, "no-go": style.OUTSIDE, "passed": style.QUIET}
+DECISION_COLOURS = {"open": style.INK, "go": style.WITHIN, "no-go": style.OUTSIDE, "passed": style.QUIET}
 
 
 class DockingPanel(Panel):
@@ -54,7 +54,7 @@ class DockingPanel(Panel):
             most = f"how large it may be at this distance [{row.unit}]"
             cells.append(
                 (
-                    partial(w.text, f"{short} {row.unit}", style.QUIET, ABOUT[row.name]),
+                    partial(w.text, f"{short} {row.unit}", style.QUIET, FIGURE_TIPS[row.name]),
                     partial(w.text, now, colour, state),
                     partial(w.text, f"{row.limit:.2g}", style.QUIET, most),
                 )
@@ -78,7 +78,7 @@ class DockingPanel(Panel):
             here = following is not None and p.name == following.name
             w.text(
                 f"{'>' if here else ' '} {p.name} {p.axial_m:5g} m  {p.decision}",
-                DECIDED[p.decision],
+                DECISION_COLOURS[p.decision],
                 "where the autopilot rests until it is given go: metres of the docking point before the port; "
                 "> is the next",
             )

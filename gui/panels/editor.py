@@ -30,10 +30,25 @@ class EditorPanel(Panel):
             return
         changed = " (changed)" if draft.changed else ""
         w.text(f"{draft.name}{changed}", style.ACCENT, "the scenario that is edited")
+        if draft.replacement is not None:
+            w.text(
+                f"Discard this changed text, and edit {draft.replacement or 'the scenario that flies'}?",
+                style.WARN,
+            )
+            w.button(
+                console,
+                "scenario.edit",
+                *filter(None, [draft.replacement]),
+                label="Discard it",
+                fill=style.GUARDED,
+            )
+            imgui.same_line()
+            if w.filled_button("Keep it", 0, style.PRIMARY):
+                draft.replacement = None
         w.buttons(console, ("scenario.check", "scenario.fly"), 2)
         imgui.set_next_item_width(max(w.width - 8 * imgui.get_font_size(), 6 * imgui.get_font_size()))
         _, self._path = imgui.input_text("##path", self._path)
-        w.about(console, "scenario.save", argument="path")
+        w.command_tip(console, "scenario.save", argument="path")
         w.flow(6 * imgui.get_font_size(), first=False)
         w.button(console, "scenario.save", self._path, label="Save as")
         w.text(draft.problem or "no mistake was found", style.BAD if draft.problem else style.QUIET)

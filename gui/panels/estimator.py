@@ -61,7 +61,7 @@ class EstimatorPanel(Panel):
         w.switch(console, "estimator.stages")
         if newest is not None and newest.answer.stages:
             self._stages(newest)
-        elif estimates.stages_wanted:
+        elif estimates.with_stages:
             w.text("with the next estimate", style.QUIET)
 
     def _choose(self, console: Console) -> None:

@@ -34,7 +34,7 @@ class HelpPanel(Panel):
         """Draw into the current window."""
         w = self._w
         name = console.help.panel or "camera"
-        title, text = console.help.about.get(name, (name, "There is no such panel."))
+        title, text = console.help.descriptions.get(name, (name, "There is no such panel."))
         w.section(title)
         w.text(text)
         opens = f"panel.{name}"

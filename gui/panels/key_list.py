@@ -25,18 +25,18 @@ class KeyList(Panel):
 
     def __init__(self, window: Surface) -> None:
         super().__init__(window)
-        self._wanted = ""
+        self._query = ""
 
     def draw(self, console: Console) -> None:
         """Draw into the current window."""
         w, imgui = self._w, self._w.imgui
         imgui.set_next_item_width(-1)
         if imgui.is_window_appearing():
-            self._wanted = ""
-        _, self._wanted = imgui.input_text_with_hint("##find", "find a command", self._wanted)
+            self._query = ""
+        _, self._query = imgui.input_text_with_hint("##find", "find a command", self._query)
         w.tip("a few letters of a command's name, help or key; a click on one does it")
         for group, commands in console.table.groups():
-            matching = [c for c in commands if matches(c, self._wanted)]
+            matching = [c for c in commands if matches(c, self._query)]
             if matching:
                 w.section(group.capitalize())
                 command_rows(w, console, matching)
@@ -51,7 +51,7 @@ def command_rows(w: Widgets, console: Console, commands: Iterable[Command]) -> N
                 console.do(c.name)
         else:
             w.text(c.title)
-        w.about(console, c.name)
+        w.command_tip(console, c.name)
 
     rows = (
         (
@@ -93,7 +93,7 @@ class Palette(Panel):
         for c in matching:
             if imgui.selectable(w.elided(f"{c.form}   {c.help}", w.width), False)[0]:
                 command_name = c.name
-            w.about(console, c.name)
+            w.command_tip(console, c.name)
         if entered and name:
             # the line itself reports an unknown name
             command_name = name if name in console.table or not matching else matching[0].name

@@ -32,7 +32,9 @@ class PicturePanel(Panel):
         changed, stops = imgui.slider_float(
             "##exposure", settings.exposure_stops, -MOST_STOPS, MOST_STOPS, ""
         )
-        w.tip(f"{console.table['picture.exposure'].about()}\nCtrl and click types it; right click resets it")
+        w.tip(
+            f"{console.table['picture.exposure'].hover_text()}\nCtrl and click types it; right click resets it"
+        )
         if imgui.is_item_clicked(imgui.MouseButton_.right):
             changed, stops = True, 0.0
         if changed:

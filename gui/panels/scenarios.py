@@ -28,7 +28,7 @@ class ScenarioChooser(Panel):
 
     def __init__(self, window: Surface) -> None:
         super().__init__(window)
-        self._wanted, self._as_list = "", False
+        self._query, self._as_list = "", False
         self._cards: list[tuple[str, str, ByteArray]] = []
         self._recent: dict[str, int] = {}
 
@@ -36,11 +36,9 @@ class ScenarioChooser(Panel):
         """Draw into the current panel."""
         w, imgui = self._w, self._w.imgui
         imgui.set_next_item_width(-1)
-        _, self._wanted = imgui.input_text_with_hint(
-            "##find", "find, or the path of a TOML file", self._wanted
-        )
+        _, self._query = imgui.input_text_with_hint("##find", "find, or the path of a TOML file", self._query)
         w.tip("a few letters of a scenario's name or title; a path that ends in .toml is a file to be flown")
-        query = self._wanted.strip()
+        query = self._query.strip()
         if query.endswith(".toml"):
             w.button(console, "scenario.open", query, label="Open this file", width=w.width)
         if not self._cards:
@@ -56,7 +54,7 @@ class ScenarioChooser(Panel):
         if not cards:
             w.text(f"no scenario has {query!r} in its name or title", style.QUIET)
         # the search field stays visible while the list scrolls
-        imgui.begin_child("found")
+        imgui.begin_child("scenarios")
         if self._as_list:
             for name, title, _ in cards:
                 here = name == console.session.plan.scenario.name
@@ -87,11 +85,7 @@ def _card(name: str) -> tuple[str, ByteArray]:
     """Return a scenario's title and picture; a grey one if there is none."""
     scenario = load_scenario(name)
     place = files("flyaround.assets").joinpath("scenarios", f"{name}.jpg")
-    picture = (
-        cv2.imdecode(np.frombuffer(place.read_bytes(), np.uint8), cv2.IMREAD_COLOR_RGB)
-        if place.is_file()
-        else None
-    )
-    if picture is None:
-        picture = np.full((150, 240, 3), 40, np.uint8)
+    if not place.is_file():
+        return scenario.title or name, np.full((150, 240, 3), 40, np.uint8)
+    picture = cv2.imdecode(np.frombuffer(place.read_bytes(), np.uint8), cv2.IMREAD_COLOR_RGB)
     return scenario.title or name, np.asarray(picture, np.uint8)

@@ -27,7 +27,7 @@ class SensorPanel(Panel):
 
     def __init__(self, window: Surface) -> None:
         super().__init__(window)
-        self._of: Picture | None = None
+        self._counted: Picture | None = None
         self._histogram: Histogram | None = None
         self._camera = SCENARIO
 
@@ -86,8 +86,8 @@ class SensorPanel(Panel):
             w.text("no picture yet", style.QUIET)
             return
         bits = picture.frame.scene.sensor.bits
-        if picture is not self._of or self._histogram is None:
-            self._of, self._histogram = picture, histogram_of(picture.frame.image, bits)
+        if picture is not self._counted or self._histogram is None:
+            self._counted, self._histogram = picture, histogram_of(picture.frame.image, bits)
         h = self._histogram
         tip = "how many pixels have each level [DN]; pixels on a log scale, a line for each band"
         with w.plot("histogram", 110, tip) as is_open:

@@ -19,17 +19,8 @@ if TYPE_CHECKING:
     from flyaround.gui.surface import Surface
     from flyaround.simulator.piloting.planned_burns import PlannedBurn
 
-GUIDANCE = (
-    "guidance.hold",
-    "guidance.vbar",
-    "guidance.rbar",
-    "guidance.glideslope",
-    "guidance.flyaround",
-    "guidance.circumnavigate",
-    "guidance.safe-ellipse",
-    "guidance.keep-range",
-    "guidance.drift",
-)
+MODES = "hold vbar rbar glideslope flyaround circumnavigate safe-ellipse keep-range drift"
+GUIDANCE = tuple(f"guidance.{mode}" for mode in MODES.split())
 FIRST_AFTER_S, FIRST_M_S = 60.0, 0.01
 """Defaults of an added burn: time after the last one, and its along-track delta-v."""
 PLUME = "whether the exhaust, 30 deg wide to each side, meets the target's sphere within 20 m"
@@ -43,7 +34,7 @@ class SteeringPanel(Panel):
     def __init__(self, window: Surface) -> None:
         super().__init__(window)
         self._point = [0.0, 0.0, 0.0]
-        self._of: tuple[BurnPlan, int] | None = None
+        self._key: tuple[BurnPlan, int] | None = None
         self._nearest_m = np.inf
 
     def draw(self, console: Console) -> None:
@@ -92,28 +83,22 @@ class SteeringPanel(Panel):
         place = tuple(float(v) for v in self._point)
         by = tuple(round(float(h) + v, 3) for h, v in zip(here, place, strict=True))
         half = (w.width - imgui.get_style().item_spacing.x) / 2
-        w.button(console, "guidance.waypoint", *place, label="Fly there", width=half)
+        fly = "guidance.waypoint"
+        w.button(console, fly, *place, label="Fly there", width=half)
         imgui.same_line()
-        w.button(
-            console,
-            "guidance.waypoint",
-            *by,
-            label="Fly by so much",
-            width=half,
-            icon="by",
-            fill=style.RAISED,
-        )
+        w.button(console, fly, *by, label="Fly by so much", width=half, icon="by", fill=style.RAISED)
 
     def _burns(self, console: Console) -> None:
         """Draw a table of the planned burns, whose numbers can be edited, and a button for a new one."""
         w, session = self._w, console.session
         w.section("Planned burns [m/s]")
         burns = session.craft.steering.burns.burns
-        rows = [self._burn_cells(console, k, burn) for k, burn in enumerate(burns)]
-        w.table("burns", (0.27, 0.63, 0.1), rows, ("T+ [s]", "radial, along, cross", ""))
         at_s = max([session.t_s, *(b.end_s for b in burns)]) + FIRST_AFTER_S
         first = (round(at_s, 1), 0.0, FIRST_M_S, 0.0)
+        # above the table, whose growth must not move it
         w.button(console, "burn.plan", *first, label="Add a burn", width=w.width)
+        rows = [self._burn_cells(console, k, burn) for k, burn in enumerate(burns)]
+        w.table("burns", (0.27, 0.63, 0.1), rows, ("T+ [s]", "radial, along, cross", ""))
         if burns:
             self._forecast(console)
             w.button(console, "burn.cancel", width=w.width)
@@ -145,7 +130,7 @@ class SteeringPanel(Panel):
         def cross() -> None:
             if imgui.small_button(f"x##burn{k}"):
                 console.do("burn.cancel", burn.t_s)
-            w.about(console, "burn.cancel", burn.t_s)
+            w.command_tip(console, "burn.cancel", burn.t_s)
 
         return time, delta_v, cross
 
@@ -153,10 +138,10 @@ class SteeringPanel(Panel):
         """Draw the delta-v of all burns, and the closest approach of their path to the target."""
         craft = console.session.craft
         key = (craft.steering.burns, int(console.session.t_s))
-        if key != self._of:
+        if key != self._key:
             ahead = BurnPlan(tuple(b for b in craft.steering.burns.burns if b.start_s >= console.session.t_s))
             path = craft.predicted_burns(ahead).points_lvlh_m if ahead.burns else np.zeros((0, 3))
-            self._of, self._nearest_m = key, np.linalg.norm(path, axis=1).min(initial=np.inf)
+            self._key, self._nearest_m = key, np.linalg.norm(path, axis=1).min(initial=np.inf)
         total = sum(b.size_m_s for b in craft.steering.burns.burns)
         self._w.row("Delta-v", (total,), "{:.3f} m/s", "of all planned burns together")
         if np.isfinite(self._nearest_m):

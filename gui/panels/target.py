@@ -71,6 +71,6 @@ class TargetPanel(Panel):
             gain = gains.get(k, 1.0)
             logarithmic = imgui.SliderFlags_.logarithmic
             changed, value = imgui.slider_float(f"##light{k}", gain, 0.0, MOST_GAIN, "x %.2f", logarithmic)
-            w.about(console, "light.gain", argument="gain")
+            w.command_tip(console, "light.gain", argument="gain")
             if changed:
                 console.do("light.gain", k, round(min(max(value, 0.0), MOST_GAIN), 3))

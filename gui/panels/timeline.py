@@ -56,17 +56,17 @@ class TimelinePanel(Panel):
         entered, self._note = imgui.input_text_with_hint(
             "##note", "a note, and Enter", self._note, imgui.InputTextFlags_.enter_returns_true
         )
-        w.about(console, "timeline.bookmark", argument="note")
+        w.command_tip(console, "timeline.bookmark", argument="note")
         imgui.same_line()
         if imgui.button("Bookmark##add") or entered:
             console.do("timeline.bookmark", self._note)
             self._note = ""
-        w.about(console, "timeline.bookmark")
+        w.command_tip(console, "timeline.bookmark")
         removed_t_s = None
         for k, mark in enumerate(timeline.bookmarks):
             if imgui.small_button(f"x##{k}"):
                 removed_t_s = mark.t_s
-            w.about(console, "timeline.unbookmark", mark.t_s)
+            w.command_tip(console, "timeline.unbookmark", mark.t_s)
             imgui.same_line()
             if imgui.selectable(f"{w.elided(f'{clock(mark.t_s)}  {mark.note}', w.width)}##mark{k}", False)[0]:
                 console.do("timeline.seek", mark.t_s)

@@ -140,12 +140,12 @@ class Feed:
         self._producer = producer
         self._clock = clock
         self._kind = kind
-        self._asked_s = self._seen_s = -1e9
+        self._requested_s = self._seen_s = -1e9
         self._waiting: list[_Request] = []
         self._detail = AdaptiveResolution()
         self._last: SceneState | None = None
         self._session: FlightSession | None = None
-        self._save_wanted = False
+        self._save_due = False
         self._due_s = self._waits_since_s = 0.0
         self.newest: Picture | None = None
         self.saved: list[Picture] = []
@@ -153,7 +153,7 @@ class Feed:
         self.frame_ms = 0.0
         self.restarts = 0
         self._trouble: str | None = None
-        self._told_failure = ""
+        self._reported_failure = ""
         self._rests_until_s = -1e9
         self._ends_s: list[float] = []
         self._costs: list[tuple[Camera, float]] = []
@@ -161,12 +161,12 @@ class Feed:
 
     def ask_to_save(self) -> None:
         """Request the present scene at full resolution, with labels; the result is appended to `saved`."""
-        self._save_wanted = True
+        self._save_due = True
 
     @property
     def saving(self) -> bool:
         """True while a picture to be saved is in flight."""
-        return self._save_wanted or any(r.saved for r in self._waiting)
+        return self._save_due or any(r.saved for r in self._waiting)
 
     def look(self) -> None:
         """Mark the view as visible now; `looked_at` stays true for `SEEN_S`."""
@@ -220,10 +220,10 @@ class Feed:
 
     def _begin(self, session: FlightSession) -> None:
         """Discard pictures of the previous flight, also those in flight."""
-        self._save_wanted &= self._session is None
+        self._save_due &= self._session is None
         self._session, self.newest, self._last = session, None, None
         self._waiting = [replace(r, discarded=True) for r in self._waiting]
-        self._asked_s, self._ends_s = -1e9, []
+        self._requested_s, self._ends_s = -1e9, []
 
     @property
     def late_s(self) -> float:
@@ -250,7 +250,7 @@ class Feed:
         if self._kind.needed:
             # every feed lost its requests to the same failure: only one reports it
             self._trouble = str(error)
-        self._save_wanted = self.saving
+        self._save_due = self.saving
         self._waiting, self._last = [], None
 
     def _rest(self, error: PictureFailedError, then: str = "it is tried again") -> None:
@@ -258,20 +258,20 @@ class Feed:
         self._rests_until_s = self._clock() + REST_S
         self._last = None
         message = f"no picture of the {self._kind.title}: {error}; {then}"
-        if message != self._told_failure:
-            self._told_failure = self._trouble = message
+        if message != self._reported_failure:
+            self._reported_failure = self._trouble = message
 
     def _ask(self, session: FlightSession, settings: ViewSettings, *, timed: bool) -> None:
         if len(self._waiting) >= 2 or (self._waiting and self._clock() < self._due_s):
             return
         if self._clock() < self._rests_until_s:
             return
-        if self._save_wanted:
+        if self._save_due:
             scene = _checked(lambda: apply_view_settings(session.scene(), settings))
             if self._submit(_Request(scene, session.state, session.plan.target, 1, saved=True, timed=False)):
-                self._save_wanted = False
+                self._save_due = False
             return
-        if self._clock() - self._asked_s < self._kind.every_s:
+        if self._clock() - self._requested_s < self._kind.every_s:
             return
         divisor = self.divisor(settings, paused=session.clock.paused)
         quality: Quality | None = None if session.clock.paused else "draft"
@@ -294,10 +294,10 @@ class Feed:
         frame_request = FrameRequest(scene=request.scene, labels=labels, timed=request.timed)
         if not self._producer.submit(frame_request):
             return False
-        self._asked_s = self._clock()
+        self._requested_s = self._clock()
         self._last = request.scene
         if not self._waiting:
-            self._waits_since_s = self._asked_s
+            self._waits_since_s = self._requested_s
         self._waiting.append(request)
         self._due_s = self._clock() + 0.7e-3 * self.frame_ms
         return True
@@ -314,7 +314,7 @@ class Feed:
             if not (request.saved and self.finished):
                 raise
             # reported each time, because each was requested separately
-            self._told_failure = ""
+            self._reported_failure = ""
             self._rest(error, "it is not saved")
 
     def write(self, frame: Frame) -> None:
@@ -332,7 +332,7 @@ class Feed:
     def _account(self, frame: Frame, request: _Request) -> None:
         now = self._clock()
         self.finished += 1
-        self._told_failure = ""
+        self._reported_failure = ""
         self._ends_s = [t for t in self._ends_s if now - t < 2.0] + [now]
         ms = sum(v for k, v in frame.stage_ms.items() if "." not in k and k != "labels")
         if request.saved or ms <= 0:

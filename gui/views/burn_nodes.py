@@ -50,7 +50,7 @@ class BurnNodes:
         self._grip: Grip | None = None
         self._plan = BurnPlan()
         self._path: PredictedPath | None = None
-        self._of: tuple[object, ...] = ()
+        self._key: tuple[object, ...] = ()
 
     def take_mouse(
         self, console: Console, ports: tuple[MapPort, ...], mouse: Point, pressed: tuple[bool, bool, bool]
@@ -126,9 +126,9 @@ class BurnNodes:
 
     def _refresh(self, session: FlightSession, plan: BurnPlan) -> None:
         key = (session, plan, int(session.t_s / (EVERY_S * max(session.clock.rate, 1.0))))
-        if key == self._of:
+        if key == self._key:
             return
-        self._of, self._plan = key, plan
+        self._key, self._plan = key, plan
         # a burn in progress has no node
         ahead = BurnPlan(tuple(b for b in plan.burns if b.t_s >= session.t_s))
         self._plan = ahead
@@ -173,7 +173,7 @@ class BurnNodes:
             console.do("burn.cancel", burn.t_s)
         if grip.burn not in planned:
             console.do("burn.plan", grip.burn.t_s, *grip.burn.delta_v_lvlh_m_s)
-        self._of = ()
+        self._key = ()
 
     def _time_at(self, session: FlightSession, port: MapPort, mouse: Point) -> float:
         """Return the time at which the predicted path is nearest to the pointer, at least some seconds ahead."""

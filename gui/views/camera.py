@@ -60,8 +60,8 @@ class CameraView(Panel):
         self._truth = TruthMarks(window)
         self._plates: list[Place] = []
         self._estimate = EstimateOverlay()
-        self._judged_of: Picture | None = None
-        self._judged = ""
+        self._metered: Picture | None = None
+        self._fault = ""
 
     def draw(self, console: Console) -> None:
         """Draw into the current view."""
@@ -101,17 +101,17 @@ class CameraView(Panel):
             self._in_columns(canvas, beside, groups)
         if options.overlays.times:
             self._times(canvas, within, feed, self._line * (2 if beside is None else 0))
-        if picture is not self._judged_of:
-            self._judged_of, self._judged = picture, exposure_fault(picture.frame)
+        if picture is not self._metered:
+            self._metered, self._fault = picture, exposure_fault(picture.frame)
         if feed.late_s:
             canvas.box(within[:2], within[2:], style.PLATE)
-            text = f"picture of {feed.late_s:.0f} s ago"
+            text = f"no new picture for {feed.late_s:.0f} s"
             self._centred(canvas, within, text, console.preparing)
-        elif self._judged:
-            x = box.x + (box.width - canvas.size(self._judged)[0]) / 2
-            # the docking display has figures at the upper edge
-            low = box.height - 1.5 * self._line if options.overlays.docking else 2 * self._line
-            self._write(canvas, (x, box.y + low), (Row("", self._judged, style.WARN, ""),))
+        elif self._fault:
+            x = box.x + (box.width - canvas.size(self._fault)[0]) / 2
+            # there are figures at the upper edge
+            low = box.y + box.height - 1.5 * self._line
+            self._write(canvas, (x, low), (Row("", self._fault, style.WARN, ""),))
 
     # --- arrangement
 
@@ -189,15 +189,9 @@ class CameraView(Panel):
             figure = FIGURES[name.capitalize()]
             return Row(name, figure.form.format(*figure.values(r)), colour, figure.tip)
 
-        axes = (
-            ("RADIAL", "outward"),
-            ("ALONG", "ahead along the orbit"),
-            ("CROSS", "along the orbit's normal"),
-        )
-        utc, t = (
-            r.epoch_utc.replace("T", " ")[:23].rstrip("Z"),
-            f"{clock(r.t_s)[2:]}   {session.clock.rate:g}x",
-        )
+        axes = {"RADIAL": "outward", "ALONG": "ahead along the orbit", "CROSS": "along the orbit's normal"}
+        utc = r.epoch_utc.replace("T", " ")[:23].rstrip("Z")
+        t = f"{clock(r.t_s)[2:]}   {session.clock.rate:g}x"
         return (
             (
                 Row("", badge, colour, "what flies the chaser / how its attitude is kept"),
@@ -217,7 +211,7 @@ class CameraView(Panel):
             (
                 *(
                     Row(name, f"{v:+z9.3f} m", style.INK, f"chaser in the target's LVLH frame: {way}")
-                    for (name, way), v in zip(axes, r.position_lvlh_m, strict=True)
+                    for (name, way), v in zip(axes.items(), r.position_lvlh_m, strict=True)
                 ),
                 row("PHASE"),
                 row("SUN", style.GOOD if r.sun_visible_fraction > 0 else style.BAD),

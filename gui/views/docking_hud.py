@@ -34,7 +34,7 @@ FULL_SCALE_DEG = 15.0
 """Angle at which an attitude needle stops."""
 
 DISTANCE = "of the docking point before the port's plane"
-ABOUT = {
+FIGURE_TIPS = {
     "closing": "how fast the docking point comes nearer to the port's plane",
     "offset right": "docking point off the port's axis, to the right in the view",
     "offset down": "docking point off the port's axis, downward in the view",
@@ -214,7 +214,8 @@ class DockingHud:
 
     def _figure(self, canvas: Canvas, at: Point, name: str, row: JudgedFigure, share: float) -> None:
         text = f"{name} {row.text} {row.unit}".strip() + style.LIMIT_MARKS[row.state]
-        self._text(canvas, at, text, style.LIMIT_COLORS[row.state], share, f"{ABOUT[row.name]} [{row.unit}]")
+        tip = f"{FIGURE_TIPS[row.name]} [{row.unit}]"
+        self._text(canvas, at, text, style.LIMIT_COLORS[row.state], share, tip)
 
     def _status(self, canvas: Canvas, box: Letterbox, centre: Point, radius: float, console: Console) -> None:
         """Write the control mode and the operator's next decision, where other text leaves room."""
@@ -232,14 +233,7 @@ class DockingHud:
 
 _SQUARE = ((-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0))  # corners of a gate
 # right arm, left arm, and the upper one
-_CROSS = (
-    (0.6, 0.0, 0.0),
-    (1.4, 0.0, 0.0),
-    (-0.6, 0.0, 0.0),
-    (-1.4, 0.0, 0.0),
-    (0.0, -0.4, 0.0),
-    (0.0, -1.8, 0.0),
-)
+_CROSS = ((0.6, 0, 0), (1.4, 0, 0), (-0.6, 0, 0), (-1.4, 0, 0), (0, -0.4, 0), (0, -1.8, 0))
 
 
 def status(console: Console) -> tuple[str, style.Rgba]:

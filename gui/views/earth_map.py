@@ -36,7 +36,7 @@ TRACK_EVERY_S = 60.0
 """Simulated time between two tracks, up to 60x; beyond that one per second of real time."""
 SHADE_EVERY_DEG = 0.5
 """Angular step in which day and night follow the Sun."""
-PAST, SUNLIT, SHADOWED = style.ACCENT, style.YELLOW, (0.62, 0.62, 0.7, 1.0)  # colours of the ground track
+PAST, SUNLIT, SHADOWED = style.ACCENT, style.YELLOW, style.SHADOW  # colours of the ground track
 AHEAD = "simulated time until then [min:s], by an orbit under J2 alone, which is right to a second an orbit"
 
 
@@ -56,7 +56,7 @@ class EarthMap(Panel):
         self._session: FlightSession | None = None
         self._track: GroundTrack | None = None
         self._coming: Future[GroundTrack] | None = None
-        self._asked_s = -math.inf
+        self._requested_s = -math.inf
 
     def draw(self, console: Console) -> None:
         """Draw into the current view."""
@@ -91,15 +91,15 @@ class EarthMap(Panel):
     def _follow(self, session: FlightSession) -> None:
         """Request a new track if the last one is old."""
         if self._session is not session:
-            self._session, self._track, self._asked_s = session, None, -math.inf
+            self._session, self._track, self._requested_s = session, None, -math.inf
             self._coming = None
         if self._coming is not None and self._coming.done():
             if self._coming.exception() is None:
                 self._track = self._coming.result()
             self._coming = None
-        old = abs(session.t_s - self._asked_s) > max(TRACK_EVERY_S, session.clock.rate)
+        old = abs(session.t_s - self._requested_s) > max(TRACK_EVERY_S, session.clock.rate)
         if old and self._coming is None:
-            self._asked_s = session.t_s
+            self._requested_s = session.t_s
             self._coming = self._aside.submit(ground_track, session.flight, session.t_s)
 
     def _ground(self, canvas: Canvas, box: Letterbox, world: WorldState) -> None:

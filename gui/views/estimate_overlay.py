@@ -26,7 +26,7 @@ class EstimateOverlay:
     """Overlay of the newest estimate, with cached lines."""
 
     def __init__(self) -> None:
-        self._of: tuple[object, ...] = ()
+        self._key: tuple[object, ...] = ()
         self._lines: tuple[Segment, ...] = ()
 
     def draw(self, canvas: Canvas, box: Letterbox, picture: Picture, estimates: Estimates) -> None:
@@ -38,8 +38,8 @@ class EstimateOverlay:
         if not 0 <= age_s < OLD_S:
             return
         key = (estimate, scene.camera, picture.target)
-        if key != self._of:
-            self._of, self._lines = key, self._lines_of(estimate, picture)
+        if key != self._key:
+            self._key, self._lines = key, self._lines_of(estimate, picture)
         accepted = estimate.answer.accepted
         colour = (*style.ESTIMATE[:3], 1.0 if accepted else 0.55)
         for ends in self._lines:

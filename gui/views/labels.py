@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from abc import abstractmethod
+from collections import Counter
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -30,7 +31,7 @@ if TYPE_CHECKING:
     from flyaround.gui.console import Console
     from flyaround.gui.picture.feed import Picture
     from flyaround.gui.surface import Surface
-    from flyaround.simulator.labels.truth import KeypointState, Truth
+    from flyaround.simulator.labels.truth import Truth
     from flyaround.simulator.runtime.arrays import ByteArray
 
 Place = tuple[float, float, float, float]
@@ -50,7 +51,7 @@ class _LabelView(Panel):
 
     def __init__(self, window: Surface) -> None:
         super().__init__(window)
-        self._made_of: Picture | None = None
+        self._newest: Picture | None = None
         self._part = (slice(0, 1), slice(0, 1))
 
     def draw(self, console: Console) -> None:
@@ -66,10 +67,10 @@ class _LabelView(Panel):
         if picture is None or picture.frame.truth is None:
             canvas.text((place[0] + 8, place[1] + 6), console.preparing, style.QUIET)
         else:
-            if picture is not self._made_of:
+            if picture is not self._newest:
                 self._part = close_up(picture.frame)
                 self._make(picture)
-                self._made_of = picture
+                self._newest = picture
             self._show(canvas, place)
         canvas.unclip()
 
@@ -86,7 +87,7 @@ class _LabelView(Panel):
         rows, columns = self._part
         part = image[rows, columns]
         box = Letterbox.fit((part.shape[1], part.shape[0]), place)
-        canvas.picture(self.name, self._made_of, part, (box.x, box.y, box.width, box.height))
+        canvas.picture(self.name, self._newest, part, (box.x, box.y, box.width, box.height))
         if part.shape[1] < image.shape[1] and place[3] > 5 * canvas.line:
             text = f"x{image.shape[1] / part.shape[1]:.1f}"
             at = (place[0] + 8, place[1] + place[3] - 1.2 * canvas.line)
@@ -212,9 +213,7 @@ class KeypointsView(_LabelView):
         truth = self._truth
         if truth is None or self._image_rgb is None:
             return
-        count: dict[KeypointState, int] = {}
-        for k in truth.keypoints:
-            count[k.state] = count.get(k.state, 0) + 1
+        count = Counter(k.state for k in truth.keypoints)
         rows = [(f"{n} {s.replace('_', ' ')}", STATE_COLOURS[s]) for s, n in count.items()]
         picture, legend = self._split(canvas, place, [name for name, _ in rows])
         box = self._image(canvas, picture, self._image_rgb)

@@ -38,6 +38,9 @@ FRAME_STEP_S = 0.1
 GUARD_RELEASE_S = 5.0
 """Minimum time without an intervention after which the keep-out guard counts as released [s]."""
 
+LIT_S = 300.0
+"""Less than the time between two eclipses, and more than that between two calls of `FlightSession.step` [s]."""
+
 FUEL_SHARE = 0.04
 """Propellant as a share of the chaser's initial mass; the tanks of small craft hold some 5 %."""
 
@@ -113,6 +116,9 @@ class FlightSession:
         The chaser with its control, docking and guidance.
     look_back : LookBack
         The recorded flight, for seeking.
+    eclipses_s : list of tuple of float
+        Start and end of each eclipse that was flown through [s], in the order flown. Pilots do not change them, so a
+        seek or a restart leaves them.
     """
 
     def __init__(self, plan: Plan, recorder: FlightRecorder | None = None) -> None:
@@ -121,6 +127,7 @@ class FlightSession:
         self.craft = PilotedCraft(plan)
         self.look_back = LookBack(self.craft, self.clock, recorder)
         self._cautions = CautionWatch()
+        self.eclipses_s: list[tuple[float, float]] = []
 
     @staticmethod
     def of(
@@ -201,6 +208,7 @@ class FlightSession:
         if not self.clock.paused:
             self.clock.add(dt_s)
             self._run()
+            self._note_eclipse()
         new_cautions = self._cautions.news(self.craft.world, steering.propellant, guarded=steering.guarded)
         return replace(self.state, news=(*news, *steering.pop_news(), *new_cautions))
 
@@ -248,6 +256,15 @@ class FlightSession:
             # also if the flight cannot continue, so that its last state is shown
             if n_steps:
                 self.look_back.leave_trail()
+
+    def _note_eclipse(self) -> None:
+        """Extend the eclipse that the target is in, or add a new one."""
+        if self.craft.world.sun_visible_fraction > 0.0:
+            return
+        spans, t_s = self.eclipses_s, self.t_s
+        k = next((k for k, (a, b) in enumerate(spans) if a - LIT_S < t_s < b + LIT_S), len(spans))
+        start_s, end_s = (spans[k : k + 1] or [(t_s, t_s)])[0]
+        spans[k : k + 1] = [(min(start_s, t_s), max(end_s, t_s))]
 
     def _step_s(self) -> float:
         h = self.craft.step_s(self.clock.step_s)

@@ -91,7 +91,7 @@ def test_every_switch_switches_there_and_back(table: CommandTable) -> None:
 )
 def test_a_wrong_line_is_told_with_its_number(table: CommandTable, line: str, why: str) -> None:
     with pytest.raises(UserError, match=r"line 3: .*" + why):
-        Script.of(f"# a script\n0.9 time.pause\n{line}\n", table)
+        Script.parse(f"# a script\n0.9 time.pause\n{line}\n", table)
 
 
 def test_a_script_that_cannot_be_read_is_told(table: CommandTable, tmp_path: Path) -> None:
@@ -106,7 +106,7 @@ def test_a_script_that_cannot_be_read_is_told(table: CommandTable, tmp_path: Pat
 def test_a_script_may_begin_with_a_byte_order_mark(table: CommandTable, tmp_path: Path) -> None:
     path = tmp_path / "windows.script"
     path.write_bytes("0.9 time.pause\r\n".encode("utf-8-sig"))
-    assert Script.read(path, table) == Script.of("0.9 time.pause\n", table)
+    assert Script.read(path, table) == Script.parse("0.9 time.pause\n", table)
 
 
 def test_a_log_played_again_flies_the_same_flight(table: CommandTable) -> None:
@@ -128,7 +128,7 @@ def test_a_log_played_again_flies_the_same_flight(table: CommandTable) -> None:
             console.do("time.pause")
     text = console.log.text(("flown by hand",))
     again = console_flying(table=table)
-    again.play(Script.of(text, table))
+    again.play(Script.parse(text, table))
     while again.clock_ms < console.clock_ms:
         again.pass_time(min(29, console.clock_ms - again.clock_ms))
     assert again.log.text(("flown by hand",)) == text

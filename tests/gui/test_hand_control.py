@@ -18,7 +18,8 @@ from flyaround.gui.picture.feed import Feed
 from flyaround.simulator.frame import Frame
 from flyaround.simulator.loop import FrameRequest
 from flyaround.simulator.piloting.control_laws import ACCELERATION_M_S2
-from flyaround.simulator.piloting.session import FlightSession
+from flyaround.simulator.piloting.orders import PilotCommand
+from flyaround.simulator.piloting.session import FlightSession, FlightState
 from flyaround.simulator.scenario.load import load_scenario
 from flyaround.simulator.scenario.plan import plan_flight
 from tests.harness.simulated_window import SimulatedWindow
@@ -57,10 +58,15 @@ def fly(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Fly:
     plan = plan_flight(load_scenario("tango-space-10m"), n=1)
 
     def run(
-        hz: float, keys: Callable[[SimulatedWindow], Any], *, armed: bool = True, duration_s: float = 7.5
+        hz: float,
+        keys: Callable[[SimulatedWindow], Any],
+        *,
+        armed: bool = True,
+        duration_s: float = 7.5,
+        session: FlightSession | None = None,
     ) -> Flown:
         window = SimulatedWindow(hz, duration_s)
-        session = FlightSession(plan)
+        session = session or FlightSession(plan)
         feed = Feed(BlankPictures(), clock=lambda: window.seconds)
         console = Console(session, feed, options_of(session), command_table())
         if armed:
@@ -191,3 +197,22 @@ def test_escape_closes_a_list_and_the_next_click_counts(fly: Fly, hz: float) -> 
     assert len(times["panel.keys"]) == 2
     assert not console.shown["keys"]
     assert len(times["time.pause"]) == 1
+
+
+def test_a_flight_that_costs_more_than_it_lasts_leaves_the_window_quick(fly: Fly) -> None:
+    """Each second of the operator's takes twenty of processing, as an autopilot at 1000x on a busy machine."""
+    windows: list[SimulatedWindow] = []
+    stepped_s: list[float] = []
+
+    class Costly(FlightSession):
+        def step(self, command: PilotCommand, dt_s: float) -> FlightState:
+            stepped_s.append(windows[0].seconds)
+            windows[0].seconds += 20.0 * dt_s
+            return super().step(command, dt_s)
+
+    costly = Costly(plan_flight(load_scenario("tango-space-10m"), n=1))
+    fly(10.0, windows.append, armed=False, session=costly)
+    waits = np.diff(stepped_s)
+    # the first frame does not know it yet
+    assert waits[:3].max() > 1.0
+    assert waits[5:].max() < 0.4

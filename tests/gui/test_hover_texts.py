@@ -104,7 +104,7 @@ def window(monkeypatch: pytest.MonkeyPatch) -> Iterator[HeadlessWindow]:
     window = HeadlessWindow()
     told = window.noted
 
-    def tell_item(imgui: Any, text: str, tell: Any = hover_text.tell_item) -> None:
+    def item_tip(imgui: Any, text: str, tell: Any = hover_text.item_tip) -> None:
         told.append(Noted("tip", text))
         tell(imgui, text)
 
@@ -117,7 +117,7 @@ def window(monkeypatch: pytest.MonkeyPatch) -> Iterator[HeadlessWindow]:
 
         return letters
 
-    monkeypatch.setattr(hover_text, "tell_item", tell_item)
+    monkeypatch.setattr(hover_text, "item_tip", item_tip)
     monkeypatch.setattr(Canvas, "text", noting(Canvas.text))
     monkeypatch.setattr(Canvas, "plain_text", noting(Canvas.plain_text))
     yield window
@@ -149,15 +149,15 @@ def test_every_control_and_figure_of_a_panel_is_told(
 
 
 def test_a_control_tells_its_command_keys_units_and_line(table: CommandTable) -> None:
-    save = table["picture.save"].about()
+    save = table["picture.save"].hover_text()
     assert save.splitlines() == ["PNG and JSON into out/console (P / F12)", "picture.save"]
-    told = table["guidance.vbar"].about().splitlines()
+    told = table["guidance.vbar"].hover_text().splitlines()
     assert told[1] == "hold [m], 0.1 to 100000: from the target's centre of mass"
     assert told[-1] == "guidance.vbar [hold] [speed]"
-    assert table["time.rate"].about("10").splitlines()[-1] == "time.rate 10"
-    assert "detail: how fine (auto, full, half, quarter)" in table["picture.detail"].about()
+    assert table["time.rate"].hover_text("10").splitlines()[-1] == "time.rate 10"
+    assert "detail: how fine (auto, full, half, quarter)" in table["picture.detail"].hover_text()
     # what is switched needs no word on its one argument
-    assert "state" not in table["overlay.box"].about().splitlines()[1:-1]
+    assert "state" not in table["overlay.box"].hover_text().splitlines()[1:-1]
 
 
 def test_every_number_has_its_unit(table: CommandTable) -> None:
@@ -171,7 +171,7 @@ def test_the_mouse_over_a_control_and_over_a_place_shows_it(
 ) -> None:
     imgui, io = window.plain, window.plain.get_io()
     told: list[str] = []
-    monkeypatch.setattr(hover_text, "_tell", lambda _, text: told.append(text))
+    monkeypatch.setattr(hover_text, "_show", lambda _, text: told.append(text))
 
     def rest(x: float, y: float) -> set[str]:
         for _ in range(4):
@@ -181,8 +181,8 @@ def test_the_mouse_over_a_control_and_over_a_place_shows_it(
                 imgui.begin_disabled()
                 imgui.button("hello", imgui.ImVec2(200.0, 60.0))
                 imgui.end_disabled()
-                hover_text.tell_item(window.imgui, "the button")
-                hover_text.tell_place(window.imgui, (40.0, 150.0), (80.0, 20.0), "the figure")
+                hover_text.item_tip(window.imgui, "the button")
+                hover_text.area_tip(window.imgui, (40.0, 150.0), (80.0, 20.0), "the figure")
         return set(told)
 
     assert rest(60.0, 60.0) == {"the button"}

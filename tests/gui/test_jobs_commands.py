@@ -112,7 +112,7 @@ def test_the_estimator_is_switched_by_commands(console: Console) -> None:
     console.do("estimator.stages", True)
     console.do("estimator.run", True)
     assert (console.jobs.estimates.on, console.jobs.estimates.method) == (True, "svd-thesis")
-    assert console.jobs.estimates.stages_wanted
+    assert console.jobs.estimates.with_stages
     console.do("estimator.run")
     assert not console.jobs.estimates.on
     console.do("estimator.forget")

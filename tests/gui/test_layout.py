@@ -8,6 +8,7 @@ import msgspec
 import pytest
 
 from flyaround.gui.layout import LARGEST_BYTES, SavedLayout, layout_file, read_layout
+from tests.harness.pointer import Pointer
 
 
 def test_a_layout_is_read_again(tmp_path: Path) -> None:
@@ -29,3 +30,16 @@ def test_a_damaged_layout_is_the_first_layout(tmp_path: Path, data: bytes) -> No
 def test_no_layout_is_the_first_layout(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("FLYAROUND_CONSOLE_LAYOUT", str(tmp_path / "none.json"))
     assert read_layout(layout_file()) == SavedLayout()
+
+
+def test_a_window_that_is_resized_does_not_take_letters_from_a_field() -> None:
+    """A new form raises its tabs, but not over the palette: letters would act as keys."""
+    screen = Pointer()
+    imgui = screen.window.plain
+    screen.console.open_panel("palette", shown=True)
+    screen.window.size = (640, 480)
+    imgui.get_io().display_size = imgui.ImVec2(640, 480)
+    for _ in range(14):
+        screen.turn()
+    assert imgui.get_io().want_text_input
+    screen.close()

@@ -1,4 +1,4 @@
-"""Quitting asks while a job runs or something is not saved, and only then."""
+"""Quitting and editing ask before something is lost, and only then; jobs are named, and move nothing."""
 
 from __future__ import annotations
 
@@ -76,3 +76,53 @@ def test_each_running_job_and_the_flight_before_are_named(screen: Pointer) -> No
     # at the end of a script nobody answers
     console.do("window.close")
     assert console.window.close
+
+
+def test_editing_asks_before_a_changed_text_is_lost(screen: Pointer) -> None:
+    console, draft = screen.console, screen.console.draft
+    console.do("scenario.edit")
+    original = draft.text
+    console.do("scenario.edit")
+    assert draft.replacement is None, "nothing would be lost"
+    draft.text, draft.changed = "mine", True
+    console.do("scenario.edit", "tango-vbar-approach")
+    for _ in range(5):
+        screen.turn()
+    assert draft.text == "mine"
+    assert any("and edit tango-vbar-approach?" in text for text in screen.texts())
+    screen.press("Keep it")
+    assert (draft.text, draft.replacement, draft.changed) == ("mine", None, True)
+    # asked again, and answered
+    console.do("scenario.edit")
+    for _ in range(5):
+        screen.turn()
+    screen.press("Discard it")
+    screen.turn()
+    assert (draft.text, draft.replacement, draft.changed) == (original, None, False)
+    assert not screen.has("Discard it")
+
+
+def test_nothing_moves_when_a_job_begins_or_ends(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    screen = Pointer("tango-flyaround")
+    console = screen.console
+
+    def places() -> list[tuple[float, ...]]:
+        for _ in range(3):
+            screen.turn()
+        return [*console.help.rects.values(), screen.place("ABORT"), screen.place("Pause")]
+
+    before = places()
+    console.do("film.start")
+    console.do("estimator.run")
+    assert places() == before
+    end = screen.place("End###film.stop")
+    console.do("estimator.run")
+    assert places() == before
+    assert not screen.has("End###estimator.run")
+    assert screen.place("End###film.stop") == end
+    # the next job takes the free column
+    console.do("estimator.run")
+    screen.turn()
+    assert screen.place("End###estimator.run")[0] < end[0]
+    screen.close()

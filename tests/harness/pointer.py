@@ -38,7 +38,7 @@ class Pointer:
         self.layout = Layout(self.window, SavedLayout())
         shown = self.layout.first_shown()
         self.console.shown.update(shown if panels else dict.fromkeys(shown, False))
-        self.console.help.about = self.layout.about()
+        self.console.help.descriptions = self.layout.descriptions()
         for name in opened:
             self.console.open_panel(name, shown=True)
         self.menus: dict[str, tuple[float, float]] = {}

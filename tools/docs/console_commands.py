@@ -27,7 +27,7 @@ def command_list() -> str:
 def _entry(command: Command) -> list[str]:
     """Return the lines of one command: synopsis and keys, purpose, arguments."""
     keys = f"    ({command.shown})" if command.shown else ""
-    arguments = [f"    {argument.about}" for argument in command.arguments]
+    arguments = [f"    {argument.description}" for argument in command.arguments]
     return [f"{command.form}{keys}", f"    {command.help}", *arguments]
 
 

@@ -2,10 +2,6 @@
 
 from __future__ import annotations
 
-import json
-import os
-import subprocess
-import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -13,106 +9,113 @@ from typing import Any
 
 import pytest
 
-from flyaround.gui.app import command_table
-from flyaround.gui.script import Script
 from tests.harness.screen import xdotool
+from tests.harness.sitting import Sitting, wait_until
 
-pytestmark = [pytest.mark.gui, pytest.mark.slow, pytest.mark.timeout(600)]
+pytestmark = [pytest.mark.gui, pytest.mark.slow, pytest.mark.timeout(1800)]
 
 EXAMPLES = Path(__file__).parents[3] / "examples"
-TIMEOUT_S = 300.0
-SHORT_S, LONG_S = 1.0, 2.5
-"""Between two things that the operator does; a busy machine draws the window twice a second."""
+SHORT_S = 1.0
+"""Between two movements of a hand, of which a window must have drawn the first to act on the second."""
+
+
+class Log:
+    """The commands that a console has done, as it writes them to its log."""
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+
+    @property
+    def done(self) -> list[str]:
+        """Commands with their arguments.
+
+        Keys that are held are left out: Ctrl is one by itself where a picture is drawn between Ctrl and Q.
+        """
+        if not self._path.is_file():
+            return []
+        whole = self._path.read_text().rpartition("\n")[0]
+        lines = [line.partition(" ")[2] for line in whole.splitlines() if not line.startswith("#")]
+        return [line for line in lines if not line.startswith(("hold ", "release "))]
+
+    def wait_for(self, done: Callable[[list[str]], object]) -> None:
+        """Wait until a function of the commands is true."""
+        wait_until(lambda: done(self.done))
 
 
 def operated(
-    display: str, folder: Path, operate: Callable[[], None], *more: str
+    display: str, folder: Path, operate: Callable[[Sitting, Log], None]
 ) -> tuple[dict[str, Any], list[str]]:
-    """Last state and commands done, of a console that is operated and then closed by its key.
-
-    Keys that are held are left out: Ctrl is one by itself where a picture is drawn between Ctrl and Q.
-    """
-    log = folder / "log.script"
-    command = [sys.executable, "-m", "flyaround", "-v", "sim", str(EXAMPLES / "docking.toml"), "--json"]
-    command += ["--log", str(log), "--screenshot", str(folder / "console.png"), *more]
-    environment = {**os.environ, "DISPLAY": display, "FLYAROUND_CONSOLE_LAYOUT": str(folder / "layout.json")}
-    with subprocess.Popen(
-        command, cwd=folder, env=environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
-    ) as console:
-        assert console.stdout is not None
-        assert console.stderr is not None
-        lines = []
-        for line in console.stderr:
-            lines.append(line)
-            if "first picture" in line:
-                break
-        else:
-            pytest.fail(f"no picture came: {''.join(lines)}")
-        time.sleep(LONG_S)
-        operate()
-        out, err = console.communicate(timeout=TIMEOUT_S)
-    assert console.returncode == 0, err
-    done = Script.read(log, command_table()).lines
-    return json.loads(out), [str(line).partition(" ")[2] for line in done if line.verb == "do"]
+    """Last state and commands done, of a console that is operated and then closed by its key."""
+    log = Log(folder / "log.script")
+    options = str(EXAMPLES / "docking.toml"), "--log", "log.script", "--screenshot", "console.png"
+    with Sitting(folder, *options, display=display) as sitting:
+        sitting.wait_for("first picture")
+        operate(sitting, log)
+        # asked twice, because the flight is not kept
+        sitting.keys("ctrl+q", "ctrl+q")
+        state, _ = sitting.end()
+    return state, log.done
 
 
-def at(display: str, x: int, y: int) -> None:
-    """Move the pointer in two steps, as a hand does."""
-    xdotool(display, "mousemove", str(x - 1), str(y), "mousemove", str(x), str(y))
-    time.sleep(SHORT_S)
+def numbers(line: str) -> list[float]:
+    """Return the arguments of a command."""
+    return [float(word) for word in line.split()[1:]]
+
+
+def newest(done: list[str], name: str) -> list[float]:
+    """Return the arguments of the newest command of a name; zeros if there is none."""
+    return next((numbers(line) for line in reversed(done) if line.startswith(name)), [0.0, 0.0, 0.0])
 
 
 def test_the_mouse_steers_over_the_view(display: str, tmp_path: Path) -> None:
-    def by_mouse() -> None:
-        xdotool(display, "key", "Insert")
+    def at(x: int, y: int) -> None:
+        # in two steps, as a hand does
+        xdotool(display, "mousemove", str(x - 1), str(y), "mousemove", str(x), str(y))
+
+    def by_mouse(sitting: Sitting, log: Log) -> None:
+        sitting.keys("Insert")
+        log.wait_for(lambda done: "steer.arm" in done)
+        at(450, 400)
         time.sleep(SHORT_S)
-        at(display, 450, 400)
         xdotool(display, "mousedown", "1")
         time.sleep(SHORT_S)
-        at(display, 520, 400)
+        at(520, 400)
+        # right, and then still again
+        log.wait_for(lambda done: newest(done, "steer.stick-turn")[1] > 0.3)
         xdotool(display, "mouseup", "1")
-        time.sleep(SHORT_S)
+        log.wait_for(lambda done: not any(newest(done, "steer.stick-turn")))
         xdotool(display, "click", "4")
-        time.sleep(SHORT_S)
+        log.wait_for(lambda done: "steer.pulse forward" in done)
         xdotool(display, "mousedown", "3")
         time.sleep(SHORT_S)
-        at(display, 520, 330)
+        at(520, 330)
+        # up, and then none
+        log.wait_for(lambda done: newest(done, "steer.stick-thrust")[1] < -0.3)
         xdotool(display, "mouseup", "3")
-        time.sleep(LONG_S)
-        xdotool(display, "key", "ctrl+q", "ctrl+q")
+        log.wait_for(lambda done: not any(newest(done, "steer.stick-thrust")))
 
-    state, done = operated(display, tmp_path, by_mouse)
-    turns = [line.split() for line in done if line.startswith("steer.stick-turn")]
-    pushes = [line.split() for line in done if line.startswith("steer.stick-thrust")]
-    # right, and then still again
-    assert float(turns[-2][2]) > 0.3
-    assert [float(x) for x in turns[-1][1:]] == [0.0, 0.0, 0.0]
-    # up, and then none
-    assert float(pushes[-2][2]) < -0.3
-    assert [float(x) for x in pushes[-1][1:]] == [0.0, 0.0, 0.0]
-    assert "steer.pulse forward" in done
+    state, _ = operated(display, tmp_path, by_mouse)
     assert state["mode"] == "steer"
     assert state["delta_v_m_s"] > 0.01
 
 
 def test_keys_engage_the_autopilot_and_abort(display: str, tmp_path: Path) -> None:
-    def by_keys() -> None:
-        for key in ("Insert", "b", "n", "m", "Return", "Delete", "ctrl+q", "ctrl+q"):
-            xdotool(display, "key", key)
-            time.sleep(LONG_S)
+    keys = {
+        "Insert": "steer.arm",
+        "b": "docking.approach",
+        "n": "steer.lvlh",
+        "m": "steer.pulses",
+        "Return": "docking.go",
+        "Delete": "docking.abort",
+    }
+
+    def by_keys(sitting: Sitting, log: Log) -> None:
+        for k, key in enumerate(keys, 1):
+            sitting.keys(key)
+            log.wait_for(lambda done, k=k: len(done) == k)
 
     state, done = operated(display, tmp_path, by_keys)
-    assert done == [
-        "steer.arm",
-        "docking.approach",
-        "steer.lvlh",
-        "steer.pulses",
-        "docking.go",
-        "docking.abort",
-        "window.quit",
-        "window.quit",
-        "window.close",
-    ]
+    assert done == [*keys.values(), "window.quit", "window.quit", "window.close"]
     assert state["mode"] == "steer"
     assert state["delta_v_m_s"] > 0.0
     assert state["docking"] is None

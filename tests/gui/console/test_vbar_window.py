@@ -2,11 +2,6 @@
 
 from __future__ import annotations
 
-import json
-import os
-import subprocess
-import sys
-import time
 from pathlib import Path
 
 import msgspec
@@ -23,49 +18,52 @@ from flyaround.simulator.scenario.load import load_scenario
 from flyaround.simulator.scenario.plan import plan_flight
 from flyaround.simulator.world.orbit.propagation import propagate
 from tests.gui.test_vbar_by_keys import START_M, beside
+from tests.gui.test_window import last_state, recorded_s
 from tests.harness.no_renderer import NoRenderer
-from tests.harness.screen import xdotool
+from tests.harness.sitting import Sitting, wait_until
 
-pytestmark = [pytest.mark.gui, pytest.mark.slow, pytest.mark.timeout(600)]
+pytestmark = [pytest.mark.gui, pytest.mark.slow, pytest.mark.timeout(1800)]
 
 PULSES, COAST_S = 12, 35.0
 
 
-def by_keys(display: str) -> None:
+def speed_m_s(folder: Path) -> float:
+    """Return the relative speed in the newest sample of the recorded flight, about the target's orbit."""
+    state = last_state(folder)
+    if state is None:
+        return np.inf
+    r, v = state["r_target_eci_m"], state["v_target_eci_m_s"]
+    turning = np.cross(np.cross(r, v) / (r @ r), state["relative_eci_m"])
+    return float(np.linalg.norm(state["relative_eci_m_s"] - turning))
+
+
+def by_keys(sitting: Sitting, folder: Path) -> None:
     """LVLH axes, pulses, twelve pulses of a centimetre a second inward, and the brake after half a minute."""
-    for key in ("Insert", "n", "m", *(PULSES * ["s"])):
-        xdotool(display, "key", key)
-        time.sleep(0.6)
-    time.sleep(COAST_S)
-    xdotool(display, "key", "x")
-    time.sleep(6.0)
-    xdotool(display, "key", "ctrl+q")
+
+    def done() -> str:
+        return (folder / "log.script").read_text()
+
+    sitting.keys("Insert", "n", "m")
+    wait_until(lambda: "steer.pulses" in done())
+    for k in range(1, PULSES + 1):
+        sitting.keys("s")
+        wait_until(lambda k=k: done().count("release steer.back") == k)
+    started_s = recorded_s(folder)
+    wait_until(lambda: recorded_s(folder) > started_s + COAST_S)
+    sitting.keys("x")
+    wait_until(lambda: "steer.stop" in done() and speed_m_s(folder) < 1e-3)
 
 
 def test_the_v_bar_by_keys_in_a_window(display: str, tmp_path: Path) -> None:
     mine = tmp_path / "mine.toml"
     mine.write_text(to_toml(msgspec.to_builtins(beside())))
     assert load_scenario(mine).chaser == beside().chaser
-    command = [sys.executable, "-m", "flyaround", "-v", "sim", "mine.toml", "--json"]
-    command += ["--log", "log.script", "--record", "flown"]
-    environment = {
-        **os.environ,
-        "DISPLAY": display,
-        "FLYAROUND_CONSOLE_LAYOUT": str(tmp_path / "layout.json"),
-    }
-    with subprocess.Popen(
-        command, cwd=tmp_path, env=environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
-    ) as console:
-        assert console.stderr is not None
-        try:
-            assert any("first picture" in line for line in console.stderr), "no picture came"
-            time.sleep(2.0)
-            by_keys(display)
-            out, err = console.communicate(timeout=120.0)
-        finally:
-            console.kill()
-    assert console.returncode == 0, err
-    state = json.loads(out)
+    options = "mine.toml", "--log", "log.script", "--record", "flown"
+    with Sitting(tmp_path, *options, display=display) as sitting:
+        sitting.wait_for("first picture")
+        by_keys(sitting, tmp_path)
+        sitting.keys("ctrl+q")
+        state, _ = sitting.end()
     # every press was one pulse, and the chaser rests about five metres nearer
     assert state["delta_v_m_s"] > 0.01 * PULSES
     moved_m = state["position_lvlh_m"][1] - START_M

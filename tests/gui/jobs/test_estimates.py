@@ -234,7 +234,7 @@ def test_the_estimators_themselves_answer_with_their_stages(session: FlightSessi
     picture = Picture(frame, session.state, session.plan.target, telemetry_of(session.craft.world, scene), 2)
     found: dict[str, ComparedEstimate] = {}
     with contextlib.closing(Estimates()) as estimates:
-        estimates.want_stages(wanted=True)
+        estimates.send_stages(on=True)
         estimates.start()
         for method in ("hybrid", "svd-thesis", "svd-2018", "hybrid-track"):
             estimates.choose(method)

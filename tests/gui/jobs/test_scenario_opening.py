@@ -90,7 +90,7 @@ def test_a_script_that_opens_a_scenario_flies_the_same_again(console: Console) -
     text = "0.1 scenario.open tango-earth-10m\n0.3 hold steer.forward\n0.5 release steer.forward\n"
     worlds = []
     for turn_ms in (7, 33):
-        console.play(Script.of(text, console.table))
+        console.play(Script.parse(text, console.table))
         console.clock_ms = 0
         while console.clock_ms < 700:
             console.pass_time(min(turn_ms, 700 - console.clock_ms))

@@ -90,7 +90,7 @@ def test_the_report_of_a_recorded_run_names_the_present_method(tmp_path):
 
 
 def test_a_script_of_the_console_with_the_former_name_is_read():
-    script = Script.of(
+    script = Script.parse(
         "1 estimator.method svd-track\n2 hil.board svd\n3 hil.board svd-2018\n", command_table()
     )
     assert [line.arguments for line in script.lines] == [("hybrid-track",), ("hybrid",), ("svd-2018",)]

@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 import msgspec
+import pytest
 
 from flyaround.simulator.piloting.orders import Centre
 from flyaround.simulator.piloting.session import FlightSession
@@ -36,6 +37,28 @@ def test_an_eclipse_is_told_as_it_begins_and_ends():
     session.look_back.seek(0.0)
     session.clock.paused = False
     assert told(session, 5.0) == []
+
+
+def test_a_flown_eclipse_is_kept_once():
+    session = FlightSession.of(load_scenario("tango-eclipse-pass"))
+    session.jump_to_event("eclipse")
+    while session.clock.jump:
+        fly(session, 0.1)
+    session.clock.set_rate(100.0)
+    fly(session, 1.0)
+    ((start_s, end_s),) = session.eclipses_s
+    lit = [session.flight.state(t_s).sun_visible_fraction > 0.0 for t_s in (start_s - 30.0, start_s, end_s)]
+    assert lit == [True, False, False]
+    assert end_s == session.t_s
+    # flown again from before it, and beyond
+    session.look_back.seek(start_s - 20.0)
+    session.look_back.fly_on()
+    session.clock.paused = False
+    fly(session, 2.0)
+    assert session.t_s > end_s
+    ((again_s, until_s),) = session.eclipses_s
+    assert again_s == pytest.approx(start_s, abs=0.2 * 100.0)
+    assert until_s == session.t_s
 
 
 def test_low_fuel_is_told_once():
