@@ -258,7 +258,7 @@ def _check_flow(truth: Truth, flow: NDArray[np.float32], pixels: IntArray, sampl
     if truth.flow is None:
         return ["there is optical flow, and the record does not say to which frame"]
     here = pose_of_row(truth, 0)
-    there = Pose.of(
+    there = Pose.from_arrays(
         "camera", "target", truth.flow.q_camera_from_target_wxyz, truth.flow.t_camera_from_target_m
     )
     R = there.R @ here.R.T

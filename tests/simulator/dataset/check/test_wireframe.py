@@ -20,7 +20,7 @@ TANGO = load_target("tango")
 
 def label(q_wxyz, t_m=(0.0, 0.0, 7.0), target=TANGO):
     """What a record says of the wireframe: all that the check reads of one."""
-    pose = Pose.of("camera", "target", q_wxyz, t_m)
+    pose = Pose.from_arrays("camera", "target", q_wxyz, t_m)
     wires = tuple(
         WireLabel(name=v.edge.name, ends_px=tuple(map(tuple, v.ends_px.tolist())), visible=v.intervals)
         for v in view_edges(CAMERA, pose, target, mesh_of(target))

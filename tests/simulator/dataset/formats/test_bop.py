@@ -77,7 +77,7 @@ def by_the_toolkit(renderer, scene, target):
 def test_boxes_and_counts_of_craft_in_part_or_wholly_outside(renderer, plan, share_x, share_y, z_m):
     camera = plan.camera
     t = np.array([share_x * SIZE[0] / camera.fx_px, share_y * SIZE[1] / camera.fy_px, 1.0]) * z_m
-    pose = fa.Pose.of("camera", "target", (0.5, 0.5, -0.5, 0.5), t)
+    pose = fa.Pose.from_arrays("camera", "target", (0.5, 0.5, -0.5, 0.5), t)
     scene = scene_with_pose(plan.scene(0), plan.target, pose, 0)
     taken = fa.take_frame(renderer, scene, plan.target)
     found = gt_info(frame_from_files(0, encode_frame(taken)), plan.target)
