@@ -180,12 +180,12 @@ def test_colour_and_grey_pictures_stay_what_they_are(lightbox):
 def test_the_silhouette_is_the_one_that_checks_fill(pose):
     """Inside it everything surely covered, outside nothing that is not touched."""
     from flyaround.simulator.dataset.check.geometry import filled_silhouette
-    from flyaround.simulator.targets.joined_mesh import mesh_of
+    from flyaround.simulator.targets.joined_mesh import joined_mesh
 
     camera, target = load_camera("speed"), load_target("tango@low")
     at = Pose.from_arrays("camera", "target", *pose)
     seen = silhouette(camera, at, target)
-    mesh = mesh_of(target)
+    mesh = joined_mesh(target)
     corners = camera.project(at.apply(mesh.positions_m))[mesh.triangles]
     inner, outer = filled_silhouette(corners, seen.mask.shape)
     assert not ((inner > 0) & (seen.mask == 0)).any()

@@ -7,7 +7,7 @@ import trimesh
 from flyaround.simulator.camera.lens.files import load_camera
 from flyaround.simulator.geometry.mesh import TriangleMesh
 from flyaround.simulator.labels.wireframe import view_edges
-from flyaround.simulator.targets.joined_mesh import mesh_of
+from flyaround.simulator.targets.joined_mesh import joined_mesh
 from flyaround.simulator.targets.library import load_target
 from flyaround.simulator.targets.model import Edge
 from flyaround.simulator.world.frames.pose import Pose
@@ -106,7 +106,7 @@ def test_a_rod_in_the_open_is_seen_whole_and_behind_a_plate_not_at_all(lean_deg)
 
 def test_nothing_is_seen_of_edges_behind_the_camera():
     target = load_target("tango")
-    mesh = mesh_of(target)
+    mesh = joined_mesh(target)
     assert (
         view_edges(CAMERA, Pose.from_arrays("camera", "target", (1.0, 0, 0, 0), (0, 0, -5.0)), target, mesh)
         == ()

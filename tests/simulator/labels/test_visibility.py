@@ -18,7 +18,7 @@ from flyaround.simulator.labels.visibility import hidden_from_direction, occlude
 from flyaround.simulator.labels.wireframe import view_edges
 from flyaround.simulator.scenario.load import load_scenario
 from flyaround.simulator.scenario.plan import plan_flight
-from flyaround.simulator.targets.joined_mesh import join_parts, mesh_of
+from flyaround.simulator.targets.joined_mesh import join_parts, joined_mesh
 from flyaround.simulator.targets.library import load_target
 from flyaround.simulator.targets.model import Part
 from flyaround.simulator.world.frames.pose import Pose
@@ -62,7 +62,7 @@ def test_keypoints_without_sunlight_are_eclipsed_whatever_takes_it(sunlight, sha
     scene = plan.scene(0)
     environment = msgspec.structs.replace(scene.environment, sunlight=sunlight)
     scene = replace(scene, environment=environment, sun_visible_fraction=share)
-    states = geometric_states(scene, plan.target, mesh_of(plan.target))
+    states = geometric_states(scene, plan.target, joined_mesh(plan.target))
     in_sight = {state for state in states if state not in {"out_of_frame", "self_occluded"}}
     assert in_sight
     assert ("eclipsed" in in_sight) == (not sunlight or share == 0.0)
@@ -116,7 +116,7 @@ def test_an_open_sheet_hides_what_is_behind_it_whichever_way_it_looks(normal_z):
 def _tango():
     """The model, its mesh, and a ray caster of it, whose tree takes longer to make than to use."""
     target = load_target("tango")
-    mesh = mesh_of(target)
+    mesh = joined_mesh(target)
     solid = trimesh.Trimesh(mesh.positions_m, mesh.triangles, process=False)
     return target, mesh, trimesh.ray.ray_triangle.RayMeshIntersector(solid)
 
