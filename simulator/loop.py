@@ -230,9 +230,9 @@ class OpenRenderer:
             os.nice(self.niceness)
         if self.progress is not None:
             publish_progress(self.progress)
-        from flyaround.simulator.render.earth.map_textures import prefetch_maps_of  # noqa: PLC0415 - callers need not load OpenGL
+        from flyaround.simulator.render.earth.map_textures import prefetch_maps  # noqa: PLC0415 - callers need not load OpenGL
 
-        prefetched = prefetch_maps_of(self.first)
+        prefetched = prefetch_maps(self.first)
         from flyaround.simulator.render.renderer import Renderer  # noqa: PLC0415 - the same; maps are read meanwhile
 
         return Renderer(device_index=self.device_index, prefetched=prefetched)
@@ -320,10 +320,10 @@ def open_frames(
         ) as pool:
             yield pool
         return
-    from flyaround.simulator.render.earth.map_textures import prefetch_maps_of  # noqa: PLC0415 - processes that draw elsewhere need not load OpenGL
+    from flyaround.simulator.render.earth.map_textures import prefetch_maps  # noqa: PLC0415 - processes that draw elsewhere need not load OpenGL
     from flyaround.simulator.render.renderer import Renderer  # noqa: PLC0415 - the same
 
-    maps = prefetch_maps_of(first) if prefetched is None else prefetched
+    maps = prefetch_maps(first) if prefetched is None else prefetched
     with (
         Renderer(device_index=device_index, prefetched=maps) as renderer,
         _LocalProducer(renderer, stage, target) as local,

@@ -44,7 +44,7 @@ def renderer(renderers, request):
     software_path = getattr(request.module, "SOFTWARE_PATH", None)
     if renderers:
         wanted = renderers[0].info.is_software if software_path is None else software_path
-        if renderers[0].takes_software_path != wanted or len(renderers[0].device.programs) > MOST_PROGRAMS:
+        if renderers[0].uses_software_path != wanted or len(renderers[0].device.programs) > MOST_PROGRAMS:
             renderers.pop().close()
     if not renderers:
         renderers.append(Renderer(software_path=software_path))

@@ -20,7 +20,7 @@ from flyaround.simulator.baking.baked_mesh import unpack_geometry
 from flyaround.simulator.baking.mesh_edges import edge_gaps
 from flyaround.simulator.baking.radiance_transfer import visibility_to_ship
 from flyaround.simulator.celestial.air_tables import air_tables
-from flyaround.simulator.render.craft.mesh import prepared
+from flyaround.simulator.render.craft.mesh import merge_parts
 from flyaround.simulator.runtime.cache import read_checked
 from flyaround.simulator.runtime.prebuilt import SUFFIX, without_prebuilt
 from flyaround.simulator.targets.library import load_target
@@ -39,8 +39,8 @@ def made() -> Iterator[tuple[str, bytes]]:
     """Yield names and contents of the files; each is computed anew from the shipped versions of the others."""
     yield from _kept(lambda: [air_tables(bands, 100e3) for bands in ("mono", "rgb")], "*.npy").items()
     target = load_target(TARGET)
-    yield from _kept(lambda: prepared(target), "*.npy").items()
-    geometry = prepared(target)[0]
+    yield from _kept(lambda: merge_parts(target), "*.npy").items()
+    geometry = merge_parts(target)[0]
     yield from _kept(lambda: edge_gaps(geometry.edges), "*.npy").items()
     key, codes = visibility_to_ship(geometry)
     data = io.BytesIO()

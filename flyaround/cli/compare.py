@@ -73,5 +73,7 @@ def _estimated(target: Target, reference: Reference) -> PoseEstimate | None:
     result = make_estimator(board_model(target), camera).estimate(reference.image, None)
     q, t = result.q_camera_from_target_wxyz, result.t_camera_from_target_m
     return (
-        None if q is None or t is None else PoseEstimate(Pose.of("camera", "target", q, t), result.accepted)
+        None
+        if q is None or t is None
+        else PoseEstimate(Pose.from_arrays("camera", "target", q, t), result.accepted)
     )

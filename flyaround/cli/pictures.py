@@ -23,7 +23,7 @@ from flyaround.runs.pictures import RenderRun
 from flyaround.simulator.errors import UserError
 from flyaround.simulator.labels.request import LabelRequest, parse_labels
 from flyaround.simulator.labels.truth import read_truth
-from flyaround.simulator.render.earth.map_textures import EarthMaps, prefetch_earth_maps, prefetch_maps_of
+from flyaround.simulator.render.earth.map_textures import EarthMaps, prefetch_earth_maps, prefetch_maps
 from flyaround.simulator.scenario.document import with_image_options
 from flyaround.simulator.scenario.poses import PosePlan, read_poses
 from flyaround.simulator.scene.environments import environment_section
@@ -93,7 +93,7 @@ class _View:
 def _recorded_view(path: Path) -> _View:
     """Return the view that a truth record describes."""
     record = read_truth(path)
-    prefetched = prefetch_maps_of(record.scene)
+    prefetched = prefetch_maps(record.scene)
     request = LabelRequest(layers=record.layers, flow=record.flow)
     return _View(record.scene, load_target(record.scene.target.name), request, prefetched, {})
 

@@ -14,7 +14,7 @@ from flyaround.hil.board.net.residual_network import ARCHITECTURES
 from flyaround.runs.document import write_run
 from flyaround.runs.estimation import TrainRun
 from flyaround.simulator.errors import UserError, missing_extra
-from flyaround.simulator.targets.installed import head_file
+from flyaround.simulator.targets.installed import network_file
 from flyaround.simulator.targets.library import load_target
 
 if TYPE_CHECKING:
@@ -52,7 +52,7 @@ def _check_suffix(output: Path) -> None:
 
 def _train_craft(run: TrainRun, craft: str, report: Callable[[float, str], None], *, as_json: bool) -> None:
     load_target(craft)
-    output = head_file(craft) if run.output is None else Path(run.output)
+    output = network_file(craft) if run.output is None else Path(run.output)
     _check_suffix(output)
     try:
         from flyaround.hil.train.fitting import Budget  # noqa: PLC0415 - slow to import: mistakes are reported first

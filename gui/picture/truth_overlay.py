@@ -9,7 +9,7 @@ import numpy as np
 
 from flyaround.simulator.labels.boxes import amodal_box
 from flyaround.simulator.labels.visibility import hidden_from_direction, occluded_from_camera
-from flyaround.simulator.targets.joined_mesh import mesh_of
+from flyaround.simulator.targets.joined_mesh import joined_mesh
 from flyaround.simulator.world.frames.rotation import rotation_angle_rad
 
 if TYPE_CHECKING:
@@ -66,7 +66,7 @@ class Marker:
 
     def __init__(self, target: Target) -> None:
         self._target = target
-        self._mesh = mesh_of(target)
+        self._mesh = joined_mesh(target)
         self._points_m = np.array([k.position_m for k in target.keypoints], float).reshape(-1, 3)
         self._asked: SceneState | None = None
         self._seen: tuple[Seen, ...] = ()

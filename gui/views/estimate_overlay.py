@@ -54,7 +54,7 @@ class EstimateOverlay:
         q, t = estimate.answer.q_camera_from_target_wxyz, estimate.answer.t_camera_from_target_m
         if q is None or t is None or not np.isfinite([*q, *t]).all() or np.linalg.norm(q) < 1e-9:
             return ()
-        pose = Pose.of("camera", "target", quat_normalize(q), t)
+        pose = Pose.from_arrays("camera", "target", quat_normalize(q), t)
         return wireframe_at(picture.frame.scene.camera, pose, picture.target)
 
     def _place(self, canvas: Canvas, box: Letterbox, text: str) -> tuple[float, float]:

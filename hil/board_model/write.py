@@ -23,8 +23,8 @@ from flyaround.simulator.errors import UserError
 from flyaround.simulator.runtime.arrays import vec3
 from flyaround.simulator.runtime.cache import cache_folder, entry_name, read_checked, store_checked
 from flyaround.simulator.runtime.files import write_atomic
-from flyaround.simulator.targets.convert import record_of
-from flyaround.simulator.targets.installed import head_file
+from flyaround.simulator.targets.convert import target_record
+from flyaround.simulator.targets.installed import network_file
 from flyaround.simulator.targets.library import built_in_targets, load_target
 
 if TYPE_CHECKING:
@@ -63,7 +63,7 @@ def board_record(target: Target) -> BoardModelRecord:
     UserError
         If the network file cannot be read.
     """
-    head = head_file(target.name)
+    head = network_file(target.name)
     try:
         network = base64.b64encode(head.read_bytes()).decode() if head.is_file() else None
     except OSError as error:
@@ -78,7 +78,7 @@ def board_record(target: Target) -> BoardModelRecord:
 
 def record_without_faces(target: Target) -> BoardModelRecord:
     """Return the board model without contours and faces, which take seconds to compute."""
-    record = record_of(target)
+    record = target_record(target)
     return BoardModelRecord(
         schema="flyaround.board_model",
         version=1,

@@ -1,4 +1,4 @@
-"""Visibility baked on the nodes of a mesh's charts by ray casting: open sky or another face in each direction."""
+"""Visibility from the nodes of a mesh's charts, by ray casting: the open sky or another face in each direction."""
 
 from __future__ import annotations
 
@@ -18,14 +18,13 @@ if TYPE_CHECKING:
     from flyaround.simulator.geometry.ray_cast import Int32Array, RayCaster
     from flyaround.simulator.runtime.arrays import BoolArray, Float32Array, FloatArray, IntArray
 
-GRAZING = 0.12  # smallest cosine of a ray; flatter rays would hit neighbouring facets of a curved face
-# shares of the craft's radius: distance of a ray's origin from its own face; and the larger one from a face covered by
-# a decal, so that of a panel under cells or blankets only the gaps are visible
+GRAZING = 0.12
+"""Smallest cosine of a ray with its face's normal. Flatter rays would hit neighbouring facets of a curved face."""
 ORIGIN_OFFSET, DECAL_HEIGHT = 1e-4, 3e-3
-_COVERED_SHARE = 0.4  # share of hidden directions above which a node is covered by a decal
-_PROBE_STEP = 4  # every fourth direction is used to test whether a node is covered
-
-# Maximum number of threads.
+"""Height of a ray's origin above its face, over the craft's radius: normally, and on a face that is covered by a decal,
+such as a panel under cells or blankets."""
+_COVERED_SHARE = 0.4  # a node is covered if a decal hides more than this share of its directions
+_PROBE_STEP = 4  # every fourth direction is tested for a decal
 _MAX_THREADS = 8
 
 _T = TypeVar("_T")
@@ -70,40 +69,39 @@ def trace_visibility(
     Parameters
     ----------
     charts : Charts
-        Charts of the mesh, with their nodes.
+        Charts of the craft.
     planes : (T, 3) array
         Normals of the triangles.
     caster : RayCaster
-        Ray caster of the mesh.
+        Finds the first triangle on each ray.
     directions : (D, 3) array
-        Unit vectors.
+        Unit vectors, target frame.
     radius_m : float
         Radius of the craft.
     """
-    face, cosines = _above(charts, planes, directions)
-    covered, probed = _find_covered(charts.places_m, face, cosines, caster, directions, radius_m)
+    face, cosines = _cosines_above_face(charts, planes, directions)
+    is_covered, probed = _find_covered(charts.places_m, face, cosines, caster, directions, radius_m)
     origins = (
-        charts.places_m + face * np.where(covered, DECAL_HEIGHT * radius_m, ORIGIN_OFFSET * radius_m)[:, None]
+        charts.places_m
+        + face * np.where(is_covered, DECAL_HEIGHT * radius_m, ORIGIN_OFFSET * radius_m)[:, None]
     )
     is_open = np.zeros(cosines.shape, bool)
 
-    def along(k: int) -> tuple[IntArray, IntArray, BoolArray]:
+    def cast_rays(k: int) -> tuple[IntArray, IntArray, BoolArray]:
         node = np.flatnonzero(cosines[:, k])
-        if k in probed:  # uncovered nodes reuse the hits of the test
+        if k in probed:  # reuse the hits of the decal test, except for covered nodes
             distance, triangle = probed.pop(k)
-            covered_nodes = np.flatnonzero(covered[node])
-            distance[covered_nodes], triangle[covered_nodes] = caster.first_hits(
-                origins[node[covered_nodes]], directions[k]
-            )
+            retraced = np.flatnonzero(is_covered[node])
+            distance[retraced], triangle[retraced] = caster.first_hits(origins[node[retraced]], directions[k])
         else:
             distance, triangle = caster.first_hits(origins[node], directions[k])
         is_open[node, k] = triangle < 0
         hit = np.flatnonzero(triangle >= 0)
         node, triangle = node[hit], triangle[hit]
-        place = origins[node] + directions[k] * distance[hit, None]
-        return node, charts.node_at(triangle, place), (planes @ directions[k])[triangle] > 0
+        hit_point_m = origins[node] + directions[k] * distance[hit, None]
+        return node, charts.node_at(triangle, hit_point_m), (planes @ directions[k])[triangle] > 0
 
-    hits = _in_threads(along, range(len(directions)))
+    hits = _in_threads(cast_rays, range(len(directions)))
     node, hit_node, hit_back = (np.concatenate([f[k] for f in hits]) for k in range(3))
     return NodeVisibility(
         directions=directions,
@@ -116,25 +114,27 @@ def trace_visibility(
     )
 
 
-def _above(charts: Charts, planes: Float32Array, directions: FloatArray) -> tuple[FloatArray, Float32Array]:
-    """Return the (N, 3) normal of each node's face, and the cosines of `NodeVisibility`."""
+def _cosines_above_face(
+    charts: Charts, planes: Float32Array, directions: FloatArray
+) -> tuple[FloatArray, Float32Array]:
+    """Return the normal of each node's face (N, 3), and the cosines (N, D) of `NodeVisibility`."""
     face = planes[charts.triangle].astype(float)
-    sliver = np.abs(face).max(axis=1) < 0.5
-    face[sliver] = charts.face_normals[charts.chart[sliver]]
+    is_sliver = np.abs(face).max(axis=1) < 0.5
+    face[is_sliver] = charts.face_normals[charts.chart[is_sliver]]
     cosines = np.maximum(charts.normals.astype(np.float32) @ directions.T.astype(np.float32), 0)
     cosines *= (face @ directions.T) > GRAZING
     return face, cosines
 
 
 def encode_visibility(visibility: NodeVisibility, patch: IntArray) -> NDArray[np.uint32]:
-    """Encode (N, D) visibility as integers that compress well: 0 no ray, 1 open, from 2 on the patch that was hit.
+    """Encode visibility as integers (N, D) that compress well: 0 for no ray, 1 for open, from 2 on the patch hit.
 
     Parameters
     ----------
     visibility : NodeVisibility
         Visibility of the nodes.
     patch : (N,) array
-        Patch of each node; patch p is coded as 2 + 2 p, and one more for its back.
+        Patch of each node. Patch p has the code 2 + 2 p, and its back 3 + 2 p.
     """
     codes = visibility.is_open.astype(np.uint32)
     codes[visibility.node, visibility.direction] = 2 + 2 * patch[visibility.hit_node] + visibility.hit_back
@@ -154,7 +154,7 @@ def decode_visibility(
     _, first = np.unique(patch, return_index=True)
     return NodeVisibility(
         directions=directions,
-        cosines=_above(charts, planes, directions)[1],
+        cosines=_cosines_above_face(charts, planes, directions)[1],
         is_open=codes == 1,
         node=node,
         direction=direction,
@@ -171,20 +171,20 @@ def _find_covered(
     directions: FloatArray,
     radius_m: float,
 ) -> tuple[BoolArray, dict[int, tuple[Float32Array, Int32Array]]]:
-    """Return (N,) True where a decal hides most of a node's view, and the hits along the tested directions."""
+    """Return a mask (N,) of nodes whose view a decal hides, and the hits along the tested directions."""
     origins = places_m + face * (ORIGIN_OFFSET * radius_m)
     hits: dict[int, tuple[Float32Array, Int32Array]] = {}
 
-    def low(k: int) -> Float32Array:
+    def hidden_cosines(k: int) -> Float32Array:
         node = np.flatnonzero(cosines[:, k])
         hits[k] = caster.first_hits(origins[node], directions[k])
         distance = hits[k][0]
-        low = np.zeros(len(places_m), np.float32)
-        low[node] = cosines[node, k] * (distance * (face[node] @ directions[k]) < DECAL_HEIGHT * radius_m)
-        return low
+        hidden = np.zeros(len(places_m), np.float32)
+        hidden[node] = cosines[node, k] * (distance * (face[node] @ directions[k]) < DECAL_HEIGHT * radius_m)
+        return hidden
 
     probed = range(0, len(directions), _PROBE_STEP)
-    n_hidden = np.sum(_in_threads(low, probed), axis=0)
+    n_hidden = np.sum(_in_threads(hidden_cosines, probed), axis=0)
     return np.asarray(n_hidden > _COVERED_SHARE * cosines[:, probed].sum(axis=1)), hits
 
 

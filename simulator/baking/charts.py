@@ -1,7 +1,7 @@
-"""Charts of a mesh: every flat face laid out in one texture atlas, for baked light.
+"""Charts of a mesh: the flat faces of a craft, laid out in one texture atlas for baked light.
 
-A chart is the part of a surface in one plane. Its nodes form a rectangle that includes its borders, so interpolation
-never mixes neighbours in the atlas; a face smaller than half a texel is one node.
+A chart is the part of a surface that lies in one plane. Its nodes form a rectangle in the atlas that includes the
+borders, so interpolation never mixes neighbouring charts. A face smaller than half a texel is a single node.
 """
 
 from __future__ import annotations
@@ -20,12 +20,14 @@ from flyaround.simulator.geometry.triangles import face_vectors
 if TYPE_CHECKING:
     from flyaround.simulator.runtime.arrays import BoolArray, Float32Array, FloatArray, IntArray
 
-TEXEL = 0.032  # share of the craft's radius
-MAX_NODES = 250_000  # limit of the atlas, 64 MB of baked light per band; above it the spacing is increased
-_FLAT = 0.9999  # cosine of a corner's normal with the face's
-_NEAREST = 8  # triangles tested for a node that lies on none
-_PAIRS = 500_000  # pairs of a node and a triangle processed together: 0.1 GB
-_MARGIN = 0.1  # share of a texel: distance inside at which nodes at a border are sampled
+TEXEL = 0.032
+"""Distance of the nodes, over the craft's radius."""
+MAX_NODES = 250_000
+"""Largest number of nodes of an atlas (64 MB of baked light per band). The distance is increased to stay below it."""
+_MIN_FLAT_COSINE = 0.9999  # a chart is flat if its corner normals are this close to the face's normal
+_CANDIDATES = 8  # nearest triangles that are tested for a node outside all triangles
+_PAIRS_AT_ONCE = 500_000  # pairs of a node and a triangle that are tested together, in 0.1 GB
+_BORDER_INSET = 0.1  # distance [texels] from the border at which border nodes are sampled
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,13 +126,13 @@ def make_charts(
         Largest node spacing.
     """
     corners = positions_m[triangles]
-    area_vectors = face_vectors(corners)
-    area = np.linalg.norm(area_vectors, axis=1)
-    normal = area_vectors / np.maximum(area, 1e-30)[:, None]
+    scaled_normals = face_vectors(corners)
+    area = np.linalg.norm(scaled_normals, axis=1)
+    normal = scaled_normals / np.maximum(area, 1e-30)[:, None]
     for attempt in range(20):
         chart, border = cut_charts(positions_m, groups, triangles, normal, texel_m, touching=attempt == 0)
         face, axes, low, extent, counts = _lay_out(
-            corners, normals[triangles], chart, border, area_vectors, texel_m
+            corners, normals[triangles], chart, border, scaled_normals, texel_m
         )
         if int(counts.prod(axis=1).sum()) <= MAX_NODES:
             break
@@ -138,28 +140,30 @@ def make_charts(
     count = len(counts)
     step = np.where(counts > 1, extent / np.maximum(counts - 1, 1), np.maximum(extent, 1e-9))
     size_px, corner = _pack_shelves(counts)
-    pairs, which = np.unique(triangles.astype(np.int64) * count + chart[:, None], return_inverse=True)
+    pairs, vertex_index = np.unique(triangles.astype(np.int64) * count + chart[:, None], return_inverse=True)
     origin, owner = pairs // count, pairs % count
-    along = np.einsum("vac,vc->va", axes[owner], positions_m[origin]) - low[owner]
-    node = np.where(counts[owner] > 1, along / step[owner], 0.0)
+    offset = np.einsum("vac,vc->va", axes[owner], positions_m[origin]) - low[owner]
+    node = np.where(counts[owner] > 1, offset / step[owner], 0.0)
     nodes = counts.prod(axis=1)
     first = np.concatenate([[0], np.cumsum(nodes)[:-1]])
-    of_node = np.repeat(np.arange(count), nodes)
-    index = np.arange(nodes.sum()) - first[of_node]
-    i, j = index % counts[of_node, 0], index // counts[of_node, 0]
-    atlas_index = (corner[of_node, 1] + j) * size_px[0] + corner[of_node, 0] + i
-    inside = np.minimum(_MARGIN * texel_m, 0.25 * extent)[of_node]
+    chart_of_node = np.repeat(np.arange(count), nodes)
+    index = np.arange(nodes.sum()) - first[chart_of_node]
+    i, j = index % counts[chart_of_node, 0], index // counts[chart_of_node, 0]
+    atlas_index = (corner[chart_of_node, 1] + j) * size_px[0] + corner[chart_of_node, 0] + i
+    inset = np.minimum(_BORDER_INSET * texel_m, 0.25 * extent)[chart_of_node]
     steps = np.stack([i, j], axis=1)
-    node_uv = np.where(counts[of_node] > 1, steps * step[of_node], 0.5 * extent[of_node])
-    node_uv = low[of_node] + np.clip(node_uv, inside, np.maximum(extent[of_node] - inside, inside))
+    node_uv = np.where(counts[chart_of_node] > 1, steps * step[chart_of_node], 0.5 * extent[chart_of_node])
+    node_uv = low[chart_of_node] + np.clip(node_uv, inset, np.maximum(extent[chart_of_node] - inset, inset))
     # coordinates in which charts do not overlap
     shift = corner * texel_m - low
     xy = np.einsum("tac,tkc->tka", axes[chart], corners) + shift[chart, None]
-    triangle, shares = _nearest_on_charts(node_uv + shift[of_node], of_node, xy, chart, nodes, area)
-    smooth = np.einsum("nk,nkc->nc", shares, normals[triangles[triangle]])
+    triangle, barycentric = _nearest_on_charts(
+        node_uv + shift[chart_of_node], chart_of_node, xy, chart, nodes, area
+    )
+    smooth = np.einsum("nk,nkc->nc", barycentric, normals[triangles[triangle]])
     return Charts(
         origin=origin,
-        triangles=which.reshape(triangles.shape).astype(np.uint32),
+        triangles=vertex_index.reshape(triangles.shape).astype(np.uint32),
         uv=((corner[owner] + 0.5 + node) / size_px).astype(np.float32),
         size_px=size_px,
         of_triangle=chart,
@@ -168,9 +172,9 @@ def make_charts(
         step_m=step,
         counts=counts,
         first=first,
-        chart=of_node,
+        chart=chart_of_node,
         atlas_index=atlas_index,
-        places_m=np.einsum("nk,nkc->nc", shares, corners[triangle]),
+        places_m=np.einsum("nk,nkc->nc", barycentric, corners[triangle]),
         normals=smooth / np.maximum(np.linalg.norm(smooth, axis=1, keepdims=True), 1e-9),
         face_normals=face,
         triangle=triangle,
@@ -182,11 +186,10 @@ def _lay_out(
     corner_normals: FloatArray,
     chart: IntArray,
     border: BoolArray,
-    area_vectors: FloatArray,
+    scaled_normals: FloatArray,
     texel_m: float,
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, IntArray]:
-    """Return normal (C, 3), axes (C, 2, 3), lowest coordinates (C, 2), extent (C, 2) and node counts (C, 2) of each
-    chart.
+    """Choose axes, extent and number of nodes of each chart.
 
     Parameters
     ----------
@@ -194,34 +197,37 @@ def _lay_out(
         Corners of the triangles [m].
     corner_normals : (T, 3, 3) array
         Unit normals at the corners.
-    chart : (T,) array
-        Chart of each triangle.
-    border : (T, 3) array
-        True for edges on the border of a chart.
-    area_vectors : (T, 3) array
-        Normals with twice the triangles' areas as length.
+    scaled_normals : (T, 3) array
+        Normals of the triangles, whose lengths are twice the areas.
     texel_m : float
-        Size of a texel [m].
+        Largest distance of nodes.
+
+    Returns
+    -------
+    tuple of array
+        Normal (C, 3), axes (C, 2, 3), lowest coordinates (C, 2) [m], extent (C, 2) [m] and node counts (C, 2).
     """
     count = int(chart.max()) + 1
-    face: FloatArray = np.stack([np.bincount(chart, v, count) for v in area_vectors.T], axis=1).astype(float)
-    bare = np.linalg.norm(face, axis=1) < 1e-20  # slivers
-    np.add.at(face, chart[bare[chart]], corner_normals[bare[chart], 0])
+    face: FloatArray = np.stack([np.bincount(chart, v, count) for v in scaled_normals.T], axis=1).astype(
+        float
+    )
+    is_degenerate = np.linalg.norm(face, axis=1) < 1e-20  # slivers
+    np.add.at(face, chart[is_degenerate[chart]], corner_normals[is_degenerate[chart], 0])
     face /= np.maximum(np.linalg.norm(face, axis=1, keepdims=True), 1e-30)
     axes = _axes(corners_m, border, chart, face)
-    is_bent = np.any(np.einsum("tkc,tc->tk", corner_normals, face[chart]) < _FLAT, axis=1)
+    is_bent = np.any(np.einsum("tkc,tc->tk", corner_normals, face[chart]) < _MIN_FLAT_COSINE, axis=1)
     xy = np.einsum("tac,tkc->tka", axes[chart], corners_m)
     order = np.argsort(chart, kind="stable")
     start = np.searchsorted(chart[order], np.arange(count))
     low = np.minimum.reduceat(xy.min(axis=1)[order], start)
     extent = np.maximum.reduceat(xy.max(axis=1)[order], start) - low
-    least = np.where(np.bincount(chart, is_bent, count) > 0, 0.15, 0.5)[:, None] * texel_m
-    counts = np.where(extent > least, np.ceil(extent / texel_m).astype(int) + 1, 1)
+    min_extent = np.where(np.bincount(chart, is_bent, count) > 0, 0.15, 0.5)[:, None] * texel_m
+    counts = np.where(extent > min_extent, np.ceil(extent / texel_m).astype(int) + 1, 1)
     return face, axes, low, extent, counts
 
 
 def _axes(corners_m: FloatArray, border: BoolArray, chart: IntArray, face: FloatArray) -> FloatArray:
-    """Return the (C, 2, 3) axes of each chart, the first along the longest edge of its border."""
+    """Return the axes (C, 2, 3) of each chart, the first one along the longest edge of its border."""
     edges = np.roll(corners_m, -1, axis=1) - corners_m
     length = np.linalg.norm(edges, axis=2) * border
     longest = np.argmax(length, axis=1)
@@ -236,25 +242,25 @@ def _axes(corners_m: FloatArray, border: BoolArray, chart: IntArray, face: Float
 
 
 def _pack_shelves(counts: IntArray) -> tuple[tuple[int, int], IntArray]:
-    """Return the size of the atlas and (C, 2) corners of its rectangles, by shelf packing, tallest first."""
+    """Pack the charts' rectangles in shelves, tallest first; return the atlas's size and the corners (C, 2)."""
     width = max(64, int(counts[:, 0].max()), int(np.sqrt(1.05 * counts.prod(axis=1).sum())))
     width = -(-width // 16) * 16
     corner = np.zeros_like(counts)
     x = y = shelf = 0
     for k in np.lexsort((-counts[:, 0], -counts[:, 1])):
-        across, down = counts[k]
-        if x + across > width:
+        columns, rows = counts[k]
+        if x + columns > width:
             x, y = 0, y + shelf
             shelf = 0
         corner[k] = x, y
-        x, shelf = x + across, max(shelf, int(down))
+        x, shelf = x + columns, max(shelf, int(rows))
     return (width, y + shelf), corner
 
 
 def _nearest_on_charts(
     node_xy: FloatArray, of_node: IntArray, xy: FloatArray, chart: IntArray, nodes: IntArray, area: FloatArray
 ) -> tuple[IntArray, FloatArray]:
-    """Return the triangle (N,) and barycentric coordinates (N, 3) of the point of its chart nearest to each node.
+    """Find the point of its chart that is nearest to each node: triangle (N,) and barycentric coordinates (N, 3).
 
     Parameters
     ----------
@@ -273,47 +279,50 @@ def _nearest_on_charts(
     """
     order = np.lexsort((-area, chart))
     largest = order[np.searchsorted(chart[order], np.arange(len(nodes)))]
-    # small faces: the centroid of the largest triangle
-    triangle, shares = largest[of_node], np.full((len(node_xy), 3), 1 / 3)
+    # a small chart is sampled at the centroid of its largest triangle
+    triangle, barycentric = largest[of_node], np.full((len(node_xy), 3), 1 / 3)
     candidates = np.flatnonzero((nodes[chart] > 1) & (area > 1e-14))
     on_faces = np.flatnonzero((nodes > 1)[of_node] & (area[largest] > 1e-14)[of_node])
     if not len(on_faces):
-        return triangle, shares
+        return triangle, barycentric
     corners = xy[candidates]
     grid = PlaneGrid.over(np.concatenate([corners.min(axis=1), corners.max(axis=1)], axis=1).T)
-    pieces = np.searchsorted(np.cumsum(grid.counts(node_xy[on_faces])), np.arange(1, 1000) * _PAIRS)
+    pieces = np.searchsorted(np.cumsum(grid.counts(node_xy[on_faces])), np.arange(1, 1000) * _PAIRS_AT_ONCE)
     is_on_face = np.zeros(len(on_faces), bool)
     for piece in np.split(np.arange(len(on_faces)), np.unique(pieces)):
         node, hit = grid.at(node_xy[on_faces[piece]])
         node = piece[node]
-        tested = chart[candidates[hit]] == of_node[on_faces[node]]
-        node, hit = node[tested], hit[tested]
+        is_same_chart = chart[candidates[hit]] == of_node[on_faces[node]]
+        node, hit = node[is_same_chart], hit[is_same_chart]
         w = _barycentric(node_xy[on_faces[node]], corners[hit])
-        inside = w.min(axis=1) >= 0
-        covered = on_faces[node[inside]]
-        triangle[covered], shares[covered], is_on_face[node[inside]] = (
-            candidates[hit[inside]],
-            w[inside],
+        is_inside = w.min(axis=1) >= 0
+        atlas_index = on_faces[node[is_inside]]
+        triangle[atlas_index], barycentric[atlas_index], is_on_face[node[is_inside]] = (
+            candidates[hit[is_inside]],
+            w[is_inside],
             True,
         )
-    # a corner of the rectangle may lie off the face
+    # nodes of the rectangle that lie outside the face
     outside = on_faces[~is_on_face]
     if len(outside):
         far = 1e3 * float(np.abs(xy).max())
         middles = np.column_stack([corners.mean(axis=1), far * chart[candidates]])
-        _, near = cKDTree(middles).query(
-            np.column_stack([node_xy[outside], far * of_node[outside]]), k=_NEAREST
+        _, nearest = cKDTree(middles).query(
+            np.column_stack([node_xy[outside], far * of_node[outside]]), k=_CANDIDATES
         )
-        near = np.minimum(near, len(candidates) - 1)
-        tested = chart[candidates[near]] == of_node[outside, None]
-        w = _barycentric(np.repeat(node_xy[outside], _NEAREST, axis=0), corners[near.ravel()]).reshape(
-            -1, _NEAREST, 3
+        nearest = np.minimum(nearest, len(candidates) - 1)
+        is_same_chart = chart[candidates[nearest]] == of_node[outside, None]
+        w = _barycentric(np.repeat(node_xy[outside], _CANDIDATES, axis=0), corners[nearest.ravel()]).reshape(
+            -1, _CANDIDATES, 3
         )
-        best = np.argmax(np.where(tested, w.min(axis=2), -np.inf), axis=1)
+        best = np.argmax(np.where(is_same_chart, w.min(axis=2), -np.inf), axis=1)
         row = np.arange(len(outside))
         w = np.clip(w[row, best], 0, None)
-        triangle[outside], shares[outside] = candidates[near[row, best]], w / w.sum(axis=1, keepdims=True)
-    return triangle, shares
+        triangle[outside], barycentric[outside] = (
+            candidates[nearest[row, best]],
+            w / w.sum(axis=1, keepdims=True),
+        )
+    return triangle, barycentric
 
 
 def _barycentric(points: FloatArray, corners: FloatArray) -> FloatArray:

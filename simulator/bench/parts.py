@@ -107,7 +107,7 @@ def bench_world() -> tuple[PartCost, ...]:
 
 def _start(degree: int, duration_s: float) -> tuple[FloatArray, FloatArray, EarthForces]:
     r, v = state_from_elements(Elements(semi_major_axis_m=EARTH_RADIUS_M + 600e3, inclination_rad=1.7))
-    sky = EphemerisTable.of(Instant.from_utc("2025-03-21T06:00:00Z"), duration_s)
+    sky = EphemerisTable.build(Instant.from_utc("2025-03-21T06:00:00Z"), duration_s)
     return r, v, EarthForces(sky=sky, harmonics=egm96(degree), forces=Forces(sun=True, moon=True))
 
 

@@ -1,6 +1,6 @@
-"""Seasons of the land: monthly reflectance relative to August; and the slopes of the ground.
+"""Maps of the land that the Earth's vertex shader samples: monthly reflectance over August's, and terrain slopes.
 
-Both vary little within a screen tile, so vertices read them and pixels do not.
+Both vary little within a screen tile, so they are sampled at its corners, not at its pixels.
 """
 
 from __future__ import annotations
@@ -35,24 +35,33 @@ LAND = "land_2048x1024.png"
 
 # Height map, and metres per count of it.
 HEIGHT_MAP, HEIGHT_M_PER_COUNT = "height_4032x2016.png", 24.8
-OCTAVES = 4.0  # full scale of the gain's channels, plus and minus
-SLOPE_MAX = 0.25  # full scale of the slope channels, plus and minus
-ROUGH_M = 400.0  # full scale of roughness: standard deviation of the height over 30 km
+OCTAVES = 4.0
+"""Full scale of a gain's channels: log2 of the ratio is -4 to 4."""
+SLOPE_MAX = 0.25
+"""Full scale of the slope channels: -0.25 to 0.25."""
+ROUGH_M = 400.0
+"""Full scale of roughness: standard deviation of the height over 30 km [m]."""
 _MAP_MONTH = 8  # month of the fine map
-# day of the year in the middle of each month that has a map
 ANCHORS: dict[int, float] = {1: 15.0, 3: 74.0, 5: 135.0, 7: 196.0, 8: 227.0, 10: 288.0}
-
-# Rows computed at once, which bounds the memory.
-_STRIP_ROWS = 16
-
-# Length of a year [days].
-_YEAR = 365.25
-_EPSILON = 0.004  # reflectance below which a ratio is meaningless
+"""Day of the year in the middle of each month that has a map."""
+_STRIP_ROWS = 16  # rows computed together; with their neighbours they fit a processor's cache
+_YEAR_DAYS = 365.25
+_MIN_REFLECTANCE = 0.004  # added to both reflectances, because a ratio of smaller ones is only noise
 
 
 @dataclass(frozen=True)
 class Season:
-    """Two months to interpolate between, and the weight of the second."""
+    """Two months between which the maps are interpolated.
+
+    Parameters
+    ----------
+    before : int
+        Month of the earlier map, 1 to 12.
+    after : int
+        Month of the later map.
+    share : float
+        Weight of the later map, 0..1.
+    """
 
     before: int
     after: int
@@ -60,23 +69,36 @@ class Season:
 
 
 def season(epoch_utc: str) -> Season:
-    """Return the monthly maps around a date."""
-    moment = datetime.fromisoformat(epoch_utc)
-    day = moment.timetuple().tm_yday + (moment.hour + moment.minute / 60) / 24
+    """Return the monthly maps before and after a date (ISO 8601)."""
+    time = datetime.fromisoformat(epoch_utc)
+    day = time.timetuple().tm_yday + (time.hour + time.minute / 60) / 24
     months, days = list(ANCHORS), list(ANCHORS.values())
     k = int(np.searchsorted(days, day, side="right")) - 1  # -1: before the middle of January
     start, end = days[k], days[(k + 1) % len(days)]
-    span = (end - start) % _YEAR
-    return Season(months[k], months[(k + 1) % len(months)], float(((day - start) % _YEAR) / span))
+    span = (end - start) % _YEAR_DAYS
+    return Season(months[k], months[(k + 1) % len(months)], float(((day - start) % _YEAR_DAYS) / span))
 
 
 def month_gain(month: int, bands: int) -> ByteArray:
-    """Return (1024, 2048) or (1024, 2048, 4): log2 of a month's reflectance over August's; 128 is 0."""
+    """Return the gain of a month over August: log2 of the ratio of reflectances; it is cached.
+
+    Parameters
+    ----------
+    month : int
+        A month of `ANCHORS`.
+    bands : int
+        1 for the panchromatic band, 3 for red, green and blue.
+
+    Returns
+    -------
+    (1024, 2048) or (1024, 2048, 4) array
+        8-bit values; 128 is a ratio of 1, and `OCTAVES` is full scale.
+    """
     return month_gains((month,), bands)[0]
 
 
 def month_gains(months: Sequence[int], bands: int) -> list[ByteArray]:
-    """Return `month_gain` of several months, for little more than the cost of one."""
+    """Return `month_gain` of several months. August's maps are decoded only once for all."""
     return cached_arrays([_key(month, bands) for month in months], lambda: _make_gains(months, bands))
 
 
@@ -92,11 +114,11 @@ def _name(month: int) -> str:
 
 
 def _make_gains(months: Sequence[int], bands: int) -> list[ByteArray]:
-    uniform = np.full((HEIGHT, WIDTH) if bands == 1 else (HEIGHT, WIDTH, 4), 128, np.uint8)
+    unit_gain = np.full((HEIGHT, WIDTH) if bands == 1 else (HEIGHT, WIDTH, 4), 128, np.uint8)
     if bands != 1:
-        uniform[..., 3] = 255
+        unit_gain[..., 3] = 255
     other_months = [month for month in months if month != _MAP_MONTH]
-    gains = {_MAP_MONTH: uniform}
+    gains = {_MAP_MONTH: unit_gain}
     if other_months:
         land = (decode_map(LAND, cv2.IMREAD_GRAYSCALE, None) > 0).astype(np.uint8)
         august = _reflectances(_MAP_MONTH, bands)
@@ -115,7 +137,10 @@ def _reflectances(month: int, bands: int) -> list[FloatArray]:
 
 def _gain(month: list[FloatArray], august: list[FloatArray], land: ByteArray) -> ByteArray:
     pairs = zip(month, august, strict=True)
-    logs = [np.log2((now + _EPSILON) / (then + _EPSILON)).astype(np.float32) for now, then in pairs]
+    logs = [
+        np.log2((reflectance + _MIN_REFLECTANCE) / (august_reflectance + _MIN_REFLECTANCE)).astype(np.float32)
+        for reflectance, august_reflectance in pairs
+    ]
     filled = [fill_sea(log, land) for log in logs]
     encoded = [np.clip(128 + 127 / OCTAVES * log + 0.5, 0, 255).astype(np.uint8) for log in filled]
     if len(encoded) == 1:
@@ -124,7 +149,13 @@ def _gain(month: list[FloatArray], august: list[FloatArray], land: ByteArray) ->
 
 
 def ground_slopes() -> ByteArray:
-    """Return (2016, 4032, 4): slope to the east, slope to the north, roughness, 255."""
+    """Return the terrain's slopes and roughness; they are cached.
+
+    Returns
+    -------
+    (2016, 4032, 4) array
+        8-bit slope to the east, slope to the north (scaled by `SLOPE_MAX`), roughness (`ROUGH_M`), and 255.
+    """
     key = entry_name("terrain-slopes", (_make_ground_slopes, decode_map), asset_size(HEIGHT_MAP))
     return cached_array(key, _make_ground_slopes)
 
@@ -134,20 +165,20 @@ def _make_ground_slopes() -> ByteArray:
     rows, columns = counts.shape
     texel_m = np.pi * EARTH_RADIUS_M / rows
     latitude = np.pi / 2 - (np.arange(rows) + 0.5) / rows * np.pi
-    out = np.empty((rows, columns, 4), np.uint8)
+    slopes = np.empty((rows, columns, 4), np.uint8)
     # a strip with its neighbouring rows fits a processor's cache
     for first in range(0, rows, _STRIP_ROWS):
         strip = slice(first, min(first + _STRIP_ROWS, rows))
-        around = slice(max(strip.start - 1, 0), min(strip.stop + 1, rows))
-        own_rows = slice(strip.start - around.start, strip.stop - around.start)
-        height = counts[around].astype(np.float32) * HEIGHT_M_PER_COUNT
-        out[strip] = _ground_slopes_of(height, texel_m, latitude[around])[own_rows]
-    return out
+        with_neighbours = slice(max(strip.start - 1, 0), min(strip.stop + 1, rows))
+        strip_rows = slice(strip.start - with_neighbours.start, strip.stop - with_neighbours.start)
+        height = counts[with_neighbours].astype(np.float32) * HEIGHT_M_PER_COUNT
+        slopes[strip] = _encode_slopes(height, texel_m, latitude[with_neighbours])[strip_rows]
+    return slopes
 
 
-def _ground_slopes_of(height: Float32Array, texel_m: float, latitude: FloatArray) -> ByteArray:
-    """Return (R, W, 4) of `ground_slopes` for rows of heights [m] at latitudes [rad]."""
-    # the date line is treated as an edge: the error is one texel wide
+def _encode_slopes(height: Float32Array, texel_m: float, latitude: FloatArray) -> ByteArray:
+    """Return the values (R, W, 4) of `ground_slopes` for rows of heights (R, W) [m] at latitudes (R,) [rad]."""
+    # the image's border at the date line is replicated, which spoils one texel
     kernel = np.array([[-0.5, 0.0, 0.5]], np.float32)
     east = cv2.filter2D(height, -1, kernel) / (texel_m * np.cos(latitude)[:, None].clip(0.05)).astype(
         np.float32

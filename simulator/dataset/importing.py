@@ -24,7 +24,7 @@ from flyaround.simulator.labels.truth import KeypointLabel, KeypointState
 from flyaround.simulator.labels.visibility import occluded_from_camera
 from flyaround.simulator.runtime.arrays import vec3
 from flyaround.simulator.runtime.untrusted_files import read_regular
-from flyaround.simulator.targets.joined_mesh import box_3d_m, mesh_of
+from flyaround.simulator.targets.joined_mesh import box_3d_m, joined_mesh
 from flyaround.simulator.targets.textures import picture_size
 
 if TYPE_CHECKING:
@@ -200,7 +200,7 @@ def _keypoints(camera: Camera, pose: Pose, target: Target) -> tuple[KeypointLabe
     pixels = camera.project(pose.apply(points))
     inside = camera.contains(pixels)
     is_hidden = np.zeros(len(points), bool)
-    is_hidden[inside] = occluded_from_camera(mesh_of(target), points[inside], pose)
+    is_hidden[inside] = occluded_from_camera(joined_mesh(target), points[inside], pose)
     states: list[KeypointState] = [
         "out_of_frame" if not on else "self_occluded" if behind else "visible"
         for on, behind in zip(inside, is_hidden, strict=True)

@@ -21,7 +21,7 @@ from flyaround.simulator.labels.overlay import (
 )
 from flyaround.simulator.labels.truth import Truth
 from flyaround.simulator.runtime.files import empty_folder, write_atomic
-from flyaround.simulator.targets.joined_mesh import mesh_of
+from flyaround.simulator.targets.joined_mesh import joined_mesh
 from flyaround.simulator.targets.library import load_target
 
 if TYPE_CHECKING:
@@ -116,7 +116,7 @@ def overlay(frame: LabelledFrame, target: Target, marks: tuple[str, ...]) -> Byt
     else:
         sensor = replace(sensor_preset("ideal"), bits=8 * frame.image.itemsize)
     variant = target if not isinstance(truth, Truth) else truth.scene.target.drawn(target)
-    radius_m = float(np.linalg.norm(mesh_of(variant).positions_m, axis=1).max())
+    radius_m = float(np.linalg.norm(joined_mesh(variant).positions_m, axis=1).max())
     canvas = screen_rgb(frame.image, sensor, camera.pixel_encoding)
     for mark in marks:
         if mark == "axes":

@@ -10,7 +10,7 @@ import numpy as np
 from flyaround.simulator.dataset.check.geometry import subdivide_for_lens
 from flyaround.simulator.geometry.triangle_fill import fill_triangles, filled_mask
 from flyaround.simulator.labels.boxes import NEAREST_M
-from flyaround.simulator.targets.joined_mesh import mesh_of
+from flyaround.simulator.targets.joined_mesh import joined_mesh
 
 if TYPE_CHECKING:
     from flyaround.simulator.camera.lens.camera_model import Camera
@@ -43,7 +43,7 @@ class Silhouette:
 
 def silhouette(camera: Camera, pose: Pose, target: Target) -> Silhouette:
     """Return the silhouette of a target; parts outside the lens's field of view are omitted."""
-    mesh = mesh_of(target)
+    mesh = joined_mesh(target)
     empty = np.zeros((camera.height_px, camera.width_px), np.uint8)
     in_camera = pose.apply(mesh.positions_m)
     if in_camera[:, 2].min() <= NEAREST_M:

@@ -1,4 +1,4 @@
-"""A rolling shutter: bands of rows exposed together, and the scene at the row in which a point is seen."""
+"""A rolling shutter: bands of rows that are rendered together, and the scene at the time when a point is imaged."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ if TYPE_CHECKING:
     from flyaround.simulator.targets.model import Target
 
 BAND_PX = 0.2
-"""Motion between bands of rows [px]; labels and image are within half of it."""
+"""Largest motion between successive bands of rows [px]. The image differs from its labels by at most half of it."""
 
 
 @dataclass(frozen=True)
 class RowBand:
-    """Rows ``y0 <= y < y1``, exposed about ``dt_s`` from the image's mid-exposure."""
+    """Rows ``y0 <= y < y1`` of an image, rendered at one time: ``dt_s`` after the image's mid-exposure."""
 
     y0: int
     y1: int
@@ -37,7 +37,15 @@ def crop(camera: Camera, x0: int, y0: int, width_px: int, height_px: int) -> Cam
 
 
 def row_bands(scene: SceneState, target: Target) -> tuple[RowBand, ...]:
-    """Return bands of rows of equal height; the last may overlap the one before."""
+    """Divide an image into bands of equal height; the last band may overlap the one before it.
+
+    Parameters
+    ----------
+    scene : SceneState
+        Scene at mid-exposure.
+    target : Target
+        Target of the scene.
+    """
     height = scene.camera.height_px
     if not scene.shutter.is_rolling:
         return (RowBand(0, height, 0.0),)
@@ -53,22 +61,29 @@ def row_bands(scene: SceneState, target: Target) -> tuple[RowBand, ...]:
 
 
 def pose_at_rows(scene: SceneState, points_target_m: FloatArray) -> tuple[SceneState, ...]:
-    """Return the scene at the mid-exposure of the row in which each point is seen; the image's own for a global
-    shutter.
+    """Return for each point the scene at the time when the point's row is exposed.
+
+    The row depends on the pose and the pose on the row's time, so they are found by fixed-point iteration. A point that
+    is not projected to a finite row gets the scene at the image's mid-exposure, as do all points with a global shutter.
 
     Parameters
     ----------
     scene : SceneState
-        Scene at mid-exposure.
+        Scene at the image's mid-exposure.
     points_target_m : (K, 3) array
-        Target frame [m].
+        Points, target frame [m].
+
+    Returns
+    -------
+    tuple of SceneState
+        K scenes.
     """
     if not scene.shutter.is_rolling:
         return (scene,) * len(points_target_m)
     scenes = []
     for point in points_target_m:
         row_scene = scene
-        for _ in range(8):  # fixed-point iteration: quadratic in the motion during the readout
+        for _ in range(8):
             row = row_scene.camera.project(row_scene.camera_from_target.apply(point[None]))[0, 1]
             if not np.isfinite(row):
                 row_scene = scene

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from flyaround.simulator.labels.truth import Box
-from flyaround.simulator.targets.joined_mesh import mesh_of
+from flyaround.simulator.targets.joined_mesh import joined_mesh
 
 if TYPE_CHECKING:
     from flyaround.simulator.runtime.arrays import ByteArray
@@ -36,7 +36,7 @@ def mask_box(mask: ByteArray) -> Box | None:
 
 def amodal_box(scene: SceneState, target: Target) -> Box | None:
     """Return bounds of all projected vertices, not clipped to the image; None if part is behind the camera."""
-    mesh = mesh_of(target)
+    mesh = joined_mesh(target)
     # without lens distortion, the extremes of a projection are corners of the convex hull
     points = mesh.hull_m if scene.camera.distortion.is_none else mesh.positions_m
     in_camera = scene.camera_from_target.apply(points)

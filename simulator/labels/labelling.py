@@ -34,7 +34,7 @@ from flyaround.simulator.labels.wireframe import view_edges
 from flyaround.simulator.runtime.arrays import ByteArray, Float32Array, vec3
 from flyaround.simulator.scene.motion import propagated_scene
 from flyaround.simulator.scene.record import SceneRecord
-from flyaround.simulator.targets.joined_mesh import box_3d_m, mesh_of
+from flyaround.simulator.targets.joined_mesh import box_3d_m, joined_mesh
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -180,7 +180,7 @@ def truth_record(
     software : Software
         Versions to record.
     """
-    mesh = mesh_of(target)
+    mesh = joined_mesh(target)
     views = view_edges(scene.camera, scene.camera_from_target, target, mesh)
     share = wireframe_step_share(scene, views, signal, level())
     reason = infeasible_reason(silhouette_inside, share, amodal)

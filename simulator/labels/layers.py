@@ -170,7 +170,9 @@ def optical_flow(scene: SceneState, flow: FlowLabel, depth_m: Float32Array, mask
     NaN off the craft, and if the point is behind the camera in the next frame. Only for a global shutter.
     """
     pose = scene.camera_from_target
-    next_pose = Pose.of("camera", "target", flow.q_camera_from_target_wxyz, flow.t_camera_from_target_m)
+    next_pose = Pose.from_arrays(
+        "camera", "target", flow.q_camera_from_target_wxyz, flow.t_camera_from_target_m
+    )
     R = next_pose.R @ pose.R.T
     t = np.asarray(next_pose.t_m) - R @ np.asarray(pose.t_m)
     out = np.full((*depth_m.shape, 2), np.nan, np.float32)

@@ -9,7 +9,7 @@ import numpy as np
 
 from flyaround.simulator.imaging.display import display_picture
 from flyaround.simulator.labels.wireframe import view_edges
-from flyaround.simulator.targets.joined_mesh import mesh_of
+from flyaround.simulator.targets.joined_mesh import joined_mesh
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -71,7 +71,7 @@ def draw_wireframe(
 ) -> ByteArray:
     """Draw the visible edges of a target at a pose over an RGB image."""
     picture = canvas.copy()
-    for view in view_edges(camera, pose, target, mesh_of(target)):
+    for view in view_edges(camera, pose, target, joined_mesh(target)):
         for interval in view.intervals:
             _line(picture, view.at(np.array(interval)), colour, _line_width(camera))
     return picture

@@ -10,7 +10,7 @@ import numpy as np
 from flyaround.simulator.geometry.ray_cast import make_ray_caster
 from flyaround.simulator.runtime.arrays import Quat, Vec3, quat, vec3
 from flyaround.simulator.runtime.memory import cached_per_object
-from flyaround.simulator.targets.joined_mesh import mesh_of
+from flyaround.simulator.targets.joined_mesh import joined_mesh
 from flyaround.simulator.world.attitude.pointing import DOWN_AXES_LVLH
 from flyaround.simulator.world.frames.rotation import matrix_from_quat, quat_from_matrix
 from flyaround.simulator.world.guidance.paths import Glideslope, Hold, RbarApproach, VbarApproach, Waypoints
@@ -105,7 +105,11 @@ def port_along(
     body_reach = 2 * radius_m(target)
     distance = distance_to_surface_m(target, com + body_reach * axis, -axis)
     # if the axis misses the mesh, as in a ring, use the extent of the vertices along the axis
-    out = float(((mesh_of(target).hull_m - com) @ axis).max()) if distance is None else body_reach - distance
+    out = (
+        float(((joined_mesh(target).hull_m - com) @ axis).max())
+        if distance is None
+        else body_reach - distance
+    )
     return _with_axes("approach axis", out * axis, axis, R_target_from_lvlh, flight)
 
 
@@ -160,7 +164,7 @@ def distance_to_surface_m(target: Target, origin_m: FloatArray, direction: Float
 
 @cached_per_object
 def _ray_caster(target: Target) -> RayCaster:
-    mesh = mesh_of(target)
+    mesh = joined_mesh(target)
     return make_ray_caster(mesh.positions_m[mesh.triangles])
 
 

@@ -68,7 +68,7 @@ class FlownFiles:
             self._next += 1
             if time.perf_counter() >= until:
                 return None
-        return write_flight(self.folder, self._scenario, Recording.of_rows(self._rows))
+        return write_flight(self.folder, self._scenario, Recording.from_rows(self._rows))
 
 
 def free_folder(parent: Path, name: str) -> Path:

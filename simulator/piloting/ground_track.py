@@ -81,7 +81,7 @@ def ground_track(flight: Flight, t_s: float) -> GroundTrack:
     body, mu = flight.body, flight.body.mu_m3_s2
     period = 2 * math.pi * math.sqrt(elements_from_state(r, v, mu).semi_major_axis_m ** 3 / mu)
     now = flight.epoch.plus(t_s)
-    gravity = Gravity.of(body, now)
+    gravity = Gravity.from_body(body, now)
     before, after = (_arc(r, v, span, gravity) for span in (-period, SEARCH_ORBITS * period))
     steps = np.linspace(0.0, period, SAMPLES_PER_ORBIT)
     offsets = np.concatenate([-steps[:0:-1], steps])

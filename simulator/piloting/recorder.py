@@ -76,7 +76,7 @@ class FlightRecorder:
     @property
     def recording(self) -> Recording:
         """The recorded flight."""
-        return Recording.of_rows(self._rows.numbers)
+        return Recording.from_rows(self._rows.numbers)
 
     @property
     def end_s(self) -> float:

@@ -57,7 +57,7 @@ def flight_scene(
     error_m = rng.normal(0.0, poses.position_sigma_m, 3)
     turn = rng.normal(0.0, np.radians(poses.attitude_sigma_deg), 3)
     q = quat_multiply(scene.q_camera_from_target_wxyz, quat_from_rotvec(turn))
-    pose = Pose.of("camera", "target", q, np.asarray(scene.t_camera_from_target_m) + error_m)
+    pose = Pose.from_arrays("camera", "target", q, np.asarray(scene.t_camera_from_target_m) + off)
     return scene_with_pose(scene, target, pose, k)
 
 

@@ -166,7 +166,9 @@ class RecipePlan(DocumentPlan):
     def _violated_constraint(self, drawn: DrawnPose) -> str | None:
         """Return the first constraint that a pose violates."""
         c, camera = self.recipe.constraints, self.camera
-        pose = Pose.of("camera", "target", drawn.q_camera_from_target_wxyz, drawn.t_camera_from_target_m)
+        pose = Pose.from_arrays(
+            "camera", "target", drawn.q_camera_from_target_wxyz, drawn.t_camera_from_target_m
+        )
         if c.clearance_m is not None and not is_clear(pose, self.target, c.clearance_m):
             return "clearance_m"
         if c.origin_in_image:

@@ -1,4 +1,4 @@
-"""One OpenGL context with the state that all passes share: uniform blocks, programs, lens rays, the frame's images."""
+"""One OpenGL context and the state that all passes share: uniform blocks, programs, lens rays and frame images."""
 
 from __future__ import annotations
 
@@ -58,17 +58,33 @@ class Device:
         self._images: FrameImages | None = None
 
     def make_current(self) -> None:
-        """Make this context current in the thread, if it is the device's own: another may have been created since."""
+        """Make the context current in this thread, unless the caller supplied it.
+
+        Another context may have been created since the last call.
+        """
         if self._owns_context:
             self.context.__enter__()  # type: ignore[no-untyped-call]
 
-    def check(self, what: str) -> None:
-        """Raise if OpenGL recorded an error: moderngl ignores most of them."""
+    def check(self, operation: str) -> None:
+        """Raise if OpenGL recorded an error during an operation; moderngl ignores most errors.
+
+        Parameters
+        ----------
+        operation : str
+            What was done since the last check, for the message.
+
+        Raises
+        ------
+        MemoryError
+            If OpenGL is out of memory.
+        RuntimeError
+            If OpenGL reports any other error.
+        """
         error = self.context.error
         if error == "GL_OUT_OF_MEMORY":
-            raise MemoryError(f"OpenGL, after {what} on {self.info.renderer}")
+            raise MemoryError(f"OpenGL, after {operation} on {self.info.renderer}")
         if error != "GL_NO_ERROR":
-            raise RuntimeError(f"OpenGL reports {error} after {what} on {self.info.renderer}")
+            raise RuntimeError(f"OpenGL reports {error} after {operation} on {self.info.renderer}")
 
     def prepare(self, scene: SceneState) -> None:
         """Bind the resources that every pass reads, and choose programs for the scene's lens."""
@@ -77,7 +93,7 @@ class Device:
             block.bind()
         self.programs.lens = not scene.camera.distortion.is_none
         if self.programs.lens:
-            self._rays.of(scene.camera).use(RAYS_UNIT)
+            self._rays.get(scene.camera).use(RAYS_UNIT)
 
     def images_for(self, scene: SceneState) -> FrameImages:
         """Return the images of a scene's size and bands; they still hold the last frame."""

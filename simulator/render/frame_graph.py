@@ -55,9 +55,9 @@ class FrameResources:
         value: T | None = self._values.get(resource.name)
         return value
 
-    def of(self, one: Pass) -> PassResources:
+    def for_pass(self, current: Pass) -> PassResources:
         """Return the resources that a pass may use."""
-        return PassResources(self._values, one)
+        return PassResources(self._values, current)
 
     def has_all(self, resources: Iterable[Resource[object]]) -> bool:
         """Return True if none of the resources is missing from this frame."""
@@ -149,14 +149,16 @@ class FrameGraph:
     def __init__(self, passes: Iterable[Pass], given: Container[Resource[object]] = ()) -> None:
         self._passes = tuple(passes)
         available: set[Resource[object]] = set()
-        for one in self._passes:
-            reads = (resource for resource in (*one.reads, *one.optional) if resource not in available)
+        for current in self._passes:
+            reads = (
+                resource for resource in (*current.reads, *current.optional) if resource not in available
+            )
             missing = [resource.name for resource in reads if resource not in given]
             if missing:
                 raise FrameGraphError(
-                    f"pass {one.name} reads {', '.join(missing)}, which no pass before it writes"
+                    f"pass {current.name} reads {', '.join(missing)}, which no pass before it writes"
                 )
-            available.update(one.writes)
+            available.update(current.writes)
 
     def __iter__(self) -> Iterator[Pass]:
         return iter(self._passes)
@@ -177,11 +179,11 @@ class FrameGraph:
             Milliseconds per pass that ran, by name.
         """
         clock = StageClock(context, finish=timed)
-        for one in self._passes:
-            if resources.has_all(one.reads):
-                one.run(resources.of(one))
-                if one.submits:
+        for current in self._passes:
+            if resources.has_all(current.reads):
+                current.run(resources.for_pass(current))
+                if current.submits:
                     flush(context)
-                clock.lap(one.name)
-            resources.fill(one.writes)
+                clock.lap(current.name)
+            resources.fill(current.writes)
         return clock.stage_ms

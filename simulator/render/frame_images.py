@@ -1,4 +1,4 @@
-"""The frame's images: radiance of all layers and the target's coverage; passes that clear and read them."""
+"""The frame's images (radiance, and the target's coverage), and the passes that clear them and read them back."""
 
 from __future__ import annotations
 
@@ -24,17 +24,23 @@ if TYPE_CHECKING:
     from flyaround.simulator.runtime.arrays import Float32Array, IntArray
     from flyaround.simulator.scene.state import SceneState
 
-_WORTH_TWO = 3 << 19  # values of an image from which on two threads reorder faster than one
+_MIN_THREADED_VALUES = 3 << 19  # size of an image from which on two threads unpack quads faster than one
 
 
 class FrameImages:
-    """Radiance in 32-bit floats (16-bit ones overflow in the Sun's disc, 2e7), one channel per band.
+    """Radiance per band and the target's coverage, in 32-bit floats: 16-bit ones overflow in the Sun's disc (2e7).
 
-    The target is drawn first, into both images; the sky's passes then add their light times one minus the coverage, so
-    that pixels hidden by the target are never shaded.
+    The target is drawn first, into both images. The sky's passes then add their light times one minus the coverage, and
+    skip pixels that the target hides.
 
     Parameters
     ----------
+    context : Context
+        OpenGL context.
+    width : int
+        Width [px].
+    height : int
+        Height [px].
     bands : int
         1 or 3. Three bands are stored as four channels, which every driver can draw to.
     """
@@ -49,8 +55,8 @@ class FrameImages:
         self.target_framebuffer = context.framebuffer([self.radiance, self.coverage])
         self.sky_framebuffer = context.framebuffer([self.radiance])
         self._label_framebuffer = context.framebuffer([self.coverage])
-        self._covered: PixelRect | None = PixelRect(0, 0, width, height)
-        self._lit: PixelRect | None = PixelRect(0, 0, width, height)  # may not be black
+        self._covered_rect: PixelRect | None = PixelRect(0, 0, width, height)
+        self._drawn_rect: PixelRect | None = PixelRect(0, 0, width, height)  # may not be black
         self._quads: tuple[list[moderngl.Texture], moderngl.Framebuffer] | None = None
 
     @property
@@ -70,35 +76,35 @@ class FrameImages:
             self._quads = textures, self._context.framebuffer(textures)
         return self._quads[1]
 
-    def clear(self, added_to: PixelRect | None) -> None:
-        """Clear the pixels that were drawn since the last time.
+    def clear(self, rect: PixelRect | None) -> None:
+        """Clear the pixels that were drawn since the last call.
 
         Parameters
         ----------
-        added_to : PixelRect or None
-            The only pixels that need clearing, because the sky writes all others. ``None``: no pixels.
+        rect : PixelRect or None
+            Pixels to clear; passes overwrite all others. ``None`` clears no radiance.
         """
-        dirty = None if self._lit is None or added_to is None else self._lit.within(added_to)
+        dirty = None if self._drawn_rect is None or rect is None else self._drawn_rect.intersection(rect)
         if dirty is not None:
             # a driver clears a whole one-band image faster than part of it
             part = None if dirty == PixelRect(0, 0, *self.size) else dirty.viewport
             draw_to(self.sky_framebuffer)
             self.sky_framebuffer.clear(0.0, 0.0, 0.0, 0.0, viewport=part)
-            self._lit = None if dirty == self._lit else self._lit
-        if self._covered is not None:
+            self._drawn_rect = None if dirty == self._drawn_rect else self._drawn_rect
+        if self._covered_rect is not None:
             draw_to(self._label_framebuffer)
-            self._label_framebuffer.clear(0.0, 0.0, 0.0, 0.0, viewport=self._covered.viewport)
-        self._covered = None
+            self._label_framebuffer.clear(0.0, 0.0, 0.0, 0.0, viewport=self._covered_rect.viewport)
+        self._covered_rect = None
 
-    def mark_lit(self, rect: PixelRect) -> None:
+    def mark_drawn(self, rect: PixelRect) -> None:
         """Record the pixels of the radiance that a pass is about to write or add to."""
-        rect = PixelRect(0, 0, *self.size).within(rect) or PixelRect(0, 0, 0, 0)
-        self._lit = rect if self._lit is None else self._lit.around(rect)
+        rect = PixelRect(0, 0, *self.size).intersection(rect) or PixelRect(0, 0, 0, 0)
+        self._drawn_rect = rect if self._drawn_rect is None else self._drawn_rect.union(rect)
 
     def mark_covered(self, rect: PixelRect) -> None:
         """Record the pixels that the target is about to write."""
-        self._covered = rect
-        self.mark_lit(rect)
+        self._covered_rect = rect
+        self.mark_drawn(rect)
 
     def read_radiance(self, *, quads: bool = False) -> Float32Array:
         """Read (H, W) or (H, W, 3) radiance, row 0 at the top.
@@ -118,23 +124,23 @@ class FrameImages:
 
     def _read_quads(self) -> Float32Array:
         width, height = self.size
-        whole = np.empty((height, width * self.bands), np.float32)
-        # two neighbours in a row are moved as one number
+        image = np.empty((height, width * self.bands), np.float32)
+        # two neighbours in a row are moved as one 64-bit number
         pairs = [
             np.frombuffer(
                 self.quad_framebuffer.read(components=4, attachment=k, dtype="f4", alignment=1), np.float64
             ).reshape(height // 2, width // 2, 2)
             for k in range(self.bands)
         ]
-        rows = [whole[k::2].view(np.float64).reshape(height // 2, width // 2, self.bands) for k in (0, 1)]
-        # order of shaders/common/quads.glsl: the upper row's numbers, then the lower one's
+        rows = [image[k::2].view(np.float64).reshape(height // 2, width // 2, self.bands) for k in (0, 1)]
+        # order of shaders/common/quads.glsl: the upper row's pairs, then the lower one's
         order = np.repeat(np.arange(2 * self.bands), 2).tolist()
 
-        def move(first: int, end: int) -> None:
+        def unpack(first: int, end: int) -> None:
             cv2.mixChannels([p[first:end] for p in pairs], [r[first:end] for r in rows], order)
 
-        run_in_threads(split_rows(height // 2, 2 if whole.size >= _WORTH_TWO else 1), move)
-        return whole if self.bands == 1 else whole.reshape(height, width, 3)
+        run_in_threads(split_rows(height // 2, 2 if image.size >= _MIN_THREADED_VALUES else 1), unpack)
+        return image if self.bands == 1 else image.reshape(height, width, 3)
 
     def read_part(self, rect: PixelRect) -> tuple[Float32Array, Float32Array, tuple[slice, slice]]:
         """Read radiance (h, w) or (h, w, 3) and coverage (h, w) of some pixels; also return their rows and columns."""
@@ -171,34 +177,34 @@ class FrameImages:
 
 
 @dataclass(frozen=True, eq=False)
-class Spread:
-    """Light of point sources, spread over the nearest pixels.
+class PointLights:
+    """Light of point sources, distributed over the nearest pixels.
 
     Parameters
     ----------
-    at : (M,) array
-        Indices of the pixels, row by row.
+    pixels : (M,) array
+        Indices of the pixels, row by row; may repeat.
     light : (M, n) array
-        Radiance to be added, per band [W m-2 sr-1].
+        Radiance to add, per band [W m-2 sr-1].
     """
 
-    at: IntArray
+    pixels: IntArray
     light: Float32Array
 
     def add_to(self, radiance: Float32Array) -> None:
         """Add the light to an image (H, W) or (H, W, n)."""
         bands = self.light.shape[1]
-        values = radiance.reshape(-1)  # flat: NumPy adds rows of several values ten times as slowly
+        values = radiance.reshape(-1)  # flat, because NumPy adds rows of several values ten times as slowly
         for band in range(bands):
-            np.add.at(values, self.at * bands + band, self.light[:, band])
+            np.add.at(values, self.pixels * bands + band, self.light[:, band])
 
 
 RADIANCE: Resource[FrameImages] = Resource("radiance")
 COVERAGE: Resource[FrameImages] = Resource("coverage")
 IMAGES = (RADIANCE, COVERAGE)
-"""Radiance and coverage: the target is drawn into both, the sky is added to the first where the second leaves room."""
-STARLIGHT: Resource[Spread] = Resource("starlight")
-"""Light of point sources, added when the image is read."""
+"""Radiance and coverage. The target is drawn into both; the sky's light, times 1 - coverage, is added to radiance."""
+STARLIGHT: Resource[PointLights] = Resource("starlight")
+"""Light of point sources, added after the image is read back."""
 PICTURE: Resource[Float32Array] = Resource("picture")
 
 
@@ -218,7 +224,7 @@ class ClearPass(Pass):
         self._images_for, self.name = images_for, name
 
     def run(self, r: PassResources) -> None:
-        """Clear all pixels that were drawn."""
+        """Clear the pixels that the last frame drew."""
         r[RADIANCE] = r[COVERAGE] = images = self._images_for(r[SCENE])
         images.clear(PixelRect(0, 0, *images.size))
 

@@ -1,4 +1,4 @@
-"""The passes of a renderer in the order of a frame, and the plain set for a GPU."""
+"""The passes of a renderer in the order in which they run, and the set of passes for a GPU."""
 
 from __future__ import annotations
 
@@ -38,10 +38,14 @@ if TYPE_CHECKING:
 
 
 class FramePasses:
-    """The passes of one renderer, and the raster for the labels of the same targets.
+    """The passes of one renderer, and the label raster of the same targets.
 
     Parameters
     ----------
+    device : Device
+        OpenGL context and shared state.
+    earths : Earths
+        Maps of the Earth.
     culling : Culling
         Selection of the target's triangles and tiles.
     clear : ClearPass
@@ -49,11 +53,13 @@ class FramePasses:
     globe : GlobeViewPass
         Pass that finds the globe in the image.
     views : sequence of Pass
-        Passes for the Moon's view, the globe's tiles, the frame's air.
+        Passes that prepare the Moon's view, the globe's tiles and the frame's air.
     sky : sequence of Pass
-        Passes for everything behind the target; each adds its light times one minus the coverage.
+        Passes that draw what is behind the target. Each adds its light times one minus the coverage.
     earth_programs : sequence of Pass
-        Passes that prepare and draw the Earth, to compile its programs ahead.
+        Passes that prepare and draw the Earth, run once in advance to compile its programs.
+    read_back : ReadBackPass
+        Pass that reads the image.
     """
 
     def __init__(
@@ -89,8 +95,8 @@ class FramePasses:
     def frame(self, *, target: bool = True, first: bool = False) -> list[Pass]:
         """Return the passes from a scene to its image.
 
-        The target's samples come first: a software driver draws them while the light of Earth and Moon, which they do
-        not need, is computed. Pixels of the sky that they hide are never shaded.
+        The target's samples come first. A software driver draws them while the CPU computes the light of Earth and
+        Moon, and pixels of the sky behind the target need not be shaded.
 
         Parameters
         ----------
@@ -112,31 +118,37 @@ class FramePasses:
             self._read_back,
         ]
 
-    def craft(self, *, lit: bool = False) -> list[Pass]:
-        """Return the passes that draw only the target; with ``lit`` the sky's light on it is given."""
-        globe = () if lit else (self._globe,)
+    def craft(self, *, has_sky_light: bool = False) -> list[Pass]:
+        """Return the passes that draw only the target.
+
+        Parameters
+        ----------
+        has_sky_light : bool, optional
+            True if the light of Earth and Moon on the target is given, so the globe is not needed.
+        """
+        globe = () if has_sky_light else (self._globe,)
         return [self._set_up, *self._sampling, *globe, self._shine, self._clear_all, *self._shading]
 
     def release(self) -> None:
         """Free the passes' resources on the GPU."""
-        for one in self.frame():
-            one.release()
+        for current in self.frame():
+            current.release()
         self.labels.release()
         self._targets.release()
 
 
-def plain_passes(device: Device, earths: Earths) -> FramePasses:
+def gpu_passes(device: Device, earths: Earths) -> FramePasses:
     """Return the passes for a GPU: whole meshes, uniform tiles, every pixel shaded."""
     earth = EarthPass(device.context)
-    find = (MoonViewPass(device.blocks.moon), EarthTilesPass(), EarthAirPass())
+    view_passes = (MoonViewPass(device.blocks.moon), EarthTilesPass(), EarthAirPass())
     return FramePasses(
         device,
         earths,
         NoCulling(),
         clear=ClearPass(device.images_for),
         globe=GlobeViewPass(device, earths),
-        views=(*find, GlobeAirPass()),
+        views=(*view_passes, GlobeAirPass()),
         sky=(earth, GlobePass(device), StarPass(device), MoonPass(device), SunPass(device)),
-        earth_programs=(*find, earth),
+        earth_programs=(*view_passes, earth),
         read_back=ReadBackPass(),
     )

@@ -1,7 +1,7 @@
-"""From the camera's pinhole to OpenGL's clip space: the one place where the two conventions meet.
+"""Projection from the camera frame (OpenCV's conventions) to OpenGL's clip space.
 
-A framebuffer's row 0 holds the image's row 0 (the top), so that pixel (x, y) of OpenCV is the fragment whose
-``gl_FragCoord.xy`` is (x + 0.5, y + 0.5) and a read-back needs no flip. OpenGL would call this picture upside down.
+A framebuffer's row 0 holds the image's row 0 (the top). So pixel (x, y) of OpenCV is the fragment whose
+``gl_FragCoord.xy`` is (x + 0.5, y + 0.5), and an image needs no flip after it is read back.
 """
 
 from __future__ import annotations
@@ -42,13 +42,13 @@ class PixelRect:
         """Viewport for OpenGL: x, y, width, height."""
         return (self.x0, self.y0, self.width, self.height)
 
-    def within(self, other: PixelRect) -> PixelRect | None:
+    def intersection(self, other: PixelRect) -> PixelRect | None:
         """Return the intersection, or None if it is empty."""
         x0, y0 = max(self.x0, other.x0), max(self.y0, other.y0)
         x1, y1 = min(self.x1, other.x1), min(self.y1, other.y1)
         return PixelRect(x0, y0, x1, y1) if x1 > x0 and y1 > y0 else None
 
-    def around(self, other: PixelRect) -> PixelRect:
+    def union(self, other: PixelRect) -> PixelRect:
         """Return the smallest rectangle that holds both."""
         low, high = (
             (min(self.x0, other.x0), min(self.y0, other.y0)),
@@ -75,35 +75,36 @@ def clip_from_camera(
         Width and height of the framebuffer's viewport [px].
     """
     # OpenGL's camera looks along -z; its "bottom" is the framebuffer's row 0, the image's top
-    left, right = near_m * (np.array([-0.5, camera.width_px - 0.5]) - camera.cx_px) / camera.fx_px
-    top, bottom = near_m * (np.array([-0.5, camera.height_px - 0.5]) - camera.cy_px) / camera.fy_px
-    frustum = create_perspective_projection_from_bounds(left, right, top, bottom, near_m, far_m)
+    left_m, right_m = near_m * (np.array([-0.5, camera.width_px - 0.5]) - camera.cx_px) / camera.fx_px
+    top_m, bottom_m = near_m * (np.array([-0.5, camera.height_px - 0.5]) - camera.cy_px) / camera.fy_px
+    frustum = create_perspective_projection_from_bounds(left_m, right_m, top_m, bottom_m, near_m, far_m)
     image_clip = frustum.T @ np.diag([1.0, 1.0, -1.0, 1.0])
     # from the image's clip space to its pixels, to the buffer's pixels, and to the buffer's clip space
     width, height = camera.width_px, camera.height_px
-    to_pixel = np.array(
+    pixel_from_clip = np.array(
         [[width / 2, 0.0, (width - 1) / 2], [0.0, height / 2, (height - 1) / 2], [0.0, 0.0, 1.0]]
     )
     window = np.eye(4)
-    window[:2, [0, 1, 3]] = 2 * (buffer_from_pixel @ to_pixel) / np.reshape(size, (2, 1)) - [
+    window[:2, [0, 1, 3]] = 2 * (buffer_from_pixel @ pixel_from_clip) / np.reshape(size, (2, 1)) - [
         [0, 0, 1],
         [0, 0, 1],
     ]
     return np.asarray(window @ image_clip)
 
 
-def image_of(camera: Camera, x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return columns and rows [px] of points given by x / z and y / z, arrays of one shape."""
+def project_rays(camera: Camera, x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Project rays, given by x / z and y / z, to columns and rows of the image [px]."""
     if not camera.distortion.is_none:
         x, y = np.moveaxis(camera.domain.distort(np.stack([x, y], axis=-1)), -1, 0)
     return x * camera.fx_px + camera.cx_px, y * camera.fy_px + camera.cy_px
 
 
 IMAGE_FROM_PIXEL = np.array([[1.0, 0.0, 0.5], [0.0, 1.0, 0.5]])
+"""Affine map from pixel coordinates to those of a framebuffer that holds the whole image."""
 
 
 def window_from_pixel(rect: PixelRect) -> FloatArray:
-    """Return the (2, 3) map for a framebuffer that holds only ``rect`` of the image."""
+    """Return the (2, 3) affine map from pixel coordinates to those of a framebuffer that holds only ``rect``."""
     return IMAGE_FROM_PIXEL - np.array([[0.0, 0.0, rect.x0], [0.0, 0.0, rect.y0]])
 
 

@@ -1,4 +1,4 @@
-"""The benchmark's reference pass: a fixed amount of shading, so that results of different machines compare."""
+"""Reference pass of the benchmark: a fixed amount of shading, by which results of machines are compared."""
 
 from __future__ import annotations
 
@@ -15,9 +15,14 @@ TEXTURE_SIZE = (4096, 2048)
 
 
 class ReferencePass:
-    """One full-screen pass to RGBA16F with 64 multiply-adds, 8 exponentials and four trilinear fetches per pixel.
+    """A full-screen pass with 64 multiply-adds, 8 exponentials and four trilinear fetches per pixel.
 
-    It fetches from a 4096 x 2048 RGB texture, and has a context of its own.
+    It samples a 4096 x 2048 RGB texture and draws to RGBA16F, in a context of its own.
+
+    Parameters
+    ----------
+    device_index : int, optional
+        Index of the EGL device; None for the default one.
 
     Raises
     ------
@@ -37,7 +42,10 @@ class ReferencePass:
         self._targets: dict[tuple[int, int], moderngl.Framebuffer] = {}
 
     def laps_ms(self, size: tuple[int, int], count: int) -> list[float]:
-        """Return times of ``count`` passes at a size, after a warm-up pass [ms]; its context stays current."""
+        """Time ``count`` passes at a size (width, height) [px], after a warm-up pass; return the times [ms].
+
+        The context stays current.
+        """
         context = self._context
         context.__enter__()  # type: ignore[no-untyped-call]
         if size not in self._targets:

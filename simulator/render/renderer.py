@@ -1,4 +1,4 @@
-"""The renderer: turns a SceneState into radiance by a list of passes."""
+"""The renderer: draws a SceneState to an image of radiance by a list of passes."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from flyaround.simulator.render.device import Device
 from flyaround.simulator.render.earth.earth_view import Earths
 from flyaround.simulator.render.frame_graph import FrameGraph, FrameResources
 from flyaround.simulator.render.frame_images import COVERAGE, PICTURE, RADIANCE
-from flyaround.simulator.render.frame_passes import plain_passes
+from flyaround.simulator.render.frame_passes import gpu_passes
 from flyaround.simulator.render.gl.timing import StageClock
 from flyaround.simulator.render.projection import PixelRect
 from flyaround.simulator.render.software.software_path import software_passes
@@ -36,7 +36,7 @@ if TYPE_CHECKING:
 
 
 Layer = Literal["all", "craft", "sky"]
-"""Layers to draw: everything; the target alone, in the scene's own light; or the background without the target."""
+"""Layers to draw: everything; only the target, in the scene's light; or only the background."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,15 +46,15 @@ class Rendered:
     Parameters
     ----------
     radiance : (H, W) array
-        For mono, (H, W, 3) for rgb, row 0 at the top [W m-2 sr-1 in the band].
+        Radiance, row 0 at the top [W m-2 sr-1 in the band]; (H, W, 3) for three bands.
     coverage : (H, W) array or None
-        Share of each pixel that the target covers; only with labels.
+        Fraction of each pixel that the target covers; only with labels.
     depth_m : (H, W) array or None
         Camera z of the target's nearest surface at the pixel's centre, NaN outside; only with labels.
     silhouette_inside : float
-        Share of the target's whole silhouette inside the image; only with labels.
+        Fraction of the area of the target's silhouette that is inside the image; only with labels.
     stage_ms : dict
-        Time spent per stage [ms].
+        Time per pass [ms].
     window : tuple of slice, optional
         Rows and columns of radiance and coverage; the whole image except for the layer ``craft``.
     """
@@ -77,7 +77,7 @@ def _check_finite(
     radiance : (H, W) or (H, W, n) array
         Rendered radiance.
     coverage : callable
-        Function that reads (H, W), the share of each pixel that the target covers.
+        Function that reads the fraction (H, W) of each pixel that the target covers.
     """
     if np.isfinite(radiance.sum()):  # one pass; no sum of finite radiance overflows
         return
@@ -101,13 +101,13 @@ class Renderer:
     context : Context, optional
         Existing OpenGL >= 4.1 context to use instead; `close` does not release it.
     timed : bool, optional
-        True to wait for the driver after every pass, so that ``stage_ms`` is per pass. Otherwise passes queue up, and
-        their time shows in the read-back. May be changed between frames.
+        True to wait for the driver after every pass, so that ``stage_ms`` holds the time of each. Otherwise the passes
+        only queue commands, and the read-back takes the time. May be changed between frames.
     prefetched : mapping, optional
         Results of `prefetch_earth_maps` for the first scenes, for a quicker first frame.
     software_path : bool, optional
-        True to cull and interpolate on the CPU, which speeds up a software driver and would stall a GPU. ``None``: only
-        for a software driver.
+        True to cull and interpolate on the CPU, which a software driver needs and a GPU would wait for. ``None``
+        chooses by the driver.
 
     Raises
     ------
@@ -126,19 +126,19 @@ class Renderer:
     ) -> None:
         self.timed = timed
         self.device = device = Device(device_index, context)
-        self.takes_software_path = device.info.is_software if software_path is None else software_path
+        self.uses_software_path = device.info.is_software if software_path is None else software_path
         self._earths = Earths(device, prefetched)
-        self._passes = (software_passes if self.takes_software_path else plain_passes)(device, self._earths)
+        self._passes = (software_passes if self.uses_software_path else gpu_passes)(device, self._earths)
         self._graphs: dict[str, FrameGraph] = {}
         device.check("start-up")
 
     @property
     def info(self) -> GlInfo:
-        """The OpenGL driver; recorded beside every image."""
+        """The OpenGL driver, to be recorded with every image."""
         return self.device.info
 
     def make_current(self) -> None:
-        """Make this renderer's context current in the thread: another renderer may have been created since."""
+        """Make this renderer's context current in this thread; another renderer may have been created since."""
         self.device.make_current()
 
     def render(
@@ -154,12 +154,14 @@ class Renderer:
 
         Parameters
         ----------
+        scene : SceneState
+            Scene to render.
         target : Target
-            The model that ``scene.target`` names.
+            The target that ``scene.target`` names.
         labels : bool, optional
-            True to also return coverage, depth and the share of the silhouette inside the image.
+            True to also return coverage, depth and the fraction of the silhouette inside the image.
         sky : IrradianceField, optional
-            Replaces the scene's Earth-shine and Moon-shine on the target, for validation.
+            Irradiance on the target that replaces the scene's Earth-shine and Moon-shine, for validation.
         layer : Layer, optional
             ``craft`` returns premultiplied radiance and coverage in the ``window`` that the target may touch; the layer
             ``sky`` times one minus that coverage completes the image.
@@ -173,38 +175,49 @@ class Renderer:
             return self._render_craft(scene, target, sky)
         frame = self._begin(scene, target, sky)
         self._earths.prefetch(scene)
-        with_target = layer == "all"
-        if not with_target:
+        draws_target = layer == "all"
+        if not draws_target:
             frame[TARGET] = None
-        first = self._earths.pending(scene.bands) is not None
+        compiles_earth = self._earths.pending(scene.bands) is not None
         stage_ms = self._run(
-            "" if first else layer, lambda: self._passes.frame(target=with_target, first=first), frame
+            "" if compiles_earth else layer,
+            lambda: self._passes.frame(target=draws_target, first=compiles_earth),
+            frame,
         )
         picture = frame[PICTURE]
         _check_finite(picture, scene, target, frame[COVERAGE].read_coverage)
         coverage = depth = None
-        inside = 1.0
+        silhouette_inside = 1.0
         if labels:
             clock = StageClock(self.device.context, finish=self.timed)
             coverage = frame[COVERAGE].read_coverage()
             depth = self._passes.labels.start_surfaces(scene, target, layers=False)().depth_m
-            inside = self._passes.labels.silhouette_inside(scene, target)
+            silhouette_inside = self._passes.labels.silhouette_inside(scene, target)
             clock.lap("labels")
             stage_ms |= clock.stage_ms
         self.device.check("a frame")
-        return Rendered(picture, coverage, depth, inside, stage_ms)
+        return Rendered(picture, coverage, depth, silhouette_inside, stage_ms)
 
     def start_surfaces(
         self, scene: SceneState, target: Target, *, layers: bool = False
     ) -> Callable[[], Surfaces]:
         """Start drawing the target's surface at each pixel's centre, without the image.
 
-        The driver draws it after this returns; calling the result, once, waits for the end and reads it back.
+        The driver may still be drawing when this method returns.
 
         Parameters
         ----------
+        scene : SceneState
+            Scene to render.
+        target : Target
+            The target that ``scene.target`` names.
         layers : bool, optional
             True for normals and parts, False for depth only.
+
+        Returns
+        -------
+        callable
+            Function that waits for the driver and reads the surface; call it once.
         """
         self.device.prepare(scene)
         finish = self._passes.labels.start_surfaces(scene, target, layers=layers)
@@ -222,7 +235,7 @@ class Renderer:
         return self.start_surfaces(scene, target, layers=layers)()
 
     def silhouette_inside(self, scene: SceneState, target: Target) -> float:
-        """Return the share of the target's whole silhouette inside the image."""
+        """Return the fraction of the area of the target's silhouette that is inside the image."""
         self.device.prepare(scene)
         return self._passes.labels.silhouette_inside(scene, target)
 
@@ -230,16 +243,20 @@ class Renderer:
         frame = self._begin(scene, target, sky)
         if sky is None:
             self._earths.prefetch(scene)
-        lit = sky is not None
-        stage_ms = self._run("craft lit" if lit else "craft", lambda: self._passes.craft(lit=lit), frame)
+        has_sky_light = sky is not None
+        stage_ms = self._run(
+            "craft with sky light" if has_sky_light else "craft",
+            lambda: self._passes.craft(has_sky_light=has_sky_light),
+            frame,
+        )
         clock = StageClock(self.device.context, finish=self.timed)
-        drawn = frame.find(TARGET)
-        part = PixelRect(0, 0, 0, 0) if drawn is None else drawn.rect
-        light, share, window = frame[RADIANCE].read_part(part)
+        placed = frame.find(TARGET)
+        rect = PixelRect(0, 0, 0, 0) if placed is None else placed.rect
+        radiance, coverage, window = frame[RADIANCE].read_part(rect)
         clock.lap("readback")
-        _check_finite(light, scene, target, lambda: share)
+        _check_finite(radiance, scene, target, lambda: coverage)
         self.device.check("a craft")
-        return Rendered(light, share, None, 1.0, stage_ms | clock.stage_ms, window)
+        return Rendered(radiance, coverage, None, 1.0, stage_ms | clock.stage_ms, window)
 
     def _begin(self, scene: SceneState, target: Target, sky: IrradianceField | None) -> FrameResources:
         """Return the resources that a frame's passes start from."""
@@ -253,13 +270,15 @@ class Renderer:
         frame[SCENE], frame[MODEL], frame[GIVEN_IRRADIANCE] = scene, target, sky
         return frame
 
-    def _run(self, kept_as: str, passes: Callable[[], list[Pass]], frame: FrameResources) -> dict[str, float]:
-        """Run passes; a graph with a name is checked once and cached."""
-        graph = self._graphs.get(kept_as)
+    def _run(
+        self, name: str, make_passes: Callable[[], list[Pass]], frame: FrameResources
+    ) -> dict[str, float]:
+        """Run the passes of a graph. A named graph is created and checked once."""
+        graph = self._graphs.get(name)
         if graph is None:
-            graph = FrameGraph(passes(), frame)
-        if kept_as:
-            self._graphs[kept_as] = graph
+            graph = FrameGraph(make_passes(), frame)
+        if name:
+            self._graphs[name] = graph
         return graph.run(self.device.context, frame, timed=self.timed)
 
     def close(self) -> None:

@@ -1,4 +1,7 @@
-"""Scene in camera coordinates, in which render passes work: positions are differenced and rotated in float64."""
+"""The scene in camera coordinates, which all render passes use.
+
+Positions are subtracted and rotated in float64 before anything is converted to float32 for the GPU.
+"""
 
 from __future__ import annotations
 
@@ -39,40 +42,41 @@ class View:
 
     Parameters
     ----------
-    R_camera_from_target : array
+    R_camera_from_target : (3, 3) array
         Rotation from the target to the camera frame.
-    t_camera_from_target_m : array
+    t_camera_from_target_m : (3,) array
         Origin of the target, camera frame [m].
     globe : Body
-        Body that is rendered by ray casting.
-    R_camera_from_globe : array
-        Orientation of the globe.
-    R_camera_from_eci : array
-        Orientation of the inertial frame.
-    r_camera_globe_m : array
-        Camera position from the globe's centre, in the globe's axes.
-    sun_direction : array
-        Unit vector from the target to the Sun.
+        Body that is drawn by ray casting.
+    R_camera_from_globe : (3, 3) array
+        Rotation from the globe's body-fixed axes to the camera frame.
+    R_camera_from_eci : (3, 3) array
+        Rotation from the inertial frame (GCRS) to the camera frame.
+    r_camera_globe_m : (3,) array
+        Camera position relative to the globe's centre, body-fixed axes of the globe [m].
+    sun_direction : (3,) array
+        Unit vector from the target to the Sun, camera frame.
     sun_sine : float
         Sine of the Sun's angular radius.
-    sun_globe : array
-        Unit vector from the globe to the Sun, axes of the globe.
-    moon_globe : array
-        Unit vector from the globe to the Moon, axes of the globe.
+    sun_globe : (3,) array
+        Unit vector from the globe to the Sun, body-fixed axes of the globe.
+    moon_globe : (3,) array
+        Unit vector from the globe to the Moon, body-fixed axes of the globe.
     moon_share : float
         Irradiance of the Moon at the globe relative to the Sun's; 0 if no Moon is drawn.
-    sun_irradiance_w_m2 : array
-        Irradiance of the unobstructed Sun at the target, per band.
-    sun_at_globe_w_m2 : array
-        Irradiance of the Sun at the globe, per band.
+    sun_irradiance_w_m2 : (n,) array
+        Irradiance of the unobstructed Sun at the target, per band [W m-2].
+    sun_at_globe_w_m2 : (n,) array
+        Irradiance of the Sun at the globe, per band [W m-2].
     sun_visible_fraction : float
-        Visible share of the Sun's disc at the target.
-    sun_share : array
-        Share of the Sun's irradiance that Earth, air and Moon transmit to the target, per band.
+        Visible fraction of the Sun's disc at the target.
+    sun_share : (n,) array
+        Fraction of the Sun's irradiance that Earth, air and Moon transmit to the target, per band.
     sky : IrradianceField
         Irradiance of globe and Moon on the target.
     lights : tuple of tuple of array, optional
-        For each area light, the unit vector from the target's origin and the irradiance there per band.
+        For each area light, the unit vector from the target's origin (3,) and the irradiance there per band (n,)
+        [W m-2].
     """
 
     R_camera_from_target: FloatArray
@@ -97,7 +101,7 @@ class View:
 SCENE: Resource[SceneState] = Resource("scene")
 MODEL: Resource[Target] = Resource("target model")
 VIEW: Resource[View] = Resource("view")
-"""The scene in camera coordinates; a later pass adds the light of Earth and Moon on the target."""
+"""The scene in camera coordinates. `ShinePass` adds the light of Earth and Moon on the target."""
 GIVEN_IRRADIANCE: Resource[IrradianceField] = Resource("given irradiance")
 """Replacement for the light of Earth and Moon on the target, for validation."""
 
@@ -157,56 +161,58 @@ def build_view(scene: SceneState, sky: IrradianceField | None = None) -> View:
         sun_visible_fraction=scene.sunlit_fraction,
         sun_share=_sun_share(scene),
         sky=dark_field(len(bands_of(scene.bands))) if sky is None else sky,
-        lights=tuple(_from_far(scene)),
+        lights=tuple(_distant_lights(scene)),
     )
 
 
-def _from_far(scene: SceneState) -> Iterator[tuple[FloatArray, FloatArray]]:
-    """Yield direction and irradiance of each area light at the target's origin, as if the light were far away.
+def _distant_lights(scene: SceneState) -> Iterator[tuple[FloatArray, FloatArray]]:
+    """Yield direction (3,) and irradiance (n,) of each area light at the target's origin.
 
-    Light that the target's parts reflect on each other is computed from these.
+    The light that the target's parts reflect on each other is computed as if these lights were far away.
     """
     origin = np.asarray(scene.t_camera_from_target_m)
     for light in scene.area_lights:
         at_target = light.in_camera_frame(scene.camera_from_target)
-        to = at_target.middle_m - origin
-        direction = to / max(float(np.linalg.norm(to)), 1e-6)
+        offset = at_target.middle_m - origin
+        direction = offset / max(
+            float(np.linalg.norm(offset)), 1e-6
+        )  # a light at the origin has no direction
         factor = float(at_target.irradiance_factor(origin[None], direction[None])[0])
         yield direction, factor * light.radiance(scene.bands)
 
 
 def _sun_share(scene: SceneState) -> FloatArray:
-    """Return the share (n,) of the Sun's light per band at the target, through the Earth's air if it is drawn."""
+    """Return the fraction (n,) of the Sun's light that reaches the target per band, through the air if it is drawn."""
     fraction = np.full(len(bands_of(scene.bands)), scene.sunlit_fraction)
     if not scene.environment.sunlight or not (scene.environment.earth and scene.environment.atmosphere):
         return fraction
     earth = scene.body("earth")
     # map the ellipsoid to a sphere
-    stretch = np.array([1.0, 1.0, earth.body.radius_m / earth.body.polar_radius_m])
+    to_sphere = np.array([1.0, 1.0, earth.body.radius_m / earth.body.polar_radius_m])
     R_itrs_from_eci = earth.R_fixed_from_eci
     r, sun = np.asarray(scene.r_target_eci_m), np.asarray(scene.r_sun_eci_m)
-    through = sunlight_past_earth(
-        stretch * (R_itrs_from_eci @ r), stretch * (R_itrs_from_eci @ sun), scene.bands
+    transmittance = sunlight_past_earth(
+        to_sphere * (R_itrs_from_eci @ r), to_sphere * (R_itrs_from_eci @ sun), scene.bands
     )
-    if np.all(through == 1):
+    if np.all(transmittance == 1):
         return fraction
     moon = np.asarray(scene.body("moon").r_eci_m)
-    return through * float(sun_fraction_past_sphere(r - moon, sun - moon, MOON_RADIUS_M))
+    return transmittance * float(sun_fraction_past_sphere(r - moon, sun - moon, MOON_RADIUS_M))
 
 
 def frame_values(scene: SceneState, view: View) -> dict[str, ArrayLike]:
     """Return the members of the uniform block ``Frame``."""
     camera, sky = scene.camera, view.sky
-    u_sky, u_earth = np.zeros((10, 4)), np.zeros((3, 4))
+    u_sky, u_globe = np.zeros((10, 4)), np.zeros((3, 4))
     u_sky[:, : sky.irradiance_w_m2.shape[1]] = sky.irradiance_w_m2
-    u_earth[: len(sky.radiance_w_m2_sr)] = sky.radiance_w_m2_sr
+    u_globe[: len(sky.radiance_w_m2_sr)] = sky.radiance_w_m2_sr
     lamp = scene.lamp
     return {
         "u_intrinsics": [camera.fx_px, camera.fy_px, camera.cx_px, camera.cy_px],
         "u_sun_direction": [*view.sun_direction, view.sun_sine],
         "u_sun_irradiance": vec4_of_bands(view.sun_irradiance_w_m2 * view.sun_share),
         "u_sky": u_sky,
-        "u_globe_radiance": u_earth,
+        "u_globe_radiance": u_globe,
         "u_globe_rim": [*sky.axis, sky.disc_cosine],
         # mean direction of the light: between normal and nadir for a hemisphere, the normal for a full sphere
         "u_nadir_direction": [*sky.axis, float(np.clip((1 + sky.disc_cosine) / 2, 0, 1))],

@@ -235,9 +235,9 @@ def _keep_out_problems(chaser: AnyChaser, start: FloatArray) -> Iterator[str]:
     if sphere is None:
         return
     if isinstance(chaser, SafeEllipse):
-        if chaser.least_distance_m < sphere.radius_m:
+        if chaser.min_distance_m < sphere.radius_m:
             yield (
-                f"the safe ellipse comes within {chaser.least_distance_m:g} m of the along-track axis, "
+                f"the safe ellipse comes within {chaser.min_distance_m:g} m of the along-track axis, "
                 f"allowed: at least {sphere.radius_m:g} m (key chaser.keep_out.radius_m)"
             )
         return

@@ -143,7 +143,7 @@ def force_model(forces: Forces, epoch: Instant, duration_s: float, body: Body) -
 
 
 def _moon_forces(forces: Forces, epoch: Instant, duration_s: float) -> ForceModel:
-    return MoonForces(epoch=epoch, sky=EphemerisTable.of(epoch, duration_s), forces=forces)
+    return MoonForces(epoch=epoch, sky=EphemerisTable.build(epoch, duration_s), forces=forces)
 
 
 def _earth_forces(forces: Forces, epoch: Instant, duration_s: float) -> ForceModel | None:
@@ -152,7 +152,7 @@ def _earth_forces(forces: Forces, epoch: Instant, duration_s: float) -> ForceMod
         return None
     degree = 2 if degree is None else degree
     return EarthForces(
-        sky=EphemerisTable.of(epoch, duration_s),
+        sky=EphemerisTable.build(epoch, duration_s),
         forces=forces,
         harmonics=egm96(degree) if degree >= 2 else None,
     )

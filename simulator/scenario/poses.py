@@ -89,7 +89,7 @@ def _pose_from_arrays(q: FloatArray, t: FloatArray, where: str) -> Pose:
         raise UserError(
             f"{where}: the target is {math.hypot(*t):g} m away, allowed: {MIN_RANGE_M:g} to {MAX_RANGE_M:g}"
         )
-    return Pose.of("camera", "target", q, t)
+    return Pose.from_arrays("camera", "target", q, t)
 
 
 @dataclass(frozen=True, eq=False)

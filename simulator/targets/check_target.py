@@ -8,7 +8,7 @@ import numpy as np
 
 from flyaround.simulator.errors import UserError
 from flyaround.simulator.geometry.triangles import distance_to_triangles
-from flyaround.simulator.targets.textures import check_picture, mime_of
+from flyaround.simulator.targets.textures import check_picture, mime_type
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -24,18 +24,26 @@ if TYPE_CHECKING:
     )
 
 KEYPOINT_TOLERANCE = 0.02
-"""Largest distance of a keypoint from the surface, relative to the craft's size; fillets and coarse meshes need it."""
+"""Largest distance of a keypoint from the surface, relative to the craft's size. Corners that a fillet or a coarse mesh
+cuts off need it."""
 MIN_AREA_M2 = 1e-14
 """Smallest area of a triangle [m2]: half a square of 0.1 micrometres."""
 
 
 def check_target(target: Target, where: str) -> None:
-    """Raise if a target cannot be drawn, labelled or propagated.
+    """Check that a target can be drawn, labelled and propagated.
+
+    Parameters
+    ----------
+    target : Target
+        Target to check.
+    where : str
+        Name of its file, for messages.
 
     Raises
     ------
     UserError
-        If it cannot; the message states problem, place and remedy.
+        If it cannot; the message states the problem, its location and a remedy.
     """
     for part in target.parts:
         check_part(part, where)
@@ -46,28 +54,41 @@ def check_target(target: Target, where: str) -> None:
 
 
 def check_part(part: Part, where: str) -> None:
-    """Check for finite vertices, valid indices, unit normals, and no degenerate or inverted triangle."""
+    """Check that vertices are finite, indices valid, normals unit vectors, and no triangle degenerate or inverted.
+
+    Raises
+    ------
+    UserError
+        If one is not; the message names the part and the remedy.
+    """
     where_part = f"{where}, part {part.name!r}"
-    p, n, t = part.positions_m.astype(float), part.normals.astype(float), part.triangles
-    finite = np.isfinite(p).all(axis=1)
+    positions, normals, triangles = part.positions_m.astype(float), part.normals.astype(float), part.triangles
+    finite = np.isfinite(positions).all(axis=1)
     if not finite.all():
         raise UserError(f"{where_part}: vertex {int(np.argmin(finite))} is not finite; repair the mesh")
-    if len(n) != len(p):
-        raise UserError(f"{where_part}: {len(p)} vertices but {len(n)} normals; export it with normals")
-    if len(t) == 0:
+    if len(normals) != len(positions):
+        raise UserError(
+            f"{where_part}: {len(positions)} vertices but {len(normals)} normals; export it with normals"
+        )
+    if len(triangles) == 0:
         raise UserError(f"{where_part}: no triangles; remove the part or export it again")
-    if t.min() < 0 or t.max() >= len(p):
-        raise UserError(f"{where_part}: a triangle uses vertex {int(t.max())} of {len(p)}; export it again")
+    if triangles.min() < 0 or triangles.max() >= len(positions):
+        raise UserError(
+            f"{where_part}: a triangle uses vertex {int(triangles.max())} of {len(positions)}; export it again"
+        )
     # the negated test also refuses NaN
-    if not (np.abs(np.linalg.norm(n, axis=1) - 1) < 1e-3).all():
+    if not (np.abs(np.linalg.norm(normals, axis=1) - 1) < 1e-3).all():
         raise UserError(f"{where_part}: normals are not unit vectors; export the model with normals")
-    face = np.cross(p[t[:, 1]] - p[t[:, 0]], p[t[:, 2]] - p[t[:, 0]])
-    area = np.linalg.norm(face, axis=1)
+    face_normals = np.cross(
+        positions[triangles[:, 1]] - positions[triangles[:, 0]],
+        positions[triangles[:, 2]] - positions[triangles[:, 0]],
+    )
+    area = np.linalg.norm(face_normals, axis=1)
     if (area < MIN_AREA_M2).any():
         raise UserError(
             f"{where_part}: triangle {int(np.argmin(area))} has no area; remove degenerate triangles from the mesh"
         )
-    if ((face * n[t].sum(axis=1)).sum(axis=1) <= 0).any():
+    if ((face_normals * normals[triangles].sum(axis=1)).sum(axis=1) <= 0).any():
         raise UserError(
             f"{where_part}: some triangles are wound against their normals (inside out); flip those faces or "
             "recompute the normals"
@@ -75,9 +96,9 @@ def check_part(part: Part, where: str) -> None:
 
 
 def check_keypoints_on_mesh(target: Target, where: str) -> None:
-    """Check that every keypoint lies on the mesh within `KEYPOINT_TOLERANCE`; otherwise its visibility is undefined.
+    """Check that every keypoint is within `KEYPOINT_TOLERANCE` of the mesh, because its visibility is computed there.
 
-    Coarse levels of detail are exempt, because they keep all labels but omit small parts.
+    Do not call it for coarse levels of detail, which keep all labels but omit small parts.
     """
     if not target.keypoints or not target.parts:
         return
@@ -90,12 +111,15 @@ def check_keypoints_on_mesh(target: Target, where: str) -> None:
         nearby = np.ones(len(corners), bool)
         for axis in range(3):
             nearby &= (low[axis] <= p[axis] + tolerance_m) & (high[axis] >= p[axis] - tolerance_m)
-        some = corners[nearby].astype(float)
-        if len(some) == 0 or distance_to_triangles(np.tile(p, (len(some), 1)), some).min() > tolerance_m:
-            at = ", ".join(f"{x:.3f}" for x in p)
+        candidates = corners[nearby].astype(float)
+        if (
+            len(candidates) == 0
+            or distance_to_triangles(np.tile(p, (len(candidates), 1)), candidates).min() > tolerance_m
+        ):
+            position = ", ".join(f"{x:.3f}" for x in p)
             raise UserError(
-                f"{where}: keypoint {k.name!r} at ({at}) m is off the mesh by more than {tolerance_m:.3g} m; put it on "
-                "the surface, in metres in the model frame"
+                f"{where}: keypoint {k.name!r} at ({position}) m is off the mesh by more than {tolerance_m:.3g} m; "
+                "put it on the surface, in metres in the model frame"
             )
 
 
@@ -113,7 +137,7 @@ def check_textures(target: Target, where: str) -> None:
     """Check that every texture of a material exists as PNG or JPEG, and that parts that use it have coordinates."""
     pictures = {p.name: p.data for p in target.pictures}
     for name, data in pictures.items():
-        if not mime_of(data):
+        if not mime_type(data):
             raise UserError(f"{where}: texture {name!r} is neither PNG nor JPEG; convert it to PNG")
         check_picture(data, f"{where}: texture {name!r}")
     textured = set()
@@ -141,7 +165,7 @@ def check_textures(target: Target, where: str) -> None:
 def check_labels(
     keypoints: Sequence[Keypoint], wireframe: Sequence[Edge], occluders: Occluders, where: str
 ) -> None:
-    """Check for unique names, finite numbers, edges of finite length, and occluder indices in range."""
+    """Check that names are unique, numbers finite, edges not of zero length, and occluder indices in range."""
     for kind, names in (("keypoint", [k.name for k in keypoints]), ("edge", [e.name for e in wireframe])):
         duplicate = next((n for k, n in enumerate(names) if n in names[:k]), None)
         if duplicate is not None:

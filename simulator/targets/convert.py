@@ -1,4 +1,4 @@
-"""Conversion between a Target and its records, and the hash of a target."""
+"""Conversion between a `Target` and the records of a target file, and the hash of a target."""
 
 from __future__ import annotations
 
@@ -51,11 +51,13 @@ def content_sha256(
 ) -> str:
     """Return the SHA-256 of all data that affect an image or a label of the target.
 
-    The digest covers one line of canonical JSON (sorted keys, no spaces) with materials, part names,
-    keypoints, wireframe and occluders, then for each part its positions and normals as little-endian
-    float32 and its triangles as little-endian uint32, and its texture coordinates as float32 where it has
-    some; then each image's name and bytes. Each block is preceded by its length in bytes (uint64).
-    Unused texture slots are omitted from the JSON.
+    The digest covers these blocks in order, each preceded by its length in bytes (uint64, little-endian):
+
+    - one line of canonical JSON (sorted keys, no spaces) with materials, part names, keypoints, wireframe and
+      occluders; unused texture slots are omitted
+    - for each part: positions and normals (float32), triangles (uint32), and texture coordinates (float32) if it has
+      some, all little-endian
+    - for each image: its name and its bytes
     """
     head: dict[str, Any] = {
         "materials": [_material_head(m) for m in materials],
@@ -83,7 +85,7 @@ def content_sha256(
 
 
 def _material_head(material: Material) -> dict[str, Any]:
-    """Return the material without empty textures and grain, so that the hash of targets without them is stable."""
+    """Return a material without empty textures and grain, so that older targets keep their hash."""
     absent = () if material.anisotropy > 0 else ("anisotropy", "grain", "turned")
     return {
         k: v
@@ -92,8 +94,8 @@ def _material_head(material: Material) -> dict[str, Any]:
     }
 
 
-def record_of(target: Target) -> TargetRecord:
-    """Return the target's data other than geometry and materials."""
+def target_record(target: Target) -> TargetRecord:
+    """Return the record of a target: all data other than geometry and materials."""
     return TargetRecord(
         schema="flyaround.target",
         version=1,
@@ -114,12 +116,12 @@ def record_of(target: Target) -> TargetRecord:
     )
 
 
-def keypoints_of(record: TargetRecord) -> tuple[Keypoint, ...]:
+def keypoints_from(record: TargetRecord) -> tuple[Keypoint, ...]:
     """Return the keypoints of a record."""
     return tuple(Keypoint(name=k.name, position_m=k.position_m) for k in record.keypoints)
 
 
-def wireframe_of(record: TargetRecord) -> tuple[Edge, ...]:
+def wireframe_from(record: TargetRecord) -> tuple[Edge, ...]:
     """Return the wireframe of a record."""
     return tuple(
         Edge(name=e.name, a_m=e.a_m, b_m=e.b_m, normals=e.normals, radius_m=e.radius_m)
@@ -127,7 +129,7 @@ def wireframe_of(record: TargetRecord) -> tuple[Edge, ...]:
     )
 
 
-def occluders_of(record: TargetRecord) -> Occluders:
+def occluders_from(record: TargetRecord) -> Occluders:
     """Return the occluders of a record."""
     return Occluders(
         vertices_m=np.array(record.occluders.vertices_m, float).reshape(-1, 3),
@@ -135,12 +137,12 @@ def occluders_of(record: TargetRecord) -> Occluders:
     )
 
 
-def mass_of(record: TargetRecord) -> MassProperties:
+def mass_from(record: TargetRecord) -> MassProperties:
     """Return the mass properties of a record."""
     m = record.mass
     return MassProperties(mass_kg=m.mass_kg, com_m=m.com_m, inertia_kg_m2=m.inertia_kg_m2)
 
 
-def frames_of(record: TargetRecord) -> dict[str, tuple[Vec3, Vec3]]:
+def frames_from(record: TargetRecord) -> dict[str, tuple[Vec3, Vec3]]:
     """Return the named frames of a record."""
     return {name: (f.origin_m, f.axis) for name, f in record.frames.items()}

@@ -39,7 +39,7 @@ def user_file(name: str) -> Path:
     return user_folder() / f"{name}.glb"
 
 
-def head_file(name: str) -> Path:
+def network_file(name: str) -> Path:
     """Return the path of the keypoint network trained for a target, whether it exists or not."""
     return user_folder() / f"{name}.keypoints.npz"
 
@@ -50,7 +50,7 @@ def sheet_folder(name: str) -> Path:
 
 
 def check_name(name: str, built_in: Sequence[str], *, replace: bool) -> None:
-    """Raise if a name is in use or cannot be a file's.
+    """Check that a name is valid and not in use.
 
     Raises
     ------
@@ -108,7 +108,7 @@ def remove(name: str, built_in: Sequence[str]) -> Path:
     try:
         path.unlink()
         path.with_suffix(".run.toml").unlink(missing_ok=True)
-        head_file(name).unlink(missing_ok=True)
+        network_file(name).unlink(missing_ok=True)
         shutil.rmtree(sheet_folder(name), ignore_errors=True)
     except OSError as error:
         raise UserError(f"cannot remove {path}: {error.strerror}; check its permissions") from error

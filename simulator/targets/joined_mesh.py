@@ -34,15 +34,16 @@ def join_parts(parts: Sequence[Part]) -> TriangleMesh:
 
 
 @cached_per_object
-def mesh_of(target: Target) -> TriangleMesh:
+def joined_mesh(target: Target) -> TriangleMesh:
     """Return the joined mesh of a target, cached for as long as the target lives."""
     return join_parts(target.parts)
 
 
 @cached_per_object
 def box_3d_m(target: Target) -> FloatArray:
-    """Return the (8, 3) corners of the mesh's box, model axes, read-only; corner k is high in x, y, z by bits 4, 2,
-    1.
+    """Return the corners (8, 3) of the mesh's bounding box, model frame [m], read-only.
+
+    Corner k is the upper one in x, y and z if bits 4, 2 and 1 of k are set.
     """
     # from the parts: every image needs it, while the joined mesh serves labels only
     corners = box_corners_m([part.positions_m for part in target.parts if len(part.positions_m)])

@@ -24,8 +24,8 @@ from flyaround.simulator.targets.model import DETAILS, Detail, level_name, split
 if TYPE_CHECKING:
     from flyaround.simulator.targets.model import Target
 
-# Suffix of the built-in targets' files, which are compressed (51 MB otherwise).
 SUFFIX = ".glb.zst"
+"""Suffix of the built-in targets' files, which are compressed (51 MB otherwise)."""
 _CACHE_SIZE = 4  # targets cached per process, megabytes each
 
 
@@ -104,8 +104,8 @@ def _load_plugin(plugin: Plugin) -> Target:
 def target_in_use(name: str, sha256: str) -> Target:
     """Load a target as `load_target` does, and cache it together with data derived from its mesh.
 
-    For processes that get a target's name with each frame. A mesh that the user imports again has another hash and is
-    loaded again.
+    It is meant for processes that receive a target's name with each frame. If the user imports a mesh again, its hash
+    changes and it is loaded again.
 
     Parameters
     ----------

@@ -21,7 +21,7 @@ class Material:
 
     Parameters
     ----------
-    base_color : array
+    base_color : tuple of float
         Linear reflectance, RGB, 0..1.
     metallic : float, optional
         Metallic factor as in glTF 2.0.
@@ -83,7 +83,7 @@ class Part:
     Parameters
     ----------
     positions_m : (N, 3) float32 array
-        Target frame.
+        Vertices, model frame [m].
     normals : (N, 3) float32 array
         Outward unit normals.
     triangles : (M, 3) array
@@ -112,9 +112,21 @@ class Keypoint:
 class Edge:
     """A straight segment of the wireframe and the outward normals of the faces that meet there.
 
-    An edge is visible only if at least one of its faces looks at the camera; ``normals`` is empty for thin members
-    (rods), which are visible from all sides. A rod's edge is its axis: the mesh lies ``radius_m`` from it (the mean for
-    a tapered rod), and a camera sees the two lines beside it.
+    An edge is visible only if at least one of its faces is turned to the camera. The edge of a thin round member (rod)
+    is its axis; it is visible from all sides, and a camera sees the two outlines beside it.
+
+    Parameters
+    ----------
+    name : str
+        Name of the edge.
+    a_m : tuple of float
+        First end, model frame [m].
+    b_m : tuple of float
+        Second end, model frame [m].
+    normals : tuple of tuple of float, optional
+        Outward normals of the adjacent faces; empty for a rod.
+    radius_m : float, optional
+        Radius of a rod, the mean for a tapered one; 0 for other edges.
     """
 
     name: str

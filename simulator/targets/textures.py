@@ -11,11 +11,11 @@ from flyaround.simulator.targets.model import TextureImage
 
 MIME = {b"\x89PNG": "image/png", b"\xff\xd8\xff": "image/jpeg"}
 MAX_SIDE_PX, MAX_PIXELS = 16_384, 8192 * 8192
-"""Largest image: 200 MB once decoded. The file's size is no bound, because images compress well."""
+"""Largest side and area of an image, 200 MB once decoded. The size of the file is no bound, because images compress."""
 _DECODED = ("PNG", "JPEG", "BMP", "DIB", "GIF", "TIFF", "WEBP", "JPEG2000", "PPM")
 
 
-def mime_of(data: bytes) -> str:
+def mime_type(data: bytes) -> str:
     """Return the MIME type of an image by its signature; empty if glTF 2.0 does not support it."""
     return next((mime for magic, mime in MIME.items() if data.startswith(magic)), "")
 
@@ -36,7 +36,7 @@ def picture_size(data: bytes) -> tuple[int, int] | None:
 
 
 def check_picture(data: bytes, where: str) -> None:
-    """Raise if an image would need too much memory, before it is decoded.
+    """Check the size of an image before it is decoded.
 
     Raises
     ------
@@ -50,17 +50,17 @@ def check_picture(data: bytes, where: str) -> None:
         raise UserError(f"{where} has {size[0]:,} x {size[1]:,} pixels; make it smaller, at most 8192 x 8192")
 
 
-def pictures_of(document: dict[str, Any], blob: bytes) -> tuple[TextureImage, ...]:
+def embedded_pictures(document: dict[str, Any], blob: bytes) -> tuple[TextureImage, ...]:
     """Return the images embedded in a glTF document and its binary buffer."""
-    out = []
+    pictures = []
     for k, image in enumerate(document.get("images") or []):
         view = document["bufferViews"][image["bufferView"]]
         start = view.get("byteOffset", 0)
         data = blob[start : start + view["byteLength"]]
         if len(data) < view["byteLength"]:
             raise ValueError("a picture runs past the end of its buffer")
-        out.append(TextureImage(name=str(image.get("name") or f"picture-{k + 1}"), data=data))
-    return tuple(out)
+        pictures.append(TextureImage(name=str(image.get("name") or f"picture-{k + 1}"), data=data))
+    return tuple(pictures)
 
 
 def texture_name(

@@ -41,10 +41,10 @@ class CraftVariation(msgspec.Struct, frozen=True, kw_only=True):
     ----------
     base_sha256 : str
         Hash of the model.
-    stretch : array
-        Symmetric strain matrix ``A``.
+    stretch : tuple of tuple of float
+        Symmetric strain matrix ``A``, (3, 3).
     error_m : float
-        Largest displacement of a vertex.
+        Largest displacement of a vertex [m].
     surfaces : dict
         Factors by material name.
     """
@@ -61,7 +61,7 @@ class CraftVariation(msgspec.Struct, frozen=True, kw_only=True):
 
 
 def varied_target(base: Target, variation: CraftVariation) -> Target:
-    """Return the varied craft, cached.
+    """Return the varied craft; the last two are cached.
 
     Raises
     ------

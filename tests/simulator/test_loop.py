@@ -120,7 +120,9 @@ def test_a_run_that_was_broken_off_is_not_taken_for_the_next(plan):
 
 
 def test_poses_are_a_plan(renderer, plan):
-    poses = tuple(Pose.of("camera", "target", (1.0, 0.0, 0.0, 0.0), (0.0, 0.0, z)) for z in (8.0, 16.0))
+    poses = tuple(
+        Pose.from_arrays("camera", "target", (1.0, 0.0, 0.0, 0.0), (0.0, 0.0, z)) for z in (8.0, 16.0)
+    )
     near, far = run_frames(PosePlan(plan.scene(0), plan.target, poses), renderer)
     assert near.truth.t_camera_from_target_m == (0.0, 0.0, 8.0)
     assert (near.mask > 0).sum() > 2 * (far.mask > 0).sum() > 0

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
     from flyaround.simulator.render.renderer import Renderer
 
-POSE = Pose.of("camera", "target", (0.5, 0.5, -0.5, 0.5), (0.1, 0.0, 5.0))
+POSE = Pose.from_arrays("camera", "target", (0.5, 0.5, -0.5, 0.5), (0.1, 0.0, 5.0))
 
 
 @pytest.mark.slow

@@ -153,7 +153,9 @@ def eclipse_entry(renderer: fa.Renderer) -> np.ndarray:
     target = fa.load_target("tango")
     scene = above(epoch, (latitude, longitude, height_km), 40.0, azimuth_deg=292.0, off_nadir_deg=73.0)
     turn = quat_normalize(quat_from_rotvec(np.array([2.3, 0.5, 0.4])))
-    scene = scene_with_pose(scene, target, Pose.of("camera", "target", turn, np.array([-0.7, 0.25, 5.6])), 0)
+    scene = scene_with_pose(
+        scene, target, Pose.from_arrays("camera", "target", turn, np.array([-0.7, 0.25, 5.6])), 0
+    )
     light = radiance(renderer, scene)
     white = float(np.quantile(light, 0.985))
     # the Sun's disc is 1e5 times as bright as the limb; the lens spreads at most the full well

@@ -49,7 +49,7 @@ def craft_before(
     scene = replace(scene, target=TargetRef(name=target.name, sha256=target.sha256))
     q = quat_normalize(quat_from_rotvec(np.array(turn)))
     scene = scene_with_pose(
-        scene, target, Pose.of("camera", "target", q, np.array([0.0, 0.0, distance_m])), 0
+        scene, target, Pose.from_arrays("camera", "target", q, np.array([0.0, 0.0, distance_m])), 0
     )
     return exposed(glare(radiance(renderer, scene, name)), 0.99)
 
@@ -81,7 +81,9 @@ def night_silhouette(renderer: fa.Renderer) -> np.ndarray:
     target = fa.load_target("tango")
     scene = above("2026-11-09T22:30:00Z", (44.0, 8.0, 420.0), 50.0, azimuth_deg=60.0, off_nadir_deg=40.0)
     q = quat_normalize(quat_from_rotvec(np.array([2.3, 0.5, 0.4])))
-    scene = scene_with_pose(scene, target, Pose.of("camera", "target", q, np.array([0.3, 0.0, 5.0])), 0)
+    scene = scene_with_pose(
+        scene, target, Pose.from_arrays("camera", "target", q, np.array([0.3, 0.0, 5.0])), 0
+    )
     return film(glare(radiance(renderer, scene)), 0.0011)
 
 

@@ -56,7 +56,7 @@ def _changed(owner: object, name: str, after: Any) -> tuple[object, str, object]
 
 
 def _all_hidden(_self: StarPass, pixels: FloatArray, images: FrameImages, _target: object) -> BoolArray:
-    images.mark_lit(PixelRect(0, 0, *images.size))
+    images.mark_drawn(PixelRect(0, 0, *images.size))
     return np.ones(len(pixels), bool)
 
 
@@ -71,7 +71,7 @@ WITHOUT: dict[str, list[tuple[object, str, object]]] = {
     ],
     "five samples close up": [(viewport_fit, "NEAR_PIXEL_M", 0.0)],
     "short edges left out": [(visible_edges, "_SHORTEST_PX", 0.0)],
-    "depth ranges": [(depth_buffer, "MOST_RANGES", 1)],
+    "depth ranges": [(depth_buffer, "MAX_RANGES", 1)],
     "sorted tiles": [(tiles.SortedTilesPass, "run", EarthTilesPass.run)],
     "smooth tiles": [_changed(_RAYS, "smooth", lambda found, *_: tuple(np.zeros_like(f) for f in found))],
     "fine tiles": [_changed(_RAYS, "smooth", lambda found, *_: (found[0], np.zeros_like(found[1])))],
@@ -79,18 +79,18 @@ WITHOUT: dict[str, list[tuple[object, str, object]]] = {
     "tiles of open sea": [_changed(_RAYS, "waters", lambda found, *_: tuple(np.ones_like(f) for f in found))],
     "tiles of day": [(tiles, "_NIGHT_MU", 9.0)],
     "tiles beside the craft": [
-        (tiles, "_covered", lambda shape, _size, target: np.full(shape, target is not None))
+        (tiles, "_covered_tiles", lambda shape, _size, target: np.full(shape, target is not None))
     ],
-    "four pixels to a texel": [(smooth_earth, "worth_packing", lambda *_: False)],
+    "four pixels to a texel": [(smooth_earth, "should_pack", lambda *_: False)],
     "planes over four": [(earth_pass, "MAGNIFIED_LEVEL", -float(_MANY))],
-    "air at every other corner": [(frame_air, "_FEWEST_CORNERS", _MANY)],
+    "air at every other corner": [(frame_air, "_MIN_CORNERS", _MANY)],
     "one level of maps": [
         _changed(
             _EARTH, "_smooth_draw", lambda draw, _self, _earth, _frame, kind: replace(draw, level=kind.level)
         )
     ],
     "stars added at the end": [(StarPass, "may_be_hidden", _all_hidden)],
-    "blocks kept": [_changed(_BLOCK, "write", lambda _, block, *__: setattr(block, "_written", None))],
+    "blocks kept": [_changed(_BLOCK, "write", lambda _, block, *__: setattr(block, "_last_values", None))],
     "driver told at once": [(frame_graph, "flush", lambda _context: None)],
 }
 _NOTHING_SHIPPED = """
@@ -106,9 +106,9 @@ _BAKED_FIRST = """
 from flyaround.simulator.render.craft.interreflection import Interreflection as I
 begin = I.begin
 def wait(self, bands):
-    if bands not in self._kept and bands not in self._begun:
+    if bands not in self._textures and bands not in self._pending:
         begin(self, bands)
-        self._begun[bands].result()
+        self._pending[bands].result()
 I.begin = wait
 """
 _NOT_AHEAD = """

@@ -21,7 +21,7 @@ from flyaround.simulator.dataset.check.geometry import (
 from flyaround.simulator.geometry.triangle_fill import fill_triangles
 from flyaround.simulator.imaging.image_formation import noise_sigma
 from flyaround.simulator.labels.wireframe import view_edges
-from flyaround.simulator.targets.joined_mesh import mesh_of
+from flyaround.simulator.targets.joined_mesh import joined_mesh
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -50,7 +50,7 @@ FLOAT32_ROUNDING = 1e-5  # rounding of float32 coordinates
 
 def check_silhouette_inside(truth: Truth, target: Target) -> list[str]:
     """Return the errors of the label ``silhouette_inside``: none, or one sentence."""
-    mesh, camera = mesh_of(target), truth.camera
+    mesh, camera = joined_mesh(target), truth.camera
     box = truth.box_amodal_px
     if (
         box is not None
@@ -170,7 +170,7 @@ def _samples(truth: Truth, target: Target) -> Iterator[tuple[FloatArray, FloatAr
     camera, pose = truth.camera, truth.scene.camera_from_target
     still = (1.0, 0.0, 0.0, 0.0), np.zeros(3)
     # use the label's own visibility of edges: rays check it elsewhere
-    for view in view_edges(camera, pose, target, mesh_of(target)):
+    for view in view_edges(camera, pose, target, joined_mesh(target)):
         ends_m = pose.apply(np.array([view.edge.a_m, view.edge.b_m]))
         # beyond OpenCV's domain, use the label's own lens
         inside = in_lens(camera, ends_m).all()

@@ -12,7 +12,7 @@ from flyaround.simulator.dataset.check.mask_statistics import nonzero_pixels
 from flyaround.simulator.geometry.triangle_fill import FILL_SCALE, fill_triangles
 from flyaround.simulator.imaging.rolling_shutter import pose_at_rows
 from flyaround.simulator.runtime.arrays import vec3
-from flyaround.simulator.targets.joined_mesh import mesh_of
+from flyaround.simulator.targets.joined_mesh import joined_mesh
 from flyaround.simulator.world.frames.rotation import matrix_from_quat, quat_from_rotvec, rotation_angle_rad
 
 if TYPE_CHECKING:
@@ -215,7 +215,7 @@ def differing_pixels(
     origin_px : tuple of int, optional
         The mask's first pixel in the image (an amodal mask starts outside).
     """
-    mesh = mesh_of(target)
+    mesh = joined_mesh(target)
     R = matrix_from_quat(truth.q_camera_from_target_wxyz)
     t = np.asarray(truth.t_camera_from_target_m)
     if (mesh.positions_m @ R[2] + t[2]).min() <= 1e-3:

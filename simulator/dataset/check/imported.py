@@ -11,7 +11,7 @@ from flyaround.simulator.dataset.check.mask_statistics import is_binary
 from flyaround.simulator.labels.boxes import mask_box
 from flyaround.simulator.labels.feasible import infeasible_reason
 from flyaround.simulator.labels.layers import pixel_hash
-from flyaround.simulator.targets.joined_mesh import mesh_of
+from flyaround.simulator.targets.joined_mesh import joined_mesh
 from flyaround.simulator.world.frames.rotation import matrix_from_quat
 
 if TYPE_CHECKING:
@@ -69,7 +69,7 @@ def _check_places(truth: ImportedTruth, target: Target | None) -> list[str]:
             if (p.state == "out_of_frame") == bool(inside)
         ]
     if target is not None and truth.box_amodal_px is not None:
-        vertices = mesh_of(target).positions_m
+        vertices = joined_mesh(target).positions_m
         if in_lens(truth.camera, vertices @ matrix_from_quat(q).T + t).all():
             vertices_px = project_with_opencv(truth.camera, vertices, q, t)
             box = np.concatenate([vertices_px.min(axis=0), vertices_px.max(axis=0)])

@@ -21,7 +21,7 @@ from flyaround.simulator.dataset.check.row_poses import pose_of_row
 from flyaround.simulator.geometry.triangle_fill import lowest_and_highest
 from flyaround.simulator.imaging.rolling_shutter import BAND_PX
 from flyaround.simulator.runtime.memory import cached_per_object
-from flyaround.simulator.targets.joined_mesh import mesh_of
+from flyaround.simulator.targets.joined_mesh import joined_mesh
 
 if TYPE_CHECKING:
     from flyaround.simulator.dataset.check.raster_tolerance import CandidateTriangles
@@ -79,7 +79,7 @@ class RayOracle:
     """A target at a pose, prepared for many rays."""
 
     def __init__(self, target: Target, camera_from_target: Pose) -> None:
-        mesh = mesh_of(target)
+        mesh = joined_mesh(target)
         vertices = camera_from_target.apply(mesh.positions_m)
         triangles, self._parts = mesh.triangles, _part_of_triangle(target)
         self._normals, self._R = _normals(target), camera_from_target.R

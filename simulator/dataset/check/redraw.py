@@ -114,14 +114,12 @@ def check_pictures(
     progress : callable, optional
         Called after each frame.
     """
-    from flyaround.simulator.render.earth.map_textures import prefetch_maps_of  # noqa: PLC0415 - a check without pictures needs no renderer
+    from flyaround.simulator.render.earth.map_textures import prefetch_maps  # noqa: PLC0415 - a check without pictures needs no renderer
     from flyaround.simulator.render.renderer import Renderer  # noqa: PLC0415 - the same
 
     faults: list[tuple[int, str]] = []
     try:
-        renderer = Renderer(
-            prefetched=prefetch_maps_of(read_truth(frame_paths(folder, frames[0]).truth).scene)
-        )
+        renderer = Renderer(prefetched=prefetch_maps(read_truth(frame_paths(folder, frames[0]).truth).scene))
     except UserError as error:
         return Redrawn(0, (), str(error))
     with renderer:

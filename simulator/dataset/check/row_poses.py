@@ -22,7 +22,9 @@ def pose_of_row(truth: Truth, row: float) -> Pose:
     """Interpolate the pose of the craft at a row; the record's own for a global shutter."""
     poses = truth.row_poses
     if len(poses) < 2:
-        return Pose.of("camera", "target", truth.q_camera_from_target_wxyz, truth.t_camera_from_target_m)
+        return Pose.from_arrays(
+            "camera", "target", truth.q_camera_from_target_wxyz, truth.t_camera_from_target_m
+        )
     k = int(np.clip(np.searchsorted([p.row_px for p in poses], row) - 1, 0, len(poses) - 2))
     a, b = poses[k], poses[k + 1]
     share = np.clip((row - a.row_px) / (b.row_px - a.row_px), 0, 1)
@@ -32,7 +34,7 @@ def pose_of_row(truth: Truth, row: float) -> Pose:
     axis = turn[1:] / sine if sine > 0 else np.zeros(3)
     part = quat_from_rotvec(axis * 2 * np.arctan2(sine, turn[0]) * share)
     t = (1 - share) * np.asarray(a.t_camera_from_target_m) + share * np.asarray(b.t_camera_from_target_m)
-    return Pose.of("camera", "target", quat_multiply(part, a.q_camera_from_target_wxyz), t)
+    return Pose.from_arrays("camera", "target", quat_multiply(part, a.q_camera_from_target_wxyz), t)
 
 
 def check_rows(truth: Truth) -> list[str]:

@@ -38,7 +38,7 @@ def check_wireframe(truth: Truth, target: Target) -> list[str]:
     """Check edges by name and position, and the midpoints of visible and hidden intervals against rays."""
     if "wireframe" not in truth.layers:
         return ["edges are listed though the wireframe was not asked for"] if truth.wireframe else []
-    pose = Pose.of("camera", "target", truth.q_camera_from_target_wxyz, truth.t_camera_from_target_m)
+    pose = Pose.from_arrays("camera", "target", truth.q_camera_from_target_wxyz, truth.t_camera_from_target_m)
     ahead = [e for e in target.wireframe if pose.apply(np.array([e.a_m, e.b_m]))[:, 2].min() >= MIN_DEPTH_M]
     if [e.name for e in ahead] != [w.name for w in truth.wireframe]:
         return ["the wireframe's edges are not the target's"]

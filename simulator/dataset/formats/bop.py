@@ -32,7 +32,7 @@ from flyaround.simulator.errors import UserError
 from flyaround.simulator.geometry.triangle_fill import filled_mask
 from flyaround.simulator.labels.boxes import NEAREST_M
 from flyaround.simulator.labels.truth import Truth
-from flyaround.simulator.targets.joined_mesh import mesh_of
+from flyaround.simulator.targets.joined_mesh import joined_mesh
 from flyaround.simulator.targets.library import load_target
 from flyaround.simulator.world.frames.rotation import matrix_from_quat
 
@@ -170,7 +170,7 @@ def pixels_beside(camera: Camera, pose: Pose, target: Target) -> tuple[int, Floa
         Their number, and the (2, 2) x, y of the first and last column and row, NaN if there are none; None near the
         camera.
     """
-    mesh = mesh_of(target)
+    mesh = joined_mesh(target)
     in_camera = pose.apply(mesh.positions_m)
     if in_camera[:, 2].min() <= NEAREST_M:
         return None
@@ -194,7 +194,7 @@ def _box_entry(first: NDArray[Any], last: NDArray[Any]) -> list[int]:
 
 def mesh_ply(target: Target) -> bytes:
     """Return the mesh of a target as binary PLY, millimetres."""
-    mesh = mesh_of(target)
+    mesh = joined_mesh(target)
     vertices = (mesh.positions_m * MM).astype("<f4")
     faces = np.zeros(len(mesh.triangles), [("corners", "u1"), ("vertices", "<i4", 3)])
     faces["corners"], faces["vertices"] = 3, mesh.triangles
@@ -208,7 +208,7 @@ def mesh_ply(target: Target) -> bytes:
 
 def model_info(target: Target) -> dict[str, Any]:
     """Return size and symmetries of a target for ``models_info.json``, millimetres."""
-    mesh = mesh_of(target)
+    mesh = joined_mesh(target)
     low, high = mesh.positions_m.min(axis=0) * MM, mesh.positions_m.max(axis=0) * MM
     info: dict[str, Any] = {"diameter": float(pdist(mesh.hull_m).max()) * MM}
     for axis, start, size in zip("xyz", low.tolist(), (high - low).tolist(), strict=True):

@@ -207,4 +207,4 @@ def checked_pose(q_wxyz: Any, t_m: Any, where: str) -> Pose:  # noqa: ANN401 - v
             f"{where}: the target is at {t} m, which is not in front of the camera or not {MIN_RANGE_M:g} to "
             f"{MAX_RANGE_M:g} m away; the data set may use other axes"
         )
-    return Pose.of("camera", "target", q, t)
+    return Pose.from_arrays("camera", "target", q, t)

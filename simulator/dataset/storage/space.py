@@ -1,4 +1,4 @@
-"""Disk space of a capture, estimated before it begins."""
+"""Estimate of the disk space that a capture will need."""
 
 from __future__ import annotations
 
@@ -10,13 +10,12 @@ if TYPE_CHECKING:
     from flyaround.simulator.dataset.storage.store import Store
     from flyaround.simulator.scene.state import SceneState
 
-# Noise does not compress, so an image takes all of its bits; other sizes are typical of eval-earth at 1920x1200.
-_IMAGE_SIZE_FACTOR = 1.02
-_MASK_PER_PIXEL = 0.01  # bytes of a compressed mask
-
-# Estimated size of a frame's truth record [bytes].
-_RECORD_BYTES = 40_000
-# bytes per pixel of a layer; most are empty off the craft, except clean and amodal
+# Typical sizes of files of eval-earth at 1920 x 1200.
+_IMAGE_SIZE_FACTOR = 1.02  # file size over the size of the pixels: noise does not compress
+_CLEAN_SIZE_FACTOR = 0.5  # size of an image without noise over that of the noisy one
+_MASK_PER_PIXEL = 0.01  # bytes per pixel of a compressed mask
+_RECORD_BYTES = 40_000  # bytes of a truth record
+# bytes per pixel of a compressed layer; most layers are empty outside the craft
 _LAYER_PER_PIXEL = {
     "depth": 1.0,
     "normals": 1.5,
@@ -25,18 +24,26 @@ _LAYER_PER_PIXEL = {
     "amodal": 0.02,
     "wireframe": 0.0,
 }
-
-_EXPORT_SIZE_FACTOR = 1.0
-"""Size of an export relative to the native images."""
+_EXPORT_SIZE_FACTOR = 1.0  # size of an exported image over that of the native one
 
 
 def frame_bytes(scene: SceneState, labels: tuple[str, ...], n_exports: int) -> int:
-    """Return the approximate size of a frame on the disk."""
-    camera, colours = scene.camera, 1 if scene.bands == "mono" else 3
+    """Estimate the size of a frame's files [bytes].
+
+    Parameters
+    ----------
+    scene : SceneState
+        Scene of the frame.
+    labels : tuple of str
+        Names of the label layers.
+    n_exports : int
+        Number of exported formats, each with its own images.
+    """
+    camera, bands = scene.camera, 1 if scene.bands == "mono" else 3
     pixels = camera.width_px * camera.height_px
-    image = pixels * colours * (1 if scene.sensor.bits <= 8 else 2) * _IMAGE_SIZE_FACTOR
+    image = pixels * bands * (1 if scene.sensor.bits <= 8 else 2) * _IMAGE_SIZE_FACTOR
     layers = sum(pixels * _LAYER_PER_PIXEL.get(name, 1.0) for name in labels if name != "clean")
-    clean = image * 0.5 if "clean" in labels else 0.0
+    clean = image * _CLEAN_SIZE_FACTOR if "clean" in labels else 0.0
     return round(
         image * (1 + _EXPORT_SIZE_FACTOR * n_exports)
         + pixels * _MASK_PER_PIXEL
@@ -46,16 +53,25 @@ def frame_bytes(scene: SceneState, labels: tuple[str, ...], n_exports: int) -> i
     )
 
 
-def require_disk_space(store: Store, n_frames: int, each_bytes: int) -> None:
-    """Raise if the disk has no room for a capture, before anything is written.
+def require_disk_space(store: Store, n_frames: int, frame_size: int) -> None:
+    """Check that the disk has room for a capture, before anything is written.
+
+    Parameters
+    ----------
+    store : Store
+        Destination; the check is skipped if its free space is unknown.
+    n_frames : int
+        Number of frames.
+    frame_size : int
+        Size of a frame [bytes], as from `frame_bytes`.
 
     Raises
     ------
     UserError
-        With the space needed and available.
+        If it has not; the message states the space needed and available.
     """
     free = store.free_bytes()
-    required = n_frames * each_bytes
+    required = n_frames * frame_size
     if free is not None and required > free:
         raise UserError(
             f"{n_frames:,} frames take about {_size(required)} and the disk of {store.title} has {_size(free)} left; "

@@ -1,4 +1,8 @@
-"""Edge pass: analytic coverage of pixels by the target's edges, as a slope of the sample weights of each pixel."""
+"""Edge pass: exact coverage of the pixels on the target's edges.
+
+For each pixel it stores a slope by which the shading pass weights the pixel's samples, so that the weighted area on
+either side of an edge is the exact one.
+"""
 
 from __future__ import annotations
 
@@ -22,8 +26,8 @@ if TYPE_CHECKING:
     from flyaround.simulator.render.frame_graph import PassResources
 
 EXACT_AREAS = "EXACT_AREAS"
-"""Shader define of the preset `high`, which also sums the areas of parts that several edges bound within a pixel."""
-_PATTERN = np.array([0, 1, 2, 2, 1, 3], np.uint32)  # corners of the two triangles of an edge's quad
+"""Preprocessor define of the preset `high`, which also sums areas of parts that several edges bound in one pixel."""
+_QUAD_INDICES = np.array([0, 1, 2, 2, 1, 3], np.uint32)  # corners of the two triangles of an edge's quad
 
 
 def edge_defines(*, exact: bool) -> dict[str, object]:
@@ -52,7 +56,7 @@ EDGE_SLOPES: Resource[moderngl.Texture] = Resource("edge slopes")
 
 
 class EdgePass(Pass):
-    """Pass that draws the target's edges, so that coverage of edge pixels is exact rather than limited by samples."""
+    """Draws the target's edges, so that the coverage of edge pixels is not limited by the number of samples."""
 
     name = "target.edges"
     reads = (SCENE, TARGET)
@@ -68,14 +72,14 @@ class EdgePass(Pass):
     def run(self, r: PassResources) -> None:
         """Write slopes of sample weights for the target's rectangle, whose first pixel is (0, 0)."""
         placed, exact = r[TARGET], r[SCENE].quality == "high"
-        buffers, view = placed.drawn.edges, placed.edge_view
+        buffers, view = placed.drawn_mesh.edges, placed.edge_view
         rect = view.rect
         image = (self._exact_images if exact else self._images).at_least(rect.width, rect.height)
         r[EDGE_SLOPES] = image.slope
         draw_to(image.framebuffer)
         image.framebuffer.clear()
-        numbers, outlines = buffers.seen.numbers(view, pairs=exact)
-        if not len(numbers):
+        edges, outlines = buffers.visible_edges.select(view, pairs=exact)
+        if not len(edges):
             return
         draw_to(image.framebuffer)
         image.framebuffer.viewport = (0, 0, rect.width, rect.height)
@@ -89,7 +93,7 @@ class EdgePass(Pass):
             # outlines of parts come first: those whose first adjacent face is visible, then those whose second one is
             program.set("u_outlines", tuple(2 * n for n in outlines))
             layout, names = "3f 3f 1f 1f", [*names, "in_material"]
-        indices = (np.asarray(numbers, np.uint32)[:, None] * np.uint32(4) + _PATTERN).ravel()
+        indices = (np.asarray(edges, np.uint32)[:, None] * np.uint32(4) + _QUAD_INDICES).ravel()
         buffers.indices.orphan()
         buffers.indices.write(indices.tobytes())
         buffers.vertex_array(program, layout, names).render(vertices=len(indices))

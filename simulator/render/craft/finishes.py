@@ -1,4 +1,7 @@
-"""Surface finishes in the target's shader: creased foil, cells under coated cover glass, mottled sheets."""
+"""Surface finishes of the target's shader: creased foil, solar cells under coated glass, mottled sheets.
+
+Sizes and amplitudes that name no source were chosen by eye; docs/targets.md describes the finishes.
+"""
 
 from __future__ import annotations
 
@@ -19,18 +22,18 @@ if TYPE_CHECKING:
     from flyaround.simulator.targets.model import Material
 
 FOIL_ROUGHNESS, FOIL_ROUGHNESS_HIGH = 0.8, 0.4
-"""Roughness of the foil between creases, over that of the material, which describes foil and all creases together; in
-`high`, which draws creases of another scale."""
+"""Roughness of the foil between its creases, over the material's roughness, which includes all creases. The second
+value is for `high`, which draws smaller creases too."""
 _FOIL = {
     "COARSE_M": 0.83,  # width of the tile with facets of 1.5 to 13 cm
     "FINE_M": 0.137,  # width of the tile with facets of 2.5 to 22 mm
     "FINE_SHARE": 0.25,  # slopes of the fine tile over those of the coarse one
     "CREASED_ALPHA": 0.42,  # width of the specular lobe of creases below a millimetre
     "CREASED_BLUR": 0.12,  # width, in cosine, of the fade across the Earth's rim mirrored in a facet
-    "SEAM_U_M": 0.53,
-    "SEAM_V_M": 0.74,
+    "SEAM_U_M": 0.53,  # distance between seams along u
+    "SEAM_V_M": 0.74,  # distance between seams along v
     "TAPE_M": 0.0125,  # half the width of one-inch tape
-    "TAPE_DARKER": 0.1,
+    "TAPE_DARKER": 0.1,  # relative darkening of tape against foil
     "CLOUDS_TILES": 0.9,  # size of the mottle, in the radius of a mirrored hemisphere of Earth
     "CLOUDS_CONTRAST": 3.0,
 }
@@ -51,7 +54,12 @@ _CELL = {
     "CELL_RISE_M": 0.004,  # largest height of a cell's glass over the mean plane
     "CONTACT": 0.22,  # reflectance of silver under glass
 }
-_SHEET = {"MOTTLE_M": 0.9, "JOINT_M": 0.4, "JOINT_WIDE_M": 0.002, "JOINT_DARKER": 2.5}
+_SHEET = {
+    "MOTTLE_M": 0.9,  # width of the mottle's tile
+    "JOINT_M": 0.4,  # distance between joints
+    "JOINT_WIDE_M": 0.002,  # width of a joint
+    "JOINT_DARKER": 2.5,  # darkening of a joint, in amplitudes of the mottle
+}
 _WEAR = {
     "FASTENER_M": 0.003,  # radius of a head: M3 to M4 (ISO 4762)
     "FASTENER_PITCH_M": 0.05,  # along both sides of a joint
@@ -61,7 +69,7 @@ _WEAR = {
     "WRAP_PITCH_M": 0.11,
     "WRAP_DARKER": 0.2,
 }
-_MOTTLED = {
+_MOTTLE_AMPLITUDE = {
     "panel-back": 0.16,
     "cell-substrate": 0.14,
     "kapton-substrate": 0.14,
@@ -70,7 +78,7 @@ _MOTTLED = {
 """Relative amplitude of the mottle, by material."""
 PLAIN, ROD, SHEET = 1, 2, 3
 """Kinds of worn surfaces: mottled only; wrapped with tape; jointed, with fasteners."""
-_WORN = {
+_WEAR_BY_MATERIAL = {
     "aluminium": PLAIN + 0.14,
     "antenna-grey": ROD + 0.12,
     "asar-tile": SHEET + 0.1,
@@ -92,13 +100,14 @@ _WORN = {
     "white-seam": PLAIN + 0.1,
     "wing-back": SHEET + 0.1,
 }
-"""Kind plus relative amplitude of the mottle of surfaces that have flown, by material. Amplitudes are estimates."""
-_POLISHED = 0.2  # roughness of a clear coat below which it is glass
-_DARK = 0.1  # reflectance below which a body under a full clear coat is a coated cell or lens
-_GLASS, _GLASS_FILM, _CELL_FILM, _WAFER = 1.5, 1.38, 2.1, 3.8
+"""Kind of wear plus relative amplitude of the mottle, for surfaces that have flown, by material. Amplitudes were chosen
+by eye."""
+_MAX_GLASS_ROUGHNESS = 0.2  # a smoother clear coat is glass
+_MAX_CELL_REFLECTANCE = 0.1  # a darker body under a full clear coat is a coated cell or a lens
+_N_COVER_GLASS, _N_GLASS_FILM, _N_CELL_FILM, _N_WAFER = 1.5, 1.38, 2.1, 3.8
 """Refractive indices of cover glass, magnesium fluoride, titanium oxide and silicon or gallium arsenide."""
 _DESIGN_NM = 600.0  # wavelength at which the films are a quarter wave thick
-_SLANT = 0.5  # cosine at which the coating's reflectance is fitted
+_FIT_COSINE = 0.5  # cosine at which the coating's reflectance is fitted
 
 
 def is_foil(material: Material) -> bool:
@@ -108,45 +117,59 @@ def is_foil(material: Material) -> bool:
 
 def has_films(material: Material) -> bool:
     """Return True for a cell or a lens: a dark body under polished glass."""
-    polished = material.clearcoat > 0.9 and material.clearcoat_roughness < _POLISHED
-    return polished and max(material.base_color) < _DARK and material.metallic == 0
+    polished = material.clearcoat > 0.9 and material.clearcoat_roughness < _MAX_GLASS_ROUGHNESS
+    return polished and max(material.base_color) < _MAX_CELL_REFLECTANCE and material.metallic == 0
 
 
 def mottle_of(material: Material) -> float:
     """Return the relative amplitude of the mottle of a sheet's reflectance; 0 if it has none."""
-    return _MOTTLED.get(material.name, 0.0)
+    return _MOTTLE_AMPLITUDE.get(material.name, 0.0)
 
 
 def wear_of(material: Material) -> float:
     """Return the kind of a worn surface plus the relative amplitude of its mottle; 0 for other surfaces."""
-    return _WORN.get(material.name, 0.0)
+    return _WEAR_BY_MATERIAL.get(material.name, 0.0)
 
 
 @lru_cache(maxsize=8)
 def film_reflectance(bands: Bands, cosine: float) -> FloatArray:
-    """Return (n,) mean reflectance per band of coated cover glass and of the coated cell below, less grazing Fresnel.
+    """Return (n,) mean reflectance per band of coated cover glass and the coated cell below it.
 
-    The path under the glass is refracted; both films are a quarter wave thick at 600 nm. Indices and thickness are
-    estimates; a film's reflections are summed as Airy does.
+    Both films are a quarter wave thick at 600 nm. The rise of Fresnel reflection at grazing angles is left to the
+    shader.
+
+    Parameters
+    ----------
+    bands : Bands
+        Spectral bands of the camera.
+    cosine : float
+        Cosine of the angle of incidence.
+
+    References
+    ----------
+    Macleod (2010), Thin-film optical filters, section 2.6: one film between two media.
     """
-    in_glass = np.sqrt(1 - (1 - cosine**2) / _GLASS**2)
-    out = []
+    in_glass = np.sqrt(1 - (1 - cosine**2) / _N_COVER_GLASS**2)
+    reflectances = []
     for band in bands_of(bands):
         wavelength = np.arange(band.low_nm, band.high_nm) + 0.5
-        front = _one_film(1.0, _GLASS_FILM, _GLASS, wavelength, cosine)
-        below = _one_film(_GLASS, _CELL_FILM, _WAFER, wavelength, float(in_glass))
-        out.append(float(np.mean(front + (1 - front) ** 2 * below)))
-    return np.array(out)
+        glass_film = _one_film(1.0, _N_GLASS_FILM, _N_COVER_GLASS, wavelength, cosine)
+        cell_film = _one_film(_N_COVER_GLASS, _N_CELL_FILM, _N_WAFER, wavelength, float(in_glass))
+        reflectances.append(float(np.mean(glass_film + (1 - glass_film) ** 2 * cell_film)))
+    return np.array(reflectances)
 
 
 def _one_film(
     above: float, film: float, below: float, wavelength_nm: FloatArray, cosine: float
 ) -> FloatArray:
-    """Return the reflectance of a quarter-wave film, with amplitudes at normal incidence and the phase at the angle."""
+    """Return the reflectance of a quarter-wave film between two media.
+
+    Fresnel amplitudes are those of normal incidence; the phase is that of the given angle.
+    """
     r1, r2 = (above - film) / (above + film), (film - below) / (film + below)
     in_film = np.sqrt(1 - (above / film) ** 2 * (1 - cosine**2))
-    both = 2 * r1 * r2 * np.cos(np.pi * _DESIGN_NM / wavelength_nm * in_film)
-    return np.asarray((r1**2 + r2**2 + both) / (1 + (r1 * r2) ** 2 + both))
+    interference = 2 * r1 * r2 * np.cos(np.pi * _DESIGN_NM / wavelength_nm * in_film)
+    return np.asarray((r1**2 + r2**2 + interference) / (1 + (r1 * r2) ** 2 + interference))
 
 
 def finish_defines(
@@ -169,19 +192,19 @@ def finish_defines(
             "CREASE_VARIANCE": VARIANCE,
         }
         scales = {"draft": 1, "high": 3}.get(quality, 2)
-        finest = _FOIL_HIGH if scales == 3 else {}
-        defines |= {"CRINKLE": "", "CREASE_SCALES": scales, **levels, **_FOIL, **finest, **_SHEET}
+        finest_foil = _FOIL_HIGH if scales == 3 else {}
+        defines |= {"CRINKLE": "", "CREASE_SCALES": scales, **levels, **_FOIL, **finest_foil, **_SHEET}
         if worn:
             defines |= {"WORN": "", **_WEAR}
     if any(m.clearcoat > 0 for m in materials):
-        normal = film_reflectance(bands, 1.0)
-        slant = (film_reflectance(bands, _SLANT) - normal) / (1 - _SLANT)
-        defines |= {"CLEARCOAT": "", "FILM": _glsl(normal), "FILM_SLANT": _glsl(slant)}
+        at_normal = film_reflectance(bands, 1.0)
+        slope = (film_reflectance(bands, _FIT_COSINE) - at_normal) / (1 - _FIT_COSINE)
+        defines |= {"CLEARCOAT": "", "FILM": _glsl(at_normal), "FILM_SLANT": _glsl(slope)}
         if lattices and quality != "draft":
             # the mesh models its busbars
-            own = {"BUSBAR_M": 0.0} if any(m.name == "busbar" for m in materials) else {}
-            each = " ".join(f"F({k})" for k in range(lattices))
-            defines |= {"CELLS": lattices, "FOR_EACH_LATTICE(F)": each, **_CELL, **own}
+            busbars = {"BUSBAR_M": 0.0} if any(m.name == "busbar" for m in materials) else {}
+            all_lattices = " ".join(f"F({k})" for k in range(lattices))
+            defines |= {"CELLS": lattices, "FOR_EACH_LATTICE(F)": all_lattices, **_CELL, **busbars}
             defines["FINGERS"] = int(quality == "high")
     return defines
 

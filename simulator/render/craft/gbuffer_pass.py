@@ -1,4 +1,4 @@
-"""G-buffer pass: the surface that each sample sees. Reads the mesh; writes material, normal, chart and depth."""
+"""G-buffer pass: material, normal, chart coordinates and depth of the surface at each sample."""
 
 from __future__ import annotations
 
@@ -26,10 +26,11 @@ if TYPE_CHECKING:
     from flyaround.simulator.render.gl.programs import Program
     from flyaround.simulator.scene.illumination.bands import Bands
 
-STAMP_SHIFT = 28  # position of the stamp in a 32-bit word
+STAMP_SHIFT = 28
+"""Position of the frame's stamp in a 32-bit word."""
 TEXEL_SAMPLERS = ("t_texel", "t_detail")
 """Samplers of the shading pass for textured materials."""
-KEPT_BYTES = 320 << 20
+MAX_POOL_BYTES = 320 << 20
 """Memory limit of pooled images: two full frames of an untextured craft, or one of a textured one."""
 _PLAIN_BYTES, _TEXEL_BYTES = 12, 16  # per sample
 
@@ -63,9 +64,9 @@ class SampleImages:
         return self._depth.number << STAMP_SHIFT
 
     def begin(self, *, clear: bool) -> None:
-        """Make the images current, and empty: by a new stamp, or by clearing.
+        """Make the images current and invalidate their samples, by a new stamp or by clearing.
 
-        A software driver clears as slowly as it draws two fifths of the samples.
+        Clearing takes a software driver as long as drawing two fifths of the samples, so it is avoided.
         """
         self._depth.begin(self.framebuffer, clear=clear)
 
@@ -90,7 +91,7 @@ SAMPLES: Resource[TargetSamples] = Resource("samples")
 
 
 class GBufferPass(Pass):
-    """Draws the supersampled target; first, because its samples take longest."""
+    """Draws the supersampled target. It runs first, because it takes longest."""
 
     name = "target.samples"
     reads = (SCENE, TARGET)
@@ -102,16 +103,16 @@ class GBufferPass(Pass):
         self._plain, self._textured = self._pool(texels=False), self._pool(texels=True)
 
     def _pool(self, *, texels: bool) -> BufferPool[SampleImages]:
-        most = KEPT_BYTES / (_PLAIN_BYTES + _TEXEL_BYTES * texels)
-        return BufferPool(lambda w, h: SampleImages(self._context, w, h, texels=texels), most)
+        max_samples = MAX_POOL_BYTES / (_PLAIN_BYTES + _TEXEL_BYTES * texels)
+        return BufferPool(lambda w, h: SampleImages(self._context, w, h, texels=texels), max_samples)
 
     def run(self, r: PassResources) -> None:
-        """Draw the samples of one lattice window."""
+        """Draw the target's samples."""
         placed = r[TARGET]
-        mesh, array, textures = placed.drawn.mesh, placed.drawn.gbuffer, placed.loaded.textures
+        mesh, array, textures = placed.drawn_mesh.mesh, placed.drawn_mesh.gbuffer, placed.resident.textures
         images = (self._plain if textures is None else self._textured).at_least(*placed.size)
         # if the target may cross the near plane, depth does not distinguish this frame's samples from older ones
-        images.begin(clear=placed.place.is_cut)
+        images.begin(clear=placed.fit.is_cut)
         program = sample_program(self._programs, mesh)
         program.set("u_stamp", images.stamp)
         # back faces of closed shells are never visible
@@ -119,7 +120,7 @@ class GBufferPass(Pass):
         self._context.enable_only(self._context.DEPTH_TEST | culled)
         images.framebuffer.viewport = (0, 0, *placed.size)
         if textures is None:
-            array.render(np.append(placed.place.camera_target_m, 1.0))
+            array.render(np.append(placed.fit.camera_target_m, 1.0))
         else:
             program.set("u_band_from_rgb", _band_from_rgb(r[SCENE].bands))
             _draw_textured(array.array, mesh, program, textures)
@@ -133,7 +134,7 @@ class GBufferPass(Pass):
 def _draw_textured(array: moderngl.VertexArray, mesh: GpuMesh, program: Program, textures: Textures) -> None:
     """Draw a mesh, one set of textures at a time."""
     for draw in mesh.draws:
-        color, data, normal = textures.of(draw.material)
+        color, data, normal = textures.for_material(draw.material)
         program.bind_textures(t_base_color=color, t_metallic_roughness=data, t_normal=normal)
         material = draw.material
         program.set("u_base_factor", (0.0,) * 4 if material is None else (*material.base_color, 1.0))

@@ -1,4 +1,7 @@
-"""Light that the parts of a craft reflect on each other in one frame, as textures on the atlas of its charts."""
+"""Light that the parts of a craft reflect on each other, as textures on the atlas of its charts.
+
+The transfer of light is baked once per craft; each frame weights it by the directions of Sun and sky.
+"""
 
 from __future__ import annotations
 
@@ -31,8 +34,8 @@ if TYPE_CHECKING:
     from flyaround.simulator.scene.illumination.irradiance import IrradianceField
     from flyaround.simulator.targets.model import Material
 
-_NEIGHBOURS = 5  # directions that the Sun's is interpolated between
-_SKY_SAMPLES = 64  # directions over the Earth's disc
+_NEIGHBOURS = 5  # baked directions from which the Sun's direction is interpolated
+_SKY_SAMPLES = 64  # sampled directions over the Earth's disc
 
 
 class AtlasTextures:
@@ -55,23 +58,25 @@ class AtlasTextures:
         self._last: bytes = b""
 
     def update(self, view: View) -> None:
-        """Set ``interreflection`` [W m-2] to that of a view."""
+        """Compute the interreflected light of a view and upload it to ``interreflection`` [W m-2]."""
         R = view.R_camera_from_target
-        far = ((view.sun_direction, view.sun_irradiance_w_m2 * view.sun_share), *view.lights)
-        sources = [(*_between(self._transfer.directions, R.T @ towards), light) for towards, light in far]
+        distant = ((view.sun_direction, view.sun_irradiance_w_m2 * view.sun_share), *view.lights)
+        sources = [
+            (*_interpolate(self._transfer.directions, R.T @ towards), light) for towards, light in distant
+        ]
         sky = sky_harmonics(view.sky, R)
         state = b"".join(np.asarray(x).tobytes() for x in (*(x for source in sources for x in source), sky))
         if state == self._last:
             return
         self._last = state
-        for band, (table, even) in enumerate(
+        for band, (table, uniform_sky) in enumerate(
             zip(self._transfer.interreflected, self._transfer.interreflected_sky, strict=True)
         ):
-            light = _weighted(sky[band], even)
-            for rows, shares, falling in sources:
-                if falling[band] > 0:
-                    step = falling[band] * INTERREFLECTION_STEP
-                    light += _weighted(step * shares, table[rows].astype(np.float32))
+            light = _weighted_sum(sky[band], uniform_sky)
+            for rows, weights, irradiance in sources:
+                if irradiance[band] > 0:
+                    step = irradiance[band] * INTERREFLECTION_STEP
+                    light += _weighted_sum(step * weights, table[rows].astype(np.float32))
             np.maximum(light, 0, out=self._image[:, band])
         self.interreflection.write(self._image, alignment=1)
 
@@ -82,7 +87,7 @@ class AtlasTextures:
 
 
 class Interreflection:
-    """Textures of one craft, made when its light is first needed in some bands.
+    """Textures of one craft for each set of bands, created when first needed.
 
     Parameters
     ----------
@@ -92,34 +97,34 @@ class Interreflection:
 
     def __init__(self, context: moderngl.Context, mesh: GpuMesh, patch: int = PATCH) -> None:
         self._context, self._mesh, self._patch = context, mesh, patch
-        self._begun: dict[Bands, Future[RadianceTransfer]] = {}
-        self._empty: dict[Bands, tuple[moderngl.Texture, moderngl.Texture]] = {}
-        self._kept: dict[Bands, AtlasTextures] = {}
+        self._pending: dict[Bands, Future[RadianceTransfer]] = {}
+        self._unused: dict[Bands, tuple[moderngl.Texture, moderngl.Texture]] = {}
+        self._textures: dict[Bands, AtlasTextures] = {}
 
     def begin(self, bands: Bands) -> None:
-        """Start baking on another thread, if it has not been done: it takes a second and needs no OpenGL."""
-        if bands in self._kept or bands in self._begun:
+        """Start baking on another thread unless it was started before; it takes a second and needs no OpenGL."""
+        if bands in self._textures or bands in self._pending:
             return
         size, channels = self._mesh.charts.size_px, 1 if bands == "mono" else 4
-        # 32-bit floats, with four channels for three bands: a software driver samples them as fast as 16-bit ones, and
-        # converting to those takes as long as all the rest
+        # 32-bit floats: a software driver samples them as fast as 16-bit ones, and the conversion would take as long
+        # as the rest of the update
         pair = self._context.texture(size, 4), self._context.texture(size, channels, dtype="f4")
         for texture in pair:
             texture.filter = (self._context.LINEAR, self._context.LINEAR)
             texture.repeat_x = texture.repeat_y = False
-        self._empty[bands] = pair
+        self._unused[bands] = pair
         pool = ThreadPoolExecutor(1)
         share = _mean_reflectance(self._mesh.materials, bands)
-        self._begun[bands] = pool.submit(baked_transfer, self._mesh, share, self._patch)
-        watch_steps({"light between the parts": self._begun[bands]})
+        self._pending[bands] = pool.submit(baked_transfer, self._mesh, share, self._patch)
+        watch_steps({"light between the parts": self._pending[bands]})
         pool.shutdown(wait=False)
 
     def bake(self, bands: Bands) -> AtlasTextures:
-        """Return the textures, as last updated."""
-        if bands not in self._kept:
+        """Return the textures as last updated; wait for the baking at the first call."""
+        if bands not in self._textures:
             self.begin(bands)
-            self._kept[bands] = AtlasTextures(self._empty.pop(bands), self._begun.pop(bands).result())
-        return self._kept[bands]
+            self._textures[bands] = AtlasTextures(self._unused.pop(bands), self._pending.pop(bands).result())
+        return self._textures[bands]
 
     def update(self, bands: Bands, view: View) -> AtlasTextures:
         """Return the textures, updated for a view."""
@@ -129,32 +134,35 @@ class Interreflection:
 
     def release(self) -> None:
         """Free the textures."""
-        for textures in self._kept.values():
+        for textures in self._textures.values():
             textures.release()
-        for texture in (one for pair in self._empty.values() for one in pair):
+        for texture in (one for pair in self._unused.values() for one in pair):
             texture.release()
-        for textures_by_bands in (self._kept, self._empty, self._begun):
+        for textures_by_bands in (self._textures, self._unused, self._pending):
             textures_by_bands.clear()
 
 
 def _mean_reflectance(materials: Sequence[Material], bands: Bands) -> FloatArray:
-    """Return (M, n) directional-hemispherical reflectance of each material, averaged over directions, with gloss."""
+    """Return the reflectance (M, n) of each material per band, averaged over the hemisphere, gloss included."""
     base = np.asarray([reflectance(bands, np.asarray(m.base_color)) for m in materials], float)
     metallic, coat = (np.array([[getattr(m, name)] for m in materials]) for name in ("metallic", "clearcoat"))
     f0 = 0.04 + (base - 0.04) * metallic
-    gloss = f0 + (1 - f0) / 21  # Schlick's reflectance averaged over a hemisphere
-    under = gloss + (1 - gloss) * base * (1 - metallic)
+    gloss = f0 + (1 - f0) / 21  # cosine-weighted mean of Schlick's (1994) approximation
+    base_layer = gloss + (1 - gloss) * base * (1 - metallic)
     film = coat * (0.04 + 0.96 / 21)
-    return np.asarray(film + (1 - film) * under)
+    return np.asarray(film + (1 - film) * base_layer)
 
 
-def _weighted(weights: FloatArray, rows: Float32Array) -> Float32Array:
-    """Return (N,) the weighted sum of rows (K, N); a BLAS product would depend on its number of threads."""
+def _weighted_sum(weights: FloatArray, rows: Float32Array) -> Float32Array:
+    """Return the weighted sum (N,) of rows (K, N); a BLAS product would depend on the number of threads."""
     return np.asarray(np.einsum("k,kn->n", weights.astype(np.float32), rows))
 
 
-def _between(directions: FloatArray, towards: FloatArray) -> tuple[IntArray, FloatArray]:
-    """Return rows and weights (K,) of the directions nearest to one; weights reach zero where the next would enter."""
+def _interpolate(directions: FloatArray, towards: FloatArray) -> tuple[IntArray, FloatArray]:
+    """Return indices and weights (K,) of the baked directions nearest to ``towards``.
+
+    A direction's weight is zero where another one replaces it, so the light changes continuously.
+    """
     cosine = directions @ towards
     rows = np.argsort(-cosine)[: _NEIGHBOURS + 1]
     angle = np.arccos(np.clip(cosine[rows], -1, 1))

@@ -1,7 +1,7 @@
-"""Label pass: the target at each pixel's centre (depth, normal, part), and its whole silhouette.
+"""Label raster: depth, normal and part of the target at each pixel's centre, and the area of its whole silhouette.
 
-One sample per pixel, at its centre: mask, depth, normals and parts come from one raster and so agree. Hidden triangles
-are culled on every driver, because of two coplanar faces the wrong one could win.
+Mask, depth, normals and parts come from one raster with one sample per pixel, so they agree. Hidden triangles are
+culled on every driver, because the hidden one of two coplanar faces could otherwise win the depth test.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from flyaround.simulator.render.craft.mesh_array import label_program
-from flyaround.simulator.render.craft.viewport_fit import fit_viewport, matrix_of
+from flyaround.simulator.render.craft.viewport_fit import fit_viewport, homogeneous_matrix
 from flyaround.simulator.render.gl.context import release
 from flyaround.simulator.render.gl.fences import draw_to, flush
 from flyaround.simulator.render.gl.lens_rays import lens_values
@@ -31,8 +31,8 @@ if TYPE_CHECKING:
     from flyaround.simulator.scene.state import SceneState
     from flyaround.simulator.targets.model import Target
 
-_SILHOUETTE_SIDE_PX = 1024  # side of the image that measures the whole silhouette: resolves 1e-3 of its area
-_ROUNDING_PX = 1 / 4096  # shift of a corner, placed at a whole step, by a driver's single precision
+_SILHOUETTE_SIDE_PX = 1024  # largest side of the raster of the whole silhouette: resolves 1e-3 of its area
+_ROUNDING_PX = 1 / 4096  # largest rounding of a corner's position by single precision
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,22 +84,27 @@ class PendingSurfaces:
 
 
 class LabelRaster:
-    """Draws the target at one sample per pixel. Reads the mesh; owns its outputs."""
+    """Draws the target with one sample per pixel."""
 
     def __init__(self, device: Device, targets: ResidentTargets) -> None:
         self._context, self._programs, self._lens = device.context, device.programs, device.blocks.lens
         self._targets = targets
-        self._aside = self._context.framebuffer([self._context.texture((1, 1), 1)])
+        self._flush_framebuffer = self._context.framebuffer([self._context.texture((1, 1), 1)])
 
     def start_surfaces(self, scene: SceneState, target: Target, *, layers: bool) -> Callable[[], Surfaces]:
-        """Start drawing the surface at each pixel's centre; return a function that waits for it, to be called once."""
-        loaded, camera = self._targets.get(target), scene.camera
-        place = fit_viewport(
-            loaded.mesh, matrix_of(scene.camera_from_target.R, scene.t_camera_from_target_m), camera
+        """Start drawing the surface at each pixel's centre.
+
+        Return a function that waits for the driver and reads the result; call it once.
+        """
+        resident, camera = self._targets.get(target), scene.camera
+        fit = fit_viewport(
+            resident.mesh,
+            homogeneous_matrix(scene.camera_from_target.R, scene.t_camera_from_target_m),
+            camera,
         )
         pending = None
-        if place is not None:
-            pending = self._begin(loaded, camera, place, place.rect, layers=layers)
+        if fit is not None:
+            pending = self._begin(resident, camera, fit, fit.rect, layers=layers)
 
         def whole_image() -> Surfaces:
             shape = (camera.height_px, camera.width_px)
@@ -107,47 +112,47 @@ class LabelRaster:
             normals = np.zeros((*shape, 3), np.float16) if layers else None
             parts = np.zeros(shape, np.uint16) if layers else None
             window = (slice(0, 0), slice(0, 0))
-            if place is not None and pending is not None:
-                rect, seen = place.rect, pending.read()
+            if fit is not None and pending is not None:
+                rect, surfaces = fit.rect, pending.read()
                 window = (slice(rect.y0, rect.y1), slice(rect.x0, rect.x1))
-                depth[window] = seen.depth_m
-                if normals is not None and seen.normals is not None:
+                depth[window] = surfaces.depth_m
+                if normals is not None and surfaces.normals is not None:
                     for k in range(3):  # NumPy copies three at a time five times more slowly
-                        normals[window][..., k] = seen.normals[..., k]
-                if parts is not None and seen.parts is not None:
-                    parts[window] = seen.parts
+                        normals[window][..., k] = surfaces.normals[..., k]
+                if parts is not None and surfaces.parts is not None:
+                    parts[window] = surfaces.parts
             return Surfaces(depth, normals, parts, window)
 
         return whole_image
 
     def silhouette_inside(self, scene: SceneState, target: Target) -> float:
-        """Return the share of the whole silhouette inside the image; 0 if nothing is in front of the camera."""
-        loaded, camera = self._targets.get(target), scene.camera
-        place = fit_viewport(
-            loaded.mesh,
-            matrix_of(scene.camera_from_target.R, scene.t_camera_from_target_m),
+        """Return the fraction of the silhouette's area inside the image; 0 if nothing is in front of the camera."""
+        resident, camera = self._targets.get(target), scene.camera
+        fit = fit_viewport(
+            resident.mesh,
+            homogeneous_matrix(scene.camera_from_target.R, scene.t_camera_from_target_m),
             camera,
             clip=False,
         )
-        if place is None:
+        if fit is None:
             return 0.0
-        x0, y0 = np.floor(place.bounds_px[:2]).astype(int)
-        x1, y1 = np.ceil(place.bounds_px[2:]).astype(int) + 1
+        x0, y0 = np.floor(fit.bounds_px[:2]).astype(int)
+        x1, y1 = np.ceil(fit.bounds_px[2:]).astype(int) + 1
         if x0 >= 0 and y0 >= 0 and x1 <= camera.width_px and y1 <= camera.height_px:
             return 1.0
         rect = PixelRect(int(x0), int(y0), int(x1), int(y1))
         scale = min(1.0, _SILHOUETTE_SIDE_PX / max(rect.width, rect.height))
-        raster = self._begin(loaded, camera, place, rect, scale=scale)
+        raster = self._begin(resident, camera, fit, rect, scale=scale)
         silhouette = np.isfinite(raster.read().depth_m)
-        on_image = _on_image(camera, rect, silhouette.shape, scale)
+        is_in_image = _image_mask(camera, rect, silhouette.shape, scale)
         total = int(silhouette.sum())
-        return float((silhouette & on_image).sum() / total) if total else 0.0
+        return float((silhouette & is_in_image).sum() / total) if total else 0.0
 
     def _begin(
         self,
-        loaded: ResidentTarget,
+        resident: ResidentTarget,
         camera: Camera,
-        place: ViewportFit,
+        fit: ViewportFit,
         rect: PixelRect,
         *,
         layers: bool = False,
@@ -160,10 +165,10 @@ class LabelRaster:
         layers : bool, optional
             True for normals and parts too.
         """
-        arrays = loaded.drawn(self._context, place.longest_m).labels
-        program, camera_from_target = label_program(self._programs, layers=layers), place.camera_from_target
+        arrays = resident.drawn(self._context, fit.longest_m).labels
+        program, camera_from_target = label_program(self._programs, layers=layers), fit.camera_from_target
         size = (max(1, round(rect.width * scale)), max(1, round(rect.height * scale)))
-        clip = clip_from_camera(camera, *place.near_far_m, window_from_pixel(rect) * scale, size)
+        clip = clip_from_camera(camera, *fit.near_far_m, window_from_pixel(rect) * scale, size)
         outputs = [self._context.texture(size, 1, dtype="f4")]
         depth = self._context.depth_renderbuffer(size)
         if layers:
@@ -180,23 +185,23 @@ class LabelRaster:
         program.set("u_label_camera_from_target", tuple(camera_from_target.T.ravel()))
         eye_m = -camera_from_target[:3, :3].T @ camera_from_target[:3, 3]
         program.set("u_label_px", size)
-        # Corners are rounded to whole steps of the raster, so that a face covers no pixel beyond itself. The depth of a
-        # face thinner than single precision is arbitrary: the offset moves each back by its change over that distance.
+        # Corners are rounded to the raster's subpixels, so that a face covers no pixel outside itself. A sliver thinner
+        # than single precision has an arbitrary depth, so the offset moves each face back by its slope times that.
         self._context.polygon_offset = (_ROUNDING_PX, 0.0)
         (arrays.layers if layers else arrays.depth).render(np.append(eye_m, 1.0))
         self._context.polygon_offset = (0.0, 0.0)
         # a software driver starts drawing, in its own threads, once another framebuffer is used
-        draw_to(self._aside)
-        self._aside.clear()
+        draw_to(self._flush_framebuffer)
+        self._flush_framebuffer.clear()
         return PendingSurfaces(self._context, framebuffer, (depth, *outputs), size, layers)
 
     def release(self) -> None:
-        """Free the small framebuffer that starts the drawing."""
-        release(self._context, self._aside, *self._aside.color_attachments)
+        """Free the raster's own framebuffer."""
+        release(self._context, self._flush_framebuffer, *self._flush_framebuffer.color_attachments)
 
 
-def _on_image(camera: Camera, rect: PixelRect, shape: tuple[int, ...], scale: float) -> BoolArray:
-    """Return the pixels of a scaled window whose centre lies in the image."""
+def _image_mask(camera: Camera, rect: PixelRect, shape: tuple[int, ...], scale: float) -> BoolArray:
+    """Return a mask of the pixels of a scaled window whose centres lie in the image."""
     x = (np.arange(shape[1]) + 0.5) / scale + rect.x0 - 0.5
     y = (np.arange(shape[0]) + 0.5) / scale + rect.y0 - 0.5
     return np.asarray(

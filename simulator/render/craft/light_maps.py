@@ -1,4 +1,7 @@
-"""Area lights on a target: shadow maps from each light's patches, side by side in one image, and their uniforms."""
+"""Shadow maps of area lights.
+
+Each light is divided into patches, and each patch has a shadow map. All maps are tiles of one image.
+"""
 
 from __future__ import annotations
 
@@ -10,7 +13,7 @@ import numpy as np
 from flyaround.simulator.geometry.directions import orthonormal_basis
 from flyaround.simulator.render.craft.mesh_array import shadow_program
 from flyaround.simulator.render.gl.fences import draw_to
-from flyaround.simulator.render.gl.shared_blocks import MOST_PATCHES
+from flyaround.simulator.render.gl.shared_blocks import MAX_PATCHES
 from flyaround.simulator.render.gl.uniform_block import vec4_of_bands
 from flyaround.simulator.scene.illumination.area_light import MAX_LIGHTS
 
@@ -27,33 +30,38 @@ if TYPE_CHECKING:
     from flyaround.simulator.scene.state import Quality, SceneState
 
 PATCHES: dict[Quality, int] = {"draft": 4, "default": 8, "high": 16}
-"""Patches of each light: a straight edge's penumbra has that many steps, each below an image's noise."""
+"""Patches per light. The penumbra of a straight edge has that many steps, each weaker than the image's noise."""
 TILE_PX = 512
-_WIDER = 1.03  # over the sphere around the craft: for the filter's reach
-_WIDEST_SINE = 0.9  # sine of half the largest angle of a map; a light nearer to the craft sees part of it
-_LIFT_TEXELS, _LEAST_TEXELS = 1.5, 0.15
-"""Offsets of a point from its face [texels]: at grazing light, and always."""
+"""Side of one patch's map."""
+_SPHERE_MARGIN = 1.03  # radius of the map's view over that of the craft, for the filter's reach
+_MAX_HALF_ANGLE_SINE = 0.9  # of a map's field of view; the map of a nearer light shows only part of the craft
+_GRAZING_OFFSET_TEXELS, _MIN_OFFSET_TEXELS = 1.5, 0.15
+"""Offset of a shaded point from its face against self-shadowing [texels]: at grazing incidence, and at normal."""
 
 
-def patch_view(place_m: FloatArray, center_m: FloatArray, radius_m: float) -> tuple[FloatArray, float]:
-    """Return the (4, 4) clip matrix of a light's view of a sphere, and the angle of a texel [rad].
+def patch_view(patch_m: FloatArray, center_m: FloatArray, radius_m: float) -> tuple[FloatArray, float]:
+    """Return the (4, 4) clip matrix of a patch's view of a sphere, and the angle of a texel [rad].
+
+    Depth grows away from the light, from -1 to 1.
 
     Parameters
     ----------
-    place_m : (3,) array
-        Position of the light.
+    patch_m : (3,) array
+        Centre of the patch [m].
     center_m : (3,) array
-        Centre of the sphere. Depth grows away from the light, -1 to 1.
+        Centre of the sphere around the craft [m].
+    radius_m : float
+        Radius of the sphere [m].
     """
-    along = center_m - place_m
-    distance = max(float(np.linalg.norm(along)), 1e-3)
-    sine = min(_WIDER * radius_m / distance, _WIDEST_SINE)
+    to_center = center_m - patch_m
+    distance = max(float(np.linalg.norm(to_center)), 1e-3)
+    sine = min(_SPHERE_MARGIN * radius_m / distance, _MAX_HALF_ANGLE_SINE)
     tangent = sine / math.sqrt(1 - sine * sine)
-    near = max(distance - _WIDER * radius_m, 0.02 * distance)
-    far = distance + _WIDER * radius_m
+    near = max(distance - _SPHERE_MARGIN * radius_m, 0.02 * distance)
+    far = distance + _SPHERE_MARGIN * radius_m
     view = np.eye(4)
-    view[:3, :3] = orthonormal_basis(along / distance)
-    view[:3, 3] = -view[:3, :3] @ place_m
+    view[:3, :3] = orthonormal_basis(to_center / distance)
+    view[:3, 3] = -view[:3, :3] @ patch_m
     clip = np.zeros((4, 4))
     clip[0, 0] = clip[1, 1] = 1 / tangent
     clip[2, 2:] = (far + near) / (far - near), -2 * far * near / (far - near)
@@ -62,7 +70,7 @@ def patch_view(place_m: FloatArray, center_m: FloatArray, radius_m: float) -> tu
 
 
 class LightMaps:
-    """The maps of one frame's area lights."""
+    """Shadow maps of one frame's area lights."""
 
     def __init__(self, device: Device) -> None:
         self._context, self._block = device.context, device.blocks.lights
@@ -71,12 +79,18 @@ class LightMaps:
         self._framebuffer: moderngl.Framebuffer | None = None
 
     def draw(
-        self, scene: SceneState, loaded: ResidentTarget, place: ViewportFit
+        self, scene: SceneState, resident: ResidentTarget, fit: ViewportFit
     ) -> tuple[moderngl.Texture, int]:
-        """Draw the maps and write the block; return the image of all maps, and the number of patches of each light."""
-        mesh, count = loaded.mesh, PATCHES[scene.quality]
+        """Draw the maps and write the uniform block.
+
+        Returns
+        -------
+        tuple
+            Image of all maps, and number of patches per light.
+        """
+        mesh, count = resident.mesh, PATCHES[scene.quality]
         lights = [light.in_camera_frame(scene.camera_from_target) for light in scene.area_lights]
-        target_from_camera = np.linalg.inv(place.camera_from_target)
+        target_from_camera = np.linalg.inv(fit.camera_from_target)
         patches = [point for light in lights for point in light.points_m(count)]
         columns = math.ceil(math.sqrt(len(patches)))
         image, framebuffer = self._images(columns * TILE_PX)
@@ -85,7 +99,7 @@ class LightMaps:
         framebuffer.clear()
         self._context.enable_only(self._context.DEPTH_TEST)
         program = shadow_program(self._programs)
-        matrices, texel_rad = np.zeros((MOST_PATCHES, 4, 4)), 0.0
+        matrices, texel_rad = np.zeros((MAX_PATCHES, 4, 4)), 0.0
         for k, patch in enumerate(patches):
             row, column = divmod(k, columns)
             point = target_from_camera[:3, :3] @ patch + target_from_camera[:3, 3]
@@ -93,7 +107,7 @@ class LightMaps:
             texel_rad = max(texel_rad, texel)
             framebuffer.viewport = (column * TILE_PX, row * TILE_PX, TILE_PX, TILE_PX)
             program.set("u_light_clip_from_target", tuple(clip.T.ravel().tolist()))
-            loaded.shadow.render(np.append(point, 1.0))
+            resident.shadow.render(np.append(point, 1.0))
             tile = np.eye(4)
             tile[:3, :3] = np.diag([0.5 / columns, 0.5 / columns, 0.5])
             tile[:3, 3] = (column + 0.5) / columns, (row + 0.5) / columns, 0.5
@@ -129,15 +143,15 @@ def _values(
     """Return the members of the block ``AreaLights``."""
     names = ("middle", "right", "down", "axis", "radiance")
     values = {f"u_light_{name}": np.zeros((MAX_LIGHTS, 4)) for name in names}
-    share = len(lights) / len(patches)
+    area_share = len(lights) / len(patches)
     for k, (light, spec) in enumerate(zip(lights, scene.area_lights, strict=True)):
         values["u_light_middle"][k, :3] = light.middle_m
-        values["u_light_right"][k] = [*light.right_m, light.area_m2 * share]
+        values["u_light_right"][k] = [*light.right_m, light.area_m2 * area_share]
         values["u_light_down"][k, :3] = light.down_m
         values["u_light_axis"][k] = [*light.axis, light.exponent]
         values["u_light_radiance"][k] = vec4_of_bands(spec.radiance(scene.bands))
-    places = np.zeros((MOST_PATCHES, 4))
-    places[: len(patches), :3] = patches
+    positions = np.zeros((MAX_PATCHES, 4))
+    positions[: len(patches), :3] = patches
     # offset of a point [m] at one metre from the light, by texels
-    count = np.array([len(lights), _LIFT_TEXELS * texel_rad, _LEAST_TEXELS * texel_rad, 0.0])
-    return {**values, "u_patch_place": places, "u_patch_map": matrices, "u_light_count": count}
+    count = np.array([len(lights), _GRAZING_OFFSET_TEXELS * texel_rad, _MIN_OFFSET_TEXELS * texel_rad, 0.0])
+    return {**values, "u_patch_place": positions, "u_patch_map": matrices, "u_light_count": count}

@@ -1,4 +1,4 @@
-"""A target on the GPU: one vertex buffer for all parts, with a material index per vertex."""
+"""Mesh of a target on the GPU: one vertex buffer for all parts, with a material index per vertex."""
 
 from __future__ import annotations
 
@@ -49,17 +49,19 @@ class Draw:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class GpuMesh(BakedMesh):
-    """Buffers of one uploaded target, and its shape.
+    """A baked mesh with its buffers on the GPU.
 
     Parameters
     ----------
     vertices : Buffer
-        Buffer of ``values``.
+        Vertices: position, normal and material (``values``).
     indices : Buffer
-        Buffer of ``triangles``.
+        Triangles (``triangles``).
     sources : (V,) array
         For each vertex of a cut mesh, a vertex of the uncut mesh on the same part.
-    at_chart : Buffer
+    materials : tuple of Material
+        Materials; the first has index 1.
+    chart_uv : Buffer
         Chart coordinates of the vertices.
     uv : Buffer, optional
         Texture coordinates of the vertices, if any part has a texture.
@@ -73,7 +75,7 @@ class GpuMesh(BakedMesh):
     indices: moderngl.Buffer
     sources: IntArray
     materials: tuple[Material, ...]
-    at_chart: moderngl.Buffer
+    chart_uv: moderngl.Buffer
     uv: moderngl.Buffer | None = None
     draws: tuple[Draw, ...] = ()
     order: tuple[int, ...] = ()
@@ -82,55 +84,59 @@ class GpuMesh(BakedMesh):
     def area_m2(self) -> float:
         """Area of all triangles [m2]."""
         corners = self.values[:, :3].astype(float)[self.triangles]
-        across = face_vectors(corners)
-        return 0.5 * float(np.linalg.norm(across, axis=1).sum())
+        normals = face_vectors(corners)
+        return 0.5 * float(np.linalg.norm(normals, axis=1).sum())
 
     @cached_property
     def cell_lattices(self) -> FloatArray:
-        """Lattices of its solar cells, from `cell_lattice.cell_lattices`."""
+        """Lattices of the solar cells; see `cell_lattice.cell_lattices`."""
         numbers = [k for k, m in enumerate(self.materials, start=1) if has_films(m)]
-        of_cells = np.isin(self.values[self.triangles[:, 0], 6], numbers)
-        return cell_lattices(self.values[:, :3].astype(float), self.triangles[of_cells].astype(np.int64))
+        is_cell = np.isin(self.values[self.triangles[:, 0], 6], numbers)
+        return cell_lattices(self.values[:, :3].astype(float), self.triangles[is_cell].astype(np.int64))
 
     def vertex_array(
         self,
         context: moderngl.Context,
         program: moderngl.Program,
-        *more: tuple[moderngl.Buffer, str, str],
+        *extra: tuple[moderngl.Buffer, str, str],
         indices: moderngl.Buffer | None = None,
     ) -> moderngl.VertexArray:
         """Return the mesh's vertex array for a program.
 
         Parameters
         ----------
-        more : tuple
+        context : Context
+            OpenGL context.
+        program : Program
+            Program that draws the mesh.
+        extra : tuple
             Further per-vertex buffers, each with format and name.
         indices : Buffer, optional
             Replaces the indices of all triangles.
         """
         content: list[tuple[moderngl.Buffer, str, *tuple[str, ...]]] = [
             (self.vertices, VERTEX_FORMAT, *ATTRIBUTES),
-            *more,
+            *extra,
         ]
         if "in_chart" in program:
-            content.append((self.at_chart, "2f", "in_chart"))
+            content.append((self.chart_uv, "2f", "in_chart"))
         if self.uv is not None and "in_uv" in program:
             content.append((self.uv, "2f", "in_uv"))
         return context.vertex_array(program, content, indices or self.indices, skip_errors=True)
 
     def cut(self, context: moderngl.Context, longest_m: float) -> GpuMesh:
-        """Return the same surface with no edge longer than ``longest_m``, in buffers of its own."""
+        """Return the same surface in new buffers, with no edge longer than ``longest_m`` [m]."""
         subdivision = subdivide(self.values[:, :3].astype(float), self.triangles.astype(np.int64), longest_m)
         values = subdivision.extended(self.values.astype(float))
-        new = values[len(self.values) :, 3:6]
-        new /= np.maximum(np.linalg.norm(new, axis=1, keepdims=True), 1e-9)
+        new_normals = values[len(self.values) :, 3:6]
+        new_normals /= np.maximum(np.linalg.norm(new_normals, axis=1, keepdims=True), 1e-9)
         triangles = subdivision.triangles.astype(np.uint32)
 
         def extended(buffer: moderngl.Buffer) -> moderngl.Buffer:
-            at = np.frombuffer(buffer.read(), np.float32).reshape(len(self.values), 2)
-            return context.buffer(subdivision.extended(at).tobytes())
+            uv = np.frombuffer(buffer.read(), np.float32).reshape(len(self.values), 2)
+            return context.buffer(subdivision.extended(uv).tobytes())
 
-        def place(index: int) -> int:
+        def cut_index(index: int) -> int:
             return 3 * int(subdivision.first[index // 3])
 
         return replace(
@@ -142,10 +148,10 @@ class GpuMesh(BakedMesh):
             sources=subdivision.inherited(self.sources),
             vertices=context.buffer(values.tobytes()),
             indices=context.buffer(triangles.tobytes()),
-            at_chart=extended(self.at_chart),
+            chart_uv=extended(self.chart_uv),
             uv=None if self.uv is None else extended(self.uv),
             draws=tuple(
-                replace(d, first=place(d.first), count=place(d.first + d.count) - place(d.first))
+                replace(d, first=cut_index(d.first), count=cut_index(d.first + d.count) - cut_index(d.first))
                 for d in self.draws
             ),
         )
@@ -154,34 +160,41 @@ class GpuMesh(BakedMesh):
         """Free the buffers."""
         self.vertices.release()
         self.indices.release()
-        self.at_chart.release()
+        self.chart_uv.release()
         if self.uv is not None:
             self.uv.release()
 
 
 def upload(context: moderngl.Context, target: Target, texel: float = TEXEL) -> GpuMesh:
-    """Merge the parts and upload them; the parameters are those of `prepared`."""
-    geometry, draws, order = prepared(target, texel)
+    """Merge the parts of a target and upload them; see `merge_parts`."""
+    geometry, draws, order = merge_parts(target, texel)
     return GpuMesh(
         **{field.name: getattr(geometry, field.name) for field in fields(BakedMesh)},
         vertices=context.buffer(geometry.values.tobytes()),
         indices=context.buffer(geometry.triangles.tobytes()),
         sources=np.arange(len(geometry.values)),
         materials=target.materials,
-        at_chart=context.buffer(geometry.charts.uv.astype(np.float32).tobytes()),
+        chart_uv=context.buffer(geometry.charts.uv.astype(np.float32).tobytes()),
         uv=context.buffer(geometry.uv.tobytes()) if len(geometry.uv) else None,
         draws=draws,
         order=order,
     )
 
 
-def prepared(target: Target, texel: float = TEXEL) -> tuple[Geometry, tuple[Draw, ...], tuple[int, ...]]:
-    """Return the merged parts with their derived data, and the draws and order of `GpuMesh`. Needs no OpenGL.
+def merge_parts(target: Target, texel: float = TEXEL) -> tuple[Geometry, tuple[Draw, ...], tuple[int, ...]]:
+    """Merge the parts of a target and bake its geometry. Needs no OpenGL.
 
     Parameters
     ----------
+    target : Target
+        Target to merge.
     texel : float, optional
         Distance of nodes of baked light, over the mesh's radius.
+
+    Returns
+    -------
+    tuple
+        Geometry, and the ``draws`` and ``order`` of `GpuMesh`.
 
     Raises
     ------

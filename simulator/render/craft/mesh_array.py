@@ -27,12 +27,12 @@ class MeshArray(Protocol):
     def array(self) -> moderngl.VertexArray:
         """Vertex array for drawing."""
 
-    def render(self, place: FloatArray) -> None:
-        """Draw all that may be visible from a viewpoint, or more.
+    def render(self, viewpoint: FloatArray) -> None:
+        """Draw at least the triangles that may be visible from a viewpoint.
 
         Parameters
         ----------
-        place : (4,) array
+        viewpoint : (4,) array
             Homogeneous viewpoint, target frame: a point (x, y, z, 1) [m] or, at infinity, a direction (x, y, z, 0).
         """
 
@@ -52,12 +52,12 @@ class Culling(Protocol):
     ) -> MeshArray:
         """Return a mesh for one program; ``more`` is as in `GpuMesh.vertex_array`."""
 
-    def target_tiles(self, place: ViewportFit) -> FloatArray:
-        """Return centres (K, 2) [px] of tiles that hold all pixels that the target may touch."""
+    def target_tiles(self, fit: ViewportFit) -> FloatArray:
+        """Return centres (K, 2) [px] of tiles that contain all pixels that the target may touch."""
 
 
 class WholeMesh:
-    """A mesh drawn as a whole; the parameters are those of `Culling.mesh_array`."""
+    """A mesh that is always drawn whole, without culling; parameters as in `Culling.mesh_array`."""
 
     def __init__(
         self,
@@ -68,7 +68,7 @@ class WholeMesh:
     ) -> None:
         self.array = mesh.vertex_array(context, program, *more)
 
-    def render(self, place: FloatArray) -> None:  # noqa: ARG002
+    def render(self, viewpoint: FloatArray) -> None:  # noqa: ARG002
         """Draw all triangles."""
         self.array.render()
 
@@ -82,23 +82,24 @@ class NoCulling:
 
     mesh_array = WholeMesh
 
-    def target_tiles(self, place: ViewportFit) -> FloatArray:
+    def target_tiles(self, fit: ViewportFit) -> FloatArray:
         """Return centres (K, 2) [px] of all the tiles of the target's rectangle."""
-        return all_tiles(place.rect)
+        return all_tiles(fit.rect)
 
 
 TEXTURE_SAMPLERS = ("t_base_color", "t_metallic_roughness", "t_normal")
 
 
 def normal_bits(mesh: GpuMesh) -> int:
-    """Return the bits of each of the normal's two coordinates: those of a 32-bit word that the material leaves."""
+    """Return the bits per coordinate of a stereographic normal; it shares a 32-bit word with the material's index."""
     return 13 if len(mesh.materials) < 1 << 6 else 12
 
 
 def sample_program(programs: ProgramLibrary, mesh: GpuMesh) -> Program:
-    """Return the program that draws a mesh's samples.
+    """Return the program that draws a mesh's samples into the G-buffer.
 
-    Meshes differ in drawing back faces, in the bits left for the normal, and in two more words per textured sample.
+    It depends on whether the mesh is closed (back faces are culled), on the bits of the normal, and on textures, which
+    need two more words per sample.
     """
     textured = mesh.uv is not None
     defines = {
@@ -123,19 +124,21 @@ def label_program(programs: ProgramLibrary, *, layers: bool) -> Program:
 
 @dataclass(frozen=True, eq=False)
 class LabelArrays:
-    """Vertex arrays of one uploaded mesh: for depth only, and for all layers."""
+    """Vertex arrays of one uploaded mesh for label rendering: depth only, or depth, normals and parts."""
 
     depth: CulledVertexArray
     layers: CulledVertexArray
     parts: moderngl.Buffer
 
     @staticmethod
-    def of(context: moderngl.Context, programs: ProgramLibrary, target: Target, mesh: GpuMesh) -> LabelArrays:
-        """Make the arrays of a target's mesh, cut or uncut."""
-        numbers = np.concatenate(
+    def create(
+        context: moderngl.Context, programs: ProgramLibrary, target: Target, mesh: GpuMesh
+    ) -> LabelArrays:
+        """Create the vertex arrays of a target's mesh, cut or uncut."""
+        part_numbers = np.concatenate(
             [np.full(len(target.parts[k].positions_m), k + 1, np.float32) for k in mesh.order]
         )
-        parts = context.buffer(numbers[mesh.charts.origin][mesh.sources].tobytes())
+        parts = context.buffer(part_numbers[mesh.charts.origin][mesh.sources].tobytes())
         depth, layers = (label_program(programs, layers=layers).gl for layers in (False, True))
         return LabelArrays(
             CulledVertexArray(context, mesh, depth),

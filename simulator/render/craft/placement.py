@@ -1,4 +1,4 @@
-"""Placement pass: the target's place in the image and its sampling density. Reads the mesh; writes uniforms."""
+"""Placement pass: fits the viewport, depth range and sample lattice to the target, and writes its uniforms."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from flyaround.simulator.render.craft.viewport_fit import (
     TILE_REACH_PX,
     choose_pattern,
     fit_viewport,
-    matrix_of,
+    homogeneous_matrix,
     outline_px,
 )
 from flyaround.simulator.render.craft.visible_edges import EdgeCamera
@@ -50,21 +50,31 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class PlacedTarget:
-    """A target on the GPU and in the image: state that its passes share.
+    """State that the target's passes share: the target on the GPU, and its viewport and samples in this frame.
 
     Parameters
     ----------
+    resident : ResidentTarget
+        Target on the GPU.
+    drawn_mesh : DrawnMesh
+        Its mesh, cut for the lens if necessary.
+    fit : ViewportFit
+        Pixels to draw and depth range.
+    camera : Camera
+        Camera of the scene.
+    lattice : SamplePattern
+        Sample lattice.
     size : tuple of int
-        Size of the samples' framebuffer.
+        Width and height of the samples' framebuffer [samples].
     origin : tuple of int
-        Origin of its lattice counters.
+        Lattice counters (s, t) of the framebuffer's first sample.
     tiles_px : (K, 2) array
-        Centres of the tiles that the target may touch.
+        Centres of the tiles that the target may touch [px].
     """
 
-    loaded: ResidentTarget
-    drawn: DrawnMesh
-    place: ViewportFit
+    resident: ResidentTarget
+    drawn_mesh: DrawnMesh
+    fit: ViewportFit
     camera: Camera
     lattice: SamplePattern
     size: tuple[int, int]
@@ -74,18 +84,18 @@ class PlacedTarget:
     @property
     def rect(self) -> PixelRect:
         """Pixels that the target may cover."""
-        return self.place.rect
+        return self.fit.rect
 
     @property
     def edge_view(self) -> EdgeCamera:
-        """Camera and viewport for its edges."""
-        place = self.place
-        return EdgeCamera(self.camera, place.rect, place.near_far_m[0], place.camera_from_target)
+        """Camera and viewport for selecting its edges."""
+        fit = self.fit
+        return EdgeCamera(self.camera, fit.rect, fit.near_far_m[0], fit.camera_from_target)
 
 
 TARGET: Resource[PlacedTarget] = Resource("target")
 TARGET_TILES: Resource[FloatArray] = Resource("target tiles")
-"""Centres (K, 2) of the tiles to be shaded pixel by pixel."""
+"""Centres (K, 2) of the tiles to shade [px]."""
 
 
 class PlacementPass(Pass):
@@ -100,53 +110,61 @@ class PlacementPass(Pass):
         self._targets = targets
 
     def run(self, r: PassResources) -> None:
-        """Place the target; the resource is missing if the target touches no pixel."""
+        """Place the target; both resources are missing from the frame if it touches no pixel."""
         r[TARGET] = placed = self._place(r[SCENE], r[VIEW], r[MODEL])
         r[TARGET_TILES] = None if placed is None else placed.tiles_px
 
     def _place(self, scene: SceneState, view: View, target: Target) -> PlacedTarget | None:
-        loaded = self._targets.get(target, fine=scene.quality == "high")
-        loaded.interreflection.begin(scene.bands)
-        mesh, camera = loaded.mesh, scene.camera
-        place = fit_viewport(mesh, matrix_of(view.R_camera_from_target, view.t_camera_from_target_m), camera)
-        if place is None:
+        resident = self._targets.get(target, fine=scene.quality == "high")
+        resident.interreflection.begin(scene.bands)
+        mesh, camera = resident.mesh, scene.camera
+        fit = fit_viewport(
+            mesh, homogeneous_matrix(view.R_camera_from_target, view.t_camera_from_target_m), camera
+        )
+        if fit is None:
             return None
-        tiles = self._targets.culling.target_tiles(place)
+        tiles = self._targets.culling.target_tiles(fit)
         if not len(tiles):
             return None
-        dense = loaded.textures is not None  # edges inside textures are not weighted
-        lattice = choose_pattern(scene.quality, place, outline_px(place), place.pixel_m(camera), dense=dense)
+        dense = resident.textures is not None  # the edge pass does not see edges inside textures
+        lattice = choose_pattern(scene.quality, fit, outline_px(fit), fit.pixel_m(camera), dense=dense)
         size, origin = lattice.window(tiles, TILE_REACH_PX)
-        drawn = loaded.drawn(self._context, place.longest_m)
-        placed = PlacedTarget(loaded, drawn, place, camera, lattice, size, origin, tiles)
+        drawn_mesh = resident.drawn(self._context, fit.longest_m)
+        placed = PlacedTarget(resident, drawn_mesh, fit, camera, lattice, size, origin, tiles)
         self._write_blocks(placed, scene.bands, worn=scene.quality == "high")
         return placed
 
     def _write_blocks(self, placed: PlacedTarget, bands: Bands, *, worn: bool) -> None:
-        place, size, origin = placed.place, placed.size, placed.origin
-        to_buffer = placed.lattice.buffer_from_pixel(origin)
-        clip = clip_from_camera(placed.camera, *place.near_far_m, to_buffer, size)
+        fit, size, origin = placed.fit, placed.size, placed.origin
+        buffer_from_pixel = placed.lattice.buffer_from_pixel(origin)
+        clip = clip_from_camera(placed.camera, *fit.near_far_m, buffer_from_pixel, size)
         if self._programs.lens:
             self._blocks.lens.write(lens_values(placed.camera))
         else:
-            clip = clip @ place.camera_from_target
+            clip = clip @ fit.camera_from_target
         self._blocks.target.write(
             {
                 "u_pattern_clip": clip,
-                "u_camera_from_target": place.camera_from_target,
-                "u_pattern": [*origin, *place.near_far_m],
+                "u_camera_from_target": fit.camera_from_target,
+                "u_pattern": [*origin, *fit.near_far_m],
                 "u_pattern_px": [*size, 0, 0],
             }
         )
-        self._blocks.materials.write(material_values(placed.loaded.mesh.materials, bands, worn=worn))
+        self._blocks.materials.write(material_values(placed.resident.mesh.materials, bands, worn=worn))
 
 
 @lru_cache(maxsize=16)
 def material_values(materials: tuple[Material, ...], bands: Bands, *, worn: bool) -> Mapping[str, FloatArray]:
-    """Return the members of the block ``Materials``, cached, so that the same object is not uploaded again.
+    """Return the members of the uniform block ``Materials``.
+
+    The result is cached, so that `UniformBlock.write` recognises it and does not upload it again.
 
     Parameters
     ----------
+    materials : tuple of Material
+        Materials of the target; the first has index 1.
+    bands : Bands
+        Spectral bands of the camera.
     worn : bool
         True to add the wear of surfaces that have flown.
     """

@@ -28,10 +28,10 @@ if TYPE_CHECKING:
     from flyaround.simulator.render.gl.programs import Program
     from flyaround.simulator.targets.model import Target
 
-# distance of nodes of baked light in the preset `high`, over the target's radius; and nodes along a patch that reflects
 FINE_TEXEL, FINE_PATCH = 0.012, 2
-MOST_CUTS = 8  # per target: an approach needs two more each time that the range halves
-MOST_LOADED = 4  # targets kept on the GPU, tens of megabytes each
+"""Baked light in the preset `high`: distance of its nodes over the target's radius, and nodes along a patch."""
+MAX_CUTS = 8  # cut meshes per target: an approach needs two more each time that the range halves
+MAX_RESIDENT = 4  # targets kept on the GPU, tens of megabytes each
 
 
 class EdgeBuffers:
@@ -40,8 +40,8 @@ class EdgeBuffers:
     def __init__(self, context: moderngl.Context, visible_edges: VisibleEdges) -> None:
         self._context = context
         self._arrays: dict[Program, moderngl.VertexArray] = {}
-        self.seen = visible_edges
-        self.vertices = context.buffer(self.seen.edges.quads().tobytes() or b"\0")
+        self.visible_edges = visible_edges
+        self.vertices = context.buffer(visible_edges.edges.quads().tobytes() or b"\0")
         self.indices = context.buffer(reserve=max(4 * 6 * len(visible_edges.edges.ends), 4), dynamic=True)
 
     def vertex_array(self, program: Program, layout: str, names: list[str]) -> moderngl.VertexArray:
@@ -62,7 +62,7 @@ class EdgeBuffers:
 
 @dataclass(frozen=True, eq=False)
 class DrawnMesh:
-    """A mesh as the camera's passes draw it: uncut, or cut for a lens."""
+    """A mesh as the passes draw it: uncut, or with its long edges cut so that they follow a lens's distortion."""
 
     mesh: GpuMesh
     gbuffer: MeshArray
@@ -88,14 +88,14 @@ class ResidentTarget:
 
     Parameters
     ----------
-    seen : VisibleEdges
+    visible_edges : VisibleEdges
         Edges of the uncut mesh.
     draw : callable
         Function that makes a `DrawnMesh` of a mesh and its edges.
     """
 
     mesh: GpuMesh
-    seen: VisibleEdges
+    visible_edges: VisibleEdges
     shadow: MeshArray
     interreflection: Interreflection
     draw: Callable[[GpuMesh, VisibleEdges], DrawnMesh]
@@ -103,17 +103,17 @@ class ResidentTarget:
     cuts: dict[float, DrawnMesh] = field(default_factory=dict)
 
     def drawn(self, context: moderngl.Context, longest_m: float) -> DrawnMesh:
-        """Return the mesh with no edge longer than ``longest_m``."""
+        """Return the mesh with no edge longer than ``longest_m`` [m], from the cache if it was used recently."""
         drawn = self.cuts.pop(longest_m, None)
         if drawn is None:
             mesh = self.mesh if np.isinf(longest_m) else self.mesh.cut(context, longest_m)
-            drawn = self.draw(mesh, self.seen.cut(longest_m))
+            drawn = self.draw(mesh, self.visible_edges.cut(longest_m))
         self.cuts[longest_m] = drawn  # last in order: most recently used
-        while len(self.cuts) > MOST_CUTS:
-            self._forget(next(iter(self.cuts)))
+        while len(self.cuts) > MAX_CUTS:
+            self._release_cut(next(iter(self.cuts)))
         return drawn
 
-    def _forget(self, longest_m: float) -> None:
+    def _release_cut(self, longest_m: float) -> None:
         drawn = self.cuts.pop(longest_m)
         drawn.release()
         if drawn.mesh is not self.mesh:
@@ -121,13 +121,13 @@ class ResidentTarget:
 
     @cached_property
     def patches(self) -> SurfacePatches:
-        """The surface in patches, for views of part of it."""
-        return SurfacePatches.of(self.mesh, self.mesh.values[:, :3].astype(float))
+        """Patches of the surface, for views that show only a part of it."""
+        return SurfacePatches.from_mesh(self.mesh, self.mesh.values[:, :3].astype(float))
 
     def release(self) -> None:
         """Free the resources."""
         for longest_m in tuple(self.cuts):
-            self._forget(longest_m)
+            self._release_cut(longest_m)
         for resource in (self.mesh, self.shadow, self.interreflection):
             resource.release()
         if self.textures is not None:
@@ -135,31 +135,34 @@ class ResidentTarget:
 
 
 class ResidentTargets:
-    """The targets drawn last, by their SHA-256, for each kind of lens, because vertex arrays belong to programs.
+    """Cache of the targets on the GPU, by SHA-256 of their files.
 
-    The preset `high` has its own, with denser nodes of baked light. Labels are drawn from the other.
+    Vertex arrays belong to programs, and programs to a kind of lens, so targets are cached for each kind of lens. They
+    are also cached for each density of baked light: `high` has denser nodes. Labels use the coarse one.
     """
 
     def __init__(self, device: Device, culling: Culling) -> None:
         self.culling = culling
         self._context, self._programs = device.context, device.programs
-        self._kept: dict[bool, dict[tuple[str, bool], ResidentTarget]] = {False: {}, True: {}}
+        self._by_lens: dict[bool, dict[tuple[str, bool], ResidentTarget]] = {False: {}, True: {}}
 
     def get(self, target: Target, *, fine: bool = False) -> ResidentTarget:
-        """Return a target on the GPU, uploaded now if it is not there.
+        """Return a target on the GPU; upload it if necessary.
 
         Parameters
         ----------
+        target : Target
+            Target to draw.
         fine : bool, optional
-            True for the nodes of `high`.
+            True for the dense baked light of `high`.
         """
-        kept, key = self._kept[self._programs.lens], (target.sha256, fine)
+        resident, key = self._by_lens[self._programs.lens], (target.sha256, fine)
         # last in order: most recently used
-        loaded = kept.pop(key, None) or self._upload(target, fine=fine)
-        kept[key] = loaded
-        while len(kept) > MOST_LOADED:
-            kept.pop(next(iter(kept))).release()
-        return loaded
+        entry = resident.pop(key, None) or self._upload(target, fine=fine)
+        resident[key] = entry
+        while len(resident) > MAX_RESIDENT:
+            resident.pop(next(iter(resident))).release()
+        return entry
 
     def _upload(self, target: Target, *, fine: bool) -> ResidentTarget:
         context, programs = self._context, self._programs
@@ -167,12 +170,12 @@ class ResidentTargets:
         # textures are bound by ranges of the index buffer
         geometry_array = self.culling.mesh_array if mesh.uv is None else WholeMesh
 
-        def draw(some: GpuMesh, visible_edges: VisibleEdges) -> DrawnMesh:
+        def draw(cut: GpuMesh, visible_edges: VisibleEdges) -> DrawnMesh:
             return DrawnMesh(
-                some,
-                geometry_array(context, some, sample_program(programs, some).gl),
+                cut,
+                geometry_array(context, cut, sample_program(programs, cut).gl),
                 EdgeBuffers(context, visible_edges),
-                lambda mesh: LabelArrays.of(context, programs, target, mesh),
+                lambda mesh: LabelArrays.create(context, programs, target, mesh),
             )
 
         return ResidentTarget(
@@ -186,7 +189,7 @@ class ResidentTargets:
 
     def release(self) -> None:
         """Free all targets."""
-        for kept in self._kept.values():
-            for loaded in kept.values():
-                loaded.release()
-            kept.clear()
+        for targets in self._by_lens.values():
+            for entry in targets.values():
+                entry.release()
+            targets.clear()

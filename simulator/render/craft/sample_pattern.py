@@ -1,4 +1,4 @@
-"""Sample patterns: supersampling on a lattice that gives the target area-true edges in one raster pass.
+"""Sample patterns: rotated lattices that supersample the target in one raster pass.
 
 A lattice that repeats with every pixel and puts N samples in each consists of all points (x, y) whose s = s_x x + s_y y
 and t = t_x x + t_y y are integers, for integer coefficients of determinant -N. A framebuffer with pixel coordinates s
@@ -36,9 +36,9 @@ class SamplePattern:
 
     @property
     def phase(self) -> float:
-        """Shift of the lattice along s, in steps."""
-        # an even N would put samples on the pixel's border: half a lattice step keeps the set inside, and symmetric
-        # about the pixel's centre, so that edges have no bias
+        """Shift of the lattice along s [steps]."""
+        # An even N would put samples on the pixel's border. Half a step keeps all of them inside and symmetric about
+        # the pixel's centre, so that edges have no bias.
         return 0.0 if self.samples % 2 else 0.5
 
     def offsets(self) -> list[tuple[int, int, float, float]]:
@@ -64,19 +64,19 @@ class SamplePattern:
         return sorted(offsets, key=lambda p: (p[2] ** 2 + p[3] ** 2, p[2], p[3]))
 
     def window(self, tiles_px: FloatArray, reach_px: float) -> tuple[tuple[int, int], tuple[int, int]]:
-        """Return framebuffer size and lattice origin (s0, t0) that hold every sample of some squares of the image.
+        """Return framebuffer size and lattice origin (s0, t0) that hold every sample of some tiles of the image.
 
         Parameters
         ----------
         tiles_px : (K, 2) array
-            Centres of the squares.
+            Centres of the tiles [px].
         reach_px : float
-            Distance from there to the centre of a square's corner pixel.
+            Distance along an axis from a tile's centre to the centre of its corner pixel.
         """
         low, high = [], []
         for cx, cy in (self.s, self.t):
             counter = tiles_px @ [float(cx), float(cy)]
-            # samples of a pixel, and of the next one, lie at most this many steps from its own index
+            # the samples of a pixel and its neighbours lie at most this many steps from its own index
             margin = (reach_px + 1.25) * (abs(cx) + abs(cy))
             low.append(int(np.floor(counter.min() - margin)))
             high.append(int(np.ceil(counter.max() + margin)))
@@ -92,25 +92,25 @@ def rotated(a: int, b: int = 1) -> SamplePattern:
     return SamplePattern((b, a), (a, -b))
 
 
-# five suffice for edges, but gaps between solar cells a third of a pixel wide come out dashed
 SEVEN = SamplePattern((1, 2), (3, -1))
+"""Seven samples per pixel. Five suffice for edges, but draw gaps between cells a third of a pixel wide as dashes."""
 
 
 @lru_cache
 def pattern_defines(lattice: SamplePattern) -> Mapping[str, object]:
-    """Return the lattice as GLSL: a macro that applies F to every sample, so that no loop indexes an array."""
-    each = " ".join(f"F({k}, {i}, {j})" for k, (i, j, _, _) in enumerate(lattice.offsets()))
-    # the same, starting with the samples in the middle of the pixel's quarters
-    middle = sorted(
+    """Return the lattice as preprocessor defines; a macro applies F to every sample, so that no loop is needed."""
+    in_order = " ".join(f"F({k}, {i}, {j})" for k, (i, j, _, _) in enumerate(lattice.offsets()))
+    # the same samples, those nearest to the centres of the pixel's quarters first
+    quarter_first = sorted(
         enumerate(lattice.offsets()), key=lambda p: np.hypot(abs(p[1][2]) - 0.25, abs(p[1][3]) - 0.25)
     )
-    quarters = " ".join(f"F({k}, {i}, {j})" for k, (i, j, _, _) in middle)
+    by_quarters = " ".join(f"F({k}, {i}, {j})" for k, (i, j, _, _) in quarter_first)
     defines: dict[str, object] = {
         "PATTERN_S": f"ivec2{lattice.s}",
         "PATTERN_T": f"ivec2{lattice.t}",
         "PATTERN_PHASE": lattice.phase,
         "SAMPLES": lattice.samples,
-        "FOR_EACH_SAMPLE(F)": each,
-        "FOR_EACH_SAMPLE_OF_QUARTERS(F)": quarters,
+        "FOR_EACH_SAMPLE(F)": in_order,
+        "FOR_EACH_SAMPLE_OF_QUARTERS(F)": by_quarters,
     }
     return MappingProxyType(defines)

@@ -36,10 +36,11 @@ if TYPE_CHECKING:
     from flyaround.simulator.render.gl.programs import Program
     from flyaround.simulator.scene.state import SceneState
 
-# distinct (material, normal) groups shaded per pixel, with exact areas per quarter; further ones join the last
+# Distinct (material, normal) groups shaded per pixel, and per quarter of a pixel with exact areas. Samples of further
+# groups are added to the last one.
 MAX_SURFACES, MAX_SURFACES_EXACT = 4, 17
-# a distant craft has dozens of groups in each pixel: a small limit would give the last group, which may face the Sun,
-# too large an area, and pixels would flicker
+# A pixel of a distant craft holds dozens of groups. With a small limit the last group would get too large an area, and
+# pixels would flicker where it faces the Sun.
 MAX_SURFACES_FAR, FAR_SAMPLES = 12, 32
 _SAMPLERS = ("t_surface", "t_depth", "t_shadow", "t_slope", "t_sky_visibility", "t_interreflection")
 
@@ -56,12 +57,12 @@ class LightPass(Pass):
     writes = (TARGET_LIGHT,)
 
     def run(self, r: PassResources) -> None:
-        """Update the atlas; the first frame waits for its baking."""
-        r[TARGET_LIGHT] = r[TARGET].loaded.interreflection.update(r[SCENE].bands, r[VIEW])
+        """Update the atlas. The first frame waits until it is baked."""
+        r[TARGET_LIGHT] = r[TARGET].resident.interreflection.update(r[SCENE].bands, r[VIEW])
 
 
 class ShadePass(Pass):
-    """Reads samples, shadows and light, writes the frame's radiance (premultiplied) and the target's coverage."""
+    """Shades the target's pixels: writes radiance, multiplied by coverage, and coverage."""
 
     name = "target.shading"
     reads = (SCENE, TARGET, TARGET_TILES, SAMPLES, SHADOW, EDGE_SLOPES, TARGET_LIGHT, *IMAGES)
@@ -121,7 +122,7 @@ class ShadePass(Pass):
 
     def _program(self, scene: SceneState, placed: PlacedTarget, shadow: TargetShadow) -> Program:
         """Return the program for a lattice, a number of bands and the features of the mesh's materials."""
-        mesh, lattice, lamp = placed.loaded.mesh, placed.lattice, scene.lamp
+        mesh, lattice, lamp = placed.resident.mesh, placed.lattice, scene.lamp
         exact, light_points = scene.quality == "high", shadow.light_points
         max_surfaces = MAX_SURFACES_FAR if lattice.samples > FAR_SAMPLES else MAX_SURFACES
         defines = {
@@ -144,8 +145,8 @@ class ShadePass(Pass):
 
 def _cells_in_camera(placed: PlacedTarget) -> tuple[tuple[float, ...], ...]:
     """Return the rows of the cell lattices, for points in the camera frame."""
-    rows = placed.loaded.mesh.cell_lattices.copy()
-    rows[:, :3] = rows[:, :3] @ np.linalg.inv(placed.place.camera_from_target)
+    rows = placed.resident.mesh.cell_lattices.copy()
+    rows[:, :3] = rows[:, :3] @ np.linalg.inv(placed.fit.camera_from_target)
     return tuple(map(tuple, rows.reshape(-1, 4).tolist()))
 
 
@@ -160,13 +161,13 @@ def _light_defines(bands: int, mesh: GpuMesh, shadow_window: int) -> dict[str, o
         "BANDS": bands,
         "NORMAL_BITS": normal_bits(mesh),
         "LARGEST_SLOPE": LARGEST_SLOPE,
-        **{name: "" for name, on in switches.items() if on},
+        **{name: "" for name, is_used in switches.items() if is_used},
         **_shadow_defines(shadow_window),
     }
 
 
 def _shadow_defines(window: int) -> dict[str, object]:
-    """Return the shadow's window of ``window`` x ``window`` texels as blocks of four, one gather each."""
+    """Return the defines of the shadow filter: ``window`` x ``window`` texels in blocks of four, one gather each."""
     starts = [(i, j) for j in range(0, window, 2) for i in range(0, window, 2)]
-    each = " ".join(f"F({k}, {i}, {j})" for k, (i, j) in enumerate(starts))
-    return {"SHADOW_WINDOW": window, "FOR_EACH_SHADOW_BLOCK(F)": each}
+    all_blocks = " ".join(f"F({k}, {i}, {j})" for k, (i, j) in enumerate(starts))
+    return {"SHADOW_WINDOW": window, "FOR_EACH_SHADOW_BLOCK(F)": all_blocks}

@@ -11,7 +11,7 @@ from flyaround.simulator.render.craft.light_maps import LightMaps
 from flyaround.simulator.render.craft.mesh_array import shadow_program
 from flyaround.simulator.render.craft.placement import TARGET
 from flyaround.simulator.render.craft.shadow_frustum import (
-    WIDER,
+    BOX_MARGIN,
     ShadowFrustum,
     fit_shadow_frustum,
     frustum_around,
@@ -39,8 +39,16 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class ShadowChoice:
-    """Resolution of the map, width of the filter window [texels] (wide penumbrae need many; 0 without sunlight), and
-    radius of the sharpest edge [texels], below which the map's own steps show.
+    """Resolution and filter of a shadow map.
+
+    Parameters
+    ----------
+    size_px : int
+        Width and height of the map.
+    window : int
+        Width of the filter's window [texels]; wide penumbrae need many. 0 without sunlight.
+    sharpest : float, optional
+        Filter radius of the sharpest edges [texels]. With a smaller one the map's texels become visible.
     """
 
     size_px: int
@@ -48,13 +56,15 @@ class ShadowChoice:
     sharpest: float = 1.0
 
 
-# the coarse map if its texel is less than a pixel wide, else a fine one, and close up a finer one
-_COARSE, _FINE, _FINER = ShadowChoice(512, 4, 0.6), ShadowChoice(1024, 4), ShadowChoice(2048, 4, 1.4)
+# the coarse map if its texels are narrower than a pixel; else a finer one, by distance
+_COARSE, _FINE, _FINEST = ShadowChoice(512, 4, 0.6), ShadowChoice(1024, 4), ShadowChoice(2048, 4, 1.4)
 _BEST = ShadowChoice(2048, 10, 0.6)
-_SLACK = 1.3  # for the softness of the Sun's limb
-# widths of a texel [px]: above the first, it marks edges of shadows; above the second, as steps
-_PIXEL, _SAWN = 0.9, 2.0
-_PENUMBRA_M = 3e-3  # radius of the Sun's penumbra 0.6 m behind an edge; it hides steps of narrower texels
+_LIMB_MARGIN = 1.3  # margin of the penumbra's width, because limb darkening softens its ends
+# widths of a texel [px] above which it is visible at the edge of a shadow, and above which the edge looks stepped
+_EDGE_VISIBLE_PX, _STEPS_VISIBLE_PX = 0.9, 2.0
+_PENUMBRA_M = (
+    3e-3  # radius of the Sun's penumbra 0.6 m behind an edge, which hides the steps of narrower texels
+)
 
 
 def choose_shadow(quality: Quality, box_m: float, pixel_m: float) -> ShadowChoice:
@@ -70,15 +80,21 @@ def choose_shadow(quality: Quality, box_m: float, pixel_m: float) -> ShadowChoic
     if quality == "high":
         return _BEST
     texel_px = box_m / _COARSE.size_px / pixel_m
-    if quality == "draft" or texel_px < _PIXEL:
+    if quality == "draft" or texel_px < _EDGE_VISIBLE_PX:
         # two thirds of a pixel, but no more than a texel
         return replace(_COARSE, sharpest=min(max(0.65 / texel_px, _COARSE.sharpest), 1.0))
     texel_m = box_m / _FINE.size_px
-    return _FINE if texel_m < (_SAWN if texel_m < _PENUMBRA_M else _PIXEL) * pixel_m else _FINER
+    return (
+        _FINE
+        if texel_m < (_STEPS_VISIBLE_PX if texel_m < _PENUMBRA_M else _EDGE_VISIBLE_PX) * pixel_m
+        else _FINEST
+    )
 
 
 def widest_penumbra(sun_sine: float) -> float:
-    """Return the width of the map over the height of the blocker whose penumbra fills the window of the preset `high`.
+    """Return the smallest width of the map, over the height of a blocker, whose filter window holds the penumbra.
+
+    It applies to the preset `high`; the other presets limit penumbrae to three texels.
 
     Parameters
     ----------
@@ -86,7 +102,7 @@ def widest_penumbra(sun_sine: float) -> float:
         Sine of the Sun's angular radius.
     """
     reach = _BEST.window / 2 - 0.5
-    return _SLACK * sun_sine * _BEST.size_px / reach
+    return _LIMB_MARGIN * sun_sine * _BEST.size_px / reach
 
 
 class ShadowMap:
@@ -113,9 +129,14 @@ class ShadowMap:
 
     @staticmethod
     def light_from_target(mesh: GpuMesh, view: View) -> FloatArray:
-        """Return the (4, 4) clip matrix from the target frame: the Sun looks along -z of a box around the sphere."""
-        along = -(view.R_camera_from_target.T @ view.sun_direction)  # direction in which the light travels
-        return light_matrix(mesh.center_m, mesh.radius_m, along)
+        """Return the (4, 4) matrix from the target frame to clip coordinates of a box around its bounding sphere.
+
+        The Sun looks along -z of the box.
+        """
+        light_direction = -(
+            view.R_camera_from_target.T @ view.sun_direction
+        )  # direction in which the light travels
+        return light_matrix(mesh.center_m, mesh.radius_m, light_direction)
 
     def run(
         self,
@@ -125,7 +146,7 @@ class ShadowMap:
         *,
         clear: bool = False,
     ) -> None:
-        """Draw the map: of closed shells the lit faces, which are nearest to the Sun.
+        """Draw the map. Of closed shells only the sunlit faces are drawn.
 
         Parameters
         ----------
@@ -147,14 +168,18 @@ class ShadowMap:
 
 @dataclass(frozen=True, eq=False)
 class TargetShadow:
-    """The target seen from the Sun: the map, and the settings for reading it.
+    """Shadow maps of one frame, and the settings for reading them.
 
     Parameters
     ----------
+    map : Texture
+        Depth map seen from the Sun.
+    choice : ShadowChoice
+        Its resolution and filter.
     lights : Texture, optional
-        Maps of area lights.
+        Depth maps of the area lights' patches.
     light_points : int, optional
-        Patches of each of them; 0 if there are none.
+        Number of patches per area light; 0 without area lights.
     """
 
     map: moderngl.Texture
@@ -187,9 +212,9 @@ class ShadowPass(Pass):
     def run(self, r: PassResources) -> None:
         """Draw the maps."""
         scene, placed = r[SCENE], r[TARGET]
-        sun = self._draw(scene, r[VIEW], placed.loaded, placed.place)
+        sun = self._draw(scene, r[VIEW], placed.resident, placed.fit)
         if scene.area_lights:
-            r[SHADOW] = TargetShadow(*sun, *self._lights.draw(scene, placed.loaded, placed.place))
+            r[SHADOW] = TargetShadow(*sun, *self._lights.draw(scene, placed.resident, placed.fit))
         else:
             r[SHADOW] = TargetShadow(*sun)
 
@@ -200,24 +225,24 @@ class ShadowPass(Pass):
 
     def _shadow_frustum(
         self,
-        loaded: ResidentTarget,
-        place: ViewportFit,
+        resident: ResidentTarget,
+        fit: ViewportFit,
         camera: Camera,
         light_from_target: FloatArray,
         widest: float,
     ) -> ShadowFrustum:
         """Return the part of the box that the view needs: the whole craft if the image holds the target."""
-        mesh = loaded.mesh
+        mesh = resident.mesh
         # `high` keeps the sphere's box: its window of texels must hold wide penumbrae
         whole = ShadowFrustum() if widest > 0 else frustum_around(mesh.hull_m, light_from_target)
-        inside = [*(place.bounds_px[:2] >= 0), *(place.bounds_px[2:] <= [camera.width_px, camera.height_px])]
+        inside = [*(fit.bounds_px[:2] >= 0), *(fit.bounds_px[2:] <= [camera.width_px, camera.height_px])]
         # a distorting lens sees beyond the edges of its image's pyramid
         if all(inside) or not camera.distortion.is_none:
             return whole
         part = fit_shadow_frustum(
-            loaded.patches,
+            resident.patches,
             camera,
-            place.camera_from_target,
+            fit.camera_from_target,
             light_from_target,
             closed=mesh.is_closed,
             widest=widest,
@@ -225,33 +250,33 @@ class ShadowPass(Pass):
         return part if part.half < whole.half else whole
 
     def _draw(
-        self, scene: SceneState, view: View, loaded: ResidentTarget, place: ViewportFit
+        self, scene: SceneState, view: View, resident: ResidentTarget, fit: ViewportFit
     ) -> tuple[moderngl.Texture, ShadowChoice]:
-        """Draw the shadow map and return it with its settings; in eclipse the old map is kept."""
+        """Draw the shadow map, and return it with its settings. In eclipse the map is not redrawn."""
         camera = scene.camera
-        box_m = 2 * loaded.mesh.radius_m * WIDER
-        light_from_target = ShadowMap.light_from_target(loaded.mesh, view)
+        box_m = 2 * resident.mesh.radius_m * BOX_MARGIN
+        light_from_target = ShadowMap.light_from_target(resident.mesh, view)
         # by default no penumbra is wider than three texels
         widest = widest_penumbra(view.sun_sine) if scene.quality == "high" else 0.0
-        window = self._shadow_frustum(loaded, place, camera, light_from_target, widest)
+        window = self._shadow_frustum(resident, fit, camera, light_from_target, widest)
         light_from_target = window.matrix @ light_from_target
         width_m = box_m * window.half
-        choice = choose_shadow(scene.quality, width_m, place.pixel_m(camera))
+        choice = choose_shadow(scene.quality, width_m, fit.pixel_m(camera))
         shadow = self._map(choice.size_px)
         texel_m = width_m / shadow.size_px
         if view.sun_visible_fraction > 0:
             # the filter of `high` uses a depth value of its own for "no blocker"
-            shadow.run(loaded.shadow, view, light_from_target, clear=scene.quality == "high")
+            shadow.run(resident.shadow, view, light_from_target, clear=scene.quality == "high")
         near, far = shadow.depths
-        half = np.diag([0.5, 0.5, 0.5 * (far - near), 1.0])
-        half[:3, 3] = 0.5, 0.5, 0.5 * (near + far)
+        to_texture = np.diag([0.5, 0.5, 0.5 * (far - near), 1.0])
+        to_texture[:3, 3] = 0.5, 0.5, 0.5 * (near + far)
         self._block.write(
             {
-                "u_light_from_camera": half @ light_from_target @ np.linalg.inv(place.camera_from_target),
+                "u_light_from_camera": to_texture @ light_from_target @ np.linalg.inv(fit.camera_from_target),
                 # a texel in metres and as a depth, its share of the map, and the radius of the sharpest shadow
                 "u_shadow": [texel_m, texel_m / box_m * (far - near), 1 / shadow.size_px, choice.sharpest],
                 "u_shadow_range": [far - near, 0, 0, 0],
             }
         )
-        # without sunlight nothing is looked up
+        # without sunlight no shadow is looked up
         return shadow.map, choice if view.sun_share.any() else replace(choice, window=0)

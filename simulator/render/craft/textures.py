@@ -1,4 +1,4 @@
-"""Textures of a target on the GPU, with mipmaps, and plain texels for materials without."""
+"""Textures of a target on the GPU, with mipmaps; a material without textures uses single neutral texels."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ if TYPE_CHECKING:
     from flyaround.simulator.targets.model import Material, Target
 
 GL_SRGB8 = 0x8C41
-LARGEST_PX = 8192
-"""Larger images are halved until they fit: every OpenGL 4.1 takes 16384, but 8192 squared are 256 MB."""
-PLAIN = {"color": (255, 255, 255), "data": (255, 255, 255), "normal": (128, 128, 255)}
+MAX_TEXTURE_PX = 8192
+"""Larger images are halved until they fit. OpenGL 4.1 guarantees 16384, but an image of 8192 x 8192 takes 256 MB."""
+NEUTRAL_TEXELS = {"color": (255, 255, 255), "data": (255, 255, 255), "normal": (128, 128, 255)}
 
 
 class Textures:
@@ -31,20 +31,27 @@ class Textures:
 
     def __init__(self, context: moderngl.Context, target: Target) -> None:
         self._context = context
-        self._plain = {kind: self._texture(np.array([[rgb]], np.uint8), kind) for kind, rgb in PLAIN.items()}
-        self._made: dict[tuple[str, str], moderngl.Texture] = {}
+        self._neutral = {
+            kind: self._texture(np.array([[rgb]], np.uint8), kind) for kind, rgb in NEUTRAL_TEXELS.items()
+        }
+        self._textures: dict[tuple[str, str], moderngl.Texture] = {}
         pictures = {p.name: p.data for p in target.pictures}
         for material in target.materials:
-            for name, kind in zip(material.textures, PLAIN, strict=True):
-                if name and (name, kind) not in self._made:
-                    self._made[name, kind] = self._texture(_decoded(target, name, pictures[name]), kind)
+            for name, kind in zip(material.textures, NEUTRAL_TEXELS, strict=True):
+                if name and (name, kind) not in self._textures:
+                    self._textures[name, kind] = self._texture(_decode(target, name, pictures[name]), kind)
 
-    def of(self, material: Material | None) -> tuple[moderngl.Texture, moderngl.Texture, moderngl.Texture]:
-        """Return base colour, metalness and roughness, and normals of a material, or one plain texel."""
+    def for_material(
+        self, material: Material | None
+    ) -> tuple[moderngl.Texture, moderngl.Texture, moderngl.Texture]:
+        """Return a material's textures: base colour; metalness and roughness; normals.
+
+        A texture that the material lacks is a single neutral texel.
+        """
         names = ("", "", "") if material is None else material.textures
         color, data, normal = (
-            self._made[name, kind] if name else self._plain[kind]
-            for name, kind in zip(names, PLAIN, strict=True)
+            self._textures[name, kind] if name else self._neutral[kind]
+            for name, kind in zip(names, NEUTRAL_TEXELS, strict=True)
         )
         return color, data, normal
 
@@ -61,17 +68,17 @@ class Textures:
 
     def release(self) -> None:
         """Free the textures."""
-        for texture in (*self._plain.values(), *self._made.values()):
+        for texture in (*self._neutral.values(), *self._textures.values()):
             texture.release()
 
 
-def _decoded(target: Target, name: str, data: bytes) -> ByteArray:
+def _decode(target: Target, name: str, data: bytes) -> ByteArray:
     """Decode an image to (H, W, 3) RGB, rows from the top."""
     image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR | cv2.IMREAD_IGNORE_ORIENTATION)
     if image is None:
         raise UserError(
             f"texture {name!r} of target {target.name} is damaged; export the model again with a PNG picture"
         )
-    while max(image.shape[:2]) > LARGEST_PX:
+    while max(image.shape[:2]) > MAX_TEXTURE_PX:
         image = cv2.resize(image, None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA)
     return np.ascontiguousarray(image[..., ::-1], np.uint8)

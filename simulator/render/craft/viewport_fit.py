@@ -1,4 +1,4 @@
-"""Viewport fit: pixels and tiles that a target may touch, its depth range and its sampling density."""
+"""Viewport fit: the pixels and tiles that a target may touch, its depth range and its sample lattice."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 
 from flyaround.simulator.render.craft.lens_bend import bent_outlines, longest_edge_m
 from flyaround.simulator.render.craft.sample_pattern import SEVEN, SamplePattern, rotated
-from flyaround.simulator.render.projection import PixelRect, image_of
+from flyaround.simulator.render.projection import PixelRect, project_rays
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -21,8 +21,8 @@ if TYPE_CHECKING:
 
 TILE_PX = 8
 """Side of the screen tiles in which the target's pixels are shaded."""
-MIN_NEAR_M = 0.01  # the camera cannot be closer than its own lens
-# lattices to try in order, and the largest buffer [samples] of each
+MIN_NEAR_M = 0.01
+"""Smallest distance of the near plane; nothing comes closer than the lens allows."""
 PATTERNS: dict[str, tuple[tuple[SamplePattern, float], ...]] = {
     "draft": ((rotated(2), np.inf),),
     "default": ((SEVEN, 16e6), (rotated(2), np.inf)),
@@ -34,23 +34,40 @@ PATTERNS: dict[str, tuple[tuple[SamplePattern, float], ...]] = {
         (rotated(3, 2), np.inf),
     ),
 }
-# Below this pixel width on the craft [m] the default preset takes five samples. Seven are for gaps between solar cells,
-# 0.8 to 4 mm wide: five draw them dashed if they are a third of a pixel wide, and correctly from one pixel on.
+"""Lattices of each preset in the order in which they are tried, and the largest buffer of each [samples]."""
 NEAR_PIXEL_M = 1e-3
+"""Width of a pixel on the craft [m] below which the default preset takes five samples instead of seven. Gaps between
+solar cells are 0.8 to 4 mm wide: five samples draw them correctly if they are wider than a pixel, but dashed at a third
+of a pixel."""
 DENSE_PATTERNS = ((rotated(4), 10e6), (rotated(3), 22e6), (rotated(2), np.inf))
-TINY_PX = 22  # a smaller target gets the finest lattice, because few pixels hold all its light
+TINY_PX = 22
+"""Extent of the target in the image up to which it gets the finest lattice, because few pixels hold all its light."""
 TILE_REACH_PX = (TILE_PX - 1) / 2
 TINY_PATTERN = rotated(8)  # 65 samples per pixel
 
 
 @dataclass(frozen=True, eq=False)
 class ViewportFit:
-    """The target's place in the image: bounds (not clipped), pixels to draw, depth range.
+    """The target's extent in the image and in depth.
 
-    The pixels to draw begin at whole tiles, and end there or at the image's edge. ``hull_px``: (2, K) corners of the
-    parts' hulls in the image, bent by the lens, if all of them is in front of the camera; ``hull_parts``: start of each
-    hull but the first. ``nearest_m``: least camera z of the mesh; the depth range is that of its sphere. ``longest_m``:
-    longest edge that the lens does not bend visibly.
+    Parameters
+    ----------
+    bounds_px : (4,) array
+        Bounds x0, y0, x1, y1 of the target, not clipped to the image [px].
+    rect : PixelRect
+        Pixels to draw. They begin at whole tiles, and end at whole tiles or at the image's edge.
+    near_far_m : tuple of float
+        Camera z range of the target's bounding sphere [m].
+    camera_from_target : (4, 4) array
+        Homogeneous transform from the target to the camera frame.
+    nearest_m : float
+        Smallest camera z of the mesh [m].
+    hull_parts : array
+        Index of the first point of each hull but the first.
+    hull_px : (2, K) array, optional
+        Projected points of the parts' convex hulls, distorted by the lens; None if some are behind the camera.
+    longest_m : float, optional
+        Longest edge whose distorted image may be drawn straight [m].
     """
 
     bounds_px: FloatArray
@@ -92,8 +109,8 @@ def tile_centers(tiles: BoolArray, rect: PixelRect) -> FloatArray:
     return centers
 
 
-def matrix_of(R: FloatArray, t_m: ArrayLike) -> FloatArray:
-    """Return the (4, 4) matrix of a rotation (3, 3) and a translation (3,)."""
+def homogeneous_matrix(R: FloatArray, t_m: ArrayLike) -> FloatArray:
+    """Return the (4, 4) homogeneous matrix of a rotation (3, 3) and a translation (3,) [m]."""
     matrix = np.eye(4)
     matrix[:3, :3], matrix[:3, 3] = R, t_m
     return matrix
@@ -102,9 +119,25 @@ def matrix_of(R: FloatArray, t_m: ArrayLike) -> FloatArray:
 def fit_viewport(
     mesh: GpuMesh, camera_from_target: FloatArray, camera: Camera, *, clip: bool = True
 ) -> ViewportFit | None:
-    """Fit the viewport to the target; ``None`` if none of it is in front of the camera (and, clipped, in the image).
+    """Fit the viewport to the target.
 
-    A target that reaches behind the camera gets twice the image's size on each side.
+    The bounds of a target that reaches behind the camera exceed the image by its own size on each side.
+
+    Parameters
+    ----------
+    mesh : GpuMesh
+        Mesh of the target.
+    camera_from_target : (4, 4) array
+        Homogeneous transform from the target to the camera frame.
+    camera : Camera
+        Camera of the scene.
+    clip : bool, optional
+        True to clip the pixels to the image.
+
+    Returns
+    -------
+    ViewportFit or None
+        None if no part of the target is in front of the camera, or with ``clip`` in the image.
     """
     R, t = camera_from_target[:3, :3], camera_from_target[:3, 3]
     z = float(R[2] @ mesh.center_m + t[2])
@@ -117,46 +150,53 @@ def fit_viewport(
     if nearest > MIN_NEAR_M:
         if not camera.distortion.is_none:
             points, parts = bent_outlines(camera, points, parts)
-        hull_px = np.stack(image_of(camera, *(points[:2] / points[2])))
+        hull_px = np.stack(project_rays(camera, *(points[:2] / points[2])))
         bounds = np.concatenate([hull_px.min(axis=1), hull_px.max(axis=1)])
     else:
         bounds = np.array([-width, -height, 2.0 * width, 2.0 * height])
     limit = np.array([-width, -height, 2 * width, 2 * height]) * (1 if clip else 100)
-    low = np.floor(np.clip(bounds[:2] - 0.5, limit[:2], limit[2:])).astype(int)
-    high = np.ceil(np.clip(bounds[2:] + 0.5, limit[:2], limit[2:])).astype(int) + 1
+    lowest = np.floor(np.clip(bounds[:2] - 0.5, limit[:2], limit[2:])).astype(int)
+    highest = np.ceil(np.clip(bounds[2:] + 0.5, limit[:2], limit[2:])).astype(int) + 1
     if clip:
-        low, high = np.maximum(low, 0), np.minimum(high, [width, height])
-        if np.any(high <= low):
+        lowest, highest = np.maximum(lowest, 0), np.minimum(highest, [width, height])
+        if np.any(highest <= lowest):
             return None
-        low, high = low // TILE_PX * TILE_PX, np.minimum(-(-high // TILE_PX) * TILE_PX, [width, height])
-    rect = PixelRect(int(low[0]), int(low[1]), int(high[0]), int(high[1]))
-    longest = longest_edge_m(mesh, camera_from_target, camera, rect)
-    return ViewportFit(bounds, rect, (near, far), camera_from_target, nearest, parts, hull_px, longest)
+        lowest, highest = (
+            lowest // TILE_PX * TILE_PX,
+            np.minimum(-(-highest // TILE_PX) * TILE_PX, [width, height]),
+        )
+    rect = PixelRect(int(lowest[0]), int(lowest[1]), int(highest[0]), int(highest[1]))
+    longest_m = longest_edge_m(mesh, camera_from_target, camera, rect)
+    return ViewportFit(bounds, rect, (near, far), camera_from_target, nearest, parts, hull_px, longest_m)
 
 
-def outline_px(place: ViewportFit) -> FloatArray:
-    """Return (K, 2) points [px] that span the target's pixels: corners of its hulls, or else centres of all tiles."""
-    if place.hull_px is None:
-        return all_tiles(place.rect)
-    rect = place.rect
-    return np.clip(place.hull_px.T, [rect.x0, rect.y0], [rect.x1 - 1, rect.y1 - 1])
+def outline_px(fit: ViewportFit) -> FloatArray:
+    """Return (K, 2) points [px] whose bounds hold the target's pixels: its hulls, or else the centres of all tiles."""
+    if fit.hull_px is None:
+        return all_tiles(fit.rect)
+    rect = fit.rect
+    return np.clip(fit.hull_px.T, [rect.x0, rect.y0], [rect.x1 - 1, rect.y1 - 1])
 
 
 def choose_pattern(
-    quality: Quality, place: ViewportFit, tiles_px: FloatArray, pixel_m: float, *, dense: bool = False
+    quality: Quality, fit: ViewportFit, tiles_px: FloatArray, pixel_m: float, *, dense: bool = False
 ) -> SamplePattern:
-    """Return the finest lattice of the preset whose buffer stays within its limit.
+    """Return the finest lattice of the preset whose buffer is within its limit.
 
     Parameters
     ----------
+    quality : Quality
+        Preset.
+    fit : ViewportFit
+        Extent of the target in the image.
     tiles_px : (K, 2) array
         Centres of the tiles that the target may touch, or its outline.
     pixel_m : float
         Width of a pixel at the nearest point of the target [m].
     dense : bool, optional
-        True for more samples, for textures, inside which no edges weight them.
+        True for more samples: the edge pass does not see edges inside textures.
     """
-    if np.max(place.bounds_px[2:] - place.bounds_px[:2]) <= TINY_PX:
+    if np.max(fit.bounds_px[2:] - fit.bounds_px[:2]) <= TINY_PX:
         return TINY_PATTERN
     if quality == "default" and not dense and pixel_m <= NEAR_PIXEL_M:
         return rotated(2)

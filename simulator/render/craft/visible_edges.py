@@ -1,4 +1,4 @@
-"""Edge culling: the edges of a mesh that may be visible, reach the window and are not one of a close pair."""
+"""Edge culling: selects the edges of a mesh that may be visible in the image and are far enough from other edges."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 
 from flyaround.simulator.baking.mesh_edges import edge_gaps
 from flyaround.simulator.geometry.convex_shells import BOX_SIZE, Boxes, hidden
-from flyaround.simulator.render.projection import image_of
+from flyaround.simulator.render.projection import project_rays
 
 if TYPE_CHECKING:
     from flyaround.simulator.baking.mesh_edges import MeshEdges
@@ -19,12 +19,12 @@ if TYPE_CHECKING:
     from flyaround.simulator.runtime.arrays import BoolArray, FloatArray, IntArray
 
 _SHORTEST_PX = 1.3
-"""Shorter edges are skipped. Half as many remain as with 0.7 px, and coverage is as accurate."""
+"""Shorter edges are skipped. Half as many edges remain as with 0.7 px, at the same accuracy of coverage."""
 _SHORTEST_EXACT_PX = 0.7  # the same where areas of parts bounded by several edges are summed
 REACH_PX = 1.2
 """Largest distance between two edges that may bound one thin body."""
-# an edge affects pixels whose centres are up to half a diagonal away: an edge this close to another reaches all the
-# same pixels and leaves their sample weights equal, so neither is drawn
+# An edge affects pixels whose centres are up to half a diagonal away. Two edges closer than this affect the same
+# pixels in opposite directions, so neither is drawn.
 _PAIR_PX = REACH_PX - 0.5 * np.sqrt(2.0)
 
 
@@ -39,7 +39,7 @@ class EdgeCamera:
     nearest_m : float
         Least camera z of the mesh.
     camera_from_target : (4, 4) array
-        Matrix.
+        Homogeneous transform from the target to the camera frame.
     """
 
     camera: Camera
@@ -90,7 +90,7 @@ class VisibleEdges:
         pieces, origin = self.edges.cut(longest_m)
         return VisibleEdges(pieces, self._mesh, self._beside_m[:, origin], np.bincount(origin)[origin])
 
-    def numbers(self, view: EdgeCamera, *, pairs: bool) -> tuple[IntArray, tuple[int, int]]:
+    def select(self, view: EdgeCamera, *, pairs: bool) -> tuple[IntArray, tuple[int, int]]:
         """Select edges that can be visible, lie in front of the camera, touch the window and are long enough to matter.
 
         Parameters
@@ -100,62 +100,66 @@ class VisibleEdges:
 
         Returns
         -------
-        tuple
-            Their indices, and with ``pairs`` the number of those, first in order, that bound their part and show their
-            first face, and of those, next in order, that show the second.
+        indices : (K,) array
+            Indices of the selected edges.
+        outlines : tuple of int
+            With ``pairs``: number of outline edges whose first face is visible, and of those whose second one is. They
+            come first in ``indices``, in this order. Zeros otherwise.
         """
         R, t = view.camera_from_target[:3, :3], view.camera_from_target[:3, 3]
-        place = np.append(-R.T @ t, 1.0)
+        viewpoint = np.append(-R.T @ t, 1.0)
         near_m = _PAIR_PX * view.nearest_m / max(view.camera.fx_px, view.camera.fy_px)
         count = len(self._nearness_m)
         if not pairs:
             count = int(np.searchsorted(self._nearness_m, -near_m, side="right"))
-        first, second, ends, creases = self._showing(place, count)
-        kinds = (ends & first, ends & ~first, creases)
+        first, second, outline, creases = self._classify(viewpoint, count)
+        kinds = (outline & first, outline & ~first, creases)
         if pairs:
-            numbers = np.concatenate([np.flatnonzero(kind) for kind in kinds])
+            selected = np.concatenate([np.flatnonzero(kind) for kind in kinds])
         else:
-            is_near = self._beside_m[:, :count] < near_m
+            has_neighbour = self._beside_m[:, :count] < near_m
             if self.edges.is_closed:
-                is_near &= first, second
-            numbers = np.flatnonzero((ends | creases) & ~(is_near[0] | is_near[1]))
-        behind = hidden(self._mesh.shells, self._boxes, place, self._mesh.radius_m)
-        numbers = numbers[~behind.take(self._boxes.of.take(numbers))]
-        numbers = numbers[self._on(numbers, view, _SHORTEST_EXACT_PX if pairs else _SHORTEST_PX)]
+                has_neighbour &= first, second
+            selected = np.flatnonzero((outline | creases) & ~(has_neighbour[0] | has_neighbour[1]))
+        is_hidden = hidden(self._mesh.shells, self._boxes, viewpoint, self._mesh.radius_m)
+        selected = selected[~is_hidden.take(self._boxes.of.take(selected))]
+        selected = selected[self._in_window(selected, view, _SHORTEST_EXACT_PX if pairs else _SHORTEST_PX)]
         if not pairs:
-            return numbers, (0, 0)
-        of_first, of_second = (int(np.count_nonzero(kind.take(numbers))) for kind in kinds[:2])
-        return numbers, (of_first, of_second)
+            return selected, (0, 0)
+        first_count, second_count = (int(np.count_nonzero(kind.take(selected))) for kind in kinds[:2])
+        return selected, (first_count, second_count)
 
-    def _showing(self, place: FloatArray, count: int) -> tuple[BoolArray, BoolArray, BoolArray, BoolArray]:
-        """Classify the first ``count`` edges from a viewpoint.
+    def _classify(
+        self, viewpoint: FloatArray, count: int
+    ) -> tuple[BoolArray, BoolArray, BoolArray, BoolArray]:
+        """Classify the first ``count`` edges as seen from a viewpoint.
 
-        Return four masks: the first face is towards it, the second is, the edge is a boundary of its part, it is a
-        crease on a visible face.
+        Return four masks (count,): first face visible; second face visible; edge on the outline of its part; edge a
+        crease of a visible face.
         """
         edges = self.edges
-        first, second = (self._planes @ place > 0).take(self._faces[:, :count])
-        ends = (first ^ second) | (first & self._is_border[:count])
-        creases = edges.is_crease[:count] & ~ends
+        first, second = (self._planes @ viewpoint > 0).take(self._faces[:, :count])
+        outline = (first ^ second) | (first & self._is_border[:count])
+        creases = edges.is_crease[:count] & ~outline
         if edges.is_closed:
             creases &= first
-        return first, second, ends, creases
+        return first, second, outline, creases
 
-    def _on(self, numbers: IntArray, view: EdgeCamera, shortest_px: float) -> BoolArray:
+    def _in_window(self, indices: IntArray, view: EdgeCamera, shortest_px: float) -> BoolArray:
         """Return a mask of edges in front of the camera, in the window, and long enough along either axis."""
         R, t = view.camera_from_target[:3, :3], view.camera_from_target[:3, 3]
-        ends = self._ends_m.take(numbers, axis=1).reshape(2, 3, -1)
+        ends = self._ends_m.take(indices, axis=1).reshape(2, 3, -1)
         x, y, z = np.moveaxis(R @ ends + t[:, None], 1, 0)
         # comparisons with NaN are false, so an edge behind the camera is dropped
         scale = 1 / np.where(z > view.nearest_m, z, np.nan)
-        column, row = image_of(view.camera, x * scale, y * scale)
-        rect, pieces = view.rect, self._pieces.take(numbers)
-        selected = np.ones(len(numbers), bool)
-        long = np.zeros(len(numbers), bool)
+        column, row = project_rays(view.camera, x * scale, y * scale)
+        rect, pieces = view.rect, self._pieces.take(indices)
+        is_inside = np.ones(len(indices), bool)
+        is_long = np.zeros(len(indices), bool)
         for u, low, high in (
             (column, rect.x0 - 1, rect.x1),
             (row, rect.y0 - 1, rect.y1),
         ):
-            long |= np.abs(u[0] - u[1]) * pieces > shortest_px
-            selected &= (np.minimum(u[0], u[1]) < high) & (np.maximum(u[0], u[1]) > low)
-        return selected & long
+            is_long |= np.abs(u[0] - u[1]) * pieces > shortest_px
+            is_inside &= (np.minimum(u[0], u[1]) < high) & (np.maximum(u[0], u[1]) > low)
+        return is_inside & is_long

@@ -15,7 +15,8 @@ if TYPE_CHECKING:
     from flyaround.simulator.runtime.arrays import FloatArray
 
 GRAZING = 0.01
-"""Sine of the angle by which a drawn triangle may face away: rounding to 1/256 px may flip a small one."""
+"""Sine of the angle by which a triangle may face away and still be drawn. Drivers round corners to 1/256 px, which may
+turn a small triangle towards the camera."""
 
 
 class CulledVertexArray:
@@ -38,9 +39,9 @@ class CulledVertexArray:
         self._indices = context.buffer(reserve=mesh.triangles.nbytes, dynamic=True)
         self.array = mesh.vertex_array(context, program, *more, indices=self._indices)
 
-    def render(self, place: FloatArray) -> None:
+    def render(self, viewpoint: FloatArray) -> None:
         """Draw the triangles that may be visible; see `MeshArray.render`."""
-        indices = visible_triangles(self._mesh, place)
+        indices = visible_triangles(self._mesh, viewpoint)
         self._indices.orphan()
         self._indices.write(indices)
         self.array.render(vertices=indices.size)
@@ -51,15 +52,22 @@ class CulledVertexArray:
         self._indices.release()
 
 
-def visible_triangles(mesh: GpuMesh, place: FloatArray) -> np.typing.NDArray[np.uint32]:
-    """Return (K, 3) triangles of a mesh that may be visible; ``place`` is a viewpoint as in `MeshArray.render`.
+def visible_triangles(mesh: GpuMesh, viewpoint: FloatArray) -> np.typing.NDArray[np.uint32]:
+    """Return (K, 3) triangles of a mesh that may be visible from a viewpoint.
 
-    Back faces of closed shells are left out, except those at a grazing angle.
+    Back faces of closed shells are left out, except those seen at a grazing angle.
+
+    Parameters
+    ----------
+    mesh : GpuMesh
+        Mesh on the GPU.
+    viewpoint : (4,) array
+        Homogeneous viewpoint, target frame, as in `MeshArray.render`.
     """
-    show = ~hidden(mesh.shells, mesh.boxes, place, mesh.radius_m)
-    is_selected = show.take(mesh.boxes.of)
+    is_box_visible = ~hidden(mesh.shells, mesh.boxes, viewpoint, mesh.radius_m)
+    is_selected = is_box_visible.take(mesh.boxes.of)
     if mesh.is_closed:
-        unit = np.asarray(place / np.linalg.norm(place[:3]), np.float32)
+        unit = np.asarray(viewpoint / np.linalg.norm(viewpoint[:3]), np.float32)
         is_selected &= unit @ mesh.plane_rows > -GRAZING
     # by indices: a mask over rows takes NumPy twice as long
     return mesh.triangles.take(np.flatnonzero(is_selected), axis=0)

@@ -1,4 +1,4 @@
-"""Earth pass: ground, clouds and air behind the target. Reads maps, air table and coverage; adds to the radiance."""
+"""Earth pass: draws ground, clouds and air of the Earth behind the target, from its maps and the table of its air."""
 
 from __future__ import annotations
 
@@ -56,22 +56,32 @@ if TYPE_CHECKING:
     from flyaround.simulator.scene.state import SceneState
 
 DETAIL_TEXEL_KM = PERIOD_KM / SIZE
-TEXEL_KM = 4.97  # of the maps, at the equator
+"""Width of a texel of the detail texture on the ground."""
+TEXEL_KM = 4.97
+"""Width of a texel of the maps at the equator."""
 LOG2_TEXEL_KM = math.log2(TEXEL_KM)
 CLOUD_KM = 2.0  # height of the clouds, for their parallax and shadows
-MAGNIFIED_LEVEL = -0.5  # level of a tile above which the maps' texels are at least six pixels wide
-FAR_LEVEL = 0.5  # level of a tile from which on floes, and then cloud detail, are averaged
-# samplers of every frame, and of maps that some frames need
-_OWN = ("t_coverage", "t_radiance", "t_map", "t_detail", "t_ground_slopes", "t_month_before", "t_month_after")
-_RARE = ("t_ice", "t_ocean_colour", "t_terrain", "t_city")
+MAGNIFIED_LEVEL = -0.5  # mipmap level up to which the maps' texels are at least six pixels wide
+FAR_LEVEL = 0.5  # mipmap level above which ice floes and cloud detail are averaged
+# samplers of every frame, and of maps that only some frames need
+_COMMON_SAMPLERS = (
+    "t_coverage",
+    "t_radiance",
+    "t_map",
+    "t_detail",
+    "t_ground_slopes",
+    "t_month_before",
+    "t_month_after",
+)
+_OPTIONAL_SAMPLERS = ("t_ice", "t_ocean_colour", "t_terrain", "t_city")
 _SAMPLERS = {
-    1: (*_OWN, *_RARE, "t_air", "t_ground"),
-    3: (*_OWN, *_RARE, "t_colour", "t_ground", *AIR_SAMPLERS[3]),
+    1: (*_COMMON_SAMPLERS, *_OPTIONAL_SAMPLERS, "t_air", "t_ground"),
+    3: (*_COMMON_SAMPLERS, *_OPTIONAL_SAMPLERS, "t_colour", "t_ground", *AIR_SAMPLERS[3]),
 }
 
 
-def season_of(scene: SceneState) -> Season:
-    """Return the two months to interpolate between."""
+def map_season(scene: SceneState) -> Season:
+    """Return the two months between which the maps are interpolated."""
     return season(scene.epoch_utc) if scene.environment.seasons else AUGUST
 
 
@@ -81,6 +91,8 @@ class EarthDraw:
 
     Parameters
     ----------
+    program : Program
+        Program of the tiles' kind.
     framebuffer : Framebuffer
         Framebuffer to draw into.
     viewport : tuple of int
@@ -88,11 +100,13 @@ class EarthDraw:
     blended : bool
         True to add to its contents.
     tile_px : float
-        Side of its tiles.
+        Side of its tiles [px].
+    detail : Texture
+        Detail texture.
     city : Texture or None
-        True if city lights may be on.
+        Texture of the city lights; None if they are off.
     level : float or None
-        Mipmap level of `TileKind`; ``None`` if all maps are read at their first level.
+        Mipmap level of `TileKind`; ``None`` if all maps are sampled at their first level.
     """
 
     program: Program
@@ -121,17 +135,23 @@ class EarthFrame:
     moon_in_front: bool
 
     @staticmethod
-    def of(r: PassResources) -> EarthFrame:
-        """Collect the resources of a pass that declares them."""
-        moon = r.find(MOON)
-        return EarthFrame(r[RADIANCE], r[EARTH_TILES], r[SCENE], moon is not None and moon.in_front)
+    def from_resources(r: PassResources) -> EarthFrame:
+        """Collect the resources from those of a pass."""
+        moon_view = r.find(MOON)
+        return EarthFrame(r[RADIANCE], r[EARTH_TILES], r[SCENE], moon_view is not None and moon_view.in_front)
 
 
 class Earth:
-    """The Earth's maps, air and programs on the GPU for one number of bands; creating it uploads the maps.
+    """The Earth's maps, air and programs on the GPU, for one set of bands. The constructor uploads the maps.
 
     Parameters
     ----------
+    context : Context
+        OpenGL context.
+    programs : ProgramLibrary
+        Programs of the context.
+    bands : Bands
+        Spectral bands of the camera.
     prefetched : EarthMaps
         Prefetched maps of a scene with these bands; the constructor waits for them.
     precompiles : bool, optional
@@ -153,22 +173,26 @@ class Earth:
         self.bands = 1 if bands == "mono" else 3
         self._airs: dict[tuple[float, float], Air] = {}
         self._names: Bands = bands
-        # uploaded one at a time, in the order in which a single thread prepares them, so that each can be freed
-        waiting = prefetched.maps.result()
-        self._maps = [self._mapped(waiting.pop(0)) for _ in range(len(waiting))]
-        self._months = {k: self._mapped(levels) for k, levels in prefetched.months.result().items()}
-        self.detail, self.night = (TilingTexture(context, f) for f in (prefetched.detail, prefetched.night))
+        # uploaded one by one in the order in which they are prepared, so that each can be freed before the next
+        pending = prefetched.maps.result()
+        self._maps = [self._map_texture(pending.pop(0)) for _ in range(len(pending))]
+        self._months = {
+            month: self._map_texture(levels) for month, levels in prefetched.months.result().items()
+        }
+        self.detail, self.night = (
+            TilingTexture(context, levels_future) for levels_future in (prefetched.detail, prefetched.night)
+        )
         prefetched.detail.result()
         self._terrain: moderngl.Texture | None = None  # only for `high`
-        self._ground_slopes = self._mapped(prefetched.ground_slopes.result())
+        self._ground_slopes = self._map_texture(prefetched.ground_slopes.result())
         self._keep_air(prefetched.air.result())
         self._ice: tuple[str, moderngl.Texture] | None = None  # date and texture
         self._ocean_colour: Future[MipmapChain] | moderngl.Texture = prefetched.ocean_colour
         self._arrays: dict[Program, tuple[moderngl.Buffer, moderngl.VertexArray]] = {}
-        self._kept: dict[tuple[object, ...], Program] = {}
+        self._program_cache: dict[tuple[object, ...], Program] = {}
 
     def air(self, environment: Environment) -> Air:
-        """Return the air of an environment, cached."""
+        """Return the air of an environment; it is cached."""
         settings = environment.atmosphere_thickness_km * 1e3, environment.aerosol_optical_depth
         if settings not in self._airs:
             self._keep_air(air_tables(self._names, settings[0], aerosol_depth=settings[1]))
@@ -194,7 +218,7 @@ class Earth:
         frame = FrameAir(self._context, self._programs, self.bands, tables)
         self._airs[tables.air.thickness_m, tables.air.aerosol_depth] = Air(tables, frame)
 
-    def _mapped(self, levels: MipmapChain) -> moderngl.Texture:
+    def _map_texture(self, levels: MipmapChain) -> moderngl.Texture:
         texture = mipmapped_texture(self._context, levels)
         texture.filter = (self._context.LINEAR_MIPMAP_LINEAR, self._context.LINEAR)
         texture.repeat_x, texture.repeat_y = True, False
@@ -202,41 +226,51 @@ class Earth:
 
     def _month(self, month: int) -> moderngl.Texture:
         if month not in self._months:
-            self._months[month] = self._mapped(mipmap_chain(month_gain(month, self.bands), globe=True))
+            self._months[month] = self._map_texture(mipmap_chain(month_gain(month, self.bands), globe=True))
         return self._months[month]
 
     def program(self, frame: EarthFrame, kind: TileKind, *, quads: bool) -> Program:
-        """Return the program that draws tiles of a kind; with ``quads`` four pixels per texel."""
+        """Return the program that draws tiles of a kind.
+
+        Parameters
+        ----------
+        frame : EarthFrame
+            Resources of the frame.
+        kind : TileKind
+            Kind of the tiles.
+        quads : bool
+            True to draw four pixels per texel.
+        """
         environment, behind = frame.scene.environment, frame.moon_in_front
         high, dark = frame.scene.quality == "high", frame.tiles.dark and kind.night
         key = (environment, kind, behind, high, quads, dark, self._programs.lens)
-        if key not in self._kept:
+        if key not in self._program_cache:
             defines = self.defines(environment, kind, behind=behind, high=high, quads=quads, dark=dark)
-            self._kept[key] = self._programs.get(
+            self._program_cache[key] = self._programs.get(
                 "earth/earth.vert",
                 "earth/earth.frag",
                 defines,
                 _SAMPLERS[self.bands],
             )
-        return self._kept[key]
+        return self._program_cache[key]
 
     def defines(
         self, environment: Environment, kind: TileKind, *, behind: bool, high: bool, quads: bool, dark: bool
     ) -> dict[str, object]:
         """Return the defines of the shaders that draw ground and air."""
-        one = environment.undifferentiated
+        undifferentiated = environment.undifferentiated
         return {
             "BANDS": self.bands,
             "AIR": int(environment.atmosphere),
             "AIR_DEPTH": round(self.air(environment).zenith_depth, 4),
             "CLOUDS": int(environment.clouds),
-            "GLINT": int(environment.ocean_glint and not one),
+            "GLINT": int(environment.ocean_glint and not undifferentiated),
             "NIGHT": int(environment.night_lights and kind.night),
             "UNLIT": int(kind.unlit),
             "MOONLIT": int(environment.moon and dark and not kind.unlit),
-            "ICE": int(environment.sea_ice and kind.icy and not one),
+            "ICE": int(environment.sea_ice and kind.icy and not undifferentiated),
             "ICE_LEVEL": math.log2(MAP_WIDTH / ICE_WIDTH),
-            "OCEAN_COLOUR": int(kind.bright_water and not one),
+            "OCEAN_COLOUR": int(kind.bright_water and not undifferentiated),
             "OCEAN_COLOUR_SCALE": OCEAN_COLOUR_SCALE,
             "SMOOTH": int(kind.smooth),
             "FAR": int(kind.level > FAR_LEVEL or not kind.smooth),
@@ -246,8 +280,8 @@ class Earth:
             "QUADS": int(quads),
             "MAGNIFIED": int(quads and kind.level <= MAGNIFIED_LEVEL),
             "HIGH": int(high),
-            "ONE_OPTICS": int(one),
-            "RELIEF": float(environment.relief and not one),
+            "ONE_OPTICS": int(undifferentiated),
+            "RELIEF": float(environment.relief and not undifferentiated),
             "GROUND_SLOPE": GROUND_SLOPE_MAX,
             "OCTAVES": OCTAVES,
             "CLOUD_KM": CLOUD_KM,
@@ -271,42 +305,45 @@ class Earth:
 
         Parameters
         ----------
+        frame : EarthFrame
+            Resources of the frame.
         draws : iterable of tuple
-            Draw calls, each with a function that returns its vertices (K, 2 + 4 n): the tiles' centres [px] and values
-            at their corners. It is called once the previous call is in progress.
+            Draw calls, each with a function that returns its vertices (K, 2 + 4 n): the tiles' centres [px], and values
+            at their corners. The function is called while the driver executes the previous draw call.
         """
         scene, environment = frame.scene, frame.scene.environment
         self._context.blend_func = self._context.ONE, self._context.ONE
-        month = season_of(scene)
-        textures = self._textures(frame.images, self.air(environment).frame) | self.ground_textures(month)
+        season = map_season(scene)
+        textures = self._textures(frame.images, self.air(environment).frame) | self.ground_textures(season)
         if scene.quality == "high":
             textures["t_terrain"] = self._terrain_of_high()
         if any(kind.icy or kind.bright_water for kind in frame.tiles.centers_px):
             textures |= self._waters(ice_day(scene))
-        if (touched := frame.tiles.holding(covered=False)) is not None:
-            frame.images.mark_lit(touched)
-        for draw, vertices_of in draws:
-            # large textures that the previous draw did not use may end its scene
+        if (drawn_rect := frame.tiles.bounds(covered=False)) is not None:
+            frame.images.mark_drawn(drawn_rect)
+        for draw, get_vertices in draws:
+            # binding large textures that the previous draw did not use may make the driver wait for it
             flush(self._context)
             draw_to(draw.framebuffer)
             # whole tiles, beyond the image's edge too: a point whose centre is outside would be dropped
             draw.framebuffer.viewport = draw.viewport
-            # the first light of the sky: without anything in front it is written, which is cheaper than added
+            # The Earth is the first part of the sky to be drawn. Where nothing is in front, it is written, which is
+            # cheaper than blending.
             blend = self._context.BLEND if draw.blended else self._context.NOTHING
             self._context.enable_only(blend | self._context.PROGRAM_POINT_SIZE)
-            smaller = self._context.LINEAR if draw.level is None else self._context.LINEAR_MIPMAP_LINEAR
+            min_filter = self._context.LINEAR if draw.level is None else self._context.LINEAR_MIPMAP_LINEAR
             for texture in self._maps:
-                texture.filter = smaller, self._context.LINEAR
+                texture.filter = min_filter, self._context.LINEAR
             program, level = draw.program, draw.level or 0.0
             lamps = {} if draw.city is None else {"t_city": draw.city}
             program.bind_textures(**textures, **lamps, t_detail=draw.detail)
             textures = {}  # other programs use the same units
-            program.set("u_season", month.share)
+            program.set("u_season", season.share)
             program.set("u_extent_px", frame.tiles.extent_px)
             program.set("u_tile_px", draw.tile_px)
             program.set("u_level", (level - LOG2_TEXEL_KM, level - math.log2(DETAIL_TEXEL_KM), level))
-            vertices = vertices_of()
-            buffer, array = self._array_of(program, vertices.shape[1] - 2)
+            vertices = get_vertices()
+            buffer, array = self._vertex_array(program, vertices.shape[1] - 2)
             buffer.orphan(vertices.nbytes)
             buffer.write(vertices)
             if self._precompiles:
@@ -314,8 +351,8 @@ class Earth:
             else:
                 array.render(vertices=len(vertices))
 
-    def _array_of(self, program: Program, values: int) -> tuple[moderngl.Buffer, moderngl.VertexArray]:
-        """Return a program's vertex buffer (centres of tiles, values at their four corners) and vertex array."""
+    def _vertex_array(self, program: Program, values: int) -> tuple[moderngl.Buffer, moderngl.VertexArray]:
+        """Return a program's vertex buffer and vertex array: centres of tiles, and values at their four corners."""
         if program not in self._arrays:
             buffer = self._context.buffer(reserve=8, dynamic=True)
             names = [f"in_air_{k}" for k in range(values // 4)]
@@ -330,23 +367,23 @@ class Earth:
     def _terrain_of_high(self) -> moderngl.Texture:
         """Return the land's fine slopes, uploaded when `high` first needs them."""
         if self._terrain is None:
-            self._terrain = self._mapped(mipmap_chain(terrain_texture(), globe=False))
+            self._terrain = self._map_texture(mipmap_chain(terrain_texture(), globe=False))
             self._terrain.repeat_y = True
         return self._terrain
 
     def _waters(self, day: str) -> dict[str, moderngl.Texture]:
-        """Return the sea ice of a day and the shallows, uploaded when such water is first in view."""
+        """Return the maps of sea ice and of the ocean's colour, uploaded when such water is first in view."""
         if not isinstance(self._ocean_colour, moderngl.Texture):
-            self._ocean_colour = self._mapped(self._ocean_colour.result())
+            self._ocean_colour = self._map_texture(self._ocean_colour.result())
         return {"t_ice": self.ice_texture(day), "t_ocean_colour": self._ocean_colour}
 
     def ice_texture(self, day: str) -> moderngl.Texture:
-        """Return the sea ice of a day."""
+        """Return the map of a day's sea ice; the last one is cached."""
         if self._ice is None or self._ice[0] != day:
             if self._ice is not None:
                 old, self._ice = self._ice[1], None
                 release_mipmapped(old)
-            self._ice = (day, self._mapped(mipmap_chain(sea_ice(day), globe=True)))
+            self._ice = (day, self._map_texture(mipmap_chain(sea_ice(day), globe=True)))
         return self._ice[1]
 
     def ground_textures(self, month: Season) -> dict[str, moderngl.Texture]:
@@ -373,7 +410,7 @@ EARTH: Resource[Earth] = Resource("earth")
 
 
 class EarthPass(Pass):
-    """Adds ground, clouds and air: the first light of the sky behind the target."""
+    """Adds ground, clouds and air to the radiance. It is the first pass of the sky."""
 
     name = "earth.surface"
     reads = (SCENE, EARTH, EARTH_TILES, *IMAGES)
@@ -384,8 +421,8 @@ class EarthPass(Pass):
         self._context = context
 
     def run(self, r: PassResources) -> None:
-        """Draw all tiles, without distinguishing kinds."""
-        frame, earth = EarthFrame.of(r), r[EARTH]
+        """Draw all tiles."""
+        frame, earth = EarthFrame.from_resources(r), r[EARTH]
         tiles = frame.tiles
         draws = []
         for kind, centers in tiles.centers_px.items():

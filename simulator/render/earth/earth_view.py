@@ -1,4 +1,4 @@
-"""Passes that prepare the sky: light of globe and Moon, the globe in the image, the Earth's tiles and its air."""
+"""Passes that prepare the Earth: its view, light on the target, tiles and air, and the compilation of its programs."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from flyaround.simulator.celestial.earth_albedo import globe_and_moon_shine, moon_on_plates
 from flyaround.simulator.render.craft.placement import TARGET
 from flyaround.simulator.render.earth.earth_pass import EARTH, Earth
-from flyaround.simulator.render.earth.map_textures import prefetch_earth_maps, shows_earth, stand_ins
+from flyaround.simulator.render.earth.map_textures import placeholder_maps, prefetch_earth_maps, shows_earth
 from flyaround.simulator.render.earth.screen_tiles import EARTH_TILES, uniform_tiles
 from flyaround.simulator.render.earth.shine import ShineSampler
 from flyaround.simulator.render.frame_graph import FrameGraph, FrameResources, Pass, Resource
@@ -30,10 +30,12 @@ if TYPE_CHECKING:
 
 
 class Earths:
-    """The Earth for each set of bands: maps are prefetched, and uploaded at the first use.
+    """The Earth for each set of bands. Its maps are prefetched on other threads, and uploaded at first use.
 
     Parameters
     ----------
+    device : Device
+        OpenGL context and shared state.
     prefetched : mapping, optional
         Results of `prefetch_earth_maps` for the first scenes.
     """
@@ -44,7 +46,7 @@ class Earths:
         self._prefetched: dict[Bands, EarthMaps] = dict(prefetched or {})
 
     def prefetch(self, scene: SceneState) -> None:
-        """Start decoding the maps of a first frame."""
+        """Start decoding the maps that a scene needs, unless they are decoded or uploaded."""
         bands = scene.bands
         if shows_earth(scene) and bands not in self._uploaded and bands not in self._prefetched:
             self._prefetched[bands] = prefetch_earth_maps(bands, scene.environment, scene.epoch_utc)
@@ -54,7 +56,7 @@ class Earths:
         return self._prefetched.get(bands)
 
     def get(self, bands: Bands) -> Earth:
-        """Return the Earth for some bands; wait for its maps at the first use."""
+        """Return the Earth for a set of bands. The first call waits for the maps and uploads them."""
         if bands not in self._uploaded:
             self._uploaded[bands] = self._upload(bands, self._prefetched.pop(bands))
         return self._uploaded[bands]
@@ -66,9 +68,9 @@ class Earths:
         return earth
 
     @contextmanager
-    def standing_in(self, scene: SceneState) -> Iterator[None]:
-        """Replace the Earth by one with small black maps, which draws one tile of each kind."""
-        maps = stand_ins(scene.bands, scene.environment, scene.epoch_utc)
+    def placeholder(self, scene: SceneState) -> Iterator[None]:
+        """Replace the Earth by one with small black maps inside the context; it draws one tile of each kind."""
+        maps = placeholder_maps(scene.bands, scene.environment, scene.epoch_utc)
         self._uploaded[scene.bands] = self._upload(scene.bands, maps, precompiles=True)
         try:
             yield
@@ -82,7 +84,7 @@ class Earths:
 
 
 class GlobeViewPass(Pass):
-    """Finds the globe and its air in the image; uploads the globe's resources at its first use."""
+    """Finds the globe and its air in the image, and uploads the globe's resources at first use."""
 
     name = "earth.view"
     reads = (SCENE, VIEW)
@@ -118,7 +120,7 @@ class GlobeViewPass(Pass):
 
 
 class ShinePass(Pass):
-    """Computes the light of globe and Moon on the target, from the Earth as it is drawn."""
+    """Computes the irradiance of globe and Moon on the target, from the Earth as it is drawn."""
 
     name = "earth_and_moon_shine"
     reads = (SCENE, VIEW, TARGET)
@@ -150,7 +152,7 @@ class ShinePass(Pass):
 
 
 class EarthTilesPass(Pass):
-    """Divides the part of the image that the Earth may touch into tiles of one kind."""
+    """Divides the part of the image that the Earth may touch into tiles, all of one kind."""
 
     name = "earth.tiles"
     reads: tuple[Resource[object], ...] = (SCENE, EARTH, GLOBE)
@@ -163,7 +165,7 @@ class EarthTilesPass(Pass):
 
 
 class EarthAirPass(Pass):
-    """Draws this frame's tables of the Earth's air: in-scatter and transmittance."""
+    """Computes this frame's tables of the Earth's air: in-scatter and transmittance."""
 
     name = "earth.air"
     reads = (SCENE, EARTH, GLOBE, EARTH_TILES, AIR)
@@ -198,5 +200,5 @@ class EarthProgramsPass(Pass):
         frame = FrameResources()
         frame[SCENE], frame[VIEW], frame[TARGET] = r[SCENE], r[VIEW], r.find(TARGET)
         frame[RADIANCE], frame[COVERAGE], frame[GIVEN_IRRADIANCE] = r[RADIANCE], r[COVERAGE], None
-        with self._earths.standing_in(r[SCENE]):
+        with self._earths.placeholder(r[SCENE]):
             FrameGraph(self._passes, frame).run(self._context, frame)

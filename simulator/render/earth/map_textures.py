@@ -1,4 +1,4 @@
-"""Prefetch of the Earth's maps: decoded or read from the cache in threads, while the target is prepared."""
+"""Prefetch of the Earth's maps. Threads decode them, or read them from the cache, while the target is prepared."""
 
 from __future__ import annotations
 
@@ -29,8 +29,12 @@ if TYPE_CHECKING:
     from flyaround.simulator.scene.state import SceneState
 
 _T = TypeVar("_T")
-_ODD, _EVEN = (6, 12), (4, 8)  # rows and columns of stand-ins: not powers of two, and powers of two
-AUGUST = Season(8, 8, 0.0)  # month of the fine map
+_SIZE_NPOT, _SIZE_POT = (
+    (6, 12),
+    (4, 8),
+)  # rows and columns of placeholders: not powers of two, and powers of two
+AUGUST = Season(8, 8, 0.0)
+"""Season of the finest map, which is drawn unchanged in August."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,17 +44,21 @@ class EarthMaps:
     Parameters
     ----------
     albedo : Future
-        Albedo for Earth-shine.
+        Albedo of the globe, for Earth-shine.
     maps : Future
         Textures of the maps, one for one band, two for three.
+    detail : Future
+        Tiling texture of ground and clouds below the maps' resolution.
+    ground_slopes : Future
+        Slopes of the terrain.
     months : Future
-        Gains by month number.
+        Gains over the August map, by month number.
     ocean_colour : Future
         Map of the water's colour, uploaded once such water is in view.
     night : Future
         Map of the city lights, uploaded once the night side is in view.
     air : Future
-        Tables for the scene's thickness.
+        Tables of the air, for the scene's thickness and aerosols.
     """
 
     albedo: Future[Float32Array]
@@ -63,20 +71,20 @@ class EarthMaps:
     air: Future[AirTables]
 
 
-def prefetch_earth_maps(of_bands: Bands, environment: Environment, epoch_utc: str) -> EarthMaps:
-    """Start decoding the maps that the Earth of a scene needs; NumPy and OpenCV release Python's lock.
+def prefetch_earth_maps(bands_name: Bands, environment: Environment, epoch_utc: str) -> EarthMaps:
+    """Start decoding the maps that the Earth of a scene needs, on other threads.
 
-    It can be called before the renderer exists that will draw the scene.
+    It may be called before the renderer exists.
     """
-    bands = 1 if of_bands == "mono" else 3
+    bands = 1 if bands_name == "mono" else 3
     dates = season(epoch_utc) if environment.seasons else AUGUST
-    # longest tasks first: the detail alone takes as long as the maps
+    # longest tasks first: the detail texture alone takes as long as the maps
     pools = [ThreadPoolExecutor(1) for _ in range(min(helper_threads(), 2))]
     with_maps, other_pools = pools[0], pools[-1]
     maps = with_maps.submit(lambda: [mipmap_chain(image, globe=True) for image in packed_maps(bands)])
     albedo = with_maps.submit(albedo_of_day, epoch_utc, clouds=environment.clouds, ice=environment.sea_ice)
     months = with_maps.submit(_months, sorted({dates.before, dates.after}), bands)
-    # needed by few scenes
+    # last, because few scenes need it
     water = with_maps.submit(lambda: mipmap_chain(ocean_colour(bands), globe=True))
     prefetched = EarthMaps(
         albedo,
@@ -88,7 +96,7 @@ def prefetch_earth_maps(of_bands: Bands, environment: Environment, epoch_utc: st
         with_maps.submit(lambda: mipmap_chain(night_texture(), globe=False)),
         other_pools.submit(
             air_tables,
-            of_bands,
+            bands_name,
             environment.atmosphere_thickness_km * 1e3,
             aerosol_depth=environment.aerosol_optical_depth,
         ),
@@ -114,38 +122,39 @@ def shows_earth(scene: SceneState) -> bool:
     return body.surface == "earth" and scene.environment.draws(body)
 
 
-def prefetch_maps_of(first: SceneState | None) -> dict[Bands, EarthMaps]:
-    """Return prefetched maps for the first scene, as `Renderer` takes them; none if it has no Earth."""
+def prefetch_maps(first: SceneState | None) -> dict[Bands, EarthMaps]:
+    """Start decoding the maps of the first scene; return them as `Renderer` takes them, empty without the Earth."""
     if first is None or not shows_earth(first):
         return {}
     return {first.bands: prefetch_earth_maps(first.bands, first.environment, first.epoch_utc)}
 
 
-def stand_ins(of_bands: Bands, environment: Environment, epoch_utc: str) -> EarthMaps:
-    """Return black maps of a few texels, of the kinds that `prefetch_earth_maps` prepares, and air without light.
+def placeholder_maps(bands_name: Bands, environment: Environment, epoch_utc: str) -> EarthMaps:
+    """Return black placeholder maps of a few texels, and air without light, for compiling programs.
 
-    A driver's programs depend on a texture's channels, levels, and whether its sides are powers of two.
+    A driver compiles programs for a texture's channels and levels, and for sides that are or are not powers of two. The
+    placeholders have the properties of the maps that `prefetch_earth_maps` prepares.
     """
-    bands = 1 if of_bands == "mono" else 3
+    bands = 1 if bands_name == "mono" else 3
     dates = season(epoch_utc) if environment.seasons else AUGUST
-    many, one = _black(_ODD, 4), _black(_ODD, 1)
-    month = _black(_EVEN, bands)
+    colour, gray = _black(_SIZE_NPOT, 4), _black(_SIZE_NPOT, 1)
+    month = _black(_SIZE_POT, bands)
     air = earth_atmosphere(
-        of_bands, environment.atmosphere_thickness_km * 1e3, environment.aerosol_optical_depth
+        bands_name, environment.atmosphere_thickness_km * 1e3, environment.aerosol_optical_depth
     )
     tables = [
         np.zeros((*size, bands), np.float32)
         for size in ((RADII, COSINES), (GROUND_SAMPLES,), (HEIGHTS, SUNS))
     ]
     return EarthMaps(
-        _done(np.zeros(0, np.float32)),
-        _done([many] * (1 if bands == 1 else 2)),
-        _done(_black(_EVEN, 4)),
-        _done(many),
-        _done({dates.before: month, dates.after: month}),
-        _done(one if bands == 1 else many),
-        _done(_black(_EVEN, 4)),
-        _done(AirTables(air, *tables)),
+        _completed(np.zeros(0, np.float32)),
+        _completed([colour] * (1 if bands == 1 else 2)),
+        _completed(_black(_SIZE_POT, 4)),
+        _completed(colour),
+        _completed({dates.before: month, dates.after: month}),
+        _completed(gray if bands == 1 else colour),
+        _completed(_black(_SIZE_POT, 4)),
+        _completed(AirTables(air, *tables)),
     )
 
 
@@ -153,7 +162,7 @@ def _black(size: tuple[int, int], bands: int) -> MipmapChain:
     return mipmap_chain(np.zeros(size if bands == 1 else (*size, 4), np.uint8), globe=True)
 
 
-def _done(value: _T) -> Future[_T]:
+def _completed(value: _T) -> Future[_T]:
     future: Future[_T] = Future()
     future.set_result(value)
     return future

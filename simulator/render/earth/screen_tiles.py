@@ -1,4 +1,4 @@
-"""Screen tiles that the Earth and its air touch: their kinds and size."""
+"""Square tiles of the image that the Earth and its air touch, grouped by kind."""
 
 from __future__ import annotations
 
@@ -18,8 +18,9 @@ if TYPE_CHECKING:
     from flyaround.simulator.scene.state import SceneState
 
 TILE_RAD = 0.0107
-"""Side for a SPEED camera [px]: the ground point between its corners is linear to a tenth of a pixel."""
-_SMALLEST_PX, _LARGEST_PX = 8, 32
+"""Angular side of a tile [rad], 32 px of a SPEED camera. Ground points interpolated between its corners are exact to a
+tenth of a pixel."""
+_MIN_TILE_PX, _MAX_TILE_PX = 8, 32
 ICE_SINE = 0.73
 """Sine of 47 degrees latitude, equatorward of which the sea is open."""
 
@@ -31,21 +32,21 @@ class TileKind:
     Parameters
     ----------
     air : bool
-        Air only, no ground.
+        True if the tiles show only air, no ground.
     fine : bool
-        Half as wide as other tiles, towards the limb; only for smooth tiles.
+        True if the tiles are half as wide as others, towards the limb; only for smooth tiles.
     smooth : bool
-        All ground, away from limb and poles.
+        True if the tiles show only ground, away from limb and poles, so that light may be interpolated.
     covered : bool
-        The target may be in front.
+        True if the target may be in front.
     night : bool
-        Dark enough for city lights somewhere.
+        True if city lights may be on.
     unlit : bool
-        Lit by neither Sun nor Moon; only for smooth tiles.
+        True if neither Sun nor Moon shines; only for smooth tiles.
     icy : bool
-        May be near sea ice somewhere.
+        True if sea ice may be near.
     bright_water : bool
-        Near shallow or turbid water somewhere.
+        True if shallow or turbid water is near.
     level : float
         log2 of a pixel's footprint [km]; only for smooth tiles.
     """
@@ -72,23 +73,23 @@ class ScreenTiles:
     extent_px : tuple of int
         Width and height of all tiles together, from the image's corner to beyond its end.
     centers_px : dict
-        (K, 2) float32 centres of each kind's tiles; pixel edges lie at .5.
-    others_px : (L, 2) array
-        Centres of all the image's tiles that are not smooth.
+        (K, 2) float32 centres of each kind's tiles [px].
+    rough_centers_px : (L, 2) array
+        Centres of all the image's tiles that are not smooth [px].
     dark : bool
-        True if some ground in view has no more light of the Sun than the Moon may give.
-    halved : (P,) tuple of array
-        Rows and columns of tiles drawn as two by two fine ones, counted in tiles.
+        True if on some ground in view moonlight may be as strong as sunlight.
+    halved : tuple of array
+        Rows (P,) and columns (P,) of the tiles that are drawn as 2 x 2 fine ones, counted in tiles.
     """
 
     size_px: int
     extent_px: tuple[int, int]
     centers_px: dict[TileKind, Float32Array]
-    others_px: Float32Array
+    rough_centers_px: Float32Array
     dark: bool
     halved: tuple[IntArray, IntArray]
 
-    def size_of(self, kind: TileKind) -> float:
+    def tile_side_px(self, kind: TileKind) -> float:
         """Return the side of a kind's tiles [px]."""
         return self.size_px / 2 if kind.fine else float(self.size_px)
 
@@ -96,7 +97,7 @@ class ScreenTiles:
     def smooth_share(self) -> float:
         """Share of the image's tiles that are smooth."""
         width, height = self.extent_px
-        return 1 - len(self.others_px) * self.size_px**2 / (width * height)
+        return 1 - len(self.rough_centers_px) * self.size_px**2 / (width * height)
 
     @property
     def all_smooth(self) -> bool:
@@ -118,35 +119,37 @@ class ScreenTiles:
         y = row[:, None, None] * self.size_px + steps[None, :, None]
         return np.stack(np.broadcast_arrays(x, y), axis=-1).astype(np.float32)
 
-    def fine_place(self, centers_px: Float32Array) -> tuple[IntArray, IntArray, IntArray]:
-        """Return (K,) index in ``halved``, row and column of fine tiles, by their centres (K, 2)."""
+    def fine_tile_indices(self, centers_px: Float32Array) -> tuple[IntArray, IntArray, IntArray]:
+        """Return index in ``halved`` (K,), row (K,) and column (K,) of fine tiles with centres (K, 2)."""
         half_column, half_row = (
             ((centers_px + np.float32(0.5)) / np.float32(self.size_px / 2)).astype(np.int64).T
         )
-        return self._halved_place[half_row // 2, half_column // 2], half_row % 2, half_column % 2
+        return self._halved_index[half_row // 2, half_column // 2], half_row % 2, half_column % 2
 
     @cached_property
-    def _halved_place(self) -> IntArray:
+    def _halved_index(self) -> IntArray:
         """Index in ``halved`` of each of the image's tiles, row by row; 0 for tiles that are not halved."""
         width, height = self.extent_px
-        which = np.zeros((height // self.size_px, width // self.size_px), np.int64)
-        which[self.halved] = np.arange(len(self.halved[0]))
-        return which
+        index = np.zeros((height // self.size_px, width // self.size_px), np.int64)
+        index[self.halved] = np.arange(len(self.halved[0]))
+        return index
 
-    def place(self, centers_px: Float32Array) -> tuple[IntArray, IntArray]:
-        """Return (K,) rows and columns of tiles, counted in tiles, by their centres (K, 2)."""
+    def tile_indices(self, centers_px: Float32Array) -> tuple[IntArray, IntArray]:
+        """Return rows (K,) and columns (K,), counted in tiles, of tiles with centres (K, 2)."""
         column, row = ((centers_px + np.float32(0.5)) / np.float32(self.size_px)).astype(np.int64).T
         return row, column
 
-    def holding(self, *, covered: bool) -> PixelRect | None:
-        """Return the pixels of all tiles, or of those that the target may cover."""
+    def bounds(self, *, covered: bool) -> PixelRect | None:
+        """Return the bounding rectangle of all tiles, or of those that the target may cover; None without tiles."""
         areas = [
-            (self.size_of(k), at) for k, at in self.centers_px.items() if len(at) and k.covered >= covered
+            (self.tile_side_px(kind), centers)
+            for kind, centers in self.centers_px.items()
+            if len(centers) and kind.covered >= covered
         ]
         if not areas:
             return None
-        low = np.min([at.min(axis=0) + 0.5 - size / 2 for size, at in areas], axis=0)
-        high = np.max([at.max(axis=0) + 0.5 + size / 2 for size, at in areas], axis=0)
+        low = np.min([centers.min(axis=0) + 0.5 - side / 2 for side, centers in areas], axis=0)
+        high = np.max([centers.max(axis=0) + 0.5 + side / 2 for side, centers in areas], axis=0)
         return PixelRect(int(low[0]), int(low[1]), int(high[0]), int(high[1]))
 
 
@@ -154,14 +157,14 @@ EARTH_TILES: Resource[ScreenTiles] = Resource("earth tiles")
 
 
 def ice_day(scene: SceneState) -> str:
-    """Return the day whose sea ice is drawn; without seasons, that of the maps."""
+    """Return the day (ISO 8601) whose sea ice is drawn: the scene's, or the maps' without seasons."""
     return scene.epoch_utc[:10] if scene.environment.seasons else "2004-08-15"
 
 
 def tile_size_px(camera: Camera) -> int:
     """Return the side of the tiles that a camera's image is divided into, from its top left corner [px]."""
     # a multiple of four: derivatives are differences between 2 x 2 texels of 2 x 2 pixels
-    return min(max(4 * round(TILE_RAD / camera.pixel_angle_rad() / 4), _SMALLEST_PX), _LARGEST_PX)
+    return min(max(4 * round(TILE_RAD / camera.pixel_angle_rad() / 4), _MIN_TILE_PX), _MAX_TILE_PX)
 
 
 def uniform_tiles(earth: GlobeView, camera: Camera) -> ScreenTiles:
@@ -169,7 +172,7 @@ def uniform_tiles(earth: GlobeView, camera: Camera) -> ScreenTiles:
     size, rect = tile_size_px(camera), earth.rect
     columns, rows = -(-camera.width_px // size), -(-camera.height_px // size)
     radius = float(np.linalg.norm(earth.camera))
-    # the highest latitude in view, and a degree
+    # highest latitude in view, plus a degree
     latitude = abs(np.arcsin(earth.camera[2] / radius)) + np.arccos(1 / max(radius, 1.0)) + np.radians(1.0)
     kind = TileKind(
         air=False,
@@ -182,18 +185,20 @@ def uniform_tiles(earth: GlobeView, camera: Camera) -> ScreenTiles:
         bright_water=True,
         level=0.0,
     )
-    every = _middles(0, 0, columns, rows, size)
-    none = np.zeros(0, np.int64)
+    all_centers = _tile_centers(0, 0, columns, rows, size)
+    no_tiles = np.zeros(0, np.int64)
     touched = (
-        every[:0]
+        all_centers[:0]
         if rect is None
-        else _middles(rect.x0 // size, rect.y0 // size, -(-rect.x1 // size), -(-rect.y1 // size), size)
+        else _tile_centers(rect.x0 // size, rect.y0 // size, -(-rect.x1 // size), -(-rect.y1 // size), size)
     )
-    return ScreenTiles(size, (size * columns, size * rows), {kind: touched}, every, True, (none, none))
+    return ScreenTiles(
+        size, (size * columns, size * rows), {kind: touched}, all_centers, True, (no_tiles, no_tiles)
+    )
 
 
 @lru_cache(maxsize=8)
-def _middles(x0: int, y0: int, x1: int, y1: int, size: int) -> Float32Array:
+def _tile_centers(x0: int, y0: int, x1: int, y1: int, size: int) -> Float32Array:
     """Return (K, 2) centres [px] of the tiles in columns ``x0`` to ``x1`` and rows ``y0`` to ``y1`` (exclusive)."""
     column, row = np.meshgrid(np.arange(x0, x1), np.arange(y0, y1))
     middles = np.stack([column.ravel(), row.ravel()], axis=1).astype(np.float32)

@@ -21,7 +21,21 @@ _SOFTWARE_NAMES = ("llvmpipe", "softpipe", "swrast", "software rasterizer")
 
 @dataclass(frozen=True)
 class GlInfo:
-    """The OpenGL driver; recorded with every image, because its bytes depend on it."""
+    """The OpenGL driver. It is recorded with every image, because the image's bytes depend on it.
+
+    Parameters
+    ----------
+    vendor : str
+        GL_VENDOR.
+    renderer : str
+        GL_RENDERER.
+    version : str
+        GL_VERSION.
+    threads : int
+        Number of threads of a software driver; 0 for a GPU.
+    is_software : bool
+        True if the driver draws on the CPU.
+    """
 
     vendor: str
     renderer: str
@@ -43,25 +57,25 @@ def create_context(device_index: int | None = None) -> moderngl.Context:
     UserError
         If EGL or the device is missing, or its OpenGL is older than 4.1.
     """
-    _keep_narrow_vectors_from_avx()
+    _disable_avx_for_narrow_vectors()
     options: dict[str, Any] = {"backend": "egl"}
     if device_index is not None:
         options["device_index"] = device_index
     try:
-        context = _ask_for_context(options)
+        context = _create_context(options)
     except Exception as error:
         # moderngl raises bare Exception from its loader
-        where = "" if device_index is None else f" on device {device_index}"
+        on_device = "" if device_index is None else f" on device {device_index}"
         advice = HOW_TO_GET_EGL if device_index is None else "leave the device out, or name one that there is"
-        raise UserError(f"no headless OpenGL by EGL{where} ({error}); {advice}") from error
+        raise UserError(f"no headless OpenGL by EGL{on_device} ({error}); {advice}") from error
     check_version(context)
     return context
 
 
-def _ask_for_context(options: dict[str, Any]) -> moderngl.Context:
-    """Create a context of the required version, or else of any, which `check_version` then reports.
+def _create_context(options: dict[str, Any]) -> moderngl.Context:
+    """Create a context of the required version, or else of any version, for `check_version` to report.
 
-    NVIDIA's driver gives exactly the requested version, by default 3.3; Mesa gives its newest.
+    NVIDIA's driver creates exactly the requested version, 3.3 by default. Mesa creates the newest that it has.
     """
     try:
         return moderngl.create_context(require=REQUIRED_VERSION, standalone=True, **options)
@@ -69,11 +83,11 @@ def _ask_for_context(options: dict[str, Any]) -> moderngl.Context:
         return moderngl.create_context(standalone=True, **options)
 
 
-def _keep_narrow_vectors_from_avx() -> None:
-    """Keep Mesa's software driver from AVX if 128-bit vectors are set.
+def _disable_avx_for_narrow_vectors() -> None:
+    """Disable AVX in Mesa's software driver if 128-bit vectors are set.
 
     With AVX on 128-bit vectors, Mesa 22.3 with LLVM 15 writes out of bounds when it draws the Earth. Only the
-    environment variable leads there: processors with AVX default to 256 bits, others have no AVX.
+    environment variable can cause this, because processors with AVX default to 256-bit vectors.
     """
     if os.environ.get("LP_NATIVE_VECTOR_WIDTH") == "128" and platform.machine() in {"x86_64", "AMD64"}:
         os.environ.setdefault("GALLIUM_OVERRIDE_CPU_CAPS", "sse4.1")

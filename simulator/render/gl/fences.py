@@ -1,4 +1,4 @@
-"""Fences of a software driver, kept until its threads have left them, because Mesa frees one too early.
+"""References to the fences of Mesa's software driver, which frees a fence while a thread may still use it.
 
 With each batch of drawing (a scene) llvmpipe creates a fence, in which every thread counts itself after its share. The
 drawing thread frees it once the count, read without the fence's lock, is complete and another scene was submitted. The
@@ -6,8 +6,9 @@ last thread may still be between counting and unlocking. If the system preempts 
 continues in memory that belongs to somebody else: "corrupted double-linked list", or worse (lp_fence_signalled and
 lp_setup_get_empty_scene of Mesa 22.3 and of 2026).
 
-An OpenGL sync object holds a reference to a fence. So one is created before the next drawing can end the scene, and
-deleted once a later scene is complete: threads start a scene only after all have left the previous one.
+An OpenGL sync object holds a reference to a fence. So a sync object is created before the next drawing can end the
+scene. It is deleted once a later scene is complete, because threads start a scene only after all have left the previous
+one.
 """
 
 from __future__ import annotations
@@ -25,7 +26,7 @@ if TYPE_CHECKING:
 
 # constants of OpenGL
 _COMMANDS_COMPLETE, _ALREADY_SIGNALED = 0x9117, 0x911A
-_AT_LEAST = 16
+_CHECK_COUNT = 16
 """Number of fences held before the oldest are checked."""
 
 
@@ -35,30 +36,31 @@ class Fences:
     Parameters
     ----------
     library : ctypes.CDLL
-        OpenGL library. Its calls keep Python's lock: reacquiring it could take a hundred times as long.
+        OpenGL library. It is called with the GIL held, because reacquiring it could take a hundred times as long as
+        the call.
     """
 
     def __init__(self, library: ctypes.CDLL) -> None:
         call = ctypes.PYFUNCTYPE
-        self._make = call(ctypes.c_void_p, ctypes.c_uint, ctypes.c_uint)(("glFenceSync", library))
-        self._look = call(ctypes.c_uint, ctypes.c_void_p, ctypes.c_uint, ctypes.c_uint64)(
+        self._create = call(ctypes.c_void_p, ctypes.c_uint, ctypes.c_uint)(("glFenceSync", library))
+        self._wait = call(ctypes.c_uint, ctypes.c_void_p, ctypes.c_uint, ctypes.c_uint64)(
             ("glClientWaitSync", library)
         )
-        self._free = call(None, ctypes.c_void_p)(("glDeleteSync", library))
+        self._delete = call(None, ctypes.c_void_p)(("glDeleteSync", library))
         self._old: list[int | None] = []
         self._new: list[int | None] = []
         self._later: int | None = None
 
     def hold(self) -> None:
-        """Have the driver start its queued commands, as `flush` does, and hold that scene's fence."""
+        """Start the driver's queued commands, as `flush` does, and hold the fence of their scene."""
         self._new.append(self._fence())
-        if len(self._new) < _AT_LEAST:
+        if len(self._new) < _CHECK_COUNT:
             return
-        # waiting on a sync object releases its fence: one object is for waiting, another keeps the fence
-        if self._later is not None and self._look(self._later, 0, 0) != _ALREADY_SIGNALED:
+        # a wait releases the fence of its sync object, so one object is for waiting and another holds the fence
+        if self._later is not None and self._wait(self._later, 0, 0) != _ALREADY_SIGNALED:
             return
         for fence in (*self._old, self._later):
-            self._free(fence)
+            self._delete(fence)
         self._old, self._new = self._new, [self._fence()]
         self._later = self._fence()
 
@@ -68,22 +70,22 @@ class Fences:
         return len(self._old) + len(self._new)
 
     def _fence(self) -> int | None:
-        fence: int | None = self._make(_COMMANDS_COMPLETE, 0)
+        fence: int | None = self._create(_COMMANDS_COMPLETE, 0)
         return fence
 
 
 def keep_fences(context: moderngl.Context) -> None:
-    """Have `flush` and `draw_to` hold the fences of a context from now on; for software drivers."""
+    """Let `flush` and `draw_to` hold the fences of a context; needed for software drivers."""
     library = gl_library()
     if context.extra is None and library is not None and hasattr(library, "glFenceSync"):
         context.extra = Fences(library)
 
 
 def flush(context: moderngl.Context) -> None:
-    """Have the driver start its queued commands; a software driver collects them until the image is read.
+    """Start the driver's queued commands. A software driver would otherwise collect them until the image is read.
 
-    If the OpenGL library cannot be called directly this does nothing: drawing then starts with the next image or the
-    read-back, and waiting here would cost more.
+    If the OpenGL library cannot be called directly, nothing is done. Drawing then starts at the next change of the
+    framebuffer or at the read-back.
     """
     if isinstance(context.extra, Fences):
         context.extra.hold()
@@ -94,7 +96,7 @@ def flush(context: moderngl.Context) -> None:
 
 
 def draw_to(framebuffer: moderngl.Framebuffer) -> None:
-    """Make a framebuffer current; every pass uses this, because changing the framebuffer ends a scene."""
+    """Make a framebuffer current. Every pass must use this function, because the change ends a scene of the driver."""
     context = framebuffer.ctx
     if isinstance(context.extra, Fences) and context.fbo is not framebuffer:
         context.extra.hold()
@@ -103,6 +105,6 @@ def draw_to(framebuffer: moderngl.Framebuffer) -> None:
 
 @lru_cache(maxsize=1)
 def _gl_flush() -> Callable[[], None] | None:
-    """Return glFlush called with Python's lock held, or None."""
+    """Return glFlush as a function that holds the GIL, or None."""
     library = gl_library()
     return None if library is None else ctypes.PYFUNCTYPE(None)(("glFlush", library))

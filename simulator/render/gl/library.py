@@ -1,4 +1,4 @@
-"""Direct calls of the OpenGL library, for functions that moderngl lacks or calls with Python's lock held."""
+"""Direct calls of the OpenGL library, for functions that moderngl lacks or calls with the GIL held."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _LIBRARIES = {
     "win32": ("opengl32",),
 }
 _LINUX = ("libGL.so.1", "libOpenGL.so.0")
-_POINTS = 0  # GL_POINTS
+_GL_POINTS = 0  # GL_POINTS
 
 
 @lru_cache(maxsize=1)
@@ -34,10 +34,10 @@ def gl_library() -> ctypes.CDLL | None:
 
 
 def draw_one_point(array: moderngl.VertexArray) -> None:
-    """Draw the first vertex of an array of points without Python's lock, which moderngl would keep."""
+    """Draw the first vertex of an array of points with the GIL released; moderngl would hold it."""
     library = gl_library()
     if library is None:
         array.render(vertices=1)
         return
     array.render(vertices=0)  # binds program and vertices
-    library.glDrawArrays(_POINTS, 0, 1)
+    library.glDrawArrays(_GL_POINTS, 0, 1)

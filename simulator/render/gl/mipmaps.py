@@ -1,4 +1,4 @@
-"""Mipmapped textures with levels from the cache, because a software driver takes half a second to generate them."""
+"""Mipmapped textures with cached levels, because a software driver takes half a second to generate them."""
 
 from __future__ import annotations
 
@@ -22,9 +22,10 @@ if TYPE_CHECKING:
 
     from flyaround.simulator.runtime.arrays import ByteArray
 
+# constants of OpenGL
 _TEXTURE_2D, _UNSIGNED_BYTE, _UNPACK_ALIGNMENT = 0x0DE1, 0x1401, 0x0CF5
 _FORMATS = {1: (0x8229, 0x1903), 4: (0x8058, 0x1908)}  # R8 and RED, RGBA8 and RGBA
-_OWN_NAME = "name made here"
+_OWNED = "created by glGenTextures"  # mark of textures that moderngl does not delete
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,8 +42,8 @@ def mipmap_chain(image: ByteArray, *, globe: bool) -> MipmapChain:
     Parameters
     ----------
     globe : bool
-        True for a map of a whole globe, row 0 at the north pole. Towards the poles, texels of its smaller levels
-        average columns, so that they are as wide as high on the ground: a driver chooses a level by one size.
+        True for an equirectangular map of a globe, row 0 at the north pole. Towards the poles, the smaller levels
+        average columns, so that a texel is as wide as high on the ground: a driver chooses a level by one footprint.
     """
     name = entry_of(image)
     if name is None:
@@ -77,25 +78,33 @@ def mipmapped_texture(context: moderngl.Context, levels: MipmapChain) -> moderng
     name = ctypes.c_uint()
     library.glGenTextures(1, ctypes.byref(name))
     texture = context.external_texture(name.value, (width, height), components, 0, "f1")
-    texture.extra = _OWN_NAME
-    # before the first level: a driver that expects no more levels would move everything when they come
+    texture.extra = _OWNED
+    # set before the first level, because a driver that expects no further levels would have to move the texture
     texture.filter = (context.LINEAR_MIPMAP_LINEAR, context.LINEAR)
     texture.use(0)
     library.glPixelStorei(_UNPACK_ALIGNMENT, 1)
-    inner, outer = _FORMATS[components]
-    at, flat = 0, np.ascontiguousarray(levels.smaller)
+    internal_format, pixel_format = _FORMATS[components]
+    offset, smaller = 0, np.ascontiguousarray(levels.smaller)
     for level, (w, h) in enumerate([(width, height), *_sizes(width, height)]):
-        data = np.ascontiguousarray(image) if level == 0 else flat[at : at + w * h * components]
-        at += data.size if level else 0
+        data = np.ascontiguousarray(image) if level == 0 else smaller[offset : offset + w * h * components]
+        offset += data.size if level else 0
         library.glTexImage2D(
-            _TEXTURE_2D, level, inner, w, h, 0, outer, _UNSIGNED_BYTE, ctypes.c_void_p(data.ctypes.data)
+            _TEXTURE_2D,
+            level,
+            internal_format,
+            w,
+            h,
+            0,
+            pixel_format,
+            _UNSIGNED_BYTE,
+            ctypes.c_void_p(data.ctypes.data),
         )
     return texture
 
 
 def release_mipmapped(texture: moderngl.Texture) -> None:
     """Free a texture of `mipmapped_texture`, or any other."""
-    name, library = texture.glo, gl_library() if texture.extra == _OWN_NAME else None
+    name, library = texture.glo, gl_library() if texture.extra == _OWNED else None
     texture.extra = None  # another texture may get the name
     texture.release()
     if library is not None:
@@ -103,13 +112,17 @@ def release_mipmapped(texture: moderngl.Texture) -> None:
 
 
 def level_textures(context: moderngl.Context, levels: MipmapChain) -> list[moderngl.Texture]:
-    """Return each level as its own texture, largest first: a driver is faster if it has no level to select."""
+    """Return each level as its own texture, largest first. A driver samples faster if it has no level to select."""
     height, width = levels.image.shape[:2]
     components = levels.image.size // (width * height)
-    textures, at, flat = [], 0, np.ascontiguousarray(levels.smaller)
+    textures, offset, smaller = [], 0, np.ascontiguousarray(levels.smaller)
     for level, (w, h) in enumerate([(width, height), *_sizes(width, height)]):
-        data = np.ascontiguousarray(levels.image) if level == 0 else flat[at : at + w * h * components]
-        at += data.size if level else 0
+        data = (
+            np.ascontiguousarray(levels.image)
+            if level == 0
+            else smaller[offset : offset + w * h * components]
+        )
+        offset += data.size if level else 0
         texture = context.texture((w, h), components, data, alignment=1)
         texture.filter = (context.LINEAR, context.LINEAR)
         textures.append(texture)
@@ -117,7 +130,7 @@ def level_textures(context: moderngl.Context, levels: MipmapChain) -> list[moder
 
 
 class TilingTexture:
-    """A tiling texture, with all its levels or with one of them; uploaded at first use.
+    """A tiling texture, as a mipmapped texture or as single levels; each is uploaded at first use.
 
     Parameters
     ----------
@@ -127,26 +140,26 @@ class TilingTexture:
 
     def __init__(self, context: moderngl.Context, levels: Future[MipmapChain]) -> None:
         self._context, self._levels = context, levels
-        self._whole: moderngl.Texture | None = None
+        self._mipmapped: moderngl.Texture | None = None
         self._single: list[moderngl.Texture] = []
 
     def mipmapped(self, smaller: int) -> moderngl.Texture:
         """Return the texture with all its levels; ``smaller`` is OpenGL's minification filter."""
-        if self._whole is None:
-            self._whole = mipmapped_texture(self._context, self._levels.result())
-        self._whole.filter = (smaller, self._context.LINEAR)
-        return self._whole
+        if self._mipmapped is None:
+            self._mipmapped = mipmapped_texture(self._context, self._levels.result())
+        self._mipmapped.filter = (smaller, self._context.LINEAR)
+        return self._mipmapped
 
     def single(self, level: float) -> moderngl.Texture:
-        """Return the nearest level as its own texture: a driver is faster if it has no level to select."""
+        """Return the nearest level as its own texture. A driver samples faster if it has no level to select."""
         if not self._single:
             self._single = level_textures(self._context, self._levels.result())
         return self._single[min(max(round(level), 0), len(self._single) - 1)]
 
     def release(self) -> None:
         """Free the textures."""
-        if self._whole is not None:
-            release_mipmapped(self._whole)
+        if self._mipmapped is not None:
+            release_mipmapped(self._mipmapped)
         for texture in self._single:
             texture.release()
 
@@ -162,24 +175,24 @@ def _sizes(width: int, height: int) -> list[tuple[int, int]]:
 
 def _smaller(image: ByteArray, *, globe: bool) -> ByteArray:
     """Return the levels from the second on, concatenated."""
-    levels, last = [], np.asarray(image)
+    levels, level = [], np.asarray(image)
     for size in _sizes(image.shape[1], image.shape[0]):
-        last = np.asarray(cv2.resize(last, size, interpolation=cv2.INTER_AREA), np.uint8)
-        levels.append((_as_wide_as_high(last) if globe else last).ravel())
+        level = np.asarray(cv2.resize(level, size, interpolation=cv2.INTER_AREA), np.uint8)
+        levels.append((_equalize_texels(level) if globe else level).ravel())
     return np.concatenate(levels)
 
 
-def _as_wide_as_high(level: ByteArray) -> ByteArray:
-    """Average texels of each row of a globe's map until they are as wide on the ground as a row is high.
+def _equalize_texels(level: ByteArray) -> ByteArray:
+    """Average the texels of each row of a globe's map over a width on the ground that equals the row's height.
 
-    By odd numbers of texels, from latitude 60 degrees on.
+    The average is over an odd number of texels, and starts at 60 degrees latitude.
     """
     height, width = level.shape[:2]
     latitude = (0.5 - (np.arange(height) + 0.5) / height) * np.pi
-    wide = np.minimum(1 / np.cos(latitude) * width / (2 * height), width)
-    counts = 2 * ((wide - 1) / 2 + 0.5).astype(int) + 1
+    width_texels = np.minimum(1 / np.cos(latitude) * width / (2 * height), width)
+    counts = 2 * ((width_texels - 1) / 2 + 0.5).astype(int) + 1
     counts = np.minimum(counts, width - 1 + width % 2)
-    out = level.copy()
+    averaged = level.copy()
     starts = np.flatnonzero(np.diff(counts, prepend=0))
     for first, end in itertools.pairwise([*starts.tolist(), height]):
         count = int(counts[first])
@@ -187,5 +200,5 @@ def _as_wide_as_high(level: ByteArray) -> ByteArray:
             continue
         rows, reach = level[first:end], count // 2
         around = np.concatenate([rows[:, width - reach :], rows, rows[:, :reach]], axis=1)
-        out[first:end] = cv2.blur(around, (count, 1))[:, reach : reach + width].reshape(rows.shape)
-    return out
+        averaged[first:end] = cv2.blur(around, (count, 1))[:, reach : reach + width].reshape(rows.shape)
+    return averaged

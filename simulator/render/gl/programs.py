@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 GLSL_VERSION = "#version 410 core"
 FULL_SCREEN = "common/full_screen.vert"
 RAYS_UNIT = 15
-"""Texture unit of the lens rays; the passes' own samplers count up from 0."""
+"""Texture unit of the lens rays. The samplers of the passes use units from 0 on."""
 _WORD = re.compile(r"\w+")
 _INCLUDE = re.compile(r'^\s*#include\s+"([^"]+)"\s*$', re.MULTILINE)
 
@@ -52,9 +52,9 @@ def _text(path: str) -> str:
 
 
 def _head(source: str, defines: Mapping[str, object]) -> str:
-    """Return a shader's version directive, and the defines that the source or other defines mention.
+    """Return a shader's version directive, and those defines that the source or other defines mention.
 
-    Vertex shaders with equal text are one in a driver's cache, so llvmpipe compiles them once.
+    Without unused defines, more shaders have equal text, and the driver compiles those once.
     """
     mentioned = set(_WORD.findall(source + " ".join(str(value) for value in defines.values())))
     used_defines = (f"#define {k} {v}" for k, v in defines.items() if k.split("(")[0] in mentioned)
@@ -84,13 +84,13 @@ class ProgramLibrary:
         self._context = context
         self._blocks = tuple(blocks)
         self._constants = dict(constants or {})
-        self._built: dict[tuple[object, ...], Program] = {}
-        self._asked: dict[tuple[object, ...], Program] = {}  # the same, keyed by the arguments of the call
+        self._by_source: dict[tuple[object, ...], Program] = {}
+        self._by_arguments: dict[tuple[object, ...], Program] = {}  # the same programs
         self.lens = False
 
     def __len__(self) -> int:
         """Return the number of compiled programs."""
-        return len(self._built)
+        return len(self._by_source)
 
     def get(
         self,
@@ -106,40 +106,40 @@ class ProgramLibrary:
         Parameters
         ----------
         fragment : str or None
-            ``None`` for a program that draws nothing: its vertex shader's outputs are written to a buffer.
+            ``None`` for a program that only captures its vertex shader's outputs (transform feedback).
         defines : mapping
             Preprocessor constants. The value ``""`` defines the bare name.
         samplers : tuple of str, optional
             Names of the samplers; sampler ``k`` reads texture unit ``k``.
         varyings : tuple of str, optional
-            Outputs to write, without a fragment shader.
+            Vertex shader outputs to capture.
         """
-        # passes call this in every frame: equal arguments are answered without sorting and printing them
+        # passes call this in every frame, so equal arguments are looked up without sorting and formatting them
         values = tuple(defines.values())  # 1 and 1.0 are equal, but print differently
         arguments = (vertex, fragment, tuple(defines), values, tuple(map(type, values)), samplers, self.lens)
-        if arguments in self._asked:
-            return self._asked[arguments]
+        if arguments in self._by_arguments:
+            return self._by_arguments[arguments]
         key = (vertex, fragment, tuple(sorted((k, str(v)) for k, v in defines.items())), samplers, self.lens)
-        if key not in self._built:
+        if key not in self._by_source:
             all_defines = {"LENS": int(self.lens), **self._constants, **defines}
             blocks = "".join(block.glsl for block in self._blocks)
 
-            def whole(text: str) -> str:
+            def full_source(text: str) -> str:
                 return _head(text, all_defines) + blocks + text
 
-            source = whole(read_source(vertex))
-            self._built[key] = Program(
+            source = full_source(read_source(vertex))
+            self._by_source[key] = Program(
                 self._context.program(
                     vertex_shader=source,
-                    fragment_shader=None if fragment is None else whole(read_source(fragment)),
+                    fragment_shader=None if fragment is None else full_source(read_source(fragment)),
                     varyings=varyings,
                 ),
                 samplers,
             )
             for block in self._blocks:
-                block.attach(self._built[key].gl)
-        self._asked[arguments] = self._built[key]
-        return self._built[key]
+                block.attach(self._by_source[key].gl)
+        self._by_arguments[arguments] = self._by_source[key]
+        return self._by_source[key]
 
 
 class Program:

@@ -1,4 +1,4 @@
-"""The uniform blocks that passes share: names, units and layout in one place."""
+"""The uniform blocks that passes share: names, binding points, members and their units."""
 
 from __future__ import annotations
 
@@ -11,8 +11,10 @@ from flyaround.simulator.scene.illumination.area_light import MAX_LIGHTS
 if TYPE_CHECKING:
     import moderngl
 
-MOST_PATCHES = 128  # of all area lights together: simulator/render/craft/light_maps.py
-MAX_MATERIALS = 255  # the G-buffer stores the material's index in 8 bits, 0 for none
+MAX_PATCHES = 128
+"""Largest number of patches of all area lights together; see simulator/render/craft/light_maps.py."""
+MAX_MATERIALS = 255
+"""Largest number of materials: the G-buffer stores the index in 8 bits, 0 for none."""
 
 FRAME = (
     Field("vec4", "u_intrinsics"),  # fx, fy, cx, cy [px]
@@ -110,8 +112,8 @@ AREA_LIGHTS = (
     Field("vec4", "u_light_down", MAX_LIGHTS),  # half the other side [m]
     Field("vec4", "u_light_axis", MAX_LIGHTS),  # unit vector; w: exponent of the cosine from it
     Field("vec4", "u_light_radiance", MAX_LIGHTS),  # on the axis, per band [W m-2 sr-1]
-    Field("vec4", "u_patch_place", MOST_PATCHES),  # camera frame [m]
-    Field("mat4", "u_patch_map", MOST_PATCHES),  # from the camera frame to texture coordinates and depth
+    Field("vec4", "u_patch_place", MAX_PATCHES),  # camera frame [m]
+    Field("mat4", "u_patch_map", MAX_PATCHES),  # from the camera frame to texture coordinates and depth
 )
 
 

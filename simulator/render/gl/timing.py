@@ -1,4 +1,4 @@
-"""A clock for the stages of a frame: wait for the driver, read the time (GPU timers read 0 on llvmpipe)."""
+"""A clock for the stages of a frame. It waits for the driver and reads the CPU's clock; llvmpipe has no GPU timers."""
 
 from __future__ import annotations
 

@@ -70,11 +70,11 @@ class UniformBlock:
             for f in fields
         }
         self._buffer = context.buffer(reserve=itemsize)
-        self._written: Mapping[str, ArrayLike] | None = None
+        self._last_values: Mapping[str, ArrayLike] | None = None
 
     @property
     def glsl(self) -> str:
-        """Declaration to paste above ``main``."""
+        """GLSL declaration of the block."""
         members = "".join(
             f"    {f.glsl_type} {f.name}{f'[{f.count}]' if f.count else ''};\n" for f in self.fields
         )
@@ -83,17 +83,17 @@ class UniformBlock:
     def write(self, values: Mapping[str, ArrayLike]) -> None:
         """Fill, upload and bind the whole block; every member must be given.
 
-        An immutable mapping that was written last is not uploaded again.
+        If ``values`` is the same immutable mapping as in the last call, it is not uploaded again.
 
         Raises
         ------
         KeyError
-            If a member is missing, which would keep the last frame's value.
+            If a member is missing (its value would be the last frame's) or unknown.
         """
-        if values is self._written:
+        if values is self._last_values:
             self.bind()
             return
-        self._written = values if isinstance(values, MappingProxyType) else None
+        self._last_values = values if isinstance(values, MappingProxyType) else None
         for name, member in self._members.items():
             member[...] = values[name]
         if len(values) != len(self._members):
@@ -113,5 +113,5 @@ class UniformBlock:
 
 
 def vec4_of_bands(bands: FloatArray) -> list[float]:
-    """Return one or three bands as a vec4."""
+    """Return values of one or three bands as a vec4, padded with zeros."""
     return [*(float(v) for v in bands), *([0.0] * (4 - len(bands)))]

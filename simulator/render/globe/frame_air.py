@@ -1,4 +1,7 @@
-"""Air pass: this frame's table of in-scatter and transmittance. Reads the static tables; writes the frame's."""
+"""Light of the air in one frame: tables of in-scatter and transmittance, and the same values at points of the image.
+
+Both are integrated on the GPU from the static tables of the atmosphere.
+"""
 
 from __future__ import annotations
 
@@ -25,46 +28,79 @@ if TYPE_CHECKING:
     from flyaround.simulator.runtime.arrays import Float32Array, FloatArray, IntArray
     from flyaround.simulator.scene.illumination.atmosphere import Atmosphere
 
-COLUMNS, ROWS, STEPS = 64, 96, 24  # size of a frame's table of air light, and the steps along each ray
+COLUMNS, ROWS, STEPS = 64, 96, 24
+"""Size of a frame's table (for ground and for sky), and number of steps along each ray."""
 TABLE_DEFINES = {"COLUMNS": COLUMNS, "ROWS": ROWS}
 AIR_SAMPLERS: dict[int, tuple[str, ...]] = {
     1: ("t_air",),
     3: ("t_air_rayleigh", "t_air_mie", "t_air_transmittance"),
 }
-"""Component counts of a frame's tables, by number of bands."""
+"""Samplers of a frame's tables, by number of bands."""
 AIR: Resource[Atmosphere] = Resource("air")
 AIR_TABLES: Resource[list[moderngl.Texture]] = Resource("air tables")
-# texels beyond the range in view, for filtering and for extremes between the rays that were tried
+# texels drawn beyond the range in view, for filtering, and because extremes may lie between the sampled rays
 _MARGIN = 2
-_FEWEST_CORNERS = 7  # along a side: every other corner makes the four of a cubic
+_MIN_CORNERS = 7  # along a side: every other one makes the four nodes that a cubic needs
 
 
 @lru_cache(maxsize=8)
-def _every_other(edges_px: bytes) -> tuple[FloatArray, IntArray, Float32Array]:
-    """Return every other of M positions (float64) and the last; indices and weights (4, M) of the cubics for all M."""
+def _coarse_grid(edges_px: bytes) -> tuple[FloatArray, IntArray, Float32Array]:
+    """Thin out a grid, and prepare its cubic interpolation.
+
+    Parameters
+    ----------
+    edges_px : bytes
+        Positions (M,), float64.
+
+    Returns
+    -------
+    coarse : (K,) array
+        Every other position, and the last one.
+    index : (4, M) array
+        Indices in ``coarse`` of the four nodes of each position.
+    weights : (4, M) array
+        Lagrange weights of the nodes.
+    """
     edges = np.frombuffer(edges_px)
     coarse = np.append(edges[:-1:2], edges[-1])
     first = np.clip(np.searchsorted(coarse, edges) - 2, 0, len(coarse) - 4)
-    which = first + np.arange(4)[:, None]
-    at = coarse[which]
-    # Lagrange
+    index = first + np.arange(4)[:, None]
+    nodes = coarse[index]
     weights = [
-        np.prod((edges - np.delete(at, k, 0)) / (at[k] - np.delete(at, k, 0)), axis=0) for k in range(4)
+        np.prod((edges - np.delete(nodes, k, 0)) / (nodes[k] - np.delete(nodes, k, 0)), axis=0)
+        for k in range(4)
     ]
-    return coarse, which, np.asarray(weights, np.float32)
+    return coarse, index, np.asarray(weights, np.float32)
 
 
-def _cubic(values: Float32Array, which: IntArray, weights: Float32Array) -> Float32Array:
-    """Interpolate values of K coarse positions (K, L, V) to all M, (L, M, V); BLAS would not fix the order of sums."""
+def _interpolate_cubic(values: Float32Array, index: IntArray, weights: Float32Array) -> Float32Array:
+    """Interpolate values (K, L, V) at coarse positions to (L, M, V) at all positions.
+
+    Sums are written out, because the order of a BLAS product's sums is not fixed.
+    """
     flat = values.reshape(len(values), -1)
-    fine = weights[0][:, None] * flat[which[0]]
+    fine = weights[0][:, None] * flat[index[0]]
     for k in (1, 2, 3):
-        fine += weights[k][:, None] * flat[which[k]]
+        fine += weights[k][:, None] * flat[index[k]]
     return np.ascontiguousarray(fine.reshape(-1, *values.shape[1:]).swapaxes(0, 1))
 
 
 class FrameAir:
-    """Table of the air's light from one camera position, which depends on two angles: one texel per pair."""
+    """Light of an atmosphere seen from one camera position.
+
+    It depends on two angles, so a table with one texel per pair of angles replaces integration per pixel.
+
+    Parameters
+    ----------
+    context : Context
+        OpenGL context.
+    programs : ProgramLibrary
+        Programs of the context.
+    bands : int
+        Number of bands, 1 or 3.
+    tables : AirTables
+        Static tables of the atmosphere.
+    """
 
     def __init__(
         self, context: moderngl.Context, programs: ProgramLibrary, bands: int, tables: AirTables
@@ -96,12 +132,12 @@ class FrameAir:
         )
         self._array = context.vertex_array(self._program.gl, [])
         self._programs, self._bands = programs, bands
-        self._corners: dict[bool, _Corners] = {}  # keyed by whether the lens distorts
+        self._corners: dict[bool, _CornerProgram] = {}  # keyed by whether the lens distorts
 
     def run(self, earth: GlobeView) -> None:
-        """Fill the part of the table that the image can see."""
+        """Compute the part of the table that the image can show."""
         draw_to(self._framebuffer)
-        # the rest stays black, so that no frame depends on the previous one
+        # cleared, so that no frame depends on the previous one
         self._framebuffer.clear(0.0, 0.0, 0.0, 0.0)
         self._context.enable_only(self._context.NOTHING)
         self._bind(self._program)
@@ -114,12 +150,12 @@ class FrameAir:
             self._array.render(vertices=3)
 
     def make_complete(self) -> None:
-        """Make a framebuffer current for vertices that draw nothing: a headless driver may have no default one."""
+        """Make a framebuffer current for transform feedback, because a headless driver may have no default one."""
         draw_to(self._framebuffer)
 
     @property
     def static_tables(self) -> dict[str, moderngl.Texture]:
-        """Return the static tables, by sampler."""
+        """Static tables of the atmosphere, by sampler."""
         return {
             "t_transmittance": self._transmittance,
             "t_ground": self.ground,
@@ -141,41 +177,43 @@ class FrameAir:
     def corners(
         self, columns_px: FloatArray, rows_px: FloatArray, *, all_ground: bool = False
     ) -> Float32Array:
-        """Return the air in front of the ground at the corners of a grid in the image, over the Sun's irradiance.
+        """Compute the air in front of the ground at the corners of a grid in the image.
 
         Parameters
         ----------
         columns_px : (M,) array
-            Columns of the corners.
+            Columns of the corners [px].
         rows_px : (N,) array
-            Rows of the corners.
+            Rows of the corners [px].
         all_ground : bool, optional
             True if every ray meets the ground, well away from the limb. The air is then computed at every other corner
-            each way, with cubics between.
+            of each row and column, and interpolated by cubics between them.
 
         Returns
         -------
-        (N, M, 3) array
-            Radiance [sr-1], transmittance, irradiance on level ground; for three bands (N, M, 6): radiance and
-            transmittance of each. Values of rays that miss the ground are meaningless.
+        (N, M, V) array
+            Radiance over the Sun's irradiance [sr-1]. V = 3 for one band: radiance, transmittance, irradiance on level
+            ground. V = 6 for three bands: radiance and transmittance of each. Values of rays that miss the ground are
+            undefined.
         """
         program = self._corner_program()
-        if not all_ground or min(len(columns_px), len(rows_px)) < _FEWEST_CORNERS:
+        if not all_ground or min(len(columns_px), len(rows_px)) < _MIN_CORNERS:
             return program.run(columns_px, rows_px)
-        x_px, across, across_weights = _every_other(columns_px.tobytes())
-        y_px, down, down_weights = _every_other(rows_px.tobytes())
-        return _cubic(_cubic(program.run(x_px, y_px), down, down_weights), across, across_weights)
+        x_px, x_index, x_weights = _coarse_grid(columns_px.tobytes())
+        y_px, y_index, y_weights = _coarse_grid(rows_px.tobytes())
+        by_row = _interpolate_cubic(program.run(x_px, y_px), y_index, y_weights)
+        return _interpolate_cubic(by_row, x_index, x_weights)
 
-    def at(self, points_px: Float32Array) -> Float32Array:
-        """Return `corners` at any points (K, 2): (K, 3) or (K, 6)."""
+    def at_points(self, points_px: Float32Array) -> Float32Array:
+        """Compute the values (K, V) of `corners` at points (K, 2) of the image [px]."""
         if not len(points_px):
             return np.empty((0, 3 if self._bands == 1 else 6), np.float32)
-        return self._corner_program().at(points_px)
+        return self._corner_program().at_points(points_px)
 
-    def _corner_program(self) -> _Corners:
+    def _corner_program(self) -> _CornerProgram:
         lens = self._programs.lens
         if lens not in self._corners:
-            self._corners[lens] = _Corners(self._context, self._programs, self._bands)
+            self._corners[lens] = _CornerProgram(self._context, self._programs, self._bands)
         self.make_complete()
         self._bind(self._corners[lens].program)
         return self._corners[lens]
@@ -183,20 +221,20 @@ class FrameAir:
 
 @dataclass(frozen=True, eq=False)
 class Air:
-    """One atmosphere: its static tables and the pass that makes each frame's."""
+    """One atmosphere: its static tables, and the tables of a frame."""
 
     tables: AirTables
     frame: FrameAir
 
     @cached_property
     def zenith_depth(self) -> float:
-        """Optical depth at the zenith, seen from the ground, averaged over the bands."""
+        """Optical depth of the zenith seen from the ground, averaged over the bands."""
         air = self.tables.air
         return float(optical_depth_to_top(air, np.array(air.radius_m), np.array(1.0)).mean())
 
 
-class _Corners:
-    """The program that integrates through the air, and its buffers."""
+class _CornerProgram:
+    """Program that integrates the air's light at points of the image by transform feedback, with its buffers."""
 
     def __init__(self, context: moderngl.Context, programs: ProgramLibrary, bands: int) -> None:
         self._values = 3 if bands == 1 else 6
@@ -208,42 +246,44 @@ class _Corners:
             ("t_transmittance", "t_ground", "t_multiple"),
             varyings=("v_air",) if bands == 1 else ("v_haze", "v_through"),
         )
-        self._in = context.buffer(reserve=8, dynamic=True)
-        self._out = context.buffer(reserve=8, dynamic=True)
+        self._corner_buffer = context.buffer(reserve=8, dynamic=True)
+        self._air_buffer = context.buffer(reserve=8, dynamic=True)
         self._array = context.vertex_array(
-            self.program.gl, [(self._in, "2f", "in_pixel")], mode=context.POINTS
+            self.program.gl, [(self._corner_buffer, "2f", "in_pixel")], mode=context.POINTS
         )
         self._grid: tuple[bytes, bytes] = (b"", b"")
 
     def release(self) -> None:
         """Free the buffers."""
-        for one in (self._array, self._in, self._out):
-            one.release()
+        for resource in (self._array, self._corner_buffer, self._air_buffer):
+            resource.release()
 
     def run(self, columns_px: FloatArray, rows_px: FloatArray) -> Float32Array:
+        """Return values (N, M, V) at a grid; its points are uploaded only when the grid changes."""
         grid = columns_px.tobytes(), rows_px.tobytes()
         if grid != self._grid:
-            self._fill(np.stack(np.meshgrid(columns_px, rows_px), axis=-1).astype(np.float32))
+            self._upload(np.stack(np.meshgrid(columns_px, rows_px), axis=-1).astype(np.float32))
             self._grid = grid
-        return self._air(len(rows_px) * len(columns_px)).reshape(len(rows_px), len(columns_px), -1)
+        return self._read_air(len(rows_px) * len(columns_px)).reshape(len(rows_px), len(columns_px), -1)
 
-    def at(self, points_px: Float32Array) -> Float32Array:
-        self._fill(points_px)
+    def at_points(self, points_px: Float32Array) -> Float32Array:
+        """Return values (K, V) at points (K, 2)."""
+        self._upload(points_px)
         self._grid = (b"", b"")
-        return self._air(len(points_px))
+        return self._read_air(len(points_px))
 
-    def _fill(self, corners_px: Float32Array) -> None:
-        self._in.orphan(corners_px.nbytes)
-        self._in.write(np.ascontiguousarray(corners_px))
-        self._out.orphan(corners_px.size // 2 * self._values * 4)
+    def _upload(self, corners_px: Float32Array) -> None:
+        self._corner_buffer.orphan(corners_px.nbytes)
+        self._corner_buffer.write(np.ascontiguousarray(corners_px))
+        self._air_buffer.orphan(corners_px.size // 2 * self._values * 4)
 
-    def _air(self, count: int) -> Float32Array:
-        self._array.transform(self._out, vertices=count)
-        return np.frombuffer(self._out.read(), np.float32).reshape(count, self._values)
+    def _read_air(self, count: int) -> Float32Array:
+        self._array.transform(self._air_buffer, vertices=count)
+        return np.frombuffer(self._air_buffer.read(), np.float32).reshape(count, self._values)
 
 
 def _texels(span: tuple[float, float], count: int) -> tuple[int, int]:
-    """Return the half-open range of texels that a range 0..1 of a coordinate can touch."""
+    """Return the half-open range of texels that a range of a texture coordinate 0..1 may touch."""
     low = math.floor(span[0] * (count - 1)) - _MARGIN
     high = math.ceil(span[1] * (count - 1)) + _MARGIN + 1
     return max(low, 0), min(high, count)

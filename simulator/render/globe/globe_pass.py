@@ -1,4 +1,4 @@
-"""Globe pass: ground and air of a body without passes of its own. Reads albedo and air; adds to the radiance."""
+"""Globe pass: draws ground and air of a body that has an albedo map but no passes of its own, such as Mars."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 
 
 class PlainGlobe:
-    """Albedo and air of a body without passes of its own, on the GPU for one number of bands."""
+    """Albedo map and air of a body without passes of its own, on the GPU, for one set of bands."""
 
     def __init__(self, device: Device, body: Body, bands: Bands) -> None:
         context, self.bands = device.context, 1 if bands == "mono" else 3
@@ -56,14 +56,14 @@ PLAIN_GLOBE: Resource[PlainGlobe] = Resource("plain globe")
 
 
 class GlobeAirPass(Pass):
-    """Draws this frame's tables of the air of a plain globe."""
+    """Computes this frame's tables of the air of a plain globe."""
 
     name = "globe.air"
     reads = (SCENE, PLAIN_GLOBE, GLOBE, AIR)
     writes = (AIR_TABLES,)
 
     def run(self, r: PassResources) -> None:
-        """Fill the tables."""
+        """Compute the tables."""
         air = r[PLAIN_GLOBE].air.frame
         air.run(r[GLOBE])
         r[AIR_TABLES] = air.tables
@@ -100,7 +100,7 @@ class GlobePass(Pass):
         program = self._programs.get(
             FULL_SCREEN, "globe/globe.frag", defines, ("t_coverage", "t_albedo", *samplers, *ground)
         )
-        images.mark_lit(rect)
+        images.mark_drawn(rect)
         draw_to(images.sky_framebuffer)
         images.sky_framebuffer.viewport = rect.viewport
         self._context.enable_only(self._context.BLEND)
@@ -114,6 +114,6 @@ class GlobePass(Pass):
         self._arrays[program].render(vertices=3)
 
     def release(self) -> None:
-        """Free the vertex arrays; the programs are the library's."""
+        """Free the vertex arrays; the programs belong to the library."""
         for array in self._arrays.values():
             array.release()

@@ -1,4 +1,4 @@
-"""View of the globe: the camera in stretched body-fixed axes, and the part of the image that the globe fills."""
+"""View of the globe: the camera in stretched body-fixed axes, and the part of the image that shows the globe."""
 
 from __future__ import annotations
 
@@ -22,31 +22,34 @@ if TYPE_CHECKING:
     from flyaround.simulator.runtime.arrays import FloatArray
     from flyaround.simulator.scene.illumination.atmosphere import Atmosphere
 
-_GRID = 33  # rays per side of the image for finding what is in view
+_GRID = 33  # sampled rays per side of the image, to find what is in view
 
 
 @dataclass(frozen=True, eq=False)
 class GlobeView:
-    """Stretched space: Earth-fixed axes in equatorial radii, the polar axis stretched by a / b.
+    """The camera relative to the globe, and the parts of the globe in view.
+
+    Vectors are in stretched space: body-fixed axes in equatorial radii, with the polar axis stretched by a / b, so that
+    the ellipsoid is a unit sphere.
 
     Parameters
     ----------
     earth_from_camera : (3, 3) array
-        Matrix of directions (not a rotation).
+        Matrix that maps directions from the camera frame (not a rotation).
     camera : (3,) array
-        Position.
+        Position of the camera.
     sun : (3,) array
-        Unit vector.
+        Unit vector to the Sun.
     top2 : float
         Squared radius of the top of the air.
     rect : PixelRect or None
-        Pixels that the Earth or its air can touch; ``None`` if there are none.
+        Pixels that the globe or its air may touch; ``None`` if there are none.
     ground_rows : tuple of float or None
-        Range 0..1 of the atmosphere table's row coordinate for ground in view, or None.
+        Range in view of the row coordinate 0..1 of the air table's part for ground; None if no ground is in view.
     sky_rows : tuple of float or None
-        The same range for sky in view, or None.
+        The same for the part for sky.
     azimuth : tuple of float
-        Range -1..1 in view of its column coordinate.
+        Range in view of the table's column coordinate -1..1.
     """
 
     earth_from_camera: FloatArray
@@ -60,7 +63,7 @@ class GlobeView:
 
     @property
     def fills_image(self) -> bool:
-        """True if the Earth fills the image, so that nothing behind it is visible."""
+        """True if the globe fills the image, so that nothing behind it is visible."""
         return self.rect is not None and self.sky_rows is None
 
     @property
@@ -70,45 +73,51 @@ class GlobeView:
 
 
 GLOBE: Resource[GlobeView] = Resource("globe")
-"""The ray-cast body in the image; it hides everything behind it."""
+"""The globe in the image; it hides everything behind it."""
 
 
 def globe_view(view: View, camera: Camera, air: Atmosphere | None) -> GlobeView:
-    """Find the Earth in the image.
+    """Find the globe in the image.
 
     Parameters
     ----------
+    view : View
+        Scene in camera coordinates.
+    camera : Camera
+        Camera of the scene.
     air : Atmosphere or None
         Atmosphere, whose thickness widens the region; ``None`` without atmosphere.
     """
     equator_m = view.globe.radius_m
     stretch = np.array([1.0, 1.0, equator_m / view.globe.polar_radius_m])
-    M = stretch[:, None] * view.R_camera_from_globe.T
-    c = stretch * view.r_camera_globe_m / equator_m
-    s = stretch * view.sun_globe
-    s = s / np.linalg.norm(s)
-    # without air, half a pixel of the limb must remain
+    globe_from_camera = stretch[:, None] * view.R_camera_from_globe.T
+    camera_position = stretch * view.r_camera_globe_m / equator_m
+    sun = stretch * view.sun_globe
+    sun = sun / np.linalg.norm(sun)
+    # without air, keep a margin for the half pixel at the limb
     thickness = air.thickness_m / equator_m if air is not None else 2e-3
     top2 = (1 + thickness) ** 2
-    # a camera inside the air is placed on its top: tables there have no lower side
-    radius = float(np.linalg.norm(c))
-    c = c * max(1.0, (1 + 1.01 * thickness) / radius)
-    d = directions(camera, _places(camera.width_px), _places(camera.height_px), M)
-    along = d @ c
-    perigee2 = c @ c - along**2
-    in_view = (along < 0) & (perigee2 < top2)
-    rect = _rect(in_view, perigee2, along, view, camera, top2)
+    # a camera inside the air is moved to its top, because the tables hold no rays that start inside
+    radius = float(np.linalg.norm(camera_position))
+    camera_position = camera_position * max(1.0, (1 + 1.01 * thickness) / radius)
+    rays = directions(
+        camera, _grid_positions(camera.width_px), _grid_positions(camera.height_px), globe_from_camera
+    )
+    along_camera = rays @ camera_position
+    perigee2 = camera_position @ camera_position - along_camera**2
+    in_view = (along_camera < 0) & (perigee2 < top2)
+    rect = _globe_rect(in_view, perigee2, along_camera, view, camera, top2)
     if rect is None:
-        return GlobeView(M, c, s, top2, None, None, None, (-1, 1))
-    zenith = c / np.linalg.norm(c)
-    mu_sun = float(zenith @ s)
-    cosine = d @ zenith
+        return GlobeView(globe_from_camera, camera_position, sun, top2, None, None, None, (-1, 1))
+    zenith = camera_position / np.linalg.norm(camera_position)
+    mu_sun = float(zenith @ sun)
+    cosine = rays @ zenith
     horizontal = np.sqrt(np.maximum((1 - cosine**2) * (1 - mu_sun**2), 1e-12))
-    azimuth = np.minimum(np.maximum((d @ s - cosine * mu_sun) / horizontal, -1), 1)
-    # azimuth changes fast near the nadir: take all of it if the nadir is in or near the image
-    boresight = M[:, 2] / np.linalg.norm(M[:, 2])
-    reach = math.acos(_cosine((d @ boresight).min()))
-    if math.acos(_cosine(-zenith @ boresight)) < reach + 0.1 or np.any(cosine > 0.5):
+    azimuth = np.minimum(np.maximum((rays @ sun - cosine * mu_sun) / horizontal, -1), 1)
+    # near the nadir the azimuth changes fast, so take its whole range if the nadir is in or near the image
+    boresight = globe_from_camera[:, 2] / np.linalg.norm(globe_from_camera[:, 2])
+    half_angle = math.acos(_clip_cosine((rays @ boresight).min()))
+    if math.acos(_clip_cosine(-zenith @ boresight)) < half_angle + 0.1 or np.any(cosine > 0.5):
         columns = (-1.0, 1.0)
     else:
         columns = (float(azimuth.min()), float(azimuth.max()))
@@ -120,11 +129,11 @@ def globe_view(view: View, camera: Camera, air: Atmosphere | None) -> GlobeView:
         ground = np.sqrt(np.minimum(np.maximum(disc_in_view, 0), 1))
         sky = np.sqrt(np.minimum(np.maximum(disc_in_view / (1 - top2), 0), 1))
         has_ground = bool((disc_in_view > -0.05 * (top2 - 1)).any())
-        has_sky = bool((perigee2[along < 0] > 1 - 0.3 * (top2 - 1)).any())
+        has_sky = bool((perigee2[along_camera < 0] > 1 - 0.3 * (top2 - 1)).any())
     return GlobeView(
-        M,
-        c,
-        s,
+        globe_from_camera,
+        camera_position,
+        sun,
         top2,
         rect,
         (0.0 if has_sky else float(ground.min()), float(ground.max())) if has_ground else None,
@@ -134,28 +143,31 @@ def globe_view(view: View, camera: Camera, air: Atmosphere | None) -> GlobeView:
 
 
 @lru_cache(maxsize=16)
-def _places(length_px: int) -> FloatArray:
-    """Return the grid's columns or rows [px], read-only."""
-    places = np.linspace(-0.5, length_px - 0.5, _GRID)
-    places.flags.writeable = False
-    return places
+def _grid_positions(length_px: int) -> FloatArray:
+    """Return the columns or rows of the grid of rays [px], read-only."""
+    positions = np.linspace(-0.5, length_px - 0.5, _GRID)
+    positions.flags.writeable = False
+    return positions
 
 
-def _cosine(value: FloatArray | float) -> float:
+def _clip_cosine(value: FloatArray | float) -> float:
     return min(max(float(value), -1.0), 1.0)
 
 
-def _rect(
+def _globe_rect(
     hits_earth: np.typing.NDArray[np.bool_],
     perigee2: FloatArray,
-    along: FloatArray,
+    along_camera: FloatArray,
     view: View,
     camera: Camera,
     top2: float,
 ) -> PixelRect | None:
-    """Return the tiles of the grid that the Earth touches, by grid points or by distance from the limb."""
+    """Return the pixels that the globe may touch: around the grid points that hit it, or around its projected sphere.
+
+    None if the globe is not in the image.
+    """
     width, height = camera.width_px, camera.height_px
-    # a distant Earth may fall between grid points
+    # a distant globe may fall between grid points
     center = -view.R_camera_from_globe @ view.r_camera_globe_m
     distance = float(np.linalg.norm(center))
     if hits_earth.any():
@@ -165,13 +177,13 @@ def _rect(
         x0, x1 = (columns.min() - 1) * step_x - 2, (columns.max() + 1) * step_x + 2
         y0, y1 = (rows.min() - 1) * step_y - 2, (rows.max() + 1) * step_y + 2
     elif center[2] > 0:
-        # conservative bound: radius in the image of the sphere that holds Earth and air
+        # conservative bound: radius in the image of the sphere that contains globe and air
         radius = np.sqrt(top2) * view.globe.radius_m
         pixel = camera.project(center)
         size = max(camera.fx_px, camera.fy_px) * radius / max(center[2], distance * 0.2) * 1.5 + 4
         x0, y0, x1, y1 = pixel[0] - size, pixel[1] - size, pixel[0] + size, pixel[1] + size
-        near = perigee2[along < 0].min(initial=np.inf)
-        if near > 4 * top2 and (x0 > width or y0 > height or x1 < 0 or y1 < 0):
+        nearest2 = perigee2[along_camera < 0].min(initial=np.inf)
+        if nearest2 > 4 * top2 and (x0 > width or y0 > height or x1 < 0 or y1 < 0):
             return None
     else:
         return None
@@ -187,7 +199,7 @@ def _rect(
 def globe_values(
     view: View, earth: GlobeView, air: Atmosphere, *, airglow: bool = False
 ) -> dict[str, ArrayLike]:
-    """Return the members of the block ``Globe``."""
+    """Return the members of the uniform block ``Globe``."""
     low_m, high_m = (air.radius_m + height for height in air.airglow_m)
     glow = air.airglow_w_m2_sr / view.sun_at_globe_w_m2 * float(airglow and high_m <= air.top_m)
     matrix = np.eye(4)

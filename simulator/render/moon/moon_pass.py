@@ -1,4 +1,4 @@
-"""Moon pass: the Moon lit by Sun and Earth. Reads map, craters, coverage; adds to the radiance."""
+"""Moon pass: draws the Moon, lit by Sun and Earth, from its albedo map and procedural craters."""
 
 from __future__ import annotations
 
@@ -42,17 +42,32 @@ if TYPE_CHECKING:
     from flyaround.simulator.runtime.arrays import ByteArray, Float32Array, FloatArray
 
 MAP = "albedo_4096x2048.jpg"
-MAP_SCALE = 2.5  # full scale of the map's 8 bits, over the mean of the near side
-TEXEL_KM = 2.665  # of the map, at the equator
-BROAD_KM, FINE_KM = 403.0, 63.0  # periods of the two crater tiles
+"""Albedo map in the assets; assets/NOTICE names its source."""
+MAP_SCALE = 2.5
+"""Largest value of the 8-bit map over the mean of the near side."""
+TEXEL_KM = 2.665
+"""Width of a texel of the map at the equator."""
+BROAD_KM, FINE_KM = 403.0, 63.0
+"""Periods of the two tiling crater textures."""
 _PHASES = 512  # texels of the table over the phase angle
-# samples of a pixel in `high`; sample k lies in column k and row 5 k mod 13 of a 13 x 13 grid
 SAMPLES, STRIDE = 13, 5
-_OWN = ("t_coverage", "t_moon", "t_broad", "t_fine", "t_phase", "t_umbra")
+"""Samples per pixel in `high`: sample k lies in column k and row 5 k mod 13 of a 13 x 13 grid (N-rooks)."""
+_SAMPLERS = ("t_coverage", "t_moon", "t_broad", "t_fine", "t_phase", "t_umbra")
 
 
 def moon_map() -> ByteArray:
-    """Return (2048, 4096) normal albedo over its mean on the near side, over ``MAP_SCALE``; from the cache."""
+    """Return the Moon's normal albedo, relative to the mean of the near side; it is cached.
+
+    Returns
+    -------
+    (2048, 4096) array
+        8-bit values; 255 is ``MAP_SCALE`` times the mean. Row 0 is the north pole, column 0 longitude -180 degrees.
+
+    Raises
+    ------
+    UserError
+        If the map is missing or cannot be decoded.
+    """
     try:
         data = resources.files("flyaround.assets").joinpath("moon", MAP).read_bytes()
     except FileNotFoundError as error:
@@ -64,7 +79,7 @@ def moon_map() -> ByteArray:
             raise UserError(f"the map assets/moon/{MAP} cannot be decoded; install Flyaround again")
         latitude = np.radians(90 - (np.arange(2048) + 0.5) / 2048 * 180)[:, None]
         longitude = np.radians((np.arange(4096) + 0.5) / 4096 * 360 - 180)[None, :]
-        # mean over the near side, limb and centre alike, as all phases together show it
+        # mean over the area of the near side, limb and centre alike
         weight = np.cos(latitude) * (np.cos(longitude) > 0)
         # the mosaic is not photometric: this power gives the maria half the highlands' albedo (0.07 and 0.13)
         image = (image / np.float32(255)) ** np.float32(0.75)
@@ -76,18 +91,18 @@ def moon_map() -> ByteArray:
 
 @dataclass(frozen=True, eq=False)
 class MoonTiles:
-    """Tiles of the Moon's rectangle that are drawn alike.
+    """Tiles of the Moon's rectangle that one draw call draws.
 
     Parameters
     ----------
     triangles_px : (6 K, 2) array
-        Corners of two triangles per tile [px], pixel edges at .5.
+        Corners of two triangles per tile [px].
     smooth : bool, optional
-        True if the ground may be interpolated between corners.
+        True if the ground is interpolated between the corners.
     covered : bool, optional
         True if the target may be in front.
     footprint_km : float, optional
-        Largest footprint of a pixel; infinite if unknown.
+        Largest footprint of a pixel on the ground; infinite if unknown.
     size_px : int, optional
         Side of a tile.
     """
@@ -100,16 +115,21 @@ class MoonTiles:
 
 
 def one_tile(rect: PixelRect) -> MoonTiles:
-    """Return a rectangle as one tile with all features."""
+    """Return a rectangle as a single tile with all features."""
     x_px, y_px = np.array([rect.x0, rect.x1]) - 0.5, np.array([rect.y0, rect.y1]) - 0.5
-    return MoonTiles(triangles_of(x_px, y_px).reshape(-1, 2))
+    return MoonTiles(grid_triangles(x_px, y_px).reshape(-1, 2))
 
 
-def triangles_of(x_px: FloatArray, y_px: FloatArray) -> Float32Array:
-    """Return (rows, columns, 6, 2) corners of the two triangles of each cell of a grid."""
+def grid_triangles(x_px: FloatArray, y_px: FloatArray) -> Float32Array:
+    """Return the corners (rows, columns, 6, 2) of the two triangles of each cell of a grid [px]."""
     corners = np.stack(np.meshgrid(x_px, y_px), axis=-1).astype(np.float32)
-    first, right, below, across = corners[:-1, :-1], corners[:-1, 1:], corners[1:, :-1], corners[1:, 1:]
-    return np.stack([first, below, right, right, below, across], axis=2)
+    upper_left, upper_right, lower_left, lower_right = (
+        corners[:-1, :-1],
+        corners[:-1, 1:],
+        corners[1:, :-1],
+        corners[1:, 1:],
+    )
+    return np.stack([upper_left, lower_left, upper_right, upper_right, lower_left, lower_right], axis=2)
 
 
 class MoonTextures:
@@ -139,7 +159,7 @@ class MoonTextures:
 
 
 class MoonPass(Pass):
-    """Adds the Moon, computing every pixel. Its textures are uploaded when it is first in view."""
+    """Adds the Moon to the radiance, computed per pixel. Its textures are uploaded when it is first in view."""
 
     name = "moon"
     reads = (SCENE, MOON, *IMAGES)
@@ -177,21 +197,21 @@ class MoonPass(Pass):
         # several rays per pixel smooth shadows seen at a grazing angle
         fine = r[SCENE].quality == "high"
         textures, tiles = self._textures(), self._tiles(r, moon.rect)
-        behind = earth is not None and not moon.in_front
-        air = r.find(AIR_TABLES) if behind else None
+        is_behind_globe = earth is not None and not moon.in_front
+        air = r.find(AIR_TABLES) if is_behind_globe else None
         share = np.ones((256, 4), np.float32)
         if moon.shadow_share is not None:
             share[:, : moon.shadow_share.shape[1]] = moon.shadow_share
-        # threads that read the last frame's block, and this frame's sky, are waited for here
+        # writing the texture waits for the driver's threads, so start their queued work first
         flush(self._context)
         textures.umbra.write(share.tobytes())
-        images.mark_lit(moon.rect)
+        images.mark_drawn(moon.rect)
         draw_to(images.sky_framebuffer)
         images.sky_framebuffer.viewport = moon.rect.viewport
         self._context.enable_only(self._context.BLEND)
         self._context.blend_func = self._context.ONE, self._context.ONE
         for kind in tiles:
-            program = self._program(images.bands, kind, behind=behind, air=air, fine=fine)
+            program = self._program(images.bands, kind, behind=is_behind_globe, air=air, fine=fine)
             self._draw(program, textures, images, air, moon.rect, kind)
 
     def _program(
@@ -217,7 +237,7 @@ class MoonPass(Pass):
                 "MAP_AT_CORNERS": int(kind.smooth and kind.footprint_km * kind.size_px < TEXEL_KM),
                 **TABLE_DEFINES,
             },
-            (*_OWN, *(AIR_SAMPLERS[bands] if air is not None else ())),
+            (*_SAMPLERS, *(AIR_SAMPLERS[bands] if air is not None else ())),
         )
 
     def _draw(
@@ -229,12 +249,12 @@ class MoonPass(Pass):
         rect: PixelRect,
         kind: MoonTiles,
     ) -> None:
-        c = self._context
+        context = self._context
         texels_km = (TEXEL_KM, BROAD_KM / CRATERS_SIZE, FINE_KM / CRATERS_SIZE)
         for texture, texel_km in zip((textures.map, *textures.craters), texels_km, strict=True):
-            # magnified, it has one level, and a driver is faster if it has no level to select
-            smaller = c.LINEAR_MIPMAP_NEAREST if kind.smooth else c.LINEAR_MIPMAP_LINEAR
-            texture.filter = (c.LINEAR if kind.footprint_km <= texel_km else smaller, c.LINEAR)
+            # a magnified texture uses one level, and a driver samples faster if it has no level to select
+            min_filter = context.LINEAR_MIPMAP_NEAREST if kind.smooth else context.LINEAR_MIPMAP_LINEAR
+            texture.filter = (context.LINEAR if kind.footprint_km <= texel_km else min_filter, context.LINEAR)
         program.bind_textures(
             t_coverage=images.coverage,
             t_moon=textures.map,

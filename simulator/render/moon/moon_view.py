@@ -1,4 +1,4 @@
-"""View of the Moon: the camera in lunar axes and radii, the Moon's illumination, and the pixels that it touches."""
+"""View of the Moon: the camera in lunar axes and radii, the Moon's illumination, and the pixels that show the Moon."""
 
 from __future__ import annotations
 
@@ -31,40 +31,41 @@ EARTH_GEOMETRIC_ALBEDO = 0.367  # Allen's Astrophysical Quantities (2000), table
 
 @dataclass(frozen=True, eq=False)
 class MoonView:
-    """Space of the Moon's axes in its radii, float64.
+    """The camera and the Moon's illumination, in the Moon's body-fixed axes and in lunar radii, float64.
 
     Parameters
     ----------
     moon_from_camera : (3, 3) array
-        Rotation.
+        Rotation from the camera frame to the Moon's axes.
     camera : (3,) array
-        Position.
+        Position of the camera.
     sun : (3,) array
         Unit vector from the Moon to the Sun.
     earth : (3,) array
         Unit vector from the Moon to the Earth.
     earthlight : float
-        Irradiance of the Earth over the Sun's.
-    irradiance_w_m2 : array
-        That of the Sun, per band.
-    albedo : array
+        Irradiance of the Earth on the Moon over that of the Sun.
+    irradiance_w_m2 : (n,) array
+        Irradiance of the Sun on the Moon, per band [W m-2].
+    albedo : (n,) array
         Geometric albedo, per band.
     shadow : (3,) array
         Vector from the Earth to the Moon.
     shadow_axis : (3,) array
         Unit vector along the Earth's shadow.
     shadow_share : (K, n) array or None
-        Share of the Sun's light across the shadow, ``None`` if the Moon is clear of it.
+        Fraction of the Sun's light at K distances from the axis of the Earth's shadow, per band; ``None`` if the Moon
+        is clear of the shadow.
     shadow_reach : float
-        Distance of the last of them from the axis.
+        Largest of these distances.
     center_camera : (3,) array
-        Unit vector to its centre, camera frame.
+        Unit vector to the Moon's centre, camera frame.
     sine : float
-        Sine of its angular radius.
+        Sine of the Moon's angular radius.
     in_front : bool
-        True if it is nearer than the globe.
+        True if the Moon is nearer than the globe.
     rect : PixelRect or None
-        Pixels that it can touch, ``None`` if there are none.
+        Pixels that the Moon may touch; ``None`` if there are none.
     """
 
     moon_from_camera: FloatArray
@@ -84,7 +85,7 @@ class MoonView:
     rect: PixelRect | None
 
     def hides(self, directions_camera: FloatArray) -> np.typing.NDArray[np.bool_]:
-        """Return True where unit directions (K, 3) in the camera frame end on the Moon."""
+        """Return a mask of the unit directions (K, 3), camera frame, that hit the Moon's disc."""
         return np.asarray(directions_camera @ self.center_camera > np.sqrt(max(1 - self.sine**2, 0.0)))
 
 
@@ -113,27 +114,31 @@ def moon_view(scene: SceneState) -> MoonView:
     R_ce = matrix_from_quat(scene.q_camera_from_eci_wxyz)
     state = scene.body("moon")
     R_me, moon, sun = state.R_fixed_from_eci, np.asarray(state.r_eci_m), np.asarray(scene.r_sun_eci_m)
-    to_camera = np.asarray(scene.r_camera_eci_m) - moon
-    distance = float(np.linalg.norm(to_camera))
-    to_sun = sun - moon
-    sun_distance = float(np.linalg.norm(to_sun))
+    moon_to_camera = np.asarray(scene.r_camera_eci_m) - moon
+    distance = float(np.linalg.norm(moon_to_camera))
+    moon_to_sun = sun - moon
+    sun_distance = float(np.linalg.norm(moon_to_sun))
     earth_distance = float(np.linalg.norm(moon))
     axis = -sun / np.linalg.norm(sun)
-    behind = float(moon @ axis)
-    off = float(np.linalg.norm(moon - behind * axis))
+    distance_behind_earth = float(moon @ axis)
+    distance_from_axis = float(np.linalg.norm(moon - distance_behind_earth * axis))
     share, reach = None, 1.0
-    if behind > 0 and off < 1.4e7:
-        share, reach = shadow_profile(round(behind / 1e3), round(sun_distance / 1e9), scene.bands)
-    cosine = float(-moon @ to_sun / (earth_distance * sun_distance))  # cosine of the angle Earth - Moon - Sun
+    if distance_behind_earth > 0 and distance_from_axis < 1.4e7:
+        share, reach = shadow_profile(
+            round(distance_behind_earth / 1e3), round(sun_distance / 1e9), scene.bands
+        )
+    cosine = float(
+        -moon @ moon_to_sun / (earth_distance * sun_distance)
+    )  # cosine of the angle Earth - Moon - Sun
     # phase of the Earth seen from the Moon, as a Lambert sphere
     phase = np.pi - np.arccos(np.clip(cosine, -1, 1))
     lambert = (np.sin(phase) + (np.pi - phase) * np.cos(phase)) / np.pi
-    center = R_ce @ (-to_camera / distance)
+    center = R_ce @ (-moon_to_camera / distance)
     sine = min(MOON_RADIUS_M / distance, 1.0)
     return MoonView(
         moon_from_camera=R_me @ R_ce.T,
-        camera=R_me @ to_camera / MOON_RADIUS_M,
-        sun=R_me @ to_sun / sun_distance,
+        camera=R_me @ moon_to_camera / MOON_RADIUS_M,
+        sun=R_me @ moon_to_sun / sun_distance,
         earth=R_me @ -moon / earth_distance,
         earthlight=EARTH_GEOMETRIC_ALBEDO * (EARTH_MEAN_RADIUS_M / earth_distance) ** 2 * float(lambert),
         irradiance_w_m2=sun_irradiance_w_m2(scene.bands, sun_distance),
@@ -150,28 +155,30 @@ def moon_view(scene: SceneState) -> MoonView:
 
 
 def disc_rect(camera: Camera, center_camera: FloatArray, sine: float) -> PixelRect | None:
-    """Return the pixels that a sphere can touch, or None.
+    """Return the pixels that a sphere may touch, or None if it is not in the image.
 
     Parameters
     ----------
+    camera : Camera
+        Camera of the scene.
     center_camera : (3,) array
-        Unit vector to its centre.
+        Unit vector to the sphere's centre, camera frame.
     sine : float
         Sine of its angular radius.
     """
-    whole = PixelRect(0, 0, camera.width_px, camera.height_px)
-    radius, off = np.arcsin(min(sine, 1.0)), np.arccos(np.clip(center_camera[2], -1, 1))
-    if off > radius + camera.half_angle_rad() + 0.01:
+    whole_image = PixelRect(0, 0, camera.width_px, camera.height_px)
+    radius, angle_from_boresight = np.arcsin(min(sine, 1.0)), np.arccos(np.clip(center_camera[2], -1, 1))
+    if angle_from_boresight > radius + camera.half_angle_rad() + 0.01:
         return None
-    # rays slightly outside its rim
-    out = 1.02 * radius + 1e-5
-    if off + out > 1.5:
-        return whole
+    # project points of a circle slightly outside the rim
+    rim_angle = 1.02 * radius + 1e-5
+    if angle_from_boresight + rim_angle > 1.5:
+        return whole_image
     side = np.cross(center_camera, [0.0, 0.0, 1.0] if abs(center_camera[2]) < 0.9 else [1.0, 0.0, 0.0])
     side /= np.linalg.norm(side)
     up = np.cross(center_camera, side)
-    turn = np.arange(64) / 64 * 2 * np.pi
-    rim = center_camera + np.tan(out) * (np.cos(turn)[:, None] * side + np.sin(turn)[:, None] * up)
+    angle = np.arange(64) / 64 * 2 * np.pi
+    rim = center_camera + np.tan(rim_angle) * (np.cos(angle)[:, None] * side + np.sin(angle)[:, None] * up)
     pixels: ArrayLike = camera.project(rim)
     low, high = np.floor(np.min(pixels, axis=0)) - 1, np.ceil(np.max(pixels, axis=0)) + 2
     x0, y0 = (max(int(v), 0) for v in low)
@@ -180,7 +187,7 @@ def disc_rect(camera: Camera, center_camera: FloatArray, sine: float) -> PixelRe
 
 
 def moon_values(moon: MoonView) -> dict[str, ArrayLike]:
-    """Return the members of the block ``Moon``."""
+    """Return the members of the uniform block ``Moon``."""
     matrix = np.eye(4)
     matrix[:3, :3] = moon.moon_from_camera
     longitude = float(np.arctan2(moon.camera[1], moon.camera[0]))

@@ -1,7 +1,7 @@
-"""Star pass: stars and planets as points, spread over the four nearest pixels. Adds to the radiance.
+"""Star pass: adds stars and planets as points, each distributed over its four nearest pixels.
 
-Points that the target may hide are drawn, the others are added on read-back: drawing a point takes a software driver a
-microsecond, and four sums take a twentieth of that.
+Only points that the target may hide are drawn. The others are added after the read-back, because a software driver
+takes a microsecond to draw a point, and adding it to four pixels takes a twentieth of that.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from flyaround.simulator.celestial.star_colours import (
 )
 from flyaround.simulator.render.craft.placement import TARGET
 from flyaround.simulator.render.frame_graph import Pass
-from flyaround.simulator.render.frame_images import IMAGES, RADIANCE, STARLIGHT, Spread
+from flyaround.simulator.render.frame_images import IMAGES, RADIANCE, STARLIGHT, PointLights
 from flyaround.simulator.render.gl.fences import draw_to
 from flyaround.simulator.render.globe.frame_air import AIR
 from flyaround.simulator.render.globe.globe_view import GLOBE
@@ -46,15 +46,12 @@ if TYPE_CHECKING:
     from flyaround.simulator.scene.state import SceneState
 
 _MAX_STARS = 80_000
-_REACH_PX = 2  # extent of a point
-_SLACK = 1e-3  # tolerance of a cosine: aberration changes lengths by 1e-4
+_REACH_PX = 2  # largest distance of a pixel that a point lights
+_COSINE_TOLERANCE = 1e-3  # tolerance of a cosine: aberration changes lengths by 1e-4
 
 
 class StarPass(Pass):
-    """Adds stars and planets: those that the target may hide by drawing, the others on read-back.
-
-    Positions and light are computed in float64 on the CPU.
-    """
+    """Adds stars and planets. Positions and light are computed in float64 on the CPU."""
 
     name = "stars"
     reads = (SCENE, VIEW, *IMAGES)
@@ -75,7 +72,7 @@ class StarPass(Pass):
         pixels, radiance = stars_in_view(scene, r[VIEW], earth, r.find(AIR), r.find(MOON))
         near = self.may_be_hidden(pixels, images, r.find(TARGET))
         self._draw(pixels[near], radiance[near], images)
-        r[STARLIGHT] = spread(pixels[~near], radiance[~near], images.size)
+        r[STARLIGHT] = distribute_points(pixels[~near], radiance[~near], images.size)
 
     def may_be_hidden(
         self, pixels: FloatArray, images: FrameImages, target: PlacedTarget | None
@@ -85,7 +82,9 @@ class StarPass(Pass):
             return np.zeros(len(pixels), bool)
         rect = target.rect
         low, high = (rect.x0 - 1, rect.y0 - 1), (rect.x1, rect.y1)
-        images.mark_lit(PixelRect(*(v - _REACH_PX for v in low), *(v + _REACH_PX for v in high)))
+        images.mark_drawn(
+            PixelRect(*(edge - _REACH_PX for edge in low), *(edge + _REACH_PX for edge in high))
+        )
         return np.asarray(((pixels > low) & (pixels < high)).all(axis=1))
 
     def _draw(self, pixels: FloatArray, radiance: FloatArray, images: FrameImages) -> None:
@@ -112,8 +111,8 @@ class StarPass(Pass):
         self._arrays[program].render(mode=self._context.POINTS, vertices=len(points))
 
 
-def spread(pixels: FloatArray, radiance: FloatArray, size: tuple[int, int]) -> Spread:
-    """Spread points by a tent over their four nearest pixels, as shaders/sky/stars.frag does.
+def distribute_points(pixels: FloatArray, radiance: FloatArray, size: tuple[int, int]) -> PointLights:
+    """PointLights points by a tent over their four nearest pixels, as shaders/sky/stars.frag does.
 
     Parameters
     ----------
@@ -124,17 +123,17 @@ def spread(pixels: FloatArray, radiance: FloatArray, size: tuple[int, int]) -> S
     """
     width, height = size
     first = np.floor(pixels)
-    share = (pixels - first).T
+    fraction = (pixels - first).T
     column, row = first.T.astype(np.int64)
-    at, light = [], []
+    indices, light = [], []
     for dx in (0, 1):
         for dy in (0, 1):
             x, y = column + dx, row + dy
             inside = (x >= 0) & (x < width) & (y >= 0) & (y < height)
-            weight = (share[0] if dx else 1 - share[0]) * (share[1] if dy else 1 - share[1])
-            at.append(np.where(inside, y * width + x, 0))
+            weight = (fraction[0] if dx else 1 - fraction[0]) * (fraction[1] if dy else 1 - fraction[1])
+            indices.append(np.where(inside, y * width + x, 0))
             light.append(radiance * (weight * inside)[:, None])
-    return Spread(np.concatenate(at), np.concatenate(light).astype(np.float32))
+    return PointLights(np.concatenate(indices), np.concatenate(light).astype(np.float32))
 
 
 def stars_in_view(
@@ -144,19 +143,39 @@ def stars_in_view(
     air: Atmosphere | None,
     moon: MoonView | None = None,
 ) -> tuple[FloatArray, FloatArray]:
-    """Return pixel positions (K, 2) and radiance (K, n) of stars, if one pixel held all the light [W m-2 sr-1].
+    """Compute positions and radiance of the stars and planets in the image.
 
-    For a detector that counts photons it is the radiance of sunlight with equal photons, because electrons are computed
-    for the Sun's spectrum.
+    Electrons are later computed for the Sun's spectrum. So for a detector that counts photons, the radiance is that of
+    sunlight with the same number of photons.
+
+    Parameters
+    ----------
+    scene : SceneState
+        Scene to render.
+    view : View
+        Scene in camera coordinates.
+    earth : GlobeView or None
+        Globe in the image, which hides stars.
+    air : Atmosphere or None
+        Atmosphere of the globe, which attenuates stars near the limb.
+    moon : MoonView, optional
+        Moon, which hides stars.
+
+    Returns
+    -------
+    pixels : (K, 2) array
+        Columns and rows [px].
+    radiance : (K, n) array
+        Radiance per band if a single pixel held all the light [W m-2 sr-1].
     """
     camera, environment = scene.camera, scene.environment
-    # row by row: NumPy takes several times as long across rows of three
+    # arrays of (3, K), because NumPy takes several times as long for (K, 3)
     directions, light = [], []
     by_photons = scene.sensor.detector is not None
     if environment.stars:
-        field = stars(scene.epoch_utc, scene.bands, by_photons=by_photons)
-        near, irradiance = field.near(view.R_camera_from_eci[2], camera.half_angle_rad())
-        directions.append(near)
+        star_field = stars(scene.epoch_utc, scene.bands, by_photons=by_photons)
+        star_directions, irradiance = star_field.near(view.R_camera_from_eci[2], camera.half_angle_rad())
+        directions.append(star_directions)
         light.append(irradiance)
     if environment.planets:
         points = planets(scene.epoch_utc, np.asarray(scene.r_camera_eci_m))
@@ -169,27 +188,27 @@ def stars_in_view(
     # aberration by the motion of the Earth, and of the camera around it
     beta = earth_velocity_c(scene.epoch_utc) + np.asarray(scene.v_camera_eci_m_s) / LIGHT_M_S
     R = view.R_camera_from_eci
-    # adding to a unit vector shifts its direction; it is normalised where its length matters
-    d = R @ np.concatenate(directions, axis=1) + (R @ beta)[:, None]
-    ahead = np.flatnonzero(d[2] > np.cos(camera.half_angle_rad()) - _SLACK)
-    d = d.take(ahead, axis=1)
-    pixels = _project(camera, d)
+    # first-order aberration: the velocity is added to the unit vector, which is normalised later
+    rays = R @ np.concatenate(directions, axis=1) + (R @ beta)[:, None]
+    in_cone = np.flatnonzero(rays[2] > np.cos(camera.half_angle_rad()) - _COSINE_TOLERANCE)
+    rays = rays.take(in_cone, axis=1)
+    pixels = _project(camera, rays)
     inside = np.flatnonzero(_contains(camera, pixels))
-    d = d.take(inside, axis=1)
-    d /= np.sqrt(np.einsum("ck,ck->k", d, d))
-    in_front = np.ones(len(inside), bool) if moon is None else ~moon.hides(d.T)
+    rays = rays.take(inside, axis=1)
+    rays /= np.sqrt(np.einsum("ck,ck->k", rays, rays))
+    in_front = np.ones(len(inside), bool) if moon is None else ~moon.hides(rays.T)
     share = None
     if earth is not None:
-        visible, share = _past_the_earth(d, earth, air)
+        visible, share = _visible_past_earth(rays, earth, air)
         in_front &= visible
     if not in_front.all():
         indices = np.flatnonzero(in_front)
-        d, inside, share = d[:, indices], inside[indices], None if share is None else share[:, indices]
-    radiance = np.concatenate(light, axis=1).take(ahead.take(inside), axis=1)
+        rays, inside, share = rays[:, indices], inside[indices], None if share is None else share[:, indices]
+    radiance = np.concatenate(light, axis=1).take(in_cone.take(inside), axis=1)
     if share is not None:
         radiance *= share
     pixels = pixels.take(inside, axis=1).T
-    return pixels, (radiance / _pixel_solid_angle_sr(camera, d)).T
+    return pixels, (radiance / _pixel_solid_angle_sr(camera, rays)).T
 
 
 def _project(camera: Camera, d: FloatArray) -> FloatArray:
@@ -216,18 +235,18 @@ def _pixel_solid_angle_sr(camera: Camera, d: FloatArray) -> FloatArray:
     return np.asarray(d[2] * d[2] * d[2] / (camera.fx_px * camera.fy_px))
 
 
-def _past_the_earth(
+def _visible_past_earth(
     d_camera: FloatArray, earth: GlobeView, air: Atmosphere | None
 ) -> tuple[BoolArray, FloatArray | None]:
-    """Return (K,) True for directions (3, K) that miss the ground, and the transmittance (n, K) of the air, if any."""
+    """Return a mask (K,) of directions (3, K) that miss the ground, and the air's transmittance (n, K) or None."""
     d = earth.earth_from_camera @ d_camera
-    along = earth.camera @ d / np.sqrt(np.einsum("ck,ck->k", d, d))
-    perigee2 = float(earth.camera @ earth.camera) - along * along
-    visible = (along >= 0) | (perigee2 >= 1)
-    through = visible & (along < 0) & (perigee2 < earth.top2)
-    if air is None or not through.any():
+    along_zenith = earth.camera @ d / np.sqrt(np.einsum("ck,ck->k", d, d))
+    perigee2 = float(earth.camera @ earth.camera) - along_zenith * along_zenith
+    visible = (along_zenith >= 0) | (perigee2 >= 1)
+    crosses_air = visible & (along_zenith < 0) & (perigee2 < earth.top2)
+    if air is None or not crosses_air.any():
         return visible, None
     depth = np.zeros((d.shape[1], len(air.rayleigh_m)))
-    radius = np.sqrt(perigee2[through]) * air.radius_m
-    depth[through] = 2 * optical_depth_to_top(air, radius, np.zeros_like(radius), steps=32)
+    radius = np.sqrt(perigee2[crosses_air]) * air.radius_m
+    depth[crosses_air] = 2 * optical_depth_to_top(air, radius, np.zeros_like(radius), steps=32)
     return visible, np.exp(-depth.T)

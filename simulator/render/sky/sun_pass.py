@@ -1,4 +1,4 @@
-"""Sun pass: the limb-darkened disc, if it is in the image. Adds to the radiance."""
+"""Sun pass: draws the limb-darkened disc of the Sun if it is in the image."""
 
 from __future__ import annotations
 
@@ -25,9 +25,9 @@ if TYPE_CHECKING:
 
 
 class SunPass(Pass):
-    """Adds the Sun's disc.
+    """Adds the Sun's disc to the radiance.
 
-    It is some 28 pixels wide in a SPEED camera, and one in a wide-angle one: its edge is antialiased by coverage.
+    The disc is 28 pixels wide in a SPEED camera but a single pixel in a wide-angle one, so its edge is antialiased.
     """
 
     name = "sun"
@@ -58,7 +58,7 @@ class SunPass(Pass):
         program = self._programs.get(
             FULL_SCREEN, "sky/sun.frag", defines, ("t_coverage", *AIR_SAMPLERS[images.bands])
         )
-        images.mark_lit(rect)
+        images.mark_drawn(rect)
         draw_to(images.sky_framebuffer)
         images.sky_framebuffer.viewport = rect.viewport
         self._context.enable_only(self._context.BLEND)
@@ -74,5 +74,5 @@ class SunPass(Pass):
 
 
 def sun_rect(view: View, camera: Camera) -> PixelRect | None:
-    """Return the pixels that the disc can touch, or ``None``."""
+    """Return the pixels that the Sun's disc may touch, or ``None`` if it is not in the image."""
     return disc_rect(camera, view.sun_direction, view.sun_sine)

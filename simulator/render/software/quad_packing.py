@@ -1,6 +1,6 @@
-"""Quad packing for software drivers: four pixels are rendered as one RGBA texel, which is cheaper than four texels.
+"""Quad packing for software drivers: 2 x 2 pixels are rendered as one RGBA texel, which costs less than four texels.
 
-Tiles that were rendered pixel by pixel are copied into the packed image.
+Tiles that cannot be rendered this way are copied into the packed image.
 """
 
 from __future__ import annotations
@@ -22,13 +22,13 @@ if TYPE_CHECKING:
     from flyaround.simulator.render.gl.programs import Program
     from flyaround.simulator.runtime.arrays import Float32Array
 
-LEAST_SHARE = 0.4
-"""Least share of smooth tiles in the image for which packing pays off, because reading packed texels has a cost."""
+MIN_SMOOTH_SHARE = 0.4
+"""Share of smooth tiles in the image from which on packing is faster: unpacking has a cost."""
 
 
-def worth_packing(images: FrameImages, tiles: ScreenTiles) -> bool:
-    """Return True if the Earth's smooth tiles should be drawn four pixels to a texel."""
-    return images.can_pack_quads and tiles.smooth_share > LEAST_SHARE
+def should_pack(images: FrameImages, tiles: ScreenTiles) -> bool:
+    """Return True if the Earth's smooth tiles should be drawn four pixels per texel."""
+    return images.can_pack_quads and tiles.smooth_share > MIN_SMOOTH_SHARE
 
 
 QUADS: Resource[bool] = Resource("quads")
@@ -45,23 +45,23 @@ class QuadPackingPass(Pass):
     def __init__(self, device: Device) -> None:
         self._context, self._programs = device.context, device.programs
         self._tiles = self._context.buffer(reserve=8, dynamic=True)
-        self._made: dict[int, tuple[Program, moderngl.VertexArray]] = {}  # keyed by the number of bands
+        self._by_bands: dict[int, tuple[Program, moderngl.VertexArray]] = {}  # keyed by the number of bands
 
-    def _of(self, bands: int) -> tuple[Program, moderngl.VertexArray]:
-        if bands not in self._made:
+    def _program_and_array(self, bands: int) -> tuple[Program, moderngl.VertexArray]:
+        if bands not in self._by_bands:
             program = self._programs.get(
                 "common/tiles.vert", "common/quads.frag", {"BANDS": bands}, ("t_image",)
             )
             array = self._context.vertex_array(
                 program.gl, [(self._tiles, "2f", "in_pixel")], mode=self._context.POINTS
             )
-            self._made[bands] = program, array
-        return self._made[bands]
+            self._by_bands[bands] = program, array
+        return self._by_bands[bands]
 
     def run(self, r: PassResources) -> None:
         """Copy the tiles that are not smooth."""
         images, tiles = r[RADIANCE], r[EARTH_TILES]
-        centers = tiles.others_px
+        centers = tiles.rough_centers_px
         if not len(centers):
             return
         width, height = tiles.extent_px
@@ -69,7 +69,7 @@ class QuadPackingPass(Pass):
         draw_to(framebuffer)
         framebuffer.viewport = (0, 0, width // 2, height // 2)
         self._context.enable_only(self._context.PROGRAM_POINT_SIZE)
-        program, array = self._of(images.bands)
+        program, array = self._program_and_array(images.bands)
         program.bind_textures(t_image=images.radiance)
         program.set("u_extent_px", tiles.extent_px)
         program.set("u_point_px", tiles.size_px / 2)

@@ -1,7 +1,6 @@
-"""The Earth in smooth tiles: light and air at their corners, one level of detail, four pixels per texel.
+"""The Earth drawn in smooth tiles: light and air interpolated from the corners, one mipmap level, packed pixels.
 
-Without it the eight bench scenes take 860 ms longer than 800 ms. Parts of that: one level of the detail 21 ms, one of
-magnified maps 22 ms, the air at every other corner (`FrameAir.corners`) 17 ms.
+`python -m tools.studies.savings` measures what each of these saves on a software driver.
 """
 
 from __future__ import annotations
@@ -27,7 +26,7 @@ from flyaround.simulator.render.frame_graph import Resource
 from flyaround.simulator.render.globe.frame_air import AIR_TABLES
 from flyaround.simulator.render.globe.globe_view import GLOBE
 from flyaround.simulator.render.moon.moon_view import MOON
-from flyaround.simulator.render.software.quad_packing import QUADS, worth_packing
+from flyaround.simulator.render.software.quad_packing import QUADS, should_pack
 from flyaround.simulator.render.view import SCENE
 
 if TYPE_CHECKING:
@@ -49,41 +48,45 @@ class CornerAir:
 
     Parameters
     ----------
-    whole : (N, M, V) array
+    tiles : ScreenTiles
+        Tiles of the frame.
+    coarse : (N, M, V) array
         Values at the corners of all tiles, from `FrameAir.corners`.
     fine : (9 P, V) array
-        Values at the corners of the fine tiles, from `FrameAir.at`.
+        Values at the corners of the fine tiles, from `FrameAir.at_points`.
     """
 
-    def __init__(self, tiles: ScreenTiles, whole: Float32Array, fine: Float32Array) -> None:
-        self._tiles, self._whole, self._fine = tiles, whole, fine
+    def __init__(self, tiles: ScreenTiles, coarse: Float32Array, fine: Float32Array) -> None:
+        self._tiles, self._coarse, self._fine = tiles, coarse, fine
 
     @staticmethod
-    def of(tiles: ScreenTiles, air: FrameAir) -> CornerAir | None:
-        """Return the air pass's light at the tiles' corners; `None` if no tile is smooth."""
+    def compute(tiles: ScreenTiles, air: FrameAir) -> CornerAir | None:
+        """Compute the air at the tiles' corners; `None` if no tile is smooth."""
         if tiles.smooth_share <= 0:
             return None
-        all_ground = not len(tiles.others_px) and not len(tiles.halved[0])
-        whole = air.corners(*tiles.corners_px, all_ground=all_ground)
-        return CornerAir(tiles, whole, air.at(tiles.fine_corners_px.reshape(-1, 2)))
+        all_ground = not len(tiles.rough_centers_px) and not len(tiles.halved[0])
+        coarse = air.corners(*tiles.corners_px, all_ground=all_ground)
+        return CornerAir(tiles, coarse, air.at_points(tiles.fine_corners_px.reshape(-1, 2)))
 
-    def around(self, centers_px: Float32Array, *, fine: bool) -> Float32Array:
-        """Return (K, 4 V) values of tiles, by their centres: upper left, upper right, lower left, lower right."""
+    def tile_values(self, centers_px: Float32Array, *, fine: bool) -> Float32Array:
+        """Return values (K, 4 V) of tiles with centres (K, 2): upper left, upper right, lower left, lower right."""
         if not fine:
-            return self._four(self._whole, self._tiles.place(centers_px))
-        which, row, column = self._tiles.fine_place(centers_px)
-        return self._four(self._fine.reshape(-1, 3, 3, self._fine.shape[1]), (row, column), which)
+            return self._corner_values(self._coarse, self._tiles.tile_indices(centers_px))
+        halved_index, row, column = self._tiles.fine_tile_indices(centers_px)
+        return self._corner_values(
+            self._fine.reshape(-1, 3, 3, self._fine.shape[1]), (row, column), halved_index
+        )
 
     @staticmethod
-    def _four(
-        air: Float32Array, place: tuple[IntArray, IntArray], which: IntArray | None = None
+    def _corner_values(
+        air: Float32Array, indices: tuple[IntArray, IntArray], halved_index: IntArray | None = None
     ) -> Float32Array:
-        first = () if which is None else (which,)
-        row, column = place
-        four = np.empty((len(row), air.shape[-1], 4), np.float32)
+        leading = () if halved_index is None else (halved_index,)
+        row, column = indices
+        values = np.empty((len(row), air.shape[-1], 4), np.float32)
         for corner, (down, right) in enumerate(_CORNERS):
-            four[:, :, corner] = air[(*first, row + down, column + right)]
-        return four.reshape(len(row), -1)
+            values[:, :, corner] = air[(*leading, row + down, column + right)]
+        return values.reshape(len(row), -1)
 
 
 CORNER_AIR: Resource[CornerAir] = Resource("corner air")
@@ -98,11 +101,11 @@ class CornerAirPass(EarthAirPass):
     def run(self, r: PassResources) -> None:
         """Fill the tables and the corners."""
         tiles, moon = r[EARTH_TILES], r.find(MOON)
-        # a view with smooth ground only reads the air at its tiles' corners
-        corners_do = tiles.all_smooth and r[GLOBE].sky_rows is None
-        if not corners_do or (moon is not None and moon.in_front):
+        # if all ground is smooth, only the air at the tiles' corners is read
+        corners_suffice = tiles.all_smooth and r[GLOBE].sky_rows is None
+        if not corners_suffice or (moon is not None and moon.in_front):
             super().run(r)
-        r[CORNER_AIR] = CornerAir.of(tiles, r[EARTH].air(r[SCENE].environment).frame)
+        r[CORNER_AIR] = CornerAir.compute(tiles, r[EARTH].air(r[SCENE].environment).frame)
 
 
 class SmoothEarthPass(EarthPass):
@@ -112,12 +115,12 @@ class SmoothEarthPass(EarthPass):
     writes = (*EarthPass.writes, QUADS)
 
     def run(self, r: PassResources) -> None:
-        """Draw packed tiles to their own framebuffer; covered ones are added to the image."""
-        frame, corner_air = EarthFrame.of(r), r.find(CORNER_AIR)
-        quads = worth_packing(frame.images, frame.tiles) and not frame.moon_in_front
+        """Draw packed tiles into their own framebuffer, and the others into the image."""
+        frame, corner_air = EarthFrame.from_resources(r), r.find(CORNER_AIR)
+        quads = should_pack(frame.images, frame.tiles) and not frame.moon_in_front
         groups: dict[EarthDraw, list[tuple[TileKind, Float32Array]]] = {}
-        # draws to one image are consecutive, and so are kinds with the same program: changing the image makes a driver
-        # finish it
+        # Sorted, so that draws into one framebuffer are consecutive, as are kinds with the same program: the driver
+        # finishes drawing when the framebuffer changes.
         for kind, centers in sorted(frame.tiles.centers_px.items(), key=itemgetter(0)):
             draw = self._smooth_draw(r[EARTH], frame, kind, quads=quads and kind.smooth)
             groups.setdefault(draw, []).append((kind, centers))
@@ -129,36 +132,36 @@ class SmoothEarthPass(EarthPass):
     def _smooth_draw(self, earth: Earth, frame: EarthFrame, kind: TileKind, *, quads: bool) -> EarthDraw:
         images, quality = frame.images, frame.scene.quality
         width, height = frame.tiles.extent_px
-        # magnified maps have one level, and a driver is faster if it has no level to select
+        # magnified maps use one level, and a driver samples faster if it has no level to select
         magnified = quality != "high" and kind.smooth and kind.level <= LOG2_TEXEL_KM
         return EarthDraw(
             earth.program(frame, kind, quads=quads),
             images.quad_framebuffer if quads else images.sky_framebuffer,
             (0, 0, width // 2, height // 2) if quads else (0, 0, width, height),
             kind.covered and not quads,
-            frame.tiles.size_of(kind),
-            self._level_of(earth.night if kind.unlit else earth.detail, kind, quality),
-            self._level_of(earth.night, kind, quality) if kind.night else None,
+            frame.tiles.tile_side_px(kind),
+            self._texture_at_level(earth.night if kind.unlit else earth.detail, kind, quality),
+            self._texture_at_level(earth.night, kind, quality) if kind.night else None,
             None if magnified else kind.level,
         )
 
-    def _level_of(self, texture: TilingTexture, kind: TileKind, quality: str) -> moderngl.Texture:
-        """Return a texture with all its levels, or with the one level that a smooth tile needs, which is faster.
+    def _texture_at_level(self, texture: TilingTexture, kind: TileKind, quality: str) -> moderngl.Texture:
+        """Return the single level that a smooth tile needs, which samples faster, or the texture with all its levels.
 
-        Half of a trilinear look-up's cost is its second level, which the default preset does without.
+        Only `high` interpolates between two levels, which doubles the cost of a look-up.
         """
         if kind.smooth and quality != "high":
             return texture.single(kind.level - math.log2(DETAIL_TEXEL_KM))
-        two = quality == "high"
+        trilinear = quality == "high"
         return texture.mipmapped(
-            self._context.LINEAR_MIPMAP_LINEAR if two else self._context.LINEAR_MIPMAP_NEAREST
+            self._context.LINEAR_MIPMAP_LINEAR if trilinear else self._context.LINEAR_MIPMAP_NEAREST
         )
 
 
 def _vertices(tiles: list[tuple[TileKind, Float32Array]], corner_air: CornerAir | None) -> Float32Array:
-    """Return (K, 2 + 4 V): centres of the tiles of one draw call, and the air at their corners if they are smooth."""
-    middles = np.concatenate([centers for _, centers in tiles])
+    """Return vertices (K, 2 + 4 V) of one draw call: centres of tiles, and the air at the corners of smooth ones."""
+    all_centers = np.concatenate([centers for _, centers in tiles])
     kind = tiles[0][0]
     if corner_air is None or not kind.smooth:
-        return middles
-    return np.concatenate([middles, corner_air.around(middles, fine=kind.fine)], axis=1)
+        return all_centers
+    return np.concatenate([all_centers, corner_air.tile_values(all_centers, fine=kind.fine)], axis=1)

@@ -1,4 +1,4 @@
-"""Tiles of the Moon whose ground can be interpolated between corners."""
+"""The Moon drawn in smooth tiles, whose ground is interpolated between the corners."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import numpy as np
 
 from flyaround.simulator.render.craft.placement import TARGET
 from flyaround.simulator.render.earth.screen_tiles import tile_size_px
-from flyaround.simulator.render.moon.moon_pass import MoonPass, MoonTiles, triangles_of
+from flyaround.simulator.render.moon.moon_pass import MoonPass, MoonTiles, grid_triangles
 from flyaround.simulator.render.moon.moon_view import MOON
 from flyaround.simulator.render.projection import directions
 from flyaround.simulator.render.view import SCENE
@@ -21,11 +21,11 @@ if TYPE_CHECKING:
     from flyaround.simulator.render.projection import PixelRect
     from flyaround.simulator.runtime.arrays import BoolArray
 
-_SMOOTH_DISC = 0.08  # least squared cosine of the angle between ray and vertical at the ground
-_LARGEST_GROUND = 0.015  # largest extent of a tile on the ground [radii]
-# least distance of a smooth tile from a pole, in tile sides: nearer to it, interpolated longitudes are off by more
-# than a third of a pixel
-_POLE_SPANS = 16
+_MIN_SMOOTH_COSINE2 = 0.08  # smallest squared cosine of the angle between ray and vertical at the ground
+_MAX_GROUND_EXTENT = 0.015  # largest extent of a smooth tile on the ground [radii]
+# Smallest distance of a smooth tile from a pole, in sides of a tile. Nearer to the pole, the error of interpolated
+# longitudes exceeds a third of a pixel.
+_MIN_POLE_DISTANCE_TILES = 16
 
 
 class SmoothMoonPass(MoonPass):
@@ -39,10 +39,12 @@ class SmoothMoonPass(MoonPass):
 
 
 def moon_tiles(moon: MoonView, rect: PixelRect, camera: Camera, target: PixelRect | None) -> list[MoonTiles]:
-    """Divide the Moon's rectangle into smooth tiles and others: limb, poles, and the craters' seam at the equator.
+    """Divide the Moon's rectangle into smooth tiles and others (limb, poles, seams of the map and the craters).
 
     Parameters
     ----------
+    moon : MoonView
+        Moon in the image.
     rect : PixelRect
         Rectangle of the Moon in the image.
     target : PixelRect or None
@@ -52,28 +54,30 @@ def moon_tiles(moon: MoonView, rect: PixelRect, camera: Camera, target: PixelRec
     x_px = np.append(np.arange(rect.x0, rect.x1, size), rect.x1) - 0.5
     y_px = np.append(np.arange(rect.y0, rect.y1, size), rect.y1) - 0.5
     d = directions(camera, x_px, y_px, moon.moon_from_camera)
-    along = d @ moon.camera
-    disc = 1 - (float(moon.camera @ moon.camera) - along**2)
+    along_camera = d @ moon.camera
+    disc = 1 - (float(moon.camera @ moon.camera) - along_camera**2)
     depth = np.sqrt(np.maximum(disc, 0))
-    distance = -along - depth
+    distance = -along_camera - depth
     x, y, z = (moon.camera[k] + distance * d[..., k] for k in range(3))
-    span = distance * size * camera.pixel_angle_rad()
-    aside = np.abs(moon.camera[0] * y - moon.camera[1] * x) > 2 * span * np.hypot(*moon.camera[:2])
-    even = aside | (moon.camera[0] * x + moon.camera[1] * y > 0)
-    largest = np.minimum(_LARGEST_GROUND * depth, np.hypot(x, y) / _POLE_SPANS)
-    even &= (along < 0) & (disc > _SMOOTH_DISC) & (span < largest)
-    smooth = _all_corners(even) & (_all_corners(z > 0) | _all_corners(z < 0))
+    tile_extent = distance * size * camera.pixel_angle_rad()
+    clear_of_seam = np.abs(moon.camera[0] * y - moon.camera[1] * x) > 2 * tile_extent * np.hypot(
+        *moon.camera[:2]
+    )
+    is_smooth_corner = clear_of_seam | (moon.camera[0] * x + moon.camera[1] * y > 0)
+    largest = np.minimum(_MAX_GROUND_EXTENT * depth, np.hypot(x, y) / _MIN_POLE_DISTANCE_TILES)
+    is_smooth_corner &= (along_camera < 0) & (disc > _MIN_SMOOTH_COSINE2) & (tile_extent < largest)
+    smooth = _all_corners(is_smooth_corner) & (_all_corners(z > 0) | _all_corners(z < 0))
     covered = np.zeros_like(smooth)
     if target is not None:
         rows, columns = (
-            (e[1:] > low) & (e[:-1] < high - 1)
-            for e, low, high in ((y_px, target.y0, target.y1), (x_px, target.x0, target.x1))
+            (edges[1:] > low) & (edges[:-1] < high - 1)
+            for edges, low, high in ((y_px, target.y0, target.y1), (x_px, target.x0, target.x1))
         )
         covered = rows[:, None] & columns
-    triangles = triangles_of(x_px, y_px)
-    # larger towards the limb, where the ground is foreshortened
+    triangles = grid_triangles(x_px, y_px)
+    # the footprint grows towards the limb, where the ground is foreshortened
     footprint = distance * camera.pixel_angle_rad() * (MOON_RADIUS_M * 1e-3) / np.sqrt(np.fmax(depth, 0.02))
-    largest = float(np.max(footprint, initial=0.0, where=even))
+    largest = float(np.max(footprint, initial=0.0, where=is_smooth_corner))
     kinds = (
         MoonTiles(triangles[~smooth].reshape(-1, 2)),
         MoonTiles(triangles[smooth & ~covered].reshape(-1, 2), True, False, largest, size),

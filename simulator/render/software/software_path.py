@@ -1,4 +1,7 @@
-"""The passes of a software driver: hidden items are culled in Python, and smooth light is interpolated."""
+"""The passes for a software driver, which draws on the CPU.
+
+What is hidden is culled in Python before it is drawn, and light that varies smoothly is interpolated across tiles.
+"""
 
 from __future__ import annotations
 
@@ -34,74 +37,86 @@ if TYPE_CHECKING:
     from flyaround.simulator.render.frame_graph import PassResources
     from flyaround.simulator.runtime.arrays import FloatArray, IntArray
 
-_MASK_PX = 2  # pixels of the image per pixel of the mask that the hulls are filled into
-_FOUR_BYTES = np.uint32  # one tile's row in the mask
-_SHIFT = 4  # bits of the fraction of OpenCV's fixed-point corners
-_AROUND = np.ones((3, 3), np.uint8)  # a pixel and its eight neighbours
-_FARTHEST = 1 << 14  # corners must fit OpenCV's integers with the fraction's bits to spare
+_MASK_PX = 2  # side of a mask pixel [px]; a tile is four of them wide
+_FOUR_BYTES = np.uint32  # four mask pixels read as one number
+_SHIFT = 4  # fractional bits of OpenCV's fixed-point coordinates
+_NEIGHBOURHOOD = np.ones((3, 3), np.uint8)  # a pixel and its eight neighbours
+_MAX_CORNER_PX = (
+    1 << 14
+)  # coordinates are clipped to this, so that with the fractional bits they fit OpenCV's integers
 
 
 class TileCulling:
-    """Selects triangles that face the camera and are not behind large bodies, and tiles that the hulls touch."""
+    """Selects triangles that may be visible, and tiles that the convex hulls of the target's parts touch."""
 
     mesh_array = CulledVertexArray
 
-    def target_tiles(self, place: ViewportFit) -> FloatArray:
-        """Return centres (K, 2) [px] of the tiles that the target may touch, all if part of it is behind the camera."""
-        if place.hull_px is None:
-            return all_tiles(place.rect)
-        return hull_tiles(place.rect, place.hull_px, place.hull_parts)
+    def target_tiles(self, fit: ViewportFit) -> FloatArray:
+        """Return centres (K, 2) [px] of the tiles that the target may touch.
+
+        If part of the target is behind the camera, these are all tiles of its rectangle.
+        """
+        if fit.hull_px is None:
+            return all_tiles(fit.rect)
+        return hull_tiles(fit.rect, fit.hull_px, fit.hull_parts)
 
 
 def hull_tiles(rect: PixelRect, points_px: FloatArray, parts: IntArray) -> FloatArray:
-    """Return centres (K, 2) [px] of the tiles of a rectangle that some convex hulls touch, and a few more.
+    """Return centres (M, 2) [px] of the tiles of a rectangle that convex hulls touch, and a few more.
 
-    The craft is the union of its parts, and each part lies in its convex hull. The union of the hulls' images is a
-    tight bound, which leaves open the space between antennas and panels.
+    Each part of the target lies in its convex hull, so the union of the projected hulls bounds the target's pixels. It
+    is a tight bound: space between antennas and panels stays outside.
 
     Parameters
     ----------
     rect : PixelRect
         Rectangle that begins at whole tiles.
     points_px : (2, K) array
-        Projected points of all hulls in turn.
+        Projected points of all hulls in turn [px].
     parts : array
-        Start of the points of each hull but the first.
+        Index of the first point of each hull but the first.
     """
     rows, columns = -(-rect.height // TILE_PX), -(-rect.width // TILE_PX)
     step = TILE_PX // _MASK_PX
-    # one more on each side: a hull that ends there may touch a pixel inside
+    # a border of one mask pixel, because a hull that ends there may touch a pixel inside
     mask = np.zeros((rows * step + 2, columns * step + 2), np.uint8)
     # mask pixel (1, 1) is the mean of image pixels x0 and x0 + 1
-    fixed = np.empty((points_px.shape[1], 2), np.int32)
+    fixed_point = np.empty((points_px.shape[1], 2), np.int32)
     for axis, first in enumerate((rect.x0, rect.y0)):
-        at = (points_px[axis] - (first + 0.5 * (_MASK_PX - 1) - _MASK_PX)) / _MASK_PX
-        fixed[:, axis] = np.rint(np.minimum(np.maximum(at, -_FARTHEST), _FARTHEST) * (1 << _SHIFT))
-    ends = [0, *parts.tolist(), len(fixed)]
-    for start, end in itertools.pairwise(ends):
-        cv2.fillConvexPoly(mask, cv2.convexHull(fixed[start:end]), 1, shift=_SHIFT)
-    # count a pixel whose corner is touched: OpenCV's fill omits pixels touched by less than half
-    cv2.dilate(mask, _AROUND, dst=mask)
-    inner = mask[1:-1, 1:-1].reshape(rows, step, -1).max(axis=1)  # one axis after the other is faster
+        coordinate = (points_px[axis] - (first + 0.5 * (_MASK_PX - 1) - _MASK_PX)) / _MASK_PX
+        fixed_point[:, axis] = np.rint(
+            np.minimum(np.maximum(coordinate, -_MAX_CORNER_PX), _MAX_CORNER_PX) * (1 << _SHIFT)
+        )
+    bounds = [0, *parts.tolist(), len(fixed_point)]
+    for start, end in itertools.pairwise(bounds):
+        cv2.fillConvexPoly(mask, cv2.convexHull(fixed_point[start:end]), 1, shift=_SHIFT)
+    # grow by one mask pixel, because OpenCV's fill omits pixels that are covered by less than half
+    cv2.dilate(mask, _NEIGHBOURHOOD, dst=mask)
+    # reduce rows with max, then columns by reading four bytes as one number: faster than one reduction over both
+    inner = mask[1:-1, 1:-1].reshape(rows, step, -1).max(axis=1)
     return tile_centers(inner.view(_FOUR_BYTES) != 0, rect)
 
 
 class EarlyClearPass(ClearPass):
-    """Clears the images while the first pass is prepared, if that was right for the last frame."""
+    """Clears the images at the start of the frame, unless the Earth filled the last frame.
 
-    filled = False
-    """True if the Earth filled the last frame: then nothing is cleared early."""
+    An Earth that fills the image overwrites all pixels, so most likely they need no clearing. If it does not fill this
+    frame, `ClearRestPass` clears them later.
+    """
+
+    earth_filled_image = False
+    """True if the Earth filled the last frame."""
 
     def run(self, r: PassResources) -> None:
-        """Clear, unless the Earth may write all pixels."""
-        if self.filled:
+        """Clear the images, unless the Earth filled the last frame."""
+        if self.earth_filled_image:
             r[RADIANCE] = r[COVERAGE] = self._images_for(r[SCENE])
         else:
             super().run(r)
 
 
 class ClearRestPass(Pass):
-    """Clears the remaining pixels: an Earth that fills the image writes all but the target's."""
+    """Clears the pixels that `EarlyClearPass` left and that the Earth will not overwrite."""
 
     name = "clear.rest"
     reads = IMAGES
@@ -112,26 +127,26 @@ class ClearRestPass(Pass):
         self._early = early
 
     def run(self, r: PassResources) -> None:
-        """Clear the pixels that the Earth will not write, if nothing was cleared early."""
+        """Clear the remaining pixels: all, or those that the target may cover if the Earth fills the image."""
         earth, tiles, images = r.find(GLOBE), r.find(EARTH_TILES), r[RADIANCE]
-        written = tiles if earth is not None and earth.fills_image else None
-        if self._early.filled:
-            everything = PixelRect(0, 0, *images.size)
-            images.clear(everything if written is None else written.holding(covered=True))
-        self._early.filled = written is not None
+        overwriting = tiles if earth is not None and earth.fills_image else None
+        if self._early.earth_filled_image:
+            whole_image = PixelRect(0, 0, *images.size)
+            images.clear(whole_image if overwriting is None else overwriting.bounds(covered=True))
+        self._early.earth_filled_image = overwriting is not None
 
 
 def software_passes(device: Device, earths: Earths) -> FramePasses:
-    """Return the passes for a driver that draws on the CPU."""
+    """Return the passes for a software driver."""
     clear, earth = EarlyClearPass(device.images_for), SmoothEarthPass(device.context)
-    find = (MoonViewPass(device.blocks.moon), SortedTilesPass(), CornerAirPass())
+    view_passes = (MoonViewPass(device.blocks.moon), SortedTilesPass(), CornerAirPass())
     return FramePasses(
         device,
         earths,
         TileCulling(),
         clear=clear,
         globe=GlobeViewPass(device, earths),
-        views=(*find, ClearRestPass(clear), GlobeAirPass()),
+        views=(*view_passes, ClearRestPass(clear), GlobeAirPass()),
         sky=(
             earth,
             GlobePass(device),
@@ -140,6 +155,6 @@ def software_passes(device: Device, earths: Earths) -> FramePasses:
             SunPass(device),
             QuadPackingPass(device),
         ),
-        earth_programs=(*find, earth),
+        earth_programs=(*view_passes, earth),
         read_back=ReadQuadsPass(),
     )

@@ -18,15 +18,15 @@ from flyaround.simulator.runtime.untrusted_files import read_regular
 from flyaround.simulator.targets.check_target import check_keypoints_on_mesh, check_target
 from flyaround.simulator.targets.convert import (
     content_sha256,
-    frames_of,
-    keypoints_of,
-    mass_of,
-    occluders_of,
-    wireframe_of,
+    frames_from,
+    keypoints_from,
+    mass_from,
+    occluders_from,
+    wireframe_from,
 )
 from flyaround.simulator.targets.model import Material, Part, Target, TextureImage, split_level
 from flyaround.simulator.targets.records import TargetRecord
-from flyaround.simulator.targets.textures import pictures_of, texture_name
+from flyaround.simulator.targets.textures import embedded_pictures, texture_name
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -60,10 +60,12 @@ def target_from(data: bytes, path: Path, *, checked: bool = False) -> Target:
 
     Parameters
     ----------
+    data : bytes
+        Contents of the file.
     path : Path
         Name of the file in messages.
-    checked : bool
-        True if the file was checked when it was written and a checksum shows that it has not changed.
+    checked : bool, optional
+        True to skip the checks, for a file that was checked when it was written and whose checksum is right.
 
     Raises
     ------
@@ -73,7 +75,7 @@ def target_from(data: bytes, path: Path, *, checked: bool = False) -> Target:
     document, blob = read_chunks(data, path)
     record = _record(document, path)
     try:
-        pictures = pictures_of(document, blob)
+        pictures = embedded_pictures(document, blob)
         materials = tuple(_material(document, m, record, pictures) for m in document.get("materials", []))
         parts = tuple(_parts(document, blob, materials, path))
         target = Target(
@@ -82,13 +84,13 @@ def target_from(data: bytes, path: Path, *, checked: bool = False) -> Target:
             sha256=record.sha256,
             materials=materials,
             parts=parts,
-            keypoints=keypoints_of(record),
-            wireframe=wireframe_of(record),
-            mass=mass_of(record),
-            frames=frames_of(record),
+            keypoints=keypoints_from(record),
+            wireframe=wireframe_from(record),
+            mass=mass_from(record),
+            frames=frames_from(record),
             symmetry=record.symmetry_wxyz,
             notes=record.notes,
-            occluders=occluders_of(record),
+            occluders=occluders_from(record),
             pictures=pictures,
             part_classes=record.part_classes or {},
         )
@@ -120,7 +122,13 @@ def holds_target(path: Path) -> bool:
 
 
 def read_chunks(data: bytes, path: Path) -> tuple[dict[str, Any], bytes]:
-    """Return the JSON and the binary chunk of a GLB file (glTF 2.0 specification, section 4.4)."""
+    """Return the JSON and the binary chunk of a GLB file (glTF 2.0 specification, section 4.4).
+
+    Raises
+    ------
+    UserError
+        If it is not a GLB file of version 2, or truncated.
+    """
     if data[:4] != b"glTF":
         raise UserError(f"{path} is not a binary glTF file (.glb); export the model as one")
     if len(data) < 20:
@@ -131,13 +139,13 @@ def read_chunks(data: bytes, path: Path) -> tuple[dict[str, Any], bytes]:
     if len(data) < length:
         raise UserError(f"{path} is cut short ({len(data)} of {length} bytes); copy or export it again")
     chunks: dict[bytes, bytes] = {}
-    at = 12
-    while at + 8 <= length:
-        size, kind = struct.unpack_from("<I4s", data, at)
-        if at + 8 + size > length:
+    offset = 12
+    while offset + 8 <= length:
+        size, kind = struct.unpack_from("<I4s", data, offset)
+        if offset + 8 + size > length:
             raise UserError(f"{path} has a chunk that runs past its end; copy or export it again")
-        chunks.setdefault(kind, data[at + 8 : at + 8 + size])
-        at += 8 + size
+        chunks.setdefault(kind, data[offset + 8 : offset + 8 + size])
+        offset += 8 + size
     try:
         document = parse_json(chunks[b"JSON"])
     except KeyError as error:
@@ -234,7 +242,7 @@ def _array(document: dict[str, Any], blob: bytes, number: int, width: int) -> ND
 
 
 MAX_VALUES = 2_000_000
-"""Largest number of values and brackets in a document; Python objects take a hundred times the file's size."""
+"""Largest number of values and brackets in a document, because Python objects take a hundred times the file's size."""
 
 
 def parse_json(data: bytes) -> object:

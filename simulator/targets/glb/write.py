@@ -1,7 +1,7 @@
 """Writer of target files: a Target as binary glTF 2.0, exact to the bit.
 
-One node and one mesh per part; a root node rotates the model's z axis to glTF's y for viewers. The document is plain
-JSON of glTF 2.0, sections 3 and 5, because a library's classes are slow.
+Each part is a node with a mesh. A root node rotates the model's z axis to glTF's y, for viewers. The JSON document is
+built directly (glTF 2.0 specification, sections 3 and 5), because the classes of glTF libraries are slow.
 """
 
 from __future__ import annotations
@@ -15,9 +15,9 @@ import msgspec
 import numpy as np
 
 from flyaround.simulator.runtime.files import write_atomic
-from flyaround.simulator.targets.convert import record_of
+from flyaround.simulator.targets.convert import target_record
 from flyaround.simulator.targets.glb.read import ANISOTROPY, CLEARCOAT
-from flyaround.simulator.targets.textures import mime_of
+from flyaround.simulator.targets.textures import mime_type
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -81,7 +81,7 @@ def glb_bytes(target: Target) -> bytes:
     _append_pictures(document, blob, target.pictures)
     children = list(range(len(document["nodes"])))
     document["nodes"].append({"name": target.name, "children": children, "rotation": Y_UP_FROM_Z_UP_XYZW})
-    extras = {"flyaround": msgspec.to_builtins(record_of(target))}
+    extras = {"flyaround": msgspec.to_builtins(target_record(target))}
     document["scenes"] = [{"name": target.name, "nodes": [len(children)], "extras": extras}]
     document["scene"] = 0
     document["buffers"] = [{"byteLength": len(blob)}]
@@ -120,27 +120,27 @@ def _gltf_material(m: Material, pictures: tuple[TextureImage, ...]) -> Json:
     if extensions:
         gltf_material["extensions"] = extensions
     number = {p.name: k for k, p in enumerate(pictures)}
-    for place, key, texture in (
+    for owner, key, texture in (
         (pbr, "baseColorTexture", m.base_color_texture),
         (pbr, "metallicRoughnessTexture", m.metallic_roughness_texture),
         (gltf_material, "normalTexture", m.normal_texture),
     ):
         if texture:
-            place[key] = {"index": number[texture]}
+            owner[key] = {"index": number[texture]}
     return gltf_material
 
 
 def _tangents(part: Part, brushed: Material) -> NDArray[Any]:
-    """Return (N, 4) glTF tangents of a brushed part: across the grain, along which its highlight is wide."""
+    """Return the glTF tangents (N, 4) of a brushed part: across the grain, the direction in which highlights widen."""
     axis = np.asarray(brushed.grain, float) / np.linalg.norm(brushed.grain)
-    n = part.normals.astype(float)
-    across = axis - (n @ axis)[:, None] * n if brushed.turned else np.cross(n, axis)
-    length = np.linalg.norm(across, axis=1, keepdims=True)
+    normals = part.normals.astype(float)
+    tangent = axis - (normals @ axis)[:, None] * normals if brushed.turned else np.cross(normals, axis)
+    length = np.linalg.norm(tangent, axis=1, keepdims=True)
     # if a face is normal to the grain, any direction serves
-    other = np.cross(part.normals, np.roll(part.normals, 1, axis=1) * (1, -1, 1) + (0.1, 0.2, 0.3))
-    across = np.where(length > 1e-6, across, other)
-    across = across / np.maximum(np.linalg.norm(across, axis=1, keepdims=True), 1e-12)
-    return np.column_stack([across, np.ones(len(across))]).astype("<f4")
+    fallback = np.cross(part.normals, np.roll(part.normals, 1, axis=1) * (1, -1, 1) + (0.1, 0.2, 0.3))
+    tangent = np.where(length > 1e-6, tangent, fallback)
+    tangent = tangent / np.maximum(np.linalg.norm(tangent, axis=1, keepdims=True), 1e-12)
+    return np.column_stack([tangent, np.ones(len(tangent))]).astype("<f4")
 
 
 def _append(document: Json, blob: bytearray, data: NDArray[Any], use: int) -> int:
@@ -172,7 +172,7 @@ def _append_pictures(document: Json, blob: bytearray, pictures: tuple[TextureIma
         document["bufferViews"].append(view)
         image = {
             "name": picture.name,
-            "mimeType": mime_of(picture.data),
+            "mimeType": mime_type(picture.data),
             "bufferView": len(document["bufferViews"]) - 1,
         }
         document["images"].append(image)

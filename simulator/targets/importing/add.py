@@ -1,4 +1,4 @@
-"""Import of a mesh file as a target: read, place, check, repair, shade, propose labels."""
+"""Import of a mesh file as a target: reads, places, checks, repairs and shades it, and proposes labels."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from flyaround.simulator.targets.check_target import check_target
 from flyaround.simulator.targets.convert import content_sha256
 from flyaround.simulator.targets.glb.read import holds_target, load_glb
 from flyaround.simulator.targets.importing.propose.keypoints import propose_keypoints
-from flyaround.simulator.targets.importing.propose.mass import mass_properties_of
+from flyaround.simulator.targets.importing.propose.mass import mass_properties
 from flyaround.simulator.targets.importing.propose.occluders import propose_occluders
 from flyaround.simulator.targets.importing.propose.wireframe import propose_wireframe
 from flyaround.simulator.targets.importing.read.mesh_file import read_mesh
@@ -28,12 +28,12 @@ from flyaround.simulator.targets.importing.repair.cleanup import (
 )
 from flyaround.simulator.targets.importing.repair.coincident_faces import coincidence_lines
 from flyaround.simulator.targets.importing.repair.holes import cap_solids
-from flyaround.simulator.targets.importing.repair.materials import plain_where_unwrapped, used_materials
+from flyaround.simulator.targets.importing.repair.materials import replace_missing_textures, used_materials
 from flyaround.simulator.targets.importing.repair.normals import (
     file_normals,
     normals_fit,
-    parts_of,
     smooth_normals,
+    split_by_material,
 )
 from flyaround.simulator.targets.importing.repair.placement import (
     bounds,
@@ -111,9 +111,9 @@ class Findings:
     shape : list of str, optional
         Findings that affect poses, masks and labels.
     look : list of str, optional
-        Findings that affect images alone.
+        Findings that affect only images.
     repairs : list of str, optional
-        Repairs without loss.
+        Repairs that lose nothing.
     """
 
     shape: list[str] = field(default_factory=list)
@@ -126,7 +126,21 @@ class Findings:
 
 
 def import_mesh(path: Path, name: str, options: ImportOptions | None = None) -> tuple[Target, list[str]]:
-    """Import a target from a mesh file; return it with messages about assumptions, repairs and losses.
+    """Import a target from a mesh file.
+
+    Parameters
+    ----------
+    path : Path
+        Mesh file.
+    name : str
+        Name of the target.
+    options : ImportOptions, optional
+        Options of the user.
+
+    Returns
+    -------
+    tuple
+        The target, and one line each on assumptions, repairs and losses.
 
     Raises
     ------
@@ -140,7 +154,7 @@ def import_mesh(path: Path, name: str, options: ImportOptions | None = None) -> 
         note = "already a target file: geometry, keypoints, wireframe and mass taken as they are"
         return target_file, [note, _summary(target_file)]
     model, bodies, extent, materials, parts, lines = read_surface(path, options)
-    mass, derivation = mass_properties_of(bodies, options.mass_kg, options.density_kg_m3)
+    mass, derivation = mass_properties(bodies, options.mass_kg, options.density_kg_m3)
     keypoints = propose_keypoints(bodies, extent)
     wireframe, n_omitted = propose_wireframe(bodies, extent, materials)
     occluders = propose_occluders(bodies, extent)
@@ -201,9 +215,9 @@ def read_surface(
         bake_textures(model)  # texture coordinates do not survive the reduction
     bodies, extent = _bodies(model, options, findings)
     findings.look += model.faults + model.notes
-    everything, notes = plain_where_unwrapped(bodies, model.materials, model.pictures)
+    all_materials, notes = replace_missing_textures(bodies, model.materials, model.pictures)
     findings.look += notes
-    materials, notes = used_materials(bodies, everything)
+    materials, notes = used_materials(bodies, all_materials)
     findings.look += notes
     parts = _parts(bodies, materials, options, findings.repairs)
     return model, bodies, extent, materials, parts, findings.lines()
@@ -218,12 +232,12 @@ def _check_weights(options: ImportOptions) -> None:
 
 
 def _target_file(path: Path, name: str, options: ImportOptions) -> Target | None:
-    """Return the file itself if it is a target file and no option changes it.
+    """Return the target of a target file, if no option changes it; None for other files.
 
-    A damaged target file is refused: as a plain mesh it would silently lose its keypoints.
+    A damaged target file is refused, because as a plain mesh it would silently lose its keypoints.
     """
-    plain = replace(options, strict=False, any_size=False) == ImportOptions()
-    if not plain or path.suffix.lower() != ".glb" or not holds_target(path):
+    is_unchanged = replace(options, strict=False, any_size=False) == ImportOptions()
+    if not is_unchanged or path.suffix.lower() != ".glb" or not holds_target(path):
         return None
     try:
         return replace(load_glb(path), name=name)
@@ -247,24 +261,24 @@ def _bodies(model: RawModel, options: ImportOptions, findings: Findings) -> tupl
         raise UserError(f"{model.path} has no face with area; export the model again")
     reduced = options.decimate is not None and sum(len(b.triangles) for b in bodies) > options.decimate
     if reduced and options.decimate is not None:
-        before = sum(len(b.triangles) for b in bodies)
+        n_before = sum(len(b.triangles) for b in bodies)
         original, bodies = bodies, decimate(bodies, options.decimate)
-        off = deviation(original, bodies)
+        deviation_m = deviation(original, bodies)
         bodies = [drop_slivers(b, extent, RepairCounts()) for b in bodies]
         bodies = [b for b in bodies if len(b.triangles)]
-        after = sum(len(b.triangles) for b in bodies)
+        n_after = sum(len(b.triangles) for b in bodies)
         findings.shape.append(
-            f"reduced {before:,} triangles to {after:,}: {off.rms_m * 1e3:.3g} mm off in the mean (rms), "
-            f"{off.largest_m * 1e3:.3g} mm at most"
+            f"reduced {n_before:,} triangles to {n_after:,}: {deviation_m.rms_m * 1e3:.3g} mm off in the mean (rms), "
+            f"{deviation_m.largest_m * 1e3:.3g} mm at most"
         )
     if options.fill_holes:
         capped = cap_solids(bodies, extent)
         tally.filled, tally.left_open = capped.filled, capped.left
         bodies = [drop_slivers(b, extent, tally) for b in capped.bodies]
-    out = _check_surfaces(model, bodies, options, tally, findings, reduced=reduced)
+    oriented = _check_surfaces(model, bodies, options, tally, findings, reduced=reduced)
     findings.repairs += tally.lines()
-    findings.shape += coincidence_lines(out, extent)
-    return out, extent
+    findings.shape += coincidence_lines(oriented, extent)
+    return oriented, extent
 
 
 def _check_surfaces(
@@ -276,10 +290,10 @@ def _check_surfaces(
     *,
     reduced: bool,
 ) -> list[MeshBody]:
-    """Return the bodies oriented outwards; open edges and non-manifold edges are counted or, if ``strict``, refused."""
+    """Orient the bodies outwards. Open and non-manifold edges are reported or, with ``strict``, refused."""
     holes = rims = non_manifold = one_sided = 0
     is_lenient = not options.strict or reduced  # reducing may open seams and merge edges
-    out = []
+    oriented_bodies = []
     for body in bodies:
         where = f"{model.path}, part {body.name!r}"
         counts = check_surface(
@@ -293,7 +307,7 @@ def _check_surfaces(
         oriented_body, twisted = orient_body(
             body, where, tally, lenient=options.keep_non_manifold or is_lenient
         )
-        out.append(oriented_body)
+        oriented_bodies.append(oriented_body)
         one_sided += twisted
     model.openings = holes
     if holes:
@@ -308,7 +322,7 @@ def _check_surfaces(
         findings.shape.append(
             f"kept {one_sided:,} faces of one-sided surfaces (--strict refuses them and names the first)"
         )
-    return out
+    return oriented_bodies
 
 
 def _parts(
@@ -324,13 +338,13 @@ def _parts(
             n_flat += body.corner_normals is None
             n_wrong += body.corner_normals is not None
             normals = smooth_normals(body)
-        parts += parts_of(body, normals, materials)
+        parts += split_by_material(body, normals, materials)
     if n_flat:
         lines.append(
             f"computed normals of {n_flat} part{'s' * (n_flat > 1)} that had none, creased at 32 degrees"
         )
     if n_wrong:
-        why = "as told" if options.new_normals else "that pointed inwards or were no unit vectors"
+        why = "as requested" if options.new_normals else "that pointed inwards or were no unit vectors"
         lines.append(
             f"computed normals anew of {n_wrong} part{'s' * (n_wrong > 1)} {why}, creased at 32 degrees"
         )

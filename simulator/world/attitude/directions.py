@@ -1,4 +1,4 @@
-"""Directions that a spacecraft may point at, and the attitude that two of them define (TRIAD)."""
+"""Directions at which a spacecraft may point, and the attitude that two of them define (TRIAD)."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 DirectionName = Literal["nadir", "zenith", "along_track", "cross_track", "sun", "chaser"]
 
-_NODE_S = 1800.0
+_NODE_S = 1800.0  # spacing of the spline of the Sun's position
 _MIN_SINE = 1e-3
 """Sine of the angle between two directions below which the rotation about them is undefined (3 arcmin)."""
 
@@ -68,16 +68,16 @@ class PointingContext:
                 return SunDirection(self.orbit, self._sun())
 
     def _sun(self) -> CubicSpline:
-        """Return the apparent Sun from the central body, over the flight."""
+        """Return a spline of the apparent Sun's position from the central body over the flight [m]."""
         from scipy.interpolate import CubicSpline  # noqa: PLC0415 - slow to import
 
         nodes = np.arange(-1, int(np.ceil(self.duration_s / _NODE_S)) + 3) * _NODE_S
-        places = [
+        positions = [
             sun_eci_m(self.epoch.tt1, self.epoch.tt2 + t / DAY_S)
             - self.body.geocentric_state(self.epoch.plus(float(t)))[0]
             for t in nodes
         ]
-        return CubicSpline(nodes, np.array(places))
+        return CubicSpline(nodes, np.array(positions))
 
 
 @dataclass(frozen=True, eq=False)
@@ -120,15 +120,23 @@ class ChaserDirection:
 
 @dataclass(frozen=True, eq=False)
 class SunDirection:
-    """Direction to the apparent Sun; ``where`` is the Sun's position relative to the central body over time [m]."""
+    """Direction to the apparent Sun.
+
+    Parameters
+    ----------
+    orbit : OrbitTrack
+        Orbit of the craft.
+    sun_m : CubicSpline
+        Position of the Sun relative to the central body over time, GCRS axes [m].
+    """
 
     orbit: OrbitTrack
-    where: CubicSpline
+    sun_m: CubicSpline
 
     def __call__(self, t_s: float) -> tuple[FloatArray, FloatArray]:
         """Return the unit vector and its derivative."""
         r, v = self.orbit(t_s)
-        return unit_and_rate(self.where(t_s) - r, self.where(t_s, 1) - v)
+        return unit_and_rate(self.sun_m(t_s) - r, self.sun_m(t_s, 1) - v)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -157,7 +165,7 @@ class TwoAxisTrack:
 
         References
         ----------
-        Black (1964), A passive system for determining the attitude of a satellite, AIAA J. 2(7): the triad.
+        Black (1964), A passive system for determining the attitude of a satellite, AIAA J. 2(7).
         """
         first, first_rate = self.toward(t_s)
         second, second_rate = self.second_toward(t_s)
@@ -169,13 +177,13 @@ class TwoAxisTrack:
         rate = np.array([y_rate @ z, z_rate @ first, first_rate @ y])
         return quat_from_matrix(R_eci_from_triad @ R_body_from_triad.T), R_body_from_triad @ rate
 
-    def undefined_at(self, t_s: float) -> bool:
+    def is_undefined(self, t_s: float) -> bool:
         """Return True if the two directions are parallel, so that the attitude is undefined."""
         return length(cross(self.toward(t_s)[0], self.second_toward(t_s)[0])) < _MIN_SINE
 
 
 def triad(first: Vec3, second: Vec3) -> FloatArray:
-    """Return (3, 3) columns: along the first, towards the second, and normal to both."""
+    """Return the (3, 3) matrix with columns along ``first``, towards ``second`` and normal to both."""
     a, b = np.array(first, float), np.array(second, float)
     x = a / length(a)
     z = cross(x, b)
@@ -184,7 +192,7 @@ def triad(first: Vec3, second: Vec3) -> FloatArray:
 
 
 def unit_and_rate(v: FloatArray, v_rate: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return the unit vector along (3,) ``v`` and its derivative."""
+    """Return the unit vector (3,) along ``v`` and its derivative, given the derivative of ``v``."""
     n = length(v)
     u = v / n
     return u, (v_rate - (v_rate @ u) * u) / n

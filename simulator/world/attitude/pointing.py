@@ -1,4 +1,4 @@
-"""Camera attitude: the boresight at the target, the image's down side along a reference in LVLH."""
+"""Camera attitude: boresight towards the target, and the image's down side along a reference direction in LVLH."""
 
 from __future__ import annotations
 
@@ -71,29 +71,29 @@ class Pointing(Section, frozen=True, kw_only=True, dict=True):
             ``q_camera_from_eci_wxyz`` (4,) and the rate relative to ECI in the camera frame [rad s-1] (3,).
         """
         z, z_rate = unit_and_rate(los_eci_m, los_rate_eci_m_s)
-        d = self._reference(z, lvlh)
-        d_rate = cross(lvlh.omega_eci_rad_s, d)
-        across = d - (d @ z) * z
-        across_rate = d_rate - (d_rate @ z + d @ z_rate) * z - (d @ z) * z_rate
-        y, y_rate = unit_and_rate(across, across_rate)
+        down = self._reference(z, lvlh)
+        down_rate = cross(lvlh.omega_eci_rad_s, down)
+        transverse = down - (down @ z) * z
+        transverse_rate = down_rate - (down_rate @ z + down @ z_rate) * z - (down @ z) * z_rate
+        y, y_rate = unit_and_rate(transverse, transverse_rate)
         x = cross(y, z)
         x_rate = cross(y_rate, z) + cross(y, z_rate)
         q = quat_from_matrix(np.stack([x, y, z]))
         omega = np.array([y_rate @ z, z_rate @ x, x_rate @ y])
-        turn = self._turn
-        return quat_multiply(turn, q), matrix_from_quat(turn) @ omega
+        offset = self._offset
+        return quat_multiply(offset, q), matrix_from_quat(offset) @ omega
 
     def _reference(self, z: FloatArray, lvlh: Lvlh) -> FloatArray:
         first: Down = "nadir" if self.down == "auto" else self.down
-        for name in (first, *(name for name in DOWN_AXES_LVLH if name != first)):
+        for name in (first, *(other for other in DOWN_AXES_LVLH if other != first)):
             d = lvlh.R_eci_from_lvlh @ np.array(DOWN_AXES_LVLH[name])
             if length(cross(d, z)) > _DEGENERATE:
                 break
         return d
 
     @cached_property
-    def _turn(self) -> FloatArray:
-        """Return ``q_turned_from_pointed``: right about +y, then down about -x, then roll about +z."""
+    def _offset(self) -> FloatArray:
+        """Quaternion of the constant offset: right about +y, then down about -x, then roll about +z."""
         right = quat_from_rotvec([0.0, np.radians(self.right_deg), 0.0])
         down = quat_from_rotvec([-np.radians(self.below_deg), 0.0, 0.0])
         roll = quat_from_rotvec([0.0, 0.0, np.radians(self.roll_deg)])

@@ -1,4 +1,4 @@
-"""Reaction wheels of the chaser: feedback controller, limits of torque and momentum, rigid-body dynamics."""
+"""Reaction wheels of the chaser: attitude controller, limits of torque and momentum, rigid-body dynamics."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from flyaround.simulator.world.frames.rotation import (
     quat_multiply,
     quat_normalize,
 )
-from flyaround.simulator.world.frames.vectors import cross_of
+from flyaround.simulator.world.frames.vectors import cross_product
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -47,7 +47,7 @@ class Wheels(Section, frozen=True, kw_only=True):
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class WheelTrack:
-    """The chaser's attitude under its wheels.
+    """The chaser's attitude over a flight, as controlled by its wheels.
 
     Parameters
     ----------
@@ -88,13 +88,14 @@ class WheelTrack:
 def fly_wheels(reference: Reference, duration_s: float, wheels: Wheels) -> WheelTrack:
     """Simulate wheels that follow a reference attitude.
 
-    The commanded torque of each period is the sum of the reference's acceleration, the gyroscopic torque of body and
-    wheels, and a PD law on the error; then the limits apply.
+    The commanded torque of each period is the sum of a feed-forward of the reference's acceleration, the gyroscopic
+    torque of body and wheels, and a PD law on the attitude error. It is clipped to the wheels' limits of torque and
+    momentum.
 
     Parameters
     ----------
     reference : Reference
-        ``q_camera_from_eci_wxyz`` and angular velocity in camera axes over time, as from `Pointing.attitude`.
+        Function of time [s]: ``q_camera_from_eci_wxyz`` and angular velocity in camera axes [rad s-1].
     duration_s : float
         Length of the flight.
     wheels : Wheels
@@ -112,14 +113,14 @@ def fly_wheels(reference: Reference, duration_s: float, wheels: Wheels) -> Wheel
     rows = []
     for k in range(int(np.ceil(duration_s / h))):
         next_q, next_rate = reference(min((k + 1) * h, duration_s))
-        # the reference attitude relative to the present one
+        # reference relative to the present attitude, by the shorter rotation
         error_q = quat_multiply(quat_conjugate(q), quat_conjugate(reference_q))
         error_q = error_q if error_q[0] >= 0 else -error_q
         angle = 2 * float(np.arctan2(np.linalg.norm(error_q[1:]), error_q[0]))
         R = matrix_from_quat(error_q)
         acceleration = (next_rate - reference_rate) / h
         command = J * (R @ acceleration + spring * 2 * error_q[1:] + damper * (R @ reference_rate - omega))
-        command = command + np.array(cross_of(omega.tolist(), (J * omega + momentum).tolist()))
+        command = command + np.array(cross_product(omega.tolist(), (J * omega + momentum).tolist()))
         torque = np.clip(command, -wheels.torque_nm, wheels.torque_nm)
         limit = wheels.momentum_nms
         torque = np.clip(torque, (momentum - limit) / h, (momentum + limit) / h)
@@ -140,7 +141,19 @@ def fly_wheels(reference: Reference, duration_s: float, wheels: Wheels) -> Wheel
 def wheel_step(
     wheels: Wheels, state: tuple[FloatArray, FloatArray, FloatArray], torque_nm: FloatArray, h: float
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Advance attitude, rate and wheel momentum by ``h`` seconds under a constant torque: one Runge-Kutta step."""
+    """Advance attitude, rate and wheel momentum by ``h`` seconds under a constant torque.
+
+    Parameters
+    ----------
+    wheels : Wheels
+        Wheels of the chaser.
+    state : tuple of array
+        ``q_eci_from_camera_wxyz`` (4,), angular velocity (3,) [rad s-1] and wheel momentum (3,) [N m s], camera axes.
+    torque_nm : (3,) array
+        Torque on the body, camera axes.
+    h : float
+        Step [s]; one classical Runge-Kutta step.
+    """
     q, omega, momentum = state
     if h == 0.0:
         return state
@@ -152,7 +165,7 @@ def wheel_step(
         w, x, y_, z, a, b, c = y
         # the wheels take momentum from the body
         total = (ix * a + mx - ux * tau, iy * b + my - uy * tau, iz * c + mz - uz * tau)
-        gx, gy, gz = cross_of((a, b, c), total)
+        gx, gy, gz = cross_product((a, b, c), total)
         return [
             0.5 * (-x * a - y_ * b - z * c),
             0.5 * (w * a + y_ * c - z * b),

@@ -1,4 +1,4 @@
-"""Attitude of the target: free or driven tumble, steady spin, inertial or LVLH hold, pointing."""
+"""Attitude of the target: free or torqued tumble, steady spin, inertial or LVLH hold, pointing."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from flyaround.simulator.runtime.arrays import FloatArray
 from flyaround.simulator.runtime.sections import Degrees, DirectionXyz, Rate, Section, TorqueNm
 from flyaround.simulator.world.attitude.directions import DirectionName, PointingContext, TwoAxisTrack
 from flyaround.simulator.world.attitude.rigid_body import AttitudeTrack, propagate_attitude
-from flyaround.simulator.world.attitude.torques import torque_on
+from flyaround.simulator.world.attitude.torques import body_torque
 from flyaround.simulator.world.frames.rotation import (
     matrix_from_quat,
     quat_from_matrix,
@@ -27,18 +27,26 @@ if TYPE_CHECKING:
     from flyaround.simulator.world.frames.lvlh import Lvlh
     from flyaround.simulator.world.orbit.propagation import OrbitTrack
 
-_CHECKED_TIMES = 61  # times of a flight at which the attitude is checked
+_CHECKED_TIMES = 61  # number of times in a flight at which pointing is checked
 
 
 @dataclass(frozen=True, eq=False)
 class SteadyTrack:
-    """A steady rotation or none: initial attitude, and angular velocity in body axes [rad s-1]."""
+    """A constant angular velocity, which may be zero.
+
+    Parameters
+    ----------
+    q_eci_from_body_wxyz : (4,) array
+        Attitude at t = 0.
+    omega_rad_s : (3,) array
+        Angular velocity relative to ECI, body axes.
+    """
 
     q_eci_from_body_wxyz: FloatArray
     omega_rad_s: FloatArray
 
     def __call__(self, t_s: float) -> tuple[FloatArray, FloatArray]:
-        """Return ``q_eci_from_body_wxyz`` and the rate."""
+        """Return ``q_eci_from_body_wxyz`` and the rate relative to ECI, body axes [rad s-1]."""
         turn = quat_from_rotvec(self.omega_rad_s * t_s)
         return quat_multiply(self.q_eci_from_body_wxyz, turn), self.omega_rad_s
 
@@ -66,7 +74,7 @@ class Point(Section, frozen=True, kw_only=True):
     second_axis: DirectionXyz
     second_at: DirectionName
 
-    def track(self, around: PointingContext) -> TwoAxisTrack:
+    def track(self, context: PointingContext) -> TwoAxisTrack:
         """Return the attitude over the flight.
 
         Raises
@@ -76,12 +84,12 @@ class Point(Section, frozen=True, kw_only=True):
         """
         track = TwoAxisTrack(
             axis_body=self.axis,
-            toward=around.direction(self.at),
+            toward=context.direction(self.at),
             second_axis_body=self.second_axis,
-            second_toward=around.direction(self.second_at),
+            second_toward=context.direction(self.second_at),
         )
-        for t_s in np.linspace(0.0, around.duration_s, _CHECKED_TIMES):
-            if track.undefined_at(float(t_s)):
+        for t_s in np.linspace(0.0, context.duration_s, _CHECKED_TIMES):
+            if track.is_undefined(float(t_s)):
                 raise UserError(
                     f"{self.at} and {self.second_at} run together {t_s:.0f} s after the start, which leaves the "
                     "attitude open: choose another second direction for the target"
@@ -122,14 +130,17 @@ class Attitude(Section, frozen=True, kw_only=True):
             q = quat_normalize(self.q_wxyz)
         elif self.euler_deg is not None:
             yaw, pitch, roll = np.radians(self.euler_deg)
-            about_z, about_y = quat_from_rotvec([0.0, 0.0, yaw]), quat_from_rotvec([0.0, pitch, 0.0])
-            q = quat_multiply(quat_multiply(about_z, about_y), quat_from_rotvec([roll, 0.0, 0.0]))
+            yaw_rotation, pitch_rotation = (
+                quat_from_rotvec([0.0, 0.0, yaw]),
+                quat_from_rotvec([0.0, pitch, 0.0]),
+            )
+            q = quat_multiply(quat_multiply(yaw_rotation, pitch_rotation), quat_from_rotvec([roll, 0.0, 0.0]))
         if self.frame == "lvlh":
             q = quat_multiply(quat_from_matrix(frame.R_eci_from_lvlh), q)
         return q
 
     def track(
-        self, q_eci_from_body_wxyz: FloatArray, inertia_kg_m2: ArrayLike, around: PointingContext
+        self, q_eci_from_body_wxyz: FloatArray, inertia_kg_m2: ArrayLike, context: PointingContext
     ) -> AttitudeTrack:
         """Return the attitude over the flight, unless a file defines it.
 
@@ -138,7 +149,9 @@ class Attitude(Section, frozen=True, kw_only=True):
         q_eci_from_body_wxyz : (4,) array
             Initial attitude.
         inertia_kg_m2 : array_like
-            (3, 3) inertia of the target's model, body axes, for a section without its own.
+            (3, 3) inertia of the target's model, body axes; used if the section gives none.
+        context : PointingContext
+            Orbit of the target and the directions that it may point at.
 
         Raises
         ------
@@ -149,19 +162,19 @@ class Attitude(Section, frozen=True, kw_only=True):
         if self.motion == "spin":
             return SteadyTrack(q_eci_from_body_wxyz, rate)
         if self.motion == "point" and self.point is not None:
-            return self.point.track(around)
+            return self.point.track(context)
         if self.motion == "fixed" and self.frame == "eci":
             return SteadyTrack(q_eci_from_body_wxyz, np.zeros(3))
         if self.motion == "fixed":
-            start = around.orbit.frame(0.0).R_eci_from_lvlh
-            return LvlhTrack(around.orbit, quat_multiply(quat_from_matrix(start.T), q_eci_from_body_wxyz))
+            start = context.orbit.frame(0.0).R_eci_from_lvlh
+            return LvlhTrack(context.orbit, quat_multiply(quat_from_matrix(start.T), q_eci_from_body_wxyz))
         inertia = np.asarray(self.inertia_kg_m2 or inertia_kg_m2, float)
-        torque = torque_on(
-            around.orbit,
+        torque = body_torque(
+            context.orbit,
             inertia,
-            around.epoch,
+            context.epoch,
             constant_nm=self.torque_body_nm,
             gravity_gradient=self.gravity_gradient,
             residual_dipole_a_m2=self.residual_dipole_a_m2,
         )
-        return propagate_attitude(q_eci_from_body_wxyz, rate, inertia, around.duration_s, torque)
+        return propagate_attitude(q_eci_from_body_wxyz, rate, inertia, context.duration_s, torque)

@@ -21,12 +21,12 @@ if TYPE_CHECKING:
 
 _J2000 = 2451545.0
 _YEAR_DAYS = 365.25
-_FIELD_RADIUS_M = 6_371_200.0
+_FIELD_RADIUS_M = 6_371_200.0  # reference radius of IGRF
 _DIPOLE_2025_T = np.array([-1410.3, 4545.5, -29350.0]) * 1e-9  # IGRF-14 coefficients g11, h11, g10 at 2025.0
-_CHANGE_T_YEAR = np.array([10.0, -21.5, 12.6]) * 1e-9  # their secular variation, per year
+_SECULAR_VARIATION_T_YEAR = np.array([10.0, -21.5, 12.6]) * 1e-9  # their secular variation, per year
 
 
-def torque_on(
+def body_torque(
     orbit: OrbitTrack,
     inertia_kg_m2: ArrayLike,
     epoch: Instant,
@@ -62,7 +62,7 @@ def torque_on(
     magnetic = bool(dipole.any())
     if not (gravity_gradient or magnetic):
         return (lambda _t, _R: fixed) if fixed.any() else None
-    sky = EphemerisTable.of(epoch, orbit.duration_s) if magnetic else None
+    sky = EphemerisTable.build(epoch, orbit.duration_s) if magnetic else None
     year = 2000.0 + (epoch.tt1 + epoch.tt2 - _J2000) / _YEAR_DAYS
 
     def torque(t_s: float, R_eci_from_body: FloatArray) -> FloatArray:
@@ -86,7 +86,7 @@ def gravity_gradient_torque(
     inertia_kg_m2: FloatArray,
     mu_m3_s2: float = MU_EARTH_M3_S2,
 ) -> FloatArray:
-    """Return the torque of a central gravity field on a rigid body, in the body frame [N m].
+    """Return the gravity-gradient torque (3,) on a rigid body, body frame [N m].
 
     Parameters
     ----------
@@ -104,15 +104,14 @@ def gravity_gradient_torque(
     Wertz (1978), Spacecraft Attitude Determination and Control, eq. 17-33.
     """
     r = length(r_eci_m)
-    up = R_body_from_eci @ r_eci_m / r
+    up = R_body_from_eci @ r_eci_m / r  # unit vector, body axes
     return np.asarray(3 * mu_m3_s2 / r**3 * cross(up, inertia_kg_m2 @ up))
 
 
 def magnetic_field_t(r_itrs_m: FloatArray, julian_year: float) -> FloatArray:
     """Return the magnetic flux density of the Earth's tilted dipole, in Earth-fixed axes (3,) [T].
 
-    The model is of degree 1. It is within 30 % of the full field in low orbit; the error is largest over the South
-    Atlantic.
+    Only the terms of degree 1 are included. In low orbit the error is up to 30 %, largest over the South Atlantic.
 
     Parameters
     ----------
@@ -126,7 +125,7 @@ def magnetic_field_t(r_itrs_m: FloatArray, julian_year: float) -> FloatArray:
     IAGA (2024), International Geomagnetic Reference Field, 14th generation: g11, h11, g10 at 2025.0 and their secular
     variation. Wertz (1978), Spacecraft Attitude Determination and Control, eq. H-16.
     """
-    moment = _DIPOLE_2025_T + _CHANGE_T_YEAR * (julian_year - 2025.0)
+    moment = _DIPOLE_2025_T + _SECULAR_VARIATION_T_YEAR * (julian_year - 2025.0)
     r = float(np.linalg.norm(r_itrs_m))
     up = r_itrs_m / r
     return np.asarray((_FIELD_RADIUS_M / r) ** 3 * (3 * float(moment @ up) * up - moment))

@@ -30,13 +30,13 @@ BUILT_IN = {
 MAX_LAYERS = 13
 """Largest number of heights in `BodyAir.density`: shaders hold one layer per interval, in three vectors of four."""
 _IDENTITY: Quat = (1.0, 0.0, 0.0, 0.0)
-SLOWEST_TURN_RAD_S = 1e-5
-"""Rotation rate below which the ground, seen from low orbit, moves by less than 1 % of the orbital motion."""
+MIN_GROUND_MOTION_RAD_S = 1e-5
+"""Rotation rate below which the ground moves by less than 1 % of the orbital motion of a low orbit."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class BodyAir:
-    """Clear air of a body with one aerosol.
+    """Clear atmosphere of a body, with one kind of aerosol.
 
     Parameters
     ----------
@@ -47,8 +47,8 @@ class BodyAir:
     rayleigh_dispersion_um : tuple of float, optional
         Coefficients of wavelength^-2 [um^2] and wavelength^-4 [um^4], added to 1.
     density : tuple of tuple of float, optional
-        Heights, increasing from 0, and densities there, which replace ``rayleigh_height_m``; exponential between and
-        beyond them. At most `MAX_LAYERS`.
+        (height [m], density) pairs, heights increasing from 0, which replace ``rayleigh_height_m``. Density is
+        exponential between and beyond them. At most `MAX_LAYERS` pairs.
     aerosol_m : float, optional
         Extinction of the aerosol at the ground at 550 nm [m-1].
     aerosol_albedo : float, optional
@@ -84,7 +84,7 @@ class BodyAir:
     thickness_m: float = 100_000.0
 
     def __post_init__(self) -> None:
-        """Raise if shaders cannot hold the profile."""
+        """Raise ValueError if the shaders cannot hold the density profile."""
         if len(self.density) == 1 or len(self.density) > MAX_LAYERS:
             raise ValueError(
                 f"BodyAir.density has {len(self.density)} heights, allowed: none, or 2 to {MAX_LAYERS}"
@@ -104,11 +104,11 @@ class Body(ABC):
     mu_m3_s2 : float
         Gravitational parameter.
     radius_m : float
-        Equatorial radius and flattening of the ellipsoid; altitudes are above the equatorial radius.
+        Equatorial radius of the ellipsoid [m]; altitudes are above it.
     mean_radius_m : float
-        Radius of a sphere of similar size.
+        Radius of a sphere of similar size [m].
     flattening : float, optional
-        Equatorial radius and flattening of the ellipsoid; altitudes are above the equatorial radius.
+        Flattening of the ellipsoid.
     j2 : float, optional
         Second zonal harmonic of the simple gravity model, with ``radius_m``.
     turn_rad_s : float
@@ -121,8 +121,9 @@ class Body(ABC):
         Mean reflectance, used without a map.
     sun_distance_m : float, optional
         Mean distance from the Sun, for metering.
-    albedo_map : path of an equirectangular grey image of the reflectance
-        (full scale: one), north up, 180 degrees west at its left.
+    albedo_map : str, optional
+        Path of an equirectangular grey image of the reflectance (full scale is 1), north up, 180 degrees west at its
+        left edge.
     air : BodyAir, optional
         None without atmosphere.
     surface : str, optional
@@ -159,14 +160,14 @@ class Body(ABC):
 
     @abstractmethod
     def geocentric_state(self, now: Instant) -> tuple[FloatArray, FloatArray]:
-        """Return the geometric state of its centre from the Earth's, GCRS axes [m], [m s-1], each (3,)."""
+        """Return the geometric position [m] and velocity [m s-1] of its centre from the Earth's, GCRS, each (3,)."""
 
     @abstractmethod
     def q_fixed_from_eci(self, now: Instant) -> FloatArray:
-        """Return the orientation of its axes (z: the pole, x: longitude 0), unit quaternion, scalar first."""
+        """Return the orientation of its body-fixed axes (z to the pole, x to longitude 0) as a unit quaternion."""
 
     def apparent_m(self, now: Instant) -> FloatArray:
-        """Return the apparent position from the Earth's centre, corrected for light time: (3,) GCRS axes [m]."""
+        """Return the apparent position (3,) from the Earth's centre, corrected for light time, GCRS axes [m]."""
         r, v = self.geocentric_state(now)
         return np.asarray(r - v * (float(np.linalg.norm(r)) / LIGHT_M_S))
 
@@ -182,10 +183,10 @@ class Body(ABC):
     @property
     def turns(self) -> bool:
         """True if its ground rotates fast enough to be seen during an exposure."""
-        return self.turn_rad_s > SLOWEST_TURN_RAD_S
+        return self.turn_rad_s > MIN_GROUND_MOTION_RAD_S
 
     def distance_problem(self, distance_m: float) -> str | None:
-        """Return why a distance from its centre is not allowed, as the end of a sentence; None if it is."""
+        """Return why a distance from its centre is not allowed, as the end of a sentence; None if it is allowed."""
         limit = None
         if not distance_m >= self.radius_m + self.lowest_m:
             limit = f"at least {(self.radius_m + self.lowest_m) / 1e3:.0f} km"
@@ -204,10 +205,10 @@ class BodyState:
     ----------
     name : str
         Name of the body.
-    r_eci_m : array
-        Centre of the body, GCRS axes from the Earth's centre; apparent, but geometric for the central body.
-    q_fixed_from_eci_wxyz : array
-        Orientation of its axes.
+    r_eci_m : tuple of float
+        Centre of the body from the Earth's centre, GCRS axes [m]; apparent, but geometric for the central body.
+    q_fixed_from_eci_wxyz : tuple of float
+        Orientation of the body-fixed axes, unit quaternion, scalar first.
     """
 
     name: str
@@ -244,13 +245,23 @@ class BodyStates:
         return self.body(self.central_body)
 
 
-def bodies_at(now: Instant, central: Body) -> tuple[BodyState, ...]:
-    """Return the states of Earth and Moon, then of ``central`` if it is another body, with a geometric position."""
+def bodies_at(instant: Instant, central: Body) -> tuple[BodyState, ...]:
+    """Return the states of Earth and Moon, then of the central body if it is another.
+
+    Positions are apparent, except that of the central body, which is geometric.
+
+    Parameters
+    ----------
+    instant : Instant
+        Time of the states.
+    central : Body
+        Body that the target orbits.
+    """
     return tuple(
         BodyState(
             name=body.name,
-            r_eci_m=vec3(body.geocentric_state(now)[0] if body is central else body.apparent_m(now)),
-            q_fixed_from_eci_wxyz=quat(body.q_fixed_from_eci(now)),
+            r_eci_m=vec3(body.geocentric_state(instant)[0] if body is central else body.apparent_m(instant)),
+            q_fixed_from_eci_wxyz=quat(body.q_fixed_from_eci(instant)),
         )
         for body in dict.fromkeys((*map(body_named, BUILT_IN), central))
     )
@@ -309,7 +320,7 @@ def R_fixed_from_pole(alpha_deg: float, delta_deg: float, W_deg: float) -> Float
     Archinal et al. (2018), Report of the IAU Working Group on Cartographic Coordinates and Rotational Elements: 2015,
     Celest. Mech. Dyn. Astr. 130, figure 1.
     """
-    return _about_z(W_deg) @ _about_x(90.0 - delta_deg) @ _about_z(90.0 + alpha_deg)
+    return _rotation_z(W_deg) @ _rotation_x(90.0 - delta_deg) @ _rotation_z(90.0 + alpha_deg)
 
 
 def q_fixed_from_pole(alpha_deg: float, delta_deg: float, W_deg: float) -> FloatArray:
@@ -317,12 +328,12 @@ def q_fixed_from_pole(alpha_deg: float, delta_deg: float, W_deg: float) -> Float
     return quat_from_matrix(R_fixed_from_pole(alpha_deg, delta_deg, W_deg))
 
 
-def _about_z(angle_deg: float) -> FloatArray:
-    """Return the rotation of the axes about z."""
+def _rotation_z(angle_deg: float) -> FloatArray:
+    """Return the (3, 3) matrix that rotates the axes about z."""
     c, s = np.cos(np.radians(angle_deg)), np.sin(np.radians(angle_deg))
     return np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])
 
 
-def _about_x(angle_deg: float) -> FloatArray:
+def _rotation_x(angle_deg: float) -> FloatArray:
     c, s = np.cos(np.radians(angle_deg)), np.sin(np.radians(angle_deg))
     return np.array([[1.0, 0.0, 0.0], [0.0, c, s], [0.0, -s, c]])

@@ -1,4 +1,4 @@
-"""Visible share of the Sun's disc past the ellipsoids of bodies."""
+"""Eclipses: the fraction of the Sun's disc that is visible past spherical and ellipsoidal bodies."""
 
 from __future__ import annotations
 
@@ -17,17 +17,19 @@ if TYPE_CHECKING:
     from flyaround.simulator.world.ephemeris.body import BodyState
 
 GCRS_POLE = (0.0, 0.0, 1.0)
-"""The Earth's axis of J2000.0, a sixth of a degree from that of 2026; this moves the limb by 60 m."""
-# more than 0.6 degrees sunward of the body's centre its limb cannot reach the Sun's disc
+"""The Earth's axis at J2000.0. The axis of 2026 is a sixth of a degree away, which moves the limb by 60 m."""
+# Cosine of the angle between the directions to the Sun and away from the body above which the body's limb cannot reach
+# the Sun's disc.
 _DAY_SIDE_COSINE = 0.01
 
 
 def sun_fraction_past_bodies(
     bodies: Iterable[BodyState], r_eci_m: ArrayLike, r_sun_eci_m: ArrayLike
 ) -> float:
-    """Compute the share of the Sun's disc visible from a spacecraft past all bodies.
+    """Compute the fraction of the Sun's disc that is visible from a spacecraft past all bodies.
 
-    The hidden shares are added: an overlap of two bodies in front of the Sun lasts some seconds a century.
+    The hidden fractions are added. Two bodies overlap in front of the Sun for some seconds a century, which is
+    neglected.
 
     Parameters
     ----------
@@ -43,7 +45,7 @@ def sun_fraction_past_bodies(
 
 
 def past_body(state: BodyState, r_eci_m: FloatArray, r_sun_eci_m: FloatArray) -> FloatArray:
-    """Return the share of the Sun's disc visible past one body; (..., 3) positions as in `sun_visible_fraction`."""
+    """Return the fraction of the Sun's disc visible past one body; positions (..., 3) as in `sun_visible_fraction`."""
     body, centre = state.body, np.asarray(state.r_eci_m)
     r, sun = r_eci_m - centre, r_sun_eci_m - centre
     if not body.flattening:
@@ -52,7 +54,7 @@ def past_body(state: BodyState, r_eci_m: FloatArray, r_sun_eci_m: FloatArray) ->
 
 
 def add_shares(shares: Sequence[FloatArray]) -> FloatArray:
-    """Return the share of the Sun visible past several bodies from those past each; below zero where they overlap."""
+    """Combine the visible fractions past each of several bodies; the result is below zero where bodies overlap."""
     total = shares[0]
     for share in shares[1:]:
         total = total + share - 1.0
@@ -62,7 +64,7 @@ def add_shares(shares: Sequence[FloatArray]) -> FloatArray:
 def sun_visible_fraction(
     r_eci_m: ArrayLike, r_sun_eci_m: ArrayLike, pole_eci: ArrayLike = GCRS_POLE
 ) -> FloatArray:
-    """Return the share of the Sun's disc not hidden by the Earth's ellipsoid (WGS 84): 1 in sunlight, 0 in umbra.
+    """Return the fraction of the Sun's disc not hidden by the Earth's ellipsoid (WGS 84): 1 in sunlight, 0 in umbra.
 
     Parameters
     ----------
@@ -85,9 +87,10 @@ def sun_visible_fraction(
 def _past_ellipsoid(
     r: FloatArray, sun: FloatArray, pole: FloatArray, radius_m: float, flattening: float
 ) -> FloatArray:
-    """Return the share past an ellipsoid, after stretching its axis to make it a sphere, which keeps rays straight.
+    """Return the visible fraction past an ellipsoid.
 
-    The Sun's disc becomes an ellipse (flattened by 0.003 for the Earth), which is neglected.
+    Space is stretched along the ellipsoid's axis, so that it becomes a sphere and rays stay straight. This flattens the
+    Sun's disc (by 0.003 for the Earth), which is neglected.
     """
     stretch = 1 / (1 - flattening) - 1
     r, sun = (x + (stretch * np.asarray(x @ pole))[..., None] * pole for x in (r, sun))
@@ -95,10 +98,10 @@ def _past_ellipsoid(
 
 
 def sun_fraction_past_sphere(r_m: ArrayLike, r_sun_m: ArrayLike, radius_m: float) -> FloatArray:
-    """Return the share of the Sun's disc not hidden by a spherical body: 1 in sunlight, 0 in umbra.
+    """Return the fraction of the Sun's disc not hidden by a spherical body: 1 in sunlight, 0 in umbra.
 
-    The discs overlap like plane circles of their angular radii, as usual: within the Sun's half degree the body's limb
-    is nearly straight. The atmosphere neither absorbs nor refracts.
+    The overlap is that of two plane circles with the bodies' angular radii. Absorption and refraction in an atmosphere
+    are neglected.
 
     Parameters
     ----------
@@ -118,24 +121,25 @@ def sun_fraction_past_sphere(r_m: ArrayLike, r_sun_m: ArrayLike, radius_m: float
     ----------
     Montenbruck & Gill (2000), Satellite Orbits, sec. 3.4.2.
     """
-    # scalar arithmetic is five times as fast for one position as NumPy's cross product and norms
+    # by components: for a single position this is five times as fast as NumPy's cross product and norms
     x, y, z = (np.asarray(r_m, float)[..., k] for k in range(3))
-    sx, sy, sz = (np.asarray(r_sun_m, float)[..., k] - at for k, at in enumerate((x, y, z)))
+    sx, sy, sz = (np.asarray(r_sun_m, float)[..., k] - centre for k, centre in enumerate((x, y, z)))
     distance = np.sqrt(x * x + y * y + z * z)
     sun_distance = np.sqrt(sx * sx + sy * sy + sz * sz)
-    along = -(x * sx + y * sy + z * sz)
-    if np.all(along < -_DAY_SIDE_COSINE * distance * sun_distance):
+    along_sun = -(x * sx + y * sy + z * sz)
+    if np.all(along_sun < -_DAY_SIDE_COSINE * distance * sun_distance):
         return np.ones(np.shape(distance))
-    across = np.sqrt((y * sz - z * sy) ** 2 + (z * sx - x * sz) ** 2 + (x * sy - y * sx) ** 2)
+    across_sun = np.sqrt((y * sz - z * sy) ** 2 + (z * sx - x * sz) ** 2 + (x * sy - y * sx) ** 2)
     a = np.arcsin(SUN_RADIUS_M / sun_distance)
     b = np.arcsin(np.minimum(radius_m / distance, 1.0))
-    c = np.arctan2(across, along)
+    c = np.arctan2(across_sun, along_sun)
     # chord of the two circles: distance of its midpoint from the Sun's centre, and half its length
     c_safe = np.maximum(c, 1e-12)
     middle = (c_safe**2 + a**2 - b**2) / (2 * c_safe)
-    half = np.sqrt(np.maximum(a**2 - middle**2, 0.0))
-    overlap = a**2 * np.arctan2(half, middle) + b**2 * np.arctan2(half, c_safe - middle) - c_safe * half
+    half_chord = np.sqrt(np.maximum(a**2 - middle**2, 0.0))
+    sectors = a**2 * np.arctan2(half_chord, middle) + b**2 * np.arctan2(half_chord, c_safe - middle)
+    overlap = sectors - c_safe * half_chord
     partial = 1 - overlap / (np.pi * a**2)
-    inside = np.where(b >= a, 0.0, 1 - (b / a) ** 2)
-    fraction = np.where(c >= a + b, 1.0, np.where(c <= np.abs(b - a), inside, partial))
+    annular = np.where(b >= a, 0.0, 1 - (b / a) ** 2)
+    fraction = np.where(c >= a + b, 1.0, np.where(c <= np.abs(b - a), annular, partial))
     return np.asarray(np.clip(fraction, 0.0, 1.0))

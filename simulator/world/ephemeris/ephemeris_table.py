@@ -1,4 +1,4 @@
-"""Earth orientation, Sun and Moon interpolated from a table over a flight, for the integrator."""
+"""Table of Earth orientation, Sun and Moon over a flight, from which the integrator interpolates."""
 
 from __future__ import annotations
 
@@ -33,8 +33,8 @@ class EphemerisTable:
         Angle of the uniform rotation at the epoch.
     era_rate_rad_s : float
         Rate of the uniform rotation.
-    R_itrs_from_tirs : array
-        Polar motion, constant over the flight.
+    R_itrs_from_tirs : (3, 3) array
+        Polar motion, taken as constant over the flight.
     """
 
     pieces: FloatArray
@@ -43,8 +43,8 @@ class EphemerisTable:
     R_itrs_from_tirs: FloatArray
 
     @staticmethod
-    def of(epoch: Instant, duration_s: float) -> EphemerisTable:
-        """Build the table from an hour before ``epoch`` to an hour after the flight's end."""
+    def build(epoch: Instant, duration_s: float) -> EphemerisTable:
+        """Compute the table from an hour before ``epoch`` to an hour after the end of the flight."""
         nodes = np.arange(-2, int(np.ceil(duration_s / _STEP_S)) + 4) * _STEP_S
         from scipy.interpolate import CubicSpline  # noqa: PLC0415 - slow to import
 
@@ -67,13 +67,28 @@ class EphemerisTable:
         return EphemerisTable(pieces, start, rate, celestial_and_polar(epoch)[1])
 
     def _row(self, t_s: float) -> FloatArray:
-        at = t_s + 2 * _STEP_S
-        k = min(max(int(at // _STEP_S), 0), len(self.pieces) - 1)
-        d = at - k * _STEP_S
-        return np.asarray(np.array([d * d * d, d * d, d, 1.0]) @ self.pieces[k])
+        since_start = t_s + 2 * _STEP_S
+        k = min(max(int(since_start // _STEP_S), 0), len(self.pieces) - 1)
+        t = since_start - k * _STEP_S
+        return np.asarray(np.array([t * t * t, t * t, t, 1.0]) @ self.pieces[k])
 
     def at(self, t_s: float) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return ``R_itrs_from_eci`` (3, 3), geometric Sun and Moon (3,) [m], GCRS, ``t_s`` after the epoch."""
+        """Interpolate the table.
+
+        Parameters
+        ----------
+        t_s : float
+            Time since the epoch [s].
+
+        Returns
+        -------
+        R_itrs_from_eci : (3, 3) array
+            Earth orientation.
+        r_sun_m : (3,) array
+            Geometric geocentric position of the Sun, GCRS [m].
+        r_moon_m : (3,) array
+            Geometric geocentric position of the Moon, GCRS [m].
+        """
         row = self._row(t_s)
         angle = self.era_start_rad + self.era_rate_rad_s * t_s + row[9]
         c, s = np.cos(angle), np.sin(angle)

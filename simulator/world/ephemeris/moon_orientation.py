@@ -1,4 +1,4 @@
-"""Orientation of the Moon: pole and rotation angle, for its map."""
+"""Orientation of the Moon, by the series of the IAU for its pole and rotation angle."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from flyaround.simulator.runtime.arrays import FloatArray
     from flyaround.simulator.world.time.instant import Instant
 
-# (start [deg], rate [deg per day]) of the arguments E1 to E13
+# arguments E1 to E13: value at J2000.0 [deg] and rate [deg per day]
 _ARGUMENTS = np.array(
     [
         (125.045, -0.0529921),
@@ -31,7 +31,7 @@ _ARGUMENTS = np.array(
         (25.053, 12.9590088),
     ]
 )
-# amplitudes [deg] of their sines in the right ascension of the pole, cosines in its declination, sines in W
+# amplitudes [deg] of the arguments' sines in right ascension of the pole, cosines in declination, and sines in W
 _ALPHA = np.array([-3.8787, -0.1204, 0.0700, -0.0172, 0, 0.0072, 0, 0, 0, -0.0052, 0, 0, 0.0043])
 _DELTA = np.array([1.5419, 0.0239, -0.0278, 0.0068, 0, -0.0029, 0.0009, 0, 0, 0.0008, 0, 0, -0.0009])
 _W = np.array(
@@ -43,9 +43,10 @@ _W = np.array(
 
 
 def R_moon_from_eci(instant: Instant) -> FloatArray:
-    """Return the (3, 3) rotation from GCRS to the Moon's mean Earth / polar axis frame, within 150 m on its surface.
+    """Return the (3, 3) rotation from GCRS to the Moon's mean Earth / polar axis frame.
 
-    Its x axis points to the mean Earth (longitude 0), z along the axis.
+    The x axis points to the mean Earth (longitude 0), z along the rotation axis. The error is up to 150 m on the
+    surface.
 
     References
     ----------

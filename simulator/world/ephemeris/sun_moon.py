@@ -1,4 +1,4 @@
-"""Apparent geocentric Sun and Moon from SOFA's series, no data files."""
+"""Geocentric positions of Sun and Moon from SOFA's analytic series, which need no data files."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def sun_eci_m(tt1: ArrayLike, tt2: ArrayLike) -> FloatArray:
     Returns
     -------
     (..., 3) array
-        Direction as seen from the Earth's centre times the distance the light has travelled.
+        Direction as seen from the Earth's centre, times the distance that the light has travelled.
 
     References
     ----------
@@ -60,11 +60,11 @@ def sun_eci_m(tt1: ArrayLike, tt2: ArrayLike) -> FloatArray:
     sun_p = barycentric["p"] - heliocentric["p"]
     sun_v = barycentric["v"] - heliocentric["v"]
     light_days = np.linalg.norm(heliocentric["p"], axis=-1, keepdims=True) / _C_AU_DAY
-    seen = sun_p - sun_v * light_days - barycentric["p"]
-    distance_au = np.linalg.norm(seen, axis=-1, keepdims=True)
+    light_path_au = sun_p - sun_v * light_days - barycentric["p"]
+    distance_au = np.linalg.norm(light_path_au, axis=-1, keepdims=True)
     beta = barycentric["v"] / _C_AU_DAY
     lorentz = np.sqrt(1 - np.sum(beta * beta, axis=-1))
-    apparent = erfa.ab(seen / distance_au, beta, distance_au[..., 0], lorentz)
+    apparent = erfa.ab(light_path_au / distance_au, beta, distance_au[..., 0], lorentz)
     return np.asarray(apparent * distance_au * AU_M, float)
 
 

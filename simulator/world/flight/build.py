@@ -1,4 +1,4 @@
-"""Propagates a flight: target orbit, target attitude, chaser, and camera attitude, in this order."""
+"""Propagation of a flight: target orbit, target attitude, chaser, and camera attitude, in this order."""
 
 from __future__ import annotations
 
@@ -98,7 +98,7 @@ def propagate_flight(
     """
     r, v = np.asarray(target.r_eci_m, float), np.asarray(target.v_eci_m_s, float)
     if forces is None:
-        forces = Gravity.of(body, epoch)
+        forces = Gravity.from_body(body, epoch)
     frame = lvlh_frame(r, v, forces.target(0.0, r, v))
     mu = forces.mu_m3_s2
     elements = elements_from_state(r, v, mu)
@@ -122,7 +122,7 @@ def propagate_flight(
         epoch=epoch,
         duration_s=duration_s,
         orbit=orbit,
-        # placeholder, because the target may point at the chaser
+        # replaced below, because the target may point at the chaser
         attitude=SteadyTrack(q0, np.zeros(3)),
         guidance=chaser,
         n_rad_s=n,
@@ -132,7 +132,7 @@ def propagate_flight(
         body=body,
         burns=burns,
     )
-    around = PointingContext(
+    context = PointingContext(
         orbit=orbit,
         body=body,
         epoch=epoch,
@@ -141,7 +141,7 @@ def propagate_flight(
     )
     track = target.history
     if track is None:
-        track = target.attitude.track(q0, target.inertia_kg_m2, around)
+        track = target.attitude.track(q0, target.inertia_kg_m2, context)
     flight = replace(flight, attitude=track)
     # a script's thrust is along the camera's axes, which must stay as flown
     if chaser.pointing.down == "auto" and flight.scripted is None:
@@ -150,14 +150,18 @@ def propagate_flight(
 
 
 def with_wheels(flight: Flight, wheels: Wheels | None) -> Flight:
-    """Return the flight with its camera rotated by wheels that follow the pointing, or unchanged without wheels."""
+    """Return the flight with its camera rotated by reaction wheels; unchanged if ``wheels`` is None."""
     if wheels is None:
         return flight
     return replace(flight, wheels=fly_wheels(flight.pointing_reference, flight.duration_s, wheels))
 
 
 def with_best_down(flight: Flight, samples: int = 61) -> Flight:
-    """Return the flight with the first down reference that stays 10 deg off the boresight, or else the best one."""
+    """Choose the reference of the image's down side.
+
+    It is the first reference that stays 10 degrees away from the boresight during the flight, or else the one that
+    stays farthest away.
+    """
     boresights = []
     for t in np.linspace(0.0, flight.duration_s, samples):
         frame = flight.lvlh(float(t))

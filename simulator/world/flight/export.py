@@ -34,10 +34,11 @@ Row = dict[str, str | float | None]
 
 
 def fly_table(flight: Flight, times_s: Iterable[float]) -> list[Row]:
-    """Return states as rows of a table; a vector ``r_target_eci_m`` becomes ``r_target_eci_x_m`` and so on.
+    """Return the states of a flight as rows of a table.
 
-    After the states: the chaser's phase, thrust, mass, delta-v so far, and the events since the previous row. Unknown
-    values are None.
+    A vector ``r_target_eci_m`` becomes the columns ``r_target_eci_x_m``, ``_y_m`` and ``_z_m``. After the states follow
+    the chaser's phase, thrust, mass, accumulated delta-v, and the events since the previous row. Unknown values are
+    None.
     """
     rows: list[Row] = []
     for t in times_s:
@@ -64,21 +65,21 @@ def _with_log(flight: Flight, rows: list[Row]) -> list[Row]:
     times = [float(row["t_s"] or 0.0) for row in rows]
     events = log.events(times, [float(row["sun_visible_fraction"] or 0.0) for row in rows])
     for k, (t, row) in enumerate(zip(times, rows, strict=True)):
-        push = log.thrust_state(t)
-        a, mass = push.acceleration_lvlh_m_s2, push.mass_kg
-        row["phase"] = push.phase
+        thrust = log.thrust_state(t)
+        a, mass = thrust.acceleration_lvlh_m_s2, thrust.mass_kg
+        row["phase"] = thrust.phase
         for i, axis in enumerate("xyz"):
             row[f"thrust_acceleration_lvlh_{axis}_m_s2"] = None if a is None else a[i]
         for i, axis in enumerate("xyz"):
             row[f"thrust_lvlh_{axis}_n"] = None if a is None or mass is None else a[i] * mass
-        row["mass_kg"], row["delta_v_m_s"] = mass, push.delta_v_m_s
-        before = -np.inf if k == 0 else times[k - 1]
-        row["events"] = "; ".join(e.what for e in events if before < e.t_s <= t)
+        row["mass_kg"], row["delta_v_m_s"] = mass, thrust.delta_v_m_s
+        previous_s = -np.inf if k == 0 else times[k - 1]
+        row["events"] = "; ".join(e.what for e in events if previous_s < e.t_s <= t)
     return rows
 
 
 def summarise_flight(flight: Flight, rows: Sequence[Row]) -> dict[str, Any]:
-    """Summarise a flight as a JSON-able document.
+    """Summarise a flight as a document for JSON.
 
     Parameters
     ----------
@@ -114,7 +115,7 @@ def summarise_flight(flight: Flight, rows: Sequence[Row]) -> dict[str, Any]:
 
 
 def _phases(rows: Sequence[Row], times_s: Sequence[float]) -> list[dict[str, Any]]:
-    """Return the phases: runs of rows of one phase, each up to the start of the next."""
+    """Group consecutive rows with the same phase; each phase ends where the next one starts."""
     starts = [k for k, row in enumerate(rows) if k == 0 or row["phase"] != rows[k - 1]["phase"]]
     ends = [*starts[1:], len(rows) - 1]
     return [
@@ -132,19 +133,30 @@ def _split_unit(name: str) -> tuple[str, str]:
 def flight_messages(
     flight: Flight, times_s: Iterable[float], *, oem: bool = True, aem: bool = True
 ) -> dict[str, str]:
-    """Return the requested messages by file name.
+    """Return CCSDS messages of both craft by file name, ready to be written.
 
-    Orbits are those of the centres of mass; the target's body frame is its model's, the chaser's its camera's.
+    Orbits are those of the centres of mass. Attitudes are those of the target's model frame and the camera frame.
+
+    Parameters
+    ----------
+    flight : Flight
+        Flight to export.
+    times_s : iterable of float
+        Times of the lines since the start [s].
+    oem : bool, optional
+        True for orbit messages.
+    aem : bool, optional
+        True for attitude messages.
     """
-    # states at the stamped times, which have microseconds: in half of one a craft moves by millimetres
+    # rounded to the microseconds of the time stamps, because a craft moves by millimetres in half of one
     times = [round(float(t), 6) for t in times_s]
     states = [flight.state(t) for t in times]
     epochs = [s.epoch_utc for s in states]
     files = {}
     if oem:
-        about_the_body = np.array([np.concatenate(flight.orbit(t)) for t in times])
-        apart = np.array([(*s.relative_eci_m, *s.relative_eci_m_s) for s in states])
-        for name, rows in (("target", about_the_body), ("chaser", about_the_body + apart)):
+        target_states = np.array([np.concatenate(flight.orbit(t)) for t in times])
+        relative_states = np.array([(*s.relative_eci_m, *s.relative_eci_m_s) for s in states])
+        for name, rows in (("target", target_states), ("chaser", target_states + relative_states)):
             files[f"{name}.oem"] = write_oem(
                 name=name.upper(),
                 centre=flight.body.name.upper(),

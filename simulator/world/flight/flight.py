@@ -1,4 +1,4 @@
-"""A propagated flight: target, tumble, chaser and sky at any time of its span."""
+"""A propagated flight: target, chaser, Sun and Moon at any time of its span."""
 
 from __future__ import annotations
 
@@ -120,14 +120,14 @@ class Flight:
         """
         t_s = chaser.t_s
         self._check(t_s)
-        now = self.epoch.plus(t_s)
-        r, v = self._target(now, t_s)
+        instant = self.epoch.plus(t_s)
+        r, v = self._target(instant, t_s)
         q_target, omega_target = self.attitude(t_s)
         p, p_rate = np.array(chaser.position_eci_m), np.array(chaser.velocity_eci_m_s)
         p_lvlh, v_lvlh = self.lvlh(t_s).from_eci(p, p_rate)
-        sun, bodies = sun_eci_m(now.tt1, now.tt2), bodies_at(now, self.body)
+        sun, bodies = sun_eci_m(instant.tt1, instant.tt2), bodies_at(instant, self.body)
         return WorldState(
-            epoch_utc=now.iso(),
+            epoch_utc=instant.iso(),
             t_s=float(t_s),
             r_target_eci_m=vec3(r),
             v_target_eci_m_s=vec3(v),
@@ -147,14 +147,14 @@ class Flight:
             central_body=self.body.name,
         )
 
-    def _target(self, now: Instant, t_s: float) -> tuple[FloatArray, FloatArray]:
+    def _target(self, instant: Instant, t_s: float) -> tuple[FloatArray, FloatArray]:
         """Return the geocentric position and velocity of the target."""
         if self.recording is not None:
             # exactly as recorded
             y = self.recording.target(t_s)
             return y[:3], y[3:]
         r, v = self.orbit(t_s)
-        r_body, v_body = self.body.geocentric_state(now)
+        r_body, v_body = self.body.geocentric_state(instant)
         return r_body + r, v_body + v
 
     def relative(self, t_s: float, frame: Lvlh | None = None) -> tuple[FloatArray, FloatArray]:
@@ -165,9 +165,9 @@ class Flight:
         frame : Lvlh, optional
             Result of `lvlh` at that time, if known; by default the track's approximation.
         """
-        played_back = self.recording.chaser if self.recording else self.scripted
-        if played_back is not None:
-            chaser = played_back(t_s)
+        playback = self.recording.chaser if self.recording else self.scripted
+        if playback is not None:
+            chaser = playback(t_s)
             return np.array(chaser.position_eci_m), np.array(chaser.velocity_eci_m_s)
         if self.controlled is not None:
             return self.controlled(t_s)
@@ -188,4 +188,4 @@ class Flight:
 
 def record(flight: Flight, times_s: Iterable[float]) -> Recording:
     """Sample a flight at times that start at 0."""
-    return Recording.of(flight.state(float(t)) for t in times_s)
+    return Recording.from_states(flight.state(float(t)) for t in times_s)

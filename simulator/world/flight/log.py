@@ -35,7 +35,7 @@ class Event:
     kind : EventKind
         Kind, one word.
     what : str
-        Description in one sentence.
+        Description, part of a sentence.
     """
 
     t_s: float
@@ -79,7 +79,7 @@ class FlightLog:
     _totals_m_s: list[float] = field(init=False)
 
     def __post_init__(self) -> None:
-        """Sum the delta-v, once."""
+        """Sum the delta-v of the steps."""
         f = self.flight
         delta_v_m_s: list[float] = []
         if f.controlled is not None:
@@ -105,7 +105,7 @@ class FlightLog:
             return self._scripted(f.scripted, t_s)
         if f.guidance.ballistic:
             return _ballistic(f.guidance.phase(t_s), f.burns, t_s)
-        # a path followed exactly, by unmodelled forces
+        # the chaser follows its path exactly, by forces that are not modelled
         return ThrustState(phase=f.guidance.phase(t_s))
 
     def _controlled(self, track: ControlledTrack, t_s: float) -> ThrustState:
@@ -115,11 +115,11 @@ class FlightLog:
         phase = self.flight.guidance.phase(t_s)
         if track.abort_s is not None and start >= track.abort_s:
             phase = "retreat" if _still_retreating(track, k) else "drift"
-        over = t_s >= start + track.period_s
+        is_over = t_s >= start + track.period_s
         return ThrustState(
             phase=phase,
             acceleration_lvlh_m_s2=vec3(track.orbit.frame(start).R_eci_from_lvlh.T @ a),
-            mass_kg=track.end_mass_kg if over else float(track.mass_kg[k]),
+            mass_kg=track.end_mass_kg if is_over else float(track.mass_kg[k]),
             delta_v_m_s=self._totals_m_s[k] + float(np.linalg.norm(a)) * min(t_s - start, track.period_s),
         )
 
@@ -144,7 +144,7 @@ class FlightLog:
         times_s : sequence of float, optional
             Times of samples of the Sun's visibility.
         sun_fractions : sequence of float, optional
-            Share of the Sun visible from the target at these times; without them eclipses are omitted.
+            Visible fraction of the Sun at the target at these times; without them eclipses are omitted.
         """
         f = self.flight
         events = _shadow_events(times_s, sun_fractions)
@@ -160,10 +160,10 @@ class FlightLog:
         if f.scripted is not None and f.recording is None:
             starts = (
                 t
-                for t, before, now in zip(
+                for t, was_overruled, is_overruled in zip(
                     f.scripted.times_s, [False, *f.scripted.overruled], f.scripted.overruled, strict=False
                 )
-                if now and not before
+                if is_overruled and not was_overruled
             )
             events += [
                 Event(t_s=t, kind="guarded", what="the keep-out sphere's guard overrules the commands")
@@ -202,17 +202,17 @@ def _still_retreating(track: ControlledTrack, k: int) -> bool:
 
 
 def _ballistic(phase: str, burns: tuple[Burn, ...], t_s: float) -> ThrustState:
-    """Return the state of free flight, apart from burns."""
-    total, push = 0.0, np.zeros(3)
+    """Return the thrust state of free flight with burns."""
+    total, thrust = 0.0, np.zeros(3)
     for burn in burns:
         if burn.craft != "chaser" or burn.start_s > t_s:
             continue
-        share = 1.0 if burn.duration_s == 0 else min((t_s - burn.start_s) / burn.duration_s, 1.0)
-        total += share * float(np.linalg.norm(burn.delta_v_lvlh_m_s))
+        fraction = 1.0 if burn.duration_s == 0 else min((t_s - burn.start_s) / burn.duration_s, 1.0)
+        total += fraction * float(np.linalg.norm(burn.delta_v_lvlh_m_s))
         if burn.duration_s > 0 and t_s < burn.end_s:
-            push = push + np.array(burn.acceleration_lvlh_m_s2)
+            thrust = thrust + np.array(burn.acceleration_lvlh_m_s2)
     return ThrustState(
-        phase="burn" if push.any() else phase, acceleration_lvlh_m_s2=vec3(push), delta_v_m_s=total
+        phase="burn" if thrust.any() else phase, acceleration_lvlh_m_s2=vec3(thrust), delta_v_m_s=total
     )
 
 
@@ -227,18 +227,18 @@ def _abort_events(track: ControlledTrack, abort_s: float) -> list[Event]:
             "straight outward",
         )
     ]
-    away = next((j for j in range(k, len(track.mass_kg)) if not _still_retreating(track, j)), None)
-    if away is not None:
-        t_s = away * track.period_s
+    end_period = next((j for j in range(k, len(track.mass_kg)) if not _still_retreating(track, j)), None)
+    if end_period is not None:
+        t_s = end_period * track.period_s
         events.append(Event(t_s=t_s, kind="retreated", what="twice the sphere's radius away: free drift"))
     return events
 
 
 def _shadow_events(times_s: Sequence[float], sun_fractions: Sequence[float]) -> list[Event]:
     events = []
-    for t, (before, now) in zip(times_s[1:], pairwise(sun_fractions), strict=True):
-        if before > 0 >= now:
+    for t, (previous, current) in zip(times_s[1:], pairwise(sun_fractions), strict=True):
+        if previous > 0 >= current:
             events.append(Event(t_s=float(t), kind="shadow", what="the target is in full shadow"))
-        elif before <= 0 < now:
+        elif previous <= 0 < current:
             events.append(Event(t_s=float(t), kind="sunlight", what="the target leaves full shadow"))
     return events

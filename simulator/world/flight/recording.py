@@ -66,19 +66,25 @@ _DAMAGED = (
 
 @dataclass(frozen=True, eq=False)
 class Recording:
-    """Samples of a flight; ``arrays`` holds (n, width) of each of ``_FIELDS``, times (n,)."""
+    """Samples of a flight.
+
+    Parameters
+    ----------
+    arrays : dict
+        Times (n,) and the quantities (n, width) of `WorldState`, by name.
+    """
 
     arrays: dict[str, FloatArray]
 
     @staticmethod
-    def of(states: Iterable[WorldState]) -> Recording:
-        """Record states in order of time, of a guided or a manually controlled flight."""
+    def from_states(states: Iterable[WorldState]) -> Recording:
+        """Build a recording from states in order of time."""
         rows = list(states)
         return Recording({name: np.array([getattr(s, name) for s in rows], float) for name in _FIELDS})
 
     @staticmethod
-    def of_rows(numbers: Sequence[float]) -> Recording:
-        """Build a recording from the numbers of `state_row`, state after state."""
+    def from_rows(numbers: Sequence[float]) -> Recording:
+        """Build a recording from the values of `state_row` of successive states."""
         return Recording(_columns(np.array(numbers, float).reshape(-1, NUMBERS)))
 
     @property
@@ -87,10 +93,10 @@ class Recording:
         return float(self.arrays["t_s"][-1])
 
     def to_bytes(self) -> bytes:
-        """Return the npz file."""
-        out = io.BytesIO()
-        np.savez_compressed(out, **self.arrays)  # type: ignore[arg-type]
-        return out.getvalue()
+        """Return the recording as the contents of an npz file."""
+        file = io.BytesIO()
+        np.savez_compressed(file, **self.arrays)  # type: ignore[arg-type]
+        return file.getvalue()
 
     @staticmethod
     def read(path: Path) -> Recording:
@@ -120,43 +126,43 @@ class Recording:
             raise UserError(f"recording {path} must start at 0 s, rise in time and hold finite numbers alone")
         return Recording(arrays)
 
-    def _place(self, t_s: float) -> tuple[int, float]:
+    def _locate(self, t_s: float) -> tuple[int, float]:
         """Return the sample at or before a time, and the time since it."""
         t = self.arrays["t_s"]
         k = min(max(int(np.searchsorted(t, t_s, side="right")) - 1, 0), len(t) - 1)
         return k, t_s - float(t[k])
 
-    def _moved(self, r: str, v: str, t_s: float) -> FloatArray:
-        """Return position and velocity (6,): the sample, a cubic between samples, or a straight line after the last."""
-        k, d = self._place(t_s)
+    def _interpolate(self, r: str, v: str, t_s: float) -> FloatArray:
+        """Return position and velocity (6,): Hermite cubics between samples, a straight line after the last one."""
+        k, since_sample = self._locate(t_s)
         p, w = self.arrays[r], self.arrays[v]
-        if d == 0.0:
+        if since_sample == 0.0:
             return np.concatenate([p[k], w[k]])
         if k == len(p) - 1:
-            return np.concatenate([p[k] + d * w[k], w[k]])
+            return np.concatenate([p[k] + since_sample * w[k], w[k]])
         h = float(self.arrays["t_s"][k + 1] - self.arrays["t_s"][k])
-        x = d / h
+        x = since_sample / h
         chord = (p[k + 1] - p[k]) / h
         # Hermite cubic as the first sample plus the contributions of the slopes
         a, b = w[k] - chord, w[k + 1] - chord
-        place = p[k] + d * chord + d * (1 - x) * ((1 - x) * a - x * b)
+        position = p[k] + since_sample * chord + since_sample * (1 - x) * ((1 - x) * a - x * b)
         slope = chord + (1 - x) * (1 - 3 * x) * a - x * (2 - 3 * x) * b
-        return np.concatenate([place, slope])
+        return np.concatenate([position, slope])
 
     def target(self, t_s: float) -> FloatArray:
         """Return the position and velocity of the target, GCRS (6,)."""
-        return self._moved("r_target_eci_m", "v_target_eci_m_s", t_s)
+        return self._interpolate("r_target_eci_m", "v_target_eci_m_s", t_s)
 
     def target_attitude(self, t_s: float) -> tuple[FloatArray, FloatArray]:
         """Return ``q_eci_from_target_wxyz`` and the angular velocity, target axes, constant between samples."""
-        k, d = self._place(t_s)
+        k, d = self._locate(t_s)
         q, w = self.arrays["q_eci_from_target_wxyz"][k], self.arrays["omega_target_rad_s"][k]
         return (q, w) if d == 0.0 else (quat_multiply(q, quat_from_rotvec(w * d)), w)
 
     def chaser(self, t_s: float) -> ChaserState:
-        """Return the chaser and its camera."""
-        y = self._moved("relative_eci_m", "relative_eci_m_s", t_s)
-        k, d = self._place(t_s)
+        """Return the state of the chaser and its camera."""
+        y = self._interpolate("relative_eci_m", "relative_eci_m_s", t_s)
+        k, d = self._locate(t_s)
         q, w = self.arrays["q_camera_from_eci_wxyz"][k], self.arrays["omega_camera_rad_s"][k]
         if d != 0.0:
             q = quat_multiply(quat_conjugate(quat_from_rotvec(w * d)), q)
@@ -175,11 +181,11 @@ class Replay(Chaser, tag_field="mode", tag="replay", frozen=True, kw_only=True):
     file: str
 
     def read(self) -> Recording:
-        """Return the recording. Raises as `Recording.read` does."""
+        """Read the recording; raises as `Recording.read` does."""
         return Recording.read(Path(self.file))
 
     def held_at_start(self) -> Hold:
-        """Return a chaser that holds the recording's first position: a placeholder until the recording is played."""
+        """Return a chaser that holds the recording's first position; it stands in until the recording is replayed."""
         return Hold(
             position_lvlh_m=vec3(self.read().arrays["relative_eci_m"][0]),
             pointing=self.pointing,
@@ -187,13 +193,13 @@ class Replay(Chaser, tag_field="mode", tag="replay", frozen=True, kw_only=True):
         )
 
     def state_lvlh(self, t_s: float, n_rad_s: float) -> tuple[FloatArray, FloatArray]:
-        """Return the recording's start: its distance, not its direction in LVLH."""
+        """Return the first position, by its distance; its direction in LVLH is not known."""
         return self.held_at_start().state_lvlh(t_s, n_rad_s)
 
 
 @dataclass(frozen=True, eq=False)
 class RecordedAttitude:
-    """The target's recorded attitude, exact to the bit."""
+    """The target's recorded attitude. At a sample it is bit for bit the recorded one."""
 
     recording: Recording
 
@@ -203,18 +209,18 @@ class RecordedAttitude:
 
 
 def csv_header() -> str:
-    """Return the names of a line's numbers, in order."""
+    """Return the header line of a CSV recording."""
     names = [f"{name}_{k}" if width > 1 else name for name, width in _FIELDS.items() for k in range(width)]
     return ",".join(names) + "\n"
 
 
 def state_row(state: WorldState) -> list[float]:
-    """Return the numbers of a state that are recorded, in the order of `csv_header`."""
+    """Return the recorded values of a state, in the order of `csv_header`."""
     return [float(v) for name in _FIELDS for v in np.atleast_1d(getattr(state, name)).tolist()]
 
 
 def csv_line(row: Sequence[float]) -> str:
-    """Return the values of a state as a line that round-trips to the last bit."""
+    """Return the values of a state as a CSV line that reads back bit for bit."""
     return ",".join(map(repr, row)) + "\n"
 
 
@@ -238,10 +244,10 @@ def _from_lines(text: str) -> dict[str, FloatArray]:
 
 def _columns(table: FloatArray) -> dict[str, FloatArray]:
     """Return the arrays by name of a table of states."""
-    arrays, at = {}, 0
+    arrays, column = {}, 0
     for name, width in _FIELDS.items():
-        arrays[name] = table[:, at] if width == 1 else table[:, at : at + width]
-        at += width
+        arrays[name] = table[:, column] if width == 1 else table[:, column : column + width]
+        column += width
     return arrays
 
 
@@ -270,7 +276,7 @@ class RecordedOrbit:
 def recorded_tracks(
     recording: Recording, forces: ForceModel, duration_s: float, epoch: Instant, body: Body
 ) -> tuple[OrbitTrack, AttitudeTrack]:
-    """Return the recorded tracks of the target: its orbit from the centre of ``body``, and its attitude."""
+    """Return the recorded orbit of the target, relative to the centre of ``body``, and its recorded attitude."""
     return (
         OrbitTrack(forces, duration_s, RecordedOrbit(recording, forces, epoch, body)),
         RecordedAttitude(recording),

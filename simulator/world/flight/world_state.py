@@ -1,4 +1,4 @@
-"""State of the world at one time: orbits, attitudes, Sun and Moon, before a camera is chosen."""
+"""State of the world at one time: orbits, attitudes, Sun and Moon. It does not depend on the camera's lens."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from flyaround.simulator.world.ephemeris.body import BodyState, BodyStates
 
 @dataclass(frozen=True, kw_only=True)
 class WorldState(BodyStates):
-    """The world at ``t_s``: float64, GCRS, SI.
+    """The world at one time, in SI units and along GCRS axes unless stated otherwise.
 
     Parameters
     ----------
@@ -45,12 +45,12 @@ class WorldState(BodyStates):
     velocity_lvlh_m_s : array
         Velocity of the chaser in the same frame [m s-1].
     r_sun_eci_m : array
-        Apparent geocentric position of the Sun.
+        Apparent geocentric position of the Sun [m].
     bodies : tuple of BodyState
         Earth, Moon and, if different, the central body, whose position is geometric, so that ``r_target_eci_m`` minus
         it is the orbit.
     sun_visible_fraction : float
-        Share of the Sun's disc visible from the target past the bodies, 0..1.
+        Fraction of the Sun's disc that is visible from the target past the bodies, 0..1.
     central_body : str, optional
         Body that the target orbits, and the centre of LVLH.
     """

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from flyaround.simulator.world.frames.vectors import cross, cross_of, dot_of
+from flyaround.simulator.world.frames.vectors import cross, cross_product, dot_product
 
 if TYPE_CHECKING:
     from flyaround.simulator.runtime.arrays import FloatArray
@@ -41,21 +41,30 @@ class Lvlh:
 
 
 def lvlh_frame(r_eci_m: FloatArray, v_eci_m_s: FloatArray, a_eci_m_s2: FloatArray) -> Lvlh:
-    """Return the LVLH frame of a spacecraft at ``r_eci_m`` with velocity ``v_eci_m_s`` and acceleration ``a_eci_m_s2``.
+    """Compute the LVLH frame of a spacecraft.
 
-    The angular velocity is exact for the given acceleration: ``h/r^2`` about the cross-track axis, and the rotation of
-    the orbit plane by the out-of-plane acceleration about the radial axis.
+    The angular velocity is exact for the given acceleration. It is ``h / r^2`` about the cross-track axis, plus the
+    rotation of the orbit plane about the radial axis by the out-of-plane acceleration.
+
+    Parameters
+    ----------
+    r_eci_m : (3,) array
+        Position from the central body, GCRS axes [m].
+    v_eci_m_s : (3,) array
+        Velocity, GCRS axes [m s-1].
+    a_eci_m_s2 : (3,) array
+        Acceleration, GCRS axes [m s-2].
 
     References
     ----------
     Alfriend et al. (2010), Spacecraft Formation Flying, sec. 4.1.
     """
     r, v = r_eci_m.tolist(), v_eci_m_s.tolist()
-    h = cross_of(r, v)
-    r_norm, h_norm = math.sqrt(dot_of(r, r)), math.sqrt(dot_of(h, h))
+    h = cross_product(r, v)
+    r_norm, h_norm = math.sqrt(dot_product(r, r)), math.sqrt(dot_product(h, h))
     x, z = [c / r_norm for c in r], [c / h_norm for c in h]
-    y = cross_of(z, x)
-    turning = r_norm * dot_of(a_eci_m_s2.tolist(), z) / h_norm
+    y = cross_product(z, x)
+    plane_rate = r_norm * dot_product(a_eci_m_s2.tolist(), z) / h_norm
     rate = h_norm / r_norm**2
-    omega = [rate * c + turning * d for c, d in zip(z, x, strict=True)]
+    omega = [rate * c + plane_rate * d for c, d in zip(z, x, strict=True)]
     return Lvlh(np.array([x, y, z]).T, np.array(omega))

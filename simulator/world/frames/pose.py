@@ -1,4 +1,4 @@
-"""A rigid transform with named frames, so that mismatched ones cannot be composed."""
+"""Rigid transforms with named frames. Composing transforms whose frames do not match raises an error."""
 
 from __future__ import annotations
 
@@ -23,12 +23,12 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Pose:
-    """``x_to = R_to_from_frm @ x_frm + t_m``.
+    """Rigid transform between two named frames: ``x_to = R_to_from_frm @ x_frm + t_m``.
 
-    >>> target = Pose.of("camera", "target", (1, 0, 0, 0), (0, 0, 10))
+    >>> target = Pose.from_arrays("camera", "target", (1, 0, 0, 0), (0, 0, 10))
     >>> target
     <Pose camera_from_target, origin at (0, 0, 10) m>
-    >>> target @ Pose.of("target", "panel", (1, 0, 0, 0), (0.5, 0, 0))
+    >>> target @ Pose.from_arrays("target", "panel", (1, 0, 0, 0), (0.5, 0, 0))
     <Pose camera_from_panel, origin at (0.5, 0, 10) m>
     >>> target.inverse().apply((0, 0, 10)).tolist()
     [0.0, 0.0, 0.0]
@@ -42,9 +42,9 @@ class Pose:
         Frame of the result, for example ``"camera"``.
     frm : str
         Frame of the argument, for example ``"target"``.
-    q_wxyz : array
+    q_wxyz : tuple of float
         Unit quaternion ``q_to_from_frm``, scalar first.
-    t_m : array
+    t_m : tuple of float
         Origin of ``frm`` in ``to`` [m].
     """
 
@@ -54,13 +54,24 @@ class Pose:
     t_m: Vec3
 
     @staticmethod
-    def of(to: str, frm: str, q_wxyz: ArrayLike, t_m: ArrayLike) -> Pose:
-        """Make a pose from any array-like; the quaternion is normalised.
+    def from_arrays(to: str, frm: str, q_wxyz: ArrayLike, t_m: ArrayLike) -> Pose:
+        """Create a pose from array-likes; the quaternion is normalised.
+
+        Parameters
+        ----------
+        to : str
+            Frame of the result.
+        frm : str
+            Frame of the argument.
+        q_wxyz : array_like
+            (4,) quaternion ``q_to_from_frm``, scalar first.
+        t_m : array_like
+            (3,) origin of ``frm`` in ``to`` [m].
 
         Raises
         ------
         ValueError
-            If the quaternion is zero or anything is not finite.
+            If the quaternion is zero, or a value is not finite.
         """
         t = np.asarray(t_m, float)
         if not np.all(np.isfinite(t)):
@@ -68,7 +79,7 @@ class Pose:
         return Pose(to, frm, quat(quat_normalize(q_wxyz)), vec3(t))
 
     def __repr__(self) -> str:
-        """Return the frames, and the origin of the one in the other."""
+        """Return the names of the frames, and the origin of ``frm`` in ``to``."""
         origin = ", ".join(f"{x + 0.0:.6g}" for x in self.t_m)
         return f"<Pose {self.to}_from_{self.frm}, origin at ({origin}) m>"
 
@@ -83,7 +94,9 @@ class Pose:
 
     def inverse(self) -> Pose:
         """Return the pose ``frm`` from ``to``."""
-        return Pose.of(self.frm, self.to, quat_conjugate(self.q_wxyz), -self.R.T @ np.asarray(self.t_m))
+        return Pose.from_arrays(
+            self.frm, self.to, quat_conjugate(self.q_wxyz), -self.R.T @ np.asarray(self.t_m)
+        )
 
     def __matmul__(self, other: Pose) -> Pose:
         """Compose: ``a_from_c = a_from_b @ b_from_c``.
@@ -97,6 +110,6 @@ class Pose:
             raise ValueError(
                 f"cannot compose {self.to}_from_{self.frm} with {other.to}_from_{other.frm}: the inner frames differ"
             )
-        return Pose.of(
+        return Pose.from_arrays(
             self.to, other.frm, quat_multiply(self.q_wxyz, other.q_wxyz), self.apply(np.asarray(other.t_m))
         )

@@ -1,4 +1,4 @@
-"""Vector products of three numbers in plain Python, at a tenth of the cost of NumPy."""
+"""Products of vectors of three numbers in plain Python, which takes a tenth of NumPy's time."""
 
 from __future__ import annotations
 
@@ -15,17 +15,17 @@ if TYPE_CHECKING:
 
 def cross(a: FloatArray, b: FloatArray) -> FloatArray:
     """Return the cross product of two (3,) arrays."""
-    return np.array(cross_of(a.tolist(), b.tolist()))
+    return np.array(cross_product(a.tolist(), b.tolist()))
 
 
-def cross_of(a: Sequence[float], b: Sequence[float]) -> Vec3:
+def cross_product(a: Sequence[float], b: Sequence[float]) -> Vec3:
     """Return the cross product of two triples of Python floats."""
     ax, ay, az = a
     bx, by, bz = b
     return (ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx)
 
 
-def dot_of(a: Sequence[float], b: Sequence[float]) -> float:
+def dot_product(a: Sequence[float], b: Sequence[float]) -> float:
     """Return the scalar product of two triples."""
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 

@@ -1,4 +1,4 @@
-"""Chaser: base of all guidance modes, with its camera pointing, thrusters, reaction wheels and keep-out sphere."""
+"""Base of the chaser's guidance modes, with camera pointing, thrusters, reaction wheels and keep-out sphere."""
 
 from __future__ import annotations
 
@@ -23,9 +23,9 @@ class Chaser(Section, frozen=True, kw_only=True):
     """
 
     ballistic: ClassVar[bool] = False
-    """True if the mode defines no path in LVLH, but free flight from the state at t = 0, or the states of a file.
+    """True for free flight from the state at t = 0, or along the states of a file.
 
-    Any other mode is a path, which the chaser follows exactly unless it flies by thrusters.
+    Any other mode defines a path in LVLH, which the chaser follows exactly unless it flies by thrusters.
     """
 
     pointing: Pointing = Pointing()
@@ -35,7 +35,7 @@ class Chaser(Section, frozen=True, kw_only=True):
     minimum_start_range_m: Range = 1.5
 
     def state_lvlh(self, t_s: float, n_rad_s: float) -> tuple[FloatArray, FloatArray]:
-        """Return position [m] and velocity [m s-1] in LVLH; ``n_rad_s`` is the target's mean motion."""
+        """Return position (3,) [m] and velocity (3,) [m s-1] in LVLH; ``n_rad_s`` is the target's mean motion."""
         raise NotImplementedError
 
     def start_lvlh(self, orbit: Elements, mu_m3_s2: float) -> tuple[FloatArray, FloatArray]:

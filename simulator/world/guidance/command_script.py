@@ -50,17 +50,17 @@ class CommandScript(Chaser, tag_field="mode", tag="steered", frozen=True, kw_onl
     period_s: Annotated[float, Meta(ge=0.05, le=60)] = 0.5
 
     def state_lvlh(self, t_s: float, n_rad_s: float) -> tuple[FloatArray, FloatArray]:  # noqa: ARG002
-        """Return the start."""
+        """Return the initial state."""
         return np.array(self.position_lvlh_m, float), np.array(self.velocity_lvlh_m_s, float)
 
     def command(self, t_s: float) -> SteeringCommand:
         """Return the command at a time."""
         sums = {"lvlh": np.zeros(3), "camera": np.zeros(3)}
         rate = np.zeros(3)
-        for c in self.commands:
-            if c.start_s <= t_s < c.start_s + c.duration_s:
-                sums[c.axes] = sums[c.axes] + np.array(c.acceleration_m_s2)
-                rate = rate + np.radians(c.rate_camera_deg_s)
+        for scripted in self.commands:
+            if scripted.start_s <= t_s < scripted.start_s + scripted.duration_s:
+                sums[scripted.axes] = sums[scripted.axes] + np.array(scripted.acceleration_m_s2)
+                rate = rate + np.radians(scripted.rate_camera_deg_s)
         return SteeringCommand(
             acceleration_camera_m_s2=vec3(sums["camera"]),
             acceleration_lvlh_m_s2=vec3(sums["lvlh"]),
@@ -68,15 +68,19 @@ class CommandScript(Chaser, tag_field="mode", tag="steered", frozen=True, kw_onl
         )
 
     def times_s(self, duration_s: float) -> list[float]:
-        """Return the starts of the steps: every period, and wherever a command starts or ends."""
-        edges = {t for c in self.commands for t in (c.start_s, c.start_s + c.duration_s)}
+        """Return the start of each step [s]: every period, and whenever a command starts or ends."""
+        edges = {
+            t
+            for scripted in self.commands
+            for t in (scripted.start_s, scripted.start_s + scripted.duration_s)
+        }
         grid = set((np.arange(int(np.ceil(duration_s / self.period_s))) * self.period_s).tolist())
         return sorted(grid | {t for t in edges if 0 < t < duration_s})
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class ScriptedTrack:
-    """A flight under manual control: states and commands at the start of each step.
+    """A flight under scripted manual control: state at the start of each step, and command during it.
 
     Parameters
     ----------
@@ -85,17 +89,17 @@ class ScriptedTrack:
     pointing : Pointing
         Pointing of the camera while it tracks.
     script : CommandScript
-        Script that was flown.
+        The script.
     times_s : list of float
-        Values at the start of each step.
+        Start of each step [s].
     states : list of ChaserState
         State at the start of each step.
     commands : list of SteeringCommand
         Command of each step.
     guarded_s : float or None
-        First time that the guard intervened, or None.
+        Time of the keep-out guard's first intervention, or None.
     overruled : list of bool
-        True for each step with an intervention.
+        For each step, True if the guard changed the command.
     """
 
     orbit: OrbitTrack
@@ -108,11 +112,15 @@ class ScriptedTrack:
     overruled: list[bool]
 
     def __call__(self, t_s: float) -> ChaserState:
-        """Return the chaser at any time of the flight."""
+        """Return the state of the chaser."""
         k = max(bisect_right(self.times_s, t_s) - 1, 0)
-        since = t_s - self.times_s[k]
-        now = self.states[k] if since == 0 else step(self.states[k], self.commands[k], since, self.orbit)
-        return with_tracking_camera(now, self.orbit, self.pointing) if self.script.tracking else now
+        since_step = t_s - self.times_s[k]
+        state = (
+            self.states[k]
+            if since_step == 0
+            else step(self.states[k], self.commands[k], since_step, self.orbit)
+        )
+        return with_tracking_camera(state, self.orbit, self.pointing) if self.script.tracking else state
 
 
 def fly_script(orbit: OrbitTrack, script: CommandScript, n_rad_s: float) -> ScriptedTrack:
@@ -129,13 +137,13 @@ def fly_script(orbit: OrbitTrack, script: CommandScript, n_rad_s: float) -> Scri
     """
     pointing, keep_out = script.pointing, script.keep_out
     p, v = orbit.frame(0.0).to_eci(*script.state_lvlh(0.0, n_rad_s))
-    blank = ChaserState(
+    initial = ChaserState(
         t_s=0.0,
         position_eci_m=vec3(p),
         velocity_eci_m_s=vec3(v),
         q_camera_from_eci_wxyz=(1.0, 0.0, 0.0, 0.0),
     )
-    state = with_tracking_camera(blank, orbit, pointing)
+    state = with_tracking_camera(initial, orbit, pointing)
     times = script.times_s(orbit.duration_s)
     states, commands, guarded_s = [], [], None
     overrulings = []
@@ -168,7 +176,7 @@ def fly_script(orbit: OrbitTrack, script: CommandScript, n_rad_s: float) -> Scri
 
 
 def with_tracking_camera(state: ChaserState, orbit: OrbitTrack, pointing: Pointing) -> ChaserState:
-    """Return the state with its camera rotated by the pointing."""
+    """Return the state with the camera's attitude and rate set by the pointing."""
     p, v = np.array(state.position_eci_m), np.array(state.velocity_eci_m_s)
     q, omega = pointing.attitude(-p, -v, orbit.frame(state.t_s))
     return replace(state, q_camera_from_eci_wxyz=quat(q), omega_camera_rad_s=vec3(omega))

@@ -38,8 +38,8 @@ class _BoundedFlight(Chaser, frozen=True, kw_only=True):
     phase_deg: Degrees = 0.0
     centre_along_track_m: Metres = 0.0
 
-    def _swing(self) -> tuple[float, float]:
-        """Return the cross-track amplitude [m] and its lead over the radial one [deg]."""
+    def _cross_track_motion(self) -> tuple[float, float]:
+        """Return the cross-track amplitude [m] and its phase ahead of the radial motion [deg]."""
         raise NotImplementedError
 
     def state_lvlh(self, t_s: float, n_rad_s: float) -> tuple[FloatArray, FloatArray]:  # noqa: ARG002
@@ -54,7 +54,7 @@ class _BoundedFlight(Chaser, frozen=True, kw_only=True):
     def _start(
         self, n_rad_s: float, eccentricity: float, true_anomaly_rad: float
     ) -> tuple[FloatArray, FloatArray]:
-        cross_track_m, cross_phase_deg = self._swing()
+        cross_track_m, cross_phase_deg = self._cross_track_motion()
         return bounded_ellipse(
             n_rad_s,
             self.radial_m,
@@ -79,7 +79,7 @@ class NaturalCircumnavigation(
     cross_track_m: Annotated[float, Meta(ge=0, le=1e5)] = 0.0
     cross_phase_deg: Degrees = 90.0
 
-    def _swing(self) -> tuple[float, float]:
+    def _cross_track_motion(self) -> tuple[float, float]:
         return self.cross_track_m, self.cross_phase_deg
 
 
@@ -95,12 +95,12 @@ class SafeEllipse(_BoundedFlight, tag_field="mode", tag="safe_ellipse", frozen=T
 
     cross_track_m: Range
 
-    def _swing(self) -> tuple[float, float]:
+    def _cross_track_motion(self) -> tuple[float, float]:
         return self.cross_track_m, 90.0
 
     @property
-    def least_distance_m(self) -> float:
-        """Least distance from the along-track axis, however the ellipse drifts along it [m]."""
+    def min_distance_m(self) -> float:
+        """Smallest distance from the along-track axis [m]; a drift of the ellipse along the axis does not change it."""
         return min(self.radial_m, self.cross_track_m)
 
 
@@ -128,22 +128,23 @@ class RangeKeeping(Chaser, tag_field="mode", tag="keep_range", frozen=True, kw_o
         return "range keeping"
 
     def impulse_lvlh(self, p: FloatArray, v: FloatArray, n_rad_s: float) -> FloatArray:  # noqa: ARG002
-        """Return the velocity change [m s-1]: zero while the range is well inside or the chaser returns.
+        """Return the velocity change (3,) of a correction [m s-1].
 
-        Otherwise the radial velocity is reversed.
+        It is zero while the range is well inside its limits, or the chaser already returns. Otherwise the radial
+        velocity is reversed.
         """
         distance = float(np.linalg.norm(p))
-        out = p / distance
-        rate = float(v @ out)
-        leaving_far = distance > self.far_m - self.margin_m and rate > -self.turn_m_s / 2
-        leaving_near = distance < self.near_m + self.margin_m and rate < self.turn_m_s / 2
+        radial = p / distance
+        radial_speed = float(v @ radial)
+        leaving_far = distance > self.far_m - self.margin_m and radial_speed > -self.turn_m_s / 2
+        leaving_near = distance < self.near_m + self.margin_m and radial_speed < self.turn_m_s / 2
         if not (leaving_far or leaving_near):
             return np.zeros(3)
-        sideways = v - rate * out
-        speed = float(np.linalg.norm(sideways))
-        # lateral motion soon leads outward, so it has the same speed limit
-        lateral = sideways * min(1.0, self.turn_m_s / max(speed, 1e-12))
-        velocity = (-self.turn_m_s if leaving_far else self.turn_m_s) * out + lateral
+        transverse = v - radial_speed * radial
+        speed = float(np.linalg.norm(transverse))
+        # motion across the line of sight soon increases the range, so it has the same speed limit
+        limited = transverse * min(1.0, self.turn_m_s / max(speed, 1e-12))
+        velocity = (-self.turn_m_s if leaving_far else self.turn_m_s) * radial + limited
         return np.asarray(velocity - v)
 
 

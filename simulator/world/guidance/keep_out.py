@@ -37,15 +37,15 @@ class KeepOut(Section, frozen=True, kw_only=True):
         self,
         position_lvlh_m: FloatArray,
         velocity_lvlh_m_s: FloatArray,
-        asked_m_s2: FloatArray,
+        commanded_m_s2: FloatArray,
         dt_s: float,
         brake_m_s2: float,
     ) -> tuple[FloatArray, bool]:
-        """Limit an operator's acceleration to what the sphere allows; return it, and True if it was overridden.
+        """Limit an operator's acceleration so that the chaser can stop before it enters the sphere.
 
-        The command passes if the chaser could still stop outside the sphere or inside the corridor after this step.
-        Otherwise its inward part is removed and the chaser brakes; inside the sphere it is driven out at the retreat
-        speed. The lateral part is kept.
+        The command passes if after this step the chaser could still stop outside the sphere or inside the corridor.
+        Otherwise its inward component is removed and the chaser brakes. Inside the sphere the chaser is driven outward
+        at the retreat speed. The lateral component is kept.
 
         Parameters
         ----------
@@ -53,35 +53,40 @@ class KeepOut(Section, frozen=True, kw_only=True):
             Position of the chaser [m].
         velocity_lvlh_m_s : (3,) array
             Velocity of the chaser [m s-1].
-        asked_m_s2 : (3,) array
+        commanded_m_s2 : (3,) array
             Commanded acceleration [m s-2].
         dt_s : float
             Duration of the command.
         brake_m_s2 : float
             Available deceleration.
+
+        Returns
+        -------
+        tuple
+            Allowed acceleration (3,) [m s-2], and True if it differs from the commanded one.
         """
-        p, v, a = position_lvlh_m, velocity_lvlh_m_s, asked_m_s2
+        p, v, a = position_lvlh_m, velocity_lvlh_m_s, commanded_m_s2
         distance = float(np.linalg.norm(p))
-        out = p / max(distance, 1e-9)
-        later_p, later_v = p + v * dt_s + a * (dt_s * dt_s / 2), v + a * dt_s
-        # the braking distance is half the braking time times the present speed
-        stopped = later_p + later_v * (float(np.linalg.norm(later_v)) / (2 * brake_m_s2))
-        closing = max(-float(later_v @ out), 0.0)
-        reach = float(np.linalg.norm(later_p)) - closing * closing / (2 * brake_m_s2)
-        inside = self.violated(p)
-        if not inside and (
+        radial = p / max(distance, 1e-9)
+        next_p, next_v = p + v * dt_s + a * (dt_s * dt_s / 2), v + a * dt_s
+        # point at which the chaser would come to rest, after half the braking time at the present speed
+        stopped = next_p + next_v * (float(np.linalg.norm(next_v)) / (2 * brake_m_s2))
+        closing = max(-float(next_v @ radial), 0.0)
+        reach = float(np.linalg.norm(next_p)) - closing * closing / (2 * brake_m_s2)
+        is_inside = self.violated(p)
+        if not is_inside and (
             reach >= self.radius_m
-            or not (self.violated(stopped) or self.violated(later_p) or self._crosses(p))
+            or not (self.violated(stopped) or self.violated(next_p) or self._crosses(p))
         ):
             return a, False
-        rate = float(v @ out)
-        outward_m_s = self.retreat_m_s if inside else 0.0
-        push = float(np.clip((outward_m_s - rate) / dt_s, 0.0, brake_m_s2))
-        outward = float(a @ out)
-        return a - outward * out + max(outward, push) * out, True
+        speed_outward = float(v @ radial)
+        outward_m_s = self.retreat_m_s if is_inside else 0.0
+        correction = float(np.clip((outward_m_s - speed_outward) / dt_s, 0.0, brake_m_s2))
+        command_outward = float(a @ radial)
+        return a - command_outward * radial + max(command_outward, correction) * radial, True
 
     def _crosses(self, position_lvlh_m: FloatArray) -> bool:
-        """Return True if a straight line inward from here would enter the sphere outside the corridor."""
+        """Return True if a straight line towards the target would enter the sphere outside the corridor."""
         distance = float(np.linalg.norm(position_lvlh_m))
         return distance >= self.radius_m and self.violated(
             position_lvlh_m * (self.radius_m * (1 - 1e-9) / distance)

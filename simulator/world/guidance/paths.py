@@ -1,4 +1,4 @@
-"""Paths in LVLH that the chaser follows: hold point, V-bar and R-bar, forced flyaround, waypoints, glideslope."""
+"""Paths in LVLH for the chaser: hold point, V-bar and R-bar approach, forced flyaround, waypoints, glideslope."""
 
 from __future__ import annotations
 
@@ -37,27 +37,30 @@ class StraightApproach(Chaser, frozen=True, kw_only=True):
     braking_m_s2: Annotated[float, Meta(gt=0, le=100)] = 0.005
 
     def state_lvlh(self, t_s: float, n_rad_s: float) -> tuple[FloatArray, FloatArray]:  # noqa: ARG002
-        """Return the state of cruise, braking or hold."""
+        """Return the state while cruising, braking or holding."""
         axis = np.array(self.axis_lvlh)
         start, hold = self.start_m * axis, self.hold_m * axis
         length = self._length_m
         if length == 0.0:
             return hold, np.zeros(3)
-        along = (hold - start) / length
+        direction = (hold - start) / length
         speed = self._cruise_m_s
         cruise_s = (length - speed**2 / (2 * self.braking_m_s2)) / speed
         braking_s = speed / self.braking_m_s2
         if t_s <= cruise_s:
             distance, rate = speed * t_s, speed
         elif t_s < cruise_s + braking_s:
-            left_s = cruise_s + braking_s - t_s
-            distance, rate = length - 0.5 * self.braking_m_s2 * left_s**2, self.braking_m_s2 * left_s
+            remaining_s = cruise_s + braking_s - t_s
+            distance, rate = (
+                length - 0.5 * self.braking_m_s2 * remaining_s**2,
+                self.braking_m_s2 * remaining_s,
+            )
         else:
             distance, rate = length, 0.0
-        return start + distance * along, rate * along
+        return start + distance * direction, rate * direction
 
     def phase(self, t_s: float) -> str:
-        """Return cruise, braking or hold, by the speed."""
+        """Return the phase by the speed: cruise, braking or hold."""
         speed = float(np.linalg.norm(self.state_lvlh(t_s, 0.0)[1]))
         if speed == 0.0:
             return "hold"
@@ -69,7 +72,7 @@ class StraightApproach(Chaser, frozen=True, kw_only=True):
 
     @property
     def _cruise_m_s(self) -> float:
-        """Cruise speed, reduced on a line that is too short to brake from the given one."""
+        """Cruise speed [m s-1], reduced on a line that is too short to brake from the specified speed."""
         return min(self.speed_m_s, float(np.sqrt(2 * self.braking_m_s2 * self._length_m)))
 
 
@@ -109,13 +112,13 @@ class ForcedFlyaround(Chaser, tag_field="mode", tag="flyaround", frozen=True, kw
         cn, sn = np.cos(node), np.sin(node)
         ci, si = np.cos(inclination), np.sin(inclination)
         e1, e2 = np.array([cn, sn, 0.0]), np.array([-sn * ci, cn * ci, si])
-        out = np.cos(angle) * e1 + np.sin(angle) * e2
-        turn = rate * (-np.sin(angle) * e1 + np.cos(angle) * e2)
-        swing = 0.0 if self.far_radius_m is None else self.far_radius_m - self.radius_m
-        swing_rate = 2 * np.pi / self.range_period_s
-        radius = self.radius_m + 0.5 * swing * (1 - np.cos(swing_rate * t_s))
-        radius_rate = 0.5 * swing * swing_rate * np.sin(swing_rate * t_s)
-        return radius * out, radius * turn + radius_rate * out
+        radial = np.cos(angle) * e1 + np.sin(angle) * e2
+        tangential_velocity = rate * (-np.sin(angle) * e1 + np.cos(angle) * e2)
+        amplitude = 0.0 if self.far_radius_m is None else self.far_radius_m - self.radius_m
+        amplitude_rate = 2 * np.pi / self.range_period_s
+        radius = self.radius_m + 0.5 * amplitude * (1 - np.cos(amplitude_rate * t_s))
+        radius_rate = 0.5 * amplitude * amplitude_rate * np.sin(amplitude_rate * t_s)
+        return radius * radial, radius * tangential_velocity + radius_rate * radial
 
 
 class Waypoints(Chaser, tag_field="mode", tag="waypoints", frozen=True, kw_only=True):
@@ -128,32 +131,32 @@ class Waypoints(Chaser, tag_field="mode", tag="waypoints", frozen=True, kw_only=
     rest_s: Annotated[float, Meta(ge=0, le=1e6)] = 0.0
 
     def state_lvlh(self, t_s: float, n_rad_s: float) -> tuple[FloatArray, FloatArray]:  # noqa: ARG002
-        """Return the state; a leg's progress is ``x^2 (3 - 2 x)`` in the share ``x`` of its time."""
+        """Return the state; the progress on a leg is ``x^2 (3 - 2 x)`` after a fraction ``x`` of its time."""
         points = np.array(self.points_lvlh_m, float)
-        left_s = t_s
+        remaining_s = t_s
         for a, b in pairwise(points):
-            left_s -= self.rest_s
-            if left_s <= 0:
+            remaining_s -= self.rest_s
+            if remaining_s <= 0:
                 return a, np.zeros(3)
             leg_s = float(np.linalg.norm(b - a)) / self.speed_m_s
-            if left_s < leg_s:
-                x = left_s / leg_s
+            if remaining_s < leg_s:
+                x = remaining_s / leg_s
                 return a + x * x * (3 - 2 * x) * (b - a), 6 * x * (1 - x) / leg_s * (b - a)
-            left_s -= leg_s
+            remaining_s -= leg_s
         return points[-1], np.zeros(3)
 
     def phase(self, t_s: float) -> str:
         """Return ``rest k`` or ``leg k``, then hold."""
-        left_s = t_s
+        remaining_s = t_s
         points = np.array(self.points_lvlh_m, float)
         for k, (a, b) in enumerate(pairwise(points), start=1):
-            left_s -= self.rest_s
-            if left_s <= 0 < self.rest_s:
+            remaining_s -= self.rest_s
+            if remaining_s <= 0 < self.rest_s:
                 return f"rest {k}"
             leg_s = float(np.linalg.norm(b - a)) / self.speed_m_s
-            if left_s < leg_s:
+            if remaining_s < leg_s:
                 return f"leg {k}"
-            left_s -= leg_s
+            remaining_s -= leg_s
         return "hold"
 
 
@@ -167,7 +170,7 @@ class Glideslope(Chaser, tag_field="mode", tag="glideslope", frozen=True, kw_onl
     end_m_s: Annotated[float, Meta(gt=0, le=100)]
 
     def state_lvlh(self, t_s: float, n_rad_s: float) -> tuple[FloatArray, FloatArray]:  # noqa: ARG002
-        """Return the state; the remaining distance obeys ``d' = -(end + slope d)``.
+        """Return the state. The remaining distance ``d`` obeys ``d' = -(end_m_s + slope d)``.
 
         References
         ----------
@@ -178,17 +181,17 @@ class Glideslope(Chaser, tag_field="mode", tag="glideslope", frozen=True, kw_onl
         length = float(np.linalg.norm(start - end))
         if length == 0.0:
             return end, np.zeros(3)
-        out = (start - end) / length
+        direction = (start - end) / length
         slope = (self.start_m_s - self.end_m_s) / length
         if abs(slope) * length < 1e-9 * self.end_m_s:
             remaining, speed = length - self.end_m_s * t_s, self.end_m_s
         else:
-            fallen = np.exp(-slope * t_s)
-            remaining = length * fallen - self.end_m_s * (1 - fallen) / slope
+            decay = np.exp(-slope * t_s)
+            remaining = length * decay - self.end_m_s * (1 - decay) / slope
             speed = self.end_m_s + slope * remaining
         if remaining <= 0.0:
             return end, np.zeros(3)
-        return end + remaining * out, -speed * out
+        return end + remaining * direction, -speed * direction
 
     def phase(self, t_s: float) -> str:
         """Return glideslope, then hold."""

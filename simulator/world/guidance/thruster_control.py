@@ -1,4 +1,4 @@
-"""Trajectory control by thrusters: guidance gives the reference, and a controller commands limited impulses."""
+"""Trajectory control by thrusters: a controller commands impulses that steer the chaser to its reference path."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ if TYPE_CHECKING:
     from flyaround.simulator.world.guidance.thrusters import Thrusters
     from flyaround.simulator.world.orbit.propagation import OrbitTrack
 
-_PULL_IN_PERIODS = 10.0
+_CONVERGENCE_PERIODS = 10.0
 """Number of control periods over which a position error is removed."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class ControlledTrack:
-    """Trajectory of a controlled chaser: its state at the start of each control period, and the thrust during it.
+    """Trajectory of a controlled chaser: state at the start of each control period, and thrust during it.
 
     Parameters
     ----------
@@ -94,11 +94,11 @@ def fly_controlled(
     thrusters : Thrusters
         Thrusters of the chaser.
     keep_out : KeepOut, optional
-        Sphere that the chaser must not enter; if it does, it retreats to the end.
+        Sphere that the chaser must not enter. If it does, it aborts and retreats.
     """
     h = thrusters.period_s
     Phi = transition_matrix(n_rad_s, h)
-    decide = getattr(guidance, "impulse_lvlh", None)
+    compute_impulse = getattr(guidance, "impulse_lvlh", None)
     frame = orbit.frame(0.0)
     state = frame.to_eci(*guidance.state_lvlh(0.0, n_rad_s))
     mass, abort_s = thrusters.mass_kg, None
@@ -111,15 +111,15 @@ def fly_controlled(
             abort_s = t
         if abort_s is not None and keep_out is not None:
             impulse = retreat_impulse(p, v, keep_out)
-        elif decide is not None:
-            impulse = decide(p, v, n_rad_s)
+        elif compute_impulse is not None:
+            impulse = compute_impulse(p, v, n_rad_s)
         else:
             impulse = path_impulse((p, v), guidance.state_lvlh(t + h, n_rad_s), Phi, h)
-        delivered, after = thrusters.fire(impulse, mass)
+        delivered, next_mass = thrusters.fire(impulse, mass)
         thrust = frame.R_eci_from_lvlh @ delivered / h
         rows.append(np.array([*state[0].tolist(), *state[1].tolist(), *thrust.tolist(), mass]))
         state = relative_step(orbit, t, min(h, orbit.duration_s - t), state, ThrustHold(thrust))
-        mass = after
+        mass = next_mass
     table = np.array(rows)
     return ControlledTrack(
         orbit=orbit,
@@ -142,7 +142,7 @@ def path_impulse(
 ) -> FloatArray:
     """Return the velocity change (3,) that steers the chaser towards its reference path, LVLH [m s-1].
 
-    It removes the predicted velocity error at once, and the position error over `_PULL_IN_PERIODS` periods.
+    It removes the predicted velocity error at once, and the position error over `_CONVERGENCE_PERIODS` periods.
 
     Parameters
     ----------
@@ -155,9 +155,9 @@ def path_impulse(
     period_s : float
         Control period.
     """
-    coasted = transition @ np.concatenate(state_lvlh)
+    predicted = transition @ np.concatenate(state_lvlh)
     aim_p, aim_v = aim_lvlh
-    return np.asarray(aim_v - coasted[3:] + (aim_p - coasted[:3]) / (_PULL_IN_PERIODS * period_s))
+    return np.asarray(aim_v - predicted[3:] + (aim_p - predicted[:3]) / (_CONVERGENCE_PERIODS * period_s))
 
 
 def retreat_impulse(p: FloatArray, v: FloatArray, keep_out: KeepOut) -> FloatArray:

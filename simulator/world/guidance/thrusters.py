@@ -1,4 +1,4 @@
-"""Thrusters: force limits, minimum impulse and mass flow applied to a commanded velocity change."""
+"""Thrusters: force limits, minimum impulse and mass flow for a commanded velocity change."""
 
 from __future__ import annotations
 
@@ -28,17 +28,19 @@ class Thrusters(Section, frozen=True, kw_only=True):
     # control period; thrust is constant over it
     period_s: Annotated[float, Meta(ge=0.05, le=60)] = 1.0
 
-    def fire(self, wanted_m_s: FloatArray, mass_kg: float) -> tuple[FloatArray, float]:
-        """Return the velocity change delivered in one period [m s-1], and the mass after it [kg].
+    def fire(self, commanded_m_s: FloatArray, mass_kg: float) -> tuple[FloatArray, float]:
+        """Return the velocity change (3,) delivered in one period [m s-1], and the mass after it [kg].
 
         Parameters
         ----------
-        wanted_m_s : (3,) array
-            Commanded change, LVLH.
+        commanded_m_s : (3,) array
+            Commanded velocity change, LVLH axes.
         mass_kg : float
-            Mass before it.
+            Mass before the period.
         """
-        impulse = np.clip(wanted_m_s * mass_kg, -self.force_n * self.period_s, self.force_n * self.period_s)
+        impulse = np.clip(
+            commanded_m_s * mass_kg, -self.force_n * self.period_s, self.force_n * self.period_s
+        )
         impulse = np.where(np.abs(impulse) < self.minimum_impulse_ns, 0.0, impulse)
         propellant_kg = float(np.sum(np.abs(impulse))) / (self.specific_impulse_s * G0_M_S2)
         return impulse / mass_kg, mass_kg - propellant_kg

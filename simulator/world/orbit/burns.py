@@ -9,7 +9,7 @@ from msgspec import Meta
 
 from flyaround.simulator.runtime.arrays import Vec3
 from flyaround.simulator.runtime.sections import Section, SpeedXyz
-from flyaround.simulator.world.frames.vectors import cross_of
+from flyaround.simulator.world.frames.vectors import cross_product
 
 if TYPE_CHECKING:
     from flyaround.simulator.runtime.arrays import FloatArray
@@ -49,9 +49,9 @@ def burn_edges_s(burns: tuple[Burn, ...], start_s: float, end_s: float) -> list[
     return sorted(t for t in edges if start_s < t < end_s)
 
 
-def eci_from_own_lvlh(push_lvlh: Vec3, r_eci_m: FloatArray, v_eci_m_s: FloatArray) -> FloatArray:
-    """Convert a vector from the LVLH frame of a craft at (3,) ``r`` and ``v`` to GCRS axes."""
+def eci_from_own_lvlh(vector_lvlh: Vec3, r_eci_m: FloatArray, v_eci_m_s: FloatArray) -> FloatArray:
+    """Convert a vector (3,) from the LVLH frame of a craft with position and velocity (3,) to GCRS axes."""
     r, v = r_eci_m.tolist(), v_eci_m_s.tolist()
-    h = cross_of(r, v)
-    axes = np.array([r, cross_of(h, r), h])
-    return np.asarray(np.array(push_lvlh) @ (axes / np.linalg.norm(axes, axis=1, keepdims=True)))
+    h = cross_product(r, v)
+    axes = np.array([r, cross_product(h, r), h])
+    return np.asarray(np.array(vector_lvlh) @ (axes / np.linalg.norm(axes, axis=1, keepdims=True)))

@@ -19,7 +19,7 @@ _DEGREE = 7  # degree of the interpolating polynomials
 
 
 def _monomials() -> FloatArray:
-    """Return (7, 8) coefficients of x^0 to x^7 of the integrator's nested products of x and 1 - x."""
+    """Return the coefficients (7, 8) of x^0 to x^7 in the products x, x (1 - x), x^2 (1 - x), ... of DOP853."""
     rows = []
     for k in range(_DEGREE):
         product = np.array([1.0])
@@ -34,7 +34,7 @@ _MONOMIALS = _monomials()
 
 @dataclass(frozen=True, eq=False)
 class DenseOutput:
-    """A state over time.
+    """A state over time, as piecewise polynomials.
 
     Parameters
     ----------
@@ -43,7 +43,7 @@ class DenseOutput:
     lengths_s : (n,) list of float
         Lengths of the pieces.
     coefficients : (n, 8, width) array
-        Of powers of the elapsed share of the piece, from zero up.
+        Coefficients of powers 0 to 7 of the elapsed fraction of the piece.
     """
 
     starts_s: list[float]
@@ -70,7 +70,7 @@ class DenseOutput:
         return np.asarray(slopes @ self.coefficients[k]) / h
 
     @staticmethod
-    def joined(parts: Sequence[DenseOutput]) -> DenseOutput:
+    def concatenate(parts: Sequence[DenseOutput]) -> DenseOutput:
         """Concatenate consecutive spans."""
         return DenseOutput(
             [t for p in parts for t in p.starts_s],
@@ -99,11 +99,11 @@ def integrate(
     span_s : tuple of float
         Start and end.
     rtol : float
-        Tolerances of the step control.
+        Relative tolerance of the step control.
     atol : array or float
-        Tolerances of the step control.
+        Absolute tolerance of the step control.
     max_step_s : float
-        Bounds the error of the polynomials.
+        Largest step, which bounds the error of the polynomials.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Craft that follow ephemerides: the target's track, and a chaser in free flight or on its own ephemeris."""
+"""Craft that follow an ephemeris: the target, with a chaser in free flight or on its own ephemeris."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ if TYPE_CHECKING:
     from flyaround.simulator.world.orbit.burns import Burn
     from flyaround.simulator.world.orbit.forces import ForceModel
 
-_LOOK_EVERY_S = 60.0
+_CHECK_STEP_S = 60.0
 _THRUST_M_S2 = 2e-3
-"""Mean acceleration beyond the force model that is treated as a burn [m s-2]: ten times the Earth's gravity anomalies
-in low orbit, a tenth of a station's reboost."""
+"""Mean acceleration in excess of the force model that counts as a burn [m s-2]. It is ten times the Earth's gravity
+anomalies in low orbit, and a tenth of the acceleration of a space station's reboost."""
 
 
 class Ephemeris(Protocol):
@@ -50,7 +50,7 @@ class FollowedCraft:
     ephemeris : Ephemeris
         Motion up to ``end_s``.
     tail : DenseOutput or None
-        [r, v] after it; None if the ephemeris covers the flight.
+        [r, v] after ``end_s``; None if the ephemeris covers the flight.
     """
 
     ephemeris: Ephemeris
@@ -79,36 +79,38 @@ class CraftPair:
     target : Solution
         [r, v, ...].
     chaser : Solution, optional
-        [r, v] from the same centre; or None.
-    apart : Solution, optional
-        [..., rho, rho'] of a chaser in free flight.
+        [r, v] of a chaser on its own ephemeris, from the same centre.
+    relative_solution : Solution, optional
+        [..., rho, rho'] of a chaser in free flight, relative to the target.
     """
 
     target: Solution
     chaser: Solution | None = None
-    apart: Solution | None = None
+    relative_solution: Solution | None = None
 
     def __call__(self, t_s: float) -> FloatArray:
         """Return the state (6,) or, with a chaser, (12,)."""
-        return self._joined(
+        return self._combine(
             self.target(t_s)[:6],
             None if self.chaser is None else self.chaser(t_s),
-            None if self.apart is None else self.apart(t_s),
+            None if self.relative_solution is None else self.relative_solution(t_s),
         )
 
     def rate(self, t_s: float) -> FloatArray:
         """Return its derivative."""
-        return self._joined(
+        return self._combine(
             self.target.rate(t_s)[:6],
             None if self.chaser is None else self.chaser.rate(t_s),
-            None if self.apart is None else self.apart.rate(t_s),
+            None if self.relative_solution is None else self.relative_solution.rate(t_s),
         )
 
     @staticmethod
-    def _joined(target: FloatArray, chaser: FloatArray | None, apart: FloatArray | None) -> FloatArray:
+    def _combine(
+        target: FloatArray, chaser: FloatArray | None, relative_solution: FloatArray | None
+    ) -> FloatArray:
         if chaser is not None:
             return np.concatenate([target, chaser - target])
-        return target if apart is None else np.concatenate([target, apart[6:]])
+        return target if relative_solution is None else np.concatenate([target, relative_solution[6:]])
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,7 +123,7 @@ class FollowedTrack(OrbitTrack):
 
 
 def followed_craft(ephemeris: Ephemeris, duration_s: float, forces: ForceModel) -> FollowedCraft:
-    """Return a craft that follows an ephemeris to its end, and the forces from there to ``duration_s``."""
+    """Return a craft that follows an ephemeris to its end, and is propagated from there to ``duration_s``."""
     tail, end_s = None, ephemeris.end_s
     if duration_s > end_s:
         tail = integrate(
@@ -154,7 +156,7 @@ def follow(
     duration_s : float
         Span [s].
     forces : ForceModel
-        Forces whose difference acts.
+        Forces whose difference moves the chaser relative to the target.
     relative : tuple of array, optional
         Chaser minus target at t = 0, GCRS axes.
     burns : tuple of Burn, optional
@@ -165,40 +167,38 @@ def follow(
     UserError
         If the target fires its engines while the chaser flies freely.
     """
-    apart = None
+    relative_solution = None
     if relative is not None:
         refuse_thrust(target, duration_s, forces)
         y = target(0.0)
-        apart = propagate(y[:3], y[3:], duration_s, forces, relative, burns, along=target).solution
-    return FollowedTrack(forces, duration_s, CraftPair(target, apart=apart))
+        relative_solution = propagate(
+            y[:3], y[3:], duration_s, forces, relative, burns, along=target
+        ).solution
+    return FollowedTrack(forces, duration_s, CraftPair(target, relative_solution=relative_solution))
 
 
 def refuse_thrust(target: FollowedCraft, duration_s: float, forces: ForceModel) -> None:
-    """Raise if an ephemeris contains burns: velocity changes that the forces do not explain.
-
-    Raises
-    ------
-    UserError
-        If there is one.
-    """
-    edges = np.linspace(0.0, min(duration_s, target.end_s), max(int(duration_s / _LOOK_EVERY_S) + 1, 2))
+    """Raise UserError if an ephemeris contains a burn: a velocity change that the forces do not explain."""
+    edges = np.linspace(0.0, min(duration_s, target.end_s), max(int(duration_s / _CHECK_STEP_S) + 1, 2))
     for a, b in pairwise(edges.tolist()):
         times = (a, (a + b) / 2, b)
         states = [target(t) for t in times]
-        pulls = np.array(
+        gravity = np.array(
             [
-                # an ephemeris of a point mass does not count as burning
+                # an ephemeris computed with a point mass only is accepted too
                 (forces.target(t, y[:3], y[3:]), -forces.mu_m3_s2 * y[:3] / np.linalg.norm(y[:3]) ** 3)
                 for t, y in zip(times, states, strict=True)
             ]
         )
         velocity_change = (
-            states[2][3:] - states[0][3:] - (b - a) / 6 * np.array([1.0, 4.0, 1.0]) @ pulls.transpose(1, 0, 2)
+            states[2][3:]
+            - states[0][3:]
+            - (b - a) / 6 * np.array([1.0, 4.0, 1.0]) @ gravity.transpose(1, 0, 2)
         )
-        size = float(np.linalg.norm(velocity_change, axis=1).min())
-        if size > _THRUST_M_S2 * (b - a):
+        excess = float(np.linalg.norm(velocity_change, axis=1).min())
+        if excess > _THRUST_M_S2 * (b - a):
             raise UserError(
-                f"{target.ephemeris.where} changes the target's velocity by {size:.3g} m/s beside gravity "
+                f"{target.ephemeris.where} changes the target's velocity by {excess:.3g} m/s beside gravity "
                 f"between {a:.0f} "
                 f"and {b:.0f} s, and a chaser in free flight or under thrusters is not flown beside a burning target: "
                 'give orbit.motion = "propagate" with [[burns]], the chaser its own file by mode "oem", or the forces '

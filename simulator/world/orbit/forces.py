@@ -51,7 +51,7 @@ _AIR_LAYERS = (
     (900.0, 5.245e-15, 181.05),
     (1000.0, 3.019e-15, 268.00),
 )
-"""Base altitude [km], density there [kg m-3], scale height [km]."""
+"""Base altitude [km], density there [kg m-3] and scale height [km] of each layer; see `density_kg_m3`."""
 _BREAK_UP_M = 80e3
 """Altitude at which spacecraft that decay break up (ESA Re-entry Guidelines: 75 to 85 km)."""
 
@@ -84,7 +84,21 @@ class ForceModel(Protocol):
         p_eci_m: FloatArray,
         w_eci_m_s: FloatArray,
     ) -> tuple[FloatArray, FloatArray]:
-        """Return the target's acceleration and the chaser's minus it; ``p`` and ``w`` are chaser minus target."""
+        """Return the target's acceleration, and chaser minus target, GCRS [m s-2].
+
+        Parameters
+        ----------
+        t_s : float
+            Time since the start [s].
+        r_eci_m : (3,) array
+            Position of the target [m].
+        v_eci_m_s : (3,) array
+            Velocity of the target [m s-1].
+        p_eci_m : (3,) array
+            Position of the chaser relative to the target [m].
+        w_eci_m_s : (3,) array
+            Velocity of the chaser relative to the target [m s-1].
+        """
         ...
 
 
@@ -141,7 +155,7 @@ GRAVITY_ALONE = Forces()
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class EarthForces:
-    """Point mass of the Earth, its harmonics, and the other selected forces.
+    """Forces about the Earth: its point mass and harmonics, and further forces as selected.
 
     Parameters
     ----------
@@ -169,7 +183,7 @@ class EarthForces:
 
     def target(self, t_s: float, r_eci_m: FloatArray, v_eci_m_s: FloatArray) -> FloatArray:
         """Return the acceleration of the target, GCRS [m s-2]."""
-        return self._both(t_s, r_eci_m, v_eci_m_s, None)[0]
+        return self._accelerations(t_s, r_eci_m, v_eci_m_s, None)[0]
 
     def pair(
         self,
@@ -179,10 +193,10 @@ class EarthForces:
         p_eci_m: FloatArray,
         w_eci_m_s: FloatArray,
     ) -> tuple[FloatArray, FloatArray]:
-        """Return the target's acceleration and the chaser's minus it; large terms are differenced in closed form."""
-        return self._both(t_s, r_eci_m, v_eci_m_s, (p_eci_m, w_eci_m_s))
+        """Return the target's acceleration, and chaser minus target; large terms are subtracted in closed form."""
+        return self._accelerations(t_s, r_eci_m, v_eci_m_s, (p_eci_m, w_eci_m_s))
 
-    def _both(
+    def _accelerations(
         self,
         t_s: float,
         r: FloatArray,
@@ -202,22 +216,22 @@ class EarthForces:
             g = self.harmonics.acceleration(points @ R.T) @ R
             a = a + g[0]
             d = d if p is None else d + (g[1] - g[0])
-        for on, body, mu in (
+        for is_acting, body, mu in (
             (self.forces.sun, sun, MU_SUN_M3_S2),
             (self.forces.moon, moon, MU_MOON_M3_S2),
         ):
-            if on:
+            if is_acting:
                 a = a + third_body(r.tolist(), body.tolist(), mu)
                 if p is not None:
                     d = d + attraction_difference((r - body).tolist(), p.tolist(), mu)
         if self.forces.drag or self.forces.solar_pressure:
-            own = self._surface_acceleration(t_s, self.forces.target, r, v, sun, R)
-            a = a + own
+            target_push = self._surface_acceleration(t_s, self.forces.target, r, v, sun, R)
+            a = a + target_push
             if chaser is not None:
-                other = self._surface_acceleration(
+                chaser_push = self._surface_acceleration(
                     t_s, self.forces.chaser, r + chaser[0], v + chaser[1], sun, R
                 )
-                d = d + (other - own)
+                d = d + (chaser_push - target_push)
         return a, d
 
     def _surface_acceleration(
@@ -250,7 +264,16 @@ class EarthForces:
 
 
 def light_pressure(craft: Surface, from_sun_m: FloatArray, sun_share: float) -> FloatArray:
-    """Return the radiation acceleration (3,) of a craft at ``from_sun_m`` that sees a share of the Sun [m s-2].
+    """Return the acceleration of a craft by solar radiation pressure (3,) [m s-2].
+
+    Parameters
+    ----------
+    craft : Surface
+        Area, mass and reflectivity.
+    from_sun_m : (3,) array
+        Position of the craft relative to the Sun.
+    sun_share : float
+        Visible fraction of the Sun's disc.
 
     References
     ----------
@@ -261,17 +284,25 @@ def light_pressure(craft: Surface, from_sun_m: FloatArray, sun_share: float) -> 
     return np.asarray(sun_share * SOLAR_PRESSURE_PA * factor * (AU_M / distance) ** 2 / distance * from_sun_m)
 
 
-def geodetic_altitude_m(r_eci_m: FloatArray, along_pole_m: float) -> float:
-    """Return the height above the WGS 84 ellipsoid of a position at ``along_pole_m`` from the equatorial plane [m]."""
-    across_m = math.sqrt(max(float(r_eci_m @ r_eci_m) - along_pole_m**2, 0.0))
-    return float(erfa.gc2gde(EARTH_RADIUS_M, FLATTENING, [across_m, 0.0, along_pole_m])[2])
+def geodetic_altitude_m(r_eci_m: FloatArray, z_m: float) -> float:
+    """Return the height of a position above the WGS 84 ellipsoid [m].
+
+    Parameters
+    ----------
+    r_eci_m : (3,) array
+        Position from the Earth's centre.
+    z_m : float
+        Its distance north of the equatorial plane.
+    """
+    equatorial_m = math.sqrt(max(float(r_eci_m @ r_eci_m) - z_m**2, 0.0))
+    return float(erfa.gc2gde(EARTH_RADIUS_M, FLATTENING, [equatorial_m, 0.0, z_m])[2])
 
 
 def density_kg_m3(altitude_m: float) -> float:
     """Return the density of the air at ``altitude_m`` above the ellipsoid [kg m-3].
 
-    A mean of day and night at moderate solar activity (exospheric 1000 K); at 600 km the true density varies tenfold
-    over a solar cycle. Below 100 km the lowest layer is extrapolated.
+    The model is a mean of day and night at moderate solar activity (exospheric temperature 1000 K). At 600 km the true
+    density varies tenfold over a solar cycle. Below 100 km the lowest layer is extrapolated.
 
     References
     ----------
@@ -283,10 +314,10 @@ def density_kg_m3(altitude_m: float) -> float:
 
 
 def attraction(r_m: list[float], mu_m3_s2: float) -> Vec3:
-    """Return the acceleration towards a point mass at the origin [m s-2]."""
+    """Return the acceleration (3,) at ``r_m`` towards a point mass at the origin [m s-2]."""
     x, y, z = r_m
-    square = x * x + y * y + z * z
-    k = -mu_m3_s2 / (square * math.sqrt(square))
+    r2 = x * x + y * y + z * z
+    k = -mu_m3_s2 / (r2 * math.sqrt(r2))
     return (k * x, k * y, k * z)
 
 
@@ -299,11 +330,11 @@ def attraction_difference(r_m: list[float], p_m: list[float], mu_m3_s2: float) -
     """
     x, y, z = r_m
     px, py, pz = p_m
-    square = x * x + y * y + z * z
-    q = (px * (px + 2 * x) + py * (py + 2 * y) + pz * (pz + 2 * z)) / square
-    stretch = (1 + q) * math.sqrt(1 + q)
-    f = q * (3 + q * (3 + q)) / (1 + stretch)
-    k = -mu_m3_s2 / (square * math.sqrt(square) * stretch)
+    r2 = x * x + y * y + z * z
+    q = (px * (px + 2 * x) + py * (py + 2 * y) + pz * (pz + 2 * z)) / r2
+    ratio3 = (1 + q) * math.sqrt(1 + q)
+    f = q * (3 + q * (3 + q)) / (1 + ratio3)
+    k = -mu_m3_s2 / (r2 * math.sqrt(r2) * ratio3)
     return (k * (px - f * x), k * (py - f * y), k * (pz - f * z))
 
 

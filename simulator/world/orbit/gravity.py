@@ -39,12 +39,12 @@ class Gravity:
     radius_m: float = EARTH_RADIUS_M
 
     @staticmethod
-    def of(body: Body, epoch: Instant) -> Gravity:
-        """Return the gravity of a body, symmetric about its pole of date."""
+    def from_body(body: Body, epoch: Instant) -> Gravity:
+        """Return the gravity of a body, symmetric about its pole at ``epoch``."""
         return Gravity(body.j2, vec3(body.pole_eci(epoch)), body.mu_m3_s2, body.radius_m)
 
     def acceleration(self, r_eci_m: FloatArray) -> FloatArray:
-        """Return the acceleration at (3,) position ``r_eci_m`` from the body's centre [m s-2].
+        """Return the acceleration (3,) at position ``r_eci_m`` (3,) from the body's centre, GCRS axes [m s-2].
 
         References
         ----------
@@ -54,11 +54,11 @@ class Gravity:
         x, y, z = r_eci_m.tolist()
         px, py, pz = self.pole_eci
         r2 = x * x + y * y + z * z
-        along = x * px + y * py + z * pz
+        along_pole = x * px + y * py + z * pz
         central = -self.mu_m3_s2 / (r2 * r2**0.5)
         k = 1.5 * self.j2 * self.radius_m**2 / r2
-        radial = central * (1 + k * (1 - 5 * along * along / r2))
-        polar = 2 * central * k * along
+        radial = central * (1 + k * (1 - 5 * along_pole * along_pole / r2))
+        polar = 2 * central * k * along_pole
         return np.array([radial * x + polar * px, radial * y + polar * py, radial * z + polar * pz])
 
     def target(self, _t_s: float, r_eci_m: FloatArray, _v_eci_m_s: FloatArray) -> FloatArray:
@@ -73,7 +73,7 @@ class Gravity:
         p_eci_m: FloatArray,
         _w_eci_m_s: FloatArray,
     ) -> tuple[FloatArray, FloatArray]:
-        """Return the acceleration of the target, and the chaser's minus it (to 1e-15 m s-2)."""
+        """Return the target's acceleration, and chaser minus target (rounded to 1e-15 m s-2)."""
         a = self.acceleration(r_eci_m)
         return a, self.acceleration(r_eci_m + p_eci_m) - a
 

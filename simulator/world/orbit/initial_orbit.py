@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from flyaround.simulator.runtime.arrays import FloatArray
 
 _MIN_SINE = 1e-3
-"""Sine of the flight-path angle times speed over escape speed, below which a craft falls to the body."""
+"""Smallest |r x v| over r times the escape speed; below it the orbit is a fall towards the body."""
 
 
 class ElementsOrbit(Section, tag_field="kind", tag="elements", frozen=True, kw_only=True):
@@ -76,7 +76,7 @@ class StateOrbit(Section, tag_field="kind", tag="state", frozen=True, kw_only=Tr
         return np.array(self.r_eci_km) * 1e3, np.array(self.v_eci_km_s) * 1e3
 
     def problem(self) -> tuple[str, str] | None:
-        """Return why it is no orbit: the subject and the end of a sentence; None if it is one."""
+        """Return why the state is not an orbit, as subject and end of a sentence; None if it is one."""
         (r, v), body = self.state(), self.body
         radius, speed = float(np.linalg.norm(r)), float(np.linalg.norm(v))
         distance = body.distance_problem(radius)

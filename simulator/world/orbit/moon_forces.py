@@ -1,4 +1,4 @@
-"""The forces on two craft about the Moon: its gravity, the Earth and the Sun as third bodies, sunlight."""
+"""Forces on two craft in orbit about the Moon: its gravity, Earth and Sun as third bodies, and sunlight."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ _C20, _C22 = -9.08828e-5, 3.46737e-5
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class MoonForces:
-    """Point mass of the Moon and the Earth's attraction, and the other selected forces.
+    """Forces about the Moon: its point mass, the Earth's attraction, and further forces as selected.
 
     Positions and velocities are from the Moon's centre, along GCRS axes.
 
@@ -44,9 +44,9 @@ class MoonForces:
     epoch : Instant
         Start of the flight.
     sky : EphemerisTable
-        Sun and Moon over it.
+        Sun and Moon over the flight.
     forces : Forces, optional
-        Forces beside point-mass gravity; of degree 2 are the Moon's flattening and its bulge towards the Earth.
+        Forces besides the point masses. Degree 2 of gravity is the Moon's flattening and its bulge towards the Earth.
     """
 
     epoch: Instant
@@ -75,29 +75,27 @@ class MoonForces:
         p_eci_m: FloatArray,
         w_eci_m_s: FloatArray,  # noqa: ARG002
     ) -> tuple[FloatArray, FloatArray]:
-        """Return the target's acceleration and the chaser's minus it; the large terms are differenced in closed
-        form.
-        """
+        """Return the target's acceleration, and chaser minus target; large terms are subtracted in closed form."""
         r, p = r_eci_m, p_eci_m
         _, sun_from_earth, moon = self.sky.at(t_s)
         sun = sun_from_earth - moon
-        a = np.array(attraction(r.tolist(), MU_MOON_M3_S2))
-        d = np.array(attraction_difference(r.tolist(), p.tolist(), MU_MOON_M3_S2))
+        acceleration = np.array(attraction(r.tolist(), MU_MOON_M3_S2))
+        difference = np.array(attraction_difference(r.tolist(), p.tolist(), MU_MOON_M3_S2))
         bodies = [(-moon, MU_EARTH_M3_S2)] + ([(sun, MU_SUN_M3_S2)] if self.forces.sun else [])
         for body, mu in bodies:
-            a = a + third_body(r.tolist(), body.tolist(), mu)
-            d = d + attraction_difference((r - body).tolist(), p.tolist(), mu)
+            acceleration = acceleration + third_body(r.tolist(), body.tolist(), mu)
+            difference = difference + attraction_difference((r - body).tolist(), p.tolist(), mu)
         if self.forces.gravity_degree == MOON_DEGREE:
             R = R_moon_from_eci(self.epoch.plus(t_s))
-            g = lunar_degree_2().acceleration(np.stack([r, r + p]) @ R.T) @ R
-            a, d = a + g[0], d + (g[1] - g[0])
+            harmonics = lunar_degree_2().acceleration(np.stack([r, r + p]) @ R.T) @ R
+            acceleration, difference = acceleration + harmonics[0], difference + (harmonics[1] - harmonics[0])
         if self.forces.solar_pressure:
-            own = self._push(self.forces.target, r, sun, moon)
-            other = self._push(self.forces.chaser, r + p, sun, moon)
-            a, d = a + own, d + (other - own)
-        return a, d
+            target_push = self._light_pressure(self.forces.target, r, sun, moon)
+            chaser_push = self._light_pressure(self.forces.chaser, r + p, sun, moon)
+            acceleration, difference = acceleration + target_push, difference + (chaser_push - target_push)
+        return acceleration, difference
 
-    def _push(self, craft: Surface, r: FloatArray, sun: FloatArray, moon: FloatArray) -> FloatArray:
+    def _light_pressure(self, craft: Surface, r: FloatArray, sun: FloatArray, moon: FloatArray) -> FloatArray:
         past_moon = float(sun_fraction_past_sphere(r, sun, MOON_RADIUS_M))
         past_earth = float(sun_visible_fraction(r + moon, sun + moon))
         return light_pressure(craft, r - sun, max(past_moon + past_earth - 1.0, 0.0))

@@ -25,7 +25,7 @@ _RTOL = 1e-12  # relative tolerance of the integrator
 _MAX_STEP_S = 60.0
 """Largest step [s]; bounds the interpolant's error between steps (7th order) below the micrometre."""
 _SUNLIT_STEP_S = 20.0
-"""The same with solar radiation pressure, which changes abruptly at the shadow's edge: 0.1 mm per orbit [s]."""
+"""Largest step with solar radiation pressure, which changes abruptly at the shadow's edge [s]: 0.1 mm per orbit."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -87,8 +87,8 @@ def elements_from_state(
 ) -> Elements:
     """Return the osculating elements of a bound orbit.
 
-    Angles that a circular or equatorial orbit leaves open are measured from the node, or from the x axis,
-    with the undefined ones set to zero.
+    On a circular orbit the argument of perigee is zero, and the true anomaly is measured from the node. On an
+    equatorial orbit the node is the x axis.
 
     References
     ----------
@@ -193,8 +193,8 @@ def propagate(
 ) -> OrbitTrack:
     """Propagate the target and, if ``relative`` is given, a chaser in free flight next to it.
 
-    The chaser is integrated as its difference from the target: metres beside seven million metres would lose
-    the last digits of the range, their difference does not. The span is cut wherever a burn starts or ends.
+    The chaser's state is integrated relative to the target, because the difference of two positions of seven million
+    metres would lose the last digits of the range. The span is divided where a burn starts or ends.
 
     Parameters
     ----------
@@ -209,9 +209,9 @@ def propagate(
     relative : tuple of array, optional
         Chaser minus target at t = 0, position [m] and velocity [m s-1] along GCRS axes.
     burns : tuple of Burn, optional
-        Burns of both craft; the chaser's are for one in free flight.
+        Burns of both craft.
     along : Solution, optional
-        The target's states where something else than the forces gives them; only the difference is integrated.
+        Prescribed states of the target. Only the chaser's relative state is integrated then.
 
     References
     ----------
@@ -226,10 +226,10 @@ def propagate(
         if along is not None:
             y = np.concatenate([along(start)[:6], y[6:]])
         y = _after_impulses(y, start, burns)
-        running = tuple(b for b in burns if b.thrusts_throughout(start, end))
+        active_burns = tuple(b for b in burns if b.thrusts_throughout(start, end))
         parts.append(
             integrate(
-                _derivative(forces, running, along, with_chaser=len(y) > _TARGET_ONLY),
+                _derivative(forces, active_burns, along, with_chaser=len(y) > _TARGET_ONLY),
                 y,
                 (start, end),
                 rtol=_RTOL,
@@ -239,54 +239,54 @@ def propagate(
         )
         y = parts[-1](end)
     return OrbitTrack(
-        forces, duration_s, DenseOutput.joined(parts), tuple(b for b in burns if b.craft == "target")
+        forces, duration_s, DenseOutput.concatenate(parts), tuple(b for b in burns if b.craft == "target")
     )
 
 
 def _after_impulses(y: FloatArray, t_s: float, burns: tuple[Burn, ...]) -> FloatArray:
-    """Return the state right after the impulses of a moment."""
+    """Return the state after the impulsive burns at a time."""
     y = y.copy()
     for burn in burns:
         if burn.duration_s > 0 or burn.start_s != t_s:
             continue
-        kick = eci_from_own_lvlh(burn.delta_v_lvlh_m_s, y[:3], y[3:6])
+        delta_v = eci_from_own_lvlh(burn.delta_v_lvlh_m_s, y[:3], y[3:6])
         if burn.craft == "target":
-            y[3:6] += kick
-            kick = -kick
+            y[3:6] += delta_v
+            delta_v = -delta_v
         if len(y) > _TARGET_ONLY:
-            y[9:12] += kick
+            y[9:12] += delta_v
     return y
 
 
 def _derivative(
-    forces: ForceModel, running: tuple[Burn, ...], along: Solution | None, *, with_chaser: bool
+    forces: ForceModel, active_burns: tuple[Burn, ...], along: Solution | None, *, with_chaser: bool
 ) -> Callable[[float, FloatArray], FloatArray]:
     def target_only(t: float, y: FloatArray) -> FloatArray:
         return np.concatenate([y[3:6], forces.target(t, y[:3], y[3:6])])
 
-    def both(t: float, y: FloatArray) -> FloatArray:
+    def target_and_chaser(t: float, y: FloatArray) -> FloatArray:
         a, difference = forces.pair(t, y[:3], y[3:6], y[6:9], y[9:12])
         return np.concatenate([y[3:6], a, y[9:12], difference])
 
-    def beside(t: float, y: FloatArray) -> FloatArray:
+    def chaser_only(t: float, y: FloatArray) -> FloatArray:
         target = along(t) if along is not None else y
         _, difference = forces.pair(t, target[:3], target[3:6], y[6:9], y[9:12])
         return np.concatenate([np.zeros(6), y[9:12], difference])
 
-    free = (both if along is None else beside) if with_chaser else target_only
-    if not running:
+    free = (target_and_chaser if along is None else chaser_only) if with_chaser else target_only
+    if not active_burns:
         return free
 
-    def burning(t: float, y: FloatArray) -> FloatArray:
-        rate = free(t, y)
-        for burn in running:
-            own = y if along is None else along(t)
-            push = eci_from_own_lvlh(burn.acceleration_lvlh_m_s2, own[:3], own[3:6])
+    def with_burns(t: float, y: FloatArray) -> FloatArray:
+        derivative = free(t, y)
+        for burn in active_burns:
+            target_state = y if along is None else along(t)
+            acceleration = eci_from_own_lvlh(burn.acceleration_lvlh_m_s2, target_state[:3], target_state[3:6])
             if burn.craft == "target":
-                rate[3:6] += push
-                push = -push
+                derivative[3:6] += acceleration
+                acceleration = -acceleration
             if with_chaser:
-                rate[9:12] += push
-        return rate
+                derivative[9:12] += acceleration
+        return derivative
 
-    return burning
+    return with_burns

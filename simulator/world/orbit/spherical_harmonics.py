@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 ComplexArray = NDArray[np.complex128]
 
-HIGHEST_DEGREE = 70
+MAX_DEGREE = 70
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,21 +77,19 @@ class HarmonicField:
         weights = self._weights[..., None] * np.array([np.ones(k), sine])[:, None, None]
         # order 0 of degree 1 has no degree below its own
         legendre[1, :1] = weights[1, 1, :1] * legendre[0, :1]
-        product, total = np.multiply, np.add.reduce
+        multiply, add = np.multiply, np.add.reduce
         for n in range(2, size):
-            total(product(weights[:, n, :n], legendre[n - 2 : n, :n]), axis=0, out=legendre[n, :n])
-        turns = np.empty((size, k), complex)
-        turns[0] = 1.0
-        turns[1:] = x + 1j * y
-        np.cumprod(turns, axis=0, out=turns)
+            add(multiply(weights[:, n, :n], legendre[n - 2 : n, :n]), axis=0, out=legendre[n, :n])
+        azimuthal = np.empty((size, k), complex)
+        azimuthal[0] = 1.0
+        azimuthal[1:] = x + 1j * y
+        np.cumprod(azimuthal, axis=0, out=azimuthal)
         legendre *= ((self.radius_m / r) ** (self._orders[:, None] + 1))[:, None]
-        return np.asarray(legendre * turns)
+        return np.asarray(legendre * azimuthal)
 
     @cached_property
     def _weights(self) -> FloatArray:
-        """Recursion weights (2, size, size) of the two lower degrees; the second is to be multiplied by
-        sin(latitude).
-        """
+        """Recursion weights (2, size, size) of degrees n - 2 and n - 1; the latter are times sin(latitude)."""
         return np.stack([-self.lower, self.vertical])
 
     @cached_property
@@ -112,8 +110,8 @@ def egm96(degree: int) -> HarmonicField:
     ----------
     Lemoine et al. (1998), NASA/TP-1998-206861; coefficients in the ICGEM file ``assets/gravity``.
     """
-    if not 2 <= degree <= HIGHEST_DEGREE:
-        raise ValueError(f"degree {degree} is not one of 2 to {HIGHEST_DEGREE}, which the coefficients reach")
+    if not 2 <= degree <= MAX_DEGREE:
+        raise ValueError(f"degree {degree} is not one of 2 to {MAX_DEGREE}, which the coefficients reach")
     mu, radius, C, S = _coefficients()
     return harmonic_field(mu, radius, C[: degree + 1, : degree + 1], S[: degree + 1, : degree + 1])
 
@@ -143,7 +141,7 @@ def harmonic_field(mu_m3_s2: float, radius_m: float, C: FloatArray, S: FloatArra
 
 
 def _derivative_table(C: FloatArray, S: FloatArray) -> ComplexArray:
-    """Return the weights of every harmonic in the gradient of the potential, for GM = R = 1.
+    """Return the weight of every harmonic in the gradient of the potential (3, size^2), for GM = R = 1.
 
     ``R (d/dx +- i d/dy)`` and ``R d/dz`` of ``Z_nm`` are the harmonics of degree n + 1 and order m +- 1, m.
     """
@@ -172,7 +170,7 @@ def _derivative_table(C: FloatArray, S: FloatArray) -> ComplexArray:
 def _coefficients() -> tuple[float, float, FloatArray, FloatArray]:
     """Return GM, radius and the normalised C and S of the shipped file."""
     mu = radius = 0.0
-    C = np.zeros((HIGHEST_DEGREE + 1, HIGHEST_DEGREE + 1))
+    C = np.zeros((MAX_DEGREE + 1, MAX_DEGREE + 1))
     S = np.zeros_like(C)
     text = files("flyaround.assets").joinpath("gravity", "EGM96_to70.gfc").read_text(encoding="utf-8")
     for line in text.splitlines():

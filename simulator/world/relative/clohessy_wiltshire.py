@@ -53,15 +53,34 @@ def bounded_ellipse(
     eccentricity: float = 0.0,
     true_anomaly_rad: float = 0.0,
 ) -> tuple[FloatArray, FloatArray]:
-    """LVLH state on a relative orbit that closes after a revolution of the target.
+    """Return an LVLH state on a relative orbit that closes after one revolution of the target.
 
-    On a circular orbit it is the 2:1 ellipse ``x = a cos p``, ``y = y0 - 2 a sin p``, ``z = b cos(p + q)``. On an
-    eccentric one ``p`` advances with the true anomaly ``nu`` and, with ``rho = 1 + e cos(nu)``,
-    ``y = (y0 - (1 + rho) a sin p) / rho`` and ``z = (1 + e) / rho b cos(p + q)``: the solution of the linear equations
-    whose secular term is zero, which is the condition of equal energies to first order.
+    About a circular orbit it is the 2:1 ellipse ``x = a cos p``, ``y = y0 - 2 a sin p``, ``z = b cos(p + q)``. About an
+    eccentric one ``p`` advances with the true anomaly ``nu``; with ``rho = 1 + e cos(nu)``,
+    ``y = (y0 - (1 + rho) a sin p) / rho`` and ``z = (1 + e) / rho b cos(p + q)``. This is the solution of the linear
+    equations without a secular term: both orbits have equal energies to first order.
 
-    With the cross-track swing a quarter turn from the radial one (``q = pi / 2`` or ``-pi / 2``) the chaser
-    never crosses the target's along-track axis, so that a drift along it does no harm: a safe ellipse.
+    If radial and cross-track motion are 90 degrees apart (``q = pi / 2`` or ``-pi / 2``), the chaser never crosses the
+    target's along-track axis. A drift along that axis then causes no collision: a safe ellipse.
+
+    Parameters
+    ----------
+    n_rad_s : float
+        Mean motion of the target.
+    radial_m : float
+        Radial amplitude ``a``.
+    phase_rad : float
+        Phase ``p`` of the radial motion.
+    cross_track_m : float, optional
+        Cross-track amplitude ``b``.
+    cross_phase_rad : float, optional
+        Phase ``q`` of the cross-track motion relative to the radial one.
+    centre_along_track_m : float, optional
+        Along-track position ``y0`` of the centre.
+    eccentricity : float, optional
+        Eccentricity ``e`` of the target's orbit.
+    true_anomaly_rad : float, optional
+        True anomaly ``nu`` of the target.
 
     Returns
     -------

@@ -22,24 +22,24 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class ThrustHold:
-    """A constant thrust: (3,) acceleration along GCRS axes [m s-2]."""
+    """A constant acceleration (3,) along GCRS axes [m s-2], as a function of time."""
 
-    push: FloatArray
+    acceleration_m_s2: FloatArray
 
     def __call__(self, since_s: float) -> list[float]:  # noqa: ARG002
-        """Return the constant thrust."""
-        return [float(x) for x in self.push]
+        """Return the acceleration."""
+        return [float(x) for x in self.acceleration_m_s2]
 
 
 def relative_step(
     orbit: OrbitTrack, t_s: float, h: float, state: tuple[FloatArray, FloatArray], thrust: Thrust
 ) -> tuple[FloatArray, FloatArray]:
-    """Return chaser minus target ``h`` seconds later.
+    """Advance the chaser's position and velocity relative to the target by ``h`` seconds.
 
-    The difference of the central attraction is integrated by one classical Runge-Kutta step; what else acts
-    (harmonics, third bodies, air, light) changes over an orbit and is taken once, at the middle: its error per
-    step is some ``(n h)^2 / 24`` of it, below 1e-12 m s-2 for 10 m and steps of 5 s. Impulses of the target
-    cut the step.
+    The difference of the central attraction is integrated by one classical Runge-Kutta step. All other forces
+    (harmonics, third bodies, drag, radiation pressure) change slowly, so they are evaluated once, at mid-step. The
+    relative error of this is ``(n h)^2 / 24``, below 1e-12 m s-2 at 10 m distance and steps of 5 s. The step is divided
+    at impulses of the target.
 
     Parameters
     ----------
@@ -49,10 +49,15 @@ def relative_step(
         Start of the step [s].
     h : float
         Length of the step [s].
-    state : (3,) tuple of array
-        Position [m] and (3,) velocity [m s-1], GCRS axes.
+    state : tuple of array
+        Position (3,) [m] and velocity (3,) [m s-1] relative to the target, GCRS axes.
     thrust : Thrust
-        The chaser's acceleration along GCRS axes [m s-2], of the time since ``t_s``.
+        The chaser's acceleration, GCRS axes [m s-2], as a function of the time since ``t_s``.
+
+    Returns
+    -------
+    tuple of array
+        Position and velocity at the end of the step.
     """
     if not orbit.burns:
         return _runge_kutta_step(orbit, t_s, h, state, thrust, 0.0)
@@ -67,7 +72,7 @@ def relative_step(
 def _after_target_impulses(
     orbit: OrbitTrack, t_s: float, state: tuple[FloatArray, FloatArray]
 ) -> tuple[FloatArray, FloatArray]:
-    """Return the state right after the target's impulses of a moment."""
+    """Return the relative state after the target's impulsive burns at a time."""
     p, v = state
     for burn in orbit.burns:
         if burn.duration_s == 0 and burn.start_s == t_s:
@@ -90,27 +95,27 @@ def _runge_kutta_step(
     r_end = orbit(t_s + h)[0].tolist()
     r_mid, v_mid = orbit(t_s + h / 2)
     p_mid = p0 + h / 2 * v0
-    steady = orbit.forces.pair(t_s + h / 2, r_mid, v_mid, p_mid, v0)[1]
-    steady = steady - np.array(attraction_difference(r_mid.tolist(), p_mid.tolist(), mu))
+    constant = orbit.forces.pair(t_s + h / 2, r_mid, v_mid, p_mid, v0)[1]
+    constant = constant - np.array(attraction_difference(r_mid.tolist(), p_mid.tolist(), mu))
     for burn in orbit.burns:
         if burn.thrusts_throughout(t_s, t_s + h):
-            steady = steady - eci_from_own_lvlh(burn.acceleration_lvlh_m_s2, r_mid, v_mid)
-    middle = r_mid.tolist()
-    first, half, last = (thrust(since_s + d) for d in (0.0, h / 2, h))
-    sx, sy, sz = steady.tolist()
+            constant = constant - eci_from_own_lvlh(burn.acceleration_lvlh_m_s2, r_mid, v_mid)
+    r_middle = r_mid.tolist()
+    thrust_start, thrust_middle, thrust_end = (thrust(since_s + d) for d in (0.0, h / 2, h))
+    sx, sy, sz = constant.tolist()
 
-    def pull(r: list[float], p: list[float], push: list[float]) -> list[float]:
+    def acceleration(r: list[float], p: list[float], thrust_m_s2: list[float]) -> list[float]:
         x, y, z = attraction_difference(r, p, mu)
-        return [x + push[0] + sx, y + push[1] + sy, z + push[2] + sz]
+        return [x + thrust_m_s2[0] + sx, y + thrust_m_s2[1] + sy, z + thrust_m_s2[2] + sz]
 
     p, v = p0.tolist(), v0.tolist()
-    a1 = pull(orbit(t_s)[0].tolist(), p, first)
+    a1 = acceleration(orbit(t_s)[0].tolist(), p, thrust_start)
     v2 = _add_scaled(v, h / 2, a1)
-    a2 = pull(middle, _add_scaled(p, h / 2, v), half)
+    a2 = acceleration(r_middle, _add_scaled(p, h / 2, v), thrust_middle)
     v3 = _add_scaled(v, h / 2, a2)
-    a3 = pull(middle, _add_scaled(p, h / 2, v2), half)
+    a3 = acceleration(r_middle, _add_scaled(p, h / 2, v2), thrust_middle)
     v4 = _add_scaled(v, h, a3)
-    a4 = pull(r_end, _add_scaled(p, h, v3), last)
+    a4 = acceleration(r_end, _add_scaled(p, h, v3), thrust_end)
     return (
         np.array(
             [q + h / 6 * (a + 2 * b + 2 * c + d) for q, a, b, c, d in zip(p, v, v2, v3, v4, strict=True)]

@@ -13,13 +13,29 @@ if TYPE_CHECKING:
     from flyaround.simulator.runtime.arrays import FloatArray
     from flyaround.simulator.world.orbit.propagation import Elements
 
-# the paper's axes (x along-track, y against the orbit normal, z to the Earth) from LVLH, one by one
+# rotation to the paper's axes (x along-track, y opposite to the orbit normal, z to the Earth) from LVLH
 _PAPER_FROM_LVLH = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, -1.0], [-1.0, 0.0, 0.0]])
 
 
 @dataclass(frozen=True)
 class _OrbitPoint:
-    """A point of the orbit: true anomaly, ``1 + e cos``, its sine and cosine companions."""
+    """A point of the orbit, by the paper's symbols.
+
+    Attributes
+    ----------
+    nu : float
+        True anomaly [rad].
+    rho : float
+        ``1 + e cos(nu)``.
+    s : float
+        ``rho sin(nu)``.
+    c : float
+        ``rho cos(nu)``.
+    s_slope : float
+        Derivative of ``s`` with respect to ``nu``.
+    c_slope : float
+        Derivative of ``c`` with respect to ``nu``.
+    """
 
     nu: float
     rho: float
@@ -29,7 +45,7 @@ class _OrbitPoint:
     c_slope: float
 
     @staticmethod
-    def of(nu: float, e: float) -> _OrbitPoint:
+    def from_anomaly(nu: float, e: float) -> _OrbitPoint:
         rho = 1 + e * np.cos(nu)
         return _OrbitPoint(
             nu=nu,
@@ -47,7 +63,7 @@ def elliptic_transition_matrix(orbit: Elements, t_s: float, mu_m3_s2: float = MU
     Parameters
     ----------
     orbit : Elements
-        The target's elements at the start; for a circle this is Clohessy-Wiltshire.
+        The target's elements at the start. For a circular orbit the result is that of Clohessy-Wiltshire.
     t_s : float
         Elapsed time [s].
     mu_m3_s2 : float, optional
@@ -61,35 +77,35 @@ def elliptic_transition_matrix(orbit: Elements, t_s: float, mu_m3_s2: float = MU
     e = orbit.eccentricity
     p = orbit.semi_major_axis_m * (1 - e * e)
     k2 = np.sqrt(mu_m3_s2 / p**3)
-    start = _OrbitPoint.of(orbit.true_anomaly_rad, e)
-    end = _OrbitPoint.of(true_anomaly_after(orbit, t_s, mu_m3_s2), e)
+    start = _OrbitPoint.from_anomaly(orbit.true_anomaly_rad, e)
+    end = _OrbitPoint.from_anomaly(true_anomaly_after(orbit, t_s, mu_m3_s2), e)
     J = k2 * t_s
     in_plane = _in_plane(end, e, J) @ _in_plane_start_inverse(start, e)
-    across = _out_of_plane(end.nu - start.nu)
-    paper = np.zeros((6, 6))
+    out_of_plane = _out_of_plane(end.nu - start.nu)
+    in_anomaly = np.zeros((6, 6))
     xz, y = np.ix_([0, 2, 3, 5], [0, 2, 3, 5]), np.ix_([1, 4], [1, 4])
-    paper[xz], paper[y] = in_plane, across
-    whole = _to_time(end, e, k2) @ paper @ _to_anomaly(start, e, k2)
+    in_anomaly[xz], in_anomaly[y] = in_plane, out_of_plane
+    in_time = _time_from_anomaly(end, e, k2) @ in_anomaly @ _anomaly_from_time(start, e, k2)
     T = np.kron(np.eye(2), _PAPER_FROM_LVLH)
-    return np.asarray(T.T @ whole @ T)
+    return np.asarray(T.T @ in_time @ T)
 
 
-def _in_plane(at: _OrbitPoint, e: float, J: float) -> FloatArray:
-    """Return the solutions of the in-plane equations, rows [x z x' z'], columns the four constants."""
-    s, c, rho = at.s, at.c, at.rho
+def _in_plane(point: _OrbitPoint, e: float, J: float) -> FloatArray:
+    """Return the fundamental matrix of the in-plane equations: rows x, z, x', z'; columns the four constants."""
+    s, c, rho = point.s, point.c, point.rho
     return np.array(
         [
             [1, -c * (1 + 1 / rho), s * (1 + 1 / rho), 3 * rho * rho * J],
             [0, s, c, 2 - 3 * e * s * J],
             [0, 2 * s, 2 * c - e, 3 * (1 - 2 * e * s * J)],
-            [0, at.s_slope, at.c_slope, -3 * e * (at.s_slope * J + s / (rho * rho))],
+            [0, point.s_slope, point.c_slope, -3 * e * (point.s_slope * J + s / (rho * rho))],
         ]
     )
 
 
-def _in_plane_start_inverse(at: _OrbitPoint, e: float) -> FloatArray:
-    """Return the constants from the state at the start, where J = 0."""
-    return np.asarray(np.linalg.inv(_in_plane(at, e, 0.0)))
+def _in_plane_start_inverse(point: _OrbitPoint, e: float) -> FloatArray:
+    """Return the (4, 4) matrix from the state at the start, where J = 0, to the constants."""
+    return np.asarray(np.linalg.inv(_in_plane(point, e, 0.0)))
 
 
 def _out_of_plane(angle: float) -> FloatArray:
@@ -97,17 +113,17 @@ def _out_of_plane(angle: float) -> FloatArray:
     return np.array([[c, s], [-s, c]])
 
 
-def _to_anomaly(at: _OrbitPoint, e: float, k2: float) -> FloatArray:
-    """Convert position and velocity to the scaled position and its derivative over true anomaly."""
+def _anomaly_from_time(point: _OrbitPoint, e: float, k2: float) -> FloatArray:
+    """Return the (6, 6) matrix from position and velocity to scaled position and its derivative by true anomaly."""
     eye = np.eye(3)
-    sine = e * np.sin(at.nu)
-    return np.block([[at.rho * eye, 0 * eye], [-sine * eye, eye / (k2 * at.rho)]])
+    sine = e * np.sin(point.nu)
+    return np.block([[point.rho * eye, 0 * eye], [-sine * eye, eye / (k2 * point.rho)]])
 
 
-def _to_time(at: _OrbitPoint, e: float, k2: float) -> FloatArray:
+def _time_from_anomaly(point: _OrbitPoint, e: float, k2: float) -> FloatArray:
     eye = np.eye(3)
-    sine = e * np.sin(at.nu)
-    return np.block([[eye / at.rho, 0 * eye], [k2 * sine * eye, k2 * at.rho * eye]])
+    sine = e * np.sin(point.nu)
+    return np.block([[eye / point.rho, 0 * eye], [k2 * sine * eye, k2 * point.rho * eye]])
 
 
 def true_anomaly_after(orbit: Elements, t_s: float, mu_m3_s2: float = MU_EARTH_M3_S2) -> float:

@@ -1,4 +1,4 @@
-"""Measured Earth orientation parameters: UT1 and the pole, day by day, from the IERS."""
+"""Measured Earth orientation parameters of the IERS: daily values of UT1 and the pole."""
 
 from __future__ import annotations
 
@@ -17,17 +17,17 @@ _ARCSEC_RAD = np.pi / 648_000
 
 @dataclass(frozen=True, eq=False)
 class EarthParameters:
-    """The table, one row a day at 0 h UTC.
+    """Table of Earth orientation parameters, with one row per day at 0 h UTC.
 
-    Outside it the nearest row holds: UT1 then drifts from the truth by up to half a second a year and the
-    pole by up to 0.5 arcsec, because the length of the day cannot be predicted.
+    Before and after the table, the first and last row apply. The error of UT1 then grows by up to half a second per
+    year, because the length of the day cannot be predicted, and that of the pole is up to 0.5 arcsec.
 
     Parameters
     ----------
     first_mjd : float
         Modified Julian date of the first row.
     ut1_minus_tai_s : (n,) array
-        [s]; against TAI, so that leap seconds make no steps.
+        UT1 - TAI [s]; relative to TAI, so that leap seconds cause no steps.
     pole_rad : (n, 2) array
         x and y of the pole [rad].
     """
@@ -37,8 +37,8 @@ class EarthParameters:
     pole_rad: FloatArray
 
     def _row(self, mjd: float) -> tuple[int, float]:
-        at = min(max(mjd - self.first_mjd, 0.0), len(self.ut1_minus_tai_s) - 1.000001)
-        return int(at), at - int(at)
+        row = min(max(mjd - self.first_mjd, 0.0), len(self.ut1_minus_tai_s) - 1.000001)
+        return int(row), row - int(row)
 
     def ut1_minus_tai(self, mjd: float) -> float:
         """Return UT1 - TAI [s], linear between rows (0.02 ms)."""

@@ -1,4 +1,4 @@
-"""Instants: UTC in text, terrestrial time (TT) as a two-part Julian date inside."""
+"""Instants: parsed from and formatted to UTC, stored as a two-part Julian date of terrestrial time (TT)."""
 
 from __future__ import annotations
 
@@ -24,8 +24,8 @@ _FIRST_YEAR, _LAST_YEAR = 1972, 2099
 def without_year_warning(function: Callable[..., Any], *args: Any) -> Any:  # noqa: ANN401 - erfa ships no types
     """Call an erfa routine without its "dubious year" warning.
 
-    erfa warns when a date lies beyond its table of leap seconds, five years after its release. A future
-    leap second would move the Earth by 15 arcsec under the orbit, which a simulation may ignore.
+    erfa warns if a date is more than five years after the release of its table of leap seconds. A leap second announced
+    after the release would rotate the Earth by 15 arcsec under the orbit, which is neglected.
     """
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", erfa.ErfaWarning)
@@ -116,7 +116,7 @@ class Instant:
 
 
 def tdb_minus_tt_s(tt1: float, tt2: float) -> float:
-    """Return TDB - TT at the Earth's centre [s], at most 1.7 ms; the argument may be either.
+    """Return TDB - TT at the Earth's centre [s], at most 1.7 ms, for a two-part Julian date of TT or TDB.
 
     References
     ----------
@@ -127,6 +127,6 @@ def tdb_minus_tt_s(tt1: float, tt2: float) -> float:
 
 def nanoseconds_utc(epoch_utc: str) -> int:
     """Return nanoseconds since 1970-01-01 UTC, without leap seconds, of an ISO time; microseconds are exact."""
-    moment = datetime.fromisoformat(epoch_utc)
-    whole = int(moment.replace(microsecond=0).timestamp())
-    return whole * 1_000_000_000 + moment.microsecond * 1000
+    time = datetime.fromisoformat(epoch_utc)
+    seconds = int(time.replace(microsecond=0).timestamp())
+    return seconds * 1_000_000_000 + time.microsecond * 1000

@@ -13,7 +13,7 @@ from flyaround.simulator.labels.keypoints import label_keypoints
 from flyaround.simulator.piloting.session import FlightSession
 from flyaround.simulator.scenario.load import load_scenario
 from flyaround.simulator.scene.state import SceneState
-from flyaround.simulator.targets.joined_mesh import mesh_of
+from flyaround.simulator.targets.joined_mesh import joined_mesh
 from flyaround.simulator.world.frames.rotation import quat_from_rotvec, quat_multiply
 
 ALL = Overlays(keypoints=True, box=True, axes=True, wireframe=True)
@@ -34,7 +34,7 @@ def test_keypoints_agree_with_the_labels(session: FlightSession) -> None:
     # a checkerboard has contrast everywhere: only geometry decides the labels
     rows, columns = np.indices((scene.camera.height_px, scene.camera.width_px))
     signal = ((rows + columns) % 2 * 0.9).astype(np.float32)
-    labels = {k.name: k for k in label_keypoints(scene, target, mesh_of(target), signal)}
+    labels = {k.name: k for k in label_keypoints(scene, target, joined_mesh(target), signal)}
     marks = Marker(target).marks(scene, ALL)
     assert {seen for _, seen, _ in marks.keypoints} >= {"visible", "hidden"}
     states = {"self_occluded": "hidden", "shadowed": "shadowed", "visible": "visible"}

@@ -14,7 +14,7 @@ from flyaround.hil.board.hybrid.propose.keypoints.network_input import INPUT_PX
 from flyaround.hil.board.hybrid.propose.keypoints.network_output import BIN_WIDTH, HALF_RANGE
 from flyaround.hil.evaluate.method_choice import board_model
 from flyaround.simulator.errors import UserError
-from flyaround.simulator.targets.installed import head_file
+from flyaround.simulator.targets.installed import network_file
 from flyaround.simulator.targets.library import load_target
 
 if TYPE_CHECKING:
@@ -110,8 +110,8 @@ def test_a_trained_head_goes_with_its_target(tmp_path: Path, monkeypatch: pytest
     monkeypatch.setenv("FLYAROUND_DATA_DIR", str(tmp_path))
     target = load_target(CRAFT)
     assert network_for(board_model(target)) is None
-    head_file(CRAFT).parent.mkdir(parents=True)
-    train_head(CRAFT, head_file(CRAFT), views=25, budget=Budget(steps=2))
+    network_file(CRAFT).parent.mkdir(parents=True)
+    train_head(CRAFT, network_file(CRAFT), views=25, budget=Budget(steps=2))
     network = network_for(board_model(target))
     assert network is not None
     assert network.head.craft == CRAFT

@@ -51,7 +51,7 @@ def write_set(
     for k, (q, t) in enumerate(POSES, start=1):
         row = {"filename": f"img{k:06d}.jpg", key: _unit(q), "r_Vo2To_vbs_true": list(t), **entry}
         rows.append(row)
-        seen = silhouette(lens, Pose.of("camera", "target", q, t), tango).mask
+        seen = silhouette(lens, Pose.from_arrays("camera", "target", q, t), tango).mask
         cv2.imwrite(str(folder / images / row["filename"]), seen // 2 + 40)
     (folder / labels).write_text(json.dumps(rows))
     return folder
@@ -180,12 +180,12 @@ def test_colour_and_grey_pictures_stay_what_they_are(lightbox):
 def test_the_silhouette_is_the_one_that_checks_fill(pose):
     """Inside it everything surely covered, outside nothing that is not touched."""
     from flyaround.simulator.dataset.check.geometry import filled_silhouette
-    from flyaround.simulator.targets.joined_mesh import mesh_of
+    from flyaround.simulator.targets.joined_mesh import joined_mesh
 
     camera, target = load_camera("speed"), load_target("tango@low")
-    at = Pose.of("camera", "target", *pose)
+    at = Pose.from_arrays("camera", "target", *pose)
     seen = silhouette(camera, at, target)
-    mesh = mesh_of(target)
+    mesh = joined_mesh(target)
     corners = camera.project(at.apply(mesh.positions_m))[mesh.triangles]
     inner, outer = filled_silhouette(corners, seen.mask.shape)
     assert not ((inner > 0) & (seen.mask == 0)).any()
@@ -194,10 +194,13 @@ def test_the_silhouette_is_the_one_that_checks_fill(pose):
 
 def test_what_lies_outside_is_counted():
     camera, target = load_camera("speed"), load_target("tango@low")
-    half = silhouette(camera, Pose.of("camera", "target", (1, 0, 0, 0), (-2.0, 0, 6.0)), target)
+    half = silhouette(camera, Pose.from_arrays("camera", "target", (1, 0, 0, 0), (-2.0, 0, 6.0)), target)
     assert 0.3 < half.inside < 0.7
-    assert silhouette(camera, Pose.of("camera", "target", (1, 0, 0, 0), (9.0, 0, 6.0)), target).inside == 0
-    behind = silhouette(camera, Pose.of("camera", "target", (1, 0, 0, 0), (0, 0, 0.01)), target)
+    assert (
+        silhouette(camera, Pose.from_arrays("camera", "target", (1, 0, 0, 0), (9.0, 0, 6.0)), target).inside
+        == 0
+    )
+    behind = silhouette(camera, Pose.from_arrays("camera", "target", (1, 0, 0, 0), (0, 0, 0.01)), target)
     assert behind.box_amodal_px is None
     assert not behind.mask.any()
 

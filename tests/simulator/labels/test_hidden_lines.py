@@ -7,7 +7,7 @@ import trimesh
 from flyaround.simulator.camera.lens.files import load_camera
 from flyaround.simulator.geometry.mesh import TriangleMesh
 from flyaround.simulator.labels.wireframe import view_edges
-from flyaround.simulator.targets.joined_mesh import mesh_of
+from flyaround.simulator.targets.joined_mesh import joined_mesh
 from flyaround.simulator.targets.library import load_target
 from flyaround.simulator.targets.model import Edge
 from flyaround.simulator.world.frames.pose import Pose
@@ -41,7 +41,7 @@ def test_a_bar_behind_a_plate_is_hidden_exactly_where_the_plate_is():
     # plate 1 m wide at z = 0, a line 2 m behind it: from 10 m away the plate's edges fall at x = +-0.5 * 12 / 10
     plate = _mesh(_box((1.0, 1.0, 1e-4), (0, 0, 0)))
     line = Edge(name="line", a_m=(-1.0, 0.1, 2.0), b_m=(1.0, 0.1, 2.0))
-    pose = Pose.of("camera", "target", (1.0, 0, 0, 0), (0.0, 0.0, 10.0))
+    pose = Pose.from_arrays("camera", "target", (1.0, 0, 0, 0), (0.0, 0.0, 10.0))
     (view,) = view_edges(CAMERA, pose, _Model([line]), plate)
     (left, right) = view.intervals
     # the plate's front face is at 10 m less half its thickness
@@ -53,7 +53,7 @@ def test_a_bar_behind_a_plate_is_hidden_exactly_where_the_plate_is():
 def test_a_line_that_pierces_a_plate_is_hidden_behind_it():
     plate = _mesh(_box((4.0, 4.0, 1e-6), (0, 0, 0)))
     line = Edge(name="line", a_m=(-1.0, 0.0, -1.0), b_m=(1.0, 0.0, 1.0))
-    pose = Pose.of("camera", "target", (1.0, 0, 0, 0), (0.0, 0.0, 10.0))
+    pose = Pose.from_arrays("camera", "target", (1.0, 0, 0, 0), (0.0, 0.0, 10.0))
     (view,) = view_edges(CAMERA, pose, _Model([line]), plate)
     ((first, last),) = view.intervals
     assert first == 0.0
@@ -78,7 +78,7 @@ def test_a_cube_from_its_corner_shows_nine_edges_and_from_a_face_four():
     assert len(edges) == 12
     for q, shown in (((1.0, 0, 0, 0), 4), ((0.88, 0.28, 0.36, 0.12), 9)):
         views = view_edges(
-            CAMERA, Pose.of("camera", "target", q, (0.0, 0.0, 8.0)), _Model(edges), _mesh(cube)
+            CAMERA, Pose.from_arrays("camera", "target", q, (0.0, 0.0, 8.0)), _Model(edges), _mesh(cube)
         )
         visible_intervals = [visible_share(v) for v in views]
         assert sum(s > 0.999 for s in visible_intervals) == shown
@@ -93,7 +93,7 @@ def test_a_rod_in_the_open_is_seen_whole_and_behind_a_plate_not_at_all(lean_deg)
     way, outward = lean[:3, 2], -lean[:3, 1]  # along the rod, and across it towards the camera
     rod = trimesh.creation.cylinder(radius, 1.0, sections=24, transform=lean)
     axis = Edge(name="rod", a_m=tuple(-0.5 * way), b_m=tuple(0.5 * way), radius_m=radius)
-    pose = Pose.of("camera", "target", (1.0, 0, 0, 0), (0.0, 0.0, 10.0))
+    pose = Pose.from_arrays("camera", "target", (1.0, 0, 0, 0), (0.0, 0.0, 10.0))
     (view,) = view_edges(CAMERA, pose, _Model([axis]), _mesh(rod))
     assert visible_share(view) > 0.99
     assert view.length_px > 10
@@ -106,8 +106,11 @@ def test_a_rod_in_the_open_is_seen_whole_and_behind_a_plate_not_at_all(lean_deg)
 
 def test_nothing_is_seen_of_edges_behind_the_camera():
     target = load_target("tango")
-    mesh = mesh_of(target)
-    assert view_edges(CAMERA, Pose.of("camera", "target", (1.0, 0, 0, 0), (0, 0, -5.0)), target, mesh) == ()
+    mesh = joined_mesh(target)
+    assert (
+        view_edges(CAMERA, Pose.from_arrays("camera", "target", (1.0, 0, 0, 0), (0, 0, -5.0)), target, mesh)
+        == ()
+    )
 
 
 def test_lines_through_a_cloud_of_triangles_are_hidden_where_rays_are():
@@ -118,7 +121,7 @@ def test_lines_through_a_cloud_of_triangles_are_hidden_where_rays_are():
     ends = rng.uniform(-1.2, 1.2, (40, 2, 3))
     ends[:4, :, 1] = ends[:4, :1, 1]  # some of them level
     lines = [Edge(name=str(k), a_m=tuple(a), b_m=tuple(b)) for k, (a, b) in enumerate(ends)]
-    pose = Pose.of("camera", "target", (1.0, 0, 0, 0), (0.0, 0.0, 4.0))
+    pose = Pose.from_arrays("camera", "target", (1.0, 0, 0, 0), (0.0, 0.0, 4.0))
     seen_of_all = 0.0
     for view, (a, b) in zip(view_edges(CAMERA, pose, _Model(lines), mesh), pose.apply(ends), strict=True):
         bounds = np.array(view.intervals).ravel()

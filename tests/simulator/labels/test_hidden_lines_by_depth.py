@@ -5,7 +5,7 @@ import pytest
 
 from flyaround.simulator.labels.wireframe import view_edges
 from flyaround.simulator.recipes.plan import plan_recipe
-from flyaround.simulator.targets.joined_mesh import mesh_of
+from flyaround.simulator.targets.joined_mesh import joined_mesh
 
 pytestmark = pytest.mark.gl
 
@@ -22,7 +22,7 @@ def test_visible_stretches_agree_with_the_depth_map(renderer):
         scene = plan.scene(k)
         depth = renderer.render(scene, plan.target, labels=True).depth_m
         filled = np.where(np.isnan(depth), 1e9, depth)
-        for view in view_edges(scene.camera, scene.camera_from_target, plan.target, mesh_of(plan.target)):
+        for view in view_edges(scene.camera, scene.camera_from_target, plan.target, joined_mesh(plan.target)):
             if view.length_px < 8:
                 continue
             shares = (np.arange(40) + 0.5) / 40

@@ -18,7 +18,7 @@ from flyaround.simulator.labels.visibility import hidden_from_direction, occlude
 from flyaround.simulator.labels.wireframe import view_edges
 from flyaround.simulator.scenario.load import load_scenario
 from flyaround.simulator.scenario.plan import plan_flight
-from flyaround.simulator.targets.joined_mesh import join_parts, mesh_of
+from flyaround.simulator.targets.joined_mesh import join_parts, joined_mesh
 from flyaround.simulator.targets.library import load_target
 from flyaround.simulator.targets.model import Part
 from flyaround.simulator.world.frames.pose import Pose
@@ -30,7 +30,7 @@ CORNERS = np.array([[x, y, z] for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in
 
 def test_cube_seen_along_its_axis_shows_four_corners():
     hidden = occluded_from_camera(
-        MESH, CORNERS, Pose.of("camera", "target", (1.0, 0.0, 0.0, 0.0), (0.0, 0.0, 5.0))
+        MESH, CORNERS, Pose.from_arrays("camera", "target", (1.0, 0.0, 0.0, 0.0), (0.0, 0.0, 5.0))
     )
     # perspective: the far face's corners project inside the near face
     assert np.array_equal(hidden, CORNERS[:, 2] > 0)
@@ -51,7 +51,7 @@ def test_a_bar_that_reaches_past_the_camera_hides_what_lies_behind_its_part_befo
     bar = TriangleMesh(corners - (0, 0, 5), np.array([[0, 1, 2], [0, 2, 3]]))
     # behind the bar at z = 1, where it is at x = 0.2, and beside it
     points = np.array([[0.2, 0.0, 1.0], [0.2, 0.08, 1.0], [0.2, 0.12, 1.0], [-0.1, 0.0, 1.0]]) * 1.5
-    camera = Pose.of("camera", "target", (1.0, 0.0, 0.0, 0.0), (0.0, 0.0, 5.0))
+    camera = Pose.from_arrays("camera", "target", (1.0, 0.0, 0.0, 0.0), (0.0, 0.0, 5.0))
     assert occluded_from_camera(bar, points - (0, 0, 5), camera).tolist() == [True, True, False, False]
 
 
@@ -62,7 +62,7 @@ def test_keypoints_without_sunlight_are_eclipsed_whatever_takes_it(sunlight, sha
     scene = plan.scene(0)
     environment = msgspec.structs.replace(scene.environment, sunlight=sunlight)
     scene = replace(scene, environment=environment, sun_visible_fraction=share)
-    states = geometric_states(scene, plan.target, mesh_of(plan.target))
+    states = geometric_states(scene, plan.target, joined_mesh(plan.target))
     in_sight = {state for state in states if state not in {"out_of_frame", "self_occluded"}}
     assert in_sight
     assert ("eclipsed" in in_sight) == (not sunlight or share == 0.0)
@@ -103,7 +103,7 @@ def test_an_open_sheet_hides_what_is_behind_it_whichever_way_it_looks(normal_z):
     mesh = _with_a_sheet(normal_z)
     assert mesh.in_shell.tolist() == [True] * 12 + [False] * 2
     points = np.array([[0.0, 0.0, -0.5], [0.1, -0.2, -0.5]])
-    pose = Pose.of("camera", "target", (1.0, 0, 0, 0), (0, 0, 6.0))
+    pose = Pose.from_arrays("camera", "target", (1.0, 0, 0, 0), (0, 0, 6.0))
     assert occluded_from_camera(mesh, points, pose).all()
     assert hidden_from_direction(mesh, points, (0.0, 0.0, -1.0)).all()
     assert not hidden_from_direction(mesh, points, (0.8, 0.0, -0.6)).any()
@@ -116,7 +116,7 @@ def test_an_open_sheet_hides_what_is_behind_it_whichever_way_it_looks(normal_z):
 def _tango():
     """The model, its mesh, and a ray caster of it, whose tree takes longer to make than to use."""
     target = load_target("tango")
-    mesh = mesh_of(target)
+    mesh = joined_mesh(target)
     solid = trimesh.Trimesh(mesh.positions_m, mesh.triangles, process=False)
     return target, mesh, trimesh.ray.ray_triangle.RayMeshIntersector(solid)
 
@@ -128,7 +128,7 @@ def _tango():
 )
 def test_agrees_with_independent_ray_casting_on_tango(q, z):
     target, mesh, caster = _tango()
-    pose = Pose.of("camera", "target", q, (0.1, -0.2, z))
+    pose = Pose.from_arrays("camera", "target", q, (0.1, -0.2, z))
     R, t = pose.R, np.asarray(pose.t_m)
     points = np.array([k.position_m for k in target.keypoints])
     ours = occluded_from_camera(mesh, points, pose)

@@ -264,7 +264,7 @@ def test_a_flight_is_on_disk_while_it_is_flown(tmp_path):
     flight = plan_flight(replay, n=1).flight
     flown = recorder.recording.arrays
     times = [t for t in flown["t_s"] if t <= replay.duration_s]
-    for name, values in Recording.of(flight.state(float(t)) for t in times).arrays.items():
+    for name, values in Recording.from_states(flight.state(float(t)) for t in times).arrays.items():
         assert np.array_equal(values, flown[name][: len(times)]), name
     assert recorder.close() == tmp_path / "flown" / "replay.toml"
     assert sorted(path.name for path in (tmp_path / "flown").iterdir()) == ["flight.npz", "replay.toml"]
@@ -364,7 +364,7 @@ def test_a_steered_flight_is_replayed_bit_for_bit(tmp_path):
     flight = plan_flight(replay, n=1).flight
     flown = recorder.recording.arrays
     assert flown["t_s"][:3] == pytest.approx([0.0, 0.1, 0.2])
-    for name, values in Recording.of(flight.state(float(t)) for t in flown["t_s"]).arrays.items():
+    for name, values in Recording.from_states(flight.state(float(t)) for t in flown["t_s"]).arrays.items():
         assert np.array_equal(values, flown[name]), name
     # back to the start: another flight
     session.restart()

@@ -193,7 +193,7 @@ def test_clearance_is_that_of_the_nearest_face():
     rng = np.random.default_rng(3)
     for _ in range(12):
         place = rng.uniform(points.min(axis=0) - 0.5, points.max(axis=0) + 0.5)
-        pose = Pose.of("camera", "target", [1, 0, 0, 0], -place)
+        pose = Pose.from_arrays("camera", "target", [1, 0, 0, 0], -place)
         near = trimesh.triangles.closest_point(triangles, np.repeat(place[None], len(triangles), axis=0))
         distance = np.linalg.norm(near - place, axis=1).min()
         assert not is_clear(pose, target, distance * 1.0001)
@@ -201,7 +201,7 @@ def test_clearance_is_that_of_the_nearest_face():
         if outside:
             assert is_clear(pose, target, distance * 0.9999)
     # in the middle of the body there is room to every side, and yet it is inside
-    assert not is_clear(Pose.of("camera", "target", [1, 0, 0, 0], [0, 0, -0.02]), target, 1e-3)
+    assert not is_clear(Pose.from_arrays("camera", "target", [1, 0, 0, 0], [0, 0, -0.02]), target, 1e-3)
 
 
 def test_poses_that_break_a_constraint_are_drawn_again_and_counted(tmp_path):

@@ -13,7 +13,7 @@ import pytest
 
 from flyaround.simulator.camera.lens.camera_model import Distortion
 from flyaround.simulator.frame import take_frame
-from flyaround.simulator.render.craft.resident_targets import MOST_LOADED
+from flyaround.simulator.render.craft.resident_targets import MAX_RESIDENT
 from flyaround.simulator.render.gl.context import create_context
 from flyaround.simulator.render.renderer import Renderer
 from flyaround.simulator.scene.environments import Environment
@@ -105,10 +105,10 @@ def test_targets_that_others_follow_are_forgotten(renderer, draw_kit, distortion
         assert np.max(take_frame(renderer, scene, target).radiance) > 0
 
     for round_of in range(3):
-        for k in range(begun, begun + MOST_LOADED + 1):
+        for k in range(begun, begun + MAX_RESIDENT + 1):
             draw(k)
-        begun += MOST_LOADED + 1
+        begun += MAX_RESIDENT + 1
         gc.collect()
         in_use.append([_in_use(kind) for kind in (moderngl.Buffer, moderngl.VertexArray, moderngl.Texture)])
-        assert len(targets) <= MOST_LOADED, round_of
+        assert len(targets) <= MAX_RESIDENT, round_of
     assert in_use[1] == in_use[2]

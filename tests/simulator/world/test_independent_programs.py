@@ -44,7 +44,7 @@ def test_a_day_agrees_with_basilisk():
     """EGM96 20x20 + Sun + Moon at 600 km: 1 m after a day; 1 mm between the two over an orbit."""
     epoch = Instant.from_utc("2025-03-21T06:00:00Z")
     forces = EarthForces(
-        sky=EphemerisTable.of(epoch, 86400.0), harmonics=egm96(20), forces=Forces(sun=True, moon=True)
+        sky=EphemerisTable.build(epoch, 86400.0), harmonics=egm96(20), forces=Forces(sun=True, moon=True)
     )
     start, chaser = BASILISK[0, 1:4], BASILISK[0, 4:7]
     v, w = np.array([0.0, -1049.0, 7485.0]), np.array([0.0, -0.013, 0.002])

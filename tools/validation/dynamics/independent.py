@@ -55,13 +55,13 @@ def against_basilisk(reference: Path) -> list[Row]:
     rows = []
     epoch = Instant.from_utc(EARTH_EPOCH)
     earth = EarthForces(
-        sky=EphemerisTable.of(epoch, DAY_S), harmonics=egm96(20), forces=Forces(sun=True, moon=True)
+        sky=EphemerisTable.build(epoch, DAY_S), harmonics=egm96(20), forces=Forces(sun=True, moon=True)
     )
     start = np.array([0.0, -1049.0, 7485.0]), np.array([0.0, -0.013, 0.002])
     table = read_table(reference / "basilisk.csv")
     rows += _day(table, earth, start, EARTH_ORBIT_S, "at 600 km, EGM96 20x20 + Sun + Moon")
     epoch = Instant.from_utc(MOON_EPOCH)
-    moon = MoonForces(epoch=epoch, sky=EphemerisTable.of(epoch, DAY_S), forces=Forces(sun=True))
+    moon = MoonForces(epoch=epoch, sky=EphemerisTable.build(epoch, DAY_S), forces=Forces(sun=True))
     start = np.array([0.0, -1160.0, 1090.0]), np.array([0.0, -0.005, 0.002])
     table = read_table(reference / "basilisk_moon.csv")
     return rows + _day(table, moon, start, MOON_ORBIT_S, "200 km above the Moon, Earth + Sun")

@@ -1,8 +1,7 @@
-"""Contrast of edges, measured in small shaded images from many directions, drawn on the CPU.
+"""Contrast of edges, measured in small images that are shaded on the CPU from many directions.
 
-A crease of the model may be invisible in images: its groove may be finer than a pixel, its faces equally lit, or
-another body in front of it. Therefore the brightness step across each candidate edge is measured in all views that show
-it.
+A crease of the model may be invisible in images: it may be finer than a pixel, its faces may be equally bright, or
+another body may hide it. So the brightness step across each candidate edge is measured in all views that show it.
 """
 
 from __future__ import annotations
@@ -30,58 +29,68 @@ SAMPLE_OFFSET_PX = 2.5
 SURFACE_TOLERANCE = 0.012
 """Distance behind the drawn surface up to which a point of an edge counts as visible, relative to the craft's size."""
 LIGHTS = ((0.0, 0.0), (50.0, 30.0), (50.0, 150.0), (50.0, 270.0))
-"""Angles [deg] of the Sun from the line of sight and around it: frontal, and three from the side."""
+"""Directions of the Sun [deg], one frontal and three from the side: angle from the line of sight, azimuth around it."""
 AMBIENT = 0.02  # light in the shade, relative to the Sun's
 
 
-def contrast_of(
+def edge_contrast(
     bodies: list[MeshBody],
     materials: Sequence[Material],
     a_m: FloatArray,
     b_m: FloatArray,
     depth_m: FloatArray,
 ) -> tuple[FloatArray, FloatArray]:
-    """Return the mean brightness step (K,) across line segments where they are visible, and their visibility (K,).
-
-    The step is relative to the brightness of the craft's brightest surface, 0..1; the visibility is the unoccluded
-    share of views and of points along the segment.
+    """Measure the contrast and visibility of line segments over all views.
 
     Parameters
     ----------
+    bodies : list of MeshBody
+        Meshes of the craft.
+    materials : sequence of Material
+        Materials of the bodies.
     a_m : (K, 3) array
         First end of each edge [m].
     b_m : (K, 3) array
         Second end of each edge [m].
     depth_m : (K,) array
         Depth of each segment below the surface, for example of a rod's axis.
+
+    Returns
+    -------
+    contrast : (K,) array
+        Mean brightness step across the segment where it is visible, relative to the craft's brightest surface, 0..1.
+    visibility : (K,) array
+        Unoccluded fraction of views and of points along the segment.
     """
     surface = surface_points(bodies, POINTS)
     albedo = np.array([float(np.mean(m.base_color)) for m in materials])[surface.material]
     low, high = surface.points_m.min(axis=0), surface.points_m.max(axis=0)
     center, radius = (low + high) / 2, float(np.linalg.norm(high - low)) / 2
     points = np.stack([a_m + s * (b_m - a_m) for s in (0.2, 0.5, 0.8)], axis=1) - center
-    step, visibility = np.zeros(points.shape[:2]), np.zeros(points.shape[:2])
-    for direction in VIEWS:
-        axes = _axes(direction)
+    contrast, visibility = np.zeros(points.shape[:2]), np.zeros(points.shape[:2])
+    for view_direction in VIEWS:
+        axes = _axes(view_direction)
         depth, light = _picture(surface, albedo, center, radius, axes)
-        cells = points @ axes.T
-        xy = _pixels(cells[..., :2], radius)
-        along = np.stack([(b_m - a_m) @ axes[0], (b_m - a_m) @ axes[1]], axis=1)
-        length = np.linalg.norm(along, axis=1)
-        across = np.stack([-along[:, 1], along[:, 0]], axis=1) / np.maximum(length[:, None], 1e-12)
+        view_points = points @ axes.T
+        xy = _pixels(view_points[..., :2], radius)
+        direction = np.stack([(b_m - a_m) @ axes[0], (b_m - a_m) @ axes[1]], axis=1)
+        length = np.linalg.norm(direction, axis=1)
+        normal_px = np.stack([-direction[:, 1], direction[:, 0]], axis=1) / np.maximum(length[:, None], 1e-12)
         row, column = np.rint(xy).astype(int)[..., 1], np.rint(xy).astype(int)[..., 0]
         visible = (
-            cells[..., 2] >= depth[row, column] - SURFACE_TOLERANCE * 2 * radius - depth_m[:, None]
+            view_points[..., 2] >= depth[row, column] - SURFACE_TOLERANCE * 2 * radius - depth_m[:, None]
         ) & (length > 0.02 * radius)[:, None]
         sides = []
         for sign in (-1.0, 1.0):
-            sides_px = np.rint(xy + sign * SAMPLE_OFFSET_PX * across[:, None]).astype(int)
+            sides_px = np.rint(xy + sign * SAMPLE_OFFSET_PX * normal_px[:, None]).astype(int)
             sides.append(light[:, sides_px[..., 1], sides_px[..., 0]])
-        # take the light with the largest step, because the edge is visible under some direction of the Sun
-        best = np.abs(sides[0] - sides[1]).mean(axis=0)
-        step += np.where(visible, best, 0.0)
+        # mean over the directions of the Sun
+        mean_step = np.abs(sides[0] - sides[1]).mean(axis=0)
+        contrast += np.where(visible, mean_step, 0.0)
         visibility += visible
-    return (step.sum(axis=1) / np.maximum(visibility.sum(axis=1), 1)), visibility.mean(axis=1) / len(VIEWS)
+    return (contrast.sum(axis=1) / np.maximum(visibility.sum(axis=1), 1)), visibility.mean(axis=1) / len(
+        VIEWS
+    )
 
 
 def _axes(direction: FloatArray) -> FloatArray:
@@ -117,31 +126,33 @@ def _picture(
     winner[cell[index]] = index
     winner = _copy_to_neighbours(winner.reshape(SIZE_PX, SIZE_PX), np.isfinite(filled))
     normal = surface.normals[winner] @ axes.T
-    light = []
-    for lean, turn in np.deg2rad(LIGHTS):
-        sun = np.array([np.sin(lean) * np.cos(turn), np.sin(lean) * np.sin(turn), np.cos(lean)])
-        shade = albedo[winner] * (np.maximum(normal @ sun, 0.0) + AMBIENT)
+    brightness = []
+    for elevation, azimuth in np.deg2rad(LIGHTS):
+        sun = np.array(
+            [np.sin(elevation) * np.cos(azimuth), np.sin(elevation) * np.sin(azimuth), np.cos(elevation)]
+        )
+        shaded = albedo[winner] * (np.maximum(normal @ sun, 0.0) + AMBIENT)
         # single points are noisy: average 3 x 3
-        light.append(cv2.blur(np.where(winner >= 0, shade, 0.0), (3, 3)))
-    # outlines against black: as strong as the surface is bright
-    return filled, np.asarray(light, float) / max(float(albedo.max()), 1e-6)
+        brightness.append(cv2.blur(np.where(winner >= 0, shaded, 0.0), (3, 3)))
+    # the background is black, so the contrast of outlines equals the surface's brightness
+    return filled, np.asarray(brightness, float) / max(float(albedo.max()), 1e-6)
 
 
 def _close_gaps(depth: FloatArray) -> FloatArray:
     """Fill empty cells that have at least five full neighbours with the nearest of them."""
     padded = np.pad(depth, 1, constant_values=-np.inf)
-    near = np.stack(
+    neighbours = np.stack(
         [padded[1 + i : 1 + i + SIZE_PX, 1 + j : 1 + j + SIZE_PX] for i in (-1, 0, 1) for j in (-1, 0, 1)]
     )
-    full = np.isfinite(near).sum(axis=0)
-    return np.where(np.isfinite(depth) | (full < 5), depth, near.max(axis=0))
+    n_filled = np.isfinite(neighbours).sum(axis=0)
+    return np.where(np.isfinite(depth) | (n_filled < 5), depth, neighbours.max(axis=0))
 
 
 def _copy_to_neighbours(winner: np.ndarray, filled: np.ndarray) -> np.ndarray:
     """Assign filled cells without a point of their own to a neighbour's point."""
-    out = winner.copy()
+    owner = winner.copy()
     padded = np.pad(winner, 1, constant_values=-1)
     for i, j in ((0, 1), (0, -1), (1, 0), (-1, 0), (1, 1), (-1, -1), (1, -1), (-1, 1)):
-        other = padded[1 + i : 1 + i + SIZE_PX, 1 + j : 1 + j + SIZE_PX]
-        out = np.where((out < 0) & filled, other, out)
-    return out
+        neighbour = padded[1 + i : 1 + i + SIZE_PX, 1 + j : 1 + j + SIZE_PX]
+        owner = np.where((owner < 0) & filled, neighbour, owner)
+    return owner

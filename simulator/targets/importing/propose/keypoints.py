@@ -53,12 +53,12 @@ def propose_keypoints(bodies: list[MeshBody], extent: float) -> tuple[Keypoint, 
     visible = n_directions >= MIN_VIEWS
     if visible.sum() >= N_KEYPOINTS:
         points, is_corner, n_directions = points[visible], is_corner[visible], n_directions[visible]
-    on_hull = _on_hull(points)
+    is_on_hull = _hull_mask(points)
     weight = (
         np.where(is_corner, 1.25, 1.0)
-        * np.where(on_hull, 1.4, 1.0)
+        * np.where(is_on_hull, 1.4, 1.0)
         * np.where(
-            on_hull,
+            is_on_hull,
             1.0,
             BOOM_WEIGHT
             + (1 - BOOM_WEIGHT) * np.clip(_breadth(bodies, points, extent) / BOOM_AXIS_RATIO, 0, 1),
@@ -99,10 +99,10 @@ def _candidates(bodies: list[MeshBody]) -> tuple[FloatArray, np.ndarray]:
     corners = [b.positions_m[_corner_vertices(b)] for b in pieces]
     points_in_use = [b.positions_m[used_vertices(b.triangles, len(b.positions_m))] for b in bodies]
     hulls = [_tips(points) for points in points_in_use]
-    whole = _tips(np.concatenate(points_in_use))
-    sharp, round_ = np.concatenate(corners), np.concatenate([*hulls, whole])
-    points = np.concatenate([sharp, round_])
-    is_corner = np.arange(len(points)) < len(sharp)
+    craft_tips = _tips(np.concatenate(points_in_use))
+    corner_points, tip_points = np.concatenate(corners), np.concatenate([*hulls, craft_tips])
+    points = np.concatenate([corner_points, tip_points])
+    is_corner = np.arange(len(points)) < len(corner_points)
     _, first = np.unique(points, axis=0, return_index=True)
     first = np.sort(first)
     if len(first) > MAX_CANDIDATES:
@@ -111,7 +111,7 @@ def _candidates(bodies: list[MeshBody]) -> tuple[FloatArray, np.ndarray]:
 
 
 def _corner_vertices(body: MeshBody) -> np.ndarray:
-    """Return the vertices where three or more creases meet, two meet at a sharp bend, or one ends."""
+    """Return the vertices where three or more creases meet, where a crease bends sharply, or where one ends."""
     ends, _, _ = crease_edges(body, edge_table(body.triangles))
     if not len(ends):
         return np.zeros(0, np.int64)
@@ -135,8 +135,8 @@ def _tips(points: FloatArray) -> FloatArray:
         return points[np.unique(far)]
 
 
-def _on_hull(points: FloatArray) -> np.ndarray:
-    """Return (K,) True for points that are vertices of the convex hull."""
+def _hull_mask(points: FloatArray) -> np.ndarray:
+    """Return a mask (K,) of points that are vertices of the convex hull."""
     out = np.zeros(len(points), bool)
     try:
         out[ConvexHull(points).vertices] = True
@@ -154,7 +154,7 @@ DIRECTIONS = np.array([d for d in itertools.product((-1.0, 0.0, 1.0), repeat=3) 
 
 
 def visible_directions_count(bodies: list[MeshBody], points_m: FloatArray) -> IntArray:
-    """Return (K,) the number of 26 directions from which each point (K, 3) is visible."""
+    """Return the number (K,) of `DIRECTIONS` from which each point (K, 3) [m] is visible."""
     if sum(len(b.triangles) for b in bodies) > MAX_TRIANGLES:
         bodies = decimate(bodies, MAX_TRIANGLES)
     corners = np.concatenate([b.positions_m[b.triangles] for b in bodies])
@@ -166,9 +166,9 @@ def visible_directions_count(bodies: list[MeshBody], points_m: FloatArray) -> In
         u, v, w = view_axes(direction)
         basis = np.stack([u, v, -w])  # third: distance from a camera at infinity, up to a constant
         depth_picture = _depth_picture((corners - centre) @ basis.T, radius)
-        at = (points_m - centre) @ basis.T
-        column, row = np.clip(_pixels(at[:, :2], radius), 0, SIZE_PX - 1).T
-        count += at[:, 2] <= depth_picture[row, column] + TOLERANCE * 2 * radius
+        projected = (points_m - centre) @ basis.T
+        column, row = np.clip(_pixels(projected[:, :2], radius), 0, SIZE_PX - 1).T
+        count += projected[:, 2] <= depth_picture[row, column] + TOLERANCE * 2 * radius
     return count
 
 

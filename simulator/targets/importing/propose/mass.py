@@ -10,18 +10,18 @@ from flyaround.simulator.runtime.arrays import FloatArray, vec3
 from flyaround.simulator.targets.model import MassProperties
 
 DENSITY_KG_M3 = 250.0
-"""Default density: spacecraft have 150 to 1300 kg per cubic metre of body (Envisat 190, a CubeSat up to 1330)."""
+"""Default density. Spacecraft have 150 to 1300 kg per cubic metre of their body: Envisat 190, a CubeSat up to 1330."""
 SHELL_KG_M2 = 10.0  # default mass per area of a mesh without volume
 SHEET_RATIO = 1e-3
-"""Volume over area to the 3/2 below which a mesh consists of sheets, not bodies (a sphere has 0.094)."""
+"""Ratio of volume to area^1.5 below which a mesh consists of sheets, not of bodies. A sphere has 0.094."""
 
 
-def mass_properties_of(
+def mass_properties(
     bodies: list[MeshBody], mass_kg: float | None, density_kg_m3: float | None
 ) -> tuple[MassProperties, str]:
-    """Return mass, centre of mass and inertia, and one line of text on their derivation.
+    """Compute mass, centre of mass and inertia; return them with a line of text on their derivation.
 
-    The moments are integrals over the tetrahedra between the origin and each face; for sheets, over the surface.
+    The moments are integrals over the tetrahedra between an origin and each face, or for sheets over the surface.
 
     Parameters
     ----------
@@ -39,11 +39,18 @@ def mass_properties_of(
     corners = np.concatenate([b.positions_m[b.triangles] for b in bodies])
     area = np.linalg.norm(face_vectors(corners), axis=1) / 2
     origin = corners.mean(axis=(0, 1))
-    c = corners - origin
-    volume = np.einsum("ij,ij->i", c[:, 0], np.cross(c[:, 1], c[:, 2])) / 6
+    corners_from_origin = corners - origin
+    volume = (
+        np.einsum(
+            "ij,ij->i",
+            corners_from_origin[:, 0],
+            np.cross(corners_from_origin[:, 1], corners_from_origin[:, 2]),
+        )
+        / 6
+    )
     total_m3 = float(volume.sum())
     if total_m3 > SHEET_RATIO * float(area.sum()) ** 1.5:
-        moments = _moments(c, volume, apex=True)
+        moments = _moments(corners_from_origin, volume, apex=True)
         if moments is not None:
             mass = mass_kg or total_m3 * (density_kg_m3 or DENSITY_KG_M3)
             derivation = f"{total_m3:.4g} m3" + (
@@ -52,7 +59,7 @@ def mass_properties_of(
                 else f" at {density_kg_m3 or DENSITY_KG_M3:g} kg/m3 (--density or --mass to say better)"
             )
             return _mass_properties(moments, origin, mass, total_m3), f"mass {mass:.4g} kg: {derivation}"
-    moments = _moments(c, area, apex=False)
+    moments = _moments(corners_from_origin, area, apex=False)
     mass = mass_kg or float(area.sum()) * SHELL_KG_M2
     derivation = f"a shell of {float(area.sum()):.4g} m2" + (
         "" if mass_kg else f" at {SHELL_KG_M2:g} kg/m2 (--mass to say better)"
@@ -62,13 +69,18 @@ def mass_properties_of(
     return _mass_properties(moments, origin, mass, float(area.sum())), f"mass {mass:.4g} kg: {derivation}"
 
 
-def _moments(c: FloatArray, weight: FloatArray, *, apex: bool) -> tuple[FloatArray, FloatArray] | None:
-    """Return centre of mass and second moments of simplices with corners (F, 3, 3), plus the origin with ``apex``."""
+def _moments(corners: FloatArray, weight: FloatArray, *, apex: bool) -> tuple[FloatArray, FloatArray] | None:
+    """Return centre of mass and second moments of weighted triangles (F, 3, 3), or of tetrahedra with ``apex``.
+
+    The fourth corner of the tetrahedra is the origin. Return None if rounding makes the moments unphysical.
+    """
     total = weight.sum()
-    corners, n = c.sum(axis=1), 4 if apex else 3
-    centre = (weight[:, None] * corners).sum(axis=0) / n / total
+    corner_sum, n = corners.sum(axis=1), 4 if apex else 3
+    centre = (weight[:, None] * corner_sum).sum(axis=0) / n / total
     # second moments of a uniform simplex with n corners: (sum x x' + S S') w / (n (n + 1))
-    second = np.einsum("f,fki,fkj->ij", weight, c, c) + np.einsum("f,fi,fj->ij", weight, corners, corners)
+    second = np.einsum("f,fki,fkj->ij", weight, corners, corners) + np.einsum(
+        "f,fi,fj->ij", weight, corner_sum, corner_sum
+    )
     second = second / (n * (n + 1)) - total * np.outer(centre, centre)
     return (
         (centre, second) if np.linalg.eigvalsh(second).min() > -1e-12 * np.trace(second) > -np.inf else None

@@ -1,8 +1,8 @@
 """Coarse convex bodies that represent the craft in visibility tests and as its silhouette.
 
-Each connected piece starts as one convex hull. The hull with the largest empty share is split where the hulls of both
-halves are smallest, and so on. A close outline matters, because background inside it would make a correct pose seem
-wrong.
+Each connected piece starts as one convex hull. The hull with the largest empty area is split by the plane for which the
+hulls of both halves are smallest; this is repeated. The outline must be close to the craft's, because background inside
+it would make a correct pose seem wrong.
 """
 
 from __future__ import annotations
@@ -47,7 +47,17 @@ OCCLUDER_SCALE = 0.99
 
 @dataclass(frozen=True, eq=False)
 class _Leaf:
-    """A set of surface points with the mean silhouette of its hull [m2], and the empty share of it."""
+    """A set of surface points and its convex hull's silhouette.
+
+    Attributes
+    ----------
+    points : (N, 3) array
+        Surface points [m].
+    shadow : float
+        Area of the hull's silhouette, averaged over directions [m2].
+    excess : float
+        Part of that area that the points leave empty [m2].
+    """
 
     points: FloatArray
     shadow: float
@@ -59,11 +69,12 @@ def propose_occluders(bodies: list[MeshBody], extent: float) -> Occluders:
     surface = surface_points(bodies, POINTS)
     order = np.argsort(surface.piece, kind="stable")
     ends = np.searchsorted(surface.piece[order], np.arange(surface.pieces + 1))
-    whole = _mean_silhouette(surface.points_m)
+    craft_silhouette = _mean_silhouette(surface.points_m)
     leaves = [
         leaf
         for a, b in itertools.pairwise(ends.tolist())
-        if (leaf := _leaf(surface.points_m[order[a:b]], extent, MIN_PIECE_SHARE * whole)) is not None
+        if (leaf := _leaf(surface.points_m[order[a:b]], extent, MIN_PIECE_SHARE * craft_silhouette))
+        is not None
     ]
     leaves = _drop_enclosed(sorted(leaves, key=lambda x: -x.shadow), extent)[: 2 * MAX_PIECES]
     total = sum(x.shadow for x in leaves)
@@ -79,7 +90,7 @@ def propose_occluders(bodies: list[MeshBody], extent: float) -> Occluders:
 
 
 def _join(leaves: list[_Leaf]) -> Occluders:
-    """Join the hulls, all with the same number of directions, as many as the budget allows."""
+    """Join the leaves' hulls; their number of vertices is the largest within the triangle budget."""
     for fineness in HULL_DIRECTIONS:
         directions = sphere_directions(fineness)
         hulls = [h for leaf in leaves if (h := _hull(_extremes(leaf.points, directions))) is not None]
@@ -102,7 +113,7 @@ def _join(leaves: list[_Leaf]) -> Occluders:
 
 
 def _extremes(points: FloatArray, directions: FloatArray) -> FloatArray:
-    """Return the extreme points in each direction, and towards the box's corners, so that boxes keep their corners."""
+    """Return the extreme points in each direction and towards the corners of the box, so that boxes keep corners."""
     corners = np.array([[x, y, z] for x in (-1.0, 1.0) for y in (-1.0, 1.0) for z in (-1.0, 1.0)])
     size = np.maximum(np.ptp(points, axis=0), 1e-9)
     # directions are scaled by the bounding box, so that a plate is sampled like a cube
@@ -138,27 +149,27 @@ def _thicken(points: FloatArray, thickness: float) -> FloatArray:
 
 def _filled_share(points: FloatArray, hull: ConvexHull) -> float:
     """Return the share of its hull's silhouette that a set of points fills, averaged over views."""
-    occupied = all_of = 0
+    n_occupied = n_inside = 0
     for view in VIEWS:
         helper = np.eye(3)[int(np.argmin(np.abs(view)))]
         x = np.cross(helper, view)
         axes = np.stack([x / np.linalg.norm(x), np.cross(view, x / np.linalg.norm(x))])
-        at = points @ axes.T
-        low, size = at.min(axis=0), max(float(np.ptp(at, axis=0).max()), 1e-12)
+        projected = points @ axes.T
+        low, size = projected.min(axis=0), max(float(np.ptp(projected, axis=0).max()), 1e-12)
         # so coarse that the points leave no gaps
         side = int(np.clip(np.sqrt(len(points)) / 3, 4, SIDE_PX))
-        cells = np.unique(np.minimum(((at - low) / size * side).astype(int), side - 1) @ (side, 1))
+        cells = np.unique(np.minimum(((projected - low) / size * side).astype(int), side - 1) @ (side, 1))
         grid = np.stack(np.meshgrid(np.arange(side), np.arange(side), indexing="ij"), -1).reshape(-1, 2)
-        outline = _hull(at[hull.vertices])
+        outline = _hull(projected[hull.vertices])
         if outline is None:
             continue
-        places = low + (grid + 0.5) / side * size
-        inside = (places @ outline.equations[:, :2].T + outline.equations[:, 2] <= 0.5 * size / side).all(
-            axis=1
-        )
-        occupied += np.isin(grid[inside] @ (side, 1), cells).sum()
-        all_of += inside.sum()
-    return float(occupied / max(all_of, 1))
+        cell_positions = low + (grid + 0.5) / side * size
+        is_inside = (
+            cell_positions @ outline.equations[:, :2].T + outline.equations[:, 2] <= 0.5 * size / side
+        ).all(axis=1)
+        n_occupied += np.isin(grid[is_inside] @ (side, 1), cells).sum()
+        n_inside += is_inside.sum()
+    return float(n_occupied / max(n_inside, 1))
 
 
 def _cut(leaf: _Leaf, extent: float) -> list[_Leaf]:
@@ -186,21 +197,21 @@ def _cut(leaf: _Leaf, extent: float) -> list[_Leaf]:
 
 def _drop_enclosed(leaves: list[_Leaf], extent: float) -> list[_Leaf]:
     """Drop the leaves within the hull of a larger one: cells on a panel, fittings on a plate."""
-    larger: list[_Leaf] = []
+    kept: list[_Leaf] = []
     planes: list[FloatArray] = []
     for leaf in leaves:
         sample = leaf.points[:: max(1, len(leaf.points) // 60)]
-        inside = any(
+        is_enclosed = any(
             ((sample @ e[:, :3].T + e[:, 3]).max(axis=1) < 0.008 * extent).mean() > 0.97 for e in planes
         )
-        if inside:
+        if is_enclosed:
             continue
-        larger.append(leaf)
+        kept.append(leaf)
         hull = _hull(leaf.points)
         # only a leaf that fills its hull hides others
         if hull is not None and leaf.excess < 0.15 * leaf.shadow:
             planes.append(hull.equations)
-    return larger
+    return kept
 
 
 def _mean_silhouette(points: FloatArray) -> float:
@@ -220,8 +231,11 @@ def _hull(points: FloatArray) -> ConvexHull | None:
 
 def _outward(hull: ConvexHull) -> tuple[FloatArray, IntArray]:
     vertices, index = np.unique(hull.simplices, return_inverse=True)
-    v, t = np.asarray(hull.points[vertices]), index.reshape(-1, 3)
-    n = np.cross(v[t[:, 1]] - v[t[:, 0]], v[t[:, 2]] - v[t[:, 0]])
-    wrong = np.einsum("ij,ij->i", n, hull.equations[:, :3]) < 0
-    t[wrong] = t[wrong][:, ::-1]
-    return v, t.astype(np.int64)
+    vertices_m, triangles = np.asarray(hull.points[vertices]), index.reshape(-1, 3)
+    normals = np.cross(
+        vertices_m[triangles[:, 1]] - vertices_m[triangles[:, 0]],
+        vertices_m[triangles[:, 2]] - vertices_m[triangles[:, 0]],
+    )
+    is_inverted = np.einsum("ij,ij->i", normals, hull.equations[:, :3]) < 0
+    triangles[is_inverted] = triangles[is_inverted][:, ::-1]
+    return vertices_m, triangles.astype(np.int64)

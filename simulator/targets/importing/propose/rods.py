@@ -14,13 +14,13 @@ from flyaround.simulator.targets.model import Edge
 MIN_SLENDERNESS = 5.0
 """Ratio of length to radius above which a round piece is a rod."""
 MAX_ROUNDNESS_SPREAD = 0.25
-"""Relative spread of the surface's distance from the axis; below it for tapered and faceted rods, above it for bars."""
+"""Largest relative spread of the surface's distance from the axis. Tapered and faceted rods are below, bars above."""
 MAX_RADIUS, MIN_LENGTH = 0.05, 0.03
 """Largest radius and least length of a rod, as shares of the craft."""
 MIN_FACES = 12  # faces of one rod, fewer of which are ignored
 
 
-def rods_of(body: MeshBody, extent: float) -> list[Edge]:
+def find_rods(body: MeshBody, extent: float) -> list[Edge]:
     """Return the connected pieces that are rods."""
     count, label = face_bodies(body.triangles, edge_table(body.triangles))
     order = np.argsort(label, kind="stable")
@@ -39,44 +39,48 @@ def _rod(corners: FloatArray, extent: float) -> Edge | None:
     middle = corners.mean(axis=1)
     weight = area / area.sum()
     center = weight @ middle
-    spread = (middle - center) * np.sqrt(weight)[:, None]
-    axis = np.linalg.svd(spread, full_matrices=False)[2][0]
+    weighted_offsets = (middle - center) * np.sqrt(weight)[:, None]
+    axis = np.linalg.svd(weighted_offsets, full_matrices=False)[2][0]
     points = corners.reshape(-1, 3) - center
-    along = points @ axis
-    length = float(np.ptp(along))
-    # end caps are across the axis and do not constrain the radius
+    position = points @ axis
+    length = float(np.ptp(position))
+    # leave out end caps, which do not constrain the radius
     normal = face_vectors(corners) / np.maximum(area, 1e-300)[:, None]
-    radial = np.abs(normal @ axis) < 0.5
-    if not radial.any() or weight[radial].sum() < 0.6:
+    is_side = np.abs(normal @ axis) < 0.5
+    if not is_side.any() or weight[is_side].sum() < 0.6:
         return None
-    away = points - along[:, None] * axis
-    distance = np.linalg.norm(away, axis=1).reshape(-1, 3)[radial].mean(axis=1)
-    share = weight[radial] / weight[radial].sum()
-    radius = float(share @ distance)
+    from_axis = points - position[:, None] * axis
+    distance = np.linalg.norm(from_axis, axis=1).reshape(-1, 3)[is_side].mean(axis=1)
+    area_share = weight[is_side] / weight[is_side].sum()
+    radius = float(area_share @ distance)
     if length < MIN_SLENDERNESS * radius or length < MIN_LENGTH * extent or radius > MAX_RADIUS * extent:
         return None
-    if np.sqrt(share @ (distance - radius) ** 2) > MAX_ROUNDNESS_SPREAD * radius:
+    if np.sqrt(area_share @ (distance - radius) ** 2) > MAX_ROUNDNESS_SPREAD * radius:
         return None
-    # round: its normals point all ways about the axis, unlike those of a flat bar
-    normal_moments = np.einsum("ij,ik,i->jk", normal[radial], normal[radial], share)
+    # a round piece has normals in all directions about the axis, a flat bar does not
+    normal_moments = np.einsum("ij,ik,i->jk", normal[is_side], normal[is_side], area_share)
     moments = np.linalg.eigvalsh(normal_moments)
     if moments[1] < 0.35 * moments[2]:
         return None
-    a, b = center + along.min() * axis, center + along.max() * axis
+    a, b = center + position.min() * axis, center + position.max() * axis
     return Edge(name="rod", a_m=vec3(a), b_m=vec3(b), radius_m=radius)
 
 
 def along_rods(rods: list[Edge], a_m: FloatArray, b_m: FloatArray) -> BoolArray:
-    """Return (K,) True for segments along a rod's surface, which the rod's own outline represents."""
-    on_a_rod = np.zeros(len(a_m), bool)
+    """Return a mask (K,) of segments along the surface of a rod, which the rod's own outline represents."""
+    is_on_any_rod = np.zeros(len(a_m), bool)
     for rod in rods:
         start = np.asarray(rod.a_m)
         chord = np.asarray(rod.b_m) - start
         length = float(np.linalg.norm(chord))
-        on = np.ones(len(a_m), bool)
+        is_on_rod = np.ones(len(a_m), bool)
         for p in (a_m, b_m):
-            along = (p - start) @ chord / length
-            away = np.linalg.norm(p - start - along[:, None] * chord / length, axis=1)
-            on &= (away < 1.6 * rod.radius_m) & (along > -rod.radius_m) & (along < length + rod.radius_m)
-        on_a_rod |= on
-    return on_a_rod
+            position = (p - start) @ chord / length
+            distance = np.linalg.norm(p - start - position[:, None] * chord / length, axis=1)
+            is_on_rod &= (
+                (distance < 1.6 * rod.radius_m)
+                & (position > -rod.radius_m)
+                & (position < length + rod.radius_m)
+            )
+        is_on_any_rod |= is_on_rod
+    return is_on_any_rod

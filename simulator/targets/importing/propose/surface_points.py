@@ -36,12 +36,16 @@ class SurfacePoints:
 
 
 def surface_points(bodies: list[MeshBody], count: int, *, vertices: bool = True) -> SurfacePoints:
-    """Return about ``count`` points, uniform by area and deterministic, and every vertex of the bodies.
+    """Sample about ``count`` points uniformly by area, and every vertex of the bodies.
 
-    Stratified along the list of faces, so that small faces are represented; seeded.
+    The sampling is stratified along the list of faces, so that small faces are represented, and it is deterministic.
 
     Parameters
     ----------
+    bodies : list of MeshBody
+        Bodies to sample.
+    count : int
+        Number of points besides the vertices.
     vertices : bool, optional
         True to add the vertices.
     """
@@ -51,27 +55,27 @@ def surface_points(bodies: list[MeshBody], count: int, *, vertices: bool = True)
     rows: list[tuple[FloatArray, FloatArray, IntArray, IntArray]] = []
     pieces = 0
     for body, area in zip(bodies, areas, strict=True):
-        here, label = face_bodies(body.triangles, edge_table(body.triangles))
+        n_pieces, label = face_bodies(body.triangles, edge_table(body.triangles))
         n_points = max(1, round(count * float(area.sum()) / total))
-        at = np.cumsum(area) / area.sum()
-        face = np.searchsorted(at, (np.arange(n_points) + rng.random(n_points)) / n_points)
+        cumulative_area = np.cumsum(area) / area.sum()
+        face = np.searchsorted(cumulative_area, (np.arange(n_points) + rng.random(n_points)) / n_points)
         face = np.minimum(face, len(area) - 1)
         # folded into the triangle (Osada et al. 2002, Shape distributions)
         u, v = rng.random((2, n_points))
         u, v = np.where(u + v > 1, (1 - u, 1 - v), (u, v))
         p = body.positions_m[body.triangles]
-        inside = p[face, 0] + u[:, None] * (p[face, 1] - p[face, 0]) + v[:, None] * (p[face, 2] - p[face, 0])
+        sampled = p[face, 0] + u[:, None] * (p[face, 1] - p[face, 0]) + v[:, None] * (p[face, 2] - p[face, 0])
         vertex, first = np.unique(body.triangles if vertices else body.triangles[:0], return_index=True)
         face = np.concatenate([face, first // 3])
         unit = body.face_vectors / np.maximum(area[:, None], 1e-300)
         rows.append(
             (
-                np.concatenate([inside, body.positions_m[vertex]]),
+                np.concatenate([sampled, body.positions_m[vertex]]),
                 unit[face],
                 body.face_material[face],
                 label[face] + pieces,
             )
         )
-        pieces += here
+        pieces += n_pieces
     points, normals, material, piece = (np.concatenate(r) for r in zip(*rows, strict=True))
     return SurfacePoints(points, normals, material, piece, pieces)

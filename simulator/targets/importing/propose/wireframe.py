@@ -1,6 +1,6 @@
 """Proposal of a wireframe from a mesh: sharp and open edges, chained into straight segments.
 
-A segment stores the mean normals of its adjacent faces. Segments are ranked by visibility and the best are kept.
+Segments are ranked by length, contrast and visibility, and the best are kept.
 """
 
 from __future__ import annotations
@@ -17,8 +17,8 @@ from flyaround.simulator.geometry.topology import (
     with_separate_components,
 )
 from flyaround.simulator.runtime.arrays import BoolArray, FloatArray, IntArray, Vec3, vec3
-from flyaround.simulator.targets.importing.propose.edge_contrast import contrast_of
-from flyaround.simulator.targets.importing.propose.rods import along_rods, rods_of
+from flyaround.simulator.targets.importing.propose.edge_contrast import edge_contrast
+from flyaround.simulator.targets.importing.propose.rods import along_rods, find_rods
 from flyaround.simulator.targets.model import Edge
 
 if TYPE_CHECKING:
@@ -74,83 +74,85 @@ def propose_wireframe(
     tuple
         The proposed edges, and the number of edges that were dropped.
     """
-    rods = [r for b in bodies for r in rods_of(b, extent)]
-    intervals = [s for b in bodies for s in _segments(with_separate_components(b), extent)]
-    intervals = [s for s in intervals if np.linalg.norm(s.b - s.a) >= MIN_LENGTH * extent]
-    if intervals:
-        on_rod = along_rods(rods, np.array([s.a for s in intervals]), np.array([s.b for s in intervals]))
-        intervals = [s for s, c in zip(intervals, on_rod, strict=True) if not c]
+    rods = [r for b in bodies for r in find_rods(b, extent)]
+    segments = [s for b in bodies for s in _segments(with_separate_components(b), extent)]
+    segments = [s for s in segments if np.linalg.norm(s.b - s.a) >= MIN_LENGTH * extent]
+    if segments:
+        is_on_rod = along_rods(rods, np.array([s.a for s in segments]), np.array([s.b for s in segments]))
+        segments = [s for s, c in zip(segments, is_on_rod, strict=True) if not c]
     # longest first; rounded, because rounding errors must not change the order of equal lengths
-    intervals.sort(key=lambda s: -round(float(np.linalg.norm(s.b - s.a)) / extent, 5))
-    intervals = _join_collinear(_merge_parallel(intervals[: 2 * MAX_EVALUATED_EDGES], extent), extent)[
+    segments.sort(key=lambda s: -round(float(np.linalg.norm(s.b - s.a)) / extent, 5))
+    segments = _join_collinear(_merge_parallel(segments[: 2 * MAX_EVALUATED_EDGES], extent), extent)[
         :MAX_EVALUATED_EDGES
     ]
-    ends = np.array([(s.a, s.b) for s in intervals] + [(r.a_m, r.b_m) for r in rods]).reshape(-1, 2, 3)
+    ends = np.array([(s.a, s.b) for s in segments] + [(r.a_m, r.b_m) for r in rods]).reshape(-1, 2, 3)
     if not len(ends):
         return (), 0
-    depth = np.array([0.0] * len(intervals) + [r.radius_m for r in rods])
-    step, visibility = contrast_of(bodies, materials, ends[:, 0], ends[:, 1], depth)
+    depth = np.array([0.0] * len(segments) + [r.radius_m for r in rods])
+    contrast_step, visibility = edge_contrast(bodies, materials, ends[:, 0], ends[:, 1], depth)
     # the contrast of a rod is that of its two outlines against the background, not of its axis
-    step = np.where(depth > 0, np.maximum(step, 0.3), step)
-    contrast = np.round(np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1) * step * visibility / extent, 6)
-    is_valid = np.flatnonzero((visibility >= MIN_VISIBLE_SHARE) & (step >= MIN_CONTRAST))
+    contrast_step = np.where(depth > 0, np.maximum(contrast_step, 0.3), contrast_step)
+    contrast = np.round(
+        np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1) * contrast_step * visibility / extent, 6
+    )
+    is_valid = np.flatnonzero((visibility >= MIN_VISIBLE_SHARE) & (contrast_step >= MIN_CONTRAST))
     is_valid = is_valid[np.argsort(-contrast[is_valid], kind="stable")]
     share = np.cumsum(contrast[is_valid]) / max(float(contrast[is_valid].sum()), 1e-12)
     count = int(np.clip(np.searchsorted(share, VISIBILITY_SHARE) + 1, MIN_EDGES, MAX_EDGES))
     edges = []
     for number, k in enumerate(is_valid[:count], start=1):
         name = f"edge_{number:03d}"
-        if k >= len(intervals):
-            edges.append(replace(rods[k - len(intervals)], name=name))
+        if k >= len(segments):
+            edges.append(replace(rods[k - len(segments)], name=name))
         else:
-            s = intervals[k]
+            s = segments[k]
             edges.append(Edge(name=name, a_m=vec3(s.a), b_m=vec3(s.b), normals=_both_sides(s.normals)))
     return tuple(edges), max(len(is_valid) - count, 0)
 
 
-def _join_collinear(intervals: list[_Segment], extent: float) -> list[_Segment]:
+def _join_collinear(segments: list[_Segment], extent: float) -> list[_Segment]:
     """Join collinear segments that are separated by a small gap and have adjacent faces of similar orientation."""
-    out: list[_Segment] = []
-    a, b = np.empty((len(intervals), 3)), np.empty((len(intervals), 3))
-    for s in intervals:
-        n = len(out)
+    joined: list[_Segment] = []
+    a, b = np.empty((len(segments), 3)), np.empty((len(segments), 3))
+    for s in segments:
+        n = len(joined)
         twin = next(
             (
                 int(k)
                 for k in np.flatnonzero(_in_line(a[:n], b[:n], s, extent))
-                if _same_sides(out[int(k)].normals, s.normals)
+                if _same_sides(joined[int(k)].normals, s.normals)
             ),
             None,
         )
         if twin is None:
             a[n], b[n] = s.a, s.b
-            out.append(s)
+            joined.append(s)
             continue
-        t = out[twin]
+        t = joined[twin]
         ends = np.array([t.a, t.b, s.a, s.b])
-        along = (ends - t.a) @ (t.b - t.a)
+        position = (ends - t.a) @ (t.b - t.a)
         # keep the normals of the longer segment, which comes first
-        merged = _Segment(ends[int(np.argmin(along))], ends[int(np.argmax(along))], t.normals)
-        out[twin], a[twin], b[twin] = merged, merged.a, merged.b
-    return out
+        merged = _Segment(ends[int(np.argmin(position))], ends[int(np.argmax(position))], t.normals)
+        joined[twin], a[twin], b[twin] = merged, merged.a, merged.b
+    return joined
 
 
 def _in_line(a: FloatArray, b: FloatArray, s: _Segment, extent: float) -> BoolArray:
-    """Return (K,) True where the segment ``a`` to ``b`` (K, 3) is collinear with ``s``, with at most a small gap."""
-    chord, other = b - a, s.b - s.a
+    """Return a mask (K,) of the segments ``a`` to ``b`` (K, 3) that continue ``s`` in line, across a small gap."""
+    chord, direction_s = b - a, s.b - s.a
     length = np.linalg.norm(chord, axis=1)
     direction = chord / length[:, None]
-    parallel = np.abs(direction @ other) > PARALLEL_COSINE * np.linalg.norm(other)
+    parallel = np.abs(direction @ direction_s) > PARALLEL_COSINE * np.linalg.norm(direction_s)
     offset = np.stack([s.a - a, s.b - a], axis=1)
-    along = np.einsum("kij,kj->ki", offset, direction)
-    aside = np.linalg.norm(offset - along[..., None] * direction[:, None], axis=2).max(axis=1)
-    gap = np.maximum(along.min(axis=1) - length, -along.max(axis=1))
-    return np.asarray(parallel & (aside < MAX_DEVIATION * extent) & (gap < MAX_GAP * extent))
+    position = np.einsum("kij,kj->ki", offset, direction)
+    distance = np.linalg.norm(offset - position[..., None] * direction[:, None], axis=2).max(axis=1)
+    gap = np.maximum(position.min(axis=1) - length, -position.max(axis=1))
+    return np.asarray(parallel & (distance < MAX_DEVIATION * extent) & (gap < MAX_GAP * extent))
 
 
-def _same_sides(one: FloatArray, other: FloatArray) -> bool:
-    alike = one @ other.T > BEND_COS
-    return bool(alike.any(axis=1).all() or alike.any(axis=0).all())
+def _same_sides(first_normals: FloatArray, second_normals: FloatArray) -> bool:
+    is_similar = first_normals @ second_normals.T > BEND_COS
+    return bool(is_similar.any(axis=1).all() or is_similar.any(axis=0).all())
 
 
 def _both_sides(normals: FloatArray) -> tuple[Vec3, ...]:
@@ -204,18 +206,18 @@ def _followers(p: FloatArray, ends: IntArray, left: FloatArray, right: FloatArra
     """
     direction = p[ends[:, 1]] - p[ends[:, 0]]
     direction /= np.linalg.norm(direction, axis=1, keepdims=True)
-    at: dict[int, list[tuple[int, int]]] = {}
+    edges_at: dict[int, list[tuple[int, int]]] = {}
     for k, (a, b) in enumerate(ends.tolist()):
-        at.setdefault(a, []).append((k, 0))
-        at.setdefault(b, []).append((k, 1))
+        edges_at.setdefault(a, []).append((k, 0))
+        edges_at.setdefault(b, []).append((k, 1))
     follow = np.full((len(ends), 2), -1)
-    for here in at.values():
+    for incident in edges_at.values():
         pairs = []
-        for i, (e, s) in enumerate(here):
-            for f, r in here[i + 1 :]:
+        for i, (e, s) in enumerate(incident):
+            for f, r in incident[i + 1 :]:
                 # both directions point away from the vertex, so they are opposite if the edges form a straight line
-                distance = direction[e] * (1 - 2 * s), direction[f] * (1 - 2 * r)
-                cosine = -float(distance[0] @ distance[1])
+                outward = direction[e] * (1 - 2 * s), direction[f] * (1 - 2 * r)
+                cosine = -float(outward[0] @ outward[1])
                 if cosine > BEND_COS and _same_faces(e, s, f, r, left, right):
                     pairs.append((-round(cosine, 6), e, s, f, r))
         used_edges: set[int] = set()
@@ -228,8 +230,8 @@ def _followers(p: FloatArray, ends: IntArray, left: FloatArray, right: FloatArra
 
 def _same_faces(e: int, s: int, f: int, r: int, left: FloatArray, right: FloatArray) -> bool:
     """Return True if the faces beside two edges at one vertex have similar normals."""
-    one, other = (left[f], right[f]) if s != r else (right[f], left[f])
-    for a, b in ((left[e], one), (right[e], other)):
+    left_normal, right_normal = (left[f], right[f]) if s != r else (right[f], left[f])
+    for a, b in ((left[e], left_normal), (right[e], right_normal)):
         if np.isnan(a[0]) != np.isnan(b[0]):
             return False
         if not np.isnan(a[0]) and float(a @ b) < BEND_COS:
@@ -241,14 +243,14 @@ def _walk(
     first_edge: int, side: int, ends: IntArray, follow: IntArray, visited: np.ndarray
 ) -> list[tuple[int, bool]]:
     """Return the edges of a chain in order, each with True if it is traversed backwards."""
-    chain, edge, out = [], first_edge, side
+    chain, edge, exit_end = [], first_edge, side
     while edge >= 0 and not visited[edge]:
         visited[edge] = True
-        chain.append((edge, out == 0))
-        vertex = ends[edge, out]
-        edge_next = int(follow[edge, out])
+        chain.append((edge, exit_end == 0))
+        vertex = ends[edge, exit_end]
+        edge_next = int(follow[edge, exit_end])
         if edge_next >= 0:
-            out = 1 if ends[edge_next, 0] == vertex else 0
+            exit_end = 1 if ends[edge_next, 0] == vertex else 0
         edge = edge_next
     return chain
 
@@ -265,21 +267,21 @@ def _split(
     vertices = [int(ends[first, 1 if backwards else 0])]
     vertices += [int(ends[k, 0 if back else 1]) for k, back in chain]
     line = p[vertices]
-    out, todo = [], [(0, len(chain))]
-    while todo:
-        i, j = todo.pop()
+    segments, stack = [], [(0, len(chain))]
+    while stack:
+        i, j = stack.pop()
         chord = line[j] - line[i]
         length = float(np.linalg.norm(chord))
         offset = line[i : j + 1] - line[i]
         # a closed ring has no chord: split it at its farthest point
-        along = np.clip(offset @ chord / length**2, 0, 1) if length > tolerance else np.zeros(len(offset))
-        distance = np.linalg.norm(offset - along[:, None] * chord, axis=1)
+        position = np.clip(offset @ chord / length**2, 0, 1) if length > tolerance else np.zeros(len(offset))
+        distance = np.linalg.norm(offset - position[:, None] * chord, axis=1)
         worst = int(np.argmax(distance))
         if distance[worst] > tolerance and 0 < worst < j - i:
-            todo += [(i + worst, j), (i, i + worst)]
+            stack += [(i + worst, j), (i, i + worst)]
         elif length > 0:
-            out.append(_Segment(line[i], line[j], _mean_normals(chain[i:j], p, ends, sides)))
-    return out
+            segments.append(_Segment(line[i], line[j], _mean_normals(chain[i:j], p, ends, sides)))
+    return segments
 
 
 def _mean_normals(
@@ -295,17 +297,17 @@ def _mean_normals(
     return nonzero / np.linalg.norm(nonzero, axis=1, keepdims=True)
 
 
-def _merge_parallel(intervals: list[_Segment], extent: float) -> list[_Segment]:
+def _merge_parallel(segments: list[_Segment], extent: float) -> list[_Segment]:
     """Merge segments that run side by side within a bevel's width.
 
     The longest is kept, with the two normals that differ most. Touching bodies duplicate their common edges, and a
     bevelled edge consists of two lines that a camera cannot resolve.
     """
     distinct: list[_Segment] = []
-    a, b = np.empty((len(intervals), 3)), np.empty((len(intervals), 3))
-    for s in intervals:
+    a, b = np.empty((len(segments), 3)), np.empty((len(segments), 3))
+    for s in segments:
         n = len(distinct)
-        twins = np.flatnonzero(_beside(a[:n], b[:n], s, MERGE_DISTANCE * extent))
+        twins = np.flatnonzero(_is_near(a[:n], b[:n], s, MERGE_DISTANCE * extent))
         if len(twins) == 0:
             a[n], b[n] = s.a, s.b
             distinct.append(s)
@@ -317,15 +319,15 @@ def _merge_parallel(intervals: list[_Segment], extent: float) -> list[_Segment]:
     return distinct
 
 
-def _beside(a: FloatArray, b: FloatArray, s: _Segment, reach: float) -> BoolArray:
-    """Return (K,) True where both ends of ``s`` lie within ``reach`` of the segments from ``a`` to ``b`` (K, 3)."""
+def _is_near(a: FloatArray, b: FloatArray, s: _Segment, reach: float) -> BoolArray:
+    """Return a mask (K,) of the segments ``a`` to ``b`` (K, 3) that have both ends of ``s`` within ``reach``."""
     chord = b - a
     length2 = np.einsum("ij,ij->i", chord, chord)
-    near = np.ones(len(a), bool)
+    is_near = np.ones(len(a), bool)
     for end in (s.a, s.b):
-        along = np.clip(np.einsum("ij,ij->i", end - a, chord) / length2, 0.0, 1.0)
-        near &= np.linalg.norm(end - a - along[:, None] * chord, axis=1) <= reach
-    return near
+        position = np.clip(np.einsum("ij,ij->i", end - a, chord) / length2, 0.0, 1.0)
+        is_near &= np.linalg.norm(end - a - position[:, None] * chord, axis=1) <= reach
+    return is_near
 
 
 def _most_different_pair(normals: FloatArray) -> FloatArray:

@@ -1,4 +1,4 @@
-"""Subprocess for foreign decoders of untrusted bytes, with bounded memory, time and output."""
+"""Subprocesses with bounded memory and time, in which third-party decoders read untrusted bytes."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Anisotropy of a glTF model's brushed metals: one grain direction per material, from its faces' tangents."""
+"""Grain of a glTF model's brushed metals (anisotropy): one direction per material, from the tangents of its faces."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ MIN_AGREEING_SHARE = 0.8
 """Share of the faces' grain along one direction above which the material has that grain."""
 
 
-def anisotropy_of(material: dict[str, Any], extension: str) -> tuple[float, float]:
+def read_anisotropy(material: dict[str, Any], extension: str) -> tuple[float, float]:
     """Return strength 0..1 of a glTF material's anisotropy, and the angle [rad] from the tangent to its wide axis."""
     anisotropy = material.get("extensions", {}).get(extension, {})
     strength = float(np.clip(anisotropy.get("anisotropyStrength", 0.0), 0, 1))
@@ -26,12 +26,12 @@ def anisotropy_of(material: dict[str, Any], extension: str) -> tuple[float, floa
 def face_grain(
     corners_m: FloatArray, tangents: FloatArray | None, corner_uv: FloatArray | None, turn_rad: float
 ) -> FloatArray:
-    """Return the (3, 3) sum over faces of area times the dyad of their grain (which has no sign).
+    """Return the (3, 3) sum over faces of area times the dyad of the grain, because a grain has no sign.
 
     Parameters
     ----------
     corners_m : (F, 3, 3) array
-        Corners.
+        Corners of the faces [m].
     tangents : (F, 3, 4) array or None
         glTF tangents of the corners, rotated with the mesh; or None to derive them from ``corner_uv``.
     corner_uv : (F, 3, 2) array or None
@@ -58,17 +58,24 @@ def face_grain(
         return np.zeros((3, 3))
     t = t - (t * n).sum(axis=1, keepdims=True) * n
     t = t / np.maximum(np.linalg.norm(t, axis=1), 1e-30)[:, None]
-    wide = np.cos(turn_rad) * t + np.sin(turn_rad) * hand[:, None] * np.cross(n, t)
-    grain = np.cross(n, wide)
-    good = np.isfinite(grain).all(axis=1) & (area > 0)
-    return np.einsum("f,fi,fj->ij", area[good], grain[good], grain[good])
+    wide_axis = np.cos(turn_rad) * t + np.sin(turn_rad) * hand[:, None] * np.cross(n, t)
+    grain = np.cross(n, wide_axis)
+    is_valid = np.isfinite(grain).all(axis=1) & (area > 0)
+    return np.einsum("f,fi,fj->ij", area[is_valid], grain[is_valid], grain[is_valid])
 
 
 @dataclass(frozen=True)
 class Grain:
-    """The grain direction of a material: along ``axis`` or, if ``turned``, around it; ``fits`` if most faces agree.
+    """The grain direction of a material.
 
-    Without tangents or texture coordinates the axis is zero.
+    Parameters
+    ----------
+    axis : tuple of float
+        Direction; zero without tangents and texture coordinates.
+    turned : bool
+        True if the grain runs around the axis, as on a turned part, instead of along it.
+    fits : bool
+        True if most faces agree with this direction.
     """
 
     axis: Vec3
@@ -89,6 +96,6 @@ def common_grain(dyads: FloatArray) -> Grain:
     return Grain(vec3(axis * np.sign(axis[np.argmax(np.abs(axis))])), is_around, straight or is_around)
 
 
-def corners_of(values: FloatArray, triangles: IntArray) -> FloatArray:
+def at_corners(values: FloatArray, triangles: IntArray) -> FloatArray:
     """Return per-vertex values at the corners of triangles (F, 3, ...); invalid indices are reported elsewhere."""
     return np.asarray(values[np.clip(triangles, 0, len(values) - 1)])

@@ -18,14 +18,28 @@ if TYPE_CHECKING:
 
 DRACO = "KHR_draco_mesh_compression"
 MAX_RESULT_BYTES = 128 << 20  # held up to four times during unpacking
-COMPONENT_OF = {"b": 5120, "B": 5121, "h": 5122, "H": 5123, "I": 5125, "f": 5126}
-TYPE_OF = {1: "SCALAR", 2: "VEC2", 3: "VEC3", 4: "VEC4"}
+COMPONENT_TYPES = {"b": 5120, "B": 5121, "h": 5122, "H": 5123, "I": 5125, "f": 5126}
+ACCESSOR_TYPES = {1: "SCALAR", 2: "VEC2", 3: "VEC3", 4: "VEC4"}
 
 
 def unpack_draco(path: Path, document: dict[str, Any], buffers: list[bytes]) -> list[bytes]:
-    """Decode compressed primitives; return the buffers with the data appended. The document is changed to refer to it.
+    """Decode compressed primitives into a new buffer, and change the document to refer to it.
 
-    Primitives that also contain the uncompressed geometry are left as they are.
+    Primitives that also contain the uncompressed geometry are not changed.
+
+    Parameters
+    ----------
+    path : Path
+        File, for messages.
+    document : dict
+        Parsed JSON; it is changed.
+    buffers : list of bytes
+        Contents of the document's buffers.
+
+    Returns
+    -------
+    list of bytes
+        The buffers and the new one.
 
     Raises
     ------
@@ -50,8 +64,8 @@ def unpack_draco(path: Path, document: dict[str, Any], buffers: list[bytes]) -> 
         stream = views.index(int(extension["bufferView"]))
         accessors = document["accessors"]
         for name, number in extension["attributes"].items():
-            was = accessors[p["attributes"][name]] if name in p["attributes"] else {}
-            p["attributes"][name] = added_buffer.accessor(f"{stream}_{int(number)}", arrays, was)
+            placeholder = accessors[p["attributes"][name]] if name in p["attributes"] else {}
+            p["attributes"][name] = added_buffer.accessor(f"{stream}_{int(number)}", arrays, placeholder)
         p["indices"] = added_buffer.accessor(f"faces_{stream}", arrays, {})
         p["mode"] = 4
         del p["extensions"][DRACO]
@@ -65,25 +79,27 @@ class _AddedBuffer:
         self._document, self._buffer = document, buffer
         self._blocks: list[bytes] = []
         self._length = 0
-        self._known: dict[tuple[str, int, bool], int] = {}
+        self._accessors: dict[tuple[str, int, bool], int] = {}
 
-    def accessor(self, key: str, arrays: dict[str, NDArray[Any]], was: dict[str, Any]) -> int:
+    def accessor(self, key: str, arrays: dict[str, NDArray[Any]], placeholder: dict[str, Any]) -> int:
         """Return the index of a new accessor for an array; faces become one row of indices.
 
         Parameters
         ----------
-        was : dict
+        placeholder : dict
             Placeholder accessor in the document, whose component type and ``normalized`` apply: the decoder returns
             integers as floats.
         """
         array = arrays[key].reshape(-1, 1) if key.startswith("faces") else arrays[key]
         array = np.ascontiguousarray(array.reshape(len(array), -1))
         kind = int(
-            was.get("componentType", COMPONENT_OF[array.dtype.char if array.dtype.char != "L" else "I"])
+            placeholder.get(
+                "componentType", COMPONENT_TYPES[array.dtype.char if array.dtype.char != "L" else "I"]
+            )
         )
-        normalized = bool(was.get("normalized"))
-        if (key, kind, normalized) in self._known:
-            return self._known[key, kind, normalized]
+        normalized = bool(placeholder.get("normalized"))
+        if (key, kind, normalized) in self._accessors:
+            return self._accessors[key, kind, normalized]
         with np.errstate(invalid="ignore"):
             array = array.astype(COMPONENTS[kind])
         data = array.tobytes()
@@ -96,13 +112,13 @@ class _AddedBuffer:
                 "componentType": kind,
                 "normalized": normalized,
                 "count": len(array),
-                "type": TYPE_OF[array.shape[1]],
+                "type": ACCESSOR_TYPES[array.shape[1]],
             }
         )
         self._blocks.append(data)
         self._length += len(data)
-        self._known[key, kind, normalized] = len(self._document["accessors"]) - 1
-        return self._known[key, kind, normalized]
+        self._accessors[key, kind, normalized] = len(self._document["accessors"]) - 1
+        return self._accessors[key, kind, normalized]
 
     def data(self) -> bytes:
         """Return all arrays, concatenated."""

@@ -32,11 +32,11 @@ def main(max_bytes: int) -> int:
     bound_memory(MAX_MEMORY_BYTES)
     data = sys.stdin.buffer.read()
     arrays: dict[str, np.ndarray] = {}
-    at = stream = size = 0
-    while at < len(data):
-        length = int.from_bytes(data[at : at + 8], "little")
+    offset = stream = size = 0
+    while offset < len(data):
+        length = int.from_bytes(data[offset : offset + 8], "little")
         try:
-            mesh = DracoPy.decode(data[at + 8 : at + 8 + length])
+            mesh = DracoPy.decode(data[offset + 8 : offset + 8 + length])
             stream_arrays = {f"faces_{stream}": mesh.faces}
             stream_arrays |= {f"{stream}_{int(a['unique_id'])}": a["data"] for a in mesh.attributes}
         except MemoryError:
@@ -47,7 +47,7 @@ def main(max_bytes: int) -> int:
         if size > max_bytes:
             return finish("it unpacks to more than is read")
         arrays |= stream_arrays
-        at += 8 + length
+        offset += 8 + length
         stream += 1
     archive = io.BytesIO()
     np.savez(archive, **arrays)  # type: ignore[arg-type]

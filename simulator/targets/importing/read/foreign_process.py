@@ -72,7 +72,7 @@ def _by_trimesh(kind: str, path: Path, data: bytes) -> tuple[dict[str, Any], byt
 
     lost: list[str] = []
 
-    class Beside(trimesh.resolvers.Resolver):  # type: ignore[misc]
+    class FolderResolver(trimesh.resolvers.Resolver):  # type: ignore[misc]
         """Resolver of textures in the model's folder."""
 
         def __init__(self) -> None:
@@ -85,7 +85,7 @@ def _by_trimesh(kind: str, path: Path, data: bytes) -> tuple[dict[str, Any], byt
                 lost.append(str(error))
                 raise KeyError(name) from error
 
-        def namespaced(self, namespace: str) -> Beside:  # noqa: ARG002 - base class signature
+        def namespaced(self, namespace: str) -> FolderResolver:  # noqa: ARG002 - base class signature
             return self
 
         def write(self, name: str, data: bytes) -> None:
@@ -95,7 +95,9 @@ def _by_trimesh(kind: str, path: Path, data: bytes) -> tuple[dict[str, Any], byt
             return []
 
     options: dict[str, Any] = {"ignore_broken": False} if kind == "dae" else {}
-    scene = trimesh.load_scene(io.BytesIO(data), file_type=kind, resolver=Beside(), process=False, **options)
+    scene = trimesh.load_scene(
+        io.BytesIO(data), file_type=kind, resolver=FolderResolver(), process=False, **options
+    )
     for name, mesh in list(scene.geometry.items()):
         if not isinstance(mesh, trimesh.Trimesh):
             lost.append("points and curves")

@@ -20,10 +20,10 @@ from flyaround.simulator.targets.glb.read import (
     read_chunks,
 )
 from flyaround.simulator.targets.importing.read.brushed import (
-    anisotropy_of,
+    at_corners,
     common_grain,
-    corners_of,
     face_grain,
+    read_anisotropy,
 )
 from flyaround.simulator.targets.importing.read.draco import unpack_draco
 from flyaround.simulator.targets.importing.read.gltf_accessors import read_accessor
@@ -34,8 +34,8 @@ from flyaround.simulator.targets.importing.read.gltf_nodes import (
     STRIP,
     TRIANGLES,
     as_triangles,
-    check_weight,
-    placed_meshes,
+    check_size,
+    meshes_in_scene,
 )
 from flyaround.simulator.targets.importing.read.raw_model import (
     UNNAMED_SURFACE,
@@ -105,8 +105,8 @@ class _Reader:
         names = unique_names((m.name for m in materials), "material")
         materials = [replace(m, name=n) for m, n in zip(materials, names, strict=True)]
         materials.append(UNNAMED_SURFACE)
-        nodes = placed_meshes(document, self.notes, self._read)
-        check_weight(document, nodes, sum(map(len, self.buffers)))
+        nodes = meshes_in_scene(document, self.notes, self._read)
+        check_size(document, nodes, sum(map(len, self.buffers)))
         meshes = {number for _, number, _ in nodes}
         if any("skin" in node for node in document.get("nodes", [])) or any(
             "targets" in p for number in meshes for p in document["meshes"][number]["primitives"]
@@ -118,7 +118,7 @@ class _Reader:
             part = self._part(name, document["meshes"][mesh], matrix, len(materials) - 1)
             if part is not None:
                 parts.append(part)
-        materials = self._brushed(materials)
+        materials = self._with_grain(materials)
         material_indices = {int(k) for p in parts for k in np.unique(p.face_material)}
         if len(materials) - 1 in material_indices and document.get("materials"):
             self.notes.append("some faces name no material: given a mid-grey paint")
@@ -168,10 +168,10 @@ class _Reader:
         if all(n is not None for n in normals):
             all_normals = np.concatenate([n for n in normals if n is not None]) @ np.linalg.pinv(linear)
         with np.errstate(invalid="ignore", over="ignore"):  # non-finite vertices are reported later
-            places = np.concatenate(positions) @ linear.T + matrix[:3, 3]
+            scene_positions = np.concatenate(positions) @ linear.T + matrix[:3, 3]
         return RawPart(
             name=name,
-            positions_m=places,
+            positions_m=scene_positions,
             triangles=all_triangles,
             face_material=np.concatenate(materials),
             normals=all_normals,
@@ -191,22 +191,22 @@ class _Reader:
         if "material" not in primitive:
             return
         number = int(primitive["material"])
-        strength, turn = anisotropy_of(self.document["materials"][number], ANISOTROPY)
+        strength, turn = read_anisotropy(self.document["materials"][number], ANISOTROPY)
         if strength == 0:
             return
         tangents = None
         if "TANGENT" in primitive["attributes"]:
-            read = self._read(primitive["attributes"]["TANGENT"])
-            tangents = corners_of(np.column_stack([read[:, :3] @ linear.T, read[:, 3]]), triangles)
+            values = self._read(primitive["attributes"]["TANGENT"])
+            tangents = at_corners(np.column_stack([values[:, :3] @ linear.T, values[:, 3]]), triangles)
         elif corner_uv is None and "TEXCOORD_0" in primitive["attributes"]:
-            corner_uv = corners_of(self._read(primitive["attributes"]["TEXCOORD_0"]), triangles)
-        places = corners_of(positions @ linear.T, triangles)
-        dyads = face_grain(places, tangents, corner_uv, turn)
+            corner_uv = at_corners(self._read(primitive["attributes"]["TEXCOORD_0"]), triangles)
+        corners = at_corners(positions @ linear.T, triangles)
+        dyads = face_grain(corners, tangents, corner_uv, turn)
         self.grain[number] = self.grain.get(number, np.zeros((3, 3))) + dyads
 
-    def _brushed(self, materials: list[Material]) -> list[Material]:
+    def _with_grain(self, materials: list[Material]) -> list[Material]:
         """Return the materials with their grain directions."""
-        out = list(materials)
+        materials_with_grain = list(materials)
         for number, dyads in self.grain.items():
             grain = common_grain(dyads)
             if not grain.fits:
@@ -215,10 +215,12 @@ class _Reader:
                 )
             if not any(grain.axis):
                 self.lost.add("brushing of meshes without tangents or texture coordinates")
-                out[number] = replace(out[number], anisotropy=0.0)
+                materials_with_grain[number] = replace(materials_with_grain[number], anisotropy=0.0)
             else:
-                out[number] = replace(out[number], grain=grain.axis, turned=grain.turned)
-        return [m if any(m.grain) else replace(m, anisotropy=0.0) for m in out]
+                materials_with_grain[number] = replace(
+                    materials_with_grain[number], grain=grain.axis, turned=grain.turned
+                )
+        return [m if any(m.grain) else replace(m, anisotropy=0.0) for m in materials_with_grain]
 
     def _colours(self, primitive: dict[str, Any], triangles: IntArray, count: int) -> FloatArray | None:
         """Return (F, 3) face colours from the vertices, if the file has them and no texture."""
@@ -273,11 +275,11 @@ class _Reader:
         data = embedded_file(self.path, uri, what)
         if data is not None:
             return data
-        place = find_beside(self.path, unquote(uri), what)
+        path = find_beside(self.path, unquote(uri), what)
         try:
-            if place not in self.files:  # any number of buffers may name one file
-                self.files[place] = read_regular(place, max_bytes)
-            return self.files[place]
+            if path not in self.files:  # any number of buffers may name one file
+                self.files[path] = read_regular(path, max_bytes)
+            return self.files[path]
         except OSError as error:
             raise UserError(
                 f"{self.path}: {what} file {unquote(uri)[:80]!r} is missing; put it beside the model, or export as .glb"
@@ -306,7 +308,7 @@ def embedded_file(path: Path, uri: str, what: str) -> bytes | None:
 def _join_faces(
     rows: list[FloatArray | None], triangles: list[IntArray], shape: tuple[int, ...]
 ) -> FloatArray | None:
-    """Join per-face values of all primitives, NaN where missing; None if all are."""
+    """Concatenate per-face values of all primitives, NaN where missing; None if all are missing."""
     if all(r is None for r in rows):
         return None
     blank = (np.full((len(t), *shape), np.nan) for t in triangles)

@@ -33,13 +33,29 @@ def read_accessor(document: dict[str, Any], buffers: list[bytes], number: int) -
         values = _view(document, buffers, accessor["bufferView"], start, dtype, count, width)
     if "sparse" in accessor:
         sparse = accessor["sparse"]
-        i, v = sparse["indices"], sparse["values"]
-        kind = np.dtype(COMPONENTS[i["componentType"]])
-        at = _view(document, buffers, i["bufferView"], i.get("byteOffset", 0), kind, sparse["count"], 1)
-        new = _view(document, buffers, v["bufferView"], v.get("byteOffset", 0), dtype, sparse["count"], width)
-        if len(at) and not 0 <= at.min() <= at.max() < count:
+        index_record, value_record = sparse["indices"], sparse["values"]
+        kind = np.dtype(COMPONENTS[index_record["componentType"]])
+        indices = _view(
+            document,
+            buffers,
+            index_record["bufferView"],
+            index_record.get("byteOffset", 0),
+            kind,
+            sparse["count"],
+            1,
+        )
+        replacements = _view(
+            document,
+            buffers,
+            value_record["bufferView"],
+            value_record.get("byteOffset", 0),
+            dtype,
+            sparse["count"],
+            width,
+        )
+        if len(indices) and not 0 <= indices.min() <= indices.max() < count:
             raise ValueError("a sparse accessor changes values that it has not")
-        values[at[:, 0].astype(np.int64)] = new
+        values[indices[:, 0].astype(np.int64)] = replacements
     if accessor.get("normalized") and dtype.kind in "iu":
         values = np.maximum(values / np.iinfo(dtype).max, -1.0)
     return values

@@ -9,7 +9,7 @@ import numpy as np
 
 from flyaround.simulator.runtime.arrays import Vec3, vec3
 from flyaround.simulator.targets.glb.read import ANISOTROPY, CLEARCOAT
-from flyaround.simulator.targets.importing.read.brushed import anisotropy_of
+from flyaround.simulator.targets.importing.read.brushed import read_anisotropy
 from flyaround.simulator.targets.importing.read.gltf_extensions import SPECULAR_GLOSSINESS, TEXTURE_TRANSFORM
 from flyaround.simulator.targets.importing.read.raw_model import unique_name
 from flyaround.simulator.targets.model import Material, TextureImage
@@ -76,10 +76,10 @@ class GltfMaterials:
         samplers = self._document.get("samplers", [])
         sampler = samplers[record["sampler"]] if "sampler" in record else {}
         wraps = (sampler.get("wrapS", REPEAT), sampler.get("wrapT", REPEAT))
-        beyond = [
+        is_outside = [
             bool(((axis < -1e-3) | (axis > 1.001)).any()) for axis in np.nan_to_num(uv).reshape(-1, 2).T
         ]
-        if any(wrap != REPEAT and out for wrap, out in zip(wraps, beyond, strict=True)):
+        if any(wrap != REPEAT and out for wrap, out in zip(wraps, is_outside, strict=True)):
             self._lost.add("textures that clamp or mirror at their edges (they repeat)")
 
     def _material(self, m: dict[str, Any]) -> Material:
@@ -102,7 +102,7 @@ class GltfMaterials:
             clearcoat_roughness=float(
                 np.clip(coat.get("clearcoatRoughnessFactor", Material.clearcoat_roughness), 0, 1)
             ),
-            anisotropy=anisotropy_of(m, ANISOTROPY)[0],
+            anisotropy=read_anisotropy(m, ANISOTROPY)[0],
             base_color_texture=self._picture(_base_texture(m), name),
             metallic_roughness_texture=self._picture(pbr.get("metallicRoughnessTexture"), name),
             normal_texture=self._picture(m.get("normalTexture"), name),
@@ -120,7 +120,7 @@ class GltfMaterials:
         if m.get("alphaMode", "OPAQUE") != "OPAQUE":
             self._lost.add("transparency (drawn opaque)")
 
-    def _from_specular(self, old: dict[str, Any]) -> tuple[Vec3, float, float]:
+    def _from_specular(self, extension: dict[str, Any]) -> tuple[Vec3, float, float]:
         """Convert a specular-glossiness material to base colour, metalness and roughness.
 
         The metalness m solves, with brightnesses of both colours, diffuse = base (1 - 0.04) (1 - m) / (1 - specular)
@@ -130,12 +130,15 @@ class GltfMaterials:
         ----------
         Khronos Group (2017), KHR_materials_pbrSpecularGlossiness, appendix.
         """
-        if "specularGlossinessTexture" in old:
+        if "specularGlossinessTexture" in extension:
             self._lost.add("maps of specular colour and glossiness (their factors are taken)")
-        diffuse = np.asarray(old.get("diffuseFactor", [1, 1, 1, 1])[:3], float)
-        specular = np.asarray(old.get("specularFactor", [1, 1, 1])[:3], float)
-        roughness = 1.0 - float(old.get("glossinessFactor", 1.0))
-        if _base_texture({"extensions": {SPECULAR_GLOSSINESS: old}}) or "specularGlossinessTexture" in old:
+        diffuse = np.asarray(extension.get("diffuseFactor", [1, 1, 1, 1])[:3], float)
+        specular = np.asarray(extension.get("specularFactor", [1, 1, 1])[:3], float)
+        roughness = 1.0 - float(extension.get("glossinessFactor", 1.0))
+        if (
+            _base_texture({"extensions": {SPECULAR_GLOSSINESS: extension}})
+            or "specularGlossinessTexture" in extension
+        ):
             return vec3(diffuse), 0.0, roughness  # the factors alone do not identify a metal
         d, s, strength = _brightness(diffuse), _brightness(specular), float(specular.max())
         metallic = 0.0
@@ -143,9 +146,13 @@ class GltfMaterials:
             b = d * (1 - strength) / (1 - DIELECTRIC) + s - 2 * DIELECTRIC
             root = np.sqrt(max(b * b - 4 * DIELECTRIC * (DIELECTRIC - s), 0.0))
             metallic = float(np.clip((root - b) / (2 * DIELECTRIC), 0, 1))
-        as_plastic = diffuse * ((1 - strength) / (1 - DIELECTRIC) / max(1 - metallic, 1e-6))
-        as_metal = (specular - DIELECTRIC * (1 - metallic)) / max(metallic, 1e-6)
-        return vec3(np.clip(as_plastic + (as_metal - as_plastic) * metallic**2, 0, 1)), metallic, roughness
+        dielectric_color = diffuse * ((1 - strength) / (1 - DIELECTRIC) / max(1 - metallic, 1e-6))
+        metal_color = (specular - DIELECTRIC * (1 - metallic)) / max(metallic, 1e-6)
+        return (
+            vec3(np.clip(dielectric_color + (metal_color - dielectric_color) * metallic**2, 0, 1)),
+            metallic,
+            roughness,
+        )
 
     def _picture(self, reference: dict[str, Any] | None, material: str) -> str:
         """Return the name of a texture's image; empty if there is none."""

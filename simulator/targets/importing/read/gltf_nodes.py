@@ -1,4 +1,4 @@
-"""The node tree of a glTF scene: placed meshes, with their total size checked before any is read."""
+"""The node tree of a glTF scene: its meshes with their transforms, and a check of their total size."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ PlacedMesh = tuple[str, int, "FloatArray"]
 """Name, mesh number, and (4, 4) scene from mesh."""
 
 
-def placed_meshes(
+def meshes_in_scene(
     document: dict[str, Any], notes: list[str], read: Callable[[int], FloatArray]
 ) -> list[PlacedMesh]:
     """Return the meshes of the default scene with their transforms, in tree order.
@@ -39,7 +39,7 @@ def placed_meshes(
     ValueError, LookupError, TypeError, AttributeError
         If the document violates glTF, for example a node has two parents.
     """
-    nodes, placed = document.get("nodes", []), list[PlacedMesh]()
+    nodes, meshes = document.get("nodes", []), list[PlacedMesh]()
     stack = [(int(k), np.eye(4)) for k in reversed(_roots(document, notes))]
     visited: set[int] = set()
     n_hidden = 0
@@ -57,14 +57,14 @@ def placed_meshes(
         if "mesh" in node:
             mesh = document["meshes"][node["mesh"]]
             name = str(node.get("name") or mesh.get("name") or "")
-            places = _instances(extensions[INSTANCING], read) if INSTANCING in extensions else [np.eye(4)]
-            placed += [(name, int(node["mesh"]), matrix @ place) for place in places]
-            if len(placed) > MAX_PLACED:
+            instances = _instances(extensions[INSTANCING], read) if INSTANCING in extensions else [np.eye(4)]
+            meshes += [(name, int(node["mesh"]), matrix @ place) for place in instances]
+            if len(meshes) > MAX_PLACED:
                 raise ValueError(f"its nodes place more than {MAX_PLACED:,} meshes")
         stack += [(int(child), matrix) for child in reversed(node.get("children", []))]
     if n_hidden:
         notes.append(f"left out {n_hidden:,} nodes that {VISIBILITY} hides, with all below them")
-    return placed
+    return meshes
 
 
 def _instances(extension: dict[str, Any], read: Callable[[int], FloatArray]) -> list[FloatArray]:
@@ -81,8 +81,8 @@ def _instances(extension: dict[str, Any], read: Callable[[int], FloatArray]) -> 
     ]
 
 
-def check_weight(document: dict[str, Any], placed: list[PlacedMesh], n_bytes: int) -> None:
-    """Raise if meshes are instanced far beyond the file's size, before any is read.
+def check_size(document: dict[str, Any], meshes: list[PlacedMesh], n_bytes: int) -> None:
+    """Check, before any mesh is read, that instances do not multiply the meshes far beyond the file's size.
 
     Parameters
     ----------
@@ -96,13 +96,13 @@ def check_weight(document: dict[str, Any], placed: list[PlacedMesh], n_bytes: in
     """
     accessors = document.get("accessors", [])
     rows: dict[int, int] = {}
-    for mesh in {number for _, number, _ in placed}:
+    for mesh in {number for _, number, _ in meshes}:
         rows[mesh] = 0
         for primitive in document["meshes"][mesh]["primitives"]:
             vertices = int(accessors[primitive["attributes"]["POSITION"]]["count"])
             indices = int(accessors[primitive["indices"]]["count"]) if "indices" in primitive else vertices
             rows[mesh] += vertices + indices
-    total = sum(rows[number] for _, number, _ in placed)
+    total = sum(rows[number] for _, number, _ in meshes)
     if total > max(MAX_ROWS, n_bytes):
         raise ValueError(f"its nodes place {total:,} vertices and indices, far more than it holds")
 

@@ -1,4 +1,4 @@
-"""Readers of mesh files into raw parts. The contents must match the file's suffix."""
+"""Reading of mesh files as raw parts, by suffix. The contents must match the suffix."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ KINDS = {"ply": "PLY", "off": "OFF", "dae": "COLLADA", "3mf": "3MF", "step": "ST
 ENDINGS = ("glb", "gltf", "obj", "stl", *KINDS)
 OBJ_WORDS = {"v", "vn", "vt", "f", "o", "g", "mtllib", "usemtl", "s", "vp", "l", "p"}
 SIGNATURES = {b"ply": "ply", b"OFF": "off", b"COFF": "off", b"NOFF": "off", b"ISO-10303-21": "step"}
-FOREIGN_MARKS = {
+UNSUPPORTED_SIGNATURES = {
     b"version https://git-lfs": "a Git LFS pointer instead of the mesh (`git lfs pull` brings it)",
     b"PK": "a ZIP archive (USDZ or packed files)",
     b"\x89PN": "a PNG image",
@@ -60,13 +60,13 @@ def read_mesh(path: Path) -> RawModel:
     kind = "step" if kind == "stp" else kind
     # a binary STL has no signature
     if detected != kind and not (detected == "" and kind == "stl"):
-        found = f"a .{detected} file" if detected in ENDINGS else detected or "no mesh that is known"
+        contents = f"a .{detected} file" if detected in ENDINGS else detected or "no mesh that is known"
         hint = (
             f"rename it to {path.with_suffix('.' + detected).name}"
             if detected in ENDINGS
             else "export it as .glb"
         )
-        raise UserError(f"{path} ends in .{kind} but holds {found}; {hint}")
+        raise UserError(f"{path} ends in .{kind} but holds {contents}; {hint}")
     match kind:
         case "glb" | "gltf":
             model = read_gltf(path, data)
@@ -84,7 +84,13 @@ def read_mesh(path: Path) -> RawModel:
 
 
 def detected_format(data: bytes) -> str:
-    """Return the suffix that a file's contents imply, or a description of them, or an empty string."""
+    """Detect the format of a file by its contents.
+
+    Returns
+    -------
+    str
+        Suffix of a supported format, description of an unsupported one, or an empty string.
+    """
     if data[:4] == b"glTF":
         return "glb"
     if is_stl(data):
@@ -99,12 +105,12 @@ def detected_format(data: bytes) -> str:
         return "dae"
     if data[:2] == b"PK" and b"3D/" in data:
         return "3mf"
-    for magic, found in FOREIGN_MARKS.items():
+    for magic, description in UNSUPPORTED_SIGNATURES.items():
         if head.startswith(magic):
-            return found
-    words = [split_word(line)[0].lower() for line in text_lines(data[:65536])[:-1] or text_lines(data)]
-    real = [w for w in words if w and not w.startswith("#")]
-    if not real or sum(w in OBJ_WORDS for w in real) > len(real) // 2:
+            return description
+    first_words = [split_word(line)[0].lower() for line in text_lines(data[:65536])[:-1] or text_lines(data)]
+    statements = [w for w in first_words if w and not w.startswith("#")]
+    if not statements or sum(w in OBJ_WORDS for w in statements) > len(statements) // 2:
         return "obj"
     return ""
 
@@ -144,7 +150,7 @@ def read_foreign(path: Path, kind: str, data: bytes) -> RawModel:
             part.positions_m = part.positions_m * facts["metres"]
         if part.face_colour is not None and kind in ("ply", "off"):
             part.face_colour = linear_from_srgb(part.face_colour)
-    model.notes += [f"not carried over: {found}" for found in dict.fromkeys(facts["lost"])]
+    model.notes += [f"not carried over: {item}" for item in dict.fromkeys(facts["lost"])]
     if kind == "3mf" and (b"PK" in data[:2]):
         model.notes.append("colours of 3MF are not read: given a mid-grey paint")
     return model

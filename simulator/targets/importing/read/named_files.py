@@ -17,7 +17,7 @@ class NotReadError(Exception):
 
 
 def text_lines(data: bytes) -> list[str]:
-    """Return the lines of an OBJ or MTL file, in any encoding and with any line ends that exporters write."""
+    """Return the lines of an OBJ or MTL file in UTF-8, UTF-16 or Windows-1252, with any line ends."""
     if data[:2] in (b"\xff\xfe", b"\xfe\xff"):
         text = data.decode("utf-16", "replace")
     else:
@@ -43,8 +43,8 @@ def unquoted(name: str) -> str:
 def read_named(model: Path, owner: Path, name: str, what: str, max_bytes: int) -> tuple[Path, bytes]:
     """Find and read a file to which ``owner`` refers.
 
-    Exporters often write absolute paths of their own machine: if there is no such file, the one of the same name beside
-    ``owner`` is read. Upper and lower case are treated as equal if necessary.
+    Exporters often write absolute paths of their own machine. If there is no such file, the file of the same name
+    beside ``owner`` is read. Case is ignored if no file matches exactly.
 
     Parameters
     ----------
@@ -69,8 +69,8 @@ def read_named(model: Path, owner: Path, name: str, what: str, max_bytes: int) -
         if not candidate:
             continue
         try:
-            place = _in_other_capitals(find_beside(owner, candidate, what, model.parent))
-            return place, read_regular(place, max_bytes)
+            path = _ignoring_case(find_beside(owner, candidate, what, model.parent))
+            return path, read_regular(path, max_bytes)
         except UserError as error:
             first = first or error
         except OSError:
@@ -80,9 +80,9 @@ def read_named(model: Path, owner: Path, name: str, what: str, max_bytes: int) -
     raise NotReadError(str(first or f"{what} file without a name").removeprefix(f"{owner}: "))
 
 
-def _in_other_capitals(place: Path) -> Path:
+def _ignoring_case(path: Path) -> Path:
     """Return the file of this name, or the one whose name differs in case only."""
-    if place.exists() or not place.parent.is_dir():
-        return place
-    folded = place.name.casefold()
-    return next((p for p in sorted(place.parent.iterdir()) if p.name.casefold() == folded), place)
+    if path.exists() or not path.parent.is_dir():
+        return path
+    folded = path.name.casefold()
+    return next((p for p in sorted(path.parent.iterdir()) if p.name.casefold() == folded), path)

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
 MAX_INDEX = 2**40
 MAX_CLIPPING = 50e6
-"""Bound on the sum of squared corner counts of concave polygons."""
+"""Limit on the sum of squared corner counts of concave polygons, to which the time of ear clipping is proportional."""
 
 
 CURVES = ("l", "p", "curv", "curv2", "surf")
@@ -99,16 +99,16 @@ def read_obj(path: Path, data: bytes) -> RawModel:
     model.notes += palette.notes
     model.faults += palette.faults
     number = {m.name: k for k, m in enumerate(model.materials)}
-    of_part: dict[str, list[_Block]] = {}
+    blocks_by_part: dict[str, list[_Block]] = {}
     for block in statements.blocks:
-        of_part.setdefault(block.part, []).append(block)
-    short = 0
-    for name, part_blocks in zip(unique_names(of_part, "body"), of_part.values(), strict=True):
+        blocks_by_part.setdefault(block.part, []).append(block)
+    n_dropped = 0
+    for name, part_blocks in zip(unique_names(blocks_by_part, "body"), blocks_by_part.values(), strict=True):
         body, dropped = _part(path, name, part_blocks, (v, vt, vn, colours), in_use, number)
         model.parts.append(body)
-        short += dropped
-    if short:
-        model.notes.append(f"left out {short:,} faces of fewer than three corners")
+        n_dropped += dropped
+    if n_dropped:
+        model.notes.append(f"left out {n_dropped:,} faces of fewer than three corners")
     return model
 
 
@@ -158,11 +158,11 @@ def _materials(
     absent = [n for n in used if n and n not in by_name]
     if absent and (has_libraries or not names_libraries):
         names = ", ".join(repr(n[:80]) for n in absent[:5]) + ", ..." * (len(absent) > 5)
-        which = f"material{'s' * (len(absent) > 1)} {names} {'are' if len(absent) > 1 else 'is'}"
+        description = f"material{'s' * (len(absent) > 1)} {names} {'are' if len(absent) > 1 else 'is'}"
         if has_libraries:
-            model.faults.append(f"{which} in none of the .mtl files that were read: drawn grey")
+            model.faults.append(f"{description} in none of the .mtl files that were read: drawn grey")
         else:
-            model.notes.append(f"{which} named, but no .mtl file: drawn grey")
+            model.notes.append(f"{description} named, but no .mtl file: drawn grey")
     model.materials = [by_name[n].material for n in used if n in by_name] + [UNNAMED_SURFACE]
     model.pictures = {p.name: p for n in used if n in by_name and (p := by_name[n].picture) is not None}
     unsupported = sorted({k for n in used if n in by_name for k in by_name[n].lost})
@@ -184,77 +184,89 @@ def _part(
 ) -> tuple[RawPart, int]:
     v, vt, vn, vertex_colours = data
     corners, materials, coordinates, colours = [], [], [], []
-    short = 0
+    n_dropped = 0
     for block in blocks:
-        c, dropped = _faces(path, block.lines, v)
-        short += dropped
+        triangles, dropped = _faces(path, block.lines, v)
+        n_dropped += dropped
         for column, count, what in ((0, len(v), "vertex"), (1, len(vt), "vt"), (2, len(vn), "vn")):
-            bad = (c[..., column] > count) | (c[..., column] < (1 if column == 0 else 0))
+            bad = (triangles[..., column] > count) | (triangles[..., column] < (1 if column == 0 else 0))
             if bad.any():
                 face = int(np.argmax(bad.any(axis=1)))
-                value = int(c[face, :, column][bad[face]][0])
+                value = int(triangles[face, :, column][bad[face]][0])
                 raise UserError(
                     f"{path}, part {name!r}: triangle {face} uses {what} {value} of {count}; export it again"
                 )
-        corners.append(c)
-        materials.append(np.full(len(c), number.get(block.material, len(number) - 1), np.int64))
-        uv = np.full((len(c), 3, 2), np.nan)
+        corners.append(triangles)
+        materials.append(np.full(len(triangles), number.get(block.material, len(number) - 1), np.int64))
+        uv = np.full((len(triangles), 3, 2), np.nan)
         material = by_name.get(block.material)
         if material is not None and material.picture is not None and len(vt):
             with np.errstate(over="ignore", invalid="ignore"):
                 transformed = vt * material.scale + material.offset
             # OBJ counts texture rows from the bottom
-            uv = np.stack([transformed[:, 0], 1 - transformed[:, 1]], axis=1)[c[..., 1] - 1]
-            uv[c[..., 1] == 0] = np.nan
+            uv = np.stack([transformed[:, 0], 1 - transformed[:, 1]], axis=1)[triangles[..., 1] - 1]
+            uv[triangles[..., 1] == 0] = np.nan
         coordinates.append(uv)
         if vertex_colours is not None:
             factor = np.asarray(material.material.base_color) if material is not None else 1.0
-            plain = material is None or material.picture is None
+            is_untextured = material is None or material.picture is None
             colours.append(
-                vertex_colours[c[..., 0] - 1].mean(axis=1) * factor if plain else np.full((len(c), 3), np.nan)
+                vertex_colours[triangles[..., 0] - 1].mean(axis=1) * factor
+                if is_untextured
+                else np.full((len(triangles), 3), np.nan)
             )
-    c = np.concatenate(corners)
-    flat = c.reshape(-1, 3)
+    triangles = np.concatenate(corners)
+    flat = triangles.reshape(-1, 3)
     key, inverse = np.unique(flat[:, 0] * (len(vn) + 1) + flat[:, 2], return_inverse=True)
-    at, normal_at = key // (len(vn) + 1) - 1, key % (len(vn) + 1) - 1
-    with_normals = len(vn) > 0 and bool((normal_at >= 0).all())
+    vertex, normal = key // (len(vn) + 1) - 1, key % (len(vn) + 1) - 1
+    with_normals = len(vn) > 0 and bool((normal >= 0).all())
     uv = np.concatenate(coordinates)
     part = RawPart(
         name=name,
-        positions_m=v[at],
+        positions_m=v[vertex],
         triangles=inverse.reshape(-1, 3),
         face_material=np.concatenate(materials),
-        normals=vn[normal_at] if with_normals else None,
+        normals=vn[normal] if with_normals else None,
         face_colour=np.concatenate(colours) if colours else None,
         corner_uv=None if np.isnan(uv).all() else uv,
     )
-    return part, short
+    return part, n_dropped
 
 
 def _faces(path: Path, lines: list[str], v: FloatArray) -> tuple[IntArray, int]:
-    """Return (F, 3, 3) vertex, texture and normal numbers, from 1; 0 if the file has none.
+    """Triangulate faces.
 
-    Also return the number of faces with fewer than three corners, as which some exporters write edges.
+    Returns
+    -------
+    tuple
+        Vertex, texture and normal numbers (F, 3, 3), from 1, or 0 where the file has none; and the number of faces with
+        fewer than three corners, which some exporters write for edges.
     """
     corners, counts = _corners(path, lines)
-    at = corners[:, 0] - 1
+    vertex = corners[:, 0] - 1
     start = np.cumsum(counts) - counts
-    of_face = np.repeat(np.arange(len(counts)), counts)
-    wrong = np.zeros(len(counts), bool)
-    wrong[of_face[(at < 0) | (at >= len(v))]] = True  # reported later
-    three, four = counts == 3, counts == 4
-    convex = np.zeros(len(counts), bool)
-    convex[four & ~wrong] = are_convex(v[at[start[four & ~wrong][:, None] + np.arange(4)]])
-    fans = four & (convex | wrong)
-    faces = [np.flatnonzero(three), np.flatnonzero(fans), np.flatnonzero(fans)]
-    triples = [start[three, None] + (0, 1, 2), start[fans, None] + (0, 1, 2), start[fans, None] + (0, 2, 3)]
-    rest = np.flatnonzero((counts > 3) & ~fans)
-    if float((counts[rest].astype(float) ** 2).sum()) > MAX_CLIPPING:
+    face_of_corner = np.repeat(np.arange(len(counts)), counts)
+    is_invalid = np.zeros(len(counts), bool)
+    is_invalid[face_of_corner[(vertex < 0) | (vertex >= len(v))]] = True  # reported later
+    is_triangle, is_quad = counts == 3, counts == 4
+    is_convex = np.zeros(len(counts), bool)
+    is_convex[is_quad & ~is_invalid] = are_convex(
+        v[vertex[start[is_quad & ~is_invalid][:, None] + np.arange(4)]]
+    )
+    is_fan = is_quad & (is_convex | is_invalid)
+    faces = [np.flatnonzero(is_triangle), np.flatnonzero(is_fan), np.flatnonzero(is_fan)]
+    triples = [
+        start[is_triangle, None] + (0, 1, 2),
+        start[is_fan, None] + (0, 1, 2),
+        start[is_fan, None] + (0, 2, 3),
+    ]
+    remaining = np.flatnonzero((counts > 3) & ~is_fan)
+    if float((counts[remaining].astype(float) ** 2).sum()) > MAX_CLIPPING:
         raise UserError(f"{path} has too many polygons of many corners; export it as triangles")
-    for k in rest:
+    for k in remaining:
         rows = start[k] + np.arange(counts[k])
         try:
-            pieces = fan(len(rows)) if wrong[k] else polygon_triangles(v[at[rows]])
+            pieces = fan(len(rows)) if is_invalid[k] else polygon_triangles(v[vertex[rows]])
         except ValueError as error:
             raise UserError(f"{path} has {error}, too many to cut; export it as triangles") from error
         faces.append(np.full(len(pieces), k))
@@ -267,19 +279,21 @@ def _corners(path: Path, lines: list[str]) -> tuple[IntArray, IntArray]:
     """Return vertex, texture and normal number (C, 3) of all faces' corners, and the number of corners of each face."""
     counts = np.array([len(line.split()) for line in lines], np.int64)
     first = (lines[0].split() or [""])[0]
-    slashes, double = first.count("/"), "//" in first
-    if all(x.count("/") == n * slashes and ("//" in x) == double for x, n in zip(lines, counts, strict=True)):
+    slashes, has_no_uv = first.count("/"), "//" in first
+    if all(
+        x.count("/") == n * slashes and ("//" in x) == has_no_uv for x, n in zip(lines, counts, strict=True)
+    ):
         numbers = _whole_numbers(" ".join(lines).replace("//", " ").replace("/", " "))
-        width = slashes + 1 - double
+        width = slashes + 1 - has_no_uv
         if width <= 3 and numbers.size == counts.sum() * width:
             table = numbers.reshape(-1, width)
-            out = np.zeros((len(table), 3), np.int64)
-            out[:, 0] = table[:, 0]
+            corners = np.zeros((len(table), 3), np.int64)
+            corners[:, 0] = table[:, 0]
             if width > 1:
-                out[:, 2 if double else 1] = table[:, 1]
+                corners[:, 2 if has_no_uv else 1] = table[:, 1]
             if width > 2:
-                out[:, 2] = table[:, 2]
-            return out, counts
+                corners[:, 2] = table[:, 2]
+            return corners, counts
     rows = []
     for line in lines:
         try:
@@ -313,18 +327,18 @@ def _unreadable_face(path: Path, line: str) -> UserError:
 
 def _absolute(text: str, counts: tuple[int, int, int]) -> str:
     """Convert face corners counted from the end to absolute ones."""
-    out = []
+    tokens = []
     for token in text.split():
         fields = [
             str(_from_start(int(x), n)) if x.startswith("-") else x
             for x, n in zip(token.split("/"), counts, strict=False)
         ]
-        out.append("/".join(fields))
-    return " ".join(out)
+        tokens.append("/".join(fields))
+    return " ".join(tokens)
 
 
 def _from_start(index: int, count: int) -> int:
-    """Return an index counted from 1; one before the first vertex stays negative and is reported later."""
+    """Convert an index from the end (negative) to one from the start; out of range it stays negative for a check."""
     return count + 1 + index if count + index >= 0 else index
 
 
@@ -346,14 +360,26 @@ def _vertices(path: Path, rows: list[str]) -> tuple[FloatArray, FloatArray | Non
     return table[:, :3], linear_from_srgb(colours), False
 
 
-def _numbers(path: Path, rows: list[str], least: int, word: str) -> FloatArray:
-    """Return (N, width) numbers of the rows after ``word``, at least ``least`` wide; NaN where a row is shorter."""
+def _numbers(path: Path, rows: list[str], min_columns: int, word: str) -> FloatArray:
+    """Parse rows of numbers as an array (N, width), NaN where a row is shorter.
+
+    Parameters
+    ----------
+    path : Path
+        File, for messages.
+    rows : list of str
+        Rows without their first word.
+    min_columns : int
+        Smallest allowed number of values.
+    word : str
+        First word of the rows, for messages.
+    """
     if not rows:
-        return np.zeros((0, max(least, 2)))
+        return np.zeros((0, max(min_columns, 2)))
     columns = len(rows[0].split())
     try:
         flat = np.array(" ".join(rows).split(), float)
-        if not (least <= columns <= 8 and flat.size == columns * len(rows)):
+        if not (min_columns <= columns <= 8 and flat.size == columns * len(rows)):
             flat = np.array([(row.split() + ["nan"] * 8)[:8] for row in rows], float)
             columns = 8
     except ValueError as error:
@@ -362,9 +388,9 @@ def _numbers(path: Path, rows: list[str], least: int, word: str) -> FloatArray:
         ) from error
     table = flat.reshape(len(rows), columns)
     counts = np.array([len(row.split()) for row in rows]) if columns == 8 else np.full(len(rows), columns)
-    if counts.min() < least:
+    if counts.min() < min_columns:
         k = int(np.argmin(counts))
         raise UserError(
-            f"{path}: {word} line {k + 1:,} has {counts[k]} numbers where {least} are needed; export it again"
+            f"{path}: {word} line {k + 1:,} has {counts[k]} numbers where {min_columns} are needed; export it again"
         )
     return np.column_stack([table, np.zeros(len(rows))]) if columns < 2 else table

@@ -51,7 +51,21 @@ IGNORED_WORDS = ("ka", "ks", "ni", "illum", "sharpness", "map_ka", "map_aat", "p
 
 @dataclass(frozen=True, eq=False)
 class ObjMaterial:
-    """A material, its base-colour image, scale and offset of its coordinates, and its unsupported statements."""
+    """A material of an OBJ model.
+
+    Parameters
+    ----------
+    material : Material
+        Metallic-roughness material.
+    picture : TextureImage or None
+        Base-colour image.
+    lost : tuple of str, optional
+        Statements that are not supported.
+    scale : tuple of float, optional
+        Scale of the texture coordinates.
+    offset : tuple of float, optional
+        Offset of the texture coordinates.
+    """
 
     material: Material
     picture: TextureImage | None
@@ -117,8 +131,8 @@ class MaterialLibraries:
         return len(self._fields)
 
     def __getitem__(self, name: str) -> ObjMaterial:
-        place, fields = self._fields[name]
-        return self._material(place, name, fields)
+        path, fields = self._fields[name]
+        return self._material(path, name, fields)
 
     def _read_line(self, line: str) -> None:
         """Read the libraries of one line: one whose name contains blanks, or several."""
@@ -133,7 +147,7 @@ class MaterialLibraries:
     def _read(self, library: str) -> str:
         """Read a library; return why it could not be read, or an empty string."""
         try:
-            place, data = read_named(self._path, self._path, library, "material", MAX_LIBRARY_BYTES)
+            path, data = read_named(self._path, self._path, library, "material", MAX_LIBRARY_BYTES)
         except NotReadError as error:
             return str(error)
         name, fields = "", dict[str, str]()
@@ -141,13 +155,13 @@ class MaterialLibraries:
             word, rest = split_word(line)
             if word.lower() == "newmtl":
                 if name:
-                    self._fields[name] = (place, fields)
+                    self._fields[name] = (path, fields)
                 name, fields = unquoted(rest), {}
             elif word and not word.startswith("#"):
                 fields[word.lower()] = rest
         return ""
 
-    def _material(self, place: Path, name: str, fields: dict[str, str]) -> ObjMaterial:
+    def _material(self, path: Path, name: str, fields: dict[str, str]) -> ObjMaterial:
         unsupported = _lost_words(fields)
         try:
             colour = _colour(fields.get("kd", "0.6 0.6 0.6"))
@@ -161,12 +175,12 @@ class MaterialLibraries:
                 raise ValueError("not finite")
         except (ValueError, IndexError) as error:
             raise UserError(
-                f"{place}: material {name[:80]!r} has a value that is not a number; correct it"
+                f"{path}: material {name[:80]!r} has a value that is not a number; correct it"
             ) from error
         map_line = _map_line(fields.get("map_kd", ""))
         picture = None
         if map_line.name:
-            picture = self._reader.from_file(place, map_line.name.replace("\\", "/"), name)
+            picture = self._reader.from_file(path, map_line.name.replace("\\", "/"), name)
             unsupported += map_line.lost
         if picture is not None and not any(colour):
             colour = (1.0, 1.0, 1.0)
@@ -252,9 +266,9 @@ def _map_line(text: str) -> _MapLine:
     return map_line
 
 
-def _option_values(after: str, most: int, option: str) -> list[str]:
+def _option_values(after: str, max_words: int, option: str) -> list[str]:
     """Return the words that belong to an option."""
-    words = after.split(None, most)[:most]
+    words = after.split(None, max_words)[:max_words]
     if option not in ("-s", "-o", "-t", "-mm"):
         return words
     count = 0

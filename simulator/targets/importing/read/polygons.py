@@ -59,8 +59,8 @@ def polygon_triangles(corners: FloatArray) -> list[tuple[int, int, int]]:
         return fan(n)
     out, remaining, tests = [], list(range(n)), MAX_TESTS * n
     while len(remaining) > 3:
-        k, looked = _ear(flat, remaining)
-        tests -= looked
+        k, n_tests = _ear(flat, remaining)
+        tests -= n_tests
         if n > MAX_CORNERS or tests < 0:
             raise ValueError(f"a concave polygon of {n:,} corners")
         if k < 0:  # the outline crosses itself
@@ -73,16 +73,16 @@ def polygon_triangles(corners: FloatArray) -> list[tuple[int, int, int]]:
 def _ear(flat: FloatArray, remaining: list[int]) -> tuple[int, int]:
     """Return the index in ``remaining`` of a corner whose triangle is empty, or -1, and the number of tests."""
     p = flat[remaining]
-    before, after = np.roll(p, 1, axis=0), np.roll(p, -1, axis=0)
-    looked = 0
-    for looked, k in enumerate(np.flatnonzero(_turn(before, p, after) > 0), 1):
-        a, b, c = before[k], p[k], after[k]
-        inside = (_turn(a, b, p) >= 0) & (_turn(b, c, p) >= 0) & (_turn(c, a, p) >= 0)
+    previous, following = np.roll(p, 1, axis=0), np.roll(p, -1, axis=0)
+    n_tests = 0
+    for n_tests, k in enumerate(np.flatnonzero(_turn(previous, p, following) > 0), 1):
+        a, b, c = previous[k], p[k], following[k]
+        is_inside = (_turn(a, b, p) >= 0) & (_turn(b, c, p) >= 0) & (_turn(c, a, p) >= 0)
         # the triangle's own corners do not count as inside
-        own = (p == a).all(axis=1) | (p == b).all(axis=1) | (p == c).all(axis=1)
-        if not (inside & ~own).any():
-            return int(k), looked
-    return -1, looked
+        is_corner = (p == a).all(axis=1) | (p == b).all(axis=1) | (p == c).all(axis=1)
+        if not (is_inside & ~is_corner).any():
+            return int(k), n_tests
+    return -1, n_tests
 
 
 def _projected(corners: FloatArray) -> FloatArray:

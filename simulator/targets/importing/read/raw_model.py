@@ -84,19 +84,19 @@ class RawModel:
         return sum(len(p.triangles) for p in self.parts)
 
 
-def unique_name(name: str, taken: set[str]) -> str:
-    """Return the name, with a number appended if it is in use."""
+def unique_name(name: str, used: set[str]) -> str:
+    """Return the name, with a number appended if it is in ``used``."""
     return (
         name
-        if name not in taken
-        else next(n for k in range(2, len(taken) + 3) if (n := f"{name}_{k}") not in taken)
+        if name not in used
+        else next(n for k in range(2, len(used) + 3) if (n := f"{name}_{k}") not in used)
     )
 
 
 def unique_names(names: Iterable[str], fallback: str) -> list[str]:
     """Make names unique by appending numbers; empty ones become ``fallback``."""
     counts: dict[str, int] = {}
-    out = []
+    unique = []
     for raw in names:
         name = raw.strip() or fallback
         count = counts.get(name, 0)
@@ -106,5 +106,5 @@ def unique_names(names: Iterable[str], fallback: str) -> list[str]:
             candidate = f"{name}_{count + 1}"
         counts[name] = count
         counts.setdefault(candidate, 0)
-        out.append(candidate)
-    return out
+        unique.append(candidate)
+    return unique

@@ -92,11 +92,11 @@ def _binary_corners(path: Path, data: bytes, notes: list[str]) -> FloatArray:
             "export it again"
         )
     count = int.from_bytes(data[80:84], "little")
-    whole, position = divmod(len(data) - HEADER_BYTES, RECORD.itemsize)
-    if count == 0 and whole and not position:
-        notes.append(f"its header counts no triangles: all {whole:,} that follow were read")
-        count = whole
-    if count > whole:
+    n_records, remainder = divmod(len(data) - HEADER_BYTES, RECORD.itemsize)
+    if count == 0 and n_records and not remainder:
+        notes.append(f"its header counts no triangles: all {n_records:,} that follow were read")
+        count = n_records
+    if count > n_records:
         expected = HEADER_BYTES + count * RECORD.itemsize
         raise UserError(f"{path} is cut short ({len(data)} of {expected} bytes); copy or export it again")
     trailing = len(data) - HEADER_BYTES - count * RECORD.itemsize
@@ -111,20 +111,20 @@ def _binary_corners(path: Path, data: bytes, notes: list[str]) -> FloatArray:
 
 def _text_solids(path: Path, text: bytes) -> list[tuple[str, FloatArray]]:
     """Return name and corners (3 F, 3) of each solid."""
-    *solids, position = _END.split(text)
-    if _VERTEX.search(position) or not solids:
+    *solids, trailing = _END.split(text)
+    if _VERTEX.search(trailing) or not solids:
         raise UserError(f"{path} is cut short (no endsolid); copy or export it again")
     if len(solids) > MAX_SOLIDS:
         raise UserError(
             f"{path} has {len(solids):,} solids and at most {MAX_SOLIDS:,} are taken; export it with fewer"
         )
-    out = []
+    named_corners = []
     for number, solid in enumerate(solids):
         # endsolid is followed by the name again
         start = solid if number == 0 else solid[max(solid.lower().find(b"solid"), 0) :]
         name = _NAME.match(start[:1000])
-        out.append((name[1].decode("utf-8", "replace") if name else "", _corners(path, solid)))
-    return out
+        named_corners.append((name[1].decode("utf-8", "replace") if name else "", _corners(path, solid)))
+    return named_corners
 
 
 def _corners(path: Path, solid: bytes) -> FloatArray:

@@ -1,4 +1,4 @@
-"""Textures of users' meshes: used unchanged, or baked to a few plain colours if faces lose their coordinates."""
+"""Textures of imported meshes: kept, or baked to a few plain colours if faces lose their texture coordinates."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from flyaround.simulator.runtime.arrays import vec3
 from flyaround.simulator.targets.importing.read.named_files import NotReadError, read_named
 from flyaround.simulator.targets.importing.read.raw_model import unique_names
 from flyaround.simulator.targets.model import Material, TextureImage
-from flyaround.simulator.targets.textures import check_picture, mime_of, picture_size
+from flyaround.simulator.targets.textures import check_picture, mime_type, picture_size
 
 if TYPE_CHECKING:
     from flyaround.simulator.runtime.arrays import ByteArray, FloatArray, IntArray
@@ -36,7 +36,7 @@ NOT_READ = {
 MAX_COLOURS = 6
 COLOUR_TOLERANCE = 0.04
 """RMS distance in linear RGB within which faces have the same colour."""
-# weights of the corners at the points of a triangle that are sampled
+# barycentric weights (not normalised) of the sampled points of a triangle
 BARYCENTRIC = np.array([[1, 1, 1], [4, 1, 1], [1, 4, 1], [1, 1, 4]], float)
 
 
@@ -89,8 +89,8 @@ class PictureReader:
             return []
         (_, why), *other_textures = self.missing.items()
         other_names = ", ".join(repr(n) for n, _ in other_textures[:5]) + ", ..." * (len(other_textures) > 5)
-        more = f" (and {len(other_textures)} more: {other_names})" if other_textures else ""
-        return [f"{why}{more}: drawn in the factor colour of the material"]
+        others = f" (and {len(other_textures)} more: {other_names})" if other_textures else ""
+        return [f"{why}{others}: drawn in the factor colour of the material"]
 
     def from_file(self, owner: Path, name: str, material: str) -> TextureImage | None:
         """Read the texture that ``owner`` names; None if it is unreadable, which `faults` then reports.
@@ -101,18 +101,18 @@ class PictureReader:
             If the textures are too large.
         """
         try:
-            place, data = read_named(self.model, owner, name, "texture", MAX_PICTURE_BYTES)
+            path, data = read_named(self.model, owner, name, "texture", MAX_PICTURE_BYTES)
         except NotReadError as error:
             self.missing[name] = str(error).replace(
                 f"texture file {name[:80]!r}", f"texture {name[:80]!r} of material {material[:80]!r}"
             )
             return None
-        if place not in self._read:
-            picture = self.from_bytes(place.relative_to(self.model.parent).as_posix(), data)
+        if path not in self._read:
+            picture = self.from_bytes(path.relative_to(self.model.parent).as_posix(), data)
             if picture is None:
                 return None
-            self._read[place] = picture
-        return self._read[place]
+            self._read[path] = picture
+        return self._read[path]
 
     def from_bytes(self, name: str, data: bytes) -> TextureImage | None:
         """Return an image as a texture; None if it is unreadable, which `faults` then reports.
@@ -123,9 +123,9 @@ class PictureReader:
             If this image, or all together, have too many pixels; checked before decoding.
         """
         where = f"{self.model}: texture {name[:80]!r}"
-        kind = next((what for magic, what in NOT_READ.items() if magic in data[:16]), "")
-        if kind or picture_size(data) is None:
-            self.missing[name] = _unreadable(name, kind)
+        description = next((what for magic, what in NOT_READ.items() if magic in data[:16]), "")
+        if description or picture_size(data) is None:
+            self.missing[name] = _unreadable(name, description)
             return None
         check_picture(data, where)
         width, height = picture_size(data) or (0, 0)
@@ -142,12 +142,12 @@ class PictureReader:
             self.missing[name] = _unreadable(name)
             return None
         if max(image.shape[:2]) > MAX_TEXTURE_SIDE_PX:
-            before = f"{image.shape[1]} x {image.shape[0]}"
+            original_size = f"{image.shape[1]} x {image.shape[0]}"
             factor = MAX_TEXTURE_SIDE_PX / max(image.shape[:2])
             size = (max(1, round(image.shape[1] * factor)), max(1, round(image.shape[0] * factor)))
             image = np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_AREA), np.uint8)
-            self.notes.append(f"texture {name!r} reduced from {before} to {size[0]} x {size[1]}")
-        elif mime_of(data):
+            self.notes.append(f"texture {name!r} reduced from {original_size} to {size[0]} x {size[1]}")
+        elif mime_type(data):
             return TextureImage(name=name, data=data)
         encoded = cv2.imencode(".png", image[..., ::-1])[1]
         return TextureImage(name=name, data=np.asarray(encoded).tobytes())
@@ -167,9 +167,9 @@ def face_colours(image: ByteArray, corner_uv: FloatArray) -> FloatArray:
     """
     height, width = image.shape[:2]
     weights = BARYCENTRIC / BARYCENTRIC.sum(axis=1, keepdims=True)
-    at = np.einsum("sk,fkc->fsc", weights, np.nan_to_num(corner_uv)) % 1.0
-    x = np.minimum((at[..., 0] * width).astype(int), width - 1)
-    y = np.minimum((at[..., 1] * height).astype(int), height - 1)
+    samples = np.einsum("sk,fkc->fsc", weights, np.nan_to_num(corner_uv)) % 1.0
+    x = np.minimum((samples[..., 0] * width).astype(int), width - 1)
+    y = np.minimum((samples[..., 1] * height).astype(int), height - 1)
     return np.asarray(linear_from_srgb(image[y, x] / 255.0).mean(axis=1))
 
 
@@ -213,8 +213,8 @@ def bake_colours(model: RawModel) -> None:
     coloured = [p for p in model.parts if p.face_colour is not None]
     if not coloured:
         return
-    before = len(model.materials)
-    for number in range(before):
+    n_original = len(model.materials)
+    for number in range(n_original):
         picks = [(p, np.flatnonzero((p.face_material == number) & ~np.isnan(p.face_colour[:, 0])))
                  for p in coloured if p.face_colour is not None]  # fmt: skip
         picks = [(p, f) for p, f in picks if len(f)]
@@ -240,7 +240,18 @@ def bake_colours(model: RawModel) -> None:
 
 
 def group_colours(colours: FloatArray) -> tuple[FloatArray, IntArray]:
-    """Cluster colours so that each is within SAME_COLOUR of its cluster, in at most MAX_COLOURS clusters."""
+    """Cluster colours within `COLOUR_TOLERANCE`, in at most `MAX_COLOURS` clusters.
+
+    Parameters
+    ----------
+    colours : (F, 3) array
+        Linear RGB.
+
+    Returns
+    -------
+    tuple of array
+        Centres (K, 3) and cluster index of each colour (F,).
+    """
     distinct, inverse = np.unique(np.round(colours, 3), axis=0, return_inverse=True)
     if len(distinct) == 1:
         return distinct, inverse.ravel()

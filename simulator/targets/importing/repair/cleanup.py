@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from flyaround.simulator.targets.importing.read.raw_model import RawPart
 
 MIN_FACE_HEIGHT = 3e-7
-"""Height of a face, as a share of the craft, below which float32 cannot represent its normal."""
+"""Height of a face, relative to the craft's size, below which float32 cannot represent its normal."""
 MAX_OPEN_SHARE = 0.02
 """Share of open edges up to which the signed volume decides which side is outside."""
 
@@ -64,16 +64,16 @@ class RepairCounts:
 def weld_body(part: RawPart, low: FloatArray, extent: float, counts: RepairCounts) -> MeshBody:
     """Weld the part's vertices and drop degenerate and duplicate faces."""
     vertices = used_vertices(part.triangles, len(part.positions_m))
-    places, index = weld(part.positions_m[vertices], low, extent)
-    counts.merged += len(vertices) - len(places)
-    number = np.empty(len(part.positions_m), np.int64)
-    number[vertices] = index
-    triangles = number[part.triangles]
+    positions, index = weld(part.positions_m[vertices], low, extent)
+    counts.merged += len(vertices) - len(positions)
+    new_index = np.empty(len(part.positions_m), np.int64)
+    new_index[vertices] = index
+    triangles = new_index[part.triangles]
     normals = None if part.normals is None else part.normals[part.triangles]
     body = MeshBody(
         name=part.name,
         # in the precision of the target file
-        positions_m=places.astype(np.float32).astype(float),
+        positions_m=positions.astype(np.float32).astype(float),
         triangles=triangles,
         face_material=part.face_material,
         corner_normals=normals,
@@ -84,19 +84,19 @@ def weld_body(part: RawPart, low: FloatArray, extent: float, counts: RepairCount
 
 def drop_slivers(body: MeshBody, extent: float, counts: RepairCounts) -> MeshBody:
     """Drop faces too thin for float32, and duplicates in either winding."""
-    p = body.positions_m[body.triangles]
-    longest = np.linalg.norm(p - np.roll(p, -1, axis=1), axis=2).max(axis=1)
+    corners = body.positions_m[body.triangles]
+    longest = np.linalg.norm(corners - np.roll(corners, -1, axis=1), axis=2).max(axis=1)
     twice_area = np.linalg.norm(body.face_vectors, axis=1)
-    thin = twice_area <= np.maximum(MIN_FACE_HEIGHT * extent * longest, 2e-14)
-    counts.zero_area += int(thin.sum())
-    body = body.submesh(~thin)
-    again = _copies(body.triangles)
-    counts.twice += int(again.sum())
-    return body.submesh(~again)
+    is_thin = twice_area <= np.maximum(MIN_FACE_HEIGHT * extent * longest, 2e-14)
+    counts.zero_area += int(is_thin.sum())
+    body = body.submesh(~is_thin)
+    is_copy = _copies(body.triangles)
+    counts.twice += int(is_copy.sum())
+    return body.submesh(~is_copy)
 
 
 def _copies(triangles: IntArray) -> BoolArray:
-    """Return True for faces that duplicate an earlier face. The opposite winding is a sheet's back, not a duplicate."""
+    """Return a mask of faces that repeat an earlier one. A face of opposite winding is a sheet's back, not a copy."""
     # rotate each face to its lowest corner first, which keeps the winding
     start = np.argmin(triangles, axis=1)
     rows = np.arange(len(triangles))
@@ -104,16 +104,32 @@ def _copies(triangles: IntArray) -> BoolArray:
     _, edge = np.unique(a * (int(triangles.max(initial=0)) + 1) + b, return_inverse=True)
     key = edge.ravel() * (int(triangles.max(initial=0)) + 1) + c
     order = np.argsort(key, kind="stable")
-    again = np.zeros(len(triangles), bool)
-    again[order[1:]] = np.diff(key[order]) == 0
-    return again
+    is_copy = np.zeros(len(triangles), bool)
+    is_copy[order[1:]] = np.diff(key[order]) == 0
+    return is_copy
 
 
 def orient_body(body: MeshBody, where: str, counts: RepairCounts, *, lenient: bool) -> tuple[MeshBody, int]:
-    """Orient every connected piece consistently and outwards; return it with the number of faces in one-sided pieces.
+    """Orient every connected piece consistently and outwards.
 
-    The outside of a closed piece follows from the sign of its volume. That of an open piece follows from the file's
-    normals or, without those, from the majority of its area.
+    The outside of a closed piece follows from the sign of its volume, that of an open piece from the file's normals or,
+    without normals, from the orientation of the larger part of its area.
+
+    Parameters
+    ----------
+    body : MeshBody
+        Body to orient.
+    where : str
+        File and part, for messages.
+    counts : RepairCounts
+        Counts to increase.
+    lenient : bool
+        True to accept one-sided pieces.
+
+    Returns
+    -------
+    tuple
+        The oriented body, and the number of faces in one-sided pieces.
 
     Raises
     ------
@@ -125,61 +141,63 @@ def orient_body(body: MeshBody, where: str, counts: RepairCounts, *, lenient: bo
     faces = table.pairs // 3
     start = body.triangles.ravel()
     # two faces of one edge agree if they traverse it in opposite directions
-    clash = (start[table.pairs[:, 0]] == start[table.pairs[:, 1]]).astype(np.int64)
+    is_clashing = (start[table.pairs[:, 0]] == start[table.pairs[:, 1]]).astype(np.int64)
     links = np.concatenate(
-        [np.stack([2 * faces[:, 0] + s, 2 * faces[:, 1] + (s ^ clash)], axis=1) for s in (0, 1)]
+        [np.stack([2 * faces[:, 0] + s, 2 * faces[:, 1] + (s ^ is_clashing)], axis=1) for s in (0, 1)]
     )
     _, label = components(links, 2 * count)
-    as_is, reversed_ = label[0::2], label[1::2]
-    one_sided = as_is == reversed_
-    if one_sided.any() and not lenient:
+    label_kept, label_reversed = label[0::2], label[1::2]
+    is_one_sided = label_kept == label_reversed
+    if is_one_sided.any() and not lenient:
         raise UserError(
-            f"{where}: {int(one_sided.sum())} faces form a one-sided surface (the first is face "
-            f"{int(np.argmax(one_sided))}); cut it in the modelling tool, or add "
+            f"{where}: {int(is_one_sided.sum())} faces form a one-sided surface (the first is face "
+            f"{int(np.argmax(is_one_sided))}); cut it in the modelling tool, or add "
             "--keep-non-manifold to take it as it is"
         )
-    flip = (as_is > reversed_) & ~one_sided
-    _, piece = np.unique(np.minimum(as_is, reversed_), return_inverse=True)
+    is_flipped = (label_kept > label_reversed) & ~is_one_sided
+    _, piece = np.unique(np.minimum(label_kept, label_reversed), return_inverse=True)
     piece = piece.ravel()
-    flip ^= _look_inwards(body, table, piece, flip)[piece] & ~one_sided
-    if flip.any():
-        counts.turned += int(flip.sum())
+    is_flipped ^= _is_inverted(body, table, piece, is_flipped)[piece] & ~is_one_sided
+    if is_flipped.any():
+        counts.turned += int(is_flipped.sum())
         counts.parts_turned.append(body.name)
     triangles = body.triangles.copy()
-    triangles[flip] = triangles[flip][:, ::-1]
+    triangles[is_flipped] = triangles[is_flipped][:, ::-1]
     normals = body.corner_normals
     if normals is not None:
         normals = normals.copy()
-        normals[flip] = normals[flip][:, ::-1]
+        normals[is_flipped] = normals[is_flipped][:, ::-1]
     uv = body.corner_uv
     if uv is not None:
         uv = uv.copy()
-        uv[flip] = uv[flip][:, ::-1]
-    return replace(body, triangles=triangles, corner_normals=normals, corner_uv=uv), int(one_sided.sum())
+        uv[is_flipped] = uv[is_flipped][:, ::-1]
+    return replace(body, triangles=triangles, corner_normals=normals, corner_uv=uv), int(is_one_sided.sum())
 
 
-def _look_inwards(body: MeshBody, table: EdgeTable, piece: IntArray, flip: BoolArray) -> BoolArray:
-    """Return True for pieces that, after ``flip``, must be reversed as a whole."""
+def _is_inverted(body: MeshBody, table: EdgeTable, piece: IntArray, is_flipped: BoolArray) -> BoolArray:
+    """Return a mask of the pieces that are inside out once the faces in ``is_flipped`` are reversed."""
     n = int(piece.max(initial=-1)) + 1
-    sign = np.where(flip, -1.0, 1.0)
-    p = body.positions_m[body.triangles]
-    sums = np.stack([np.bincount(piece, p[..., k].mean(axis=1), n) for k in range(3)], axis=1)
+    sign = np.where(is_flipped, -1.0, 1.0)
+    corners = body.positions_m[body.triangles]
+    sums = np.stack([np.bincount(piece, corners[..., k].mean(axis=1), n) for k in range(3)], axis=1)
     centre = sums / np.bincount(piece, minlength=n)[:, None]
-    p = p - centre[piece][:, None]
-    volume = np.bincount(piece, sign * np.einsum("ij,ij->i", p[:, 0], np.cross(p[:, 1], p[:, 2])) / 6, n)
+    corners = corners - centre[piece][:, None]
+    volume = np.bincount(
+        piece, sign * np.einsum("ij,ij->i", corners[:, 0], np.cross(corners[:, 1], corners[:, 2])) / 6, n
+    )
     area_vector = body.face_vectors * sign[:, None]
     area = np.linalg.norm(area_vector, axis=1)
     total = np.bincount(piece, area, n) / 2
     edge_piece = piece[table.first // 3]
     share_open = np.bincount(edge_piece, table.open, n) / np.maximum(np.bincount(edge_piece, minlength=n), 1)
     # a closed sphere has V = 0.094 A^1.5; a double sheet has none
-    solid = (share_open <= MAX_OPEN_SHARE) & (np.abs(volume) > 1e-4 * total**1.5)
-    vote = np.bincount(piece, area * sign, n)
+    is_solid = (share_open <= MAX_OPEN_SHARE) & (np.abs(volume) > 1e-4 * total**1.5)
+    score = np.bincount(piece, area * sign, n)
     if body.corner_normals is not None:
         agree = np.sign(np.einsum("ij,ij->i", area_vector, np.nan_to_num(body.corner_normals).sum(axis=1)))
         by_normals = np.bincount(piece, area * agree, n)
-        vote = np.where(by_normals != 0, by_normals, vote)
-    return np.asarray(np.where(solid, volume, vote) < 0)
+        score = np.where(by_normals != 0, by_normals, score)
+    return np.asarray(np.where(is_solid, volume, score) < 0)
 
 
 def check_surface(

@@ -67,31 +67,35 @@ class FaceTable:
     material: IntArray
 
     @staticmethod
-    def of(bodies: list[MeshBody]) -> FaceTable:
+    def from_bodies(bodies: list[MeshBody]) -> FaceTable:
         """Collect the faces of all non-empty bodies."""
         corners, closed, body, piece, outward = [], [], [], [], []
         count = 0
-        for k, b in enumerate(bodies):
-            table = edge_table(b.triangles)
-            n, of_face = face_bodies(b.triangles, table)
-            leaky = np.zeros(n, bool)
-            leaky[of_face[table.first[table.open] // 3]] = True
-            p = b.positions_m[b.triangles]
-            volume = np.bincount(of_face, six_volumes(p - p[0, 0]), n)
-            normal = b.face_vectors / np.maximum(np.linalg.norm(b.face_vectors, axis=1, keepdims=True), 1e-30)
-            corners.append(p)
-            closed.append(~leaky[of_face])
-            outward.append(np.where(leaky[of_face] | (volume[of_face] >= 0), 1.0, -1.0)[:, None] * normal)
-            body.append(np.full(len(p), k))
-            piece.append(of_face + count)
-            count += n
+        for k, mesh in enumerate(bodies):
+            table = edge_table(mesh.triangles)
+            n_pieces, piece_of_face = face_bodies(mesh.triangles, table)
+            is_open = np.zeros(n_pieces, bool)
+            is_open[piece_of_face[table.first[table.open] // 3]] = True
+            triangles = mesh.positions_m[mesh.triangles]
+            volume = np.bincount(piece_of_face, six_volumes(triangles - triangles[0, 0]), n_pieces)
+            normal = mesh.face_vectors / np.maximum(
+                np.linalg.norm(mesh.face_vectors, axis=1, keepdims=True), 1e-30
+            )
+            corners.append(triangles)
+            closed.append(~is_open[piece_of_face])
+            outward.append(
+                np.where(is_open[piece_of_face] | (volume[piece_of_face] >= 0), 1.0, -1.0)[:, None] * normal
+            )
+            body.append(np.full(len(triangles), k))
+            piece.append(piece_of_face + count)
+            count += n_pieces
         return FaceTable(
             corners_m=np.concatenate(corners),
             outward=np.concatenate(outward),
             closed=np.concatenate(closed),
             body=np.concatenate(body),
             piece=np.concatenate(piece),
-            material=np.concatenate([b.face_material for b in bodies]),
+            material=np.concatenate([mesh.face_material for mesh in bodies]),
         )
 
     def visible_conflicts(self, pairs: IntArray) -> IntArray:
@@ -101,13 +105,13 @@ class FaceTable:
         sides. Faces of the same material and body are omitted, because they look alike.
         """
         a, b = pairs.T
-        same_way = np.einsum("ij,ij->i", self.outward[a], self.outward[b]) > 0
-        alike = (self.body[a] == self.body[b]) & (self.material[a] == self.material[b])
-        return pairs[(same_way | ~(self.closed[a] & self.closed[b])) & ~alike]
+        is_parallel = np.einsum("ij,ij->i", self.outward[a], self.outward[b]) > 0
+        looks_alike = (self.body[a] == self.body[b]) & (self.material[a] == self.material[b])
+        return pairs[(is_parallel | ~(self.closed[a] & self.closed[b])) & ~looks_alike]
 
 
 def six_volumes(corners: FloatArray) -> FloatArray:
-    """Return (F,) six times the signed volume between each triangle (F, 3, 3) and the origin."""
+    """Return six times the signed volume (F,) of the tetrahedra between triangles (F, 3, 3) and the origin."""
     return np.asarray(np.einsum("ij,ij->i", corners[:, 0], np.cross(corners[:, 1], corners[:, 2])))
 
 
@@ -117,7 +121,7 @@ def coincident_pairs(
     within_m: FloatArray | None = None,
     required: BoolArray | None = None,
 ) -> IntArray | None:
-    """Return (K, 2) pairs of faces that are coplanar and overlap; None if there are too many to compare.
+    """Find pairs (K, 2) of coplanar faces that overlap; None if there are too many faces in a plane to compare.
 
     Parameters
     ----------
@@ -141,38 +145,38 @@ def coincident_pairs(
     total = 0
     try:
         for pairs in _candidates(corners_m, unit, group, float(tolerance_m.max(initial=nearest)), required):
-            some = pairs if required is None else pairs[required[pairs].any(axis=1)]
-            total += len(some)
+            selected = pairs if required is None else pairs[required[pairs].any(axis=1)]
+            total += len(selected)
             if total > MAX_PAIRS:
                 return None
-            for start in range(0, len(some), CHUNK):
-                batch = some[start : start + CHUNK]
+            for start in range(0, len(selected), CHUNK):
+                batch = selected[start : start + CHUNK]
                 batch = np.where(
                     (area[batch[:, 0]] < area[batch[:, 1]])[:, None],
                     batch[:, ::-1],
                     batch,
                 )
-                separated = tolerance_m[batch].max(axis=1)
-                overlapping.append(batch[_overlap(corners_m, unit, batch, separated, 2 * nearest)])
+                limit_m = tolerance_m[batch].max(axis=1)
+                overlapping.append(batch[_overlap(corners_m, unit, batch, limit_m, 2 * nearest)])
     except TooManyFacesError:
         return None
     return np.unique(np.sort(np.concatenate(overlapping), axis=1), axis=0)
 
 
 def _plane_groups(corners: FloatArray, unit: FloatArray, within_m: float) -> IntArray:
-    """Return (F,) the group of nearly identical planes of each face, regardless of orientation."""
+    """Return the group (F,) of nearly identical planes to which each face belongs, regardless of orientation."""
     middle = (corners.min(axis=(0, 1)) + corners.max(axis=(0, 1))) / 2
     # scaled so that one radius limits angle and distance
     distance = ((corners.mean(axis=1) - middle) * unit).sum(axis=1) * (MAX_ANGLE_RAD / within_m)
     planes = np.column_stack([unit, distance])
-    fine = np.round(planes / (MAX_ANGLE_RAD / 8)).astype(np.int64)
-    key = fine @ np.array([1, 1_000_003, 7_368_787, 2_147_483_647], np.int64)
-    _, first, of_plane = np.unique(key, return_index=True, return_inverse=True)
+    rounded = np.round(planes / (MAX_ANGLE_RAD / 8)).astype(np.int64)
+    key = rounded @ np.array([1, 1_000_003, 7_368_787, 2_147_483_647], np.int64)
+    _, first, plane_of_face = np.unique(key, return_index=True, return_inverse=True)
     distinct = planes[first]
     tree = cKDTree(np.concatenate([distinct, -distinct]))
     links = tree.query_pairs(1.5 * MAX_ANGLE_RAD, output_type="ndarray") % len(distinct)
     _, label = components(links.reshape(-1, 2), len(distinct))
-    return label[of_plane.ravel()]
+    return label[plane_of_face.ravel()]
 
 
 def _candidates(
@@ -183,26 +187,26 @@ def _candidates(
     begin = np.flatnonzero(np.diff(group[order], prepend=-1))
     size = np.diff(np.append(begin, len(order)))
     if required is not None:
-        is_wanted = np.add.reduceat(required[order].astype(np.int64), begin) > 0
-        begin, size = begin[is_wanted], size[is_wanted]
+        has_required = np.add.reduceat(required[order].astype(np.int64), begin) > 0
+        begin, size = begin[has_required], size[has_required]
     low, high = corners.min(axis=1) - within_m, corners.max(axis=1) + within_m
     small_groups = (size > 1) & (size <= MAX_ALL_PAIRS)
     n = size[small_groups]
     # positions of all faces of small groups, and the number of later faces in the group
     ends = np.cumsum(n)
-    place = np.arange(n.sum()) + np.repeat(begin[small_groups] - ends + n, n)
-    n_later = np.repeat(begin[small_groups] + n, n) - place - 1
-    a = np.repeat(place, n_later)
+    position = np.arange(n.sum()) + np.repeat(begin[small_groups] - ends + n, n)
+    n_later = np.repeat(begin[small_groups] + n, n) - position - 1
+    a = np.repeat(position, n_later)
     b = a + 1 + np.arange(len(a)) - np.repeat(np.cumsum(n_later) - n_later, n_later)
     yield _overlapping_boxes(np.stack([order[a], order[b]], axis=1), low, high)
     for start, count in zip(begin[size > MAX_ALL_PAIRS], size[size > MAX_ALL_PAIRS], strict=True):
         faces = order[start : start + count]
-        flat = [k for k in range(3) if k != int(np.argmax(np.abs(unit[faces[0]])))]
-        grid = PlaneGrid.over(np.concatenate([low[faces][:, flat].T, high[faces][:, flat].T]))
-        listed = np.diff(grid.first)
-        if float((listed.astype(float) ** 2).sum()) > 2 * MAX_PAIRS:
+        plane_axes = [k for k in range(3) if k != int(np.argmax(np.abs(unit[faces[0]])))]
+        grid = PlaneGrid.over(np.concatenate([low[faces][:, plane_axes].T, high[faces][:, plane_axes].T]))
+        n_listed = np.diff(grid.first)
+        if float((n_listed.astype(float) ** 2).sum()) > 2 * MAX_PAIRS:
             raise TooManyFacesError
-        for f, m in zip(grid.first[:-1][listed > 1], listed[listed > 1], strict=True):
+        for f, m in zip(grid.first[:-1][n_listed > 1], n_listed[n_listed > 1], strict=True):
             members = faces[grid.listed[f : f + m]]
             i, j = np.triu_indices(m, 1)
             yield _overlapping_boxes(np.stack([members[i], members[j]], axis=1), low, high)
@@ -218,18 +222,18 @@ def _overlap(
 ) -> BoolArray:
     """Return (K,) True where the faces of a pair are coplanar and overlap by more than ``min_overlap_m``."""
     a, b = pairs.T
-    n = unit[a]
-    parallel = np.abs(np.einsum("ij,ij->i", n, unit[b])) > 1 - MAX_ANGLE_RAD**2 / 2
+    normal = unit[a]
+    parallel = np.abs(np.einsum("ij,ij->i", normal, unit[b])) > 1 - MAX_ANGLE_RAD**2 / 2
     A, B = corners[a], corners[b]
-    off = np.abs(np.einsum("kij,kj->ki", B - A[:, :1], n)).max(axis=1, initial=0.0)
-    overlap = parallel & (off <= within_m)
+    distance = np.abs(np.einsum("kij,kj->ki", B - A[:, :1], normal)).max(axis=1, initial=0.0)
+    overlap = parallel & (distance <= within_m)
     for first in (A, B):
         for k in range(3):
-            axis = np.cross(n, first[:, (k + 1) % 3] - first[:, k])
+            axis = np.cross(normal, first[:, (k + 1) % 3] - first[:, k])
             axis /= np.maximum(np.linalg.norm(axis, axis=1, keepdims=True), 1e-30)
-            on_a, on_b = (np.einsum("kij,kj->ki", T - A[:, :1], axis) for T in (A, B))
-            depth = np.minimum(on_a.max(axis=1), on_b.max(axis=1)) - np.maximum(
-                on_a.min(axis=1), on_b.min(axis=1)
+            interval_a, interval_b = (np.einsum("kij,kj->ki", T - A[:, :1], axis) for T in (A, B))
+            depth = np.minimum(interval_a.max(axis=1), interval_b.max(axis=1)) - np.maximum(
+                interval_a.min(axis=1), interval_b.min(axis=1)
             )
             overlap &= depth > min_overlap_m
     return np.asarray(overlap)
@@ -237,7 +241,7 @@ def _overlap(
 
 def coincidence_lines(bodies: list[MeshBody], extent_m: float) -> list[str]:
     """Return a line for the user on faces that will flicker; empty if there are none."""
-    faces = FaceTable.of(bodies)
+    faces = FaceTable.from_bodies(bodies)
     pairs = coincident_pairs(faces.corners_m, extent_m)
     if pairs is None:
         return ["too many faces lie in one plane to look for those that coincide: look at the contact sheet"]

@@ -32,7 +32,17 @@ FILLING_DISTANCE = 0.01
 
 @dataclass(frozen=True, eq=False)
 class CappingResult:
-    """Bodies after capping, with the number of openings that were capped (``filled``) and that were not (``left``)."""
+    """Bodies after capping.
+
+    Parameters
+    ----------
+    bodies : list of MeshBody
+        The bodies.
+    filled : int
+        Number of openings that were capped.
+    left : int
+        Number of openings that were not.
+    """
 
     bodies: list[MeshBody]
     filled: int
@@ -53,29 +63,35 @@ class _Cap:
 
 def cap_solids(bodies: list[MeshBody], extent_m: float) -> CappingResult:
     """Cap the openings of the pieces that become solids."""
-    faces = FaceTable.of(bodies)
+    faces = FaceTable.from_bodies(bodies)
     caps: list[_Cap] = []
     openings = 0
     count = 0
     for number, body in enumerate(bodies):
         table = edge_table(body.triangles)
-        n, piece = face_bodies(body.triangles, table)
+        n_pieces, piece = face_bodies(body.triangles, table)
         loops, is_capable = _rings(body, piece)
         openings += len(loops) + int((~np.array(list(is_capable.values()), bool)).sum())
-        own_caps = [_cap(body, number, piece[owner], count, loop, owner) for loop, owner in loops]
-        caps += [c for c in own_caps if is_capable[c.piece - count]]
-        count += n
+        body_caps = [_cap(body, number, piece[owner], count, loop, owner) for loop, owner in loops]
+        caps += [c for c in body_caps if is_capable[c.piece - count]]
+        count += n_pieces
     solid = _solid_pieces(faces, caps)
     caps = [c for c in caps if c.piece in solid]
     conflicts = _find_conflicts(faces, caps, extent_m)
     caps = [c for c in caps if c.piece not in conflicts]
-    out = [_add_caps(b, [c for c in caps if c.body == k]) for k, b in enumerate(bodies)]
-    return CappingResult(out, len(caps), openings - len(caps))
+    capped = [_add_caps(b, [c for c in caps if c.body == k]) for k, b in enumerate(bodies)]
+    return CappingResult(capped, len(caps), openings - len(caps))
 
 
 def _rings(body: MeshBody, piece: IntArray) -> tuple[list[tuple[IntArray, int]], dict[int, bool]]:
-    """Return the simple rings of open edges, each with one of its faces; and for each open piece, whether all of its
-    open edges form such rings.
+    """Find the simple rings of open edges.
+
+    Returns
+    -------
+    loops : list of tuple
+        Vertices of each ring, and one of its faces.
+    is_capable : dict
+        For each open piece, True if all of its open edges form such rings.
     """
     table = edge_table(body.triangles)
     half = table.first[table.open]
@@ -131,7 +147,7 @@ def _solid_pieces(faces: FaceTable, caps: list[_Cap]) -> set[int]:
 
 
 def _find_conflicts(faces: FaceTable, caps: list[_Cap], extent_m: float) -> set[int]:
-    """Return the pieces with a cap on another face, or close to another piece's face."""
+    """Return the pieces with a cap that coincides with another face, or is close to another piece's face."""
     if not caps:
         return set()
     n = len(faces.corners_m)
@@ -148,13 +164,13 @@ def _find_conflicts(faces: FaceTable, caps: list[_Cap], extent_m: float) -> set[
     pairs = pairs[ring[a] != ring[b]]
     a, b = pairs.T
     # where two solids touch, the coincident faces have opposite normals and neither is visible: no clash
-    to_be_closed = np.isin(piece, list({c.piece for c in caps})) | np.append(
+    is_closed = np.isin(piece, list({c.piece for c in caps})) | np.append(
         faces.closed, np.ones(sum(lengths), bool)
     )
     normal = face_vectors(corners)
     outward = normal * _outward_sign(corners, piece)[:, None]
-    same_way = np.einsum("ij,ij->i", outward[a], outward[b]) > 0
-    is_visible = (piece[a] == piece[b]) | same_way | ~(to_be_closed[a] & to_be_closed[b])
+    is_parallel = np.einsum("ij,ij->i", outward[a], outward[b]) > 0
+    is_visible = (piece[a] == piece[b]) | is_parallel | ~(is_closed[a] & is_closed[b])
     return {int(piece[k]) for pair in pairs[is_visible] for k in pair if ring[k] >= 0}
 
 
@@ -170,15 +186,15 @@ def _add_caps(body: MeshBody, caps: list[_Cap]) -> MeshBody:
         return body
     points, faces, materials = [body.positions_m], [body.triangles], [body.face_material]
     count = len(body.positions_m)
-    for c in caps:
-        if len(c.loop) == 3:
-            new = c.loop[::-1][None]
+    for cap in caps:
+        if len(cap.loop) == 3:
+            cap_faces = cap.loop[::-1][None]
         else:
-            points.append(c.corners_m[:1, 2])
-            new = np.stack([np.roll(c.loop, -1), c.loop, np.full(len(c.loop), count)], axis=1)
+            points.append(cap.corners_m[:1, 2])
+            cap_faces = np.stack([np.roll(cap.loop, -1), cap.loop, np.full(len(cap.loop), count)], axis=1)
             count += 1
-        faces.append(new)
-        materials.append(np.full(len(new), c.material))
+        faces.append(cap_faces)
+        materials.append(np.full(len(cap_faces), cap.material))
     n_added = sum(map(len, faces[1:]))
     uv = body.corner_uv
     return replace(

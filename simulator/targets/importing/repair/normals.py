@@ -1,4 +1,4 @@
-"""Corner normals: the file's if consistent, else computed with creases; and the division into parts."""
+"""Corner normals (the file's if they are consistent, else computed with creases), and the split into parts."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 CREASE_RAD = np.deg2rad(32.0)
 """Crease angle above which an edge stays sharp, as in most modelling tools (30 to 35 deg) [rad]."""
 MIN_NORMAL_COSINE = 0.1
-"""Least cosine between a corner's normal and its face; smooth rims stay above it."""
+"""Smallest cosine between a corner's normal and its face's normal. Smooth rims stay above it."""
 
 
 def normals_fit(body: MeshBody) -> bool:
@@ -47,12 +47,12 @@ def smooth_normals(body: MeshBody) -> FloatArray:
     smooth = np.einsum("ij,ij->i", unit[f], unit[g]) > np.cos(CREASE_RAD)
     h, k = table.pairs[smooth].T
     start = body.triangles.ravel()
-    after = 3 * (np.arange(len(start)) // 3) + (np.arange(len(start)) + 1) % 3
-    same = start[h] == start[k]
+    next_corner = 3 * (np.arange(len(start)) // 3) + (np.arange(len(start)) + 1) % 3
+    is_same_direction = start[h] == start[k]
     # corners at one end of the edge, then at the other
     links = np.concatenate([
-        np.stack([h, np.where(same, k, after[k])], axis=1),
-        np.stack([after[h], np.where(same, after[k], k)], axis=1),
+        np.stack([h, np.where(is_same_direction, k, next_corner[k])], axis=1),
+        np.stack([next_corner[h], np.where(is_same_direction, next_corner[k], k)], axis=1),
     ])  # fmt: skip
     count, group = components(links, len(start))
     p = body.positions_m[body.triangles]
@@ -86,36 +86,46 @@ def _replace_inconsistent(normals: FloatArray, unit: FloatArray) -> FloatArray:
     return out
 
 
-def parts_of(body: MeshBody, normals: FloatArray, materials: Sequence[Material]) -> list[Part]:
-    """Return one part per material of the body, with shared corners of equal position and normal."""
-    out = []
+def split_by_material(body: MeshBody, normals: FloatArray, materials: Sequence[Material]) -> list[Part]:
+    """Split a body into one part per material; corners with equal position, normal and texture coordinates are shared.
+
+    Parameters
+    ----------
+    body : MeshBody
+        Body with one material per face.
+    normals : (F, 3, 3) array
+        Unit normals of the faces' corners.
+    materials : sequence of Material
+        Materials of the model.
+    """
+    parts = []
     material_indices = np.unique(body.face_material)
     for k in material_indices:
         faces = body.face_material == k
-        place = body.triangles[faces].ravel()
-        n = normals[faces].reshape(-1, 3).astype(np.float32)
-        # normals on a grid of 1e-4, finer than a grey level
-        step = np.rint(n * 1e4).astype(np.int64) + 20_000
+        vertex = body.triangles[faces].ravel()
+        corner_normals = normals[faces].reshape(-1, 3).astype(np.float32)
+        # normals are equal if they round to the same multiples of 1e-4, which is less than a grey level
+        step = np.rint(corner_normals * 1e4).astype(np.int64) + 20_000
         key = (step[:, 0] * 50_000 + step[:, 1]) * 50_000 + step[:, 2]
         uv = None
         if body.corner_uv is not None and any(materials[int(k)].textures):
             uv = body.corner_uv[faces].reshape(-1, 2).astype(np.float32)
             key = np.unique(np.column_stack([key, uv.view(np.int32)]), axis=0, return_inverse=True)[1].ravel()
-        order = np.lexsort((key, place))
-        new = np.concatenate([[True], (np.diff(place[order]) != 0) | (np.diff(key[order]) != 0)])
+        order = np.lexsort((key, vertex))
+        is_new = np.concatenate([[True], (np.diff(vertex[order]) != 0) | (np.diff(key[order]) != 0)])
         index = np.empty(len(order), np.int64)
-        index[order] = np.cumsum(new) - 1
-        first = order[new]
-        unit = n[first] / np.linalg.norm(n[first], axis=1, keepdims=True)
+        index[order] = np.cumsum(is_new) - 1
+        first = order[is_new]
+        unit = corner_normals[first] / np.linalg.norm(corner_normals[first], axis=1, keepdims=True)
         material = materials[int(k)].name
-        out.append(
+        parts.append(
             Part(
                 name=body.name if len(material_indices) == 1 else f"{body.name}.{material}",
                 material=material,
-                positions_m=body.positions_m[place[first]].astype(np.float32),
+                positions_m=body.positions_m[vertex[first]].astype(np.float32),
                 normals=unit.astype(np.float32),
                 triangles=index.reshape(-1, 3),
                 uv=None if uv is None else uv[first],
             )
         )
-    return out
+    return parts

@@ -25,7 +25,7 @@ ORIGIN_OFFSET_WARNING, MAX_ORIGIN_OFFSET = 0.1, 100.0
 
 
 def check_numbers(model: RawModel) -> None:
-    """Raise for non-finite vertices and triangles with missing vertices.
+    """Check that vertices are finite, and that triangles refer to existing ones.
 
     Raises
     ------
@@ -50,7 +50,7 @@ def check_numbers(model: RawModel) -> None:
 
 
 def check_count(model: RawModel, decimate: int | None) -> None:
-    """Raise if there are more triangles than can be drawn and labelled, unless they will be reduced.
+    """Check that there are not more triangles than can be drawn and labelled, unless they will be reduced.
 
     Raises
     ------
@@ -67,7 +67,7 @@ def check_count(model: RawModel, decimate: int | None) -> None:
 
 
 def check_parts(model: RawModel) -> None:
-    """Raise if there are too many parts, each of which is a body with labels of its own.
+    """Check that there are not too many parts, each of which is a body with labels of its own.
 
     Raises
     ------
@@ -131,9 +131,9 @@ def place_model(
     low, high = bounds(model)
     size = " x ".join(f"{s:.4g}" for s in high - low)
     if is_stated:
-        how = f"scaled by {factor:g}"
+        scale_note = f"scaled by {factor:g}"
     else:
-        how = (
+        scale_note = (
             ("glTF is in metres" if model.kind == "gltf" else f"by the unit that the {model.kind} file names")
             if model.in_metres
             else "taken as metres, because the file names no unit: --units mm, cm or in if it is not"
@@ -142,7 +142,7 @@ def place_model(
     axes_note += "" if up else f" (--up {'z' if axis == 'y' else 'y'} if that is wrong)"
     return [
         *unusual,
-        f"size {size} m ({how}); {axes_note}",
+        f"size {size} m ({scale_note}); {axes_note}",
         *_origin_lines(model, low, high, recentre=recentre),
     ]
 
@@ -151,11 +151,11 @@ def _origin_lines(model: RawModel, low: FloatArray, high: FloatArray, *, recentr
     """Move the origin on request; otherwise return a warning if it is off the model."""
     middle = (low + high) / 2
     extent = float((high - low).max())
-    at = ", ".join(f"{x:.4g}" for x in middle)
+    middle_text = ", ".join(f"{x:.4g}" for x in middle)
     if recentre:
         for part in model.parts:
             part.positions_m = part.positions_m - middle
-        return [f"moved the origin by ({at}) m, to the middle of the box about the model"]
+        return [f"moved the origin by ({middle_text}) m, to the middle of the box about the model"]
     off_box = float(np.linalg.norm(np.maximum(np.maximum(low, -high), 0.0)))
     if off_box > MAX_ORIGIN_OFFSET * extent:
         raise UserError(
@@ -166,8 +166,8 @@ def _origin_lines(model: RawModel, low: FloatArray, high: FloatArray, *, recentr
         return []
     distance = float(np.linalg.norm(middle))
     line = (
-        f"the file's origin is {distance:.4g} m from the middle of a craft {extent:.4g} m across (at ({at}) m): "
-        "poses, and the range of recipes, are the origin's; add --recentre to move it to the middle"
+        f"the file's origin is {distance:.4g} m from the middle of a craft {extent:.4g} m across (at ({middle_text}) "
+        "m): poses, and the range of recipes, are the origin's; add --recentre to move it to the middle"
     )
     return [line]
 

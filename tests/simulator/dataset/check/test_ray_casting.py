@@ -7,7 +7,7 @@ import pytest
 import trimesh
 
 from flyaround.simulator.dataset.check.ray_casting import RayOracle, sample_pixels
-from flyaround.simulator.targets.joined_mesh import mesh_of
+from flyaround.simulator.targets.joined_mesh import joined_mesh
 from flyaround.simulator.targets.library import load_target
 from flyaround.simulator.world.frames.pose import Pose
 
@@ -35,8 +35,8 @@ def test_every_part_is_asked_about_once_though_it_be_a_pixel(*, rolling):
 def test_rays_meet_what_is_ahead_of_a_triangle_that_reaches_behind_the_camera():
     target = load_target("cubesat-1u")
     q = [0.24645180188688268, -0.7264408647937025, -0.0040488810846959185, -0.6415050941858904]
-    pose = Pose.of("camera", "target", q, [-0.006135, -0.019346, 0.216728])
-    mesh = mesh_of(target)
+    pose = Pose.from_arrays("camera", "target", q, [-0.006135, -0.019346, 0.216728])
+    mesh = joined_mesh(target)
     corners = pose.apply(mesh.positions_m)[mesh.triangles]
     assert ((corners[..., 2].min(axis=1) < 0) & (corners[..., 2].max(axis=1) > 0.05)).any()
     # an independent caster, double precision

@@ -31,7 +31,7 @@ from flyaround.simulator.labels.layers import pixel_hash
 from flyaround.simulator.labels.truth import read_truth
 from flyaround.simulator.recipes.plan import plan_recipe
 from flyaround.simulator.render.renderer import Renderer
-from flyaround.simulator.targets.joined_mesh import mesh_of
+from flyaround.simulator.targets.joined_mesh import joined_mesh
 
 pytestmark = pytest.mark.gl
 
@@ -203,7 +203,7 @@ def test_no_step_share_is_refused_of_a_craft_whose_edges_end_beyond_the_lens(cam
             target = scene.target.drawn(plan.target)
             frame = take_frame(renderer, scene, target)
             beyond += not in_lens(
-                plan.camera, scene.camera_from_target.apply(mesh_of(target).positions_m)
+                plan.camera, scene.camera_from_target.apply(joined_mesh(target).positions_m)
             ).all()
             mono = np.asarray(mono_signal(expose_scene(scene, frame.radiance)), float)
             assert check_step_share(frame.truth, target, mono, SAME_RENDERER_TOLERANCE) == []

@@ -10,7 +10,7 @@ from flyaround.simulator.camera.lens.files import load_camera
 from flyaround.simulator.dataset.check.wireframe import check_wireframe
 from flyaround.simulator.labels.truth import WireLabel
 from flyaround.simulator.labels.wireframe import view_edges
-from flyaround.simulator.targets.joined_mesh import mesh_of
+from flyaround.simulator.targets.joined_mesh import joined_mesh
 from flyaround.simulator.targets.library import load_target
 from flyaround.simulator.world.frames.pose import Pose
 
@@ -20,10 +20,10 @@ TANGO = load_target("tango")
 
 def label(q_wxyz, t_m=(0.0, 0.0, 7.0), target=TANGO):
     """What a record says of the wireframe: all that the check reads of one."""
-    pose = Pose.of("camera", "target", q_wxyz, t_m)
+    pose = Pose.from_arrays("camera", "target", q_wxyz, t_m)
     wires = tuple(
         WireLabel(name=v.edge.name, ends_px=tuple(map(tuple, v.ends_px.tolist())), visible=v.intervals)
-        for v in view_edges(CAMERA, pose, target, mesh_of(target))
+        for v in view_edges(CAMERA, pose, target, joined_mesh(target))
     )
     return SimpleNamespace(
         layers=("wireframe",),

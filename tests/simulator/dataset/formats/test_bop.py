@@ -18,7 +18,7 @@ from flyaround.simulator.dataset.formats.native import encode_frame
 from flyaround.simulator.dataset.formats.registry import find_format
 from flyaround.simulator.scenario.poses import scene_with_pose
 from flyaround.simulator.scenario.vary import Vary
-from flyaround.simulator.targets.joined_mesh import mesh_of
+from flyaround.simulator.targets.joined_mesh import joined_mesh
 
 pytestmark = pytest.mark.gl
 SIZE = np.array([192, 120])
@@ -77,7 +77,7 @@ def by_the_toolkit(renderer, scene, target):
 def test_boxes_and_counts_of_craft_in_part_or_wholly_outside(renderer, plan, share_x, share_y, z_m):
     camera = plan.camera
     t = np.array([share_x * SIZE[0] / camera.fx_px, share_y * SIZE[1] / camera.fy_px, 1.0]) * z_m
-    pose = fa.Pose.of("camera", "target", (0.5, 0.5, -0.5, 0.5), t)
+    pose = fa.Pose.from_arrays("camera", "target", (0.5, 0.5, -0.5, 0.5), t)
     scene = scene_with_pose(plan.scene(0), plan.target, pose, 0)
     taken = fa.take_frame(renderer, scene, plan.target)
     found = gt_info(frame_from_files(0, encode_frame(taken)), plan.target)
@@ -107,8 +107,8 @@ def test_each_shape_that_was_drawn_has_its_model(renderer, plan):
         mesh = trimesh.load(
             io.BytesIO(written[f"models/obj_{number:06d}.ply"]), file_type="ply", process=False
         )
-        drawn = mesh_of(varied.target_of(k)).positions_m * 1e3
+        drawn = joined_mesh(varied.target_of(k)).positions_m * 1e3
         np.testing.assert_allclose(mesh.vertices, drawn, atol=1e-2)
-        moved = np.linalg.norm(drawn - mesh_of(varied.target).positions_m * 1e3, axis=1).max()
+        moved = np.linalg.norm(drawn - joined_mesh(varied.target).positions_m * 1e3, axis=1).max()
         assert 4.9 < moved < 9.1
         assert infos[str(number)]["min_x"] == pytest.approx(drawn[:, 0].min(), abs=1e-2)

@@ -11,7 +11,7 @@ from flyaround.simulator.labels.keypoints import geometric_states
 from flyaround.simulator.recipes.plan import plan_recipe
 from flyaround.simulator.scene.illumination.area_light import AreaLight
 from flyaround.simulator.scene.record import SceneRecord
-from flyaround.simulator.targets.joined_mesh import mesh_of
+from flyaround.simulator.targets.joined_mesh import joined_mesh
 from flyaround.simulator.targets.library import load_target
 
 pytestmark = pytest.mark.gl
@@ -142,11 +142,11 @@ def test_keypoints_in_a_room_are_never_eclipsed(draw_kit):
     tango = load_target("tango-mockup")
     scene = draw_kit.scene(tango, t_m=(0, 0, 8.0))
     states = geometric_states(
-        dark(scene, AreaLight(position_m=(0, 0, 3.0), radiance_w_m2_sr=L)), tango, mesh_of(tango)
+        dark(scene, AreaLight(position_m=(0, 0, 3.0), radiance_w_m2_sr=L)), tango, joined_mesh(tango)
     )
     assert None in states
     assert not {"eclipsed", "shadowed"} & set(states)
-    assert "eclipsed" in geometric_states(dark(scene), tango, mesh_of(tango))
+    assert "eclipsed" in geometric_states(dark(scene), tango, joined_mesh(tango))
 
 
 def test_light_boxes_are_drawn_about_the_craft_and_shine_at_it():

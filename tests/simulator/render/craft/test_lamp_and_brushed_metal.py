@@ -8,7 +8,7 @@ import pytest
 from flyaround.simulator.labels.keypoints import geometric_states
 from flyaround.simulator.scene.illumination.irradiance import uniform_field
 from flyaround.simulator.scene.illumination.lamp import Lamp
-from flyaround.simulator.targets.joined_mesh import mesh_of
+from flyaround.simulator.targets.joined_mesh import joined_mesh
 from flyaround.simulator.targets.library import load_target
 from tools.validation.rendering import brushed as rendering_brushed
 from tools.validation.rendering import lamp as rendering_lamp
@@ -72,7 +72,7 @@ def test_grain_turns_with_the_craft_and_the_sky_is_kept(renderer, draw_kit):
 def test_keypoints_that_the_lamp_lights_are_not_eclipsed(draw_kit):
     tango = load_target("tango")
     scene = replace(draw_kit.scene(tango, t_m=(0, 0, 8.0)), sun_visible_fraction=0.0)
-    dark = geometric_states(scene, tango, mesh_of(tango))
-    lit = geometric_states(replace(scene, lamp=Lamp(power_w=20.0)), tango, mesh_of(tango))
+    dark = geometric_states(scene, tango, joined_mesh(tango))
+    lit = geometric_states(replace(scene, lamp=Lamp(power_w=20.0)), tango, joined_mesh(tango))
     assert "eclipsed" in dark
     assert [None if state == "eclipsed" else state for state in dark] == list(lit)

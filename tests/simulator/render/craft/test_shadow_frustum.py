@@ -41,7 +41,7 @@ def test_a_shadow_on_a_long_craft_is_where_geometry_says(renderer, draw_kit):
 def test_the_window_holds_all_that_shows(renderer, draw_kit, name):
     mesh = upload(renderer.device.context, load_target(name))
     positions = np.frombuffer(mesh.vertices.read(), VERTEX)["position_m"].astype(float)
-    patches = SurfacePatches.of(mesh, positions)
+    patches = SurfacePatches.from_mesh(mesh, positions)
     rng, camera, smaller = np.random.default_rng(7), draw_kit.camera, 0
     for _ in range(40):
         q = rng.standard_normal(4)

@@ -259,7 +259,7 @@ def test_stars_drawn_and_added_when_the_picture_is_read_give_one_picture(
     stars = []
 
     def all_of_them(_self, pixels, images, _target):
-        images.mark_lit(PixelRect(0, 0, *images.size))
+        images.mark_drawn(PixelRect(0, 0, *images.size))
         stars.append(len(pixels))
         return np.ones(len(pixels), bool)
 

@@ -6,7 +6,7 @@ import pytest
 
 from flyaround.simulator.bench.scenes import bench_scenes
 from flyaround.simulator.camera.lens.camera_model import Camera
-from flyaround.simulator.render.gl.depth_buffer import MOST_RANGES
+from flyaround.simulator.render.gl.depth_buffer import MAX_RANGES
 from flyaround.simulator.scene.environments import Environment
 from flyaround.simulator.targets.library import load_target
 
@@ -18,7 +18,7 @@ def test_samples_of_earlier_frames_never_show(renderer, draw_kit):
     # the samples' image is not cleared: a stamp tells its frames apart, until all stamps are used
     tango = load_target("tango")
     camera = Camera(width_px=96, height_px=80, fx_px=200.0, fy_px=200.0, cx_px=47.5, cy_px=39.5)
-    turns = [(0.4 * k, 0.3 * k, 0.2) for k in range(MOST_RANGES + 4)]
+    turns = [(0.4 * k, 0.3 * k, 0.2) for k in range(MAX_RANGES + 4)]
     scenes = [draw_kit.scene(tango, t_m=(0.0, 0.0, 5.0), rotvec_rad=turn, camera=camera) for turn in turns]
     first = [renderer.render(scene, tango, labels=True) for scene in scenes]
     for k in reversed(range(len(scenes))):

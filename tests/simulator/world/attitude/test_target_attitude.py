@@ -10,7 +10,7 @@ import pytest
 from flyaround.simulator.errors import UserError
 from flyaround.simulator.world.attitude.directions import PointingContext
 from flyaround.simulator.world.attitude.target_attitude import Attitude, Point
-from flyaround.simulator.world.attitude.torques import magnetic_field_t, torque_on
+from flyaround.simulator.world.attitude.torques import body_torque, magnetic_field_t
 from flyaround.simulator.world.bodies.earth import EARTH
 from flyaround.simulator.world.ephemeris.earth_orientation import R_itrs_from_eci
 from flyaround.simulator.world.ephemeris.sun_moon import sun_eci_m
@@ -143,7 +143,7 @@ def test_magnetic_field_points_north_and_doubles_at_the_pole():
 
 
 def test_residual_dipole_turns_like_a_compass_needle():
-    torque = torque_on(ORBIT, J, EPOCH, residual_dipole_a_m2=(0.0, 0.0, 1.0))
+    torque = body_torque(ORBIT, J, EPOCH, residual_dipole_a_m2=(0.0, 0.0, 1.0))
     assert torque is not None
     R = matrix_from_quat(Q0)
     found = torque(100.0, R)
@@ -181,7 +181,7 @@ def test_dipole_drifts_as_it_was_observed_to(year, gauss_nt):
 def test_torque_of_a_dipole_is_that_of_its_year():
     """The field turns with the Earth and drifts with the years: a flight's is that of its epoch, on its orbit."""
     for epoch in (EPOCH, Instant.from_utc("2044-03-20T12:00:00Z")):
-        torque = torque_on(ORBIT, J, epoch, residual_dipole_a_m2=(3.0, -1.0, 2.0))
+        torque = body_torque(ORBIT, J, epoch, residual_dipole_a_m2=(3.0, -1.0, 2.0))
         assert torque is not None
         R, R_itrs = matrix_from_quat(Q0), R_itrs_from_eci(epoch.plus(700.0))
         year = 2000.0 + (epoch.tt1 + epoch.tt2 - 2451545.0) / 365.25

@@ -5,7 +5,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from flyaround.simulator.world.attitude.rigid_body import propagate_attitude
-from flyaround.simulator.world.attitude.torques import gravity_gradient_torque, torque_on
+from flyaround.simulator.world.attitude.torques import body_torque, gravity_gradient_torque
 from flyaround.simulator.world.bodies.earth import EARTH
 from flyaround.simulator.world.bodies.moon import MOON
 from flyaround.simulator.world.constants import MU_EARTH_M3_S2
@@ -25,7 +25,7 @@ J = np.diag([1.0, 4.0, 4.5])
 def test_pitch_libration_has_its_frequency():
     """Wertz (1978), eq. 18-44: n sqrt(3 (J1 - J3) / J2) for small pitch about the orbit normal."""
     small = 1e-3
-    torque = torque_on(ORBIT, J, EPOCH, gravity_gradient=True)
+    torque = body_torque(ORBIT, J, EPOCH, gravity_gradient=True)
     track = propagate_attitude(quat_from_rotvec([0, 0, small]), [0, 0, N], J, 20000.0, torque)
     w = N * np.sqrt(3 * (J[1, 1] - J[0, 0]) / J[2, 2])
     for t in np.linspace(0, 20000, 15):
@@ -43,10 +43,10 @@ def test_no_torque_along_a_principal_axis():
 
 
 def test_constant_torque_spins_up():
-    torque = torque_on(ORBIT, J, EPOCH, constant_nm=(0.0, 0.0, 0.009))
+    torque = body_torque(ORBIT, J, EPOCH, constant_nm=(0.0, 0.0, 0.009))
     _, rate = propagate_attitude([1, 0, 0, 0], [0, 0, 0], J, 100.0, torque)(100.0)
     assert np.allclose(rate, [0, 0, 0.2], atol=1e-9)
-    assert torque_on(ORBIT, J, EPOCH) is None
+    assert body_torque(ORBIT, J, EPOCH) is None
 
 
 def test_torque_acts_along_the_axes_of_a_body_that_points_anywhere():
@@ -68,7 +68,7 @@ def test_torque_acts_along_the_axes_of_a_body_that_points_anywhere():
     end = solve_ivp(euler, (0, span), np.concatenate([q0, rate]), method="DOP853", rtol=1e-12, atol=1e-14).y[
         :, -1
     ]
-    torque = torque_on(ORBIT, J, EPOCH, constant_nm=tuple(push))
+    torque = body_torque(ORBIT, J, EPOCH, constant_nm=tuple(push))
     q, w = propagate_attitude(q0, rate, J, span, torque)(span)
     assert abs(q @ end[:4]) == pytest.approx(1.0, abs=1e-12)
     assert w == pytest.approx(end[4:], abs=1e-9)
@@ -84,6 +84,6 @@ def test_gravitys_gradient_is_that_of_the_body_that_is_circled(body):
     dumbbell = mass * np.cross(end, pulls[0] - pulls[1])
     inertia = 2 * mass * (end @ end * np.eye(3) - np.outer(end, end))
     orbit = propagate(r, np.zeros(3), 1.0, Gravity(j2=0.0, mu_m3_s2=body.mu_m3_s2))
-    torque = torque_on(orbit, inertia, EPOCH, gravity_gradient=True)
+    torque = body_torque(orbit, inertia, EPOCH, gravity_gradient=True)
     assert torque is not None
     assert torque(0.0, np.eye(3)) == pytest.approx(dumbbell, rel=1e-5)

@@ -138,7 +138,8 @@ def test_flight_light_pressure_and_drawn_earth_have_one_shadow():
     craft = Surface(mass_kg=100.0, area_m2=1.0)
     epoch = Instant.from_utc(flight.state(0.0).epoch_utc)
     push = EarthForces(
-        sky=EphemerisTable.of(epoch, 5900.0), forces=Forces(solar_pressure=True, target=craft, chaser=craft)
+        sky=EphemerisTable.build(epoch, 5900.0),
+        forces=Forces(solar_pressure=True, target=craft, chaser=craft),
     )
     pull = EarthForces(sky=push.sky)
     for k in edges:

@@ -17,7 +17,7 @@ from flyaround.simulator.world.orbit.propagation import (
 from flyaround.simulator.world.relative.yamanaka_ankersen import elliptic_transition_matrix
 from flyaround.simulator.world.time.instant import Instant
 
-ROUND = EarthForces(sky=EphemerisTable.of(Instant.from_utc("2026-03-20T12:00:00Z"), 3600.0))
+ROUND = EarthForces(sky=EphemerisTable.build(Instant.from_utc("2026-03-20T12:00:00Z"), 3600.0))
 MODES = [
     NaturalCircumnavigation(radial_m=50.0, phase_deg=30.0, cross_track_m=20.0, centre_along_track_m=30.0),
     NaturalCircumnavigation(radial_m=50.0),
@@ -46,7 +46,7 @@ def test_a_revolution_later_the_chaser_is_where_it_was(mode, e, nu):
     # the radial swing is the one asked for
     assert np.abs(path[:, 0]).max() == pytest.approx(mode.radial_m, rel=1e-2)
     if isinstance(mode, SafeEllipse):
-        assert np.hypot(path[:, 0], path[:, 2]).min() > mode.least_distance_m - 0.05
+        assert np.hypot(path[:, 0], path[:, 2]).min() > mode.min_distance_m - 0.05
 
 
 def test_on_a_circle_it_is_the_ellipse_of_two_to_one():

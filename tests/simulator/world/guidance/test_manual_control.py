@@ -128,4 +128,4 @@ def test_safe_ellipse_stays_clear_however_it_drifts():
     for t in np.linspace(0.0, 12000.0, 400):
         x, _, z = track.frame(float(t)).from_eci(*track.relative(float(t)))[0]
         across.append(np.hypot(x, z))
-    assert min(across) > 0.9 * mode.least_distance_m
+    assert min(across) > 0.9 * mode.min_distance_m

@@ -29,7 +29,7 @@ from flyaround.simulator.world.orbit.spherical_harmonics import _coefficients, e
 from flyaround.simulator.world.time.instant import Instant
 
 EPOCH = Instant.from_utc("2025-03-21T06:00:00Z")
-SKY = EphemerisTable.of(EPOCH, 86400.0)
+SKY = EphemerisTable.build(EPOCH, 86400.0)
 R0, V0 = state_from_elements(
     Elements(semi_major_axis_m=EARTH_RADIUS_M + 600e3, inclination_rad=1.7, raan_rad=0.4)
 )

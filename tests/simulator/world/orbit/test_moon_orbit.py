@@ -27,7 +27,7 @@ HOUR = 3600.0
 
 
 def test_the_same_orbit_comes_out_of_a_propagation_about_the_earth():
-    sky = EphemerisTable.of(EPOCH, HOUR)
+    sky = EphemerisTable.build(EPOCH, HOUR)
     r, v = state_from_elements(
         Elements(semi_major_axis_m=4e6, eccentricity=0.1, inclination_rad=2.0), MOON.mu_m3_s2
     )
@@ -45,7 +45,7 @@ def test_the_same_orbit_comes_out_of_a_propagation_about_the_earth():
 
 def test_light_pushes_a_lunar_craft_only_where_it_is_asked_for_and_lit():
     """Montenbruck & Gill, eq. 3.75; behind the Moon there is none, and the chaser's is its own."""
-    sky = EphemerisTable.of(EPOCH, HOUR)
+    sky = EphemerisTable.build(EPOCH, HOUR)
     craft = (Surface(mass_kg=50.0, area_m2=0.5), Surface(mass_kg=5.0, area_m2=0.5))
     _, sun_from_earth, moon = sky.at(0.0)
     away = -(sun_from_earth - moon) / np.linalg.norm(sun_from_earth - moon)
@@ -81,8 +81,8 @@ def test_flattening_turns_the_node_at_the_rate_of_its_formula():
     r, v = state_from_elements(Elements(semi_major_axis_m=a, inclination_rad=i), MOON.mu_m3_s2)
     n = np.sqrt(MOON.mu_m3_s2 / a**3)
     span = 4 * 2 * np.pi / n
-    forces = MoonForces(epoch=EPOCH, sky=EphemerisTable.of(EPOCH, span), forces=Forces(gravity_degree=2))
-    plain = MoonForces(epoch=EPOCH, sky=EphemerisTable.of(EPOCH, span))
+    forces = MoonForces(epoch=EPOCH, sky=EphemerisTable.build(EPOCH, span), forces=Forces(gravity_degree=2))
+    plain = MoonForces(epoch=EPOCH, sky=EphemerisTable.build(EPOCH, span))
 
     def node(f, t):
         track = propagate(R.T @ r, R.T @ v, span, f)
@@ -161,7 +161,7 @@ def test_forces_at_a_time_are_those_of_a_flight_that_starts_then(about_moon):
     forces = Forces(gravity_degree=2, sun=True, moon=True)
 
     def model(epoch, span_s):
-        sky = EphemerisTable.of(epoch, span_s)
+        sky = EphemerisTable.build(epoch, span_s)
         if about_moon:
             return MoonForces(epoch=epoch, sky=sky, forces=forces)
         return EarthForces(sky=sky, forces=forces, harmonics=lunar_degree_2())
