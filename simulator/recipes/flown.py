@@ -54,10 +54,12 @@ def flight_scene(
     scene = plan.shifted((share * plan.scenario.duration_s,)).scene(0)
     if not poses.position_sigma_m and not poses.attitude_sigma_deg:
         return scene
-    error_m = rng.normal(0.0, poses.position_sigma_m, 3)
+    position_error_m = rng.normal(0.0, poses.position_sigma_m, 3)
     turn = rng.normal(0.0, np.radians(poses.attitude_sigma_deg), 3)
     q = quat_multiply(scene.q_camera_from_target_wxyz, quat_from_rotvec(turn))
-    pose = Pose.from_arrays("camera", "target", q, np.asarray(scene.t_camera_from_target_m) + off)
+    pose = Pose.from_arrays(
+        "camera", "target", q, np.asarray(scene.t_camera_from_target_m) + position_error_m
+    )
     return scene_with_pose(scene, target, pose, k)
 
 

@@ -251,7 +251,7 @@ def failures_picture(
         q, t = result.q_camera_from_target_wxyz, result.t_camera_from_target_m
         if q is None or t is None:
             continue
-        other = scene_with_pose(twin.scene, target, Pose.from_arrays("camera", "target", q, t), 0)
+        estimated_scene = scene_with_pose(twin.scene, target, Pose.from_arrays("camera", "target", q, t), 0)
         shift = np.asarray(t) - np.asarray(twin.scene.t_camera_from_target_m)
         lights = tuple(
             msgspec.structs.replace(one, position_m=vec3(np.asarray(one.position_m) + shift))

@@ -265,8 +265,8 @@ def _check_flow(truth: Truth, flow: NDArray[np.float32], pixels: IntArray, sampl
     """Check sampled pixels: the point that a ray hits, projected with the next frame's pose."""
     if truth.flow is None:
         return ["there is optical flow, and the record does not say to which frame"]
-    here = pose_of_row(truth, 0)
-    there = Pose.from_arrays(
+    pose_now = pose_of_row(truth, 0)
+    pose_next = Pose.from_arrays(
         "camera", "target", truth.flow.q_camera_from_target_wxyz, truth.flow.t_camera_from_target_m
     )
     R = pose_next.R @ pose_now.R.T
