@@ -101,9 +101,9 @@ def _grow(
         sides.append(
             (corners, np.concatenate([large_index[on_one_side], np.array([k for _, k in pieces], int)]))
         )
-    ahead = small.mean(axis=1) @ n - d >= FRONT_TOLERANCE_M
-    first = _grow(tree, *sides[0], small[ahead], small_index[ahead], depth + 1)
-    second = _grow(tree, *sides[1], small[~ahead], small_index[~ahead], depth + 1)
+    in_front = small.mean(axis=1) @ n - d >= FRONT_TOLERANCE_M
+    first = _grow(tree, *sides[0], small[in_front], small_index[in_front], depth + 1)
+    second = _grow(tree, *sides[1], small[~in_front], small_index[~in_front], depth + 1)
     tree.children[node] = (first, second)
     return node
 

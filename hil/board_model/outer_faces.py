@@ -124,14 +124,14 @@ def _most_informative_parts(parts: Sequence[Part], coarse: int) -> tuple[FloatAr
     size = float(np.ptp(triangles.reshape(-1, 3), axis=0).max())
     least = MIN_TRIANGLE * size**2
     first = owner < coarse
-    surface, seen = first.copy(), visible_area(triangles) > least
+    surface, is_visible = first.copy(), visible_area(triangles) > least
     surface[first] = visible_area(triangles[first]) > least
-    hidden = np.flatnonzero(seen & ~first)
+    hidden = np.flatnonzero(is_visible & ~first)
     new = np.zeros(len(triangles))
     new[hidden] = _distinctiveness(parts, triangles, owner, surface, hidden, MIN_DISTANCE_SHARE * size)
     side = face_vectors(triangles)
     new_area = np.bincount(owner, 0.5 * np.linalg.norm(side, axis=1) * new, len(parts))
-    number = np.bincount(owner, seen, len(parts)).astype(int)
+    number = np.bincount(owner, is_visible, len(parts)).astype(int)
     chosen_parts, count = np.arange(len(parts)) < coarse, int(surface.sum())
     for k in np.argsort(-new_area / np.maximum(number, 1)):
         if not chosen_parts[k] and new_area[k] > MIN_PART * size**2 and count + number[k] <= MAX_VISIBLE:
@@ -182,8 +182,8 @@ def _distinctiveness(
     if not points:
         return np.ones(len(candidates))
     distance, nearest = cKDTree(np.concatenate(points)).query(triangles_m[candidates].mean(axis=1))
-    other = (distance > within_m) | (np.concatenate(owners)[nearest] != material[candidates])
-    return np.where(distance > 3.0 * within_m, PROTRUSION_WEIGHT, other.astype(float))
+    is_other = (distance > within_m) | (np.concatenate(owners)[nearest] != material[candidates])
+    return np.where(distance > 3.0 * within_m, PROTRUSION_WEIGHT, is_other.astype(float))
 
 
 def merge_triangle_pairs(triangles_m: FloatArray, material: Sequence[str]) -> tuple[FloatArray, list[str]]:
@@ -192,8 +192,8 @@ def merge_triangle_pairs(triangles_m: FloatArray, material: Sequence[str]) -> tu
     Rendering two halves would leave a seam. The last corner of a single triangle is repeated.
     """
     normal = face_vectors(triangles_m)
-    twice = np.linalg.norm(normal, axis=1)
-    normal = normal / np.maximum(twice, 1e-30)[:, None]
+    twice_area = np.linalg.norm(normal, axis=1)
+    normal = normal / np.maximum(twice_area, 1e-30)[:, None]
     key = np.round(triangles_m / 2e-5).astype(np.int64)
     faces_by_edge: dict[tuple[bytes, bytes], list[tuple[int, int]]] = {}
     for i in range(len(triangles_m)):
@@ -201,7 +201,7 @@ def merge_triangle_pairs(triangles_m: FloatArray, material: Sequence[str]) -> tu
             faces_by_edge.setdefault((key[i, a].tobytes(), key[i, (a + 1) % 3].tobytes()), []).append((i, a))
     used = np.zeros(len(triangles_m), bool)
     faces, of = [], []
-    for i in np.argsort(-twice):
+    for i in np.argsort(-twice_area):
         if used[i]:
             continue
         used[i] = True
@@ -221,8 +221,8 @@ def merge_triangle_pairs(triangles_m: FloatArray, material: Sequence[str]) -> tu
                 )
                 side = np.roll(joined, -1, axis=0) - joined
                 turns = np.cross(side, np.roll(side, -1, axis=0)) @ normal[i]
-                if turns.min() > 1e-12 and twice[j] > best:
-                    best, partner, face = float(twice[j]), j, joined
+                if turns.min() > 1e-12 and twice_area[j] > best:
+                    best, partner, face = float(twice_area[j]), j, joined
         if partner >= 0:
             used[partner] = True
         faces.append(face)

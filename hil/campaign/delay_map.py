@@ -198,9 +198,9 @@ class _Map:
             for k in range(n)
         ]
 
-    def _simulate(self, table: str, what: str, tasks: Sequence[MapFlight]) -> dict[Cell, CellResult]:
+    def _simulate(self, table: str, label: str, tasks: Sequence[MapFlight]) -> dict[Cell, CellResult]:
         """Fly the flights missing in a table, and return the results of all its cells."""
-        progress = partial(self._progress, what)
+        progress = partial(self._progress, label)
         outcomes = fly_cells(self._folder / table, tasks, self._workers, progress)
         n, n_successes = (
             Counter(cell for cell, _ in outcomes),
@@ -247,10 +247,10 @@ class _Map:
         s = self._settings
         selected = {Cell(r.latency_s, r.jitter_s, r.drops): r for r in select_cells(cells, s.check)}
         tasks = self._flights(selected, s.check_flights, self._board_command)
-        drawn = self._simulate(CHECKS_CSV, "drawn flights", tasks) if tasks else {}
+        rendered = self._simulate(CHECKS_CSV, "drawn flights", tasks) if tasks else {}
         return tuple(
             CheckedCell(without_pictures=r, drawn=check, agree=check.low <= r.high and r.low <= check.high)
-            for r, check in ((selected[cell], check) for cell, check in drawn.items())
+            for r, check in ((selected[cell], check) for cell, check in rendered.items())
         )
 
 
@@ -261,10 +261,10 @@ def select_cells(cells: Sequence[CellResult], n: int) -> list[CellResult]:
         burden = result.latency_s + result.jitter_s + 10 * result.drops
         return -burden if result.share > 0.5 else burden
 
-    left, selected = list(cells), []
+    remaining, selected = list(cells), []
     for target_share in np.linspace(1.0, 0.0, n) if n > 1 else [0.5] * n:
-        best = min(left, key=lambda r: (abs(r.share - target_share), edge(r), r.latency_s, r.jitter_s))
-        left.remove(best)
+        best = min(remaining, key=lambda r: (abs(r.share - target_share), edge(r), r.latency_s, r.jitter_s))
+        remaining.remove(best)
         selected.append(best)
     return selected
 
@@ -292,14 +292,14 @@ def _open_folder(folder: Path, settings: MapSettings) -> bool:
             empty_folder(folder)
         return False
     try:
-        before = msgspec.json.decode(read_regular(path, MAX_BYTES), type=MapSettings)
+        former = msgspec.json.decode(read_regular(path, MAX_BYTES), type=MapSettings)
     except msgspec.DecodeError as error:
         raise UserError(f"{path} is damaged ({error}): name another folder with -o") from error
     # other cells may be verified than before
-    same = msgspec.structs.replace(before, check=settings.check, check_flights=settings.check_flights)
-    if same != settings:
+    renewed = msgspec.structs.replace(former, check=settings.check, check_flights=settings.check_flights)
+    if renewed != settings:
         raise UserError(f"{folder} has a map of other settings: name another folder with -o")
-    return (before.check, before.check_flights) != (settings.check, settings.check_flights)
+    return (former.check, former.check_flights) != (settings.check, settings.check_flights)
 
 
 def _write_cells(folder: Path, outcome: DelayMapOutcome) -> None:

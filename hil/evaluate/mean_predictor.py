@@ -56,11 +56,11 @@ def mean_predictor(q_wxyz: ArrayLike, t_m: ArrayLike) -> MeanPredictor:
     # minimises the mean squared sine of half the angles to all attitudes
     mean_q = np.linalg.eigh(q.T @ q)[1][:, -1]
     mean_q = -mean_q if mean_q[0] < 0 else mean_q
-    where = t.mean(axis=0)
-    errors = np.array([frame_errors(a, b, mean_q, where) for a, b in zip(q, t, strict=True)])
+    mean_position = t.mean(axis=0)
+    errors = np.array([frame_errors(a, b, mean_q, mean_position) for a, b in zip(q, t, strict=True)])
     return MeanPredictor(
         n=len(q),
-        t_m=(float(where[0]), float(where[1]), float(where[2])),
+        t_m=(float(mean_position[0]), float(mean_position[1]), float(mean_position[2])),
         q_wxyz=(float(mean_q[0]), float(mean_q[1]), float(mean_q[2]), float(mean_q[3])),
         mean_E_T_m=float(errors[:, 0].mean()),
         median_E_T_m=float(np.median(errors[:, 0])),

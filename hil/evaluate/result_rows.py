@@ -87,11 +87,11 @@ def read_rows(path: Path, header: RunHeader) -> list[EvaluatedFrame]:
     """
     lines = path.read_bytes().split(b"\n")
     try:
-        before = msgspec.json.decode(lines[0], type=RunHeader)
-        before = msgspec.structs.replace(before, methods=tuple(name_in_file(m, path) for m in before.methods))
+        former = msgspec.json.decode(lines[0], type=RunHeader)
+        former = msgspec.structs.replace(former, methods=tuple(name_in_file(m, path) for m in former.methods))
     except msgspec.DecodeError as error:
         raise UserError(f"{path} is not the record of an evaluation: name another folder with -o") from error
-    if before != header:
+    if former != header:
         raise UserError(
             f"{path.parent} holds another evaluation (data set, model or methods differ):"
             " name another folder with -o"

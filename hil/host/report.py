@@ -321,8 +321,8 @@ def _page(
     return page
 
 
-def _dotted(*given: str) -> Markup:
-    parts = [part for part in given if part]
+def _dotted(*cells: str) -> Markup:
+    parts = [part for part in cells if part]
     return markup(parts[0], *((" \N{MIDDLE DOT} ", part) for part in parts[1:]))
 
 

@@ -136,14 +136,14 @@ class Seal:
         return replace(packet, payload=body[: -COUNTER.size])
 
     def _take(self, counter: int, name: str) -> None:
-        ahead = counter - self._newest
-        if ahead > 0:
-            self._seen = ((self._seen << min(ahead, WINDOW)) | 1) & ((1 << WINDOW) - 1)
+        lead = counter - self._newest
+        if lead > 0:
+            self._seen = ((self._seen << min(lead, WINDOW)) | 1) & ((1 << WINDOW) - 1)
             self._newest = counter
             return
-        if -ahead >= WINDOW or self._seen >> -ahead & 1:
+        if -lead >= WINDOW or self._seen >> -lead & 1:
             raise RepeatedPacket(f"a {name} packet was received twice, or much too late")
-        self._seen |= 1 << -ahead
+        self._seen |= 1 << -lead
 
     @staticmethod
     def _mac(key: bytes, packet: Packet, body: bytes) -> bytes:

@@ -52,8 +52,8 @@ def silhouette(camera: Camera, pose: Pose, target: Target) -> Silhouette:
     (x0, y0), (x1, y1) = np.nanmin(vertices, axis=0).tolist(), np.nanmax(vertices, axis=0).tolist()
     corners = vertices[mesh.triangles]
     if not camera.distortion.is_none:
-        whole = mesh.positions_m[mesh.triangles]
-        subdivided = subdivide_for_lens(camera, whole, pose.R, np.asarray(pose.t_m))
+        triangles = mesh.positions_m[mesh.triangles]
+        subdivided = subdivide_for_lens(camera, triangles, pose.R, np.asarray(pose.t_m))
         corners = camera.project(pose.apply(subdivided.reshape(-1, 3))).reshape(-1, 3, 2)
     corners = corners[np.isfinite(corners).all(axis=(1, 2))]
     size = (camera.width_px, camera.height_px)

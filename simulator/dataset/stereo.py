@@ -97,9 +97,9 @@ def stereo_card(plan: DocumentPlan) -> StereoCard | None:
     return None if plan.second_camera is None else _card("first", plan.second_camera)
 
 
-def _card(which: str, second: SecondCamera) -> StereoCard:
+def _card(name: str, second: SecondCamera) -> StereoCard:
     return StereoCard(
-        camera="second" if which == "second" else "first",
+        camera="second" if name == "second" else "first",
         position_m=second.position_m,
         turn_deg=second.turn_deg,
         q_second_from_first_wxyz=second.q_second_from_first_wxyz,
@@ -129,7 +129,9 @@ def pair_faults(folder: Path, card: DatasetCard) -> Iterator[tuple[int | None, s
                 yield k, "only one of the two cameras has it"
             continue
         try:
-            a, b = (read_truth(frame_paths(where, k).truth) for where in (folder, second_path))
+            a, b = (
+                read_truth(frame_paths(record_folder, k).truth) for record_folder in (folder, second_path)
+            )
         except UserError as error:
             yield k, str(error)
             continue

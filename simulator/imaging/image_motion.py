@@ -61,7 +61,7 @@ class CraftFlow:
 
 def craft_flow(mid: SceneState, early: SceneState, late: SceneState, target: Target) -> CraftFlow:
     """Return the flow of a craft from ``early`` to ``late`` at its position in ``mid``; zero behind the camera."""
-    points, start, end = (target_corners_px(mid, then, target) for then in (mid, early, late))
+    points, start, end = (target_corners_px(mid, moment, target) for moment in (mid, early, late))
     design = np.column_stack([np.ones(len(points)), np.nan_to_num(points)])
     displacements = np.nan_to_num(end - start)
     affine = np.asarray(np.linalg.lstsq(design, displacements, rcond=None)[0], float)
@@ -124,19 +124,19 @@ def motion_bound_px(scene: SceneState, target: Target, span_s: float) -> float:
     return 1.25 * span_s * rate * max(camera.fx_px, camera.fy_px) * (1 + off_axis**2)
 
 
-def _tracked_px(scene: SceneState, then: SceneState, target: Target) -> FloatArray:
-    """Return (K, 2) positions in the scene ``then`` of the tracked points of ``scene``; NaN behind the camera."""
+def _tracked_px(scene: SceneState, later_scene: SceneState, target: Target) -> FloatArray:
+    """Return (K, 2) pixels in ``later_scene`` of the tracked points of ``scene``; NaN behind the camera."""
     c = scene.camera
     u, v = np.meshgrid(np.linspace(0, c.width_px - 1, 5), np.linspace(0, c.height_px - 1, 5))
-    behind = background_px(scene, then, np.stack([u.ravel(), v.ravel()], axis=1))
-    return np.concatenate([target_corners_px(scene, then, target), behind])
+    behind = background_px(scene, later_scene, np.stack([u.ravel(), v.ravel()], axis=1))
+    return np.concatenate([target_corners_px(scene, later_scene, target), behind])
 
 
-def background_px(scene: SceneState, then: SceneState, pixels: FloatArray) -> FloatArray:
-    """Return (K, 2) positions in the scene ``then`` of the ground or sky at pixels of ``scene``."""
+def background_px(scene: SceneState, later_scene: SceneState, pixels: FloatArray) -> FloatArray:
+    """Return (K, 2) positions in ``later_scene`` of the ground or sky at pixels of ``scene``."""
     d = scene.camera.rays(pixels)
     d = d @ matrix_from_quat(scene.q_camera_from_eci_wxyz)  # in ECI
-    body, states = scene.central.body, (scene.central, then.central)
+    body, states = scene.central.body, (scene.central, later_scene.central)
     R_now, R_then = (s.R_fixed_from_eci.T if body.turns else np.eye(3) for s in states)
     centers = [np.asarray(s.r_eci_m) for s in states]
     r = np.asarray(scene.r_camera_eci_m) - centers[0]
@@ -144,15 +144,17 @@ def background_px(scene: SceneState, then: SceneState, pixels: FloatArray) -> Fl
     discriminant = along**2 - (r @ r - body.radius_m**2)
     ground = (discriminant > 0) & (along > 0) & scene.environment.draws(body)
     positions = r + (along - np.sqrt(np.maximum(discriminant, 0)))[:, None] * d
-    positions = positions @ (R_then @ R_now.T).T + centers[1] - np.asarray(then.r_camera_eci_m)
-    in_camera = np.where(ground[:, None], positions, d) @ matrix_from_quat(then.q_camera_from_eci_wxyz).T
-    return np.asarray(then.camera.project(in_camera))
+    positions = positions @ (R_then @ R_now.T).T + centers[1] - np.asarray(later_scene.r_camera_eci_m)
+    in_camera = (
+        np.where(ground[:, None], positions, d) @ matrix_from_quat(later_scene.q_camera_from_eci_wxyz).T
+    )
+    return np.asarray(later_scene.camera.project(in_camera))
 
 
-def target_corners_px(scene: SceneState, then: SceneState, target: Target) -> FloatArray:
-    """Return (8, 2) corners of the craft's box in the scene ``then``; zeros if they are not in the image."""
+def target_corners_px(scene: SceneState, later_scene: SceneState, target: Target) -> FloatArray:
+    """Return (8, 2) corners of the craft's box in ``later_scene``; zeros if they are not in the image."""
     corners, c = box_3d_m(target), scene.camera
-    moved_px = then.camera.project(then.camera_from_target.apply(corners))
+    moved_px = later_scene.camera.project(later_scene.camera_from_target.apply(corners))
     corners_px = scene.camera.project(scene.camera_from_target.apply(corners))
     # a craft far outside the image needs no smear
     size = np.array([c.width_px, c.height_px])

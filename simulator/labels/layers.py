@@ -112,8 +112,8 @@ def layer_hash(name: str, layer: NDArray[Any], mask: ByteArray) -> str:
     """
     if name in MASKED_LAYERS and layer.shape[:2] == mask.shape:
         # viewing a pixel's values as one item makes the selection several times faster
-        whole = np.ascontiguousarray(layer)
-        pixels = whole.view(f"V{whole.itemsize * whole[0, 0].size}").reshape(mask.shape)
+        contiguous = np.ascontiguousarray(layer)
+        pixels = contiguous.view(f"V{contiguous.itemsize * contiguous[0, 0].size}").reshape(mask.shape)
         window = craft_window(mask)
         layer = pixels[window][mask[window] > 0]
     return pixel_hash(layer)

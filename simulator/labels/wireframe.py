@@ -104,8 +104,8 @@ def view_edges(
     """
     arrays = _edge_arrays(target)
     in_camera = camera_from_target.apply(arrays.ends_m)
-    ahead = np.flatnonzero(in_camera[..., 2].min(axis=1) >= MIN_DEPTH_M)
-    in_camera = in_camera[ahead]
+    in_front = np.flatnonzero(in_camera[..., 2].min(axis=1) >= MIN_DEPTH_M)
+    in_camera = in_camera[in_front]
     # occlusion depends on rays only, so it is computed without distortion, where lines are straight
     is_distorted = not camera.distortion.is_none
     straight = replace(camera, distortion=Distortion()) if is_distorted else camera
@@ -113,12 +113,12 @@ def view_edges(
     ends_px = camera.project(in_camera) if is_distorted else pixels
     inverse = 1 / in_camera[..., 2]
     distance = np.linalg.norm(in_camera, axis=2)
-    surface_offset_m = arrays.radius_m[ahead, None] / np.maximum(_sine_to_sight(in_camera), END_ON_SINE)
+    surface_offset_m = arrays.radius_m[in_front, None] / np.maximum(_sine_to_sight(in_camera), END_ON_SINE)
     nearer = inverse / (
         1 - np.minimum((SURFACE_TOLERANCE_M + ROD_RADIUS_FACTOR * surface_offset_m) / distance, 0.9)
     )
-    facing = np.flatnonzero(arrays.facing(np.asarray(camera_from_target.inverse().t_m))[ahead])
-    intervals: list[tuple[tuple[float, float], ...]] = [()] * len(ahead)
+    facing = np.flatnonzero(arrays.facing(np.asarray(camera_from_target.inverse().t_m))[in_front])
+    intervals: list[tuple[tuple[float, float], ...]] = [()] * len(in_front)
     projected = project_for_camera(mesh, camera_from_target)
     image_plane = in_camera[facing, :, :2] * inverse[facing, :, None]
     for k, visible in zip(facing, projected.visible_intervals(image_plane, nearer[facing]), strict=True):
@@ -128,7 +128,7 @@ def view_edges(
         ProjectedEdge(
             edges[n], ends_px[k], inverse[k], intervals[k], *((pixels[k], camera) if is_distorted else ())
         )
-        for k, n in enumerate(ahead)
+        for k, n in enumerate(in_front)
     )
 
 

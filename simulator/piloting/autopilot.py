@@ -112,8 +112,8 @@ class Autopilot:
         across_m_s = min(
             ACROSS_GAIN_1_S * distance, float(np.sqrt(2 * BRAKE_M_S2 * distance)), MAX_LATERAL_SPEED_M_S
         )
-        across = -offset * (across_m_s / max(distance, 1e-9))
-        return np.array([*across, self._closing(f, goal_m)])
+        transverse = -offset * (across_m_s / max(distance, 1e-9))
+        return np.array([*transverse, self._closing(f, goal_m)])
 
     def _closing(self, f: DockingFigures, goal_m: float | None) -> float:
         limits = self._limits

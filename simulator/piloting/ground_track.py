@@ -121,12 +121,12 @@ def _arc(
 
 def _sunlight(flight: Flight, t_s: float, span_s: float) -> Callable[[FloatArray, FloatArray], FloatArray]:
     """Return a function for the share of the Sun visible from positions (n, 3) at times (n,) from now."""
-    now, then = flight.epoch.plus(t_s), flight.epoch.plus(t_s + span_s)
-    sun, sun_then = sun_eci_m(now.tt1, now.tt2), sun_eci_m(then.tt1, then.tt2)
+    now, end = flight.epoch.plus(t_s), flight.epoch.plus(t_s + span_s)
+    sun, sun_then = sun_eci_m(now.tt1, now.tt2), sun_eci_m(end.tt1, end.tt2)
     bodies = bodies_at(now, flight.body)
     ways = [
         np.subtract(later.r_eci_m, state.r_eci_m)
-        for state, later in zip(bodies, bodies_at(then, flight.body), strict=True)
+        for state, later in zip(bodies, bodies_at(end, flight.body), strict=True)
     ]
     centre = next(k for k, state in enumerate(bodies) if state.name == flight.body.name)
 

@@ -63,8 +63,8 @@ class HoldPoints:
 
     def begin(self, start_m: float) -> None:
         """Reset the decisions; only hold points nearer than ``start_m`` remain."""
-        ahead = sorted((d for d in self._distances_m if d < start_m), reverse=True)
-        self.points = tuple(HoldPoint(name=f"H{k}", axial_m=d) for k, d in enumerate(ahead, start=1))
+        remaining = sorted((d for d in self._distances_m if d < start_m), reverse=True)
+        self.points = tuple(HoldPoint(name=f"H{k}", axial_m=d) for k, d in enumerate(remaining, start=1))
 
     @property
     def next(self) -> HoldPoint | None:

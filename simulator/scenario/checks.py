@@ -213,10 +213,10 @@ def _followed_problems(scenario: Scenario) -> Iterator[str]:
                 )
         ephemeris = chaser_ephemeris(scenario)
         assert ephemeris is not None  # noqa: S101 - present in this mode
-        away = float(np.linalg.norm(ephemeris(0.0)[0] - orbit_at_epoch(scenario).state()[0]))
-        if not chaser.minimum_start_range_m <= away <= _MAX_RANGE_M:
+        distance_m = float(np.linalg.norm(ephemeris(0.0)[0] - orbit_at_epoch(scenario).state()[0]))
+        if not chaser.minimum_start_range_m <= distance_m <= _MAX_RANGE_M:
             yield (
-                f"{chaser.file} starts {away:.4g} m from the target, allowed: "
+                f"{chaser.file} starts {distance_m:.4g} m from the target, allowed: "
                 f"{chaser.minimum_start_range_m:g} (key chaser.minimum_start_range_m) to {_MAX_RANGE_M:g} m: is it the "
                 "other craft's file?"
             )

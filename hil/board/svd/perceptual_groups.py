@@ -252,8 +252,8 @@ def same_direction(a: Array, b: Array) -> Array:
 
 
 def _axis(a: Array, b: Array) -> Array:
-    both = same_direction(a, b)
-    return 0.5 * (both[:2] + both[2:])
+    is_common = same_direction(a, b)
+    return 0.5 * (is_common[:2] + is_common[2:])
 
 
 def _cross(a: Array, b: Array) -> Array:

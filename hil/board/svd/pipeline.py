@@ -215,8 +215,8 @@ def image_corners(groups: PointGroups, streams: Streams, shape: Tuple[int, ...])
     points = np.concatenate([np.zeros((0, 2)), *parts])
     last = np.array([shape[1] - 1.0, shape[0] - 1.0])
     points = points[((points >= MIN_BORDER_PX) & (points <= last - MIN_BORDER_PX)).all(axis=1)]
-    same = np.abs(points[:, None] - points[None]).max(axis=2) <= 2.0
+    is_equal = np.abs(points[:, None] - points[None]).max(axis=2) <= 2.0
     isolated = np.zeros(len(points), bool)
     for k in range(len(points)):
-        isolated[k] = not (same[k] & isolated).any()
+        isolated[k] = not (is_equal[k] & isolated).any()
     return np.asarray(points[isolated])

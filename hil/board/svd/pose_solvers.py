@@ -139,8 +139,8 @@ def _depths(x: Array, y: Array) -> Tuple[Array, Array]:
             s = np.stack([(w0 + w1 * tau) * s2, s2, tau * s2], axis=-1)
             depths.append(s)
             valid.append((inside >= 0) & (s > 0).all(axis=1) & np.isfinite(s).all(axis=1))
-    row, which = np.nonzero(np.stack(valid, axis=1))
-    s = np.stack(depths, axis=1)[row, which]
+    row, solution = np.nonzero(np.stack(valid, axis=1))
+    s = np.stack(depths, axis=1)[row, solution]
     squares, dots = np.stack([a12, a13, a23], axis=-1)[row], np.stack([b12, b13, b23], axis=-1)[row]
     for _ in range(DEPTH_STEPS):
         s = s + _newton(s, squares, dots)

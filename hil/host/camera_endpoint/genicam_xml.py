@@ -273,10 +273,10 @@ def _register(name: str, register: Register, access: str, kind: str = "IntReg") 
 
 def _bits(name: str, register: Register, lowest: int, highest: int) -> str:
     """Return the XML of some bits of a register, counted from the most significant bit (big-endian)."""
-    which = f"<Bit>{lowest}</Bit>" if lowest == highest else f"<LSB>{lowest}</LSB><MSB>{highest}</MSB>"
+    bit_range = f"<Bit>{lowest}</Bit>" if lowest == highest else f"<LSB>{lowest}</LSB><MSB>{highest}</MSB>"
     return (
         f'<MaskedIntReg Name="{name}Reg"><Address>0x{int(register):X}</Address><Length>4</Length>'
-        f"<AccessMode>RW</AccessMode><pPort>Device</pPort><Cachable>NoCache</Cachable>{which}"
+        f"<AccessMode>RW</AccessMode><pPort>Device</pPort><Cachable>NoCache</Cachable>{bit_range}"
         "<Sign>Unsigned</Sign><Endianess>BigEndian</Endianess></MaskedIntReg>"
     )
 

@@ -47,8 +47,8 @@ def find_interface(name: str, address: str | None = None) -> Interface:
         raise UserError(f"there is no network interface '{name}': this machine has {', '.join(names)}")
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
 
-        def ask(what: int) -> bytes:
-            return fcntl.ioctl(probe.fileno(), what, struct.pack("256s", name.encode()))[16:24]
+        def ask(request: int) -> bytes:
+            return fcntl.ioctl(probe.fileno(), request, struct.pack("256s", name.encode()))[16:24]
 
         try:
             first = socket.inet_ntoa(ask(_ADDRESS)[4:8])

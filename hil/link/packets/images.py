@@ -84,8 +84,8 @@ def check_terms(terms: HelloAck, encodings: int, pixel_formats: int = format_mas
         raise LinkError(f"images are sent as {terms.pixel_format.name}, which this board did not offer")
 
 
-def _describe(what: Union[FrameHeader, HelloAck]) -> str:
-    return f"{what.width_px} x {what.height_px} px of {what.bits} bits as {what.pixel_format.name}"
+def _describe(terms: Union[FrameHeader, HelloAck]) -> str:
+    return f"{terms.width_px} x {terms.height_px} px of {terms.bits} bits as {terms.pixel_format.name}"
 
 
 def check_header(header: FrameHeader, terms: HelloAck) -> None:

@@ -75,10 +75,10 @@ def connect(url: str, timeout_s: float = 10.0) -> Transport:
     LinkError
         If the URL is invalid or nobody listens there.
     """
-    scheme, where, number = parse_url(url)
+    scheme, address, number = parse_url(url)
     if scheme == "tcp":
-        return connect_tcp(where, number, timeout_s)
-    return SerialTransport(where, number, rtscts=bool(url_options(url).get("rtscts")))
+        return connect_tcp(address, number, timeout_s)
+    return SerialTransport(address, number, rtscts=bool(url_options(url).get("rtscts")))
 
 
 def listen(url: str) -> Listener:
@@ -89,7 +89,7 @@ def listen(url: str) -> Listener:
     LinkError
         If the URL is invalid, or the port or device is not available.
     """
-    scheme, where, number = parse_url(url)
+    scheme, address, number = parse_url(url)
     if scheme == "tcp":
-        return TcpListener(where, number)
-    return SerialListener(where, number, rtscts=bool(url_options(url).get("rtscts")))
+        return TcpListener(address, number)
+    return SerialListener(address, number, rtscts=bool(url_options(url).get("rtscts")))

@@ -84,11 +84,11 @@ def check_keypoints(truth: Truth, card: DatasetCard) -> list[str]:
         faults.append("keypoints differ from the card's")
     elif [k.name for k in truth.keypoints] != list(card.target.keypoints):
         faults.append("keypoints are in another order than the card's")
-    ahead = [k for k in truth.keypoints if k.pixel_px is not None]
-    if not ahead:
+    projected = [k for k in truth.keypoints if k.pixel_px is not None]
+    if not projected:
         return faults
-    points = np.array([k.target_m for k in ahead])
-    pixels = np.array([k.pixel_px for k in ahead])
+    points = np.array([k.target_m for k in projected])
+    pixels = np.array([k.pixel_px for k in projected])
     # remove the motion during a rolling shutter: the pose is that of mid-exposure
     at_rows = _projected(truth, points, pose_at_rows(truth.scene, points))
     at_middle = _projected(truth, points, (truth.scene,) * len(points))
@@ -103,7 +103,7 @@ def check_keypoints(truth: Truth, card: DatasetCard) -> list[str]:
     inside = truth.camera.contains(pixels)
     faults += [
         f"keypoint {k.name} at {k.pixel_px} is labelled {k.state}"
-        for k, is_inside in zip(ahead, inside, strict=True)
+        for k, is_inside in zip(projected, inside, strict=True)
         if (k.state == "out_of_frame") == bool(is_inside)
     ]
     faults += [
@@ -180,19 +180,19 @@ def check_box_3d(truth: Truth, target: Target) -> list[str]:
     if corners.shape != (8, 3) or not np.allclose(corners, expected, rtol=0, atol=1e-9):
         return ["box_3d_target_m is not the box about the mesh"]
     in_camera = corners @ matrix_from_quat(truth.q_camera_from_target_wxyz).T + truth.t_camera_from_target_m
-    ahead = in_camera[:, 2] > 1e-9
-    if len(truth.box_3d_px) != 8 or [p is not None for p in truth.box_3d_px] != list(ahead):
+    in_front = in_camera[:, 2] > 1e-9
+    if len(truth.box_3d_px) != 8 or [p is not None for p in truth.box_3d_px] != list(in_front):
         return ["box_3d_px does not tell which corners are before the camera"]
-    if not ahead.any():
+    if not in_front.any():
         return []
     projected = project_with_opencv(
         truth.camera,
-        corners[ahead],
+        corners[in_front],
         truth.q_camera_from_target_wxyz,
         np.asarray(truth.t_camera_from_target_m),
     )
     error = np.abs(projected - np.array([p for p in truth.box_3d_px if p is not None]))
-    error[~in_lens(truth.camera, in_camera[ahead])] = 0
+    error[~in_lens(truth.camera, in_camera[in_front])] = 0
     # far off the axis pixel numbers are large, and so are their last digits
     if np.any(error > PIXEL_TOLERANCE_PX * np.maximum(1, np.abs(projected) / 1e3)):
         return [f"a corner of box_3d_px is {error.max():.3g} px from its projection"]
@@ -234,12 +234,12 @@ def differing_pixels(
     inner, outer = filled_silhouette(corners_px, mask.shape)
     # most of the image is zero in all of them
     x, y, width, height = cv2.boundingRect(cv2.bitwise_or(mask, outer))
-    around = np.s_[max(y - 1, 0) : y + height + 1, max(x - 1, 0) : x + width + 1]
-    mask, inner, outer = mask[around], inner[around], outer[around]
+    window = np.s_[max(y - 1, 0) : y + height + 1, max(x - 1, 0) : x + width + 1]
+    mask, inner, outer = mask[window], inner[window], outer[window]
     reach = np.ones((2 * OUTLINE_TOLERANCE_PX + 1,) * 2, np.uint8)
     extra = (mask > 0) & (np.asarray(cv2.dilate(outer, reach)) == 0)
     missing = (np.asarray(cv2.erode(inner, reach, borderValue=0)) > 0) & (mask == 0)
-    first = np.array([around[1].start, around[0].start])
+    first = np.array([window[1].start, window[0].start])
     return np.asarray(nonzero_pixels((extra | missing).view(np.uint8)) + first)
 
 
@@ -278,8 +278,8 @@ def subdivide_for_lens(camera: Camera, corners_m: FloatArray, R: FloatArray, t_m
         middles_m = (corners_m + np.roll(corners_m, -1, axis=1)) / 2
         ends, between = (camera.project(points @ R.T + t_m) for points in (corners_m, middles_m))
         edges, offset = np.roll(ends, -1, axis=1) - ends, between - ends
-        across = np.abs(edges[..., 0] * offset[..., 1] - edges[..., 1] * offset[..., 0])
-        is_bent = np.any(across > MAX_EDGE_SAG_PX * np.hypot(edges[..., 0], edges[..., 1]), axis=1)
+        cross_product = np.abs(edges[..., 0] * offset[..., 1] - edges[..., 1] * offset[..., 0])
+        is_bent = np.any(cross_product > MAX_EDGE_SAG_PX * np.hypot(edges[..., 0], edges[..., 1]), axis=1)
         straight.append(corners_m[~is_bent])
         if not is_bent.any():
             break

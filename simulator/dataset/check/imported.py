@@ -49,23 +49,23 @@ def check_imported(
         "keypoints differ from the card's": [(p.name, tuple(p.target_m)) for p in truth.keypoints]
         != list(card.target.keypoints.items()),
     }
-    return [what for what, is_wrong in faults.items() if is_wrong] + _check_places(truth, target)
+    return [fault for fault, is_wrong in faults.items() if is_wrong] + _check_places(truth, target)
 
 
 def _check_places(truth: ImportedTruth, target: Target | None) -> list[str]:
     """Check keypoints and the box of all vertices against OpenCV's projection."""
     q, t = truth.q_camera_from_target_wxyz, np.asarray(truth.t_camera_from_target_m)
     faults = []
-    ahead = [p for p in truth.keypoints if p.pixel_px is not None]
-    if ahead:
-        points, pixels = np.array([p.target_m for p in ahead]), np.array([p.pixel_px for p in ahead])
+    projected = [p for p in truth.keypoints if p.pixel_px is not None]
+    if projected:
+        points, pixels = np.array([p.target_m for p in projected]), np.array([p.pixel_px for p in projected])
         usable = in_lens(truth.camera, points @ matrix_from_quat(q).T + t)
         error = np.abs(project_with_opencv(truth.camera, points, q, t) - pixels)[usable].max(initial=0.0)
         if not error <= PIXEL_TOLERANCE_PX:
             faults.append(f"a keypoint is {error:.3g} px from its projection")
         faults += [
             f"keypoint {p.name} at {p.pixel_px} is labelled {p.state}"
-            for p, inside in zip(ahead, truth.camera.contains(pixels), strict=True)
+            for p, inside in zip(projected, truth.camera.contains(pixels), strict=True)
             if (p.state == "out_of_frame") == bool(inside)
         ]
     if target is not None and truth.box_amodal_px is not None:

@@ -149,10 +149,10 @@ def check_amodal_box(truth: Truth, target: Target) -> list[str]:
     depth = points @ R[2] + t[2]
     if abs(float(depth.min()) - MIN_DEPTH_M) < 1e-9:
         return []
-    ahead = bool(depth.min() > MIN_DEPTH_M)
-    if ahead != (truth.box_amodal_px is not None):
+    is_in_front = bool(depth.min() > MIN_DEPTH_M)
+    if is_in_front != (truth.box_amodal_px is not None):
         return [
-            f"box_amodal_px is {truth.box_amodal_px}, the craft is {'' if ahead else 'not '}all before the camera"
+            f"box_amodal_px is {truth.box_amodal_px}, the craft is {'' if is_in_front else 'not '}all before the camera"
         ]
     if truth.box_amodal_px is None:
         return []

@@ -129,8 +129,8 @@ def _check_facing(truth: Truth, on_target: NDArray[np.bool_], n: FloatArray) -> 
         return []
     rays = rays_with_opencv(truth.camera, np.stack([columns, rows], axis=1).astype(float))
     towards = (n[:, 0] * rays[:, 0] + n[:, 1] * rays[:, 1] + n[:, 2]) / np.hypot(1, np.hypot(*rays.T))
-    away = int(np.count_nonzero(towards > NORMAL_TOLERANCE))
-    return [f"{away} normals look away from the camera"] if away else []
+    n_away = int(np.count_nonzero(towards > NORMAL_TOLERANCE))
+    return [f"{n_away} normals look away from the camera"] if n_away else []
 
 
 def depth_confirms_keypoint(truth: Truth, keypoint: KeypointLabel, depth_m: NDArray[np.float32]) -> bool:
@@ -251,14 +251,14 @@ def _part_agrees(part: int, rays: SampledRays) -> bool:
 
 def _normal_agrees(normal: NDArray[np.float16], ray: FloatArray, rays: SampledRays) -> bool:
     """Return True if the normal is that of a surface there, towards the camera and not beyond the horizon."""
-    away = np.array([*ray, 1.0]) / np.sqrt(ray @ ray + 1)
-    both = np.concatenate([rays.normals, -rays.normals])
-    both = both - np.maximum(both @ away, 0)[:, None] * away
-    both /= np.maximum(np.linalg.norm(both, axis=1, keepdims=True), 1e-9)
+    ray_direction = np.array([*ray, 1.0]) / np.sqrt(ray @ ray + 1)
+    candidates = np.concatenate([rays.normals, -rays.normals])
+    candidates = candidates - np.maximum(candidates @ ray_direction, 0)[:, None] * ray_direction
+    candidates /= np.maximum(np.linalg.norm(candidates, axis=1, keepdims=True), 1e-9)
     n = normal.astype(float)
-    if np.any(np.linalg.norm(both - n, axis=1) < NORMAL_ANGLE_RAD):
+    if np.any(np.linalg.norm(candidates - n, axis=1) < NORMAL_ANGLE_RAD):
         return True
-    return rays.candidates is not None and rays.candidates.has_normal(n, away, NORMAL_ANGLE_RAD)
+    return rays.candidates is not None and rays.candidates.has_normal(n, ray_direction, NORMAL_ANGLE_RAD)
 
 
 def _check_flow(truth: Truth, flow: NDArray[np.float32], pixels: IntArray, sampler: RaySampler) -> list[str]:

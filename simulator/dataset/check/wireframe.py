@@ -39,15 +39,17 @@ def check_wireframe(truth: Truth, target: Target) -> list[str]:
     if "wireframe" not in truth.layers:
         return ["edges are listed though the wireframe was not asked for"] if truth.wireframe else []
     pose = Pose.from_arrays("camera", "target", truth.q_camera_from_target_wxyz, truth.t_camera_from_target_m)
-    ahead = [e for e in target.wireframe if pose.apply(np.array([e.a_m, e.b_m]))[:, 2].min() >= MIN_DEPTH_M]
-    if [e.name for e in ahead] != [w.name for w in truth.wireframe]:
+    in_front = [
+        e for e in target.wireframe if pose.apply(np.array([e.a_m, e.b_m]))[:, 2].min() >= MIN_DEPTH_M
+    ]
+    if [e.name for e in in_front] != [w.name for w in truth.wireframe]:
         return ["the wireframe's edges are not the target's"]
     faults, caster = [], ray_oracle(target, pose)
     n_tested = 0
-    order = np.random.default_rng([truth.seed, truth.frame_index, 0xED6E]).permutation(len(ahead))
+    order = np.random.default_rng([truth.seed, truth.frame_index, 0xED6E]).permutation(len(in_front))
     # all rods, which are few and thin; a different selection of the other edges in every frame
-    for number in sorted(order.tolist(), key=lambda k: ahead[k].radius_m == 0):
-        edge, wire = ahead[number], truth.wireframe[number]
+    for number in sorted(order.tolist(), key=lambda k: in_front[k].radius_m == 0):
+        edge, wire = in_front[number], truth.wireframe[number]
         ends = np.array([edge.a_m, edge.b_m])
         projected = project_with_opencv(
             truth.camera, ends, truth.q_camera_from_target_wxyz, np.asarray(pose.t_m)

@@ -78,8 +78,8 @@ class UrlStore:
     def append(self, name: str, text: bytes) -> None:
         """Append to a text file; written periodically, and by `close`."""
         if name not in self._appended:
-            before = self.read(name, 2**32) if self.exists(name) else b""
-            self._appended[name] = (bytearray(before), time.monotonic())
+            former = self.read(name, 2**32) if self.exists(name) else b""
+            self._appended[name] = (bytearray(former), time.monotonic())
         content, written_s = self._appended[name]
         content += text
         if time.monotonic() - written_s >= _APPEND_INTERVAL_S:

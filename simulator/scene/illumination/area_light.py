@@ -76,11 +76,11 @@ class AreaLight(Section, frozen=True, kw_only=True):
 
 def light_axes(axis: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return two unit vectors (3,) perpendicular to an axis, the first level and the second downward in camera axes."""
-    across = np.cross([0.0, 1.0, 0.0], axis)
-    length = float(np.linalg.norm(across))
-    across = np.array([1.0, 0.0, 0.0]) if length < 1e-3 else across / length
-    down = np.cross(axis, across)
-    return across, down / np.linalg.norm(down)
+    transverse = np.cross([0.0, 1.0, 0.0], axis)
+    length = float(np.linalg.norm(transverse))
+    transverse = np.array([1.0, 0.0, 0.0]) if length < 1e-3 else transverse / length
+    down = np.cross(axis, transverse)
+    return transverse, down / np.linalg.norm(down)
 
 
 @dataclass(frozen=True, eq=False)

@@ -46,13 +46,13 @@ class Lamp(Section, frozen=True, kw_only=True):
     def beam(self, angle_rad: ArrayLike) -> FloatArray:
         """Return the intensity relative to that on the axis, 0..1."""
         angle = np.asarray(angle_rad, float)
-        ahead = np.clip(np.cos(angle), 0, None)
+        cosine = np.clip(np.cos(angle), 0, None)
         if self.profile == "led":
-            return np.asarray(ahead**self.shape)
+            return np.asarray(cosine**self.shape)
         share = angle * self.shape
         if self.profile == "gaussian":
-            return np.asarray(np.exp2(-share * share) * (ahead > 0))
-        return np.asarray(np.clip((1 - share) / FLAT_EDGE + 0.5, 0, 1) * (ahead > 0))
+            return np.asarray(np.exp2(-share * share) * (cosine > 0))
+        return np.asarray(np.clip((1 - share) / FLAT_EDGE + 0.5, 0, 1) * (cosine > 0))
 
     def intensity_w_sr(self, bands: Bands) -> FloatArray:
         """Return the (n,) radiant intensity on the axis, per band [W sr-1]."""

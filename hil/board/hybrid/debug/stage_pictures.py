@@ -95,16 +95,16 @@ def stage_pictures(
     if regions:
         out["region"] = _regions(image, top, regions, trace.get("published_region"))
     corner, scale = _window(image, regions)
-    back = _view(image, top, corner, scale)
+    background = _view(image, top, corner, scale)
     for name, segments in _streams(trace).items():
-        canvas = back.copy() // 2
+        canvas = background.copy() // 2
         draw_segments(canvas, segments, corner, scale)
         label(canvas, f"{name}: {len(segments)}")
         out[name.lower().replace(" ", "_").replace("&", "")] = canvas
-    out.update(_points(trace, back, corner, scale))
+    out.update(_points(trace, background, corner, scale))
     groups = _groups(trace)
     if groups:
-        out["groups"] = _group_picture(groups, back, corner, scale)
+        out["groups"] = _group_picture(groups, background, corner, scale)
     for proposal in trace.get("learned_proposals", [])[:1]:
         noise = max(noise_sigma(image, 255.0 if image.dtype == np.uint8 else float(image.max())), 0.1)
         out["learned_proposal"] = learned_proposal_picture(
@@ -115,7 +115,7 @@ def stage_pictures(
         out["drawn"] = synthetic_view_picture(renderings, (WIDTH, HEIGHT))
     q, t = result.q_camera_from_target_wxyz, result.t_camera_from_target_m
     if q is not None and t is not None:
-        canvas = back.copy()
+        canvas = background.copy()
         colour = GREEN if result.accepted else ORANGE
         draw_wireframe(canvas, model, camera, q, t, colour, (float(corner[0]), float(corner[1])), scale)
         label(
@@ -151,9 +151,9 @@ def _regions(image: Array, top: float, regions: Any, grown: Any) -> Array:  # no
     return _whole_frame(canvas, "regions of interest")
 
 
-def _group_picture(groups: Dict[str, Array], back: Array, corner: Array, scale: float) -> Array:
+def _group_picture(groups: Dict[str, Array], background: Array, corner: Array, scale: float) -> Array:
     """Return a picture of the perceptual groups, one colour per kind."""
-    canvas = back.copy() // 2
+    canvas = background.copy() // 2
     for kind, points in groups.items():
         for figure in points:
             uv = np.rint(((figure - corner + 0.5) * scale - 0.5) * 16).astype(np.int32)
@@ -307,18 +307,18 @@ def _streams(trace: Trace) -> Dict[str, Array]:
     return {name: full(np.asarray(s, float)) for name, s in stream_segments.items()}
 
 
-def _points(trace: Trace, back: Array, corner: Array, scale: float) -> Dict[str, Array]:
+def _points(trace: Trace, background: Array, corner: Array, scale: float) -> Dict[str, Array]:
     """Return pictures of corners and ellipses, if the method detects them."""
     published = trace.get("published_streams")
     out: Dict[str, Array] = {}
     if published is not None and len(published.corners):
-        canvas = back.copy() // 2
+        canvas = background.copy() // 2
         for u, v in ((published.corners - corner + 0.5) * scale - 0.5) * 16:
             cv2.circle(canvas, (int(u), int(v)), 16 * 5, ORANGE, 1, cv2.LINE_AA, 4)
         label(canvas, f"Harris corners: {len(published.corners)}")
         out["harris"] = canvas
     if published is not None and published.ellipses:
-        canvas = back.copy() // 2
+        canvas = background.copy() // 2
         for e in published.ellipses:
             uv = np.rint(((e.points() - corner + 0.5) * scale - 0.5) * 16).astype(np.int32)
             cv2.polylines(canvas, [uv], True, GREEN, 1, cv2.LINE_AA, 4)

@@ -57,10 +57,10 @@ def learned_proposal_picture(
     view = crop_image(image, camera, proposal.crop, side, INPUT_FILL * side)
     f = 0.5 * (camera.fx_px + camera.fy_px) * INPUT_FILL * side / proposal.crop.diameter_px
     small = CameraIntrinsics(side, side, f, f, 0.5 * (side - 1), 0.5 * (side - 1))
-    back = quat.from_matrix(proposal.crop.swing().T)
+    crop_from_camera = quat.from_matrix(proposal.crop.swing().T)
     for k in range(min(5, len(proposal.q))):
         tile = grey(view, max(float(np.percentile(view, 99.5)), 1.0))
-        q = quat.normalise(quat.multiply(back, proposal.q[k]))
+        q = quat.normalise(quat.multiply(crop_from_camera, proposal.q[k]))
         draw_wireframe(tile, model, small, q, proposal.crop.swing().T @ proposal.t[k], ORANGE)
         label(tile, f"{k + 1}: log likelihood {proposal.log_likelihood[k] - proposal.log_likelihood[0]:.1f}")
         tiles.append(tile)

@@ -130,13 +130,13 @@ class EdgeField:
             own, near = np.flatnonzero(channel == k), edge[_in_bin(theta, k)]
             if not len(own) or not len(near):
                 continue
-            away, down = positions[own, :1] - near[:, 0], positions[own, 1:] - near[:, 1]
+            squared_distance, down = positions[own, :1] - near[:, 0], positions[own, 1:] - near[:, 1]
             # in place: another allocation would take as long as the arithmetic
-            away *= away
+            squared_distance *= squared_distance
             down *= down
-            away += down
-            best = away.argmin(axis=1)
-            distance[own], position[own] = np.sqrt(away[np.arange(len(own)), best]), near[best]
+            squared_distance += down
+            best = squared_distance.argmin(axis=1)
+            distance[own], position[own] = np.sqrt(squared_distance[np.arange(len(own)), best]), near[best]
         return distance, position
 
     @property
@@ -300,8 +300,8 @@ def _craft_mask(
 def _in_bin(theta: Array, k: int) -> Array:
     """Return True for orientations (N,) near the ``k``-th bin."""
     step = np.pi / ORIENTATION_BINS
-    off = np.abs(np.mod(theta - k * step + np.pi / 2, np.pi) - np.pi / 2)
-    return np.asarray(off < 1.2 * step)
+    angle = np.abs(np.mod(theta - k * step + np.pi / 2, np.pi) - np.pi / 2)
+    return np.asarray(angle < 1.2 * step)
 
 
 def nearest_edges(mask: Array, angle: Array) -> Tuple[NearestEdges, ...]:

@@ -146,17 +146,17 @@ def _segments(segments: Array, w: int, h: int) -> List[Array]:
     length = np.hypot(d[:, 0], d[:, 1])
     d = d / length[:, None]
     count = np.maximum(1, np.rint(length)).astype(int)
-    which = np.repeat(np.arange(len(length)), count)
-    step = np.arange(len(which)) - np.repeat(np.cumsum(count) - count, count)
-    p = ends[which, 0] + d[which] * (step + 0.5)[:, None]
+    segment = np.repeat(np.arange(len(length)), count)
+    step = np.arange(len(segment)) - np.repeat(np.cumsum(count) - count, count)
+    p = ends[segment, 0] + d[segment] * (step + 0.5)[:, None]
     x = np.clip(np.rint(p[:, 0]).astype(int), 0, w - 1)
     y = np.clip(np.rint(p[:, 1]).astype(int), 0, h - 1)
-    size = length[which]
+    size = length[segment]
     cell, cells = y * w + x, h * w
     for k, part in enumerate((size < 6, (size >= 6) & (size < 14), size >= 14)):
         out[k] += np.bincount(cell[part], minlength=cells).reshape(h, w)
     weight = np.minimum(size, 20.0)
-    u, v = d[which, 0], d[which, 1]
+    u, v = d[segment, 0], d[segment, 1]
     moments = (weight, weight * (u * u - v * v), weight * 2 * u * v)
     total, out[3], out[4] = (np.bincount(cell, t, cells).reshape(h, w).astype(np.float32) for t in moments)
     mean, c, s = (cv2.blur(v, (11, 11)) for v in (total, out[3], out[4]))

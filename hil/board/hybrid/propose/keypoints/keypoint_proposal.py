@@ -239,9 +239,9 @@ class LearnedProposer:
             return float(np.linalg.norm(g.crop.direction - centre / range_m) / g.crop.diameter_px)
 
         g = min(learned, key=angular_offset)
-        back = g.crop.swing().T
-        q_crop = quat.multiply(quat.from_matrix(back), q)[None]
-        t_crop = (back @ centre / self.radius_m)[None]
+        crop_from_camera = g.crop.swing().T
+        q_crop = quat.multiply(quat.from_matrix(crop_from_camera), q)[None]
+        t_crop = (crop_from_camera @ centre / self.radius_m)[None]
         score = log_likelihoods(g.table, self.points, self._focal(g.crop), q_crop, t_crop)
         return float(score[0] / LIKELIHOOD_DIVISOR - g.log_likelihood[0])
 
