@@ -6,9 +6,11 @@ Each module of ``PARTS`` yields rows by its function ``rows(renderer)``.
 from __future__ import annotations
 
 import argparse
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from flyaround.simulator.dataset.card import describe_machine
 from flyaround.simulator.errors import UserError
 from flyaround.simulator.render.renderer import Renderer
 from flyaround.simulator.runtime.files import write_atomic
@@ -84,7 +86,9 @@ def main(arguments: list[str] | None = None, say: Callable[[str], None] = print)
     try:
         with Renderer() as renderer:
             tables = [(title, rows(renderer), notes) for title, rows, notes in PARTS]
-            text = page(tables, renderer.info.renderer)
+            info = renderer.info
+            cpu = describe_machine(info.vendor, info.renderer, info.version).cpu
+            text = page(tables, f"{info.renderer} on {cpu}, {datetime.now(UTC):%Y-%m-%d}")
     except UserError as error:
         say(f"rendering: {error}")
         return 2
