@@ -1,4 +1,4 @@
-// A tile of the image as a point: a square of whole pixels, without the diagonal that two triangles would have.
+// Draws an image tile as a point: a square of whole pixels, without the diagonal of two triangles.
 in vec2 in_pixel; // centre of the tile, image pixels; edges lie at .5
 uniform vec4 u_window; // x0, y0, width, height of the viewport [px]
 void main() {

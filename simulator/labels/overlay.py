@@ -133,7 +133,7 @@ def draw_pose(
     canvas: ByteArray, truth: Truth, target: Target, q_wxyz: tuple[float, ...], t_m: tuple[float, ...]
 ) -> ByteArray:
     """Draw the wireframe at an estimated pose, in orange, over an RGB image."""
-    pose = type(truth.scene.camera_from_target).of("camera", "target", q_wxyz, t_m)
+    pose = type(truth.scene.camera_from_target).from_arrays("camera", "target", q_wxyz, t_m)
     return draw_wireframe(canvas, truth.camera, pose, target, ORANGE)
 
 
