@@ -1,8 +1,8 @@
-// The atmosphere's physics. CPU twin: simulator/scene/illumination/atmosphere.py; the names are the same.
-// Lengths in metres from the Earth's centre, in the space where the ellipsoid is a sphere.
+// Densities, extinction and phase functions of the atmosphere. CPU twin with the same names:
+// simulator/scene/illumination/atmosphere.py. Radii in metres, in coordinates where the ellipsoid is a sphere.
 #include "common/bands.glsl"
 
-// Density relative to sea level of Rayleigh scatterers and aerosol, and of ozone relative to its peak [1].
+// Density of air and of aerosol relative to sea level, and of ozone relative to its peak [1].
 vec3 density(float height_m) {
     float h = max(height_m, 0.0);
     vec4 fall = u_air_falls[0] * max(h - u_air_layers[0], 0.0);
@@ -10,7 +10,7 @@ vec3 density(float height_m) {
     return vec3(exp(-dot(fall, vec4(1.0))), exp(-h * u_air_shape.y), max(1.0 - abs(h - OZONE_HEIGHT_M) / OZONE_HALF_WIDTH_M, 0.0));
 }
 
-// Extinction [m-1] of a density triple.
+// Extinction coefficient [m-1]; d: densities from density().
 color extinction_m(vec3 d) {
     return d.x * BAND(u_air_rayleigh) + d.y * BAND(u_air_mie_extinction) + d.z * BAND(u_air_ozone);
 }
@@ -21,15 +21,15 @@ float rayleigh_phase(float c) { return 3.0 / (16.0 * PI) * (1.0 + c * c); }
 // Phase function of Cornette & Shanks (1992) [sr-1].
 float mie_phase(float c, float g) {
     float k = 3.0 / (8.0 * PI) * (1.0 - g * g) / (2.0 + g * g);
-    float x = max(1.0 + g * g - 2.0 * g * c, 1e-4); // 1e-4: rounding at c = 1
+    float x = max(1.0 + g * g - 2.0 * g * c, 1e-4); // 1e-4: guards against rounding at c = 1
     return k * (1.0 + c * c) / (x * sqrt(x));
 }
 
-// Path through the airglow over that straight up [1], of a ray from space; perigee2: square of its smallest radius [m2].
-// Emission (r^2 - low^2) (high^2 - r^2), which has an integral in closed form. Twin: airglow_path.
+// Path of a ray from space through the airglow, relative to a vertical path [1]. perigee2: square of its smallest radius
+// [m2]. The emission profile (r^2 - low^2) (high^2 - r^2) has a closed-form integral. CPU twin: airglow_path.
 float airglow_path(bool ground_ray, float perigee2) {
     float low = u_air_shape.x, high = u_air_shape.w, middle = 0.5 * (low + high);
-    if (ground_ray) return middle * inversesqrt(middle * middle - perigee2); // thin; differences would lose all digits
+    if (ground_ray) return middle * inversesqrt(middle * middle - perigee2); // thin layer: no cancellation
     float a = low * low - perigee2, b = high * high - perigee2;
     vec2 t = sqrt(max(vec2(a, b), 0.0));
     vec2 whole = t * (t * t * ((a + b) / 3.0 - 0.2 * t * t) - a * b);

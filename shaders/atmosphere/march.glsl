@@ -1,4 +1,4 @@
-// In-scatter and transmittance along one ray from this frame's camera.
+// Ray marching: in-scatter and transmittance along a ray from this frame's camera.
 #include "atmosphere/air.glsl"
 
 uniform sampler2D t_transmittance;
@@ -6,7 +6,7 @@ uniform sampler2D t_transmittance;
 uniform sampler2D t_ground;
 uniform sampler2D t_multiple; // simulator/scene/illumination/multiple_scattering.py
 
-// Share of the Sun's light that arrives at radius r_m under the zenith cosine mu [1].
+// Transmittance of sunlight down to radius r_m [m] at the Sun's zenith cosine mu [1], with sunset at the horizon.
 // Table mapping: Bruneton & Neyret (2008), section 4.
 color transmittance_to_sun(float r_m, float mu) {
     float ground = u_air_radius.x, top = u_air_radius.y;
@@ -25,14 +25,14 @@ color transmittance_to_sun(float r_m, float mu) {
     return BAND(textureLod(t_transmittance, (uv * (size - 1.0) + 0.5) / size, 0.0)) * share;
 }
 
-// Irradiance on level ground over the Sun's, direct and diffuse [1].
+// Irradiance on level ground, direct and diffuse, over the Sun's [1].
 color ground_irradiance(float mu) {
     float size = float(textureSize(t_ground, 0).x);
     float x = clamp((mu - GROUND_MU_MIN) / (1.0 - GROUND_MU_MIN), 0.0, 1.0);
     return BAND(textureLod(t_ground, vec2((x * (size - 1.0) + 0.5) / size, 0.5), 0.0));
 }
 
-// Mean radiance of the light scattered twice or more over the Sun's irradiance [sr-1]. Twin: MultipleScattering.
+// Mean radiance of light scattered twice or more, over the Sun's irradiance [sr-1]. CPU twin: MultipleScattering.
 color multiple_scattering(float height_m, float mu_sun) {
     vec2 size = vec2(textureSize(t_multiple, 0));
     float row = sqrt(clamp(height_m / (u_air_radius.y - u_air_radius.x), 0.0, 1.0));
@@ -42,16 +42,16 @@ color multiple_scattering(float height_m, float mu_sun) {
 
 // Radiance and transmittance of the air along a ray.
 struct AirLight {
-    color rayleigh;   // over the Sun's irradiance and Rayleigh's phase: its in-scatter, all higher orders, airglow [1]
-    color mie;        // the same over Mie's phase, single only [1]
+    color rayleigh;   // Rayleigh in-scatter, higher orders, airglow; over the Sun's irradiance and the phase function [1]
+    color mie;        // Mie single in-scatter over the Sun's irradiance and the phase function [1]
     color through;    // transmittance
-    vec3 foot;        // end of the ray [m], the camera above the pole
-    vec3 sun;         // unit vector there
+    vec3 foot;        // end of the ray [m]; the camera is on the z axis
+    vec3 sun;         // unit vector to the Sun in those axes
 };
 
 // In-scatter and transmittance along a ray from the camera.
-// v: of a ray that meets the ground, its depth under the sphere; of another, of its perigee over the air's top; both 0..1.
-// azimuth: its cosine between ray and Sun.
+// v: row coordinate of the table, 0..1; 0 at the limb, 1 at the nadir (ground_ray) or at the top of the air.
+// azimuth: cosine of the azimuth between ray and Sun.
 AirLight air_light(bool ground_ray, float v, float azimuth) {
     float ground = u_air_radius.x, top = u_air_radius.y, camera = u_air_radius.z;
     float lift = top * top - ground * ground;
@@ -71,13 +71,13 @@ AirLight air_light(bool ground_ray, float v, float azimuth) {
         float t = start + span * (ground_ray ? 1.0 - (1.0 - x) * (1.0 - x) : x);
         float dt = span / float(STEPS) * (ground_ray ? 2.0 * (1.0 - x) : 1.0);
         vec3 p = vec3(0.0, 0.0, camera) + t * ray;
-        // height from the perigee, which loses less to rounding than the length of p
+        // radius from the perigee, more precise than length(p)
         float r = sqrt(perigee2 + (t - to_perigee) * (t - to_perigee));
         vec3 d = density(r - ground);
         color step_depth = extinction_m(d) * dt;
         float mu_sun = dot(p, sun) / r;
         color half2 = 0.25 * step_depth * step_depth;
-        // the mean over the step, whose light falls off exponentially: series of sinh(x) / x
+        // mean transmittance over the step, by the series of sinh(x) / x
         color arrives = exp(-(depth + 0.5 * step_depth)) * (1.0 + half2 * (1.0 / 6.0 + half2 / 120.0)) * dt;
         color light = transmittance_to_sun(r, mu_sun) * arrives;
         rayleigh += d.x * light;
@@ -86,7 +86,7 @@ AirLight air_light(bool ground_ray, float v, float azimuth) {
         depth += step_depth;
     }
     more += BAND(u_airglow) * airglow_path(ground_ray, perigee2);
-    // every reader multiplies by Rayleigh's phase, which is smooth: what has none of its own is divided by it here
+    // readers multiply by the Rayleigh phase function, so light without a phase function is divided by it here
     rayleigh = rayleigh * BAND(u_air_rayleigh) + more / rayleigh_phase(dot(ray, sun));
     mie *= BAND(u_air_mie_scattering);
     return AirLight(rayleigh, mie, exp(-depth), vec3(0.0, 0.0, camera) + end * ray, sun);

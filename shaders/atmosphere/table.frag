@@ -1,9 +1,11 @@
-// In-scatter and transmittance of every ray from this frame's camera; see simulator/render/globe/air_pass.py.
-// Column: cosine of the azimuth between ray and Sun. Row: rays that meet the ground, then rays that miss it.
+// Table of in-scatter and transmittance for all rays from this frame's camera (simulator/render/globe/air_pass.py).
+// Columns: cosine of the azimuth between ray and Sun. Rows: rays that meet the ground, then rays that miss it.
 #include "atmosphere/march.glsl"
 
 #if BANDS == 1
-layout(location = 0) out vec4 out_light; // Rayleigh and higher orders, Mie in-scatter, without phase; transmittance; ground irradiance
+// x: Rayleigh in-scatter and higher orders; y: Mie in-scatter (both over the phase function); z: transmittance; w:
+// irradiance on the ground over the Sun's.
+layout(location = 0) out vec4 out_light;
 #else
 layout(location = 0) out vec4 out_rayleigh;
 layout(location = 1) out vec4 out_mie;

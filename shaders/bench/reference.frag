@@ -1,4 +1,4 @@
-// The reference pass of the bench: 64 multiply-adds, 8 exponentials, four trilinear fetches. No unit.
+// Reference workload of the benchmark: 64 multiply-adds, 8 exponentials, four trilinear fetches. No physical unit.
 uniform sampler2D map;
 uniform vec2 size_px;
 layout(location = 0) out vec4 color;

@@ -1,4 +1,4 @@
-// A colour is one number (panchromatic) or three (red, green, blue), fixed when the shader is compiled.
+// Type `color` of one band (panchromatic) or three (red, green, blue), chosen at compile time.
 #if BANDS == 1
 #define color float
 #define BAND(v) (v).x

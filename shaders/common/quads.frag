@@ -1,4 +1,4 @@
-// Two by two pixels of an image of one or three bands as one.
+// Packs two by two pixels of an image into one fragment (common/quads.glsl).
 #include "common/bands.glsl"
 #include "common/quads.glsl"
 uniform sampler2D t_image;

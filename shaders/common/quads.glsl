@@ -1,6 +1,7 @@
-// Two by two pixels in one fragment: four values of one band in a texel, or three of three bands in three texels, in
-// the order in which the image's rows hold them.
-// Writes the four values of a fragment.
+// Two by two pixels in one fragment: four values in one texel (one band), or twelve in three texels (three bands).
+// Order: upper left, upper right, lower left, lower right.
+
+// Writes the four pixels of a fragment.
 #if BANDS == 1
 layout(location = 0) out vec4 out_quad;
 void send_quad(float quad[4]) { out_quad = vec4(quad[0], quad[1], quad[2], quad[3]); }
@@ -15,7 +16,7 @@ void send_quad(vec3 quad[4]) {
 }
 #endif
 
-// Values of an image there: upper left, upper right, lower left, lower right.
+// Reads the four pixels of an image at this fragment, in the same order.
 vec2 between_four(sampler2D image) { return 2.0 * gl_FragCoord.xy / vec2(textureSize(image, 0)); }
 vec4 four_of(sampler2D image) { return textureGather(image, between_four(image)).wzxy; }
 #if BANDS == 1

@@ -1,20 +1,20 @@
-// Light of lit rectangles: diffuse boxes, lamps with a face. CPU twin: simulator/scene/illumination/area_light.py.
-// Each has LIGHT_POINTS places that stand for equal patches of it, and a shadow map seen from each of them.
+// Rectangular area lights: diffuse boxes, lamps with a face. CPU twin: simulator/scene/illumination/area_light.py.
+// A light is sampled at LIGHT_POINTS points, each for an equal patch of it and with its own shadow map.
 uniform sampler2DShadow t_light_depth; // the maps, side by side
 
-// Share of one patch's light that reaches p_m past the target, 0..1; two by two texels, each compared.
+// Visibility of a patch from p_m past the target, 0..1: percentage-closer filter over two by two texels.
 float patch_visibility(int k, vec3 p_m) {
     vec4 q = u_patch_map[k] * vec4(p_m, 1.0);
     return texture(t_light_depth, q.xyz / q.w);
 }
 
-// Share of a lobe of half vectors that mirrors a rectangle, 0..1, and the mean half vector of what is mirrored.
+// Integral of the GGX distribution over the half vectors that mirror a rectangle, 0..1, and their mean half vector.
 //
-// GGX's slopes have the density a2 / (pi (a2 + s.s)^2) (Heitz 2014, eq. 84 with 85): over a polygon of slopes s / a its
-// integral is Lambert's form factor of the polygon seen from below, (s / a, 1). So the rectangle's corners are taken to the
-// slopes of their half vectors, and the rest is Lambert's formula; no table is fitted, as linearly transformed cosines
-// (Heitz et al. 2016) need one for lobes over directions of light.
-// to_corner: camera axes; t, b, n: frame of the surface.
+// GGX slopes s have the density a2 / (pi (a2 + s.s)^2) (Heitz 2014, eqs. 84 and 85). Its integral over a polygon of
+// slopes is Lambert's form factor of the polygon with the vertices (s / a, 1). So the rectangle's corners are mapped to
+// the slopes of their half vectors, and Lambert's formula gives the integral. Unlike linearly transformed cosines (Heitz
+// et al. 2016), which integrate over light directions, this needs no fitted table.
+// to_corner: vectors to the corners, camera frame; t, b, n: tangent frame of the surface.
 float mirrored_share(vec3 v, mat4x3 to_corner, vec3 t, vec3 b, vec3 n, float alpha, out vec3 mean) {
     vec3 q[4];
     for (int k = 0; k < 4; ++k) {
@@ -25,15 +25,16 @@ float mirrored_share(vec3 v, mat4x3 to_corner, vec3 t, vec3 b, vec3 n, float alp
     for (int k = 0; k < 4; ++k) {
         vec3 x = cross(q[k], q[(k + 1) & 3]);
         float c = clamp(dot(q[k], q[(k + 1) & 3]), -1.0, 1.0), s2 = max(dot(x, x), 1e-12);
-        // angle over sine; near one the series, as a small light's corners are nearly one direction
+        // angle / sine; a series for small angles, as between the corners of a small light
         total += x * (c > 0.999 ? 1.0 + s2 / 6.0 : acos(c) * inversesqrt(s2));
     }
-    total *= sign(total.z) * (0.5 / PI); // either way round, by the side that the camera is on
+    total *= sign(total.z) * (0.5 / PI); // the winding depends on the side of the camera
     mean = normalize(t * (total.x * alpha) + b * (total.y * alpha) + n * max(total.z, 1e-6));
     return clamp(total.z, 0.0, 1.0);
 }
 
-// Radiance [over the light's] that a lobe sends to the camera: reflectance and masking at the mean half vector.
+// Radiance that a lobe reflects to the camera over that of the light [1], by reflectance and masking at the mean half
+// vector.
 color mirrored(Surface s, vec3 h, color f0, float alpha) {
     float v_h = clamp(dot(s.v, h), 0.0, 1.0);
     float n_l = max(2.0 * v_h * dot(s.n, h) - dot(s.n, s.v), 0.0);
@@ -41,8 +42,8 @@ color mirrored(Surface s, vec3 h, color f0, float alpha) {
     return fresnel_schlick(f0, v_h) * min(masking, 4.0);
 }
 
-// Radiance that leaves a surface towards the camera by all area lights [W m-2 sr-1].
-// surface: as of shade(); kept: share of light that goes under the gloss.
+// Radiance from a surface towards the camera due to all area lights [W m-2 sr-1].
+// surface: as in shade(); kept: fraction of the light that the specular layer transmits.
 color area_light(Surface s, vec3 geometric, vec3 p_m, vec4 surface, color kept) {
     vec3 t = s.v - s.n * dot(s.n, s.v);
     float length2 = dot(t, t);
@@ -68,13 +69,13 @@ color area_light(Surface s, vec3 geometric, vec3 p_m, vec4 surface, color kept) 
             float beam = exponent > 0.0 ? pow(leaving, exponent) : step(1e-6, leaving);
             float lit = 0.0;
             if (min(n_l, g_l) > 0.0 && beam > 0.0) {
-                // off the face by a part of a texel, more at grazing light, as it is tilted over the map's texels
+                // bias along the normal by part of a texel, more at grazing light
                 vec3 lifted = p_m + (geometric * (u_light_count.y * sqrt(max(1.0 - g_l * g_l, 0.0)) + u_light_count.z)
                     + l * u_light_count.z) / sqrt(inverse2);
                 lit = patch_visibility(at, lifted) * beam;
             }
             falling += max(n_l, 0.0) * leaving * inverse2 * lit;
-            // of the lobes by the patch's own width, half of it in the half vector's angle
+            // widens the lobes by the size of the patch; the half vector turns by half the angle
             float wide2 = patch_m2 * inverse2 * (0.25 / PI), n_h = clamp(dot(s.n, unit_or(s.v + l, s.n)), 0.0, 1.0);
             float weight = distribution_ggx(n_h, sqrt(min(alpha * alpha + wide2, 1.0)));
             seen += weight * lit;
@@ -91,7 +92,7 @@ color area_light(Surface s, vec3 geometric, vec3 p_m, vec4 surface, color kept) 
         float share = mirrored_share(s.v, corners, t, b, s.n, max(alpha, 0.001), h) * (seen / all);
         color scattered = s.diffuse * kept, gloss = mirrored(s, h, s.f0, alpha) * s.again * share;
 #ifdef CRINKLE
-        if (s.creased > 0.0) { // so wide a lobe is nearly Lambert's
+        if (s.creased > 0.0) { // nearly Lambertian for so wide a lobe
             scattered += s.f0 * (s.creased / PI);
             gloss *= 1.0 - s.creased;
         }

@@ -5,12 +5,12 @@
 // GGX distribution of normals [sr-1]. Walter et al. (2007), Microfacet models for refraction, eq. 33.
 float distribution_ggx(float n_h, float alpha) {
     float a2 = alpha * alpha;
-    float d = max((n_h * a2 - n_h) * n_h + 1.0, a2); // at the peak rounding leaves less than a2, or nothing
+    float d = max((n_h * a2 - n_h) * n_h + 1.0, a2); // a2 is its minimum, which rounding may miss
     return a2 / (PI * d * d);
 }
 
 #ifdef CRINKLE
-// Beckmann's distribution of normals [sr-1]: Gaussian slopes. Walter et al. (2007), eq. 25.
+// Beckmann distribution of normals [sr-1]: Gaussian slopes. Walter et al. (2007), eq. 25.
 float distribution_beckmann(float n_h, float alpha) {
     float c2 = max(n_h * n_h, 1e-4), a2 = alpha * alpha;
     return exp((c2 - 1.0) / (c2 * a2)) / (PI * a2 * c2 * c2);
@@ -23,11 +23,11 @@ float visibility_smith(float n_l, float n_v, float alpha) {
     float a2 = alpha * alpha;
     float v = n_l * sqrt((n_v - n_v * a2) * n_v + a2);
     float l = n_v * sqrt((n_l - n_l * a2) * n_l + a2);
-    return 0.5 / max(v + l, 1e-6); // 1e-6: both cosines vanish at grazing light and view together
+    return 0.5 / max(v + l, 1e-6); // 1e-6: both cosines may be 0
 }
 
 #ifdef BRUSHED
-// GGX lobe of brushed metal: distribution times visibility [sr-1]. alpha: across the grain, along it.
+// Anisotropic GGX lobe of brushed metal: distribution times visibility [sr-1]. alpha: across and along the grain.
 // Heitz (2014), Understanding the masking-shadowing function, eqs. 85, 86 and 99.
 float brushed_lobe(vec3 n, vec3 across, vec3 v, vec3 l, vec3 h, vec2 alpha) {
     vec3 along = cross(n, across);
@@ -39,8 +39,8 @@ float brushed_lobe(vec3 n, vec3 across, vec3 v, vec3 l, vec3 h, vec2 alpha) {
     return 0.5 / (PI * alpha.x * alpha.y * q2 * q2 * max(hidden_v + hidden_l, 1e-6));
 }
 
-// Roughness of the plain lobe that loses as much light between its microfacets [1]. Fitted to integrals of lobes of
-// roughness 0.2 to 0.65 and stretch 0.1 to 0.8 seen from everywhere: rms error of what is kept 0.03, at grazing 0.18.
+// Roughness of the isotropic lobe with the same directional albedo as a brushed one [1]. Fitted to integrals over lobes
+// of roughness 0.2 to 0.65 and stretch 0.1 to 0.8, all view directions: rms error of the albedo 0.03, grazing 0.18.
 float brushed_roughness(float roughness, float stretch, float n_v, float across_v) {
     float along = roughness * roughness, across = mix(along, 1.0, stretch);
     float share = clamp(0.46 + 0.275 * (1.0 - n_v * n_v) - 0.45 * across_v * across_v, 0.0, 1.0);
@@ -53,9 +53,9 @@ float pow5(float x) { float x2 = x * x; return x2 * x2 * x; }
 // Fresnel reflectance, Schlick (1994), eq. 15.
 color fresnel_schlick(color f0, float v_h) { return f0 + (color(1.0) - f0) * pow5(1.0 - v_h); }
 
-// Directional albedo of the GGX lobe with height-correlated masking, as f0 x + y: the share of light from everywhere
-// that it reflects once towards a view of cosine n_v. Polynomials in sqrt(n_v) and roughness r, fitted to numeric
-// integrals (20,000 samples, 40 x 30 nodes): rms error 0.006. Test: tests/simulator/render/craft/test_lighting.py.
+// Directional albedo f0 x + y of the GGX lobe with height-correlated masking, single scattering, at the view cosine n_v.
+// Polynomials in sqrt(n_v) and roughness r, fitted to numeric integrals (20,000 samples, 40 x 30 nodes), rms error 0.006.
+// Test: tests/simulator/render/craft/test_lighting.py.
 vec2 directional_albedo(float r, float n_v) {
     float m = sqrt(n_v);
     float whole = ((((-38.63337 * r + 110.10903) * r - 102.19394) * r + 32.92679) * r - 2.29593);
@@ -73,8 +73,8 @@ vec2 directional_albedo(float r, float n_v) {
     return vec2(whole - grazing, grazing);
 }
 
-// Reflectance at normal incidence of a surface under a clear coat of index 1.5 instead of in air: the coat's index is
-// between the two. Romain Guy & Mathias Agopian (2018), Physically based rendering in Filament, section 4.9.3.
+// Reflectance at normal incidence of a surface under a clear coat of refractive index 1.5, from that in air.
+// Guy & Agopian (2018), Physically based rendering in Filament, section 4.9.3.
 color under_coat(color f0) {
     color root = sqrt(f0);
     color ratio = (color(1.0) - 5.0 * root) / (color(5.0) - root);

@@ -1,25 +1,25 @@
-// Solar cells, all slightly different, with silver contacts.
-// u_cells: four rows a lattice, as in simulator/render/craft/cell_lattice.py, but of places in the camera frame.
+// Solar cells with silver contacts; reflectance and tilt vary slightly from cell to cell.
+// u_cells: four rows per lattice, those of simulator/render/craft/cell_lattice.py for points in the camera frame.
 #ifdef FLAT_CELLS
 #define u_cells v_cells
 #else
 uniform vec4 u_cells[4 * CELLS];
 #endif
 
-// Share of a stretch about a place, `off` from the nearest line, that lies on lines one pitch apart. In pitches; `wide` is
-// a line's, `stretch` the stretch's width, `per` one over it.
+// Fraction of an interval that lies on periodic lines. Lengths in periods. off: distance of the interval's centre from
+// the nearest line; wide: width of a line; stretch: width of the interval; per: 1 / stretch.
 float line_share(float off, float wide, float stretch, float per) {
     float line = clamp((0.5 * wide - off) * per + 0.5, 0.0, min(1.0, wide * per));
-    return mix(wide, line, clamp(1.5 - 2.0 * stretch, 0.0, 1.0)); // otherwise it would beat with the pixels
+    return mix(wide, line, clamp(1.5 - 2.0 * stretch, 0.0, 1.0)); // the mean where lines are too dense: no moire
 }
 
-// Reflectance of the films at the point p_m (camera frame) over their mean. Tilts the normal, adds contacts to the base.
-// v: unit vector to the camera.
+// Reflectance of the films at p_m relative to their mean [1]. Tilts the normal n, and mixes the contacts into base.
+// v: unit vector to the camera. All vectors in the camera frame.
 float cell_at(vec3 p_m, vec3 v, inout vec3 n, inout vec4 base) {
     vec4 p = vec4(p_m, 1.0);
     vec2 at = vec2(-1.0), pitch = vec2(1.0);
     float lattice = 0.0;
-    // choices instead of branches, one after the other: a loop takes a software driver longer
+    // unrolled, with selects instead of branches: a software driver runs a loop slower
 #define IN_LATTICE(k) { \
         vec4 size = u_cells[4 * k + 3]; \
         vec2 here = vec2(dot(u_cells[4 * k], p), dot(u_cells[4 * k + 1], p)); \
@@ -42,6 +42,6 @@ float cell_at(vec3 p_m, vec3 v, inout vec3 n, inout vec4 base) {
     base.xyz += (CONTACT - base.xyz) * min(metal, 1.0);
     float q = fract(dot(floor(at), vec2(0.7549, 0.5698)) + 0.3819 * lattice);
     vec3 h = fract(q * (1.0 + q) * vec3(43.7, 91.3, 57.9)) - 0.5;
-    n += mat3(u_camera_from_target) * (h * (2.0 * CELL_TILT)); // longer by less than a rounding of the code
+    n += mat3(u_camera_from_target) * (h * (2.0 * CELL_TILT)); // not normalised: the change of length is negligible
     return 1.0 + (2.0 * CELL_UNLIKE) * h.z;
 }

@@ -1,11 +1,12 @@
-// G-buffer of one sample: material, normal and position in the atlas. Back faces of open shells are lit from their side.
+// Writes the G-buffer of one sample: material, normal, coordinates in the atlas of charts. Back faces of open shells get
+// the opposite normal.
 //
-// The pattern's axes are a reflection of the image's, which is itself upside down to OpenGL: two flips, so
-// counter-clockwise stays the outside (see simulator/render/craft/sample_pattern.py, projection.py).
+// The sample pattern's axes mirror the image's, and the image is upside down in OpenGL. The two flips cancel, so outer
+// faces stay counter-clockwise (simulator/render/craft/sample_pattern.py, projection.py).
 #include "craft/packed_samples.glsl"
 flat in int v_material_word;
 in vec2 v_chart;
-layout(location = 0) out uvec2 out_surface; // see packed_samples.glsl
+layout(location = 0) out uvec2 out_surface; // two words, packed by packed_samples.glsl
 #ifdef TEXTURED
 in vec3 v_normal;
 flat in uint v_material;

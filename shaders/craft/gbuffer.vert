@@ -1,4 +1,4 @@
-// Target vertices into the sample buffer; normals into the camera frame and their code.
+// Transforms target vertices to the sample buffer, and their normals to the camera frame and their code.
 #include "craft/packed_samples.glsl"
 #include "craft/lens.glsl"
 #include "craft/substeps.glsl"

@@ -1,5 +1,5 @@
-// Camera z [m] of the nearest surface at the pixel's centre; with LAYERS also its normal (camera frame, unit, towards
-// the camera) and the number of its part (1 is the first; 0, which nothing writes, is the background).
+// Writes camera z [m] of the nearest surface at the pixel's centre. With LAYERS also its unit normal (camera frame,
+// towards the camera) and its part number (from 1; 0 is the background).
 in float v_z_m;
 layout(location = 0) out float out_z_m;
 #if LAYERS
@@ -12,8 +12,8 @@ layout(location = 1) out vec4 out_surface;
 void main() {
     out_z_m = v_z_m;
 #if LAYERS
-    // back faces of open shells are labelled from their own side; where a normal smoothed over a curved surface
-    // leans past its horizon, it is put back upon the horizon
+    // back faces of open shells get the opposite normal; a smoothed normal that faces away from the camera is
+    // projected perpendicular to the view direction
     vec3 away = normalize(v_position_m);
     vec3 face = cross(dFdx(v_position_m), dFdy(v_position_m));
     vec3 n = unit_or(v_normal, -away);

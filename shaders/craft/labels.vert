@@ -1,5 +1,5 @@
-// Target vertices into an image window at one sample a pixel, with what the labels say of each: camera z [m] and,
-// with LAYERS, position and normal in the camera frame and the number of the part.
+// Transforms target vertices to an image window at one sample per pixel. Outputs the label values: camera z [m] and,
+// with LAYERS, position and normal in the camera frame, and part number.
 #include "craft/lens.glsl"
 #include "craft/substeps.glsl"
 uniform vec2 u_label_px; // size of the window

@@ -1,10 +1,10 @@
 // A lamp on the chaser that shines along the camera's boresight. CPU twin: simulator/scene/illumination/lamp.py.
-// LAMP: 1 led, 2 gaussian, 3 flat. u_lamp_place: xyz where it is, camera frame [m]; w: the beam's shape.
+// LAMP: 1 led, 2 gaussian, 3 flat. u_lamp_place: xyz: position, camera frame [m]; w: shape parameter of the beam.
 
-// Irradiance [W m-2] of a face that looks at the lamp, at p_m (camera frame); l: unit vector to the lamp.
+// Irradiance [W m-2] at p_m (camera frame [m]) on a face perpendicular to the beam; l: unit vector to the lamp.
 color lamp_irradiance(vec3 p_m, out vec3 l) {
     vec3 d = u_lamp_place.xyz - p_m;
-    float inverse2 = 1.0 / max(dot(d, d), 1e-4); // 1 cm: nearer, the lamp is not a point
+    float inverse2 = 1.0 / max(dot(d, d), 1e-4); // 1 cm: closer, the lamp is no point source
     l = d * sqrt(inverse2);
     float ahead = clamp(-l.z, 0.0, 1.0);
 #if LAMP == 1

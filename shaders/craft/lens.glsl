@@ -1,10 +1,11 @@
-// Target vertices as the camera sees them. With a lens they go through it one by one; the mesh is cut so finely that the
-// straight lines between them follow the bent ones (simulator/render/craft/lens_bend.py). CPU twin of the lens:
-// simulator/camera/lens/distortion.py; OpenCV's models and order of coefficients.
+// Projection of target vertices, with the lens distortion applied per vertex. The mesh is subdivided so finely that
+// straight edges approximate the distorted ones (simulator/render/craft/lens_bend.py). Models and order of coefficients:
+// OpenCV's. CPU twin: simulator/camera/lens/distortion.py.
 #if LENS
-// u_lens_k: k1 k2 k3 k4; u_lens_m: k5 k6 p1 p2; u_lens_limits: radius of use, model (1 Brown-Conrady, 2 Kannala-Brandt).
+// u_lens_k: k1 k2 k3 k4; u_lens_m: k5 k6 p1 p2.
+// u_lens_limits: x: largest undistorted radius [1]; y: model (1 Brown-Conrady, 2 Kannala-Brandt).
 
-// Distorted image coordinates of undistorted ones, both over the focal length [1].
+// Distorted image coordinates from undistorted ones, both in focal lengths [1].
 vec2 lens_distort(vec2 q) {
     precise vec2 bent;
     float s = dot(q, q);
@@ -12,7 +13,7 @@ vec2 lens_distort(vec2 q) {
         float r = sqrt(s);
         float a = atan(r), t = a * a;
         float series = 1.0 + t * (u_lens_k.x + t * (u_lens_k.y + t * (u_lens_k.z + t * u_lens_k.w)));
-        // 1e-3: near the axis atan(r) / r is its own first term
+        // 1e-3: first terms of the series near the axis
         bent = q * (r < 1e-3 ? 1.0 + s * (u_lens_k.x - 1.0 / 3.0) : a / r * series);
     } else {
         float top = 1.0 + s * (u_lens_k.x + s * (u_lens_k.y + s * u_lens_k.z));
@@ -25,8 +26,8 @@ vec2 lens_distort(vec2 q) {
     return bent;
 }
 
-// Camera point [m] -> (x z, y z, z) of the distorted image: linear clipping works on it as on the point itself.
-// Beyond the radius of use the image goes on in proportion, so that nothing folds back.
+// Camera-frame point [m] to (x z, y z, z) with distorted x, y, which clips as the point itself does.
+// Beyond the largest radius the scale stays constant, so that the image does not fold back.
 vec3 through_lens(vec3 p) {
     precise vec2 bent;
     float across = length(p.xy), limit = u_lens_limits.x;
@@ -36,7 +37,7 @@ vec3 through_lens(vec3 p) {
 }
 #endif
 
-// Clip coordinates of a place on the target. clip_from: by a matrix from the target, with a lens from behind the lens.
+// Clip coordinates of a target point. clip_from: matrix from the target frame, or with a lens from the distorted point.
 vec4 clip_of(mat4 clip_from, mat4 camera_from_target, vec3 p_m) {
 #if LENS
     precise vec4 clip = clip_from * vec4(through_lens((camera_from_target * vec4(p_m, 1.0)).xyz), 1.0);

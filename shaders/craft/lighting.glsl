@@ -1,4 +1,4 @@
-// Light that leaves a surface of the target: the Sun with shadows, the sky with occlusion, the craft's own parts.
+// Radiance of a target surface lit by the Sun (shadowed), the sky (occluded), lamps, and the target's other parts.
 #include "craft/brdf.glsl"
 #include "craft/shadow.glsl"
 #ifdef CRINKLE
@@ -11,12 +11,12 @@
 #include "craft/lamp.glsl"
 #endif
 
-// Baked on the atlas of charts, simulator/baking/radiance_transfer.py: visibility of the sky, a + b . w over directions w, and
-// irradiance from the craft's other parts, per band [W m-2].
+// Baked on the atlas of charts (simulator/baking/radiance_transfer.py): sky visibility in direction w, as a + b . w with
+// b in xyz and a in w; and irradiance from the target's other parts, per band [W m-2].
 uniform sampler2D t_sky_visibility;
 uniform sampler2D t_interreflection;
 
-// Irradiance of the sky on a plate of normal n, camera frame [W m-2]; simulator/scene/illumination/irradiance.py.
+// Irradiance of the sky on a plate of normal n (camera frame) [W m-2]. See simulator/scene/illumination/irradiance.py.
 color sky_irradiance(vec3 n) {
     color e = SKY(0) + SKY(1) * n.x + SKY(2) * n.y + SKY(3) * n.z;
     e += SKY(4) * (n.x * n.y) + SKY(5) * (n.y * n.z) + SKY(6) * (n.z * n.x);
@@ -37,16 +37,16 @@ color earth_radiance(vec3 d) {
 #endif
 }
 
-// Width of a lobe of the given roughness under the Sun's disc: half the disc's radius in the half vector's angle, added
-// in squares. Exact for a mirror (the disc's own radiance) and, to second order, for the peak of a wide lobe.
+// Lobe width alpha, widened by the Sun's disc: half the disc's angular radius is added in quadrature. Exact for a mirror
+// (the peak is the disc's radiance); for a wide lobe the peak is right to second order.
 float sun_alpha(float roughness) {
     float a2 = roughness * roughness * roughness * roughness, s = 0.5 * u_sun_direction.w;
     return sqrt(min(a2 + s * s, 1.0));
 }
 
-// Visibility of the sky towards m: share of the light from around direction m that reaches a face of normal n, over what an open plate gets [1].
+// Sky visibility for light from around direction m on a face of normal n, relative to an unobstructed plate [1].
 float sky_visibility_towards(vec4 visibility, vec3 n, vec3 m) {
-    // 1.008: eight bits hold the visibility, and an open face must not lose by their rounding
+    // 1.008: an unobstructed face must reach 1 despite the texture's 8-bit rounding
     return clamp(1.008 * (visibility.w + 0.667 * dot(visibility.xyz, m)) / (0.5 + 0.5 * max(dot(n, m), -0.8)), 0.0, 1.0);
 }
 
@@ -56,8 +56,8 @@ struct Surface {
     float n_v;
     color diffuse;  // reflectance over pi
     color f0;
-    color again;    // over the first bounce between microfacets
-    float coat;     // share that is clear coated
+    color again;    // light of all bounces between microfacets over that of the first
+    float coat;     // fraction that is clear coated
 #ifdef CLEARCOAT
     color film;     // reflectance of the coat at normal incidence
 #if BANDS > 1
@@ -65,11 +65,11 @@ struct Surface {
 #endif
 #endif
 #ifdef CRINKLE
-    float creased;  // share of the gloss that is scattered by creases too fine for any picture; -1: no blanket
+    float creased;  // fraction of the specular light scattered by creases below any pixel's size; -1: not a blanket
 #endif
 #ifdef BRUSHED
-    vec3 across;    // unit vector along the surface, across the grain
-    float stretch;  // by which the lobe is wider that way: alpha -> mix(alpha, 1, stretch)
+    vec3 across;    // unit tangent across the grain
+    float stretch;  // widens the lobe across the grain: alpha -> mix(alpha, 1, stretch)
 #endif
 };
 
@@ -84,8 +84,7 @@ color coat_fresnel(Surface s, float cosine) {
 }
 #endif
 
-// Radiance over the irradiance of a face that looks at the light; l: unit vector to it.
-// alpha, coat_alpha: widths of the lobes, the light's own included.
+// BRDF [sr-1] for light from the unit vector l. alpha, coat_alpha: lobe widths, already widened by the light's own size.
 color reflected(Surface s, vec3 l, float n_l, float alpha, float coat_alpha) {
     vec3 h = unit_or(s.v + l, s.n); // light from straight behind has no half vector
     float n_h = clamp(dot(s.n, h), 0.0, 1.0), v_h = clamp(dot(s.v, h), 0.0, 1.0);
@@ -96,7 +95,7 @@ color reflected(Surface s, vec3 l, float n_l, float alpha, float coat_alpha) {
     float lobe = distribution_ggx(n_h, alpha) * visibility_smith(n_l, s.n_v, alpha);
 #endif
 #ifdef CRINKLE
-    // slopes of facets are spread as a Gaussian, without the tails of a rough metal
+    // slopes of facets have a Gaussian distribution, without the long tails of GGX
     if (s.creased >= 0.0) lobe = distribution_beckmann(n_h, alpha) * visibility_smith(n_l, s.n_v, alpha);
     if (s.creased > 0.0)
         lobe = mix(lobe, distribution_ggx(n_h, CREASED_ALPHA) * visibility_smith(n_l, s.n_v, CREASED_ALPHA), s.creased);
@@ -113,12 +112,15 @@ color reflected(Surface s, vec3 l, float n_l, float alpha, float coat_alpha) {
 #include "craft/area_lights.glsl"
 #endif
 
-// Radiance that leaves one surface towards the camera [W m-2 sr-1].
-// base: reflectance per band, metallic; surface: roughness, clear coat (one more: with films), its roughness, crinkle
-// (negative: mottle); p_m: camera frame [m].
-// geometric: the face's normal, which shadows are cut at; n: the one that light falls on.
-// chart: place in the atlas of charts; lit: share of the Sun's disc that it sees.
-// grain: direction of the brushing, target frame; w: how much it stretches the lobe, 0..1, negative around the axis.
+// Radiance from one surface towards the camera [W m-2 sr-1].
+//
+// base: xyz: reflectance per band; w: metallic.
+// surface: x: roughness; y: clear coat 0..1, plus 1 with thin films; z: roughness of the coat; w: amplitude of the
+//     crinkle, or if negative of the mottle.
+// grain: xyz: direction of brushing, target frame; w: stretch of the lobe 0..1, negative if brushed around that axis.
+// geometric: normal of the face, which limits light and shadow; n: shading normal.
+// p_m: position in the camera frame [m]. chart: coordinates in the atlas of charts.
+// lit: visible fraction of the Sun's disc.
 color shade(vec4 base, vec4 surface, vec4 grain, vec3 geometric, vec3 n, vec3 p_m, vec2 chart, float lit) {
     vec3 v = -normalize(p_m);
 #ifdef CRINKLE
@@ -127,7 +129,7 @@ color shade(vec4 base, vec4 surface, vec4 grain, vec3 geometric, vec3 n, vec3 p_
         float tape;
         creased = 0.0;
         n = crinkled(n, v, p_m, surface.w, surface.x, tape);
-        if (base.w > 0.0) { // foil: its part that is not a mirror has a wider lobe
+        if (base.w > 0.0) { // foil: the part that is not mirror-like has a wider lobe
             creased = 1.0 - base.w;
             base *= vec4(vec3(1.0 - TAPE_DARKER * tape), 0.0);
             base.w = 1.0;
@@ -144,12 +146,12 @@ color shade(vec4 base, vec4 surface, vec4 grain, vec3 geometric, vec3 n, vec3 p_
     float cell_film = 1.0;
     if (surface.y > 1.0) cell_film = cell_at(p_m, v, n, base);
 #endif
-    float n_v = max(dot(n, v), 1e-3); // 1e-3: a normal averaged at the silhouette may look away
+    float n_v = max(dot(n, v), 1e-3); // 1e-3: an averaged normal at the silhouette may face away
     vec3 l = u_sun_direction.xyz;
     float n_l = max(dot(n, l), 0.0) * step(0.0, dot(geometric, l));
     color albedo = BAND(base);
     color f0 = mix(color(0.04), albedo, base.w);
-    // beyond one: a cover glass with films on it and on the cell below
+    // above 1: a cover glass with thin films on it and on the cell below
     bool films = surface.y > 1.0;
     surface.y -= float(films);
 #ifdef CLEARCOAT
@@ -158,10 +160,10 @@ color shade(vec4 base, vec4 surface, vec4 grain, vec3 geometric, vec3 n, vec3 p_
     color diffuse = albedo * ((1.0 - base.w) / PI);
 #ifdef BRUSHED
     vec3 axis = mat3(u_camera_from_target) * grain.xyz;
-    // brushed along the axis; or around it, as a lathe leaves metal
+    // brushed along the axis, or around it as by a lathe
     vec3 across = grain.w > 0.0 ? cross(n, axis) : axis - dot(axis, n) * n;
     float length2 = dot(across, across);
-    // a face that looks along the grain shows no direction
+    // a face perpendicular to the grain has no direction of brushing
     across = length2 > 1e-4 ? across * inversesqrt(length2) : any_across(n);
     float stretch = length2 > 1e-4 ? grain.w * grain.w : 0.0;
     vec2 e = directional_albedo(brushed_roughness(surface.x, stretch, n_v, dot(across, v)), n_v);
@@ -171,7 +173,8 @@ color shade(vec4 base, vec4 surface, vec4 grain, vec3 geometric, vec3 n, vec3 p_
 #ifdef CRINKLE
     if (creased > 0.0) e = mix(e, directional_albedo(sqrt(CREASED_ALPHA), n_v), creased);
 #endif
-    // light that bounces several times between microfacets: Turquin (2019), Practical multiple scattering compensation
+    // multiple scattering between microfacets: Turquin (2019), Practical multiple scattering compensation for
+    // microfacet models
     color again = color(1.0) + f0 * (1.0 / (e.x + e.y) - 1.0);
     Surface s;
     s.n = n;
@@ -211,28 +214,28 @@ color shade(vec4 base, vec4 surface, vec4 grain, vec3 geometric, vec3 n, vec3 p_
     }
 #endif
 
-    // the sky: its unhidden share, and the light of the craft's other parts instead of the rest
+    // ambient light: the visible part of the sky, and interreflection from the parts that hide the rest
     mat3 R = mat3(u_camera_from_target);
     vec3 n_target = geometric * R, r = reflect(-v, n);
     vec4 visibility = textureLod(t_sky_visibility, chart, 0.0);
     visibility.xyz = (visibility.xyz - 0.5) * (2.0 * LARGEST_SLOPE);
     color interreflection = BAND(textureLod(t_interreflection, chart, 0.0));
 #ifndef CLOSED
-    if (min(chart.x, chart.y) > 0.9999) { // the back of an open shell: nothing is baked there
+    if (min(chart.x, chart.y) > 0.9999) { // back of an open shell: nothing is baked, so assume an open plate
         visibility = vec4(0.75 * n_target, 0.5);
         interreflection = color(0.0);
     }
 #endif
     vec3 m = unit_or(n_target + u_nadir_direction.w * (u_nadir_direction.xyz * R), n_target);
     color ambient = sky_irradiance(n) * sky_visibility_towards(visibility, n_target, m) + interreflection;
-    // mean radiance of the parts that hide the sky, in the mirror direction
+    // `own`: mean radiance of the target's parts that hide the sky in the mirror direction
     float hidden = max(1.0 - sky_visibility_towards(visibility, n_target, n_target), 0.05);
     float mirrored = sky_visibility_towards(visibility, n_target, r * R);
     color own = interreflection * (min((1.0 - mirrored) / hidden, 2.0) / PI), earth = earth_radiance(r) * mirrored;
     float rim = dot(r, u_globe_rim.xyz) - u_globe_rim.w;
     float blur = surface.x * surface.x + 0.02;
 #ifdef CRINKLE
-    float wide = blur + CREASED_BLUR * step(1e-3, creased); // the limb is veiled, and facets are no plane mirrors
+    float wide = blur + CREASED_BLUR * step(1e-3, creased); // facets are curved, and the limb is soft
     float seen = smoothstep(-wide, wide, rim);
     if (creased > 0.0) {
         earth *= earth_mottle(r, blur);

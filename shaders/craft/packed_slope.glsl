@@ -1,7 +1,7 @@
-// The slope of a pixel's weights in one number that additive blending keeps whole, in the 24 bits of a 32-bit float.
-const float STEEPEST = 3.25; // slope [px-1]; weights turn negative far from the edge where it is steeper
+// The slope of a pixel's sample weights as one integer, exact under additive blending in a float's 24-bit significand.
+const float STEEPEST = 3.25; // slope [px-1]; a steeper one makes weights far from the edge negative
 
-// Ten bits a coordinate, above them the number of edges. Where that is not one, all that is asked is that it is not.
+// Ten bits per coordinate, above them the number of edges. The coordinates are used only where that number is one.
 const float SLOPE_STEPS = 127.0, SLOPE_ZERO = 511.0, SLOPE_ROW = 1024.0, ONE_EDGE = 1048576.0;
 
 float packed_slope(vec2 slope) {
@@ -9,12 +9,12 @@ float packed_slope(vec2 slope) {
     return ONE_EDGE + q.y * SLOPE_ROW + q.x;
 }
 
-// Where a pixel's samples all lie on one side of its edge they cannot be weighed. In place of a slope the value then encodes which
-// way the edge lies, as a second coordinate that no slope has: of a turn of four, along the square of corners (1, 0),
-// (0, 1), (-1, 0), (0, -1); and as the first what share of the pixel lies beyond it.
-const float LOWEST = 98.0, HIGHEST = 924.0; // second coordinates of slopes
-const float QUARTER = 49.0;                 // codes below and above those, a quarter of a turn
-const float LARGEST_SLIVER = 0.25;          // share of a pixel
+// If all samples lie on one side of the edge, the value holds the sliver beyond them instead of a slope.
+// First coordinate: the sliver's fraction of the pixel. Second: the direction to it, as the distance along the square
+// with the corners (1, 0), (0, 1), (-1, 0), (0, -1), in codes that no slope uses.
+const float LOWEST = 98.0, HIGHEST = 924.0; // range of a slope's second coordinate
+const float QUARTER = 49.0;                 // direction codes per side of the square
+const float LARGEST_SLIVER = 0.25;          // fraction of a pixel
 float packed_sliver(vec2 towards, float area) {
     float x = towards.x / (abs(towards.x) + abs(towards.y));
     float code = min(floor(QUARTER * (towards.y < 0.0 ? 3.0 + x : 1.0 - x)), 4.0 * QUARTER - 1.0);
@@ -22,11 +22,11 @@ float packed_sliver(vec2 towards, float area) {
     return ONE_EDGE + code * SLOPE_ROW + floor(min(area / LARGEST_SLIVER, 1.0) * (SLOPE_ROW - 1.0) + 0.5);
 }
 
-// The contribution of a single edge that crosses the pixel or passes by it.
+// The only edge in or near a pixel; slope and beyond are 0 where there are several.
 struct LoneEdge {
-    vec2 slope;    // of the samples' weights [px-1]
-    float beyond;  // share of the pixel that lies beyond all of its samples
-    vec2 towards;  // direction to it, a unit vector
+    vec2 slope;    // of the sample weights [px-1]
+    float beyond;  // fraction of the pixel that lies beyond all of its samples
+    vec2 towards;  // unit vector to that part
 };
 LoneEdge lone_edge(float sum) {
     int whole = int(sum);

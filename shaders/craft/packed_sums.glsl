@@ -1,11 +1,11 @@
-// Two sums packed in one number: additive blending of whole multiples, exact in the 24 bits of a 32-bit float.
+// Two fixed-point sums in one float, exact in its 24-bit significand under additive blending.
 const float PACKED_STEPS = 4096.0, PACKED_STEP = 1.0 / 128.0;
 
-// A value in steps; sums of up to 16 in size fit.
+// A value in steps of PACKED_STEP, rounded; sums between -16 and 16 fit.
 float whole_steps(float value) { return floor(value * (1.0 / PACKED_STEP) + 0.5); }
 vec2 whole_steps(vec2 value) { return floor(value * (1.0 / PACKED_STEP) + 0.5); }
 
-// Whole steps of two sums each.
+// Packs two values, both in steps.
 vec3 pack_two(vec3 high, vec3 low) { return high * PACKED_STEPS + low; }
 
 void unpack_two(vec3 sum, out vec3 high, out vec3 low) {

@@ -1,4 +1,5 @@
-// Radiance [W m-2 sr-1] and coverage of the target, per image pixel, from its samples.
+// Radiance [W m-2 sr-1] and coverage [1] of the target, per image pixel, from the G-buffer's samples.
+// The samples of a pixel are grouped into surfaces by material and normal; each group is shaded once.
 #include "common/bands.glsl"
 #define FLAT flat in
 #include "craft/flat_inputs.glsl"
@@ -18,7 +19,7 @@
 #define u_light_from_camera v_light_from_camera
 #endif
 #else
-uniform vec2 u_texel, u_slope_texel; // one over the sizes of the samples' images and of the slopes'
+uniform vec2 u_texel, u_slope_texel; // 1 / size of the sample images, and of the slope image
 uniform vec4 u_window;               // x0, y0, width, height of the pixels that hold the target
 #endif
 #include "common/rays.glsl"
@@ -38,27 +39,27 @@ uniform vec4 u_window;               // x0, y0, width, height of the pixels that
 
 uniform usampler2D t_surface;
 uniform sampler2D t_depth;
-uniform sampler2D t_slope; // slope of the samples' weights, so that their shares are the edges' areas
+uniform sampler2D t_slope; // slope of the sample weights at edges, from edge.frag
 #ifdef TEXTURED
 uniform sampler2D t_texel;     // reflectance per band and metalness of each sample
-uniform sampler2D t_detail;    // their normals and roughness
+uniform sampler2D t_detail;    // normal (camera frame) and roughness of each sample
 #endif
 
 layout(location = 0) out vec4 out_radiance;
 layout(location = 1) out float out_coverage;
 
-// Beyond a pixel's corner, so far that the sample nearest to that place lies beyond any edge that leaves the corner [px].
+// Distance past a pixel's corner [px] at which the nearest sample lies beyond any edge that cuts off the corner.
 const float NEXT_PX = 0.3;
 
-// Samples whose normals differ by less than this many steps of the code (5 to 10 degrees) are one surface.
+// Samples belong to one surface if their normal codes differ by fewer steps than this (5 to 10 degrees).
 const int SAME_NORMAL = int(0.085 * CODE_SCALE);
-// Normals of a flat face differ by no more than the interpolation's rounding.
+// Normal codes of a flat face differ by at most this, the rounding of the interpolation.
 const int FLAT_STEPS = 2;
 
 void main() {
     ivec2 pixel = ivec2(gl_FragCoord.xy);
     ivec2 origin = pixel_index(pixel);
-    // llvmpipe calls a function of 126 instructions for texelFetch, and looks up an unfiltered texture in a few
+    // textureLod, as llvmpipe needs 126 instructions for texelFetch but few for a lookup without filter
     vec2 place = (vec2(origin) + 0.5) * u_texel;
 #define AT(i, j) (place + vec2(i, j) * u_texel)
 #define FETCH(k, i, j) uvec2 words##k = textureLod(t_surface, AT(i, j), 0.0).xy; uint g##k = surface_of(words##k);
@@ -74,7 +75,7 @@ void main() {
 #else
     LoneEdge lone = lone_edge(edge.x);
     vec2 slope = lone.slope;
-    // what lies beyond an edge that no sample is beyond is seen by the next one there
+    // a sliver that holds no sample takes its surface from the nearest sample of the pixel next to it
     ivec2 next = sample_near(lone.towards * (0.5 * (abs(lone.towards.x) + abs(lone.towards.y)) + NEXT_PX));
     FETCH(_next, next.x, next.y)
     float next_weight = float(SAMPLES) * lone.beyond, share_of_own = 1.0 - lone.beyond;
@@ -92,8 +93,8 @@ void main() {
     if (covered == 0) discard;
     weight_covered = clamp(weight_covered, 0.0, float(SAMPLES));
 #ifdef EXACT_AREAS
-    // Where several edges end parts, their materials' areas are known: samples stand for more or less. What the parts gain
-    // is lost by the surfaces that do not end here, which they stand on, or by all alike.
+    // Several edges: scale the weights of each material to its exact area. The difference is taken from the materials
+    // that have no edge here (the surface behind the parts), or from all of them if there is none.
     vec4 missing = vec4(even.xy, steep.z, even.z), owned = vec4(0.0);
 #define MATERIAL_CLASS(g) vec4(equal(ivec4(int(material_of(g)) & 3), ivec4(0, 1, 2, 3)))
 #define OWNED(k, i, j) owned += MATERIAL_CLASS(g##k);
@@ -102,7 +103,7 @@ void main() {
     vec4 under = owned * vec4(equal(missing, vec4(0.0)));
     under = dot(under, vec4(1.0)) > 0.5 ? under : owned;
     missing -= under * (dot(missing, vec4(1.0)) / max(dot(under, vec4(1.0)), 1.0));
-    // a silhouette against the background keeps its samples: hidden edges could move it
+    // not at a silhouette against the background, which hidden edges could move
     missing *= edge.w > 1.5 && covered == SAMPLES ? 1.0 : 0.0;
     vec4 scale = max(1.0 + missing / max(owned, vec4(1.0)), 0.0);
 #define SPREAD(d) spread = max(spread, max(d.x, d.y))
@@ -110,17 +111,17 @@ void main() {
 #define SPREAD(d)
 #endif
 #ifdef TEXTURED
-    differs = 1u; // texels differ where the surface does not
+    differs = 1u; // texels may differ within a surface
 #define ADD_TEXEL(i, j) texel += textureLod(t_texel, AT(i, j), 0.0); \
             detail += textureLod(t_detail, AT(i, j), 0.0);
 #else
 #define ADD_TEXEL(i, j)
 #endif
 #ifdef EXACT_AREAS
-    // What fills a pixel and is lit evenly is shaded once. Else each quarter of the pixel is shaded apart: what is lit, and
-    // what is open to the sky, changes between them.
+    // A pixel with one evenly lit surface is shaded once. Otherwise each quarter of the pixel is shaded separately, as
+    // sunlight and sky visibility differ between them.
     bool quarters = differs != 0u || edge.w > 0.5;
-    // One behind another in one direction is another surface too.
+    // Parallel surfaces at different depths are different surfaces, too.
 #define CAMERA_Z(k, i, j) float z##k = camera_z(textureLod(t_depth, AT(i, j), 0.0).x);
     FOR_EACH_SAMPLE(CAMERA_Z)
     vec3 ray = camera_ray(vec2(pixel));
@@ -133,9 +134,9 @@ void main() {
     int left = covered;
     float weight_left = weight_covered;
     int group = 0;
-    // llvmpipe runs a loop's body once more after a test at its head fails; a test at its foot ends it
+    // do-while, as llvmpipe runs the body of a while loop once more after its test fails
     do {
-        // the first sample left, which is the one nearest to the pixel's centre, leads the group
+        // the remaining sample nearest to the pixel's centre leads the group
         uint leader = 0u;
         uint chart = 0u;
         ivec2 at = ivec2(0);
@@ -145,12 +146,12 @@ void main() {
 #define LEAD_QUARTER(k, i, j) if (leader == 0u && g##k != 0u) \
             { leader = g##k; chart = words##k.y; at = ivec2(i, j); quarter = QUARTER(i, j); leads = k; }
         FOR_EACH_SAMPLE_OF_QUARTERS(LEAD_QUARTER)
-        // of the leader's plane from the camera, and how far off it still is the same one: normals and places are rounded
+        // `along`: distance of the leader's plane from the camera [m]; thin_m: tolerance for rounded normals and depths
         vec3 facing = decode_normal(vec2(normal_code(leader)));
         vec2 across = ray_slope(vec2(pixel), facing);
         float ray_n = dot(facing, ray), along = 0.0, z_lead = 0.0;
         FOR_EACH_SAMPLE(LEAD_PLANE)
-        // positive where a smooth normal looks away from the camera too, or no sample would be in its own group
+        // positive even where a smooth normal faces away from the camera, so that the leader is in its own group
         float thin_m = z_lead / ray_focal_px(vec2(pixel)) * (0.2 + 0.1 / max(-ray_n, 0.05));
 #define GATHERS(k, i, j) && QUARTER(i, j) == quarter IN_PLANE(k, i, j)
         bool apart = quarters;
@@ -209,7 +210,7 @@ void main() {
         }
 #endif
         left -= members;
-        // the last group takes what is left over, so that no light is lost
+        // the last group takes the remaining weight, so that no light is lost
         if (group == MAX_SURFACES - 1 || left == 0) weight = weight_left;
         weight_left -= weight;
         sum += shade(base, surface, GRAIN(material), geometric, n, p_m, chart_of(chart), lit) * weight;

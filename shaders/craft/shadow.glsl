@@ -1,24 +1,24 @@
-// Share of the Sun's disc that a point of the target sees past the target itself.
+// Self-shadowing of the target: the fraction of the Sun's disc visible from a point.
 #if SHADOW_WINDOW == 0
 float sun_visibility(vec3 p_m, vec3 n, float share, float bent) { return 0.0; } // no sunlight at all
 #else
 uniform sampler2D t_shadow; // depth along the sunlight, in this frame's range (simulator/render/gl/depth_buffer.py)
 
-// Of a texel along the normal: relief so low on a flat face throws no shadow. The map's own rounding needs a hundredth.
+// Bias along the normal of flat faces [texels]. Lower relief casts no shadow. Rounding of the map alone needs 0.01.
 const float FLAT_BIAS = 0.06;
 
-// Visibility of the Sun, 0..1.
+// Visible fraction of the Sun's disc, 0..1.
 //
-// Percentage-closer soft shadows (Fernando 2005, SIGGRAPH sketches) over one window of SHADOW_WINDOW^2 texels: those
-// nearer to the Sun than the receiver's own plane are blockers; their mean distance times the Sun's angular radius is
-// the radius of the penumbra's kernel, a disc like the Sun. The plane's depth is followed from texel to texel, so that
-// a slanted face does not shade itself.
-// p_m: camera frame [m]; n: unit geometric normal; share: of the pixel's area that the surface fills.
-// bent: 1 where normals differ within the pixel, so that facets stand for something round; 0 where n is the face's own.
+// Percentage-closer soft shadows (Fernando 2005, SIGGRAPH sketches) over a window of SHADOW_WINDOW^2 texels. Texels
+// nearer to the Sun than the receiver's plane are blockers. Their mean distance times the Sun's angular radius is the
+// radius of the penumbra's disc-shaped kernel. Depth is compared with the plane at each texel (receiver plane depth
+// bias), so that a slanted face does not shadow itself.
+// p_m: camera frame [m]; n: unit geometric normal; share: fraction of the pixel that the surface fills.
+// bent: 1 if normals differ within the pixel (facets of a curved surface), 0 on a flat face.
 float sun_visibility(vec3 p_m, vec3 n, float share, float bent) {
     float n_l = dot(n, u_sun_direction.xyz);
-    // nearer to the Sun than its surface by a part of a texel along the normal, more at grazing light: what facets differ
-    // from their smooth normal. Along the light, so that no shadow's edge moves.
+    // bias by part of a texel along the normal, more at grazing light where facets differ from the smooth normal;
+    // applied along the light, so that edges of shadows do not move
     float slope = sqrt(max(1.0 - n_l * n_l, 0.0));
     vec3 q = (u_light_from_camera * vec4(p_m, 1.0)).xyz;
     q.z -= u_shadow.y * mix(FLAT_BIAS, 0.25 + 0.75 * slope, bent) / max(n_l, 0.15);
@@ -27,12 +27,12 @@ float sun_visibility(vec3 p_m, vec3 n, float share, float bent) {
     vec2 at = q.xy * size - 0.5;
     vec2 base = floor(at) - float(SHADOW_WINDOW / 2 - 1);
     vec2 f = at - base;
-    // depth of the receiver's plane per texel; beyond 6 (80 degrees) light is grazing and the plane no longer known
+    // depth gradient of the receiver's plane per texel; limited to 6 (80 degrees), as it is uncertain at grazing light
     vec2 g = clamp(-m.xy / min(m.z, -1e-30) * (u_shadow.y * size), -6.0, 6.0) * u_shadow.y;
-    const float REACH = float(SHADOW_WINDOW / 2) - 0.5; // with half a texel more, all of the disc is in the window
+    const float REACH = float(SHADOW_WINDOW / 2) - 0.5; // largest radius of a disc [texels]
     const float REACH2 = REACH * REACH;
     vec2 corner = (base + 1.0) * u_shadow.z;
-    // depth [m] of the blockers above the plane, and how much of the search disc they fill
+    // sum of the blockers' heights above the plane, and of their weights in the search disc
     float depth_sum = 0.0, blocked = 0.0;
 #define SHADOW_BLOCK(k, i, j) \
     vec4 x##k = vec4(float(i), float(i) + 1.0, float(i) + 1.0, float(i)) - f.x; \
@@ -44,9 +44,8 @@ float sun_visibility(vec3 p_m, vec3 n, float share, float bent) {
     depth_sum += dot(near, d##k); }
     FOR_EACH_SHADOW_BLOCK(SHADOW_BLOCK)
     float penumbra = depth_sum / max(blocked, 1e-3) * u_sun_direction.w / u_shadow.y;
-    // What the pixel holds of the receiver's plane, as the Sun sees it: by how many texels half a pixel to the right, and
-    // half a pixel down, move the point. The filter is the ellipse of the two, wider by the sharpest edge's radius and
-    // the penumbra's: widths add in squares.
+    // Footprint of the pixel in the shadow map: the shifts [texels] for half a pixel to the right and half a pixel down.
+    // The filter is their ellipse, widened by the penumbra's radius and by that of the sharpest edge, in quadrature.
     vec3 v = -normalize(p_m), l = u_sun_direction.xyz;
     float n_v = max(dot(n, v), 0.05);
     vec2 half_px = (0.5 * sqrt(share) * size * p_m.z / n_v) / u_intrinsics.xy;
@@ -63,10 +62,9 @@ float sun_visibility(vec3 p_m, vec3 n, float share, float bent) {
     area *= sharpness / size2;
     float inside = 0.5 + sharpness;
 #if SHADOW_WINDOW > 4
-    // The filter spreads over the receiver's plane, but the camera does not see all of that. A blocker d above the plane
-    // hides the plane under itself; its shadow shows where the camera's ray from it, which passes at `beside` times d from
-    // there across the light, meets no blocker. Low ones show a strip of that width along the edges that look that way;
-    // high ones all of their shadow.
+    // The camera does not see all of the receiver's plane under the filter, as a blocker also hides part of its own
+    // shadow. A blocker of height d shows a strip of its shadow, `beside` times d wide, along the edges on that side.
+    // High blockers show all of their shadow.
     vec3 beside = v * (n_l / n_v) - l;
     vec2 strip = (mat3(u_light_from_camera) * beside).xy * (size * u_shadow.x / u_shadow.y);
     vec2 strips = abs(strip);
@@ -88,10 +86,9 @@ float sun_visibility(vec3 p_m, vec3 n, float share, float bent) {
     FOR_EACH_SHADOW_BLOCK(SHADOW_FILTER)
     float visible = lit > 0.0 ? lit / (lit + dark) : 1.0 - step(1e-4, any_dark);
 #else
-    // The filter spreads over the receiver's plane, but the camera does not see all of that: a blocker hides the plane
-    // under itself, and with it most of its shadow where Sun and camera stand alike. Its texel counts by the share of
-    // the filter's width by which its shadow is seen beside it: cells 1 mm proud of a panel do not blacken their gaps.
-    // Both widths are measured across the light.
+    // The camera does not see all of the receiver's plane under the filter: if Sun and camera are in similar directions,
+    // a blocker hides most of its own shadow. So its weight is the width of the visible strip of shadow over that of
+    // the filter, both perpendicular to the light. Without this, cells 1 mm above a panel would darken their gaps.
     vec3 beside = l - v * (n_l / n_v);
     float seen = length(beside - l * dot(l, beside));
     float relief = seen * inversesqrt(spread2) / u_shadow.y;

@@ -1,20 +1,19 @@
-// Vertices of the target in a buffer, in whole steps of 1/256 of its pixels (samples, or the labels' pixels).
+// Rounds target vertices to 1/256 of a buffer's pixel (a sample, or a pixel of the labels).
 //
-// Every rasteriser rounds vertices to such steps or finer ones, and from there on works without rounding. But where a
-// vertex lies half-way between two steps, the arithmetic before the rounding decides, and drivers' differ. So vertices are
-// rounded here: what a driver makes of them then lies next to a whole step, and it finds the same one. Its planes are of
-// these places, too: what a pixel's centre shows of a face then lies between the face's corners, in depth as in the image.
+// Every rasteriser rounds vertices to this grid or a finer one, and is exact from there on. For a vertex half-way
+// between two steps, earlier rounding errors decide, and they differ between drivers. With vertices rounded here, all
+// drivers find the same step. Depth is interpolated from the same positions, so it stays between the corners' depths.
 const float SUBSTEPS = 256.0;
-const float FARTHEST = 2097152.0; // steps from the buffer's corner: products of ways between ends and a remainder fit 32 bits
+const float FARTHEST = 2097152.0; // steps from the buffer's corner; cross products in edge.vert then fit 32 bits
 
-// Position of a vertex in front of the camera, in a buffer of `size_px`; whole numbers.
+// Buffer position [substeps], as integers, of a vertex in front of the camera. size_px: size of the buffer.
 vec2 in_substeps(vec4 clip, vec2 size_px) {
     vec2 half_steps = (0.5 * SUBSTEPS) * size_px;
     precise vec2 at = clip.xy * (1.0 / clip.w) * half_steps + half_steps;
     return floor(at + 0.5);
 }
 
-// The clip coordinates of the nearest whole step; behind the camera none is.
+// Clip coordinates rounded to the nearest substep; unchanged behind the camera and beyond FARTHEST.
 vec4 at_whole_substeps(vec4 clip, vec2 size_px) {
     vec2 at = in_substeps(clip, size_px);
     bool near = clip.w > 0.0 && max(abs(at.x), abs(at.y)) < FARTHEST;

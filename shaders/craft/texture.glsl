@@ -1,5 +1,5 @@
-// Textures of a mesh, read once per sample: reflectance, metalness, roughness, normal.
-// Parts without a texture of a kind are drawn with one white (or flat) texel in its place.
+// Reads a mesh's textures once per sample: reflectance, metalness, roughness, normal.
+// A part without one of the textures uses a single white (or flat) texel instead.
 in vec2 v_uv;
 in vec3 v_position_m; // camera frame
 uniform sampler2D t_base_color;         // sRGB, decoded by the sampler
@@ -11,8 +11,8 @@ uniform float u_normal_mapped;    // 1 when t_normal holds normals
 layout(location = 1) out vec4 out_texel; // reflectance per band; w: metallic
 layout(location = 2) out vec4 out_detail; // normal, camera frame; w: roughness
 
-// The normal of the texture in the camera frame, on a tangent frame from screen derivatives: Schueler (2006), Normal
-// mapping without precomputed tangents, ShaderX 5. Green points to the picture's top, against v.
+// Normal from the normal map, in the camera frame. The tangent frame comes from screen derivatives: Schueler (2006),
+// Normal mapping without precomputed tangents, ShaderX 5. Green points up in the texture, against v.
 vec3 mapped_normal(vec3 n) {
     vec3 px = dFdx(v_position_m), py = dFdy(v_position_m);
     vec2 ux = dFdx(v_uv), uy = dFdy(v_uv);
@@ -20,7 +20,7 @@ vec3 mapped_normal(vec3 n) {
     vec3 tangent = across_y * ux.x + across_x * uy.x;
     vec3 bitangent = -(across_y * ux.y + across_x * uy.y);
     float size = inversesqrt(max(max(dot(tangent, tangent), dot(bitangent, bitangent)), 1e-30));
-    // the pattern may be a reflection of the image: then both axes come out reversed
+    // both axes are reversed if the sample pattern mirrors the image
     size *= sign(dot(cross(px, py), n)) * u_normal_mapped;
     vec3 t = texture(t_normal, v_uv).xyz * 2.0 - 1.0;
     return unit_or(tangent * (size * t.x) + bitangent * (size * t.y) + n * mix(1.0, t.z, u_normal_mapped), n);

@@ -1,4 +1,4 @@
-// A tile of the image as a point: a square of whole pixels, without the diagonal that two triangles would have.
+// Draws an image tile as a point: a square of whole pixels, without the diagonal of two triangles.
 #include "common/bands.glsl"
 #define FLAT flat out
 #include "craft/flat_inputs.glsl"

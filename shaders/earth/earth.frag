@@ -1,8 +1,11 @@
-// The Earth and its air behind the target: radiance to add [W m-2 sr-1].
-// Space: Earth-fixed axes, the polar one stretched so that the WGS84 ellipsoid is the unit sphere.
-// SMOOTH: the tile is all ground, away from limb and poles. AIR_ONLY: none of it is ground. COVERED: the target may be in
-// front. MOON: the Moon may. QUADS: a fragment is two by two pixels of a smooth tile; MAGNIFIED: the map's texels are wider
-// than six pixels, so that what is read from it is a plane over the four.
+// Radiance of the Earth and its air [W m-2 sr-1], added behind the target.
+// Coordinates: Earth-fixed axes, the polar one stretched so that the WGS84 ellipsoid is the unit sphere.
+//
+// Compile-time switches, 0 or 1:
+// SMOOTH: the tile is all ground, away from limb and poles. AIR_ONLY: the tile has no ground.
+// COVERED: the target may be in front. MOON: the Moon may be in front.
+// QUADS: a fragment is two by two pixels of a smooth tile.
+// MAGNIFIED: texels of the map are wider than six pixels, so the map is extrapolated linearly over the four pixels.
 #include "atmosphere/air.glsl"
 #include "globe/geometry.glsl"
 #include "globe/aerial.glsl"
@@ -24,7 +27,7 @@
 #define RIPPLE 0.0
 #endif
 
-// The ground in a pixel; x: position from the tile's middle, in half tiles.
+// The ground in a pixel. x: position from the tile's centre [half tiles].
 GroundPoint ground_at(vec2 x) {
     vec4 at = AT(uv_plane), sun = AT(sun); // sun: toward, sharp, glint
     vec4 lift = LIFT;
@@ -41,14 +44,14 @@ uniform sampler2D t_radiance; // QUADS, COVERED: radiance of the target there
 
 void main() {
     vec2 x = (2.0 * gl_FragCoord.xy - v_middle.xy) * v_middle.z;
-    float step_x = 0.5 * v_middle.z; // from the middle of the four to the middle of one
+    float step_x = 0.5 * v_middle.z; // from the centre of the four pixels to the centre of one
     GroundPoint middle = ground_at(x);
     Waters waters = waters_at(middle);
 #if MAGNIFIED && !HIGH
     vec4 map = ground_map(middle);
     Surface surface = surface_at(middle, map, middle.uv, waters);
     vec2 place = detail_place(middle, map);
-    // neighbours share their slopes, so that values are continuous
+    // screen derivatives, shared by neighbours, so that values are continuous
 #define SLOPE(type, value, name) type name##_x = 0.25 * dFdx(value), name##_y = 0.25 * dFdy(value);
     SLOPE(vec2, place, place)
     SLOPE(color, surface.land, land)
@@ -65,7 +68,7 @@ void main() {
     for (int k = 0; k < 4; ++k) {
         vec2 side = vec2(float((k & 1) * 2 - 1), float((k & 2) - 1));
         GroundPoint g = ground_at(x + step_x * side);
-        // values that hardly change between pixels are taken at their middle
+        // values that hardly differ between the four pixels
         g.toward = middle.toward;
         g.sharp = middle.sharp;
         g.rough = middle.rough;
@@ -75,14 +78,14 @@ void main() {
         g.lamps = middle.lamps;
 #if MAGNIFIED && !HIGH
         Surface s = surface;
-        // where a texel begins, its neighbour's slope may lead below darkness
+        // max: the shared slope may extrapolate below 0
         s.land = max(ALONG(surface.land, land), 0.0);
         s.shore = ALONG(surface.shore, shore);
         s.share = max(ALONG(surface.share, share), 0.08);
         s.lit = max(ALONG(surface.lit, lit), 0.0);
         quad[k] = surface_radiance(g, s, waters, detail_at(g, ALONG(place, place)));
 #elif HIGH && OCEAN_COLOUR
-        quad[k] = ground_radiance(g, waters_at(g)); // banks have edges of their own
+        quad[k] = ground_radiance(g, waters_at(g)); // banks have sharp edges
 #else
         quad[k] = ground_radiance(g, waters);
 #endif
@@ -96,11 +99,12 @@ void main() {
 layout(location = 0) out vec4 out_radiance;
 
 #if HIGH && CLOUDS && AIR && !SMOOTH
-const float TALLEST_KM = 12.0; // most frequent height of tropical deep clouds (Chae & Sherwood 2010, J. Atmos. Sci. 67, 248)
+// Most frequent height of tropical deep clouds (Chae & Sherwood 2010, J. Atmos. Sci. 67, 248).
+const float TALLEST_KM = 12.0;
+// Light of a cloud's side over that of its top, as it sees half of the sky. Chosen by eye.
+const float WALL = 0.75;
 
-const float WALL = 0.75;       // light of a cloud's side over that of its top: it sees half of the sky
-
-// Radiance of a ray past the ground: the air, and the clouds whose tops stand above the horizon.
+// Radiance along a ray that misses the ground: air, and clouds whose tops rise above the horizon.
 color limb_radiance(GlobeRay ray) {
     color air = air_radiance(ray);
     float low_km = (sqrt(ray.perigee2) - 1.0) * EARTH_KM, hidden = 0.0;
@@ -108,7 +112,7 @@ color limb_radiance(GlobeRay ray) {
     vec2 meridian = u_globe_meridian.xy;
     float pixel_km = -ray.along * ray.pixel_rad * EARTH_KM, level = log2(pixel_km / DETAIL_TEXEL_KM) + 1.0;
     vec3 zenith = u_globe_camera.xyz * u_globe_camera.w, ahead = normalize(ray.direction - dot(ray.direction, zenith) * zenith);
-    // angles at the Earth's centre of the horizon and of the ray's lowest point: clouds stand still while the ray rises
+    // angles at the Earth's centre from the camera to the horizon and to the ray's lowest point
     float horizon = acos(u_globe_camera.w), lowest = acos(min(sqrt(ray.perigee2) * u_globe_camera.w, 1.0));
     for (int k = -3; k <= 3; ++k) {
         float turn = horizon + float(k) * (40.0 / EARTH_KM), off = turn - lowest;
@@ -116,7 +120,7 @@ color limb_radiance(GlobeRay ray) {
         float east = atan(meridian.x * p.y - meridian.y * p.x, dot(meridian, p.xy));
         vec2 uv = vec2((east + u_globe_meridian.z) * (0.5 / PI) + 0.5, 0.5 - asin(clamp(p.z, -1.0, 1.0)) / PI);
         float cover = textureLod(t_map, uv, 0.0).y;
-        // tops are level: their height changes over 30 km, and by a sixth from tower to tower
+        // height of the tops: broad changes over 30 km, smaller ones between towers
         vec2 place = detail_plane(p) * (EARTH_KM / DETAIL_KM);
         float broad = textureLod(t_detail, place, 7.0).x, tower = textureLod(t_detail, place, level).x;
         float over = clamp(6.0 * (cover - 0.4 * broad), 0.0, 1.0);
@@ -132,11 +136,11 @@ color limb_radiance(GlobeRay ray) {
     const float more = 1.0;
 #else
     color through = sqrt(textureLod(t_air_transmittance, table_uv(ray, false), 0.0).xyz), light = daylight(mu);
-    // light on the air behind over that in front: at dusk they differ
+    // light on the air behind the clouds over that on the air in front; they differ at dusk
     float ahead_mu = 0.03 * dot(ray.direction, u_globe_sun.xyz);
     color more = daylight(mu + ahead_mu) / max(daylight(mu - ahead_mu), color(1e-6));
 #endif
-    // half of the air is in front
+    // half of the air is in front of the clouds
     float white = min(12.0 / 49.0 * (1.0 + 2.0 * max(mu, 0.0)) / max(mu, 0.05), 1.1);
     color cloud = air / (1.0 + more * through) + through * light * BAND(u_globe_irradiance) * (WALL * white / PI);
     return mix(air, cloud, hidden);
@@ -151,7 +155,7 @@ void main() {
     if (open <= 0.0) discard;
 #endif
 #if MOON
-    open *= 1.0 - moon_share(moon_ray(gl_FragCoord.xy - 0.5)); // the Moon in front, seen from its orbit
+    open *= 1.0 - moon_share(moon_ray(gl_FragCoord.xy - 0.5)); // the Moon in front, as seen from lunar orbit
 #endif
 #if SMOOTH
     vec2 x = (gl_FragCoord.xy - v_middle.xy) * v_middle.z;
@@ -163,7 +167,7 @@ void main() {
 #if AIR_ONLY
     color radiance = air_radiance(ray);
 #else
-    float share = limb_share(ray); // share of the pixel that the ground fills
+    float share = limb_share(ray); // fraction of the pixel that the ground fills
     color radiance = color(0.0);
     if (share > 0.0) {
 #if AIR

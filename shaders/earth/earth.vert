@@ -1,15 +1,15 @@
-// A tile of the screen, as a point: a square of whole pixels. A smooth tile carries the plane through what its corners
-// see of the ground (mean, slope to the right, slope down, per half a tile); its pixels read that plane.
+// Draws an image tile as a point: a square of whole pixels. For a smooth tile, ground values are computed at its corners
+// and fitted by a plane (mean, and slopes right and down per half tile), which the fragment shader evaluates.
 #include "atmosphere/air.glsl"
 #include "globe/geometry.glsl"
 #include "globe/aerial.glsl"
 #include "earth/point.glsl"
 uniform vec2 u_extent_px; // of all tiles
 uniform float u_tile_px;  // side of a tile
-in vec2 in_pixel;         // middle of the tile [px], edges of pixels at .5
+in vec2 in_pixel;         // centre of the tile [px], pixel edges at .5
 
 #if SMOOTH
-// of the air in front of the four corners, as shaders/earth/tile_corners.vert has it
+// air in front of the four corners; the outputs of shaders/earth/tile_corners.vert, one component per attribute
 #if !AIR
 #define CORNER_AIR(k) GroundAir(color(0.0), color(1.0), 0.0)
 #elif BANDS == 1

@@ -1,4 +1,4 @@
-// Light of the drawn Earth and its air from around the nadir, for `simulator/render/earth/shine.py` to read back.
+// Radiance of the Earth and its air along given rays around the nadir, read back by simulator/render/earth/shine.py.
 #include "atmosphere/march.glsl"
 #include "globe/geometry.glsl"
 #include "globe/aerial.glsl"

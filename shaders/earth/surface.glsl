@@ -1,12 +1,16 @@
 // The Earth's surface below the air: land, ocean, clouds and night lights, each with its own optics.
-// Switches (0 or 1, fixed at compile time): CLOUDS, GLINT, NIGHT, ICE, OCEAN_COLOUR; SMOOTH: one level of detail for all pixels; FAR: pixels may
-// be wider than 1.6 km; UNLIT: neither Sun nor Moon shine there; HIGH: every layer looked up at its own place; ONE_OPTICS: land, sea and cloud reflect alike (the counter-example).
+//
+// Compile-time switches, 0 or 1: CLOUDS, GLINT, NIGHT, ICE, OCEAN_COLOUR turn on what they name.
+// SMOOTH: one level of detail for all pixels. FAR: pixels may be wider than 1.6 km. UNLIT: neither Sun nor Moon shines.
+// HIGH: every layer has its own texture lookup.
+// ONE_OPTICS: land, sea and cloud reflect alike (a deliberately wrong model, for comparison).
 
-uniform sampler2D t_map;    // square roots of land reflectance, cloud opacity and light of lamps, distance to the coast
+// Square root of land reflectance (x), cloud cover (y), square root of city light (z), distance to the coast (w).
+uniform sampler2D t_map;
 #if BANDS == 3
 uniform sampler2D t_colour; // square root of land reflectance per band
 #endif
-uniform sampler2D t_detail; // simulator/celestial/detail_noise.py; UNLIT: as t_city
+uniform sampler2D t_detail; // noise of simulator/celestial/detail_noise.py; if UNLIT, the same as t_city
 #if HIGH
 uniform sampler2D t_terrain; // assets/earth/terrain_detail_1024.png
 #endif
@@ -14,15 +18,16 @@ uniform sampler2D t_terrain; // assets/earth/terrain_detail_1024.png
 uniform sampler2D t_city;   // simulator/celestial/city_lights.py
 #endif
 #if ICE
-uniform sampler2D t_ice;    // share of the sea under ice; simulator/celestial/sea_ice.py
+uniform sampler2D t_ice;    // fraction of the sea under ice; simulator/celestial/sea_ice.py
 #endif
 #if OCEAN_COLOUR
-uniform sampler2D t_ocean_colour; // square root of what shallow water reflects more than deep; simulator/celestial/ocean_colour.py
+// Square root of the reflectance of shallow water in excess of deep water; simulator/celestial/ocean_colour.py.
+uniform sampler2D t_ocean_colour;
 #endif
 
-// llvmpipe samples a whole row of pixels at once when they share a level, and one texel quad at a time when not.
+// Level of detail. llvmpipe samples faster where it is uniform.
 #if SMOOTH
-uniform vec3 u_level;       // of the maps, of the detail, and of a texel of 1 km
+uniform vec3 u_level;       // for t_map, for t_detail, and for texels of 1 km
 #define MAP_LEVEL u_level.x
 #define DETAIL_LEVEL u_level.y
 #define KM_LEVEL u_level.z
@@ -33,40 +38,42 @@ uniform vec3 u_level;       // of the maps, of the detail, and of a texel of 1 k
 #endif
 
 #if BANDS == 1
-// of the light from the ground, what clear air sends down again, and what it scatters towards the camera over what it lets
-// through: PythonicDISORT 1.8, Rayleigh, aerosol of 0.05 and ozone
+// DOWN: fraction of the ground's light that clear air scatters back to the ground. ASIDE: fraction that it scatters to
+// the camera over its transmittance. Computed with PythonicDISORT 1.8: Rayleigh, aerosol of optical depth 0.05, ozone.
 const float DOWN = 0.082, ASIDE = 0.064;
-const float SEA = 0.022;      // reflectance of the water's body: clear ocean, in band (Morel & Maritorena 2001)
+const float SEA = 0.022;      // water-leaving reflectance of clear ocean, band mean (Morel & Maritorena 2001)
 #else
 const vec3 DOWN = vec3(0.054, 0.092, 0.175), ASIDE = vec3(0.046, 0.080, 0.193);
 const vec3 SEA = vec3(0.006, 0.020, 0.048);
 #endif
 const float COAST_KM_PER_UNIT = 73.8;   // the coast channel: 255 counts of 1/8 pixel of 1/48 degree
-const float FLOE = 0.62;      // reflectance of the pack, between 0.8 to 0.9 of April and 0.4 of late July (Perovich et al. 2002, JGR 107, 8044)
-const float WARP_KM = 9.0;   // HIGH: twice the largest displacement of the land's map
-const float SHARPEN = 0.75;   // HIGH: unsharp mask of the land's map
-const float ROCK = 1.25;      // HIGH: contrast of bare rock where land is as rough as can be
-const float GRAVEL = 0.55;    // HIGH: additional reflectance of valley floors over the rock beside them
-const float HALO = 0.025;     // HIGH: optical depth, as `thin` counts it, at a cloud's edge
-const float FLANK = 0.4;      // HIGH: light that a cloud's side lacks of its top's
-const float GLOW = 0.15;      // HIGH: share of lamps' light that comes from the air about them: an estimate
-const float MASS_LEVEL = 4.0; // HIGH: level of the detail that shows a cloud's width: 3.7 km
-const float EDDY = 0.05;      // HIGH: displacement of films by eddies [tiles of the detail]
-const float LEE = 1.6, LEE_KM = 9.0; // HIGH: greatest calm at a coast, and over what distance it fades
-const float RELIEF_KM = 0.35; // height of a deck's puffs of full contrast; of puffs that stand apart up to four times as much
+// Reflectance of pack ice: 0.8 to 0.9 in April, 0.4 in late July (Perovich et al. 2002, JGR 107, 8044).
+const float FLOE = 0.62;
+// Used by HIGH and chosen by eye:
+const float WARP_KM = 9.0;    // twice the largest displacement of t_map's lookups
+const float SHARPEN = 0.75;   // amount of the land map's unsharp mask
+const float ROCK = 1.25;      // contrast of bare rock on the roughest land
+const float GRAVEL = 0.55;    // excess reflectance of valley floors over the rock beside them
+const float HALO = 0.025;     // scaled optical depth (see GroundPoint.thin) at a cloud's edge
+const float FLANK = 0.4;      // fraction by which a cloud's side is darker than its top
+const float GLOW = 0.15;      // fraction of the lamps' light that is scattered by the air about them
+const float MASS_LEVEL = 4.0; // level of t_detail that shows a cloud's width: 3.7 km
+const float EDDY = 0.05;      // displacement of surface films by eddies [tiles of t_detail]
+const float LEE = 1.6, LEE_KM = 9.0; // calm at a coast in the lee, and the distance over which it decays
+// Height of the puffs in a closed cloud deck; up to four times as much for separate puffs. Chosen by eye.
+const float RELIEF_KM = 0.35;
 
-// Reflectance of the sea above deep open water: ocean colour and ice. It hardly changes within two by two pixels.
+// Ocean colour and ice at a ground point; may be shared by two by two pixels.
 struct Waters {
-    color bright_water; // reflectance of shallow or turbid water over that of deep water
-    float ice;   // share of the sea under ice
+    color bright_water; // excess reflectance of shallow or turbid water over deep water
+    float ice;   // fraction of the sea under ice
 };
-// Ocean colour and ice at a ground point.
 Waters waters_at(GroundPoint g) {
     Waters w = Waters(color(0.0), 0.0);
 #if OCEAN_COLOUR
     color root = BAND(textureLod(t_ocean_colour, g.uv, MAP_LEVEL - 1.0));
 #if HIGH
-    // banks end at a wall, raggedly; sand lies on them in bars and drifts
+    // ragged, steep edges of banks, with sand bars on them
     vec4 bars = textureLod(t_detail, g.plane, DETAIL_LEVEL);
     vec2 aside = (bars.wx - 0.5) * (WARP_KM / (2.0 * PI * EARTH_KM)) * vec2(1.0 / max(sin(PI * g.uv.y), 0.05), 2.0);
     root = BAND(textureLod(t_ocean_colour, g.uv + aside, MAP_LEVEL - 1.0));
@@ -84,8 +91,8 @@ Waters waters_at(GroundPoint g) {
 // Texel of the Earth's map under a ground point.
 vec4 ground_map(GroundPoint g) { return textureLod(t_map, g.uv, MAP_LEVEL); }
 
-// The detail at the clouds' height and on the ground. HIGH looks up both; else one look-up serves for both: on the ground
-// under a clear sky, at the clouds' height where they hide it.
+// Noise t_detail at the clouds' height and on the ground. HIGH looks up both. Otherwise one lookup serves for both: at
+// the ground under clear sky, at the clouds' height under cloud.
 struct Detail { vec4 cloud, ground; };
 vec2 detail_place(GroundPoint g, vec4 map) { return g.plane + g.lift * (float(CLOUDS) * clamp(2.0 * map.y, 0.0, 1.0)); }
 Detail detail_at(GroundPoint g, vec2 place) {
@@ -93,25 +100,26 @@ Detail detail_at(GroundPoint g, vec2 place) {
     return Detail(both, both);
 }
 
-// Optical properties of a surface that hardly change within two by two pixels: its dependence on the detail's channels.
+// Optical properties of the surface without its noise; may be shared by two by two pixels.
+// Noise channels are those of t_detail, 0..1. Optical depths of clouds are scaled as GroundPoint.thin.
 struct Surface {
     color land;    // mean reflectance of the land
-    color patchy;  // change of the land's with the detail's last channel, over it
-    float hilly;   // and with the rise towards the Sun [km]
+    color patchy;  // relative change of the land's reflectance with noise channel w
+    float hilly;   // relative change of the land's reflectance with the rise towards the Sun [km]
     float shore;   // 0.5 plus the distance inland from the mean coast [px]
-    float wriggle; // change of that with the detail's first channel
+    float wriggle; // change of `shore` with noise channel x [px]
     color sea;     // reflectance of the open sea
-    color waves;   // its change with the detail's first channel
-    float share;   // of the ground under cloud; over one where it has no gaps
-    float thick;   // of clouds: optical depth, as `thin` counts it, in their middles
-    float veil;    // and between them
-    float mean;    // FAR: of one cloud that is even and returns as much
-    float region;  // HIGH: kind of cloud
-    float wind;    // HIGH: calm of the region, 0..1
-    float lit;     // root of the light of lamps over that of the map's brightest texels
+    color waves;   // change of the sea's reflectance with noise channel x
+    float share;   // fraction of the ground under cloud; above 1 for a deck without gaps
+    float thick;   // optical depth in the middle of clouds
+    float veil;    // optical depth between clouds
+    float mean;    // FAR: optical depth of uniform cloud with the same mean reflectance
+    float region;  // HIGH: regional noise, 0..1, for the kind of cloud
+    float wind;    // HIGH: regional noise, 0..1, for the calm of the sea
+    float lit;     // square root of the city light over that of the brightest texels
 };
 
-// The surface at a ground point. map: of t_map there; land_uv: of the maps where the land is read.
+// The surface at a ground point. map: t_map at g.uv; land_uv: where the land's reflectance is read.
 Surface surface_at(GroundPoint g, vec4 map, vec2 land_uv, Waters waters) {
     Surface s;
 #if BANDS == 1
@@ -122,27 +130,27 @@ Surface surface_at(GroundPoint g, vec4 map, vec2 land_uv, Waters waters) {
     color root = LAND_ROOT(MAP_LEVEL);
 #endif
 #if HIGH
-    // the map's own contrast of 5 to 20 km, which its making and its magnification took; from far away nothing did
+    // restore contrast of 5 to 20 km that resampling and magnification removed; not needed from far away
     float sharpen = SHARPEN * clamp(1.0 - 0.5 * MAP_LEVEL, 0.0, 1.0);
     root = max(root + sharpen * (root - LAND_ROOT(max(MAP_LEVEL, 0.0) + 2.0)), 0.3 * root);
 #endif
     color reflectance = root * root;
-    // deserts and snow are uniform: there is no patchy vegetation
+    // deserts and snow are uniform, without patches of vegetation
 #if BANDS == 1
     float pale = reflectance;
     s.patchy = GRAIN - clamp(1.4 * pale - 0.1, 0.0, 0.6);
 #else
-    // brighter land is yellower: fields beside woods
+    // bright patches are yellower: fields beside woods
     float pale = reflectance.x;
     s.patchy = (GRAIN - clamp(1.4 * pale - 0.1, 0.0, 0.6)) * vec3(1.25, 1.0, 0.7);
 #endif
     s.land = reflectance * g.tone * mix(1.0, g.shine, clamp(1.4 - 6.0 * pale, 0.0, 1.0));
 #if HIGH
-    s.hilly = 0.0; // hills are those of the valleys
+    s.hilly = 0.0; // t_terrain gives the hills
 #else
     s.hilly = 2.2 * g.rough;
 #endif
-    // the coast wriggles below the map's texels
+    // a ragged coast at scales below the map's texels
     s.wriggle = 3.0 * g.sharp;
     s.shore = (map.w * COAST_KM_PER_UNIT - (1.5 + 128.0 / 255.0 * COAST_KM_PER_UNIT)) * g.sharp + 0.5;
     color sea = SEA;
@@ -150,13 +158,13 @@ Surface surface_at(GroundPoint g, vec4 map, vec2 land_uv, Waters waters) {
     sea += waters.bright_water;
 #endif
     s.sea = 0.85 * sea;
-    s.waves = 0.3 * sea; // plankton and wind
+    s.waves = 0.3 * sea; // variation by plankton and wind
 #if GLINT && !HIGH
     s.sea += 0.9 * g.glint;
-    s.waves += 0.2 * g.glint; // cat's paws
+    s.waves += 0.2 * g.glint; // gusts
 #endif
-    // the map's cover is a share of the ground, over which the optical depth rises from the clouds' edges with the
-    // detail, whose histogram is even; where it is larger they are thicker too
+    // Polynomials of the map's cloud cover. The noise has a uniform histogram, so a threshold on it gives the wanted
+    // fraction of ground under cloud. Optical depth rises from the edge of a cloud, and with the cover.
     float cover = clamp(map.y * 1.06 - 0.04, 0.0, 1.0), cover2 = cover * cover, cover4 = cover2 * cover2;
     s.share = 0.08 + cover * (1.42 - 0.5 * cover) + 0.6 * cover4;
     s.thick = (1.15 + 18.0 * cover4 * cover2) * min(10.0 * cover, 1.0);
@@ -164,29 +172,29 @@ Surface surface_at(GroundPoint g, vec4 map, vec2 land_uv, Waters waters) {
     s.mean = cover * (0.95 + cover * (0.14 + cover2 * (11.7 * cover2 * cover - 1.44)));
     s.lit = map.z;
 #if NIGHT
-    // its root's mean over wider texels is less than the root of the mean: by so much around the Earth's cities
+    // coarser levels hold means of square roots, which are too low; fitted to the Earth's cities
     float wide = max(MAP_LEVEL, 0.0);
     s.lit *= exp2(wide * (0.06 + 0.025 * wide));
 #endif
     return s;
 }
 
-// Reflectance of cloud over that of endless cloud; over: from its edge, 0, to the middle of the thickest, 1. Two-stream: for
-// thick cloud this is the asymptotic theory of Kokhanovsky & Nauss (2006, ACP 6, 5537).
+// Reflectance of cloud relative to that of infinite optical depth [1]. over: 0 at its edge, 1 in the middle. Two-stream;
+// for thick cloud this is the asymptotic theory of Kokhanovsky & Nauss (2006, ACP 6, 5537).
 float cloud_reflectance(float over, float thick, float veil, float thin) {
     float depth = thick * over * over + veil;
     return depth / (depth + thin * (1.15 - over));
 }
 
-// Logarithm of how much less the slopes of the sea vary: wind of the region, gusts and streaks, swell, slicks. The mean of
-// the variance is kept. All from 0 to 1, of even histograms; slicks are where the last is a half.
-// Their films halve the variance or more (Cox & Munk 1954).
+// Natural logarithm of the factor by which the variance of the sea's slopes is reduced; the mean variance is preserved.
+// Arguments: noise of uniform histogram, 0..1. Slicks, whose films at least halve the variance (Cox & Munk 1954), lie
+// where `films` is 0.5.
 float sea_calm(float region, float gusts, float streaks, float swell, float films) {
     float slick = (films - 0.5) * 20.0;
     return 0.8 * region + 0.8 * gusts + 0.5 * streaks + 0.3 * swell + 0.9 * region * exp(-slick * slick) - 1.19;
 }
 
-// A sum x of two numbers from 0 to 1 of even histograms, with weights 1 - b and b (b at most a half), made even.
+// Maps the weighted sum x of two uniform variables, with weights 1 - b and b <= 0.5, to a uniform variable (its CDF).
 float even_sum(float x, float b) {
     float rise = min(x, b);
     float middle = max(min(x, 1.0 - b) - b, 0.0);
@@ -195,11 +203,11 @@ float even_sum(float x, float b) {
 }
 
 #if HIGH
-// The detail at the clouds' height, and smaller clouds added, here more and there less: by a region of some 300 km, from 0 to 1.
+// Noise at the clouds' height, with smaller clouds added where the regional noise (0..1, about 300 km) is high.
 const mat2 REGION = mat2(0.11, 0.06, -0.06, 0.11), SMALLER = mat2(2.5, 1.9, -1.9, 2.5);
 vec4 cloud_detail(vec2 place, float region, float level) {
     vec4 broad = textureLod(t_detail, place, level), small = textureLod(t_detail, SMALLER * place, level + 1.65);
-    small.yz = 0.5 + (small.yz - 0.5) * (SMALLER / 3.14); // they are as much lower as they are smaller
+    small.yz = 0.5 + (small.yz - 0.5) * (SMALLER / 3.14); // smaller clouds are lower, too
     float b = clamp(0.7 * region - 0.06, 0.08, 0.5);
     vec4 both = mix(broad, small, b);
     both.x = even_sum(both.x, b);
@@ -212,14 +220,14 @@ color surface_radiance(GroundPoint g, Surface s, Waters waters, Detail detail) {
     float puff = detail.cloud.x;
 #if CLOUDS
 #if HIGH
-    // the veil is cirrus: fibres along the wind, 9 km high
+    // the veil is cirrus at 9 km: fibres along the wind
     float fibre = textureLod(t_detail, mat2(0.30, 0.16, -0.75, 1.40) * (g.plane + (9.0 / CLOUD_KM) * g.lift), DETAIL_LEVEL).x;
-    s.veil *= 3.0 * fibre * fibre; // a mean of one for an even histogram
-    s.share *= 0.95; // the light of what is about clouds is taken from their edges
+    s.veil *= 3.0 * fibre * fibre; // mean 1 for a uniform histogram
+    s.share *= 0.95; // compensates for the light of the halo
 #endif
-    float scale = 1.0 / s.share, over = 1.0 + (puff - 1.0) * scale; // 0 at the cloud's edge, 1 at most
+    float scale = 1.0 / s.share, over = 1.0 + (puff - 1.0) * scale; // 0 at a cloud's edge, at most 1
 #if HIGH
-    // fragments and haze about clouds (Koren et al. 2007, Geophys. Res. Lett. 34, L08805), and towers of unlike depth
+    // halo of fragments and haze (Koren et al. 2007, Geophys. Res. Lett. 34, L08805); towers of different depth
     s.veil += HALO * min(2.0 * s.share, 1.0) * exp(6.0 * min(over, 0.0));
     s.thick *= 0.3 + 1.4 * detail.cloud.w;
     // tops of wider clouds are higher (Zhao & Di Girolamo 2007, doi:10.1029/2006JD007371): they are deeper, with a side in shade
@@ -229,7 +237,7 @@ color surface_radiance(GroundPoint g, Surface s, Waters waters, Detail detail) {
 #endif
     float cloud = cloud_reflectance(max(over, 0.0), s.thick, s.veil, g.thin);
 #if FAR
-    // from far away the puffs are averaged before the threshold, so that their mean is that of the cover
+    // wide pixels average the noise before the threshold: use the reflectance of the mean cover instead
     cloud = mix(cloud, s.mean / (s.mean + g.thin), clamp(0.2 * KM_LEVEL - 0.2, 0.0, 1.0));
 #endif
 #endif
@@ -237,55 +245,56 @@ color surface_radiance(GroundPoint g, Surface s, Waters waters, Detail detail) {
     color radiance = g.haze;
 #else
     vec4 under = detail.ground;
-    // of the puff and of the ground towards the Sun, per km of height
+    // rise of clouds and of the ground towards the Sun, per km of height
     float level = 0.5 * (g.toward.x + g.toward.y);
     float rise = dot(detail.cloud.yz, g.toward) - level, hill = dot(under.yz, g.toward) - level;
-    // land: patches, and hills that turn to and from the Sun
+    // land: patches of vegetation, and slopes towards and away from the Sun
     color reflectance = s.land * ((1.0 - 0.5 * s.patchy) + s.patchy * under.w - clamp(hill * s.hilly, -0.6, 0.6));
 #if HIGH
-    // ridges and wadis, the finer half of the relief: as rough as the land is
+    // ridges and wadis, stronger on rough land
     const mat2 turn = mat2(1.84, 1.38, -1.38, 1.84);
     vec4 rock = textureLod(t_terrain, turn * g.plane, DETAIL_LEVEL + 0.2);
     float bank = dot(turn * g.toward, rock.xy - 0.5) * (TERRAIN_SLOPE / (2.3 * SLOPE_PER_KM));
-    float bare = clamp(2.2 * g.rough - 0.22, 0.12, 1.0); // plains are under sand and soil
+    float bare = clamp(2.2 * g.rough - 0.22, 0.12, 1.0); // sand and soil cover the rock of plains
     reflectance *= 1.0 + bare * (mix(ROCK * (rock.z - 0.5), GRAVEL, rock.w) - 0.25 * GRAVEL) - clamp(1.6 * bare * bank, -0.6, 0.6);
 #endif
-    reflectance = clamp(reflectance, 0.2 * s.land, color(SNOW_REFLECTANCE)); // slopes in shade have the sky's light
+    reflectance = clamp(reflectance, 0.2 * s.land, color(SNOW_REFLECTANCE)); // lower limit: skylight on shaded slopes
 #if BANDS == 3
-    // snow is white whatever grows under it
+    // snow hides the colour of the land
     reflectance = mix(reflectance, vec3(dot(reflectance, vec3(1.0 / 3.0))), clamp(0.5 * g.tone.y - 1.0, 0.0, 1.0));
 #endif
     color sea = s.sea + s.waves * under.x;
 #if GLINT && HIGH
-    // eddies of ten kilometres wind films into spirals (Munk et al. 2000, Proc. R. Soc. A 456, 1217)
+    // eddies of about 10 km wind up the films into spirals (Munk et al. 2000, Proc. R. Soc. A 456, 1217)
     vec2 eddy = g.plane + EDDY * (textureLod(t_detail, 1.7 * g.plane, max(DETAIL_LEVEL, 4.5)).xw - 0.5);
     float streaks = textureLod(t_detail, mat2(2.2, 1.6, -0.30, 0.41) * eddy, DETAIL_LEVEL + 1.0).x;
     float gusts = textureLod(t_detail, mat2(0.62, 0.35, -0.22, 0.39) * g.plane, DETAIL_LEVEL - 0.5).x;
     float swell = textureLod(t_detail, mat2(5.1, -3.3, 16.5, 25.5) * g.plane, DETAIL_LEVEL + 4.0).x;
     float films = textureLod(t_detail, mat2(2.6, 1.9, -0.5, 0.7) * eddy, max(DETAIL_LEVEL, 3.0)).x;
     float calm = sea_calm(s.wind, gusts, streaks, swell, films);
-    // in the lee of land, over the first tens of kilometres, here more and there less
+    // calm in the lee of land, varied by gusts
     calm += LEE * gusts * exp(min(s.shore - 0.5, 0.0) / (LEE_KM * g.sharp));
     sea += color(g.glint * exp(calm + (g.ripple + 1.0) * (1.0 - exp(calm))));
 #endif
 #if ICE
-    // floes and leads: the detail, whose histogram is even, is cut where just that share remains
+    // floes and leads: a threshold on noise of uniform histogram, which keeps the fraction of ice
     float floes = clamp((waters.ice - under.x) * 7.0 + 0.5, 0.0, 1.0) * min(waters.ice * 20.0, 1.0);
 #if FAR
-    // from far away the detail is averaged before it is cut
+    // wide pixels average the noise before the threshold: use the fraction itself
     floes = mix(floes, waters.ice, clamp(0.3 * KM_LEVEL - 0.2, 0.0, 1.0));
 #endif
-    // where they drift apart they are young, thin or wet
+    // loose ice is young, thin or wet, and darker
     sea = mix(sea, color(FLOE * (0.62 + 0.34 * waters.ice + 0.16 * under.w)), floes);
 #endif
     color ground = mix(sea, reflectance, clamp(s.shore + s.wriggle * under.x, 0.0, 1.0));
 #if CLOUDS
-    // shadow beside the cloud: the cover a cloud's height further towards the Sun, to first order
+    // shadow of clouds: the cover where the ray to the Sun passes the clouds' height
 #if HIGH
-    // exactly: the puff that the Sun's ray to this ground meets
+    // looked up there
     vec2 sunward = g.plane + g.toward * (CLOUD_KM / (2.0 * SLOPE_PER_KM * DETAIL_KM));
     float shading = (cloud_detail(sunward, s.region, DETAIL_LEVEL).x - puff) * scale;
 #else
+    // extrapolated by the slope
     float shading = clamp(rise * CLOUD_KM * scale, -1.0, 0.35);
 #endif
 #if ONE_OPTICS
@@ -294,10 +303,10 @@ color surface_radiance(GroundPoint g, Surface s, Waters waters, Detail detail) {
     float before = clamp(over + shading, 0.0, 1.0);
     ground -= ground * (0.7 * cloud_reflectance(before, s.thick, s.veil, g.thin));
 #if HIGH
-    // tops that the Sun reaches, and valleys of thick cloud in their shade
+    // bright tops that the Sun reaches, and shaded valleys between them
     float whole = dot(mass.yz, g.toward) - level;
     float relief = clamp(1.0 - (2.0 * RELIEF_KM) * min(scale, 4.0) * (rise + 2.0 * whole), 0.4, 1.5);
-    // seen aslant, their sides hide a part of the tops
+    // at oblique view, sides hide part of the tops
     vec2 towards_camera = g.lift * (2.0 * SLOPE_PER_KM * DETAIL_KM);
     relief *= 1.0 - FLANK * clamp(-scale * dot(detail.cloud.yz - 0.5, towards_camera), 0.0, 1.0);
 #else
@@ -307,7 +316,8 @@ color surface_radiance(GroundPoint g, Surface s, Waters waters, Detail detail) {
 #endif
 #endif
 #if AIR
-    // the air's tables have them for the mean Earth; a glint goes one way. Moonlight has no haze that could be less
+    // Correction of the haze for the ground's albedo, as the air's tables assume the mean albedo. `wide` excludes the
+    // glint, which is not diffuse. max: the haze has no moonlight, so the correction may exceed it.
     color wide = min(ground, color(1.0)), more = (wide - EARTH_ALBEDO) * (DOWN * wide + ASIDE);
     color radiance = max(more * g.light + g.haze, color(0.0)) + ground * g.light;
 #else
@@ -315,7 +325,7 @@ color surface_radiance(GroundPoint g, Surface s, Waters waters, Detail detail) {
 #endif
 #endif
 #if NIGHT
-    // the map's cells are broken up into streets, where they are dark into towns and roads, each of a mean of one
+    // structure below the map's texels, of mean 1: streets in bright cells, towns and roads in dark ones
 #if UNLIT
     vec4 city = detail.ground;
 #else
@@ -332,9 +342,9 @@ color surface_radiance(GroundPoint g, Surface s, Waters waters, Detail detail) {
     lamps *= 1.0 - cloud;
 #endif
 #if BANDS == 3
-    // districts have lamps of their own
+    // lamps differ in colour by district
 #if HIGH
-    // white diodes replace sodium street by street
+    // white LEDs replace sodium lamps street by street
     lamps *= mix(vec3(1.20, 0.90, 0.40), vec3(0.82, 1.06, 1.85), clamp(2.2 * city.w - 0.6, 0.0, 1.0));
 #else
     lamps *= mix(vec3(1.12, 0.95, 0.6), vec3(0.88, 1.05, 1.4), city.w);
@@ -345,14 +355,14 @@ color surface_radiance(GroundPoint g, Surface s, Waters waters, Detail detail) {
     return radiance;
 }
 
-// Radiance of a ground point, its surface looked up here [W m-2 sr-1].
+// Radiance of a ground point towards the camera, with the surface looked up at that point [W m-2 sr-1].
 color ground_radiance(GroundPoint g, Waters waters) {
     vec4 map = ground_map(g);
     vec2 land_uv = g.uv;
 #if HIGH
     vec4 region = textureLod(t_detail, REGION * g.plane, DETAIL_LEVEL - 3.0);
     Detail detail = Detail(cloud_detail(g.plane + g.lift, region.x, DETAIL_LEVEL), textureLod(t_detail, g.plane, DETAIL_LEVEL));
-    // fields, woods and towns end raggedly and not as the map's texels blur them: it is read up to WARP_KM aside
+    // displace the lookups by up to WARP_KM / 2, for ragged edges of fields, woods and towns
     vec2 aside = (detail.ground.xw - 0.5) * WARP_KM;
     land_uv += aside * vec2(1.0 / max(sin(PI * g.uv.y), 0.05), 2.0) / (2.0 * PI * EARTH_KM);
     map.xz = textureLod(t_map, land_uv, MAP_LEVEL).xz;

@@ -1,5 +1,6 @@
-// The air in front of the ground at corners of tiles, for `simulator/render/globe/air_pass.py` to read back: over the Sun's
-// irradiance. A look-up in the frame's table would have the vertices of the tiles wait for all that was drawn before it.
+// Air in front of the ground at tile corners, relative to the Sun's irradiance; read back by
+// simulator/render/globe/air_pass.py. Computed by ray marching: a lookup in the frame's table would stall earth.vert until
+// the table is drawn.
 #include "atmosphere/march.glsl"
 #include "globe/geometry.glsl"
 in vec2 in_pixel; // a corner [px]

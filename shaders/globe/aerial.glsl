@@ -1,4 +1,4 @@
-// Light of the air itself along a ray that misses the ground, from the frame's table.
+// Radiance of the air along rays that miss the ground, from this frame's table (shaders/atmosphere/table.frag).
 
 #if AIR
 #if BANDS == 1
@@ -18,7 +18,7 @@ vec2 table_uv(GlobeRay ray, bool ground_ray) {
 }
 #endif
 
-// Radiance of the air alone, per pixel with nothing behind it.
+// Radiance of the air with nothing behind it [W m-2 sr-1].
 color air_radiance(GlobeRay ray) {
 #if AIR
     vec2 uv = table_uv(ray, false);

@@ -1,10 +1,10 @@
-// Light on the ground, and the air between it and the camera.
+// Irradiance on the ground, and the air between ground and camera.
 #if AIR && (BANDS == 3 || MOONLIT) && !defined(MARCH)
-uniform sampler2D t_ground; // irradiance on level ground over the Sun's, by the cosine of its zenith angle
+uniform sampler2D t_ground; // irradiance on level ground over the Sun's, against mu
 #endif
 
 #if AIR && (BANDS == 3 || MOONLIT)
-// Irradiance on level ground over that above the air, by the cosine of its source's zenith angle [1].
+// Irradiance on level ground over that above the air [1]; mu: cosine of the Sun's (or Moon's) zenith angle.
 color daylight(float mu) {
     float x = clamp((mu - GROUND_MU_MIN) / (1.0 - GROUND_MU_MIN), 0.0, 1.0);
     float column = (x * float(GROUND_SAMPLES - 1) + 0.5) / float(GROUND_SAMPLES);
@@ -14,12 +14,12 @@ color daylight(float mu) {
 
 // Air between the camera and a ground point.
 struct GroundAir {
-    color haze;    // its radiance over the Sun's irradiance [sr-1]
+    color haze;    // radiance over the Sun's irradiance [sr-1]
     color through; // transmittance
-    float light;   // BANDS 1: irradiance on level ground over the Sun's
+    float light;   // irradiance on level ground over the Sun's [1]; only if BANDS == 1
 };
 
-// In-scatter of both kinds as radiance; along a unit vector.
+// Rayleigh and Mie in-scatter times their phase functions [sr-1]. direction: unit vector of the ray.
 color scattered(color rayleigh, color mie, vec3 direction) {
     float c = dot(direction, u_globe_sun.xyz);
     return rayleigh * rayleigh_phase(c) + mie * mie_phase(c, u_air_shape.z);

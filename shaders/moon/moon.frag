@@ -1,13 +1,15 @@
-// The Moon behind the target, or below it [W m-2 sr-1]. GLOBE: the globe may hide it, AIR: and its air dim it.
-// SMOOTH: all of it is ground whose point is interpolated between the corners of a tile; MAP_AT_CORNERS: the map as well.
-// COVERED: the target may be in front.
+// Radiance of the Moon [W m-2 sr-1], behind or below the target.
+//
+// Compile-time switches: GLOBE: the globe may hide it. AIR: the globe's air may dim it. COVERED: the target may be in
+// front. SMOOTH: tiles of ground only, values interpolated between their corners. MAP_AT_CORNERS: the albedo, too.
 #include "atmosphere/air.glsl"
 #include "globe/geometry.glsl"
 #include "globe/aerial.glsl"
 #include "moon/point.glsl"
 uniform sampler2D t_coverage;
-uniform sampler2D t_broad;   // slopes along u and v, brightness of craters, deviation of slopes; simulator/celestial/craters.py
-uniform sampler2D t_fine;    // the same of smaller ones
+// Large craters: slopes along u and v, brightness, deviation of slopes within a texel; simulator/celestial/craters.py.
+uniform sampler2D t_broad;
+uniform sampler2D t_fine;    // the same for small craters
 #if SMOOTH
 in vec4 v_place, v_tilt, v_light, v_incident;
 #if MAP_AT_CORNERS
@@ -20,7 +22,7 @@ layout(location = 0) out vec4 out_radiance;
 color ground_radiance(MoonPoint g) {
     float level = g.light.w;
 #if SAMPLES == 1
-    level -= 0.25 * log2(max(g.light.y, 0.02)); // longer than wide, where it is seen aslant
+    level -= 0.25 * log2(max(g.light.y, 0.02)); // anisotropic footprint at oblique view: a compromise
 #endif
 #if MAP_AT_CORNERS
     float albedo = v_albedo;
@@ -29,24 +31,24 @@ color ground_radiance(MoonPoint g) {
 #endif
     vec4 broad = textureLod(t_broad, g.place.zw / BROAD_KM, level - log2(BROAD_KM / 1024.0));
     vec4 fine = textureLod(t_fine, mat2(0.8, 0.6, -0.6, 0.8) * g.place.zw / FINE_KM, level - log2(FINE_KM / 1024.0));
-    // the maria are younger: fewer and smaller craters
+    // maria (dark) are younger: fewer and smaller craters
     float age = clamp(albedo * 1.6 - 0.7, 0.15, 1.0);
     vec2 wall = (broad.xy - 0.5) * (2.0 * SLOPE_MAX * age);
     vec2 small = (fine.xy - 0.5) * mat2(0.8, 0.6, -0.6, 0.8) * (2.0 * SLOPE_MAX * (0.5 + 0.5 * age));
 #if SAMPLES > 1
-    // at the end of a wall's shadow, which lies on what is smaller, that has no shadows of its own
+    // small craters fade near the shadow of a crater wall, where they would cast no shadows
     small *= smoothstep(0.0, 0.1, g.light.x - dot(wall, g.tilt.xy));
 #endif
     vec2 slope = wall + small;
     albedo *= 1.0 + 0.8 * (fine.z + broad.z - 1.0);
     float facet = inversesqrt(1.0 + dot(slope, slope));
-    // facets that face the Sun below the horizon lie in the shadow of others
+    // with the Sun below the horizon, facets that face it are in shadow
     float dawn = smoothstep(-0.03, 0.05, g.light.x);
     vec2 cosines = (g.light.xy - vec2(dot(slope, g.tilt.xy), dot(slope, g.tilt.zw))) * facet;
-    // slopes smaller than a texel: part of it still faces a Sun that the mean does not
+    // slopes below a texel's size: parts of the texel may face the Sun although their mean does not
     vec2 hidden = vec2(broad.w * age, fine.w * (0.5 + 0.5 * age)) * DEVIATION_MAX;
     float lit = 0.5 * (cosines.x + sqrt(cosines.x * cosines.x + 0.32 * dot(hidden, hidden) * dot(g.tilt.xy, g.tilt.xy)));
-    // nothing smaller is lit on a wall that has the Sun behind it, but for what a texel hides of walls
+    // small craters on a wall that faces away from the Sun are dark, except for walls below a texel's size
     float behind = g.light.x - dot(wall, g.tilt.xy) + hidden.x * length(g.tilt.xy);
     lit *= smoothstep(-0.03, 0.03, behind);
     float from_sun = reflected(lit * dawn, cosines.y, g.light.z);
@@ -87,13 +89,13 @@ void main() {
 #elif SAMPLES == 1
     color radiance = ground_radiance(moon_point(ray, moon_depth(ray, share), 1.0));
 #else
-    // a grazing view stretches the ground under a pixel: rays on a lattice of rank one, none in the other's row or column
+    // a grazing view stretches the pixel's footprint: several rays per pixel, on a rank-1 lattice
     color radiance = color(0.0);
     float inside = 1e-6;
     for (int k = 0; k < SAMPLES; ++k) {
         vec2 at = vec2(float(k), mod(float(k) * float(STRIDE), float(SAMPLES))) + 0.5;
         MoonRay one = moon_ray(pixel + at / float(SAMPLES) - 0.5);
-        // a ray that comes over the limb comes in by degrees; 1.4: what textures are filtered by, 1/256 texel, must not show
+        // weight of a ray across the limb; 1.4: hides the steps of texture filtering, 1/256 texel
         float part = moon_share(one);
         inside += part;
         radiance += part * ground_radiance(moon_point(one, moon_depth(one, part), 1.4 * inversesqrt(float(SAMPLES))));

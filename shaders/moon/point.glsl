@@ -1,37 +1,36 @@
-// The point where a ray meets the Moon, and the light there: everything that changes smoothly between pixels.
+// The intersection of a ray with the Moon, and the light there: all values that vary smoothly between pixels.
 #include "moon/disc.glsl"
-uniform sampler2D t_moon;    // normal albedo over its mean on the near side, / 2.5
-uniform sampler2D t_phase;   // phase function over that of zero phase, by the phase angle over pi
-uniform sampler2D t_umbra;   // share of the Sun's light per band, by the angle from the axis of the Earth's shadow
-
+uniform sampler2D t_moon;    // normal albedo over 2.5 times its mean on the near side
+uniform sampler2D t_phase;   // phase function relative to phase 0, against phase angle / pi
+uniform sampler2D t_umbra;   // transmitted fraction of sunlight per band, against the angle from the Earth's shadow axis
 
 struct MoonPoint {
-    vec4 place;     // coordinates in the map; position on the craters' plane [km]
-    vec4 tilt;      // slopes on that plane: to the Sun, to the camera
-    vec4 light;     // cosines of the angles of Sun and camera from the zenith, phase function of the Sun's light, log2 of the footprint [km]
-    vec4 incident;  // of the Sun per band; of the Earth, reflected; over the Sun's irradiance
+    vec4 place;     // xy: coordinates in the map; zw: position in crater_plane [km]
+    vec4 tilt;      // in crater_plane, xy: horizontal direction to the Sun, zw: to the camera; length: sine of zenith angle
+    vec4 light;     // xy: cosines of the zenith angles of Sun and camera; z: phase function; w: log2(footprint [km])
+    vec4 incident;  // xyz: sunlight per band; w: reflected earthshine; both over the Sun's irradiance
 };
 
-// Stereographic plane of each hemisphere, and the image there of a tangent vector, its length kept.
+// Stereographic coordinates of a unit vector in either hemisphere, and the image of a tangent vector with its length kept.
 vec2 crater_plane(vec3 p) { return p.xy / (1.0 + abs(p.z)) * 2.0 + vec2(0.12, -0.08) * p.z; }
 vec2 crater_vector(vec3 p, vec3 w) { return w.xy - p.xy * (sign(p.z) * w.z / (1.0 + abs(p.z))); }
 
 float moon_phase(float cosine) { return textureLod(t_phase, vec2(acos(clamp(cosine, -1.0, 1.0)) * (1.0 / PI), 0.5), 0.0).x; }
 
-// Reflected over incident light, times pi: Lommel-Seeliger with the phase function of the whole disc.
+// Radiance over irradiance at normal incidence, times pi: Lommel-Seeliger law with the phase function of the whole disc.
 float reflected(float mu_sun, float mu_view, float phase) {
-    // where the Sun grazes it, some of it is in the shade of what is smaller than the pixel
+    // at grazing light, relief below the pixel's size casts shadows
     float lit = mu_sun * clamp(mu_sun * 20.0, 0.0, 1.0);
     return 2.0 * lit / (lit + max(mu_view, 0.02)) * phase; // 0.02: a facet seen edge-on
 }
 
-// depth: depth of the ground under the limb; footprint: size of the ray's area over the pixel's.
+// depth: of moon_depth(); footprint: size of the ray's footprint over that of a pixel.
 MoonPoint moon_point(MoonRay ray, float depth, float footprint) {
     MoonPoint g;
     float t = -ray.along - depth;
     vec3 p = normalize(u_moon_camera.xyz + t * ray.direction);
     vec3 view = -ray.direction, sun = u_moon_sun.xyz, earth = u_moon_earth.xyz;
-    // longitude from the camera's meridian, so that the angle's jump is never in view
+    // longitude relative to the camera's meridian, so that its discontinuity is never in view
     vec2 meridian = u_moon_meridian.xy;
     float east = atan(meridian.x * p.y - meridian.y * p.x, dot(meridian, p.xy));
     g.place = vec4((east + u_moon_meridian.z) * (0.5 / PI) + 0.5, 0.5 - asin(clamp(p.z, -1.0, 1.0)) / PI, crater_plane(p) * MOON_KM);
@@ -49,5 +48,5 @@ MoonPoint moon_point(MoonRay ray, float depth, float footprint) {
     return g;
 }
 
-// Albedo by the map, over its mean on the near side.
+// Albedo from the map, relative to the mean of the near side.
 float moon_albedo(MoonPoint g) { return textureLod(t_moon, g.place.xy, g.light.w - log2(TEXEL_KM)).x * 2.5; }

@@ -1,8 +1,8 @@
-// Corners of the Moon's tiles. SMOOTH: ground values there, for the pixels to interpolate.
+// Corners of the Moon's tiles. With SMOOTH also the ground values there, which are interpolated.
 #include "common/bands.glsl"
 #include "moon/point.glsl"
 uniform vec4 u_window; // x0, y0, width, height of the pixels that hold the Moon
-in vec2 in_pixel;      // a corner [px], edges of pixels at .5
+in vec2 in_pixel;      // a corner [px], pixel edges at .5
 #if SMOOTH
 out vec4 v_place, v_tilt, v_light, v_incident;
 #if MAP_AT_CORNERS

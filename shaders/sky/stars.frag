@@ -1,4 +1,4 @@
-// A tent over the four nearest pixels: its weights add up to one wherever the star is.
+// Tent filter over the four pixels nearest to a star; its weights always sum to 1.
 #include "common/bands.glsl"
 uniform sampler2D t_coverage;
 flat in vec2 v_pixel;

@@ -1,4 +1,4 @@
-// A star at an image position [px, centre of pixel (0, 0) is (0, 0)], drawn over the pixels next to it.
+// Draws a star as a point. in_pixel: image position [px], (0, 0) at the centre of the first pixel.
 uniform vec2 u_size;
 in vec2 in_pixel;
 in vec3 in_radiance;
@@ -8,5 +8,5 @@ void main() {
     v_pixel = in_pixel;
     v_radiance = in_radiance;
     gl_Position = vec4((in_pixel + 0.5) / u_size * 2.0 - 1.0, 0.0, 1.0);
-    gl_PointSize = 3.0; // the tent is two pixels wide; the rest has no weight
+    gl_PointSize = 3.0; // covers the tent filter, which is two pixels wide
 }

@@ -1,4 +1,4 @@
-// The Sun's disc [W m-2 sr-1], behind the target, the globe and the air.
+// Radiance of the Sun's disc [W m-2 sr-1], behind the target, the globe and the air.
 #include "atmosphere/air.glsl"
 #include "globe/geometry.glsl"
 #include "globe/aerial.glsl"

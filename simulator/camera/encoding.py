@@ -1,4 +1,4 @@
-"""The transfer function of an image, between light and digital numbers."""
+"""Transfer functions of an image, between linear light and digital numbers."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 Encoding = Literal["linear", "srgb", "gamma"]
 
 GAMMA = 2.2
-"""Exponent of ``gamma``: light is the relative number to this power."""
+"""Exponent of the encoding ``gamma``: light is the relative number to this power."""
 
 
 def encode(light: ArrayLike, encoding: Encoding) -> FloatArray:
@@ -32,22 +32,27 @@ def encode(light: ArrayLike, encoding: Encoding) -> FloatArray:
     array
         Encoded numbers of the shape of ``light``, 0 to 1.
     """
-    x = np.asarray(light, float)
+    linear = np.asarray(light, float)
     if encoding == "srgb":
-        return np.where(x <= 0.0031308, 12.92 * x, 1.055 * np.maximum(x, 0.0) ** (1 / 2.4) - 0.055)
-    return x ** (1 / GAMMA) if encoding == "gamma" else x
+        return np.where(
+            linear <= 0.0031308, 12.92 * linear, 1.055 * np.maximum(linear, 0.0) ** (1 / 2.4) - 0.055
+        )
+    return linear ** (1 / GAMMA) if encoding == "gamma" else linear
 
 
 def decode(value: ArrayLike, encoding: Encoding) -> FloatArray:
     """Decode numbers to light, both 1 at full scale; the inverse of `encode`."""
-    y = np.asarray(value, float)
+    encoded = np.asarray(value, float)
     if encoding == "srgb":
-        return np.where(y <= 0.04045, y / 12.92, ((y + 0.055) / 1.055) ** 2.4)
-    return y**GAMMA if encoding == "gamma" else y
+        return np.where(encoded <= 0.04045, encoded / 12.92, ((encoded + 0.055) / 1.055) ** 2.4)
+    return encoded**GAMMA if encoding == "gamma" else encoded
 
 
 def step_share(signal: ArrayLike, encoding: Encoding) -> FloatArray:
-    """Return the size of one step of an encoded image at a signal, relative to full scale."""
+    """Return the size in light of an 8-bit step of an encoded image at a signal, relative to full scale."""
     number = np.rint(encode(np.clip(signal, 0, 1), encoding) * 255)
-    low, high = decode(np.maximum(number - 0.5, 0) / 255, encoding), decode((number + 0.5) / 255, encoding)
-    return np.asarray(high - low)
+    light_below, light_above = (
+        decode(np.maximum(number - 0.5, 0) / 255, encoding),
+        decode((number + 0.5) / 255, encoding),
+    )
+    return np.asarray(light_above - light_below)

@@ -183,8 +183,14 @@ def crop_and_bin(
 
     Parameters
     ----------
+    camera : Camera
+        Camera of the whole detector.
     roi_px : tuple of int or None
         x0, y0, width, height in pixels of the whole image, or None for the whole image.
+    binning : int
+        Width and height of a bin.
+    where : str
+        Name of the scenario, for messages.
 
     Raises
     ------
@@ -213,8 +219,18 @@ def crop_and_bin(
     )
 
 
-def read_sensor(sensor: Sensor, roi_px: tuple[int, int, int, int] | None, binning: int) -> Sensor:
-    """Return the sensor of that region: larger pixels, and the matching part of the fixed pattern."""
+def sensor_region(sensor: Sensor, roi_px: tuple[int, int, int, int] | None, binning: int) -> Sensor:
+    """Return the sensor of a detector region: binned pixels, and the region's part of the fixed pattern.
+
+    Parameters
+    ----------
+    sensor : Sensor
+        Sensor of the whole detector.
+    roi_px : tuple of int or None
+        x0, y0, width, height in pixels of the whole image, or None for the whole image.
+    binning : int
+        Width and height of a bin.
+    """
     x0, y0 = (roi_px or (0, 0))[:2]
     detector = sensor.detector
     if detector is not None:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from flyaround.simulator.camera.detector.image_noise import arithmetic_of, draw_noise, start_noise
+from flyaround.simulator.camera.detector.image_noise import choose_arithmetic, draw_noise, start_noise
 from flyaround.simulator.camera.detector.optics import Optics
 from flyaround.simulator.camera.detector.psf import blur, defocus_px
 from flyaround.simulator.camera.detector.readout import detect, detector_sigma
@@ -158,7 +158,7 @@ def digitise(
     """
     if sensor.detector is not None:
         return detect(signal, sensor, seed, frame_index, exposure_s, band_gain)
-    arithmetic = arithmetic_of(sensor)
+    arithmetic = choose_arithmetic(sensor)
     full, steps_per_dn = arithmetic.full_dn, arithmetic.steps_per_dn
     random = noise() if noise is not None else draw_noise(signal.shape, sensor, seed, frame_index)
     flat = signal.reshape(signal.shape[0], -1)

@@ -18,7 +18,7 @@ from flyaround.simulator.camera.lens.camera_model import Camera
 from flyaround.simulator.camera.lens.files import CameraFile, read_camera_file
 from flyaround.simulator.camera.lens.files_native import PitchUm
 from flyaround.simulator.camera.lens.intrinsics import CONSISTENCY_TOLERANCE
-from flyaround.simulator.camera.sections import DetectorSection, crop_and_bin, read_sensor
+from flyaround.simulator.camera.sections import DetectorSection, crop_and_bin, sensor_region
 from flyaround.simulator.errors import UserError
 from flyaround.simulator.imaging.auto_exposure import AutoExposure
 from flyaround.simulator.runtime.sections import Section, within
@@ -76,7 +76,7 @@ class SensorSection(Section, frozen=True, kw_only=True):
             sensor = replace(sensor, pixel_pitch_x_m=x * 1e-6, pixel_pitch_y_m=y * 1e-6)
         if self.detector is not None:
             sensor = replace(sensor, detector=self.detector.detector(base.detector))
-        return read_sensor(sensor, self.roi_px, self.binning)
+        return sensor_region(sensor, self.roi_px, self.binning)
 
     @property
     def shutter_model(self) -> Shutter:

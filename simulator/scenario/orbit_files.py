@@ -15,8 +15,8 @@ from flyaround.simulator.world.messages.ccsds import Segment, first_line, read_s
 from flyaround.simulator.world.messages.ccsds_frames import state_in_gcrf
 from flyaround.simulator.world.messages.ephemeris import ROUNDING_S, Ephemeris
 from flyaround.simulator.world.messages.ndm_xml import read_ndm
-from flyaround.simulator.world.messages.oem import ephemeris_of, one_object
-from flyaround.simulator.world.messages.omm import read_csv_objects, read_json_objects, satellite_of
+from flyaround.simulator.world.messages.oem import ephemeris_from, one_object
+from flyaround.simulator.world.messages.omm import read_csv_objects, read_json_objects, satellite_from_omm
 from flyaround.simulator.world.messages.state_message import (
     OrbitParameters,
     is_state_message,
@@ -106,7 +106,7 @@ def read_orbit_file(
     if is_text or is_xml:
         kind, segments = ("oem", read_segments(text, where, "OEM")) if is_text else read_ndm(text, where)
         if kind == "oem":
-            states = ephemeris_of(segments, where, epoch, centre=centre.upper(), satellite=satellite)
+            states = ephemeris_from(segments, where, epoch, centre=centre.upper(), satellite=satellite)
             states.refuse_impossible(body_named(centre))
             return states
         segment = _select_segment(segments, where, satellite)
@@ -165,7 +165,7 @@ def _require_earth(centre: str, where: str, what: str) -> None:
 
 def _omm_state(segment: Segment, epoch: Instant, centre: str) -> State:
     _require_earth(centre, segment.where, "mean elements for SGP4 are")
-    return sgp4_state(satellite_of(segment), epoch, f"the mean elements of {segment.where}")
+    return sgp4_state(satellite_from_omm(segment), epoch, f"the mean elements of {segment.where}")
 
 
 def _opm_state(segment: Segment, epoch: Instant, centre: str) -> State:

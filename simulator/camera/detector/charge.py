@@ -1,7 +1,7 @@
 """Charge of one exposure: photo-electrons, dark current and its pattern, cosmic rays, blooming, read noise.
 
-If the read noise is above `JOINT_SAMPLING_MIN_E` and the charge well below the full well, photon and read noise are
-drawn as a single deviate of the same distribution, which halves the number of random numbers.
+If the read noise exceeds `JOINT_SAMPLING_MIN_E` and the charge is well below the full well, the sum of shot and read
+noise is drawn as one deviate of the same distribution, which halves the number of random numbers.
 """
 
 from __future__ import annotations
@@ -22,19 +22,21 @@ if TYPE_CHECKING:
     from flyaround.simulator.runtime.arrays import Float32Array
 
 JOINT_SAMPLING_MIN_E = 2.0
-"""Read noise [e] above which the sum is sampled: its skewness is then below 0.2, its quantisation below 1e-30."""
-FULL_WELL_MARGIN_SIGMAS = 6.0  # shot noise below the full well at which a pixel may already overflow
+"""Read noise above which the sum is sampled [e]. Its skewness is then below 0.2, its quantisation below 1e-30."""
+FULL_WELL_MARGIN_SIGMAS = 6.0
+"""Margin of the expected charge below the full well, in shot noise, within which a pixel may overflow."""
 ELECTRONS_PER_M = 80e6
-"""Minimum-ionising particle in silicon: Janesick (2001), Scientific charge-coupled devices, section 8."""
-_TESTED_ROWS = 8  # interval of the rows at which blooming tests whether charge is left to move
+"""Electrons that a minimum-ionising particle frees in silicon: Janesick (2001), Scientific charge-coupled devices,
+section 8 [e m-1]."""
+_TESTED_ROWS = 8  # blooming tests at every eighth row if any charge still moves
 _PARTICLE_KEY = 0x636F73  # key of the random numbers of particles
 _TRACK_STEP_PX = 0.1  # spacing of the points of a particle's track
-_PATTERN_KEY = 0x466C79  # keeps the pattern's random numbers apart from any frame's
+_PATTERN_KEY = 0x466C79  # key of the random numbers of the fixed pattern
 
 
 @dataclass(frozen=True, eq=False)
 class FixedPattern:
-    """Maps over the image's pixels; `None` for a term that is zero.
+    """Fixed pattern of a detector, as maps over the image's pixels; `None` for a term that is zero.
 
     Parameters
     ----------
@@ -103,7 +105,25 @@ def _bin(values: Float32Array, b: int) -> Float32Array:
 
 @dataclass(frozen=True, eq=False)
 class Exposure:
-    """Charge of one exposure, a block of rows at a time."""
+    """Charge of one exposure, computed for a block of rows at a time.
+
+    Parameters
+    ----------
+    sensor : Sensor
+        Sensor with the detector.
+    detector : Detector
+        Its detector.
+    exposure_s : float
+        Exposure time.
+    pattern : FixedPattern
+        Fixed pattern of the detector.
+    particles : (H, W) array or None
+        Electrons from particle tracks.
+    read_tables : tuple of array
+        Tables for `add_normal` with the standard deviation of the read noise.
+    unit_tables : tuple of array
+        Tables for `add_normal` with standard deviation 1.
+    """
 
     sensor: Sensor
     detector: Detector
@@ -119,48 +139,68 @@ class Exposure:
         return self.detector.full_well_e * self.detector.pixels_per_bin
 
     def mean(self, signal: Float32Array, rows: slice) -> Float32Array:
-        """Return (rows, W) expected electrons from light and dark current."""
+        """Return the expected electrons (rows, W) from light and dark current.
+
+        Parameters
+        ----------
+        signal : (H, W) array
+            Expected photo-electrons over the saturation charge.
+        rows : slice
+            Rows of the image.
+        """
         saturation = self.sensor.saturation_e
         sensitivity, dark = self.pattern.sensitivity, self.pattern.dark_e_s
         if sensitivity is None:
-            out = signal[rows] * np.float32(saturation)
+            electrons = signal[rows] * np.float32(saturation)
         else:
-            out = np.asarray(cv2.multiply(signal[rows], sensitivity[rows], scale=saturation))
-        np.maximum(out, 0, out=out)
+            electrons = np.asarray(cv2.multiply(signal[rows], sensitivity[rows], scale=saturation))
+        np.maximum(electrons, 0, out=electrons)
         if dark is not None:
-            cv2.scaleAdd(dark[rows], self.exposure_s, out, dst=out)
-        return out
+            cv2.scaleAdd(dark[rows], self.exposure_s, electrons, dst=electrons)
+        return electrons
 
     def charge(
-        self, mean: Float32Array, rows: slice, source: np.random.SFC64, *, particles_too: bool = True
+        self, mean: Float32Array, rows: slice, source: np.random.SFC64, *, with_particles: bool = True
     ) -> Float32Array:
-        """Return the (rows, W) charge read from each pixel [e]: electrons up to the full well, with read noise."""
+        """Draw the charge (rows, W) that is read from each pixel [e]: electrons up to the full well, plus read noise.
+
+        Parameters
+        ----------
+        mean : (rows, W) array
+            Expected electrons, as from `mean`; may be overwritten.
+        rows : slice
+            Rows of the image.
+        source : SFC64
+            Source of random numbers.
+        with_particles : bool, optional
+            False to leave out the particles.
+        """
         d, well = self.detector, np.float32(self.well_e)
-        particles = self.particles[rows] if particles_too and self.particles is not None else None
+        particles = self.particles[rows] if with_particles and self.particles is not None else None
         if not d.shot_noise or d.read_noise_per_pixel_e < JOINT_SAMPLING_MIN_E:
-            return self._one_by_one(mean, particles, source)
+            return self._separately(mean, particles, source)
         # pixels that may partly exceed the full well, and those hit by particles
         margin = np.float32(FULL_WELL_MARGIN_SIGMAS) * np.sqrt(well)
-        separate, light = np.zeros(0, int), mean
+        separate_pixels, photo_electrons = np.zeros(0, int), mean
         is_bright = float(mean.max()) > well - margin
         if is_bright or particles is not None:
             bright_columns = np.abs(mean - well) < margin
             if particles is not None:
                 bright_columns |= particles > 0
-            separate = np.flatnonzero(bright_columns)
-        if separate.size > mean.size // 2:
-            return self._one_by_one(mean, particles, source)
-        at_brim = mean.ravel()[separate]
+            separate_pixels = np.flatnonzero(bright_columns)
+        if separate_pixels.size > mean.size // 2:
+            return self._separately(mean, particles, source)
+        separate_mean = mean.ravel()[separate_pixels]
         if is_bright:
-            light = np.where(mean < well, mean, np.float32(0))
+            photo_electrons = np.where(mean < well, mean, np.float32(0))
             mean = np.minimum(mean, well)
-        out = self.join(mean, light, source)
-        if separate.size:
-            hits = None if particles is None else particles.ravel()[separate]
-            out.ravel()[separate] = self._one_by_one(at_brim, hits, source)
-        return out
+        charge = self.join(mean, photo_electrons, source)
+        if separate_pixels.size:
+            hits = None if particles is None else particles.ravel()[separate_pixels]
+            charge.ravel()[separate_pixels] = self._separately(separate_mean, hits, source)
+        return charge
 
-    def _one_by_one(
+    def _separately(
         self, mean: Float32Array, particles: Float32Array | None, source: np.random.SFC64
     ) -> Float32Array:
         electrons = self.collect(mean, particles, source)
@@ -193,12 +233,12 @@ class Exposure:
         add_normal(z, self.unit_tables, source)
         variance = light + np.float32(self.detector.read_noise_per_pixel_e**2)
         skew = np.asarray(cv2.divide(light, variance, scale=1 / 6), np.float32)
-        out = np.asarray(cv2.sqrt(variance, dst=variance), np.float32)
-        out += skew * z
-        out *= z
-        out += mean
-        out -= skew
-        return out
+        charge = np.asarray(cv2.sqrt(variance, dst=variance), np.float32)
+        charge += skew * z
+        charge *= z
+        charge += mean
+        charge -= skew
+        return charge
 
     def add_read_noise(self, charge: Float32Array, source: np.random.SFC64) -> None:
         """Add the noise of one read-out to each pixel, in place."""
@@ -207,12 +247,16 @@ class Exposure:
 
 
 def bloom(charge: Float32Array, well_e: float, share: float) -> None:
-    """Blooming, in place: charge above the full well spills half up, half down its column until it fits.
+    """Spill charge above the full well along its column, half upwards and half downwards, in place.
 
     Parameters
     ----------
+    charge : (H, W) array
+        Charge of the columns [e].
+    well_e : float
+        Full well.
     share : float
-        Share of the overflow that stays on the column; the rest goes into the anti-blooming drain.
+        Fraction of the overflow that stays in the column. The rest flows into the anti-blooming drain.
     """
     overflow = np.maximum(charge - np.float32(well_e), 0)
     rows = np.flatnonzero(overflow.any(axis=1))
@@ -220,32 +264,32 @@ def bloom(charge: Float32Array, well_e: float, share: float) -> None:
         return
     overflow *= np.float32(0.5 * share)
     np.minimum(charge, np.float32(well_e), out=charge)
-    room = np.float32(well_e) - charge
-    if not room.any():
+    capacity = np.float32(well_e) - charge
+    if not capacity.any():
         return
     height, width = charge.shape
-    spill, carry = np.empty(width, np.float32), np.empty(width, np.float32)
+    spill, absorbed = np.empty(width, np.float32), np.empty(width, np.float32)
     first, last = int(rows[0]), int(rows[-1])
     for order in (range(first, height), range(last, -1, -1)):
-        # the carry is the waiting time of a single-server queue: Lindley (1952)
-        queue = np.zeros(width, np.float32)
+        # the moving charge obeys the recursion of waiting times in a queue: Lindley (1952)
+        moving = np.zeros(width, np.float32)
         for row in order:
-            if row % _TESTED_ROWS == 0 and not first <= row <= last and not queue.any():
+            if row % _TESTED_ROWS == 0 and not first <= row <= last and not moving.any():
                 break
-            row_charge = room[row]
-            np.minimum(queue, row_charge, out=carry)
-            row_charge -= carry
-            charge[row] += carry
-            np.subtract(queue, carry, out=spill)
-            np.add(spill, overflow[row], out=queue)
+            row_capacity = capacity[row]
+            np.minimum(moving, row_capacity, out=absorbed)
+            row_capacity -= absorbed
+            charge[row] += absorbed
+            np.subtract(moving, absorbed, out=spill)
+            np.add(spill, overflow[row], out=moving)
 
 
 def cosmic_ray_charge(
     sensor: Sensor, height: int, width: int, exposure_s: float, seed: int, frame_index: int
 ) -> Float32Array | None:
-    """Return (H, W) electrons of particle tracks, or None.
+    """Draw particle tracks; return their electrons (H, W), or None without particles.
 
-    Directions are isotropic, so the number through a flat layer is proportional to the cosine of the angle.
+    Directions are isotropic, so the rate through a flat layer is proportional to the cosine of the angle of incidence.
     """
     d = sensor.detector
     if d is None or d.cosmic_rays_cm2_s <= 0:
@@ -259,16 +303,16 @@ def cosmic_ray_charge(
     for _ in range(count):
         x, y = rng.uniform(-0.5, width - 0.5), rng.uniform(-0.5, height - 0.5)
         cosine = max(np.sqrt(rng.random()), 1e-3)
-        turn = rng.uniform(0, 2 * np.pi)
+        azimuth = rng.uniform(0, 2 * np.pi)
         path_m = d.layer_m / cosine
-        across_m = path_m * np.sqrt(1 - cosine**2)
+        lateral_m = path_m * np.sqrt(1 - cosine**2)
         dx, dy = (
-            across_m * np.cos(turn) / sensor.pixel_pitch_x_m,
-            across_m * np.sin(turn) / sensor.pixel_pitch_y_m,
+            lateral_m * np.cos(azimuth) / sensor.pixel_pitch_x_m,
+            lateral_m * np.sin(azimuth) / sensor.pixel_pitch_y_m,
         )
         steps = max(int(np.hypot(dx, dy) / _TRACK_STEP_PX), 1)
         t = (np.arange(steps) + 0.5) / steps
         column, row = np.rint(x + dx * t).astype(int), np.rint(y + dy * t).astype(int)
-        inside = (column >= 0) & (column < width) & (row >= 0) & (row < height)
-        np.add.at(charge, (row[inside], column[inside]), np.float32(ELECTRONS_PER_M * path_m / steps))
+        is_inside = (column >= 0) & (column < width) & (row >= 0) & (row < height)
+        np.add.at(charge, (row[is_inside], column[is_inside]), np.float32(ELECTRONS_PER_M * path_m / steps))
     return charge

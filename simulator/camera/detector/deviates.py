@@ -1,9 +1,9 @@
 """Random deviates fast enough for video: normal and uniform numbers from random bytes, and Poisson counts.
 
-A normal deviate is made from two random bytes. Each byte selects the mean of one of 256 equiprobable slices of a bell
-curve. The two means are added with unequal weights, which gives 65536 values. A small cubic term corrects the fourth
-moment. Mean, variance and kurtosis are those of the normal distribution, the distribution function is within 6e-4 of
-it, and the largest deviate is 4.2 sigma. Ziggurat deviates take five times as long.
+A normal deviate is made from two random bytes. Each byte selects the mean of one of 256 equiprobable slices of the
+normal distribution. The two means are added with unequal weights, which gives 65536 values. A small cubic term corrects
+the fourth moment. Mean, variance and kurtosis are exact, the distribution function has an error of at most 6e-4, and
+the largest deviate is 4.2 sigma. The ziggurat method takes five times as long.
 """
 
 from __future__ import annotations
@@ -25,14 +25,16 @@ if TYPE_CHECKING:
 
     from flyaround.simulator.runtime.arrays import ByteArray, Float32Array, FloatArray
 
-NOISE_BANDS = 8  # bands of rows that threads fill
+NOISE_BANDS = 8
+"""Number of bands of rows, each with its own random numbers, into which an image is divided for threads."""
 _WEIGHTS = (0.75, float(np.sqrt(1 - 0.75**2)))
 _FINE_WEIGHTS = (0.61, 0.58, float(np.sqrt(1 - 0.61**2 - 0.58**2)))
 EXACT_POISSON_MAX_E = 12.0
-"""Mean up to which the distribution is sampled exactly; above, its normal expansion deviates by less than 1e-3 [e]."""
+"""Mean up to which the Poisson distribution is sampled exactly [e]. Above it, the error of its normal expansion is less
+than 1e-3."""
 _LEVELS_PER_E = 16  # tabulated means per electron
 _CELL_BITS = 12
-_REST_BITS = 32 - _CELL_BITS
+_REMAINING_BITS = 32 - _CELL_BITS
 _MAX_COUNT = 64  # a mean of 12 exceeds it once in 1e26 draws
 _UNDECIDED = 255  # code of a count that its first random bits leave open
 
@@ -48,12 +50,12 @@ def for_each_band(rows: int, work: Callable[[int, slice], None]) -> None:
 
 @lru_cache(maxsize=1)
 def _threads(_process: int) -> ThreadPoolExecutor:
-    """Return two waiting threads: starting them takes as long as a band, and a forked process needs its own."""
+    """Return a pool of two threads of this process. Starting threads would take as long as computing a band."""
     return ThreadPoolExecutor(2, thread_name_prefix="flyaround-sensor")
 
 
 def bit_source(seed: int, *key: int) -> np.random.SFC64:
-    """Return a bit generator that depends on (seed, key) alone."""
+    """Return a bit generator that depends only on seed and key."""
     return np.random.SFC64(np.random.SeedSequence(seed, spawn_key=key))
 
 
@@ -69,26 +71,26 @@ def random_words(source: np.random.SFC64, count: int) -> NDArray[np.uint32]:
 
 
 def _raw(source: np.random.SFC64, count: int) -> NDArray[np.uint64]:
-    # random_raw gives the same numbers but keeps Python's lock, so that the second thread would wait
+    # random_raw gives the same numbers, but it holds the GIL, so the second thread would wait
     return np.random.Generator(source).integers(0, 2**64 - 1, count, np.uint64, endpoint=True)
 
 
 @lru_cache(maxsize=1)
 def _slices() -> FloatArray:
-    """Return the 256 values of a byte, of variance one; their weighted sum has the normal distribution's kurtosis."""
+    """Return the 256 values that a byte selects; their variance is 1, and their weighted sum has kurtosis 3."""
     edges = ndtri(np.arange(257) / 256)
     density = np.exp(-(edges**2) / 2) / np.sqrt(2 * np.pi)
     means = (density[:-1] - density[1:]) * 256
 
-    def stretched(cubic: float) -> FloatArray:
+    def corrected(cubic: float) -> FloatArray:
         table = means + cubic * means**3
         return np.asarray(table / np.sqrt(np.mean(table**2)))
 
-    def excess(cubic: float) -> float:
+    def excess_kurtosis(cubic: float) -> float:
         # the excess kurtosis of a term has the sign of that of the sum
-        return float(np.mean(stretched(cubic) ** 4)) - 3
+        return float(np.mean(corrected(cubic) ** 4)) - 3
 
-    return stretched(float(brentq(excess, -0.01, 0.05)))
+    return corrected(float(brentq(excess_kurtosis, -0.01, 0.05)))
 
 
 def normal_tables(sigma: float, dtype: np.dtype[Any], *, smooth: bool = False) -> tuple[NDArray[Any], ...]:
@@ -107,10 +109,10 @@ def normal_tables(sigma: float, dtype: np.dtype[Any], *, smooth: bool = False) -
 
 def add_normal(values: NDArray[Any], tables: tuple[NDArray[Any], ...], source: np.random.SFC64) -> None:
     """Add a normal deviate to each value of a (rows, columns) array of the tables' type, in place."""
-    raw = random_bytes(source, (len(tables), *values.shape))
+    selectors = random_bytes(source, (len(tables), *values.shape))
     scratch = np.empty_like(values)
-    for one, table in zip(raw, tables, strict=True):
-        cv2.LUT(one, table, dst=scratch)
+    for selector, table in zip(selectors, tables, strict=True):
+        cv2.LUT(selector, table, dst=scratch)
         values += scratch
 
 
@@ -140,11 +142,11 @@ def poisson(mean_e: Float32Array, source: np.random.SFC64) -> Float32Array:
     is_small = mean_e < EXACT_POISSON_MAX_E
     if is_small.all():
         return _sample_exact(mean_e.ravel(), source).reshape(mean_e.shape)
-    out = _sample_expansion(mean_e, source)
+    electrons = _sample_expansion(mean_e, source)
     indices = np.flatnonzero(is_small)
     if indices.size:
-        out.ravel()[indices] = _sample_exact(mean_e.ravel()[indices], source)
-    return out
+        electrons.ravel()[indices] = _sample_exact(mean_e.ravel()[indices], source)
+    return electrons
 
 
 def _sample_expansion(mean_e: Float32Array, source: np.random.SFC64) -> Float32Array:
@@ -157,17 +159,17 @@ def _sample_expansion(mean_e: Float32Array, source: np.random.SFC64) -> Float32A
     z = np.zeros_like(mean_e)
     add_normal(z, _unit_tables(), source)
     # rounding to whole electrons adds 1/12 to the variance, which is subtracted here
-    out = mean_e - np.float32(1 / 12)
-    np.maximum(out, 1, out=out)
-    np.sqrt(out, out=out)
+    electrons = mean_e - np.float32(1 / 12)
+    np.maximum(electrons, 1, out=electrons)
+    np.sqrt(electrons, out=electrons)
     square = z * z
     square -= 1
-    out -= square / (72 * out)
-    out *= z
+    electrons -= square / (72 * electrons)
+    electrons *= z
     square *= np.float32(1 / 6)
-    out += square
-    out += mean_e
-    return np.asarray(np.rint(out, out=out))
+    electrons += square
+    electrons += mean_e
+    return np.asarray(np.rint(electrons, out=electrons))
 
 
 def _sample_exact(mean_e: Float32Array, source: np.random.SFC64) -> Float32Array:
@@ -180,26 +182,26 @@ def _sample_exact(mean_e: Float32Array, source: np.random.SFC64) -> Float32Array
     counts, cumulated = _inverse_tables()
     words = random_words(source, mean_e.size)
     level = (mean_e * np.float32(_LEVELS_PER_E)).astype(np.int64)
-    cell = (words >> np.uint32(_REST_BITS)).astype(np.int64)
+    cell = (words >> np.uint32(_REMAINING_BITS)).astype(np.int64)
     counts_drawn = counts.take((level << _CELL_BITS) + cell, mode="clip")
-    out = counts_drawn.astype(np.float32)
+    electrons = counts_drawn.astype(np.float32)
     rng = np.random.Generator(source)
     undecided = np.flatnonzero(counts_drawn == _UNDECIDED)
     u = (cell[undecided] + rng.random(undecided.size)) / 2**_CELL_BITS
-    out[undecided] = (cumulated[level[undecided]] <= u[:, None]).sum(axis=1)
+    electrons[undecided] = (cumulated[level[undecided]] <= u[:, None]).sum(axis=1)
     remainder = mean_e - level.astype(np.float32) * np.float32(1 / _LEVELS_PER_E)
-    low = words & np.uint32(2**_REST_BITS - 1)
+    remaining_bits = words & np.uint32(2**_REMAINING_BITS - 1)
     candidates = np.flatnonzero(
-        low <= remainder * np.float32(2**_REST_BITS)
+        remaining_bits <= remainder * np.float32(2**_REMAINING_BITS)
     )  # probability of one count, or more
-    u = (low[candidates] + rng.random(candidates.size)) / 2**_REST_BITS
+    u = (remaining_bits[candidates] + rng.random(candidates.size)) / 2**_REMAINING_BITS
     mean, k = remainder[candidates].astype(float), 0
     while candidates.size:
         k += 1
         exceeds = u < gammainc(k, mean)  # probability of at least k
         candidates, u, mean = candidates[exceeds], u[exceeds], mean[exceeds]
-        out[candidates] += 1
-    return out
+        electrons[candidates] += 1
+    return electrons
 
 
 @lru_cache(maxsize=1)
@@ -209,8 +211,8 @@ def _inverse_tables() -> tuple[ByteArray, FloatArray]:
     cumulated = np.asarray(pdtr(np.arange(_MAX_COUNT)[None, :], means[:, None]), float)
     edges = np.arange(2**_CELL_BITS + 1) / 2**_CELL_BITS
     table = np.empty((means.size, 2**_CELL_BITS), np.uint8)
-    for row, chances in zip(table, cumulated, strict=True):
-        first = np.searchsorted(chances, edges[:-1], side="right")
-        last = np.searchsorted(chances, edges[1:], side="left")
+    for row, probabilities in zip(table, cumulated, strict=True):
+        first = np.searchsorted(probabilities, edges[:-1], side="right")
+        last = np.searchsorted(probabilities, edges[1:], side="left")
         row[:] = np.where(first == last, first, _UNDECIDED)
     return table.ravel(), cumulated

@@ -1,7 +1,7 @@
 """Additive and speckle noise of an image scaled to 0..1, drawn before the image is available.
 
-The noise depends on (seed, frame, size, recipe) only. A few long calls that release Python's global lock draw it, so a
-thread can do so while the renderer issues its first commands.
+The noise depends only on seed, frame, image size and recipe. It is drawn by a few long calls that release the GIL, so a
+thread can draw it while the renderer issues its first commands.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from flyaround.simulator.runtime.arrays import ByteArray, Float32Array
 
 MIN_SHIFT = 4
-"""Least fixed-point resolution, 16 steps per digital number; below it the arithmetic is floating point."""
+"""Smallest fixed-point resolution, as a power of two: 16 steps per digital number. Below it, floats are used."""
 MIN_THREADED_VALUES = 1 << 17
 """Smallest field that is worth a thread."""
 _ADDITIVE_KEY, _SPECKLE_KEY = 0, 1  # keys of the random numbers of both kinds of noise
@@ -47,7 +47,7 @@ class Arithmetic:
     full_dn : int
         Largest digital number.
     steps_per_dn : int
-        1 in floating point.
+        Fixed-point steps per digital number; 1 in floating point.
     sigma_dn : float
         Standard deviation of the additive noise.
     """
@@ -72,8 +72,8 @@ class Arithmetic:
         return self.steps_per_dn.bit_length() - 1
 
 
-def arithmetic_of(sensor: Sensor) -> Arithmetic:
-    """Return the format for a sensor: as many steps per digital number as int16 holds with 4.3 sigma of headroom."""
+def choose_arithmetic(sensor: Sensor) -> Arithmetic:
+    """Choose the format for a sensor: as many steps per digital number as fit int16 with 4.3 sigma of headroom."""
     full = 2**sensor.bits - 1
     sigma_dn = full * float(np.sqrt(sensor.gaussian_variance))
     brightest = full * (1 + np.sqrt(3 * sensor.speckle_variance)) + 4.3 * sigma_dn + 1
@@ -100,7 +100,7 @@ class ImageNoise:
 def start_noise(
     shape: tuple[int, ...], sensor: Sensor, seed: int, frame_index: int
 ) -> Callable[[], ImageNoise]:
-    """Draw a frame's noise in another thread; calling the result waits for it (once).
+    """Start drawing a frame's noise in another thread; return a function that waits for it, to be called once.
 
     Parameters
     ----------
@@ -114,7 +114,7 @@ def start_noise(
 
 @lru_cache(maxsize=1)
 def _thread(_process: int) -> ThreadPoolExecutor:
-    """Return a waiting thread; a forked process needs its own."""
+    """Return a pool of one thread of this process; a forked process needs its own."""
     return ThreadPoolExecutor(1, thread_name_prefix="flyaround-noise")
 
 
@@ -125,7 +125,7 @@ def draw_noise(shape: tuple[int, ...], sensor: Sensor, seed: int, frame_index: i
     if sensor.speckle_variance > 0:
         half_width = float(np.sqrt(3 * sensor.speckle_variance))
         factors = uniform_factors(size, half_width, bit_source(seed, frame_index, _SPECKLE_KEY))
-    arithmetic = arithmetic_of(sensor)
+    arithmetic = choose_arithmetic(sensor)
     half = 0.5 * arithmetic.steps_per_dn
     if sensor.gaussian_variance <= 0:
         return ImageNoise(np.full((1, 1), half, arithmetic.dtype), factors)
@@ -134,15 +134,15 @@ def draw_noise(shape: tuple[int, ...], sensor: Sensor, seed: int, frame_index: i
     return ImageNoise(_table_sums(raw, first + first.dtype.type(half), second), factors)
 
 
-def _table_sums(numbers: ByteArray, first: NDArray[Any], second: NDArray[Any]) -> NDArray[Any]:
+def _table_sums(indices: ByteArray, first: NDArray[Any], second: NDArray[Any]) -> NDArray[Any]:
     """Return sums of two tables' entries for bytes (2, rows, columns).
 
-    The strips are too small for OpenCV to use threads, which would spin and take processors from a software driver.
+    Strips of the image are too small for OpenCV to use its threads, which would compete with a software driver.
     """
-    steps = np.empty(numbers.shape[1:], first.dtype)
-    rows = max(_STRIP_VALUES // max(numbers.shape[2], 1), 1)
-    for top in range(0, len(steps), rows):
+    sums = np.empty(indices.shape[1:], first.dtype)
+    rows = max(_STRIP_VALUES // max(indices.shape[2], 1), 1)
+    for top in range(0, len(sums), rows):
         strip = slice(top, top + rows)
-        cv2.LUT(numbers[0, strip], first, dst=steps[strip])
-        steps[strip] += cv2.LUT(numbers[1, strip], second)
-    return steps
+        cv2.LUT(indices[0, strip], first, dst=sums[strip])
+        sums[strip] += cv2.LUT(indices[1, strip], second)
+    return sums

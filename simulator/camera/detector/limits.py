@@ -1,4 +1,4 @@
-"""Valid ranges of the parameters of a sensor and its optics."""
+"""Validation of the parameters of a sensor and its optics."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ OPTICS, DETECTOR, SENSOR = bounds_of(Optics), bounds_of(Detector), bounds_of(Sen
 
 
 def optics_problem(optics: Optics) -> str | None:
-    """Return the first invalid parameter of the optics: field, value, allowed range; None if all are valid."""
+    """Describe the first invalid parameter of the optics, with value and allowed range; None if all are valid."""
     problem = _out_of_range(optics, "optics") or _curve_problem(
         optics.transmission_curve, "optics.transmission_curve"
     )
@@ -50,7 +50,7 @@ def optics_problem(optics: Optics) -> str | None:
 
 
 def sensor_problem(sensor: Sensor) -> str | None:
-    """Return the first invalid parameter of the sensor: field, value, allowed range; None if all are valid."""
+    """Describe the first invalid parameter of the sensor, with value and allowed range; None if all are valid."""
     problem = _out_of_range(sensor, "sensor")
     if problem is not None or sensor.detector is None:
         return problem
@@ -67,12 +67,12 @@ def sensor_problem(sensor: Sensor) -> str | None:
     if problem is not None:
         return problem
     try:
-        heated = d.dark_e_s
+        dark_e_s = d.dark_e_s
     except OverflowError:
-        heated = float("inf")
-    if heated > MAX_DARK_E_S:
+        dark_e_s = float("inf")
+    if dark_e_s > MAX_DARK_E_S:
         return (
-            f"sensor.detector.dark_current_e_s is {heated:.3g} at {d.temperature_c:g} deg C, doubling every "
+            f"sensor.detector.dark_current_e_s is {dark_e_s:.3g} at {d.temperature_c:g} deg C, doubling every "
             f"{d.dark_doubling_c:g} K; allowed: up to {MAX_DARK_E_S:g} at the temperature given"
         )
     if d.black_level_dn >= 2**sensor.bits - 1:
@@ -84,7 +84,7 @@ def sensor_problem(sensor: Sensor) -> str | None:
 
 
 def response_problem(sensor: Sensor, optics: Optics, bands: int) -> str | None:
-    """Return which of one or three bands receives no light through detector and lens; None if all do."""
+    """Describe the first of one or three bands in which lens and detector leave no signal; None if there is none."""
     d = sensor.detector
     if d is None:
         return None
@@ -113,9 +113,9 @@ def _curve_problem(curve: Curve, name: str) -> str | None:
     return None
 
 
-def _out_of_range(what: Optics | Detector | Sensor, name: str) -> str | None:
-    for key, (low, high) in bounds_of(what).items():
-        value = getattr(what, key)
+def _out_of_range(parameters: Optics | Detector | Sensor, name: str) -> str | None:
+    for key, (low, high) in bounds_of(parameters).items():
+        value = getattr(parameters, key)
         if not low <= value <= high:  # NaN fails too
             return f"{name}.{key} is {value:g}, allowed: {low:g} to {high:g}"
     return None

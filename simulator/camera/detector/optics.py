@@ -1,4 +1,4 @@
-"""Optics of the lens apart from distortion: aperture, transmission, vignetting, blur, glare."""
+"""Parameters of the optics except distortion: aperture, transmission, vignetting, blur, glare."""
 
 from __future__ import annotations
 

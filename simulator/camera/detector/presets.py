@@ -12,9 +12,10 @@ _PRESETS = {
     "thesis": Sensor(preset="thesis", blur_sigma_px=1.0, speckle_variance=0.004, gaussian_variance=0.003),
     "ideal": Sensor(preset="ideal", blur_sigma_px=0.0, speckle_variance=0.0, gaussian_variance=0.0),
     # Sony IMX174 mono (the detector of SPEED's camera) by EMVA 1288: Point Grey (2015), Sony Pregius global shutter
-    # CMOS imaging performance, camera GS3-U3-23S6M: 76 % at 525 nm, 6.83 e, 32691 e, 45.1 dB, 0.51 e a step of 16 bits
-    # (8.16 of 12; others measure "about 8"). Over 450 to 750 nm about four fifths of the peak. Dark current, DSNU,
-    # PRNU, black level and hot pixels are not published there: typical ones of such a detector at room temperature.
+    # CMOS imaging performance, camera GS3-U3-23S6M: quantum efficiency 76 % at 525 nm, read noise 6.83 e, full well
+    # 32691 e, 45.1 dB, 0.51 e per step of 16 bits (8.16 e per step of 12 bits). The mean efficiency over 450 to 750 nm
+    # is about four fifths of the peak. Dark current, DSNU, PRNU, black level and hot pixels are not published there;
+    # the values are typical of such a detector at room temperature.
     "imx174": Sensor(
         preset="imx174",
         blur_sigma_px=0.0,
@@ -36,10 +37,11 @@ _PRESETS = {
             hot_pixel_e_s=2000.0,
         ),
     ),
-    # ams CMV4000 mono (2048 x 2048, star trackers and inspection cameras): data sheet DS000728 v7-00 (before CMOSIS's):
-    # 5.5 um, 13.5 ke, 0.075 DN/e at 10 bits, 13 e, 125 e/s at 25 deg C (doubling every 6.5 K), 60 % at 550 nm with
-    # microlenses (about 48 % over 450 to 750 nm), PRNU < 1 %. Its DSNU of 3 DN/s is 40 e/s, a third of the dark
-    # current. Fixed pattern < 1 DN rms: 5 e of offset here. Column noise, black level, hot pixels: typical.
+    # ams (formerly CMOSIS) CMV4000 mono, 2048 x 2048, for star trackers and inspection cameras: data sheet DS000728
+    # v7-00. Pitch 5.5 um, full well 13.5 ke, gain 0.075 DN/e at 10 bits, read noise 13 e, dark current 125 e/s at 25
+    # deg C (doubling every 6.5 K), quantum efficiency 60 % at 550 nm with microlenses (about 48 % over 450 to 750 nm),
+    # PRNU < 1 %. Its DSNU of 3 DN/s is 40 e/s, a third of the dark current. Its fixed pattern is < 1 DN rms; the offset
+    # here is 5 e. Column noise, black level and hot pixels are typical values.
     "cmv4000": Sensor(
         preset="cmv4000",
         blur_sigma_px=0.0,

@@ -25,19 +25,21 @@ if TYPE_CHECKING:
     from flyaround.simulator.camera.lens.camera_model import Camera
     from flyaround.simulator.runtime.arrays import Float32Array, FloatArray
 
-_GRID = 128  # frequencies per axis; kernels reach half as far
-_MIN_KERNEL_ENERGY = 0.999  # least share of the energy in a cropped kernel
-_NARROW_PX2 = 0.8  # variance of a Gaussian below which its taps are fitted
+_GRID = 128  # number of frequencies per axis; kernels reach half as far
+_MIN_KERNEL_ENERGY = 0.999  # smallest fraction of the energy in a cropped kernel
+_MIN_SAMPLED_VARIANCE_PX2 = 0.8  # the taps of a narrower Gaussian are fitted instead of sampled
 _PYRAMID_ERROR = 0.02  # largest error of a pyramid's transfer function
-_KERNEL_ERROR = 0.01  # the same for a measured kernel
-_SMALL_KERNEL = 9  # size up to which a kernel is cheaper than a pyramid
-_WIDEST_DISC_PX = 2.0  # diameter of a blur disc up to which a pyramid is fine enough
-_MAX_FREQUENCY = 0.45  # cycles per pixel; near Nyquist every kernel without negative taps deviates
+_KERNEL_ERROR = 0.01  # largest error of a pyramid's transfer function for a measured kernel
+_MAX_DIRECT_KERNEL = 9  # size up to which a kernel is faster than a pyramid
+_MAX_PYRAMID_DISC_PX = 2.0  # largest diameter of a blur disc that a pyramid represents
+_MAX_FREQUENCY = (
+    0.45  # cycles per pixel; nearer to Nyquist every kernel without negative taps has larger errors
+)
 _FREQUENCIES = np.linspace(0, 0.5, 26)  # cycles per pixel at which errors are evaluated
 MAX_KERNEL_SIZE = 63  # rows and columns
-_ONE_THREAD_VALUES = 1 << 19  # OpenCV uses one thread below this size
-_PIECE_VALUES = 1 << 18  # fits a processor's cache
-_TWO_THREAD_VALUES = 3 << 19  # values of an image from which two threads are faster
+_BLOCK_VALUES = 1 << 19  # OpenCV uses a single thread for smaller images
+_THREAD_BLOCK_VALUES = 1 << 18  # size of a block that fits a processor's cache
+_MIN_THREADED_VALUES = 3 << 19  # size of an image from which on two threads are faster
 
 
 def diffraction_mtf(frequency: FloatArray, cutoff: float) -> FloatArray:
@@ -75,12 +77,14 @@ def optics_mtf(
         Diameter of the defocus disc [px along x]; it is round on the detector.
     """
     f = np.hypot(frequency_x, frequency_y)
-    out = np.exp(-2 * (np.pi * f) ** 2 * gaussian_variance_px2(optics, sensor))
-    on_detector = np.hypot(frequency_x, frequency_y * (sensor.pixel_pitch_x_m / sensor.pixel_pitch_y_m))
+    transfer = np.exp(-2 * (np.pi * f) ** 2 * gaussian_variance_px2(optics, sensor))
+    detector_frequency = np.hypot(
+        frequency_x, frequency_y * (sensor.pixel_pitch_x_m / sensor.pixel_pitch_y_m)
+    )
     if optics.psf == "airy":
         per_m = np.hypot(frequency_x / sensor.pixel_pitch_x_m, frequency_y / sensor.pixel_pitch_y_m)
-        out = out * diffraction_mtf(per_m, 1 / (optics.wavelength_m * optics.f_number))
-    return np.asarray(out * disc_mtf(on_detector, disc_px))
+        transfer = transfer * diffraction_mtf(per_m, 1 / (optics.wavelength_m * optics.f_number))
+    return np.asarray(transfer * disc_mtf(detector_frequency, disc_px))
 
 
 def gaussian_variance_px2(optics: Optics, sensor: Sensor) -> float:
@@ -103,36 +107,38 @@ def psf_kernel(optics: Optics, sensor: Sensor, disc_px: float) -> FloatArray | N
     f = np.fft.fftfreq(_GRID)
     fx, fy = np.meshgrid(f, f)
     kernel = np.fft.fftshift(np.fft.ifft2(optics_mtf(fx, fy, optics, sensor, disc_px)).real)
-    # a cut-off at Nyquist rings; light is never negative, and a disc has a rim
+    # the cut-off at Nyquist causes ringing: clip negative values, and cut a disc at its rim
     kernel = np.maximum(kernel, 0)
     if optics.psf != "airy":
         x, y = np.meshgrid(*[np.arange(_GRID) - _GRID // 2] * 2)
-        beyond = np.hypot(x, y * (sensor.pixel_pitch_y_m / sensor.pixel_pitch_x_m)) - disc_px / 2
-        kernel[beyond > 1 + 4 * np.sqrt(gaussian_variance_px2(optics, sensor))] = 0
+        distance_from_rim = np.hypot(x, y * (sensor.pixel_pitch_y_m / sensor.pixel_pitch_x_m)) - disc_px / 2
+        kernel[distance_from_rim > 1 + 4 * np.sqrt(gaussian_variance_px2(optics, sensor))] = 0
     kernel /= kernel.sum()
     middle = _GRID // 2
     for reach in range(1, MAX_KERNEL_SIZE // 2 + 1):
-        part = kernel[middle - reach : middle + reach + 1, middle - reach : middle + reach + 1]
-        if part.sum() >= _MIN_KERNEL_ENERGY:
+        cropped = kernel[middle - reach : middle + reach + 1, middle - reach : middle + reach + 1]
+        if cropped.sum() >= _MIN_KERNEL_ENERGY:
             break
     else:
-        # fade the wings in a circle: around the Sun a square's edge would be visible
-        at = np.arange(-reach, reach + 1) / (reach + 0.5)
-        part = part * (0.5 + 0.5 * np.cos(np.pi * np.clip(np.hypot(at, at[:, None]) * 2 - 1, 0, 1)))
-    part = part / part.sum()
+        # fade the wings towards a circle, because the edge of a square would be visible around the Sun
+        position = np.arange(-reach, reach + 1) / (reach + 0.5)
+        cropped = cropped * (
+            0.5 + 0.5 * np.cos(np.pi * np.clip(np.hypot(position, position[:, None]) * 2 - 1, 0, 1))
+        )
+    cropped = cropped / cropped.sum()
     if optics.psf == "kernel":
-        part = _convolve(part, np.array(optics.kernel))
-    return np.asarray(part)
+        cropped = _convolve(cropped, np.array(optics.kernel))
+    return np.asarray(cropped)
 
 
 @lru_cache(maxsize=64)
 def psf_pyramid(optics: Optics, sensor: Sensor, disc_px: float) -> Pyramid | None:
-    """Return diffraction as a pyramid, which is faster than a kernel; None if it is too coarse, as for a wide disc.
+    """Return the PSF as a pyramid, which is faster than a kernel; None if no pyramid is accurate enough.
 
-    It must match the transfer function of the optics within `_PYRAMID_ERROR`, or as well as the kernel does, up to
-    `_MAX_FREQUENCY`.
+    Up to `_MAX_FREQUENCY`, its transfer function must match that of the optics within `_PYRAMID_ERROR`, or as well as
+    the kernel's does.
     """
-    if disc_px > _WIDEST_DISC_PX or (optics.psf not in {"airy", "kernel"} and disc_px <= 0):
+    if disc_px > _MAX_PYRAMID_DISC_PX or (optics.psf not in {"airy", "kernel"} and disc_px <= 0):
         return None
     if optics.psf == "kernel":
         return _kernel_pyramid(optics, sensor, disc_px)
@@ -157,7 +163,7 @@ def psf_pyramid(optics: Optics, sensor: Sensor, disc_px: float) -> Pyramid | Non
 def _kernel_pyramid(optics: Optics, sensor: Sensor, disc_px: float) -> Pyramid | None:
     """Return a measured kernel as a pyramid, if that is cheaper and within `_KERNEL_ERROR` at every frequency."""
     kernel = psf_kernel(optics, sensor, disc_px)
-    if kernel is None or max(kernel.shape) <= _SMALL_KERNEL:
+    if kernel is None or max(kernel.shape) <= _MAX_DIRECT_KERNEL:
         return None
     pyramid = fit_kernel(kernel)
     fx, fy = np.meshgrid(_FREQUENCIES, np.concatenate([-_FREQUENCIES[:0:-1], _FREQUENCIES]))
@@ -180,34 +186,36 @@ def applied_mtf(
 ) -> FloatArray:
     """Return the modulation transfer function of the applied blur; `optics_mtf` is that of the optics."""
     pyramid, kernel = psf_pyramid(optics, sensor, disc_px), psf_kernel(optics, sensor, disc_px)
-    out = np.ones(np.shape(frequency_x), complex)
+    transfer = np.ones(np.shape(frequency_x), complex)
     if pyramid is not None:
-        out = pyramid.transfer(frequency_x, frequency_y)
+        transfer = pyramid.transfer(frequency_x, frequency_y)
     elif kernel is not None:
-        out = kernel_transfer(kernel, frequency_x, frequency_y)
+        transfer = kernel_transfer(kernel, frequency_x, frequency_y)
     sigma = _residual_gaussian_px(optics, sensor, disc_px)
     if sigma > 0:
         taps = gaussian_taps(sigma)[None].astype(float)
         zero = np.zeros(np.shape(frequency_x))
-        out = out * kernel_transfer(taps, frequency_x, zero) * kernel_transfer(taps, frequency_y, zero)
-    return np.asarray(np.abs(out))
+        transfer = (
+            transfer * kernel_transfer(taps, frequency_x, zero) * kernel_transfer(taps, frequency_y, zero)
+        )
+    return np.asarray(np.abs(transfer))
 
 
 def _residual_gaussian_px(optics: Optics, sensor: Sensor, disc_px: float) -> float:
     """Return the standard deviation of the Gaussian that is not in the kernel [px]."""
-    inside = optics.psf == "airy" or disc_px > 0
-    return 0.0 if inside else float(np.sqrt(gaussian_variance_px2(optics, sensor)))
+    is_in_kernel = optics.psf == "airy" or disc_px > 0
+    return 0.0 if is_in_kernel else float(np.sqrt(gaussian_variance_px2(optics, sensor)))
 
 
 @lru_cache(maxsize=64)
 def gaussian_taps(sigma_px: float) -> Float32Array:
-    """Return (2 n + 1,) taps along one axis, n of three sigma, as in the public recipe's 7 taps for one pixel.
+    """Return the taps (2 n + 1,) of a Gaussian along one axis; n is three sigma, as in SPEED's 7 taps for one pixel.
 
-    A narrow Gaussian sampled at whole pixels has another transfer function: its taps are the non-negative ones that fit
-    best.
+    A narrow Gaussian that is sampled at whole pixels has a wrong transfer function, so its taps are fitted to the right
+    one by non-negative least squares.
     """
     reach = max(int(np.ceil(3 * sigma_px)), 1)
-    if sigma_px**2 >= _NARROW_PX2:
+    if sigma_px**2 >= _MIN_SAMPLED_VARIANCE_PX2:
         return np.asarray(cv2.getGaussianKernel(2 * reach + 1, sigma_px, cv2.CV_32F)[:, 0], np.float32)
     waves = np.cos(2 * np.pi * np.outer(_FREQUENCIES, np.arange(reach + 1)))
     transfer = np.exp(-2 * (np.pi * _FREQUENCIES * sigma_px) ** 2)
@@ -225,7 +233,21 @@ def _convolve(a: FloatArray, b: FloatArray) -> FloatArray:
 def blur(
     image: Float32Array, optics: Optics, sensor: Sensor, disc_px: float, gain: float | Float32Array
 ) -> Float32Array:
-    """Convolve the image with the point spread function, times ``gain`` (one per band); the border is replicated."""
+    """Convolve an image with the point spread function and multiply it by a gain.
+
+    Parameters
+    ----------
+    image : (H, W) or (H, W, n) array
+        Image; its border is replicated.
+    optics : Optics
+        Optics of the lens.
+    sensor : Sensor
+        Sensor with its recipe's blur.
+    disc_px : float
+        Diameter of the defocus disc.
+    gain : float or array
+        Scalar, or (n,) per band.
+    """
     pyramid = psf_pyramid(optics, sensor, disc_px)
     kernel = psf_kernel(optics, sensor, disc_px)
     sigma = _residual_gaussian_px(optics, sensor, disc_px)
@@ -247,8 +269,8 @@ def blur(
 
 def scale_bands(image: Float32Array, gain: Float32Array) -> Float32Array:
     """Multiply rows (K, W, n) of an image by the gain (n,) of each band."""
-    by_value = np.tile(gain, image.shape[1])
-    return np.asarray(image.reshape(len(image), -1) * by_value, np.float32).reshape(image.shape)
+    row_gain = np.tile(gain, image.shape[1])
+    return np.asarray(image.reshape(len(image), -1) * row_gain, np.float32).reshape(image.shape)
 
 
 def gaussian_blur(image: Float32Array, sigma_px: float, gain: float | Float32Array) -> Float32Array:
@@ -268,51 +290,66 @@ def gaussian_blur(image: Float32Array, sigma_px: float, gain: float | Float32Arr
     if isinstance(gain, np.ndarray):
         return _blur_in_blocks(image, taps, taps, np.tile(gain, image.shape[1]))
     taps_y = (taps * np.float32(gain)).astype(np.float32)
-    if image.size >= _TWO_THREAD_VALUES:
+    if image.size >= _MIN_THREADED_VALUES:
         return _blur_in_blocks(image, taps, taps_y, None)
     reach = len(taps) // 2
-    rows = max(_ONE_THREAD_VALUES // max(image[0].size, 1), len(taps))
-    out = np.empty(image.shape, np.float32)
+    rows = max(_BLOCK_VALUES // max(image[0].size, 1), len(taps))
+    blurred = np.empty(image.shape, np.float32)
     for first in range(0, len(image), rows):
-        # rows next to a block's border are wrong: those above are restored, those below are computed again
-        above, end = max(first - reach, 0), min(first + rows + reach, len(image))
-        rows_above = out[above:first].copy()
+        # rows near a block's border are wrong: restore those above; the next block computes those below again
+        first_read, end = max(first - reach, 0), min(first + rows + reach, len(image))
+        rows_above = blurred[first_read:first].copy()
         cv2.sepFilter2D(
-            image[above:end], cv2.CV_32F, taps, taps_y, dst=out[above:end], borderType=cv2.BORDER_REPLICATE
+            image[first_read:end],
+            cv2.CV_32F,
+            taps,
+            taps_y,
+            dst=blurred[first_read:end],
+            borderType=cv2.BORDER_REPLICATE,
         )
-        out[above:first] = rows_above
-    return out
+        blurred[first_read:first] = rows_above
+    return blurred
 
 
 def _blur_in_blocks(
-    image: Float32Array, taps_x: Float32Array, taps_y: Float32Array, by_value: Float32Array | None
+    image: Float32Array, taps_x: Float32Array, taps_y: Float32Array, row_gain: Float32Array | None
 ) -> Float32Array:
-    """Apply `gaussian_blur` by taps along rows and columns, in parallel blocks; ``by_value``: (W n,) factors of a row,
-    or None.
+    """Convolve an image with taps along rows and columns, in parallel blocks of rows.
+
+    Parameters
+    ----------
+    image : (H, W) or (H, W, n) array
+        Image to convolve.
+    taps_x : array
+        Taps along a row.
+    taps_y : array
+        Taps along a column.
+    row_gain : (W n,) array or None
+        Factors of the values of a row, applied first.
     """
     reach, height = len(taps_x) // 2, len(image)
-    blocks = split_rows(height, image.size // _PIECE_VALUES)
+    blocks = split_rows(height, image.size // _THREAD_BLOCK_VALUES)
     shape = (max(end - first for first, end in blocks) + 2 * reach, *image.shape[1:])
     scratch: list[Float32Array] = []  # reused: allocating takes longer than the filtering
-    out = np.empty(image.shape, np.float32)
+    blurred = np.empty(image.shape, np.float32)
 
     def blur_rows(first: int, end: int) -> None:
-        above, below = max(first - reach, 0), min(end + reach, height)
+        first_read, below = max(first - reach, 0), min(end + reach, height)
         try:
-            both = scratch.pop()
+            buffers = scratch.pop()
         except IndexError:
-            both = np.empty((2, *shape), np.float32)
-        rows_out, block = both[0, : below - above], image[above:below]
-        if by_value is not None:
-            amplified = both[1, : below - above]
-            np.multiply(block.reshape(len(block), -1), by_value, out=amplified.reshape(len(amplified), -1))
+            buffers = np.empty((2, *shape), np.float32)
+        rows_out, block = buffers[0, : below - first_read], image[first_read:below]
+        if row_gain is not None:
+            amplified = buffers[1, : below - first_read]
+            np.multiply(block.reshape(len(block), -1), row_gain, out=amplified.reshape(len(amplified), -1))
             block = amplified
         cv2.sepFilter2D(block, cv2.CV_32F, taps_x, taps_y, dst=rows_out, borderType=cv2.BORDER_REPLICATE)
-        out[first:end] = rows_out[first - above : end - above]
-        scratch.append(both)
+        blurred[first:end] = rows_out[first - first_read : end - first_read]
+        scratch.append(buffers)
 
     run_in_threads(blocks, blur_rows)
-    return out
+    return blurred
 
 
 def defocus_px(camera: Camera, optics: Optics, sensor: Sensor, distance_m: float) -> float:

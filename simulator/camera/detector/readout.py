@@ -108,21 +108,26 @@ def detect(
 
 def mosaic(signal: Float32Array, detector: Detector) -> Float32Array:
     """Return the colour filter mosaic (H, W) of three planes (H, W, 3): each pixel keeps its filter's band."""
-    out = np.empty(signal.shape[:2], np.float32)
+    filtered = np.empty(signal.shape[:2], np.float32)
     for k, name in enumerate(image_filter(detector)):
         y, x = divmod(k, 2)
-        out[y::2, x::2] = signal[y::2, x::2, _MOSAIC[name]]
-    return out
+        filtered[y::2, x::2] = signal[y::2, x::2, _MOSAIC[name]]
+    return filtered
 
 
 def image_filter(detector: Detector) -> str:
-    """Return the mosaic's first two by two pixels in the image, which depend on the region's offset.
+    """Return the filters of the image's first 2 x 2 pixels, which depend on the offset of the region of interest.
 
-    Binned pixels have one colour, so the mosaic of bins is the detector's.
+    Pixels of one colour are binned together, so a binned image has the detector's mosaic.
     """
-    down, right = detector.roi_y0_px // detector.binning % 2, detector.roi_x0_px // detector.binning % 2
-    own = detector.colour_filter
-    return "".join(own[2 * ((y + down) % 2) + (x + right) % 2] for y in (0, 1) for x in (0, 1))
+    row_offset, column_offset = (
+        detector.roi_y0_px // detector.binning % 2,
+        detector.roi_x0_px // detector.binning % 2,
+    )
+    pattern = detector.colour_filter
+    return "".join(
+        pattern[2 * ((y + row_offset) % 2) + (x + column_offset) % 2] for y in (0, 1) for x in (0, 1)
+    )
 
 
 def _apply_balance(
@@ -131,18 +136,34 @@ def _apply_balance(
     d = sensor.detector
     if balance.size == 1 or d is None:
         return image
-    full = 2**sensor.bits - 1
+    largest_dn = 2**sensor.bits - 1
     values = (image.astype(np.float32) - np.float32(d.black_level_dn)) * balance.astype(np.float32)
-    return np.clip(np.rint(values + np.float32(d.black_level_dn)), 0, full).astype(image.dtype)
+    return np.clip(np.rint(values + np.float32(d.black_level_dn)), 0, largest_dn).astype(image.dtype)
 
 
 def read_out(
     signal: Float32Array, sensor: Sensor, d: Detector, seed: int, frame_index: int, exposure_s: float
 ) -> NDArray[np.unsignedinteger]:
-    """Return the digital numbers (H, W) of one exposure; the parameters are those of `detect`."""
+    """Read out one plane: return the digital numbers (H, W) of an exposed signal (H, W).
+
+    Parameters
+    ----------
+    signal : (H, W) array
+        Expected photo-electrons over the saturation charge.
+    sensor : Sensor
+        Sensor.
+    d : Detector
+        Its detector.
+    seed : int
+        Seed of the random numbers.
+    frame_index : int
+        Number of the frame; with ``seed`` the key of its random numbers.
+    exposure_s : float
+        Exposure time.
+    """
     height, width = signal.shape
     sigma_dn = (d.full_well_e * d.pixels_per_bin) ** 0.5 / d.gain_e_per_dn
-    e = Exposure(
+    exposure = Exposure(
         sensor=sensor,
         detector=d,
         exposure_s=exposure_s,
@@ -153,69 +174,73 @@ def read_out(
     )
     by_row = _line_noise(height, d.row_noise_e, seed, frame_index, _ROW_KEY)
     by_column = _line_noise(width, d.column_noise_e, seed, frame_index, _COLUMN_KEY)
-    out = np.empty((height, width), np.uint8 if sensor.bits <= 8 else np.uint16)
-    full, well = np.float32(2**sensor.bits - 1), np.float32(e.well_e)
+    numbers = np.empty((height, width), np.uint8 if sensor.bits <= 8 else np.uint16)
+    largest_dn, well = np.float32(2**sensor.bits - 1), np.float32(exposure.well_e)
 
-    def convert(volts: Float32Array, rows: slice) -> None:
-        if e.pattern.offset_e is not None:
-            volts += e.pattern.offset_e[rows]
+    def convert(charge_e: Float32Array, rows: slice) -> None:
+        if exposure.pattern.offset_e is not None:
+            charge_e += exposure.pattern.offset_e[rows]
         if by_row is not None:
-            volts += by_row[rows, None]
+            charge_e += by_row[rows, None]
         if by_column is not None:
-            volts += by_column
-        volts *= np.float32(1 / d.gain_e_per_dn)
-        volts += np.float32(d.black_level_dn + 0.5)  # truncation then rounds
-        np.clip(volts, 0, full, out=volts)
-        out[rows] = volts
+            charge_e += by_column
+        charge_e *= np.float32(1 / d.gain_e_per_dn)
+        charge_e += np.float32(d.black_level_dn + 0.5)  # truncation then rounds
+        np.clip(charge_e, 0, largest_dn, out=charge_e)
+        numbers[rows] = charge_e
 
     def read_band(k: int, rows: slice) -> None:
-        convert(e.charge(e.mean(signal, rows), rows, bit_source(seed, frame_index, k)), rows)
+        convert(exposure.charge(exposure.mean(signal, rows), rows, bit_source(seed, frame_index, k)), rows)
 
     if d.blooming <= 0:
         for_each_band(height, read_band)
-        return out
+        return numbers
 
-    # blooming spreads along whole columns: columns with pixels near saturation are collected first and read afterwards,
-    # all others are read at once
+    # Blooming spreads along whole columns. So the charge of columns with pixels near saturation is collected first, for
+    # all rows, and read afterwards. All other columns are read at once.
     means = np.empty((height, width), np.float32)
     sources = {k: bit_source(seed, frame_index, k) for k in range(NOISE_BANDS)}
-    brim = well - np.float32(FULL_WELL_MARGIN_SIGMAS) * np.sqrt(well)
-    hit = np.zeros((NOISE_BANDS, width), bool)
+    safe_e = well - np.float32(FULL_WELL_MARGIN_SIGMAS) * np.sqrt(well)
+    may_overflow = np.zeros((NOISE_BANDS, width), bool)
 
     def light_band(k: int, rows: slice) -> None:
-        means[rows] = e.mean(signal, rows)
-        hit[k] = means[rows].max(axis=0, initial=0) > brim
-        if e.particles is not None:
-            hit[k] |= (e.particles[rows] > 0).any(axis=0)
+        means[rows] = exposure.mean(signal, rows)
+        may_overflow[k] = means[rows].max(axis=0, initial=0) > safe_e
+        if exposure.particles is not None:
+            may_overflow[k] |= (exposure.particles[rows] > 0).any(axis=0)
 
     for_each_band(height, light_band)
-    full_columns = np.flatnonzero(hit.any(axis=0))
+    full_columns = np.flatnonzero(may_overflow.any(axis=0))
     charge = np.empty((height, full_columns.size), np.float32)
-    any_other = full_columns.size < width
+    has_other_columns = full_columns.size < width
 
     def collect_band(k: int, rows: slice) -> None:
-        hits = None if e.particles is None else np.ascontiguousarray(e.particles[rows][:, full_columns])
-        charge[rows] = e.collect(np.ascontiguousarray(means[rows][:, full_columns]), hits, sources[k])
+        hits = (
+            None
+            if exposure.particles is None
+            else np.ascontiguousarray(exposure.particles[rows][:, full_columns])
+        )
+        charge[rows] = exposure.collect(np.ascontiguousarray(means[rows][:, full_columns]), hits, sources[k])
 
     def read_charge(k: int, rows: slice) -> None:
-        volts = means[rows]
-        if any_other:
-            np.minimum(volts, brim, out=volts)  # columns with blooming are overwritten below
-            volts = e.charge(volts, rows, sources[k], particles_too=False)
+        charge_e = means[rows]
+        if has_other_columns:
+            np.minimum(charge_e, safe_e, out=charge_e)  # columns with blooming are overwritten below
+            charge_e = exposure.charge(charge_e, rows, sources[k], with_particles=False)
         if full_columns.size:
             part = charge[rows]
-            e.add_read_noise(part, sources[k])
-            if any_other:
-                volts[:, full_columns] = part
+            exposure.add_read_noise(part, sources[k])
+            if has_other_columns:
+                charge_e[:, full_columns] = part
             else:
-                volts = part
-        convert(volts, rows)
+                charge_e = part
+        convert(charge_e, rows)
 
     if full_columns.size:
         for_each_band(height, collect_band)
         bloom(charge, float(well), d.blooming)
     for_each_band(height, read_charge)
-    return out
+    return numbers
 
 
 def _line_noise(count: int, sigma_e: float, seed: int, frame_index: int, key: int) -> Float32Array | None:

@@ -31,7 +31,7 @@ white and black level. Fitted to spectra of limb, twilight, grounds, paints and 
 """
 
 Curve = tuple[tuple[float, float], ...]
-"""A share by wavelength: (wavelength [m], share), linear between points and zero beyond the ends."""
+"""Fraction by wavelength: (wavelength [m], fraction) pairs; linear between them and zero beyond the ends."""
 
 # Extraterrestrial solar spectral irradiance at 1 au, mean of each 50 nm interval from 400 nm [W m-2 nm-1].
 # ASTM G173-03 (2012), Reference solar spectral irradiances, column "etr".
@@ -73,26 +73,28 @@ def _electrons_per_joule(
     efficiency: tuple[float, ...], efficiency_curve: Curve, share: float, share_curve: Curve, bands: int
 ) -> tuple[float, ...]:
     limits = limits_nm(bands)
-    each = [float(np.mean(efficiency))] if bands == 1 else np.resize(np.array(efficiency), bands)
-    out = []
-    for (low_nm, high_nm), number in zip(limits, each, strict=True):
+    efficiency_by_band = (
+        [float(np.mean(efficiency))] if bands == 1 else np.resize(np.array(efficiency), bands)
+    )
+    by_band = []
+    for (low_nm, high_nm), number in zip(limits, efficiency_by_band, strict=True):
         wavelength_nm = np.arange(low_nm, high_nm) + 0.5
         spectrum = _SPECTRUM_W_M2_NM[((wavelength_nm - _SPECTRUM_START_NM) // _SPECTRUM_STEP_NM).astype(int)]
         response = sample_curve(efficiency_curve, wavelength_nm, number)
-        through = share * sample_curve(share_curve, wavelength_nm, 1.0)
+        transmission = share * sample_curve(share_curve, wavelength_nm, 1.0)
         photons = spectrum * wavelength_nm * 1e-9 / (PLANCK_J_S * LIGHT_M_S)
-        out.append(float(photons @ (response * through) / spectrum.sum()))
-    return tuple(out)
+        by_band.append(float(photons @ (response * transmission) / spectrum.sum()))
+    return tuple(by_band)
 
 
 def sample_curve(
-    curve: Sequence[tuple[float, float]], wavelength_nm: FloatArray, otherwise: float
+    curve: Sequence[tuple[float, float]], wavelength_nm: FloatArray, default: float
 ) -> FloatArray:
-    """Interpolate a curve at wavelengths (K,), zero beyond its ends; ``otherwise`` if it is empty."""
+    """Interpolate a curve at wavelengths (K,); zero beyond its ends, and ``default`` everywhere if it is empty."""
     if not curve:
-        return np.full(len(wavelength_nm), otherwise)
-    at_m, share = np.array(curve).T
-    return np.asarray(np.interp(wavelength_nm * 1e-9, at_m, share, left=0.0, right=0.0))
+        return np.full(len(wavelength_nm), default)
+    wavelength_m, share = np.array(curve).T
+    return np.asarray(np.interp(wavelength_nm * 1e-9, wavelength_m, share, left=0.0, right=0.0))
 
 
 def electrons_per_radiance(sensor: Sensor, optics: Optics, exposure_s: float, bands: int) -> FloatArray:
@@ -108,12 +110,16 @@ def electrons_per_radiance(sensor: Sensor, optics: Optics, exposure_s: float, ba
 
 
 def white_balance(sensor: Sensor, optics: Optics, sunlight: ArrayLike) -> FloatArray:
-    """Return (n,) factors on a detector's bands that make a white plate in sunlight grey; the smallest is 1.
+    """Return the factors (n,) on a detector's bands that render a white plate in sunlight grey; the smallest is 1.
 
     Parameters
     ----------
+    sensor : Sensor
+        Sensor with a detector.
+    optics : Optics
+        Optics of the lens.
     sunlight : array_like
-        (n,) relative inverse irradiance of the Sun in each band.
+        (n,) inverse of the Sun's irradiance in each band, up to a common factor.
     """
     if sensor.detector is None:
         raise ValueError("a noise recipe on a 0..1 image has no electrons")

@@ -189,12 +189,12 @@ class Sensor:
 def with_bits(sensor: Sensor, bits: int) -> Sensor:
     """Return the sensor with images of another depth and the same full scale.
 
-    The gain of a detector changes; its black level keeps its relative place.
+    The gain of a detector changes accordingly, and its black level is scaled.
     """
-    d, steps = sensor.detector, (2**bits - 1) / (2**sensor.bits - 1)
+    d, ratio = sensor.detector, (2**bits - 1) / (2**sensor.bits - 1)
     if d is not None and bits != sensor.bits:
-        black = float(round(d.black_level_dn * steps))
-        d = replace(d, gain_e_per_dn=d.gain_e_per_dn / steps, black_level_dn=black)
+        black = float(round(d.black_level_dn * ratio))
+        d = replace(d, gain_e_per_dn=d.gain_e_per_dn / ratio, black_level_dn=black)
     return replace(sensor, bits=bits, detector=d)
 
 

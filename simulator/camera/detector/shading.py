@@ -1,4 +1,4 @@
-"""Vignetting, veiling glare and glow: light lost and light scattered in the lens."""
+"""Vignetting, veiling glare, glow and scatter: light that is lost or scattered in the lens."""
 
 from __future__ import annotations
 
@@ -15,23 +15,23 @@ if TYPE_CHECKING:
     from flyaround.simulator.camera.lens.camera_model import Camera
     from flyaround.simulator.runtime.arrays import Float32Array, FloatArray
 
-_STEP_PX = 16
-_SUN_WINDOW_PX = 128
-_SUN_CORE_DEG = 0.3  # nearer to the Sun's centre, glare is part of its disc
-_GLOW_STEP_PX = 4  # pixels binned before a wide blur; its error is far below one digital number
-# The tail is two Gaussians with half of the light each, the second wider by this factor: closer to a power law than
-# one.
-_WIDTH_RATIO = 3.0
+_STEP_PX = 16  # spacing of the grid on which smooth fields are computed
+_SUN_WINDOW_PX = 128  # half the side of the window around the Sun in which glare is computed per pixel
+_SUN_CORE_DEG = 0.3  # angle from the Sun's centre within which glare is constant, inside the disc
+_GLOW_STEP_PX = 4  # binning before a wide blur; its error is far below one digital number
+_WIDTH_RATIO = (
+    3.0  # of the tail's two Gaussians, half of the light each, which together approximate a power law
+)
 _SCATTER_TAPS = 2  # reach of the kernel on each side [samples]
 _SCATTER_POWER = 2.5  # exponent of the distance in the wings of the PSF
 
 
 @lru_cache(maxsize=4)
 def vignetting(camera: Camera, optics: Optics) -> Float32Array | None:
-    """Return the (H, W) share of light that reaches each pixel, or None without vignetting.
+    """Return the fraction (H, W) of the light that reaches each pixel, or None without vignetting.
 
-    cos^4 of the angle from the axis; and the overlap of the aperture (a unit disc) with a rear rim (a disc of
-    ``rim_radius``) whose centre is shifted by ``mechanical_vignetting`` x tan(angle).
+    Natural vignetting is cos^4 of the angle from the axis. Mechanical vignetting is the overlap of the aperture (a unit
+    disc) with a rear rim (a disc of ``rim_radius``), whose centre is shifted by ``mechanical_vignetting`` x tan(angle).
     """
     if not optics.natural_vignetting and optics.mechanical_vignetting <= 0:
         return None
@@ -51,11 +51,13 @@ def vignetting(camera: Camera, optics: Optics) -> Float32Array | None:
 def disc_overlap_area(distance: FloatArray, a: float, b: float) -> FloatArray:
     """Return the overlap area of two discs of radii ``a`` and ``b``."""
     d = np.clip(distance, abs(a - b) + 1e-12, a + b - 1e-12)
-    at_a = np.arccos(np.clip((d * d + a * a - b * b) / (2 * d * a), -1, 1))
-    at_b = np.arccos(np.clip((d * d + b * b - a * a) / (2 * d * b), -1, 1))
-    lens = a * a * (at_a - np.sin(2 * at_a) / 2) + b * b * (at_b - np.sin(2 * at_b) / 2)
-    whole = np.pi * min(a, b) ** 2
-    return np.asarray(np.where(distance <= abs(a - b), whole, np.where(distance >= a + b, 0.0, lens)))
+    angle_a = np.arccos(np.clip((d * d + a * a - b * b) / (2 * d * a), -1, 1))
+    angle_b = np.arccos(np.clip((d * d + b * b - a * a) / (2 * d * b), -1, 1))
+    overlap = a * a * (angle_a - np.sin(2 * angle_a) / 2) + b * b * (angle_b - np.sin(2 * angle_b) / 2)
+    smaller_disc = np.pi * min(a, b) ** 2
+    return np.asarray(
+        np.where(distance <= abs(a - b), smaller_disc, np.where(distance >= a + b, 0.0, overlap))
+    )
 
 
 def veiling_glare(
@@ -81,7 +83,7 @@ def veiling_glare(
         or not np.any(sun_irradiance_w_m2 > 0)
     ):
         return None
-    # the square of the angle is smooth everywhere; its inverse is not, near the Sun
+    # interpolate the square of the angle, which is smooth everywhere; its inverse is not smooth near the Sun
     field = _interpolate(camera, _square_deg2(_coarse_rays(camera), sun_direction))
     patch = _window_around(camera, sun_direction)
     if patch is not None:
@@ -121,8 +123,11 @@ def _coarse_rays(camera: Camera) -> FloatArray:
 
 def _interpolate(camera: Camera, coarse: FloatArray) -> Float32Array:
     """Interpolate the grid's values at every pixel by cubic splines."""
-    down, across = _weights(coarse.shape[0], camera.height_px), _weights(coarse.shape[1], camera.width_px)
-    return np.asarray(down @ (coarse.astype(np.float32) @ across.T), np.float32)
+    row_weights, column_weights = (
+        _weights(coarse.shape[0], camera.height_px),
+        _weights(coarse.shape[1], camera.width_px),
+    )
+    return np.asarray(row_weights @ (coarse.astype(np.float32) @ column_weights.T), np.float32)
 
 
 @lru_cache(maxsize=8)
@@ -137,7 +142,7 @@ def _weights(nodes: int, count: int) -> Float32Array:
 def glow(image: Float32Array, optics: Optics) -> Float32Array:
     """Spread ``glow_share`` of the light into a wide tail of the point spread function.
 
-    Return the same object if there is none.
+    Without glow the image itself is returned.
 
     Parameters
     ----------
@@ -147,22 +152,22 @@ def glow(image: Float32Array, optics: Optics) -> Float32Array:
     if optics.glow_share <= 0:
         return image
     height, width = image.shape[:2]
-    small = cv2.resize(
+    binned = cv2.resize(
         image, (-(-width // _GLOW_STEP_PX), -(-height // _GLOW_STEP_PX)), interpolation=cv2.INTER_AREA
     ).astype(np.float32)
-    tail = np.zeros_like(small)
+    tail = np.zeros_like(binned)
     for factor in (1.0, _WIDTH_RATIO):
         sigma = max(factor * optics.glow_radius_px / _GLOW_STEP_PX, 0.5)
-        tail += 0.5 * cv2.GaussianBlur(small, (0, 0), sigma, borderType=cv2.BORDER_CONSTANT)
-    whole = cv2.resize(tail, (width, height), interpolation=cv2.INTER_LINEAR)
+        tail += 0.5 * cv2.GaussianBlur(binned, (0, 0), sigma, borderType=cv2.BORDER_CONSTANT)
+    full_size_tail = cv2.resize(tail, (width, height), interpolation=cv2.INTER_LINEAR)
     share = np.float32(optics.glow_share)
-    return np.asarray(image * (1 - share) + share * whole, np.float32)
+    return np.asarray(image * (1 - share) + share * full_size_tail, np.float32)
 
 
 def scatter(image: Float32Array, optics: Optics) -> Float32Array:
     """Spread ``scatter_share`` of the light into wings of the PSF that fall as a power of the distance.
 
-    Return the same object if there are none. The image's border is replicated.
+    Without scatter the image itself is returned. The image's border is replicated.
 
     References
     ----------
@@ -175,10 +180,13 @@ def scatter(image: Float32Array, optics: Optics) -> Float32Array:
 
 @lru_cache(maxsize=8)
 def scattering_pyramid(share: float) -> Pyramid:
-    """Return the wings as Gaussians an octave apart, one per pyramid level, which approximate a power law."""
+    """Return the wings as a pyramid of Gaussians, each twice as wide as the last, which approximate a power law."""
     weights = 2.0 ** (-(_SCATTER_POWER - 2) * np.arange(1, len(TAPS_PER_SIDE)))
-    at = np.arange(-_SCATTER_TAPS, _SCATTER_TAPS + 1)
-    bell = np.exp(-(at**2) / 2)
-    bell /= bell.sum()
-    taps = [np.array([[1 - share]]), *(w * np.outer(bell, bell) for w in share * weights / weights.sum())]
+    position = np.arange(-_SCATTER_TAPS, _SCATTER_TAPS + 1)
+    gaussian = np.exp(-(position**2) / 2)
+    gaussian /= gaussian.sum()
+    taps = [
+        np.array([[1 - share]]),
+        *(w * np.outer(gaussian, gaussian) for w in share * weights / weights.sum()),
+    ]
     return Pyramid(tuple(t.astype(np.float32) for t in taps))

@@ -14,9 +14,10 @@ if TYPE_CHECKING:
 
 ShutterKind = Literal["global", "rolling"]
 
-# smallest and largest value, of files and of recorded scenes [s]
 EXPOSURE_S = (1e-9, 1e4)
+"""Smallest and largest exposure time of files and recorded scenes."""
 READOUT_S = (0.0, 10.0)
+"""Smallest and largest read-out time of files and recorded scenes."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -43,7 +44,7 @@ class Shutter:
         return self.kind == "rolling" and self.readout_s > 0
 
     def row_time_s(self, row_px: ArrayLike, height_px: int) -> FloatArray:
-        """Return mid-exposure times of rows relative to the image's centre; rows beyond the image count as its edge."""
+        """Return the mid-exposure times of rows relative to that of the image; rows are clipped to the image [s]."""
         row = np.clip(np.asarray(row_px, float), -0.5, height_px - 0.5)
         if not self.is_rolling:
             return np.zeros_like(row)

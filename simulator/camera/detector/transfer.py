@@ -1,8 +1,7 @@
-"""A camera's output from the detector's digital numbers: unchanged, or 8 bits encoded by a curve.
+"""A camera's output from the detector's digital numbers: unchanged, or encoded with 8 bits.
 
-Colour cameras mostly deliver 8 encoded bits, from a converter with more bits, after subtracting the black level. sRGB
-has its own primaries: a colour matrix converts the detector's bands before the curve. Linear images and raw mosaics
-keep the bands' numbers.
+Most colour cameras convert with more bits, subtract the black level and deliver 8 encoded bits. For sRGB a colour
+matrix first converts the detector's bands to sRGB's primaries. Linear images and raw mosaics are delivered unchanged.
 """
 
 from __future__ import annotations
@@ -25,7 +24,7 @@ if TYPE_CHECKING:
 ENCODED_BITS = 8
 """Bit depth of an encoded image."""
 CONVERTER_BITS = 14
-"""Bit depth before a curve is applied: one step of 14 bits is a fifth of sRGB's first 8-bit step."""
+"""Bit depth before encoding. A step of 14 bits is a fifth of the first 8-bit step of sRGB."""
 
 
 def default_encoding(sensor: Sensor, bands: str) -> Encoding:
@@ -34,7 +33,7 @@ def default_encoding(sensor: Sensor, bands: str) -> Encoding:
 
 
 def encoding_problem(encoding: Encoding, sensor: Sensor) -> str | None:
-    """Return why a sensor's images cannot have an encoding, or None if they can."""
+    """Describe why a sensor's images cannot have an encoding; None if they can."""
     if encoding == "linear":
         return None
     if sensor.bits != ENCODED_BITS:
@@ -92,10 +91,10 @@ def decode_numbers(
     """
     if encoding == "linear":
         return image, sensor
-    linear = converter(sensor, encoding)
-    black = _black_dn(linear)
+    linear_sensor = converter(sensor, encoding)
+    black = _black_dn(linear_sensor)
     numbers = black + decode(np.arange(256) / 255, encoding) * (2**CONVERTER_BITS - 1 - black)
-    return np.rint(numbers).astype(np.uint16)[image], linear
+    return np.rint(numbers).astype(np.uint16)[image], linear_sensor
 
 
 def _black_dn(sensor: Sensor) -> float:
@@ -105,6 +104,6 @@ def _black_dn(sensor: Sensor) -> float:
 @lru_cache(maxsize=16)
 def _curve(encoding: Encoding, black_dn: float) -> NDArray[np.uint8]:
     """Return the (65536,) look-up table from the converter's numbers to delivered ones."""
-    full = 2**CONVERTER_BITS - 1
-    light = np.clip((np.arange(1 << 16) - black_dn) / (full - black_dn), 0, 1)
+    largest_dn = 2**CONVERTER_BITS - 1
+    light = np.clip((np.arange(1 << 16) - black_dn) / (largest_dn - black_dn), 0, 1)
     return np.rint(encode(light, encoding) * 255).astype(np.uint8)

@@ -29,16 +29,14 @@ if TYPE_CHECKING:
 
 __all__ = ["Camera", "Distortion", "DistortionModel"]
 
-# smallest and largest value, of files and of recorded scenes; every OpenGL 4 driver draws pictures so large
 MAX_IMAGE_PX = 16384
+"""Largest width and height of an image, which every OpenGL 4.1 driver can draw."""
 FOCAL_PX = (1.0, 1e7)
+"""Smallest and largest focal length of files and recorded scenes."""
 CENTRE_PX = (-1e5, 1e5)
+"""Smallest and largest coordinate of a principal point."""
 _NO_DISTORTION = Distortion()
-# number of angles at which a lens's distortion is tested, and the step of the derivative
-_NODES, _STEP_RAD = (
-    25,
-    1e-3,
-)
+_NODES, _STEP_RAD = 25, 1e-3  # points per side of the grid of `_bending`, and the step of its differences
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -133,8 +131,14 @@ class Camera:
         return np.asarray(area / np.linalg.det(jacobian(self.distortion, xy)))
 
     def border(self, count: int = 33, margin_px: float = 0.0) -> FloatArray:
-        """Return the pixel positions (4 count, 2) around the image's edge, corners included, ``margin_px`` further
-        out.
+        """Return pixel positions (4 count, 2) along the image's edges, corners included.
+
+        Parameters
+        ----------
+        count : int, optional
+            Number of points per edge.
+        margin_px : float, optional
+            Distance of the points outside the image.
         """
         x = np.linspace(-0.5 - margin_px, self.width_px - 0.5 + margin_px, count)
         y = np.linspace(-0.5 - margin_px, self.height_px - 0.5 + margin_px, count)
@@ -152,7 +156,7 @@ class Camera:
         return _half_angle_rad(self)
 
     def pixel_angle_rad(self) -> float:
-        """Return the largest angle that one pixel of the image spans [rad]; at a pinhole's principal point 1 / f."""
+        """Return the largest angle that one pixel of the image spans [rad]; for a pinhole 1 / f, at its centre."""
         if self.distortion.is_none:
             return 1 / min(self.fx_px, self.fy_px)
         return _pixel_angle_rad(self)
@@ -179,19 +183,22 @@ class Camera:
         return float(bending.max(initial=0.0))
 
     def contains(self, pixels_px: ArrayLike) -> np.typing.NDArray[np.bool_]:
-        """Return True for pixel positions in the image (its edges are at -0.5 and size - 0.5)."""
+        """Return a mask (...) of pixel positions (..., 2) inside the image; its edges are at -0.5 and size - 0.5."""
         p = np.asarray(pixels_px, float)
         with np.errstate(invalid="ignore"):
-            inside = (
+            is_inside = (
                 (p[..., 0] >= -0.5)
                 & (p[..., 0] < self.width_px - 0.5)
                 & (p[..., 1] >= -0.5)
                 & (p[..., 1] < self.height_px - 0.5)
             )
-        return np.asarray(inside)
+        return np.asarray(is_inside)
 
     def resized(self, width_px: int) -> Camera:
-        """Return the camera with the same field of view on another number of pixels: ``c' = (c + 0.5) s - 0.5``."""
+        """Return a camera with the same field of view and another number of pixels.
+
+        With the scale s, a principal point c becomes ``(c + 0.5) s - 0.5``.
+        """
         s = width_px / self.width_px
         return replace(
             self,
@@ -213,9 +220,9 @@ def _half_angle_rad(camera: Camera) -> float:
 def _pixel_angle_rad(camera: Camera) -> float:
     x = np.linspace(-0.5, camera.width_px - 0.5, 17)
     y = np.linspace(-0.5, camera.height_px - 0.5, 17)
-    at = np.stack(np.meshgrid(x, y), axis=-1)
-    ray = camera.rays(at)
-    steps = (np.linalg.norm(camera.rays(at + step) - ray, axis=-1) for step in ((1.0, 0.0), (0.0, 1.0)))
+    pixels = np.stack(np.meshgrid(x, y), axis=-1)
+    ray = camera.rays(pixels)
+    steps = (np.linalg.norm(camera.rays(pixels + step) - ray, axis=-1) for step in ((1.0, 0.0), (0.0, 1.0)))
     return float(max(step.max() for step in steps))
 
 
@@ -229,20 +236,21 @@ def _bending(camera: Camera) -> tuple[FloatArray, FloatArray, FloatArray]:
     right /= np.linalg.norm(right, axis=-1, keepdims=True)
     down = np.cross(ray, right)
     middle, bending = camera.project(ray), np.zeros((_NODES, _NODES))
-    for turn in np.arange(8) * (np.pi / 8):
-        step = _STEP_RAD * (np.cos(turn) * right + np.sin(turn) * down)
-        before, after = camera.project(ray - step), camera.project(ray + step)
-        along, aside = after - before, before + after - 2 * middle
-        across = along[..., 0] * aside[..., 1] - along[..., 1] * aside[..., 0]
-        curvature = np.abs(across) / np.maximum(np.hypot(along[..., 0], along[..., 1]), 1e-12) / _STEP_RAD**2
+    for angle in np.arange(8) * (np.pi / 8):
+        step = _STEP_RAD * (np.cos(angle) * right + np.sin(angle) * down)
+        behind_px, ahead_px = camera.project(ray - step), camera.project(ray + step)
+        tangent, second_difference = ahead_px - behind_px, behind_px + ahead_px - 2 * middle
+        cross = tangent[..., 0] * second_difference[..., 1] - tangent[..., 1] * second_difference[..., 0]
+        curvature = (
+            np.abs(cross) / np.maximum(np.hypot(tangent[..., 0], tangent[..., 1]), 1e-12) / _STEP_RAD**2
+        )
         bending = np.fmax(bending, curvature)
     return x, y, bending
 
 
 @lru_cache(maxsize=256)
 def _domain(camera: Camera) -> LensDomain:
-    # two pixels beyond the edge, because rays are interpolated there; a window beyond the image may reach further than
-    # the lens
+    # two pixels beyond the edge, where rays are interpolated; not strict, because a window may reach beyond the lens
     return lens_domain(camera.distortion, _border_xy(camera), strict=False)
 
 
@@ -252,7 +260,7 @@ def _border_xy(camera: Camera) -> FloatArray:
 
 
 def camera_problem(camera: Camera) -> str | None:
-    """Return the first invalid parameter of a camera's lens: field, value, allowed range; None if it is usable."""
+    """Describe the first invalid parameter of a camera's lens, with value and allowed range; None if all are valid."""
     distortion = camera.distortion
     counts = COEFFICIENT_COUNTS[distortion.model]
     if len(distortion.coefficients) not in counts:

@@ -7,12 +7,12 @@ Normalised coordinates are (x / z, y / z) of a point in the camera frame. Models
 - ``kannala_brandt``: k1 k2 k3 k4 of the angle from the axis, Kannala & Brandt (2006), A generic camera model and
   calibration method for conventional, wide-angle, and fish-eye lenses, IEEE TPAMI 28(8).
 
-A new model takes its name in `DistortionModel`, its numbers of coefficients in `COEFFICIENT_COUNTS`, the map and its
-derivative in `distort` and `jacobian`, and the map in shaders/craft/lens.glsl.
-tests/simulator/camera/test_distortion.py then runs every round trip and OpenCV's projection.
+To add a model, add its name to `DistortionModel`, its numbers of coefficients to `COEFFICIENT_COUNTS`, the map and its
+derivative to `distort` and `jacobian`, and the map to shaders/craft/lens.glsl. Then
+tests/simulator/camera/test_distortion.py tests every round trip, and compares with OpenCV's projection.
 
-A polynomial folds back somewhere. `LensDomain` holds the radius up to which it is used, just outside the image; beyond,
-the image is extended in proportion, so that points outside the field of view never land inside.
+A polynomial is not one to one at large radii. `LensDomain` uses it up to a radius just outside the image. Beyond that
+radius the map is continued in proportion, so that points outside the field of view never land inside the image.
 """
 
 from __future__ import annotations
@@ -32,11 +32,11 @@ COEFFICIENT_COUNTS: dict[str, tuple[int, ...]] = {
     "kannala_brandt": (4,),
 }
 MARGIN = 1.05
-"""Radius up to which the polynomial is used, relative to the image's farthest corner, unless it folds back before."""
+"""Radius up to which the polynomial is used if it is one to one, over the radius of the image's farthest corner."""
 MAX_ANGLE_RAD = np.deg2rad(85.0)
-"""Largest angle from the axis; camera z, the depth of labels, is ill-conditioned beyond it [rad]."""
-_TABLE = 4096  # angles in the inverse table
-_NEWTON_STEPS = 12  # at most, for the inverse
+"""Largest angle from the axis. Beyond it camera z, the depth of labels, is ill-conditioned."""
+_TABLE = 4096  # number of angles in the look-up table of the inverse
+_NEWTON_STEPS = 12  # largest number of Newton steps for the inverse
 
 
 @dataclass(frozen=True)
@@ -53,22 +53,22 @@ class Distortion:
 
 
 def distort(distortion: Distortion, xy: FloatArray) -> FloatArray:
-    """Apply the bare polynomial to undistorted normalised coordinates (..., 2)."""
+    """Apply the model's polynomial to undistorted normalised coordinates (..., 2), at any radius."""
     xy = np.asarray(xy, float)
     if distortion.model == "none":
         return xy.copy()
     x, y = xy[..., 0], xy[..., 1]
     s = x * x + y * y
-    out = xy * _radial(distortion, s)[0][..., None]
+    distorted = xy * _radial(distortion, s)[0][..., None]
     if distortion.model == "brown_conrady":
         _, _, p1, p2 = distortion.coefficients[:4]
-        out[..., 0] += 2 * p1 * x * y + p2 * (s + 2 * x * x)
-        out[..., 1] += p1 * (s + 2 * y * y) + 2 * p2 * x * y
-    return out
+        distorted[..., 0] += 2 * p1 * x * y + p2 * (s + 2 * x * x)
+        distorted[..., 1] += p1 * (s + 2 * y * y) + 2 * p2 * x * y
+    return distorted
 
 
 def jacobian(distortion: Distortion, xy: FloatArray) -> FloatArray:
-    """Return the (..., 2, 2) derivative of `distort`: [[dxd/dx, dxd/dy], [dyd/dx, dyd/dy]]."""
+    """Return the Jacobian matrices (..., 2, 2) of `distort`: [[dxd/dx, dxd/dy], [dyd/dx, dyd/dy]]."""
     xy = np.asarray(xy, float)
     if distortion.model == "none":
         return np.broadcast_to(np.eye(2), (*xy.shape, 2)).copy()
@@ -88,7 +88,7 @@ def jacobian(distortion: Distortion, xy: FloatArray) -> FloatArray:
 
 
 def _radial(distortion: Distortion, s: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return the radial factor and its derivative by s, the squared undistorted radius."""
+    """Return the radial factor, and its derivative with respect to the squared undistorted radius ``s``."""
     if distortion.model == "brown_conrady":
         k = np.zeros(8)
         k[: len(distortion.coefficients)] = distortion.coefficients
@@ -105,7 +105,7 @@ def _radial(distortion: Distortion, s: FloatArray) -> tuple[FloatArray, FloatArr
     d_series = 1 + t * (3 * k1 + t * (5 * k2 + t * (7 * k3 + t * 9 * k4)))
     scale = angle * series / r
     d_scale = (d_series / (1 + s) - scale) / (2 * np.maximum(s, 1e-24))
-    # near the axis the difference loses its digits: use the first term of its series
+    # near the axis the difference suffers from cancellation, so use the first term of its series
     d_scale = np.where(s < 1e-8, k1 - 1 / 3, d_scale)
     return scale, d_scale
 
@@ -136,8 +136,8 @@ class LensDomain:
             return xy.copy()
         r = np.hypot(xy[..., 0], xy[..., 1])
         with np.errstate(invalid="ignore"):
-            beyond = np.maximum(r / self.limit, 1.0)[..., None]
-            return distort(self.distortion, xy / beyond) * beyond
+            excess = np.maximum(r / self.limit, 1.0)[..., None]
+            return distort(self.distortion, xy / excess) * excess
 
     def undistort(self, image_xy: FloatArray) -> FloatArray:
         """Return undistorted coordinates (..., 2), to 1e-13; NaN outside the domain."""
@@ -162,9 +162,9 @@ class LensDomain:
                     -1,
                 )
                 xy = xy - step / (a * d - b * c)[..., None]
-            wrong = np.abs(distort(self.distortion, xy) - image_xy).max(axis=-1) > 1e-9
-            wrong |= ~(np.hypot(xy[..., 0], xy[..., 1]) <= self.limit * 1.0001)
-        xy[wrong] = np.nan
+            is_invalid = np.abs(distort(self.distortion, xy) - image_xy).max(axis=-1) > 1e-9
+            is_invalid |= ~(np.hypot(xy[..., 0], xy[..., 1]) <= self.limit * 1.0001)
+        xy[is_invalid] = np.nan
         return xy
 
 
@@ -181,28 +181,28 @@ def lens_domain(distortion: Distortion, border_xy: FloatArray, *, strict: bool =
     ValueError
         If the lens folds back inside the image, or reaches beyond 85 degrees from its axis.
     """
-    far = np.tan(MAX_ANGLE_RAD)
+    max_radius = np.tan(MAX_ANGLE_RAD)
     too_wide = (
         f"the image reaches further than {np.rad2deg(MAX_ANGLE_RAD):.0f} degrees off the axis; "
         "allowed is less: make the image smaller or the focal length longer"
     )
     if distortion.is_none:
-        if strict and np.hypot(border_xy[:, 0], border_xy[:, 1]).max() > far:
+        if strict and np.hypot(border_xy[:, 0], border_xy[:, 1]).max() > max_radius:
             raise ValueError(too_wide)
         return LensDomain(distortion, np.inf, np.zeros(1), np.zeros(1))
     angles = np.linspace(0, MAX_ANGLE_RAD, _TABLE)
     radius = np.tan(angles)
     with np.errstate(all="ignore"):
         scale, slope = _radial(distortion, radius**2)
-        image_radius, rise = radius * scale, scale + 2 * radius**2 * slope
-    # the radial part is one to one until it stops increasing; a pole of the rational model ends it too
-    bad = ~((rise > 0) & (scale > 0) & np.isfinite(image_radius))
-    end = int(np.argmax(bad)) if bad.any() else _TABLE
+        image_radius, radial_slope = radius * scale, scale + 2 * radius**2 * slope
+    # the radial part is one to one until it stops increasing, or until a pole of the rational model
+    is_folded = ~((radial_slope > 0) & (scale > 0) & np.isfinite(image_radius))
+    end = int(np.argmax(is_folded)) if is_folded.any() else _TABLE
     if end < 2:
         raise ValueError("the distortion turns the image inside out at its centre")
     corner = float(np.hypot(border_xy[:, 0], border_xy[:, 1]).max())
-    whole = LensDomain(distortion, float(radius[end - 1]), radius[:end], image_radius[:end])
-    rays = whole.undistort(border_xy)
+    full_domain = LensDomain(distortion, float(radius[end - 1]), radius[:end], image_radius[:end])
+    rays = full_domain.undistort(border_xy)
     if not strict and not np.isfinite(rays).all():
         return LensDomain(distortion, 0.999 * float(radius[end - 1]), radius[:end], image_radius[:end])
     if not np.isfinite(rays).all():
@@ -216,12 +216,15 @@ def lens_domain(distortion: Distortion, border_xy: FloatArray, *, strict: bool =
             f"{corner:.4g}; check the coefficients and their order"
         )
     reach = float(np.hypot(rays[:, 0], rays[:, 1]).max())
-    limit = min(MARGIN * reach, 0.5 * (reach + float(radius[end - 1])), far)
+    limit = min(MARGIN * reach, 0.5 * (reach + float(radius[end - 1])), max_radius)
     domain = LensDomain(distortion, limit, radius[:end], image_radius[:end])
     if not strict:
         return domain
-    # the tangential part may fold too: the map must preserve orientation over the whole disc
-    r, turn = np.meshgrid(np.linspace(0, limit, 24), np.linspace(0, 2 * np.pi, 49))
-    if np.linalg.det(jacobian(distortion, np.stack([r * np.cos(turn), r * np.sin(turn)], -1))).min() <= 0:
+    # with tangential terms too, the map must preserve orientation over the whole disc
+    r, azimuth = np.meshgrid(np.linspace(0, limit, 24), np.linspace(0, 2 * np.pi, 49))
+    if (
+        np.linalg.det(jacobian(distortion, np.stack([r * np.cos(azimuth), r * np.sin(azimuth)], -1))).min()
+        <= 0
+    ):
         raise ValueError("the distortion folds back inside the image: its tangential terms are too large")
     return domain

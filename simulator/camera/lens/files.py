@@ -78,7 +78,7 @@ def parse_camera(content: bytes, where: str) -> CameraFile:
 
 def _no_such_camera(text: str) -> str:
     names = list_cameras()
-    near = near_names(text, names, 3)
-    if near:
-        return f"there is no camera {text!r}, neither a file nor built in: did you mean {' or '.join(near)}?"
+    suggestions = near_names(text, names, 3)
+    if suggestions:
+        return f"there is no camera {text!r}, neither a file nor built in: did you mean {' or '.join(suggestions)}?"
     return f"there is no camera {text!r}, neither a file nor built in: built-in ones are {', '.join(names)}"

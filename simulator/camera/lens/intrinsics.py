@@ -45,8 +45,8 @@ class LensFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=
         UserError
             If values are missing or contradict each other.
         """
-        pitch = _two(self.pixel_pitch_um, both=True)
-        size, angle = (_two(v, both=False) for v in (self.sensor_size_mm, self.aperture_angle_deg))
+        pitch = _per_axis(self.pixel_pitch_um, repeat=True)
+        size, angle = (_per_axis(v, repeat=False) for v in (self.sensor_size_mm, self.aperture_angle_deg))
         fx = self._focal_px(where, self.width_px, pitch[0], size[0], angle[0])
         fy = self._focal_px(where, self.height_px, pitch[1], size[1], angle[1])
         if fx is None:
@@ -56,10 +56,10 @@ class LensFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=
             )
         pixel_um = self._pitch_um(pitch, size, fx, fy)
         if fy is None:
-            # the focal length is resolved before the axes: with oblong pixels it differs in pixels
+            # the focal length in millimetres is the same along both axes, in pixels only if they are square
             fy = fx if pixel_um is None else fx * pixel_um[0] / pixel_um[1]
         elif pixel_um is not None:
-            _agree(where, "the focal length [mm]", fx * pixel_um[0] * 1e-3, fy * pixel_um[1] * 1e-3)
+            _agreed_value(where, "the focal length [mm]", fx * pixel_um[0] * 1e-3, fy * pixel_um[1] * 1e-3)
         return CameraFile(
             width_px=self.width_px,
             height_px=self.height_px,
@@ -81,21 +81,21 @@ class LensFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=
         fy: float | None,
     ) -> tuple[float, float] | None:
         """Return the pixel pitch across and down, if given directly or by detector size or focal length."""
-        across, down = (
+        pitch_x_um, pitch_y_um = (
             d if d is not None or s is None else s / count * 1e3
             for d, s, count in zip(pitch, size, (self.width_px, self.height_px), strict=True)
         )
         if self.focal_length_mm is not None:
-            across = across or self.focal_length_mm * 1e3 / fx
-            down = down or (self.focal_length_mm * 1e3 / fy if fy is not None else across)
-        return None if across is None else (across, down or across)
+            pitch_x_um = pitch_x_um or self.focal_length_mm * 1e3 / fx
+            pitch_y_um = pitch_y_um or (self.focal_length_mm * 1e3 / fy if fy is not None else pitch_x_um)
+        return None if pitch_x_um is None else (pitch_x_um, pitch_y_um or pitch_x_um)
 
     def _focal_px(
         self, where: str, count: int, pitch_um: float | None, size_mm: float | None, angle_deg: float | None
     ) -> float | None:
         """Return the focal length over the pitch along one axis."""
         by_size = None if size_mm is None else size_mm / count * 1e3
-        d_um = _agree(where, "the pixel pitch [um]", pitch_um, by_size)
+        d_um = _agreed_value(where, "the pixel pitch [um]", pitch_um, by_size)
         by_length = None
         if self.focal_length_mm is not None and d_um is not None:
             by_length = self.focal_length_mm * 1e3 / d_um
@@ -104,24 +104,24 @@ class LensFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=
             if angle_deg >= 180:
                 raise UserError(f"{where}: key aperture_angle_deg is {angle_deg:g}, allowed: less than 180")
             by_angle = count / (2 * float(np.tan(np.radians(angle_deg) / 2)))
-        return _agree(where, "the focal length in pixels", by_length, by_angle)
+        return _agreed_value(where, "the focal length in pixels", by_length, by_angle)
 
 
-def _two(value: float | list[float] | None, *, both: bool) -> tuple[float | None, float | None]:
-    """Return the values across and down; for a single number, twice that, or (that, None)."""
+def _per_axis(value: float | list[float] | None, *, repeat: bool) -> tuple[float | None, float | None]:
+    """Return the values across and down; a single number is used for both if ``repeat``, else only across."""
     if value is None:
         return None, None
     if isinstance(value, list):
         return value[0], value[1]
-    return value, value if both else None
+    return value, value if repeat else None
 
 
-def _agree(where: str, what: str, first: float | None, second: float | None) -> float | None:
-    """Return the number that two derivations agree on, or the only one."""
+def _agreed_value(where: str, quantity: str, first: float | None, second: float | None) -> float | None:
+    """Return the value on which two derivations agree, or the only one; raise UserError if they disagree."""
     if first is None or second is None:
         return second if first is None else first
     if abs(first / second - 1) > CONSISTENCY_TOLERANCE:
         raise UserError(
-            f"{where}: {what} is {first:.6g} by one pair of keys and {second:.6g} by another; leave one out"
+            f"{where}: {quantity} is {first:.6g} by one pair of keys and {second:.6g} by another; leave one out"
         )
     return first

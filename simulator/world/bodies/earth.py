@@ -40,9 +40,9 @@ _DENSITY_KG_M3 = (
 )
 """Geometric height [m] and density: U.S. Standard Atmosphere, 1976 (NOAA-S/T 76-1562), table I."""
 _COLUMN_M = 8413.2
-"""Integral of that profile over its density at the ground."""
+"""Integral of the density profile over the density at the ground: the scale height of the whole column."""
 _AEROSOL_DEPTH, _AEROSOL_HEIGHT_M = 0.05, 1200.0
-"""Vertical optical depth at 550 nm of clean air far from cities and deserts."""
+"""Vertical optical depth at 550 nm and scale height of the aerosol in clean air, far from cities and deserts."""
 _AIRGLOW_W_M2_SR = {"panchromatic": 5.0e-7, "red": 1.29e-7, "green": 1.70e-7, "blue": 1.4e-7}
 """Airglow of 557.7 nm 250 R, sodium 50 R, a continuum of 0.3 R to an angstrom: Roach & Gordon (1973), The Light of the
 Night Sky, Leinert et al. (1998), Astron. Astrophys. Suppl. 127, sec. 6; OH (7-2) 90 R, (8-3) 450 R and Chamberlain's

@@ -1,4 +1,4 @@
-"""CCSDS attitude ephemeris messages (AEM, 504.0-B): reads an attitude or its history, writes a flight's."""
+"""Reader and writer of CCSDS attitude ephemeris messages (AEM, CCSDS 504.0-B)."""
 
 from __future__ import annotations
 
@@ -27,9 +27,8 @@ if TYPE_CHECKING:
     from flyaround.simulator.runtime.arrays import FloatArray
     from flyaround.simulator.world.time.instant import Instant
 
-_ROUNDING_S = 1e-6
-_MARGIN_LINES = 12
-"""Lines before and after a flight that are included in the spline."""
+_ROUNDING_S = 1e-6  # tolerance of times outside a segment
+_MARGIN_LINES = 12  # lines before and after a flight that the spline includes
 _QUATERNION_TYPES = ("QUATERNION", "QUATERNION/DERIVATIVE", "QUATERNION/RATE", "QUATERNION/ANGVEL")
 _EULER_TYPES = ("EULER_ANGLE", "EULER_ANGLE/RATE", "EULER_ANGLE/DERIVATIVE", "EULER_ANGLE/ANGVEL")
 _TYPES = (*_QUATERNION_TYPES, *_EULER_TYPES, "SPIN")
@@ -38,8 +37,8 @@ _TYPES = (*_QUATERNION_TYPES, *_EULER_TYPES, "SPIN")
 def read_aem_state(text: str, where: str, epoch: Instant) -> tuple[FloatArray, FloatArray]:
     """Return ``q_eci_from_body_wxyz`` and the rate relative to ECI in body axes [rad s-1] at ``epoch``.
 
-    Between two lines the rotation rate is constant, about a fixed axis, so lines must be less than half a rotation
-    apart.
+    Between two lines the body rotates at a constant rate about a fixed axis, so the lines must be less than half a
+    rotation apart.
 
     Raises
     ------
@@ -51,16 +50,16 @@ def read_aem_state(text: str, where: str, epoch: Instant) -> tuple[FloatArray, F
     k = min(max(int(np.searchsorted(times, 0.0)) - 1, 0), len(times) - 2)
     segment.refuse_gap(times, k + 1)
     q0, q1 = _attitudes(segment, times, epoch)[k : k + 2]
-    turn = _rotvec(quat_multiply(quat_conjugate(q0), q1)) / (times[k + 1] - times[k])
-    half = turn * -times[k]
-    angle = float(np.linalg.norm(half))
-    step = np.array([np.cos(angle / 2), *(0.5 * np.sinc(angle / (2 * np.pi)) * half)])
-    return quat_multiply(q0, step), turn
+    rate = _rotvec(quat_multiply(quat_conjugate(q0), q1)) / (times[k + 1] - times[k])
+    offset = rate * -times[k]
+    angle = float(np.linalg.norm(offset))
+    rotation = np.array([np.cos(angle / 2), *(0.5 * np.sinc(angle / (2 * np.pi)) * offset)])
+    return quat_multiply(q0, rotation), rate
 
 
 @dataclass(frozen=True, eq=False)
 class AttitudeHistory:
-    """The attitude of a message over a flight: a cubic rotation spline through its lines, with a smooth rate.
+    """The attitude of a message over a flight: a cubic rotation spline through its lines, whose rate is continuous.
 
     Parameters
     ----------
@@ -75,10 +74,12 @@ class AttitudeHistory:
 
     def __call__(self, t_s: float) -> tuple[FloatArray, FloatArray]:
         """Return ``q_eci_from_body_wxyz`` (unit) and the body's rate relative to ECI, body axes [rad s-1]."""
-        inside = min(t_s, self.end_s)
-        x, y, z, w = self.spline(inside).as_quat()
-        q, omega = np.array([w, x, y, z]), np.asarray(self.spline(inside, 1), float)
-        return (q if inside == t_s else quat_multiply(q, quat_from_rotvec(omega * (t_s - inside)))), omega
+        clipped_s = min(t_s, self.end_s)
+        x, y, z, w = self.spline(clipped_s).as_quat()
+        q, omega = np.array([w, x, y, z]), np.asarray(self.spline(clipped_s, 1), float)
+        return (
+            q if clipped_s == t_s else quat_multiply(q, quat_from_rotvec(omega * (t_s - clipped_s)))
+        ), omega
 
 
 def read_aem_history(text: str, where: str, epoch: Instant, duration_s: float) -> AttitudeHistory:
@@ -122,7 +123,7 @@ def _segment_over(text: str, where: str, epoch: Instant, duration_s: float) -> t
 
 
 def _attitudes(segment: Segment, times_s: FloatArray, epoch: Instant) -> FloatArray:
-    """Return the (n, 4) ``q_eci_from_body_wxyz``, with continuous sign."""
+    """Return the attitudes ``q_eci_from_body_wxyz`` (n, 4) of a segment's lines."""
     kind = segment.require_one_of("ATTITUDE_TYPE", _TYPES)
     if kind in _QUATERNION_TYPES:
         q = _quaternions(segment)
@@ -140,10 +141,13 @@ def _attitudes(segment: Segment, times_s: FloatArray, epoch: Instant) -> FloatAr
         raise UserError(
             f"{segment.where}: neither REF_FRAME_A = {a} nor REF_FRAME_B = {b} is one of {', '.join(FRAMES)}"
         )
-    turning = frame in {"ITRF", "TOD", "TEME"}
-    fixed = None if turning else quat_from_matrix(R_gcrf_from(frame, epoch))
+    is_rotating = frame in {"ITRF", "TOD", "TEME"}
+    fixed_rotation = None if is_rotating else quat_from_matrix(R_gcrf_from(frame, epoch))
     rows = [
-        quat_multiply(quat_from_matrix(R_gcrf_from(frame, epoch.plus(t))) if fixed is None else fixed, row)
+        quat_multiply(
+            quat_from_matrix(R_gcrf_from(frame, epoch.plus(t))) if fixed_rotation is None else fixed_rotation,
+            row,
+        )
         for t, row in zip(times_s.tolist(), q, strict=True)
     ]
     return np.array(rows)
@@ -180,9 +184,7 @@ def _sequence(segment: Segment) -> str:
 
 
 def _spin_angles(segment: Segment) -> FloatArray:
-    """Return rotations about z, y, z from frame A to a body spinning about its z axis (right ascension,
-    declination).
-    """
+    """Return the angles (n, 3) about z, y, z from frame A to a spinning body, from right ascension and declination."""
     alpha, delta, phase, _ = segment.numbers(4).T
     return np.stack([alpha, 90.0 - delta, phase], axis=1)
 
@@ -234,11 +236,11 @@ def write_aem(
         "",
         "DATA_START",
     ]
-    before = np.zeros(4)
+    previous = np.zeros(4)
     for epoch, q in zip(epochs_utc, np.asarray(q_eci_from_body_wxyz, float), strict=True):
-        # continuous signs, so that readers may interpolate the numbers
-        near = -q if q @ before < 0 else q
-        before = near
-        w, x, y, z = near
+        # keep the sign continuous, so that readers may interpolate the components
+        continuous = -q if q @ previous < 0 else q
+        previous = continuous
+        w, x, y, z = continuous
         lines.append(f"{stamp(epoch)} {x:.12f} {y:.12f} {z:.12f} {w:.12f}")
     return "\n".join([*lines, "DATA_STOP"]) + "\n"

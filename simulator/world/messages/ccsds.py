@@ -1,4 +1,4 @@
-"""Common parts of CCSDS navigation messages: key = value lines, blocks, times, frames."""
+"""Common parts of CCSDS navigation messages: key = value lines, blocks, numbers, times."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ from flyaround.simulator.world.time.instant import Instant, tdb_minus_tt_s, with
 if TYPE_CHECKING:
     from flyaround.simulator.runtime.arrays import FloatArray
 
-_TT_AHEAD_OF = {"TAI": 32.184, "TT": 0.0, "GPS": 51.184}
-TIME_SYSTEMS = ("UTC", *_TT_AHEAD_OF, "TDB")
+_TT_MINUS_SYSTEM_S = {"TAI": 32.184, "TT": 0.0, "GPS": 51.184}
+TIME_SYSTEMS = ("UTC", *_TT_MINUS_SYSTEM_S, "TDB")
 _GAP_FACTOR = 5.0
-"""Factor over the median spacing above which lines are considered missing, and nothing is interpolated."""
-_AROUND = 5  # steps on either side that a gap is compared with
+"""A gap is a spacing of lines larger than the median spacing times this factor. Nothing is interpolated across it."""
+_GAP_NEIGHBOURS = 5  # number of spacings on either side from which the median is taken
 _TIME = re.compile(r"(\d{4})-(?:(\d\d)-(\d\d)|(\d{3}))T(\d\d):(\d\d)(?::(\d\d(?:\.\d*)?))?Z?")
 _NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eEdD][+-]?\d+)?")
 HEADER_KEYS = ("CREATION_DATE", "ORIGINATOR", "CLASSIFICATION", "MESSAGE_ID", "COMMENT")
@@ -55,22 +55,31 @@ def number(text: str, where: str) -> float:
     return value
 
 
-def refuse_unknown_key(key: str, known: Sequence[str], where: str) -> None:
-    """Raise if a key does not belong to its block.
+def refuse_unknown_key(key: str, allowed: Sequence[str], where: str) -> None:
+    """Check that a key may occur in a block.
+
+    Parameters
+    ----------
+    key : str
+        Key to check.
+    allowed : sequence of str
+        Keys of the block.
+    where : str
+        File and line, for messages.
 
     Raises
     ------
     UserError
-        If it does not; the message suggests the nearest one.
+        If it may not; the message suggests the nearest allowed key.
     """
-    if key in known:
+    if key in allowed:
         return
-    if key.upper() in known:
+    if key.upper() in allowed:
         raise UserError(
             f"{where}: key {key} is not in capitals, in which CCSDS keys are: write {key.upper()}"
         )
-    near = near_names(key.upper(), known)
-    hint = f"did you mean {near[0]}?" if near else "remove it, or export the file again"
+    suggestions = near_names(key.upper(), allowed)
+    hint = f"did you mean {suggestions[0]}?" if suggestions else "remove it, or export the file again"
     raise UserError(f"{where}: unknown key {key[:40]!r}, {hint}")
 
 
@@ -142,9 +151,9 @@ class Segment:
         if not self.rows:
             raise UserError(f"{self.where}: a segment has no data lines: add some")
         times = _seconds_since(epoch, self.rows, system, self.where)
-        late = np.flatnonzero(np.diff(times) <= 0)
-        if len(late):
-            line, words = self.rows[late[0] + 1]
+        out_of_order = np.flatnonzero(np.diff(times) <= 0)
+        if len(out_of_order):
+            line, words = self.rows[out_of_order[0] + 1]
             raise UserError(
                 f"{self.where}, line {line}: {words[0]} is not later than the line before it: "
                 "sort the lines by time and remove doubles"
@@ -155,13 +164,15 @@ class Segment:
         """Return the first and last time that may be interpolated, from the metadata or else from the lines."""
         system = self.require_one_of("TIME_SYSTEM", TIME_SYSTEMS)
 
-        def limit(key: str, otherwise: float) -> float:
+        def read_limit(key: str, default: float) -> float:
             if key not in self.meta:
-                return otherwise
+                return default
             return read_time(self.meta[key], system, f"{self.where}: {key}").minus(epoch)
 
         first, last = float(times_s[0]), float(times_s[-1])
-        return max(limit("USEABLE_START_TIME", first), first), min(limit("USEABLE_STOP_TIME", last), last)
+        return max(read_limit("USEABLE_START_TIME", first), first), min(
+            read_limit("USEABLE_STOP_TIME", last), last
+        )
 
     def refuse_gap(self, times_s: FloatArray, k: int) -> None:
         """Raise if lines are missing between lines ``k - 1`` and ``k``.
@@ -171,7 +182,7 @@ class Segment:
         UserError
             If they are; the message states the line and the length of the gap.
         """
-        steps = np.diff(times_s[max(k - 1 - _AROUND, 0) : k + 1 + _AROUND])
+        steps = np.diff(times_s[max(k - 1 - _GAP_NEIGHBOURS, 0) : k + 1 + _GAP_NEIGHBOURS])
         step = float(times_s[k] - times_s[k - 1])
         if step > _GAP_FACTOR * float(np.median(steps)):
             raise UserError(
@@ -194,11 +205,11 @@ class Segment:
         """
         table = []
         for line, words in self.rows:
-            there = len(words) - 1
-            if there < count or (lengths and there not in lengths):
+            n_values = len(words) - 1
+            if n_values < count or (lengths and n_values not in lengths):
                 expected = " or ".join(str(n) for n in lengths or (count,))
                 raise UserError(
-                    f"{self.where}, line {line} has {there} values, {expected} finite ones are needed"
+                    f"{self.where}, line {line} has {n_values} values, {expected} finite ones are needed"
                 )
             table.append([number(word, f"{self.where}, line {line}") for word in words[1 : count + 1]])
         return np.array(table)
@@ -225,12 +236,12 @@ def read_segments(text: str, where: str, kind: str) -> list[Segment]:
     segments: list[Segment] = []
     block = "HEADER"
     for line_number, raw in enumerate(text.splitlines(), start=1):
-        line, here = raw.strip(), f"{where}, line {line_number}"
+        line, location = raw.strip(), f"{where}, line {line_number}"
         if not line or line.startswith("COMMENT"):
             continue
         if line == "META_START":
             if block == "META":
-                raise UserError(f"{here}: META_START stands in a metadata block: close that by META_STOP")
+                raise UserError(f"{location}: META_START stands in a metadata block: close that by META_STOP")
             segments.append(Segment(where))
             block = "META"
         elif line in {"COVARIANCE_START", "DATA_START"}:
@@ -240,17 +251,17 @@ def read_segments(text: str, where: str, kind: str) -> list[Segment]:
         elif block in {"HEADER", "META"}:
             key, equals, value = (part.strip() for part in line.partition("="))
             if not equals:
-                raise UserError(f"{here}: {line[:60]!r} is not of the form KEY = value")
+                raise UserError(f"{location}: {line[:60]!r} is not of the form KEY = value")
             if key == f"CCSDS_{kind}_VERS" and value not in VERSIONS:
-                raise UserError(f"{here}: {key} is {value[:20]}, allowed: {', '.join(VERSIONS)}")
+                raise UserError(f"{location}: {key} is {value[:20]}, allowed: {', '.join(VERSIONS)}")
             known_keys = META_KEYS[kind] if segments else (*HEADER_KEYS, f"CCSDS_{kind}_VERS")
-            refuse_unknown_key(key, known_keys, here)
+            refuse_unknown_key(key, known_keys, location)
             if segments:
-                segments[-1].set_once(key, value, here)
+                segments[-1].set_once(key, value, location)
         elif block != "COVARIANCE":
             if "=" in line:
                 raise UserError(
-                    f"{here}: {line[:60]!r} stands among the data: put it between META_START and META_STOP"
+                    f"{location}: {line[:60]!r} stands among the data: put it between META_START and META_STOP"
                 )
             segments[-1].rows.append((line_number, line.split()))
     if not segments:
@@ -303,14 +314,14 @@ def _two_part_tt(
     """Convert clock readings to two-part Julian dates of terrestrial time, each (n,)."""
     scale = "UTC" if system == "UTC" else "TT"
     y, month, d, h, minute, s = zip(*fields, strict=True)
-    one, two = without_year_warning(erfa.dtf2d, scale, y, month, d, h, minute, np.array(s))
+    jd1, jd2 = without_year_warning(erfa.dtf2d, scale, y, month, d, h, minute, np.array(s))
     if system == "UTC":
-        one, two = erfa.taitt(*without_year_warning(erfa.utctai, one, two))
+        jd1, jd2 = erfa.taitt(*without_year_warning(erfa.utctai, jd1, jd2))
     elif system == "TDB":
-        two = two - np.array([tdb_minus_tt_s(a, b) for a, b in zip(one, two, strict=True)]) / DAY_S
+        jd2 = jd2 - np.array([tdb_minus_tt_s(a, b) for a, b in zip(jd1, jd2, strict=True)]) / DAY_S
     else:
-        two = two + _TT_AHEAD_OF[system] / DAY_S
-    return one, two
+        jd2 = jd2 + _TT_MINUS_SYSTEM_S[system] / DAY_S
+    return jd1, jd2
 
 
 def _seconds_since(
@@ -318,16 +329,16 @@ def _seconds_since(
 ) -> FloatArray:
     """Return the times of data lines, (n,) [s]."""
     fields = [_calendar(words[0]) for _, words in rows]
-    sound = [f for f in fields if f and 1972 <= f[0] <= 2099 and f[3] < 24 and f[4] < 60 and f[5] < 61]
+    valid = [f for f in fields if f and 1972 <= f[0] <= 2099 and f[3] < 24 and f[4] < 60 and f[5] < 61]
     try:
-        if len(sound) < len(rows):
+        if len(valid) < len(rows):
             raise erfa.ErfaError("a field is outside its range")
-        one, two = _two_part_tt(sound, system)
+        jd1, jd2 = _two_part_tt(valid, system)
     except erfa.ErfaError:
-        # one by one, so that the message names the line
+        # read times one by one, so that the error message names the line
         instants = [read_time(words[0], system, f"{where}, line {line}") for line, words in rows]
-        one, two = np.array([i.tt1 for i in instants]), np.array([i.tt2 for i in instants])
-    return np.asarray(((one - epoch.tt1) + (two - epoch.tt2)) * DAY_S)
+        jd1, jd2 = np.array([i.tt1 for i in instants]), np.array([i.tt2 for i in instants])
+    return np.asarray(((jd1 - epoch.tt1) + (jd2 - epoch.tt2)) * DAY_S)
 
 
 def header(kind: str, version: str, created_utc: str) -> list[str]:

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from flyaround.simulator.world.time.instant import Instant
 
 FRAMES = ("GCRF", "ICRF", "EME2000", "J2000", "TOD", "TEME", "ITRF")
-"""Supported frames; ITRF with any year. TOD: true equator and equinox of date; TEME: mean equinox."""
+"""Supported frames. ITRF may have any year. TOD: true equator and equinox of date; TEME: true equator, mean equinox."""
 
 EARTH_RATE_RAD_S = 7.292115146706979e-5
 """Rate of the Earth rotation angle, IERS Conventions (2010), eq. 5.15, per second of UT1."""
@@ -28,19 +28,19 @@ _ITRF = re.compile(r"ITRF(-?\d{2,4})?")
 
 def known_frame(name: str) -> str | None:
     """Return the frame of ``FRAMES`` that a message names, or None."""
-    plain = name.upper()
-    if _ITRF.fullmatch(plain):
+    upper = name.upper()
+    if _ITRF.fullmatch(upper):
         return "ITRF"
-    return plain if plain in FRAMES else None
+    return upper if upper in FRAMES else None
 
 
 def require_frame(name: str, where: str) -> str:
-    """Return the frame of ``FRAMES`` that a message names; raise if it is unknown.
+    """Return the frame of ``FRAMES`` that a message names.
 
     Raises
     ------
     UserError
-        If it is.
+        If the frame is not supported.
     """
     frame = known_frame(name)
     if frame is None:
@@ -67,19 +67,22 @@ def R_gcrf_from(frame: str, instant: Instant) -> FloatArray:
 def state_in_gcrf(
     frame: str, instant: Instant, r_m: FloatArray, v_m_s: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Return position and velocity along GCRF axes, with the Earth's rotation added for ITRF."""
+    """Convert position and velocity from a frame of ``FRAMES`` to GCRF; see `motion_in_gcrf`."""
     return motion_in_gcrf(frame, instant, r_m, v_m_s, np.zeros(3))[:2]
 
 
 def motion_in_gcrf(
     frame: str, instant: Instant, r_m: FloatArray, v_m_s: FloatArray, a_m_s2: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return position, velocity and acceleration along GCRF axes, with the Earth's rotation added for ITRF."""
+    """Convert position, velocity and acceleration from a frame of ``FRAMES`` to GCRF.
+
+    For ITRF, velocity and acceleration include the Earth's rotation.
+    """
     R = R_gcrf_from(frame, instant)
     if frame == "ITRF":
         # the Earth rotates about the pole of date, up to half an arcsecond from the frame's z axis
         axis = celestial_and_polar(instant)[1] @ np.array([0.0, 0.0, EARTH_RATE_RAD_S])
-        carried = cross(axis, r_m)
-        a_m_s2 = a_m_s2 + 2 * cross(axis, v_m_s) + cross(axis, carried)
-        v_m_s = v_m_s + carried
+        rotation_velocity = cross(axis, r_m)
+        a_m_s2 = a_m_s2 + 2 * cross(axis, v_m_s) + cross(axis, rotation_velocity)
+        v_m_s = v_m_s + rotation_velocity
     return R @ r_m, R @ v_m_s, R @ a_m_s2

@@ -20,12 +20,12 @@ if TYPE_CHECKING:
 
 ROUNDING_S = 1e-6
 """Tolerance of times outside a span, for rounding [s]."""
-_METRES_FASTER = 100.0
-"""Multiple of the circular speed above which velocities are treated as metres per second."""
-_SHORT_RAD = 0.5
-"""Angle between two lines up to which the chord approximates the velocity [rad]."""
-_CHORD_SHARE = 0.02
-"""Deviation of velocities from the chord, over the circular speed, that a burn or rounding may explain."""
+_METRE_VELOCITY_RATIO = 100.0
+"""Ratio of velocity to circular speed above which velocities must be in metres, not kilometres, per second."""
+_MAX_CHORD_RAD = 0.5
+"""Largest angle along the orbit between two lines for comparing the chord with the velocity."""
+_CHORD_TOLERANCE = 0.02
+"""Largest difference between chord and velocity, over the circular speed, that a burn or rounding may explain."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -41,7 +41,7 @@ class Piece:
     frozen : Instant or None
         Time at which a frame of date is frozen, or None.
     times_s : (n,) array
-        Times of the lines.
+        Times of the lines since the ephemeris's epoch [s].
     states : (n, 6) array
         Position [m] and velocity [m s-1].
     method : str
@@ -93,9 +93,10 @@ class Piece:
         return value, slope, (j[2:] * j[1:-1] * powers[:-2]) @ coefficients[2:] / half**2
 
     def _coefficients(self, near: slice, middle_s: float, half_s: float) -> FloatArray:
-        """Return polynomial coefficients through some lines, in powers of the time from the middle of an interval.
+        """Return the coefficients of the polynomial through some lines.
 
-        High-order terms are small over the interval, so that the sum is accurate.
+        It is in powers of the time from the middle of an interval, over half its length, so that high-order terms are
+        small and the sum is accurate.
         """
         from scipy.interpolate import KroghInterpolator  # noqa: PLC0415 - slow to import
 
@@ -129,10 +130,10 @@ class Ephemeris:
 
     def __call__(self, t_s: float) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return position [m], velocity [m s-1] and acceleration [m s-2]; a segment applies from its first time on."""
-        started = [p for p in self.pieces if p.first_s <= t_s]
-        # the later of overlapping pieces; in gaps and outside, the nearest edge, because of rounding
+        earlier = [p for p in self.pieces if p.first_s <= t_s]
+        # the later of overlapping pieces; between and outside pieces, where only rounding leads, the nearest one
         piece = next(
-            (p for p in reversed(started) if t_s <= p.last_s), started[-1] if started else self.pieces[0]
+            (p for p in reversed(earlier) if t_s <= p.last_s), earlier[-1] if earlier else self.pieces[0]
         )
         return motion_in_gcrf(piece.frame, piece.frozen or self.epoch.plus(t_s), *piece(t_s))
 
@@ -163,8 +164,8 @@ class Ephemeris:
             raise UserError(f"{self.where} covers {spans}, not {span}: choose an epoch and a duration within")
         for piece in self.pieces:
             t = piece.times_s
-            inside = (t[1:] > ROUNDING_S) & (t[:-1] < max(duration_s - ROUNDING_S, -ROUNDING_S))
-            for k in np.flatnonzero(inside):
+            is_used = (t[1:] > ROUNDING_S) & (t[:-1] < max(duration_s - ROUNDING_S, -ROUNDING_S))
+            for k in np.flatnonzero(is_used):
                 piece.segment.refuse_gap(t, int(k) + 1)
 
     def refuse_impossible(self, body: Body) -> None:
@@ -181,8 +182,8 @@ class Ephemeris:
     @property
     def interpolation(self) -> str:
         """Name of the interpolation."""
-        ways = {_words(p) for p in self.pieces}
-        return " and ".join(sorted(ways))
+        names = {_interpolation_name(p) for p in self.pieces}
+        return " and ".join(sorted(names))
 
 
 def _refuse_impossible(piece: Piece, body: Body) -> None:
@@ -197,21 +198,23 @@ def _refuse_impossible(piece: Piece, body: Body) -> None:
         problem = body.distance_problem(distance)
         if problem:
             raise UserError(f"{segment.where}, line {line}: the position {problem}")
-    if float(np.median(np.linalg.norm(v, axis=1) / circular)) > _METRES_FASTER:
+    if float(np.median(np.linalg.norm(v, axis=1) / circular)) > _METRE_VELOCITY_RATIO:
         raise UserError(f"{start}: the velocities look like m/s, and CCSDS has km/s: divide them by 1000")
     steps = np.diff(piece.times_s)
-    off = np.linalg.norm(np.diff(r, axis=0) / steps[:, None] - (v[1:] + v[:-1]) / 2, axis=1)
+    error_m_s = np.linalg.norm(np.diff(r, axis=0) / steps[:, None] - (v[1:] + v[:-1]) / 2, axis=1)
     angle = steps * (circular / radii)[:-1]
-    wrong = np.flatnonzero((angle < _SHORT_RAD) & (off > circular[:-1] * (_CHORD_SHARE + angle**2)))
-    if len(wrong):
-        k = int(wrong[0])
+    is_wrong = np.flatnonzero(
+        (angle < _MAX_CHORD_RAD) & (error_m_s > circular[:-1] * (_CHORD_TOLERANCE + angle**2))
+    )
+    if len(is_wrong):
+        k = int(is_wrong[0])
         raise UserError(
-            f"{segment.where}, line {segment.rows[k + 1][0]}: the velocities are {off[k]:.4g} m/s from those that the "
-            "positions move with: look at their units, axes and frame"
+            f"{segment.where}, line {segment.rows[k + 1][0]}: the velocities are {error_m_s[k]:.4g} m/s from those "
+            "that the positions move with: look at their units, axes and frame"
         )
 
 
-def _words(piece: Piece) -> str:
+def _interpolation_name(piece: Piece) -> str:
     if piece.method == "LINEAR":
         return "linear"
     degree = 2 * piece.lines - 1 if piece.method == "HERMITE" else piece.lines - 1

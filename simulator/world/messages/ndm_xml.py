@@ -10,15 +10,15 @@ from flyaround.simulator.world.messages.state_message import COVARIANCE, KEYS
 
 KINDS = ("oem", "opm", "omm")
 MAX_BYTES = 50_000_000
-_MAX_DEEP = 16
-_MAX_TEXT = 10_000
+_MAX_DEPTH = 16
+_MAX_VALUE_LENGTH = 10_000
 _VECTOR = ("EPOCH", "X", "Y", "Z", "X_DOT", "Y_DOT", "Z_DOT", "X_DDOT", "Y_DDOT", "Z_DDOT")
-_STATE_WORDS = (7, 10)  # words of a state: epoch, position, velocity, perhaps acceleration
+_STATE_LENGTHS = (7, 10)  # values of a state: epoch, position, velocity, and optionally acceleration
 _UNITS = {"X": "km", "Y": "km", "Z": "km", "X_DOT": "km/s", "Y_DOT": "km/s", "Z_DOT": "km/s"}
 
 
 class _Reader:
-    """Parser callbacks: an element without children is a key and its value."""
+    """Callbacks of the XML parser; an element without children is a key with its value."""
 
     def __init__(self, where: str) -> None:
         self.where = where
@@ -36,11 +36,13 @@ class _Reader:
         self.parser.CharacterDataHandler = self._add_text
 
     @property
-    def _here(self) -> str:
+    def _location(self) -> str:
         return f"{self.where}, line {self.parser.CurrentLineNumber}"
 
     def _refuse_doctype(self, *_: object) -> None:
-        raise UserError(f"{self._here}: the XML declares a DTD, which no navigation message has: remove it")
+        raise UserError(
+            f"{self._location}: the XML declares a DTD, which no navigation message has: remove it"
+        )
 
     def _start(self, tag: str, attributes: dict[str, str]) -> None:
         name = tag.rpartition(":")[2]
@@ -51,16 +53,16 @@ class _Reader:
         if name in KINDS and len(self._path) < 2:
             if self.kind not in {"", name}:
                 raise UserError(
-                    f"{self._here}: messages of kinds {self.kind} and {name} in one file: split it"
+                    f"{self._location}: messages of kinds {self.kind} and {name} in one file: split it"
                 )
             self.kind, self._header = name, {}
         elif self._path == ["ndm"] and name not in {"COMMENT", "MESSAGE_ID"}:
             raise UserError(
-                f"{self._here}: <{name[:40]}> is not read, only {', '.join(KINDS)}: take it out of the file"
+                f"{self._location}: <{name[:40]}> is not read, only {', '.join(KINDS)}: take it out of the file"
             )
-        if len(self._path) >= _MAX_DEEP:
+        if len(self._path) >= _MAX_DEPTH:
             raise UserError(
-                f"{self._here}: elements nest more than {_MAX_DEEP} deep, which no such message does"
+                f"{self._location}: elements nest more than {_MAX_DEPTH} deep, which no such message does"
             )
         self._path.append(name)
         self._text, self._leaf = [], True
@@ -70,10 +72,10 @@ class _Reader:
             self._vector = {}
         unit, expected = attributes.get("units"), _UNITS.get(name)
         if unit is not None and expected is not None and unit.lower() != expected:
-            raise UserError(f"{self._here}: {name} is in {unit[:20]}, allowed: {expected}")
+            raise UserError(f"{self._location}: {name} is in {unit[:20]}, allowed: {expected}")
 
     def _add_text(self, text: str) -> None:
-        if self._leaf and sum(map(len, self._text)) < _MAX_TEXT:
+        if self._leaf and sum(map(len, self._text)) < _MAX_VALUE_LENGTH:
             self._text.append(text)
 
     def _end(self, _: str) -> None:
@@ -86,14 +88,14 @@ class _Reader:
 
     def _end_vector(self) -> None:
         words = [self._vector[key] for key in _VECTOR if key in self._vector]
-        if len(words) not in _STATE_WORDS or len(words) != len(self._vector):
-            there, needed = ", ".join(self._vector), ", ".join(_VECTOR[:7])
-            raise UserError(f"{self._here}: a stateVector has {there}, needed: {needed}")
+        if len(words) not in _STATE_LENGTHS or len(words) != len(self._vector):
+            available, needed = ", ".join(self._vector), ", ".join(_VECTOR[:7])
+            raise UserError(f"{self._location}: a stateVector has {available}, needed: {needed}")
         self.segments[-1].rows.append((self.parser.CurrentLineNumber, words))
 
     def _set(self, key: str, value: str) -> None:
         if "header" in self._path:
-            refuse_unknown_key(key, HEADER_KEYS, self._here)
+            refuse_unknown_key(key, HEADER_KEYS, self._location)
         elif (
             not self.segments
             or key.startswith("USER_DEFINED")
@@ -101,15 +103,15 @@ class _Reader:
         ):
             return
         elif "stateVector" in self._path and self.kind == "oem":
-            refuse_unknown_key(key, _VECTOR, self._here)
+            refuse_unknown_key(key, _VECTOR, self._location)
             self._vector[key] = value
         elif self._path[-1] == "maneuverParameters":
             if key == "MAN_EPOCH_IGNITION":
                 self.segments[-1].rows.append((self.parser.CurrentLineNumber, [value]))
         else:
             known_keys = META_KEYS["OEM"] if self.kind == "oem" else (*KEYS[self.kind.upper()], *COVARIANCE)
-            refuse_unknown_key(key, known_keys, self._here)
-            self.segments[-1].set_once(key, value, self._here)
+            refuse_unknown_key(key, known_keys, self._location)
+            self.segments[-1].set_once(key, value, self._location)
 
 
 def read_ndm(text: str, where: str) -> tuple[str, list[Segment]]:

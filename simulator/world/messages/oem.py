@@ -1,4 +1,4 @@
-"""CCSDS orbit ephemeris messages (OEM, 502.0-B): reads an ephemeris, writes a flight's."""
+"""Reader and writer of CCSDS orbit ephemeris messages (OEM, CCSDS 502.0-B)."""
 
 from __future__ import annotations
 
@@ -19,12 +19,11 @@ if TYPE_CHECKING:
 
     from flyaround.simulator.world.time.instant import Instant
 
-_DEFAULT_LINES = 8
-"""Lines of a Hermite polynomial if the message names no interpolation."""
-_MAX_LINES = 20  # lines that an interpolation may use
-_OF_DATE = ("TEME", "TOD")
-"""Frames that a message may freeze at its REF_FRAME_EPOCH."""
-_WITH_ACCELERATION = 9  # numbers of a state line with accelerations
+_DEFAULT_LINES = 8  # lines per Hermite polynomial if the message names no interpolation
+_MAX_LINES = 20  # largest number of lines per polynomial
+_FRAMES_OF_DATE = ("TEME", "TOD")
+"""Frames of date, which a message may freeze at its REF_FRAME_EPOCH."""
+_ACCELERATION_LINE_LENGTH = 9  # position, velocity and acceleration
 
 
 def read_oem(
@@ -51,20 +50,20 @@ def read_oem(
         If the file is not an OEM about that body in a known frame and time system, has an unknown key, or its lines are
         out of order.
     """
-    return ephemeris_of(read_segments(text, where, "OEM"), where, epoch, centre=centre, satellite=satellite)
+    return ephemeris_from(read_segments(text, where, "OEM"), where, epoch, centre=centre, satellite=satellite)
 
 
-def ephemeris_of(
+def ephemeris_from(
     segments: Sequence[Segment], where: str, epoch: Instant, *, centre: str, satellite: str | None
 ) -> Ephemeris:
-    """Return the ephemeris of a message's segments; parameters and errors are those of `read_oem`."""
+    """Build the ephemeris of a message's segments; parameters and errors as in `read_oem`."""
     selected = one_object(segments, where, satellite)
     pieces = sorted((_piece(s, epoch, centre) for s in selected), key=lambda p: p.first_s)
     return Ephemeris(where=where, epoch=epoch, pieces=pieces)
 
 
 def one_object(segments: Sequence[Segment], where: str, satellite: str | None) -> Sequence[Segment]:
-    """Return the segments of the only object, or of the one selected by name or identifier.
+    """Return the segments of the object that ``satellite`` selects by name or identifier, or of the only object.
 
     Raises
     ------
@@ -72,30 +71,32 @@ def one_object(segments: Sequence[Segment], where: str, satellite: str | None) -
         If there are several and none is selected, or the selected one is missing.
     """
     names = [(s.meta.get("OBJECT_NAME", ""), s.meta.get("OBJECT_ID", "")) for s in segments]
-    listed = ", ".join(dict.fromkeys(f"{name} ({number})" for name, number in names[:10]))
+    available = ", ".join(dict.fromkeys(f"{name} ({number})" for name, number in names[:10]))
     if satellite is not None:
-        wanted_name = satellite.strip().upper()
-        selected = [s for s, n in zip(segments, names, strict=True) if wanted_name in {x.upper() for x in n}]
+        requested_name = satellite.strip().upper()
+        selected = [
+            s for s, n in zip(segments, names, strict=True) if requested_name in {x.upper() for x in n}
+        ]
         if not selected:
-            raise UserError(f"{where} has no object {satellite!r}: it has {listed}")
-        segments, names = selected, [n for n in names if wanted_name in {x.upper() for x in n}]
+            raise UserError(f"{where} has no object {satellite!r}: it has {available}")
+        segments, names = selected, [n for n in names if requested_name in {x.upper() for x in n}]
     if len({number for _, number in names}) > 1:
-        raise UserError(f"{where} has several objects: choose one by key orbit.satellite, of {listed}")
+        raise UserError(f"{where} has several objects: choose one by key orbit.satellite, of {available}")
     return segments
 
 
-def _piece(segment: Segment, epoch: Instant, centre_wanted: str) -> Piece:
+def _piece(segment: Segment, epoch: Instant, required_centre: str) -> Piece:
     centre = segment.require("CENTER_NAME").upper()
-    if centre != centre_wanted:
-        other = f', or set orbit.centre to "{centre.lower()}"' if centre.lower() in body_names() else ""
-        raise UserError(f"{segment.where}: CENTER_NAME is {centre}, allowed: {centre_wanted}{other}")
+    if centre != required_centre:
+        hint = f', or set orbit.centre to "{centre.lower()}"' if centre.lower() in body_names() else ""
+        raise UserError(f"{segment.where}: CENTER_NAME is {centre}, allowed: {required_centre}{hint}")
     frame = require_frame(segment.require("REF_FRAME"), segment.where)
     system = segment.require("TIME_SYSTEM").upper()
     times = segment.times_s(epoch)
     frozen = None
-    if "REF_FRAME_EPOCH" in segment.meta and frame in _OF_DATE:
+    if "REF_FRAME_EPOCH" in segment.meta and frame in _FRAMES_OF_DATE:
         frozen = read_time(segment.meta["REF_FRAME_EPOCH"], system, segment.where)
-    states = segment.numbers(6, (6, _WITH_ACCELERATION)) * 1e3
+    states = segment.numbers(6, (6, _ACCELERATION_LINE_LENGTH)) * 1e3
     first, last = segment.usable_span_s(times, epoch)
     method, lines = _interpolation(segment)
     if len(times) == 1 and method != "HERMITE":
@@ -124,8 +125,8 @@ def _interpolation(segment: Segment) -> tuple[str, int]:
     degree = int(text) if text.isascii() and text.isdigit() and len(text) < 4 else 0
     lines = degree // 2 + 1 if method == "HERMITE" else degree + 1
     if not degree >= 1 or lines > _MAX_LINES:
-        most = 2 * _MAX_LINES - 1 if method == "HERMITE" else _MAX_LINES - 1
-        raise UserError(f"{segment.where}: INTERPOLATION_DEGREE is {text[:20]}, allowed: 1 to {most}")
+        max_degree = 2 * _MAX_LINES - 1 if method == "HERMITE" else _MAX_LINES - 1
+        raise UserError(f"{segment.where}: INTERPOLATION_DEGREE is {text[:20]}, allowed: 1 to {max_degree}")
     return method, max(lines, 2)
 
 

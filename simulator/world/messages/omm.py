@@ -1,4 +1,4 @@
-"""Orbit mean-elements messages (OMM, CCSDS 502.0-B): as key = value lines, XML, JSON and CSV, for SGP4."""
+"""Reader of orbit mean-elements messages (OMM, CCSDS 502.0-B) as JSON and CSV, and their conversion for SGP4."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from sgp4.api import WGS72, Satrec
 from flyaround.simulator.errors import UserError
 from flyaround.simulator.runtime.untrusted_files import refuse_deep
 from flyaround.simulator.world.messages.ccsds import HEADER_KEYS, Segment, read_time, refuse_unknown_key
-from flyaround.simulator.world.messages.state_message import KEYS, value_of
+from flyaround.simulator.world.messages.state_message import KEYS, read_value
 
 _CATALOGUE_KEYS = (
     *(
@@ -41,18 +41,18 @@ _CATALOGUE_KEYS = (
 )
 """Keys that web catalogues add to those of the standard."""
 _THEORIES = ("SGP4", "SGP/SGP4", "SGP")
-_FIXED = {
+_ALLOWED_VALUES = {
     "CENTER_NAME": ("EARTH",),
     "REF_FRAME": ("TEME",),
     "TIME_SYSTEM": ("UTC",),
     "MEAN_ELEMENT_THEORY": _THEORIES,
 }
-_MINUTES_A_DAY = 1440.0
+_MINUTES_PER_DAY = 1440.0
 MAX_CHARACTERS = 30_000_000
-"""Largest JSON or CSV text, which needs much more memory when parsed: twice the whole catalogue."""
+"""Largest JSON or CSV text, twice the size of the whole catalogue; parsed it needs much more memory."""
 _SGP4_EPOCH_JD = 2433281.5
 """Epoch of SGP4's day count, 31 December 1949."""
-_LARGEST_NUMBER = 339_999
+_MAX_CATALOGUE_NUMBER = 339_999
 """Largest catalogue number that SGP4's record can hold; it does not affect the motion."""
 
 
@@ -109,8 +109,8 @@ def _segment(row: dict[str, Any], where: str) -> Segment:
     return segment
 
 
-def satellite_of(segment: Segment) -> Satrec:
-    """Return the satellite of an OMM, ready for SGP4.
+def satellite_from_omm(segment: Segment) -> Satrec:
+    """Build SGP4's record from the mean elements of an OMM.
 
     Parameters
     ----------
@@ -122,7 +122,7 @@ def satellite_of(segment: Segment) -> Satrec:
     UserError
         If a key is missing, or the elements are for another theory, frame or body.
     """
-    for key, allowed in _FIXED.items():
+    for key, allowed in _ALLOWED_VALUES.items():
         if key in segment.meta:
             segment.require_one_of(key, allowed)
     if float(segment.meta.get("EPHEMERIS_TYPE", "0") or 0) not in {0.0, 2.0}:
@@ -140,7 +140,7 @@ def satellite_of(segment: Segment) -> Satrec:
         "RA_OF_ASC_NODE",
         "MEAN_MOTION",
     )
-    e, argp, i, anomaly, node, motion = (value_of(segment, key) for key in keys)
+    e, argp, i, anomaly, node, motion = (read_value(segment, key) for key in keys)
     if not (0 <= e < 1 and 0 < motion < 20):
         raise UserError(
             f"{segment.where}: ECCENTRICITY is {e:g} and MEAN_MOTION {motion:g} rev/day, allowed: 0 to 1 and 0 to 20"
@@ -151,13 +151,13 @@ def satellite_of(segment: Segment) -> Satrec:
     satellite.sgp4init(
         WGS72,
         "i",
-        catalogue if catalogue <= _LARGEST_NUMBER else 0,
+        catalogue if catalogue <= _MAX_CATALOGUE_NUMBER else 0,
         (utc1 - _SGP4_EPOCH_JD) + utc2,
-        value_of(segment, "BSTAR"),
+        read_value(segment, "BSTAR"),
         *(0.0, 0.0),  # derivatives of the mean motion, which SGP4 ignores
         e,
         *np.radians([argp, i, anomaly]).tolist(),
-        motion * 2 * np.pi / _MINUTES_A_DAY,
+        motion * 2 * np.pi / _MINUTES_PER_DAY,
         float(np.radians(node)),
     )
     return satellite

@@ -1,4 +1,4 @@
-"""CCSDS messages with one set of elements: orbit parameters (OPM) and mean elements (OMM) as key = value lines."""
+"""Reader of CCSDS messages with a single state as key = value lines: orbit parameters (OPM), mean elements (OMM)."""
 
 from __future__ import annotations
 
@@ -74,25 +74,25 @@ def read_fields(text: str, where: str, kind: str) -> Segment:
     """
     segment = Segment(where)
     for line_number, raw in enumerate(text.splitlines(), start=1):
-        line, here = raw.strip(), f"{where}, line {line_number}"
+        line, location = raw.strip(), f"{where}, line {line_number}"
         if not line or line.startswith("COMMENT"):
             continue
         key, equals, value = (part.strip() for part in line.partition("="))
         if not equals:
-            raise UserError(f"{here}: {line[:60]!r} is not of the form KEY = value")
+            raise UserError(f"{location}: {line[:60]!r} is not of the form KEY = value")
         if key.startswith("USER_DEFINED_"):
             continue
         known_keys = (*HEADER_KEYS, f"CCSDS_{kind}_VERS", *KEYS[kind], *COVARIANCE, *_MANOEUVRE)
-        refuse_unknown_key(key, known_keys, here)
+        refuse_unknown_key(key, known_keys, location)
         if key == "MAN_EPOCH_IGNITION":
             segment.rows.append((line_number, [value]))
         elif key not in _MANOEUVRE:
-            segment.set_once(key, value, here)
+            segment.set_once(key, value, location)
     return segment
 
 
-def value_of(segment: Segment, key: str) -> float:
-    """Return a number of a message, checking its unit, if stated.
+def read_value(segment: Segment, key: str) -> float:
+    """Read a number of a message, and check its unit if it is stated.
 
     Raises
     ------
@@ -116,6 +116,8 @@ class OrbitParameters:
     ----------
     frame : str
         Frame of the values.
+    centre : str
+        Central body, in capitals.
     epoch : Instant
         Time of the state.
     frozen : Instant
@@ -123,10 +125,10 @@ class OrbitParameters:
     state : tuple of array or None
         Position [m] and velocity [m s-1], or None if there are only elements.
     elements : tuple or None
-        SEMI_MAJOR_AXIS [m], ECCENTRICITY, INCLINATION, RA_OF_ASC_NODE, ARG_OF_PERICENTER, anomaly [rad], True if it is
-        the mean one, gravitational parameter [m3 s-2]; or None.
+        Elements (SEMI_MAJOR_AXIS [m], ECCENTRICITY, INCLINATION, RA_OF_ASC_NODE, ARG_OF_PERICENTER and anomaly [rad]),
+        True if the anomaly is the mean one, and the gravitational parameter [m3 s-2] or 0; None without elements.
     unused : tuple of str
-        Other contents of the message.
+        Contents of the message that are not used, for the user.
     """
 
     frame: str
@@ -155,20 +157,20 @@ def read_opm(segment: Segment) -> OrbitParameters:
         frozen = read_time(segment.meta["REF_FRAME_EPOCH"], system, f"{where}: REF_FRAME_EPOCH")
     state = elements = None
     if any(key in segment.meta for key in _AXES) or "SEMI_MAJOR_AXIS" not in segment.meta:
-        values = np.array([value_of(segment, key) for key in _AXES]) * 1e3
+        values = np.array([read_value(segment, key) for key in _AXES]) * 1e3
         state = (values[:3], values[3:])
     if "SEMI_MAJOR_AXIS" in segment.meta:
-        a_km, e, *angles = (value_of(segment, key) for key in _ELEMENTS)
+        a_km, e, *angles = (read_value(segment, key) for key in _ELEMENTS)
         if not (a_km > 0 and 0 <= e < 1):
             raise UserError(
                 f"{where}: SEMI_MAJOR_AXIS is {a_km:g} and ECCENTRICITY {e:g}, allowed: a closed orbit"
             )
-        mean = "MEAN_ANOMALY" in segment.meta
-        anomaly = value_of(segment, "MEAN_ANOMALY" if mean else "TRUE_ANOMALY")
+        is_mean = "MEAN_ANOMALY" in segment.meta
+        anomaly = read_value(segment, "MEAN_ANOMALY" if is_mean else "TRUE_ANOMALY")
         elements = (
             [a_km * 1e3, e, *np.radians([*angles, anomaly]).tolist()],
-            mean,
-            value_of(segment, "GM") * 1e9 if "GM" in segment.meta else 0.0,
+            is_mean,
+            read_value(segment, "GM") * 1e9 if "GM" in segment.meta else 0.0,
         )
     return OrbitParameters(
         frame=frame,
@@ -178,8 +180,8 @@ def read_opm(segment: Segment) -> OrbitParameters:
         state=state,
         elements=elements,
         unused=tuple(
-            what
-            for what, there in (
+            description
+            for description, is_present in (
                 ("manoeuvres (write them as [[burns]])", bool(segment.rows)),
                 ("a covariance", any(key in segment.meta for key in COVARIANCE)),
                 (
@@ -187,7 +189,7 @@ def read_opm(segment: Segment) -> OrbitParameters:
                     any(key in segment.meta for key in _CRAFT),
                 ),
             )
-            if there
+            if is_present
         ),
     )
 

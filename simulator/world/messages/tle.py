@@ -1,4 +1,4 @@
-"""Two-line elements: checked, propagated to the epoch by SGP4 and converted to GCRS."""
+"""Two-line elements: reading, checks, and propagation by SGP4 to a state in GCRS."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ if TYPE_CHECKING:
 
     from flyaround.simulator.runtime.arrays import FloatArray
 
-_FAR_DAYS = 30.0
-"""Age in days above which an element set is refused; SGP4 loses a kilometre or more a day."""
-_LINE = 69  # characters of a line
+_MAX_AGE_DAYS = 30.0
+"""Age above which an element set is refused, because SGP4's error grows by a kilometre or more per day."""
+_LINE_LENGTH = 69  # characters per line
 _DATA_LINE = re.compile(r"[12] [0-9A-Z ][0-9 ]{4}")
 
 
@@ -45,11 +45,11 @@ def state_from_tle(line1: str, line2: str, epoch: Instant) -> tuple[FloatArray, 
     return sgp4_state(satellite, epoch, "the two-line elements")
 
 
-def sgp4_state(satellite: Satrec, epoch: Instant, what: str) -> tuple[FloatArray, FloatArray]:
+def sgp4_state(satellite: Satrec, epoch: Instant, description: str) -> tuple[FloatArray, FloatArray]:
     """Return position [m] and velocity [m s-1] in GCRS at ``epoch``.
 
-    SGP4 works in the true equator and mean equinox of date (TEME), linked to GCRS by the Earth's rotation: Greenwich
-    mean sidereal time 1982 on one side, IAU 2006 on the other.
+    SGP4's frame is the true equator and mean equinox of date (TEME). It is rotated to GCRS by the difference between
+    Greenwich mean sidereal time (1982) and the Earth rotation angle, and by IAU 2006/2000A.
 
     Parameters
     ----------
@@ -57,7 +57,7 @@ def sgp4_state(satellite: Satrec, epoch: Instant, what: str) -> tuple[FloatArray
         Mean elements.
     epoch : Instant
         Time of the state, at most 30 days from the elements'.
-    what : str
+    description : str
         Their name in messages.
 
     Raises
@@ -72,20 +72,20 @@ def sgp4_state(satellite: Satrec, epoch: Instant, what: str) -> tuple[FloatArray
     utc1, utc2 = epoch.utc
     days = (utc1 - satellite.jdsatepoch) + (utc2 - satellite.jdsatepochF)
     # also NaN
-    if not abs(days) <= _FAR_DAYS:
+    if not abs(days) <= _MAX_AGE_DAYS:
         raise UserError(
-            f"{what} are {abs(days):.0f} days {'older' if days > 0 else 'newer'} than the epoch, "
-            f"allowed: at most {_FAR_DAYS:.0f}; take a fresher set or change epoch_utc"
+            f"{description} are {abs(days):.0f} days {'older' if days > 0 else 'newer'} than the epoch, "
+            f"allowed: at most {_MAX_AGE_DAYS:.0f}; take a fresher set or change epoch_utc"
         )
     error, r_km, v_km_s = satellite.sgp4(utc1, utc2)
     if error:
         raise UserError(
-            f"SGP4 cannot carry {what} to the epoch: {SGP4_ERRORS[error]}: take a set nearer to it"
+            f"SGP4 cannot carry {description} to the epoch: {SGP4_ERRORS[error]}: take a set nearer to it"
         )
     problem = EARTH.distance_problem(float(np.linalg.norm(r_km)) * 1e3)
     if problem or not np.isfinite(v_km_s).all():
         raise UserError(
-            f"SGP4 carries {what} over {abs(days):.1f} days to a place that "
+            f"SGP4 carries {description} over {abs(days):.1f} days to a place that "
             f"{problem or 'is no number'}: take a set nearer "
             "to the epoch"
         )
@@ -116,36 +116,36 @@ def read_element_sets(text: str, where: str) -> list[ElementSet]:
         If a line is malformed or unpaired.
     """
     sets: list[ElementSet] = []
-    name, first = "", ""
+    name, first_line = "", ""
     for line_number, raw in enumerate(text.splitlines(), start=1):
         line = raw.rstrip()
-        here = f"{where}, line {line_number}"
+        location = f"{where}, line {line_number}"
         if not line or line.startswith("#"):
             continue
         digit = line[0] if _DATA_LINE.match(line) else ""
-        if first and digit != "2":
-            raise UserError(f"{here}: line 2 of the two-line elements is missing: copy the set again")
-        if digit == "2" and not first:
+        if first_line and digit != "2":
+            raise UserError(f"{location}: line 2 of the two-line elements is missing: copy the set again")
+        if digit == "2" and not first_line:
             raise UserError(
-                f"{here}: line 1 of the two-line elements is missing before it: copy the set again"
+                f"{location}: line 1 of the two-line elements is missing before it: copy the set again"
             )
         if not digit:
             if name:
                 raise UserError(
-                    f"{here}: {name[:30]!r} has no two lines after it, is this a file of two-line elements?"
+                    f"{location}: {name[:30]!r} has no two lines after it, is this a file of two-line elements?"
                 )
             name = line.removeprefix("0 ").strip()
             continue
         try:
             check_line(line, int(digit))
         except UserError as error:
-            raise UserError(f"{here}: {error}") from error
+            raise UserError(f"{location}: {error}") from error
         if digit == "1":
-            first = line
+            first_line = line
             continue
-        sets.append(ElementSet(name, first, line))
-        name, first = "", ""
-    if first or not sets:
+        sets.append(ElementSet(name, first_line, line))
+        name, first_line = "", ""
+    if first_line or not sets:
         raise UserError(f"{where} has no two lines of elements: copy the set again")
     return sets
 
@@ -163,17 +163,17 @@ def choose_set(sets: Sequence[ElementSet], satellite: str | None, where: str) ->
     UserError
         If there are several and none is selected, or the selection is missing or ambiguous.
     """
-    listed = ", ".join(f"{s.name or 'without a name'} ({s.number})" for s in sets[:10])
-    listed += f" and {len(sets) - 10} more" if len(sets) > 10 else ""
+    available = ", ".join(f"{s.name or 'without a name'} ({s.number})" for s in sets[:10])
+    available += f" and {len(sets) - 10} more" if len(sets) > 10 else ""
     if satellite is not None:
         name = satellite.strip().upper()
         selected = [s for s in sets if name.lstrip("0") == s.number.upper() or name == s.name.upper()]
         if not selected:
-            raise UserError(f"{where} has no satellite {satellite!r}: it has {listed}")
+            raise UserError(f"{where} has no satellite {satellite!r}: it has {available}")
         sets = selected
     if len(sets) > 1:
         raise UserError(
-            f"{where} has {len(sets)} sets of elements: choose one by key orbit.satellite, or keep one, of {listed}"
+            f"{where} has {len(sets)} sets of elements: choose one by key orbit.satellite, or keep one, of {available}"
         )
     return sets[0]
 
@@ -188,16 +188,23 @@ def R_eci_from_teme(epoch: Instant) -> FloatArray:
 
 
 def check_line(line: str, number: int) -> None:
-    """Raise if a line's number, length or checksum is wrong.
+    """Check number, length and checksum of a line.
+
+    Parameters
+    ----------
+    line : str
+        Line 1 or 2 of two-line elements.
+    number : int
+        1 or 2.
 
     Raises
     ------
     UserError
-        If one is; the message says which.
+        If one of them is wrong.
     """
-    if len(line) != _LINE or not line.startswith(f"{number} ") or not line[-1].isdigit():
+    if len(line) != _LINE_LENGTH or not line.startswith(f"{number} ") or not line[-1].isdigit():
         raise UserError(
-            f"line {number} of the two-line elements is {line!r}, allowed: {_LINE} characters that start with "
+            f"line {number} of the two-line elements is {line!r}, allowed: {_LINE_LENGTH} characters that start with "
             f"{number} and end with a checksum"
         )
     checksum = sum(int(c) if c.isdigit() else c == "-" for c in line[:-1]) % 10

@@ -133,9 +133,9 @@ def test_a_wide_measured_kernel_is_drawn_as_it_is_also_where_it_is_lopsided():
 @pytest.mark.parametrize("sigma_px", [0.4, 1.0, 4.0])
 @pytest.mark.parametrize("least", [0, 1 << 30])
 def test_a_blur_of_some_rows_beside_the_others_is_that_of_all_at_once(shape, sigma_px, least, monkeypatch):
-    monkeypatch.setattr(psf, "_PIECE_VALUES", 1000)
-    monkeypatch.setattr(psf, "_ONE_THREAD_VALUES", 1000)
-    monkeypatch.setattr(psf, "_TWO_THREAD_VALUES", least)
+    monkeypatch.setattr(psf, "_THREAD_BLOCK_VALUES", 1000)
+    monkeypatch.setattr(psf, "_BLOCK_VALUES", 1000)
+    monkeypatch.setattr(psf, "_MIN_THREADED_VALUES", least)
     image = np.random.default_rng(2).random(shape, np.float32)
     taps = psf.gaussian_taps(sigma_px)
     whole = cv2.sepFilter2D(image, cv2.CV_32F, taps, taps * np.float32(0.3), borderType=cv2.BORDER_REPLICATE)

@@ -1,4 +1,4 @@
-"""The text of a camera file as a table: JSON, YAML, OpenCV's XML, ROS's INI, COLMAP's list."""
+"""Parsing of a camera file to a table of keys: JSON, YAML, OpenCV's XML, ROS's INI, COLMAP's list."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from flyaround.simulator.runtime.untrusted_files import decode_text, refuse_deep
 
 Syntax = Literal["json", "yaml", "xml", "ini", "colmap"]
 _LINK = re.compile(r"[_\- ]")
-LARGEST = 10**300
+MAX_NUMBER = 10**300
 _BINARY = (
     (b"v/1\x01", "an OpenEXR picture"),
     (b"\x89PNG", "a PNG picture"),
@@ -33,7 +33,7 @@ _BINARY = (
     (b"%PDF", "a PDF"),
 )
 _COLMAP_LINE = re.compile(r"\s*\d+\s+[A-Z][A-Z0-9_]+\s+\d+\s+\d+\s+[-+.\d]")
-# the lists that NumPy prints have no commas
+# lists as NumPy prints them, without commas
 _BARE_LIST = re.compile(rf"\[\s*+({NUMBER}(?:\s++{NUMBER})++)\s*+\]")
 _BARE_ROWS = re.compile(r"(?<=[\d.]\])\s*(?=\[)|(?<=[\d.] \])\s*(?=\[)")
 
@@ -88,12 +88,12 @@ def parse_document(content: bytes, where: str) -> Document:
     text = decode_text(content, where)
     if "\0" in text:
         raise UserError(f"{where} is not text: give a camera file, for example JSON or YAML")
-    document = _parsed(text, content, where)
+    document = _parse_text(text, content, where)
     _refuse_not_finite(document.table, where, "")
     return document
 
 
-def _parsed(text: str, content: bytes, where: str) -> Document:
+def _parse_text(text: str, content: bytes, where: str) -> Document:
     lines = [line for line in text.splitlines() if line.strip() and not line.lstrip().startswith("#")]
     if lines and all(_COLMAP_LINE.match(line) for line in lines):
         return Document({"cameras": [line.split() for line in lines]}, "colmap")
@@ -121,17 +121,17 @@ def _with_commas(match: re.Match[str]) -> str:
 
 
 def _parse_json(text: str, content: bytes, where: str) -> Any:  # noqa: ANN401 - any JSON value
-    def table(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-        table_: dict[str, Any] = {}
+    def unique_keys(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+        table: dict[str, Any] = {}
         for key, value in pairs:
-            if key in table_:
+            if key in table:
                 raise UserError(f"{where} has the key {key} twice in one table; delete one")
-            table_[key] = value
-        return table_
+            table[key] = value
+        return table
 
     refuse_deep(content, where)
     try:
-        return json.loads(text, object_pairs_hook=table)
+        return json.loads(text, object_pairs_hook=unique_keys)
     except (ValueError, RecursionError) as error:
         raise UserError(f"{where} is not JSON: {error}") from error
 
@@ -168,5 +168,5 @@ def _refuse_not_finite(value: Any, where: str, key: str) -> None:  # noqa: ANN40
             _refuse_not_finite(v, where, key)
     elif isinstance(value, float) and not math.isfinite(value):
         raise UserError(f"{where}: key {key} is {value}, a finite number is needed")
-    elif isinstance(value, int) and abs(value) > LARGEST:
+    elif isinstance(value, int) and abs(value) > MAX_NUMBER:
         raise UserError(f"{where}: key {key} has {len(str(value))} digits, a number up to 1e300 is needed")

@@ -59,8 +59,8 @@ def read_kalibr(document: Document, where: str) -> CameraFile:
     if not cameras:
         return _read_one(Keys(document.table, where, "EuRoC's sensor.yaml"), "", [])
     chain = Keys(document.table, where, "a Kalibr camchain")
-    for other in cameras:
-        chain.get(other)
+    for camera_name in cameras:
+        chain.get(camera_name)
     chain.done()
     name = next(iter(cameras))
     other_names = ", ".join(list(cameras)[1:])
@@ -120,12 +120,12 @@ def write_kalibr(camera: CameraFile, where: str) -> str:
 def is_basalt(document: Document) -> bool:
     """Return True for Basalt's calibration.json."""
     table = document.table.get("value0", document.table)
-    listed = table.get("intrinsics") if isinstance(table, dict) else None
+    cameras = table.get("intrinsics") if isinstance(table, dict) else None
     return (
-        isinstance(listed, list)
-        and bool(listed)
-        and isinstance(listed[0], dict)
-        and "camera_type" in listed[0]
+        isinstance(cameras, list)
+        and bool(cameras)
+        and isinstance(cameras[0], dict)
+        and "camera_type" in cameras[0]
     )
 
 
@@ -137,17 +137,17 @@ def read_basalt(document: Document, where: str) -> CameraFile:
     UserError
         If a key is unknown, or the lens is not supported.
     """
-    top = Keys(document.table, where, "a Basalt calibration")
-    rig = top.inner("value0") if top.find("value0") else top
-    listed, sizes = rig.get("intrinsics"), rig.get("resolution")
+    document_keys = Keys(document.table, where, "a Basalt calibration")
+    rig = document_keys.inner("value0") if document_keys.find("value0") else document_keys
+    cameras, sizes = rig.get("intrinsics"), rig.get("resolution")
     rig.ignore(_BASALT_RIG)
     rig.done()
-    if rig is not top:
-        top.done()
+    if rig is not document_keys:
+        document_keys.done()
     size = flat_numbers(sizes, f"{where}: key resolution") if sizes else []
     if len(size) < 2:
         raise rig.error("lacks the resolution [[width, height]] of its cameras; add it")
-    camera = Keys(listed[0], where, "a Basalt calibration", "intrinsics[0].")
+    camera = Keys(cameras[0], where, "a Basalt calibration", "intrinsics[0].")
     kind = str(camera.get("camera_type"))
     if kind not in _BASALT_MODELS:
         raise unsupported_model(f"{where}: key intrinsics[0].camera_type", kind, ", ".join(_BASALT_MODELS))
@@ -157,8 +157,10 @@ def read_basalt(document: Document, where: str) -> CameraFile:
     intrinsics = [lens.number(name) for name in ("fx", "fy", "cx", "cy")]
     coefficients = [lens.number(name) for name in names]
     lens.ignore("rpmax")
-    count = len(listed)
+    n_cameras = len(cameras)
     notes = (
-        [f"the first of {count} cameras was taken; keep one in the file to take another"] if count > 1 else []
+        [f"the first of {n_cameras} cameras was taken; keep one in the file to take another"]
+        if n_cameras > 1
+        else []
     )
     return camera_file(lens, size[:2], intrinsics, model, coefficients, notes=notes)

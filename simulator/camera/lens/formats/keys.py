@@ -1,4 +1,4 @@
-"""Strict reading of a camera file's table: every key must be read or explicitly ignored."""
+"""Strict reading of a camera file's table of keys: each key must be read, or ignored by name."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ if TYPE_CHECKING:
 
 Matrix = tuple[float, float, float, float]
 """fx, fy, cx, cy [px]."""
-_MATRIX_KEYS = {"rows", "cols", "dt", "data", "type_id", "sizes"}  # OpenCV's
+_MATRIX_KEYS = {"rows", "cols", "dt", "data", "type_id", "sizes"}  # keys of a matrix in OpenCV's FileStorage
 _NUMBER = re.compile(NUMBER)
-_SKEW_TOLERANCE = 1e-9  # skew relative to fx that is only rounding of a product of matrices
+_SKEW_TOLERANCE = 1e-9  # largest skew over fx that counts as rounding
 
 
 class Keys:
@@ -40,18 +40,20 @@ class Keys:
     def __init__(self, table: Any, where: str, form: str, path: str = "") -> None:  # noqa: ANN401 - any value
         self.where, self.form, self.path = where, form, path
         if not isinstance(table, dict):
-            raise UserError(f"{where}: key {path.rstrip('.')} is {_short(table)}, a table of keys is needed")
+            raise UserError(
+                f"{where}: key {path.rstrip('.')} is {_abbreviate(table)}, a table of keys is needed"
+            )
         self._names: dict[str, str] = {}
         for name in table:
-            plain = plain_name(name)
-            if plain in self._names:
+            key = plain_name(name)
+            if key in self._names:
                 raise UserError(
-                    f"{where} has the keys {self._names[plain]} and {name}, which say the same; delete one"
+                    f"{where} has the keys {self._names[key]} and {name}, which say the same; delete one"
                 )
-            self._names[plain] = name
+            self._names[key] = name
         self._table = table
         self._unread = dict.fromkeys(self._names)
-        self._asked: list[str] = []
+        self._requested: list[str] = []
 
     def find(self, *names: str) -> str:
         """Return the spelling, out of several, that the table uses; empty if it has none.
@@ -61,15 +63,15 @@ class Keys:
         UserError
             If it has two of them.
         """
-        self._asked.append(names[0])
-        there = [plain for plain in dict.fromkeys(map(plain_name, names)) if plain in self._names]
-        if len(there) > 1:
-            first, second = (self._names[plain] for plain in there[:2])
+        self._requested.append(names[0])
+        matches = [plain for plain in dict.fromkeys(map(plain_name, names)) if plain in self._names]
+        if len(matches) > 1:
+            first, second = (self._names[plain] for plain in matches[:2])
             raise UserError(f"{self.where} has the keys {first} and {second}, which say the same; delete one")
-        if not there:
+        if not matches:
             return ""
-        self._unread.pop(there[0], None)
-        return self._names[there[0]]
+        self._unread.pop(matches[0], None)
+        return self._names[matches[0]]
 
     def get(self, *names: str) -> Any:  # noqa: ANN401 - any value
         """Return the value under any of several spellings, or None."""
@@ -90,14 +92,14 @@ class Keys:
         if isinstance(value, bool) or not isinstance(value, int | float):
             if value is None:
                 raise self.error(f"lacks the key {names[0]}; add it")
-            raise UserError(f"{self._at(*names)} is {_short(value)}, a number is needed")
+            raise UserError(f"{self._location(*names)} is {_abbreviate(value)}, a number is needed")
         return float(value)
 
     def count(self, *names: str) -> int:
         """Return a whole number. Raises as `number` does."""
         value = self.number(*names)
         if value != int(value):
-            raise UserError(f"{self._at(*names)} is {value:g}, a whole number of pixels is needed")
+            raise UserError(f"{self._location(*names)} is {value:g}, a whole number of pixels is needed")
         return int(value)
 
     def numbers(self, *names: str) -> list[float] | None:
@@ -110,8 +112,10 @@ class Keys:
         """
         value = self.get(*names)
         if value is None and self.find(*names):
-            raise UserError(f"{self._at(*names)} is empty, numbers are needed; add them or delete the key")
-        return None if value is None else flat_numbers(value, self._at(*names))
+            raise UserError(
+                f"{self._location(*names)} is empty, numbers are needed; add them or delete the key"
+            )
+        return None if value is None else flat_numbers(value, self._location(*names))
 
     def matrix(self, *names: str) -> Matrix | None:
         """Return fx, fy, cx, cy of a 3 x 3 camera matrix, or of a table of them; None if it is missing.
@@ -127,8 +131,8 @@ class Keys:
             fx, fy, cx, cy = (inner.number(key) for key in ("fx", "fy", "cx", "cy"))
             inner.done()
             return fx, fy, cx, cy
-        m = self.numbers(*names)
-        return None if m is None else camera_matrix(m, self._at(*names))
+        values = self.numbers(*names)
+        return None if values is None else camera_matrix(values, self._location(*names))
 
     def inner(self, name: str) -> Keys:
         """Return the keys of a table within this one, which must exist."""
@@ -137,23 +141,25 @@ class Keys:
     def ignore(self, *names: str, prefixes: str = "") -> None:
         """Ignore keys that do not affect the lens: several in one text, or all that begin with one of ``prefixes``."""
         starts = tuple(map(plain_name, prefixes.split()))
-        plain = {plain_name(word) for name in names for word in name.split()}
+        ignored = {plain_name(word) for name in names for word in name.split()}
         self._unread = {
-            key: None for key in self._unread if key not in plain and not (starts and key.startswith(starts))
+            key: None
+            for key in self._unread
+            if key not in ignored and not (starts and key.startswith(starts))
         }
 
-    def allow(self, name: str, *values: Any, so: str = "", aliases: Iterable[str] = ()) -> None:  # noqa: ANN401
+    def allow(self, name: str, *values: Any, advice: str = "", aliases: Iterable[str] = ()) -> None:  # noqa: ANN401
         """Ignore a key that does not affect the lens if it has one of these values.
 
         Raises
         ------
         UserError
-            If it has another value; ``so`` is the advice.
+            If it has another value; ``advice`` says what to do.
         """
         value = self.get(name, *aliases)
         if value is not None and value not in values:
             raise UserError(
-                f"{self._at(name, *aliases)} is {_short(value)}, which is not drawn{so and '; '}{so}"
+                f"{self._location(name, *aliases)} is {_abbreviate(value)}, which is not drawn{advice and '; '}{advice}"
             )
 
     def done(self) -> None:
@@ -166,11 +172,11 @@ class Keys:
         """
         unread = [self._names[plain] for plain in self._unread]
         if unread:
-            near = near_names(unread[0], self._asked)
-            hint = f"did you mean {near[0]}? " if near else ""
-            more = f" (nor {', '.join(unread[1:4])})" if unread[1:] else ""
+            suggestions = near_names(unread[0], self._requested)
+            hint = f"did you mean {suggestions[0]}? " if suggestions else ""
+            others = f" (nor {', '.join(unread[1:4])})" if unread[1:] else ""
             raise UserError(
-                f"{self.where}: key {self.path}{unread[0]} is not known in a file of {self.form}{more}, so it could "
+                f"{self.where}: key {self.path}{unread[0]} is not known in a file of {self.form}{others}, so it could "
                 f"change the lens unseen: {hint}delete it"
             )
 
@@ -179,7 +185,7 @@ class Keys:
         table = f" key {self.path.rstrip('.')}" if self.path else ""
         return UserError(f"{self.where}{':' if table else ''}{table} {text}")
 
-    def _at(self, *names: str) -> str:
+    def _location(self, *names: str) -> str:
         return f"{self.where}: key {self.path}{self.find(*names) or names[0]}"
 
 
@@ -192,8 +198,8 @@ def flat_numbers(value: Any, where: str) -> list[float]:  # noqa: ANN401 - a val
         If there is anything but numbers.
     """
     if isinstance(value, dict):
-        odd = [key for key in value if key not in _MATRIX_KEYS]
-        if odd or "data" not in value:
+        unexpected = [key for key in value if key not in _MATRIX_KEYS]
+        if unexpected or "data" not in value:
             raise UserError(
                 f"{where} is a table with the keys {', '.join(map(str, value))[:80]}, a list of numbers is needed"
             )
@@ -213,11 +219,11 @@ def flat_numbers(value: Any, where: str) -> list[float]:  # noqa: ANN401 - a val
         return [float(value)]
     words = re.split(r"[\s,]+", value.strip()) if isinstance(value, str) else [""]
     if not all(_NUMBER.fullmatch(word) for word in words):
-        raise UserError(f"{where} holds {_short(value)}, numbers are needed")
+        raise UserError(f"{where} holds {_abbreviate(value)}, numbers are needed")
     return [float(word) for word in words]
 
 
-def camera_matrix(m: list[float], where: str) -> Matrix:
+def camera_matrix(elements: list[float], where: str) -> Matrix:
     """Return fx, fy, cx, cy of a 3 x 3 matrix in rows.
 
     Raises
@@ -225,25 +231,27 @@ def camera_matrix(m: list[float], where: str) -> Matrix:
     UserError
         If it is not a camera matrix, or has a skew.
     """
-    if len(m) != 9:
-        raise UserError(f"{where} has {len(m)} numbers, a 3 x 3 matrix is needed")
-    if not any(m[:8]):
+    if len(elements) != 9:
+        raise UserError(f"{where} has {len(elements)} numbers, a 3 x 3 matrix is needed")
+    if not any(elements[:8]):
         raise UserError(f"{where} is 0: the camera is not calibrated; calibrate it")
-    if abs(m[8] - 1) > _SKEW_TOLERANCE or any(abs(v) > 1e-12 for v in (m[3], m[6], m[7])):
+    if abs(elements[8] - 1) > _SKEW_TOLERANCE or any(
+        abs(v) > 1e-12 for v in (elements[3], elements[6], elements[7])
+    ):
         raise UserError(
             f"{where} is not a camera matrix in row order: its last row must be 0 0 1, and the one before 0 fy cy"
         )
-    if abs(m[1]) > _SKEW_TOLERANCE * abs(m[0]):
+    if abs(elements[1]) > _SKEW_TOLERANCE * abs(elements[0]):
         raise UserError(
-            f"{where} has a skew of {m[1]:g} px, which is not drawn; calibrate with the skew fixed at 0"
+            f"{where} has a skew of {elements[1]:g} px, which is not drawn; calibrate with the skew fixed at 0"
         )
-    return m[0], m[4], m[2], m[5]
+    return elements[0], elements[4], elements[2], elements[5]
 
 
 def _one_channel(matrix: dict[str, Any]) -> bool:
     return len(str(matrix.get("dt", "d"))) == 1
 
 
-def _short(value: Any) -> str:  # noqa: ANN401 - any value
+def _abbreviate(value: Any) -> str:  # noqa: ANN401 - any value
     text = repr(value)
     return text if len(text) <= 60 else text[:57] + "..."

@@ -1,4 +1,4 @@
-"""From the numbers of a foreign file to a camera: lens models, counts of coefficients, bounds."""
+"""Conversion of another program's numbers to a camera: lens models, numbers of coefficients, bounds."""
 
 from __future__ import annotations
 
@@ -41,19 +41,19 @@ def named_model(names: Iterable[tuple[str, object]], keys: Keys) -> DistortionMo
     """
     models: dict[DistortionModel, str] = {}
     for key, value in names:
-        plain = plain_name(value or "")
-        if plain in _NEUTRAL:
+        name = plain_name(value or "")
+        if name in _NEUTRAL:
             continue
-        if plain == "none":
+        if name == "none":
             models["none"] = key
-        elif plain in _BROWN.split():
+        elif name in _BROWN.split():
             models["brown_conrady"] = key
-        elif plain in _FISHEYE.split():
+        elif name in _FISHEYE.split():
             models["kannala_brandt"] = key
         else:
-            place = f"{keys.where}: key {keys.path}{key}"
+            location = f"{keys.where}: key {keys.path}{key}"
             raise unsupported_model(
-                place, value, "plumb_bob, rational_polynomial, radtan, equidistant, fisheye, none"
+                location, value, "plumb_bob, rational_polynomial, radtan, equidistant, fisheye, none"
             )
     if len(models) > 1:
         first, second = list(models.values())[:2]
@@ -63,20 +63,20 @@ def named_model(names: Iterable[tuple[str, object]], keys: Keys) -> DistortionMo
     return next(iter(models), None)
 
 
-def unsupported_model(place: str, value: object, read: str) -> UserError:
+def unsupported_model(location: str, value: object, supported: str) -> UserError:
     """Return the error for an unsupported lens model, with the alternative.
 
     Parameters
     ----------
-    place : str
+    location : str
         File and key.
     value : object
         Value of the key.
-    read : str
+    supported : str
         Names of the models that are read.
     """
     return UserError(
-        f"{place} is {str(value)[:60]!r}, a lens that is not drawn (read are {read}); {_RECALIBRATE}"
+        f"{location} is {str(value)[:60]!r}, a lens that is not drawn (read are {supported}); {_RECALIBRATE}"
     )
 
 
@@ -92,7 +92,7 @@ def camera_file(
     pixel_pitch_um: tuple[float, float] | None = None,
     encoding: object = None,
 ) -> CameraFile:
-    """Return the camera of a file whose keys have all been read or ignored by name.
+    """Build the camera of a file, once all of its keys are read or ignored by name.
 
     Parameters
     ----------
@@ -122,8 +122,8 @@ def camera_file(
             f"{where}: the camera matrix is singular: its focal lengths are {fx:g} and {fy:g} px, both must be above 0"
         )
     table = {
-        "width_px": whole(size[0], where),
-        "height_px": whole(size[1], where),
+        "width_px": whole_pixels(size[0], where),
+        "height_px": whole_pixels(size[1], where),
         "fx_px": fx,
         "fy_px": fy,
         "cx_px": cx,
@@ -173,13 +173,13 @@ def _distortion(
     return {"model": model, "coefficients": tuple(coefficients)}
 
 
-def whole(value: float, where: str) -> int:
-    """Return a size in pixels as a whole number.
+def whole_pixels(value: float, where: str) -> int:
+    """Return a size in pixels as an integer.
 
     Raises
     ------
     UserError
-        If it is not whole.
+        If it is not a whole number.
     """
     if value != int(value):
         raise UserError(

@@ -86,8 +86,8 @@ def read_ros(document: Document, where: str) -> CameraFile:
     """
     keys = Keys(document.table, where, "ROS camera_info")
     keys.ignore("header", "translation rotation" if document.syntax == "ini" else "")
-    keys.allow("binning_x", 0, 1, so=_CROPPED)
-    keys.allow("binning_y", 0, 1, so=_CROPPED)
+    keys.allow("binning_x", 0, 1, advice=_CROPPED)
+    keys.allow("binning_y", 0, 1, advice=_CROPPED)
     return _read(keys, _rectified_note(keys))
 
 
@@ -104,7 +104,7 @@ def _read(keys: Keys, notes: list[str]) -> CameraFile:
         models.append(("flags", "fisheye"))
     model = named_model(models, keys)
     coefficients = keys.numbers(*_COEFFICIENTS)
-    keys.allow("skew", 0, 0.0, so="calibrate with the skew fixed at 0")
+    keys.allow("skew", 0, 0.0, advice="calibrate with the skew fixed at 0")
     keys.ignore(_REPORT, prefixes=_REPORT_PREFIXES)
     if model is None:
         model = "brown_conrady" if coefficients else "none"
@@ -129,13 +129,13 @@ def _image_size(keys: Keys) -> list[float]:
 
 def _check_roi(keys: Keys, size: list[float]) -> None:
     if not isinstance(keys.get("roi"), dict):
-        keys.allow("roi", None, [], [0, 0, 0, 0], so=_CROPPED)
+        keys.allow("roi", None, [], [0, 0, 0, 0], advice=_CROPPED)
         return
     roi = keys.inner("roi")
-    roi.allow("x_offset", 0, so=_CROPPED)
-    roi.allow("y_offset", 0, so=_CROPPED)
-    roi.allow("width", 0, int(size[0]), so=_CROPPED)
-    roi.allow("height", 0, int(size[1]), so=_CROPPED)
+    roi.allow("x_offset", 0, advice=_CROPPED)
+    roi.allow("y_offset", 0, advice=_CROPPED)
+    roi.allow("width", 0, int(size[0]), advice=_CROPPED)
+    roi.allow("height", 0, int(size[1]), advice=_CROPPED)
     roi.ignore("do_rectify")
     roi.done()
 
@@ -144,7 +144,7 @@ def _rectified_note(keys: Keys) -> list[str]:
     """Return a note if R and P describe a rectified image; the raw image of K and D is used."""
     rotation = keys.numbers("rectification_matrix", "rectification", "R")
     projection = keys.numbers("projection_matrix", "projection", "P")
-    differs = False
+    is_rectified = False
     if rotation is not None and any(rotation):
         R = np.array(rotation)
         if (
@@ -153,17 +153,17 @@ def _rectified_note(keys: Keys) -> list[str]:
             or not np.allclose(R.reshape(3, 3) @ R.reshape(3, 3).T, np.eye(3), atol=1e-3)
         ):
             raise keys.error("has a rectification matrix that is no rotation; calibrate again or delete it")
-        differs |= not np.allclose(R.reshape(3, 3), np.eye(3), atol=1e-9)
+        is_rectified |= not np.allclose(R.reshape(3, 3), np.eye(3), atol=1e-9)
     if projection is not None and any(projection):
         if len(projection) != 12:
             raise keys.error(f"has a projection matrix of {len(projection)} numbers, 3 x 4 are needed")
         P = np.array(projection).reshape(3, 4)[:, :3]
         if (matrix := keys.matrix(*MATRIX)) is not None:
             fx, fy, cx, cy = matrix
-            differs |= not np.allclose(
+            is_rectified |= not np.allclose(
                 P, np.array([[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]]), rtol=1e-6, atol=1e-6
             )
-    if not differs:
+    if not is_rectified:
         return []
     return ["rectification and projection matrix belong to a rectified image; drawn is the raw one"]
 
@@ -176,7 +176,7 @@ def write_opencv(camera: CameraFile, where: str) -> str:  # noqa: ARG001 - a wri
         "%YAML:1.0\n---\n"
         f"image_width: {camera.width_px}\nimage_height: {camera.height_px}\n"
         f"fisheye_model: {int(fisheye)}\n"
-        + _opencv_matrix("camera_matrix", 3, 3, matrix_of(camera))
+        + _opencv_matrix("camera_matrix", 3, 3, flat_matrix(camera))
         + _opencv_matrix("distortion_coefficients", len(padded), 1, padded)
     )
 
@@ -197,7 +197,7 @@ def write_ros(camera: CameraFile, where: str) -> str:  # noqa: ARG001 - a writer
         else "plumb_bob"
     )
     padded = coefficients + [0.0] * (5 - len(coefficients) if name == "plumb_bob" else 0)
-    K = matrix_of(camera)
+    K = flat_matrix(camera)
     table: dict[str, Any] = {
         "image_width": camera.width_px,
         "image_height": camera.height_px,
@@ -211,6 +211,6 @@ def write_ros(camera: CameraFile, where: str) -> str:  # noqa: ARG001 - a writer
     return yaml_text(table)
 
 
-def matrix_of(camera: CameraFile) -> list[float]:
+def flat_matrix(camera: CameraFile) -> list[float]:
     """Return the camera matrix in rows."""
     return [camera.fx_px, 0.0, camera.cx_px, 0.0, camera.fy_px, camera.cy_px, 0.0, 0.0, 1.0]

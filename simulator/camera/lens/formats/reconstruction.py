@@ -103,15 +103,15 @@ def read_nerf(document: Document, where: str) -> CameraFile:
     UserError
         If a key is unknown, frames have different cameras, or the lens is not supported.
     """
-    top = Keys(document.table, where, "NeRF's transforms.json")
-    top.ignore(_NERF_SCENE, *_NERF_LENS)
-    top.done()
+    file_keys = Keys(document.table, where, "NeRF's transforms.json")
+    file_keys.ignore(_NERF_SCENE, *_NERF_LENS)
+    file_keys.done()
     keys = Keys(_common_lens(document.table, where), where, "NeRF's transforms.json")
     if not keys.find("w") or not keys.find("h"):
         raise keys.error("lacks w and h, the size of its images in pixels; add them")
     width, height = keys.count("w"), keys.count("h")
     for skew in ("sk_x", "sk_y"):
-        keys.allow(skew, 0, so="calibrate with the skew fixed at 0")
+        keys.allow(skew, 0, advice="calibrate with the skew fixed at 0")
     fx = _nerf_focal_px(keys, "fl_x", "camera_angle_x", width)
     fy = _nerf_focal_px(keys, "fl_y", "camera_angle_y", height)
     if fx is None:
@@ -134,11 +134,13 @@ def _common_lens(table: dict[str, Any], where: str) -> dict[str, Any]:
     for k, frame in enumerate(frames if isinstance(frames, list) else []):
         if not isinstance(frame, dict):
             raise UserError(f"{where}: key frames[{k}] is no table of keys")
-        odd = next((key for key in frame if key not in _NERF_FRAME.split() and key not in _NERF_LENS), None)
-        if odd is not None:
+        unexpected = next(
+            (key for key in frame if key not in _NERF_FRAME.split() and key not in _NERF_LENS), None
+        )
+        if unexpected is not None:
             raise UserError(
-                f"{where}: key frames[{k}].{odd} is not known in a file of NeRF's transforms.json, so it could change "
-                "the lens unseen: delete it"
+                f"{where}: key frames[{k}].{unexpected} is not known in a file of NeRF's transforms.json, so it could "
+                "change the lens unseen: delete it"
             )
         lenses.append(common | {key: frame[key] for key in _NERF_LENS if key in frame})
     if any(lens != lenses[0] for lens in lenses[1:]):
@@ -176,17 +178,17 @@ def _nerf_lens(keys: Keys) -> tuple[DistortionModel, list[float] | None]:
         raise UserError(
             f"{keys.where}: keys camera_model and is_fisheye name different lenses; delete the wrong one"
         )
-    there = [name for name in ("k1", "k2", "k3", "k4", "p1", "p2") if keys.find(name)]
+    coefficient_names = [name for name in ("k1", "k2", "k3", "k4", "p1", "p2") if keys.find(name)]
     k1, k2, k3, k4, p1, p2 = (keys.number(name, default=0.0) for name in ("k1", "k2", "k3", "k4", "p1", "p2"))
     if fisheye:
         if p1 or p2:
             raise UserError(f"{keys.where}: keys p1 and p2 are no terms of a fish-eye; delete them")
-        return "kannala_brandt", [k1, k2, k3, k4] if there else None
+        return "kannala_brandt", [k1, k2, k3, k4] if coefficient_names else None
     if k4:
         raise UserError(
             f"{keys.where}: key k4 is {k4:g}, a term of the eighth power, which is not drawn; calibrate without"
         )
-    if not there:
+    if not coefficient_names:
         return "brown_conrady" if model_name == "OPENCV" else "none", None
     return "none" if "PINHOLE" in model_name else "brown_conrady", [k1, k2, p1, p2, k3]
 
@@ -213,10 +215,10 @@ def read_bop(document: Document, where: str) -> CameraFile:
         matrices = [
             camera_matrix(flat_numbers(v["cam_K"], where), f"{where}: cam_K") for v in document.table.values()
         ]
-        one = "of one camera" if len(set(matrices)) == 1 else "of cameras that differ"
+        description = "of one camera" if len(set(matrices)) == 1 else "of cameras that differ"
         raise UserError(
-            f"{where} is BOP's scene_camera.json {one}, without an image size: give the data set's camera.json, or "
-            "write one: width, height, fx, fy, cx, cy"
+            f"{where} is BOP's scene_camera.json {description}, without an image size: give the data set's "
+            "camera.json, or write one: width, height, fx, fy, cx, cy"
         )
     keys = Keys(document.table, where, "BOP's camera.json")
     size = (keys.count("width"), keys.count("height"))

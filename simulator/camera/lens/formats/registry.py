@@ -1,6 +1,7 @@
 """Registry of camera file formats: how each is recognised, read and written.
 
-A new format takes a module with three functions and an entry in `CAMERA_FORMATS`.
+To add a format, write a module with functions that recognise, read and optionally write it, and add an entry to
+`CAMERA_FORMATS`.
 """
 
 from __future__ import annotations
@@ -119,8 +120,8 @@ def camera_text(camera: CameraFile, form: str, where: str) -> str:
     """
     writers = {entry.name: entry.write for entry in CAMERA_FORMATS if entry.write is not None}
     if form not in writers:
-        near = near_names(form, WRITABLE_FORMATS)
-        hint = f"did you mean {near[0]}? " if near else ""
+        suggestions = near_names(form, WRITABLE_FORMATS)
+        hint = f"did you mean {suggestions[0]}? " if suggestions else ""
         raise UserError(
             f"there is no camera format {form!r} to write: {hint}choose one of {', '.join(WRITABLE_FORMATS)}"
         )

@@ -61,8 +61,8 @@ def read_orb(document: Document, where: str) -> CameraFile:
         table |= {f"{section}.{key}": v for key, v in value.items()} if nested else {section: value}
     keys = Keys(table, where, "ORB-SLAM or stella_vslam settings")
     kind = str(keys.get("Camera.type", "Camera.model") or "pinhole")
-    plain = kind.lower()
-    if plain not in (*_PINHOLES, *_FISHEYES, "rectified"):
+    lens_type = kind.lower()
+    if lens_type not in (*_PINHOLES, *_FISHEYES, "rectified"):
         raise unsupported_model(
             f"{where}: key Camera.type", kind, "PinHole, KannalaBrandt8, Rectified, perspective, fisheye"
         )
@@ -75,7 +75,7 @@ def read_orb(document: Document, where: str) -> CameraFile:
     scales = [keys.get(f"Camera.{key}") for key in ("newWidth", "newHeight", "imageScale")]
     if any(value not in (None, 1) for value in scales):
         notes.append("this is the camera before the program scales its images")
-    model, coefficients = _orb_lens(keys, plain)
+    model, coefficients = _orb_lens(keys, lens_type)
     keys.ignore(_ORB_CAMERA, prefixes=_ORB_OTHERS)
     if any(str(name).startswith("LEFT.") for name in table):
         notes.append("drawn are the images that the program rectified (Camera.*), not those of LEFT.K")
@@ -93,11 +93,13 @@ def _spelled(name: str) -> tuple[str, str]:
 def _orb_lens(keys: Keys, kind: str) -> tuple[DistortionModel, list[float] | None]:
     """Return model and coefficients; a pinhole without coefficients has no distortion."""
     names = ("k1", "k2", "k3", "k4") if kind in _FISHEYES else ("k1", "k2", "p1", "p2")
-    there = [name for name in names if keys.find(*_spelled(name))]
+    coefficient_names = [name for name in names if keys.find(*_spelled(name))]
     if kind in _FISHEYES:
-        return "kannala_brandt", [keys.number(*_spelled(name)) for name in names] if there else None
+        return "kannala_brandt", [
+            keys.number(*_spelled(name)) for name in names
+        ] if coefficient_names else None
     k3 = keys.find(*_spelled("k3"))
-    if not there and not k3:
+    if not coefficient_names and not k3:
         return "none", None
     coefficients = [keys.number(*_spelled(name)) for name in names]
     if k3:

@@ -13,7 +13,7 @@ from msgspec import UNSET
 
 from flyaround.simulator.camera.lens.formats.keys import Keys, Matrix
 from flyaround.simulator.camera.lens.formats.lens import camera_file
-from flyaround.simulator.camera.lens.formats.opencv import matrix_of
+from flyaround.simulator.camera.lens.formats.opencv import flat_matrix
 from flyaround.simulator.errors import UserError
 
 if TYPE_CHECKING:
@@ -47,8 +47,8 @@ def read_speed(document: Document, where: str) -> CameraFile:
     notes = [] if matrix is None else _disagreement(keys, matrix, by_length)
     pitch = None
     if keys.find("ppx") and keys.find("ppy"):
-        across, down = (round(keys.number(name) * 1e6, 6) for name in ("ppx", "ppy"))
-        pitch = (across, down)
+        pitch_x_um, pitch_y_um = (round(keys.number(name) * 1e6, 6) for name in ("ppx", "ppy"))
+        pitch = (pitch_x_um, pitch_y_um)
     coefficients, encoding = keys.numbers("distCoeffs"), keys.get("encoding")
     keys.ignore(
         "fx_px",
@@ -91,15 +91,17 @@ def _disagreement(keys: Keys, matrix: Matrix, by_length: Matrix | None) -> list[
     """Return a note if other keys contradict the matrix, which the data sets' own programs use."""
     values = [
         *(by_length or matrix)[:2],
-        *(keys.number(name, default=there) for name, there in zip(("ccx", "ccy"), matrix[2:], strict=True)),
+        *(keys.number(name, default=value) for name, value in zip(("ccx", "ccy"), matrix[2:], strict=True)),
     ]
-    in_px = [
-        keys.number(name, default=there) for name, there in zip(("fx_px", "fy_px"), matrix[:2], strict=True)
+    focal_px = [
+        keys.number(name, default=value) for name, value in zip(("fx_px", "fy_px"), matrix[:2], strict=True)
     ]
-    alike = np.allclose(matrix[2:], values[2:], rtol=0, atol=_CENTRE_PX)
-    if alike and all(np.allclose(matrix[:2], focal, rtol=_LENGTH_TOLERANCE) for focal in (values[:2], in_px)):
+    is_consistent = np.allclose(matrix[2:], values[2:], rtol=0, atol=_CENTRE_PX)
+    if is_consistent and all(
+        np.allclose(matrix[:2], focal, rtol=_LENGTH_TOLERANCE) for focal in (values[:2], focal_px)
+    ):
         return []
-    focal = in_px if values[:2] == list(matrix[:2]) else values[:2]
+    focal = focal_px if values[:2] == list(matrix[:2]) else values[:2]
     return [
         (
             f"cameraMatrix was taken, with fx, fy, cx, cy {', '.join(f'{v:g}' for v in matrix)} px; the other keys say "
@@ -118,15 +120,15 @@ def write_speed(camera: CameraFile, where: str) -> str:
     """
     if camera.distortion.model == "kannala_brandt":
         raise UserError(f"{where}: SPEED's camera file has no fisheye lens; write opencv, ros or kalibr")
-    K = matrix_of(camera)
-    across, down = (p * 1e-6 for p in camera.pixel_pitch_um or (_PITCH_UM, _PITCH_UM))
+    K = flat_matrix(camera)
+    pitch_x_m, pitch_y_m = (p * 1e-6 for p in camera.pixel_pitch_um or (_PITCH_UM, _PITCH_UM))
     table = {
         "Nu": camera.width_px,
         "Nv": camera.height_px,
-        "ppx": across,
-        "ppy": down,
-        "fx": camera.fx_px * across,
-        "fy": camera.fy_px * down,
+        "ppx": pitch_x_m,
+        "ppy": pitch_y_m,
+        "fx": camera.fx_px * pitch_x_m,
+        "fy": camera.fy_px * pitch_y_m,
         "ccx": camera.cx_px,
         "ccy": camera.cy_px,
         "cameraMatrix": [K[:3], K[3:6], K[6:]],

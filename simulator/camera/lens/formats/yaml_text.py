@@ -59,15 +59,15 @@ def parse_yaml(text: str, where: str) -> tuple[Any, bool]:
                     break
         next(events)  # the end of the document
         # a separator at the end of the file begins an empty document
-        several = (
+        has_more = (
             isinstance(next(events), yaml.DocumentStartEvent) and getattr(next(events), "value", None) != ""
         )
     except StopIteration:
-        several = False
+        has_more = False
     except (yaml.YAMLError, ValueError, OverflowError, RecursionError) as error:
-        place = " ".join(str(error).split())
-        raise UserError(f"{where} is not JSON and not YAML: {place}; give a camera file") from error
-    return document, several
+        location = " ".join(str(error).split())
+        raise UserError(f"{where} is not JSON and not YAML: {location}; give a camera file") from error
+    return document, has_more
 
 
 class _Composer:
