@@ -174,6 +174,8 @@ def run(request: Request) -> dict[str, Any]:
                 console.log.write_to(request.log, script_header(console))
             state = ConsoleLoop(window, console, request).run()
         finally:
+            # ending jobs takes seconds
+            window.hide()
             # keep the recording also if the flight ends with an error
             console.close()
             replay = recorder.close()

@@ -158,6 +158,9 @@ class Surface(ABC):
         """Return the files dropped on the window since the last call."""
         return []
 
+    def hide(self) -> None:  # noqa: B027 - nothing to do where there is no screen
+        """Take the window off the screen."""
+
     def toggle_full_screen(self) -> None:  # noqa: B027 - nothing to do where there is no monitor
         """Fill the whole monitor, or return to the window."""
 

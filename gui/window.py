@@ -131,6 +131,10 @@ class Window(Surface):
         width, height = self._glfw.get_framebuffer_size(self._native)
         return int(width), int(height)
 
+    def hide(self) -> None:
+        """Take the window off the screen."""
+        self._glfw.hide_window(self._native)
+
     def stay_open(self) -> None:
         """Take back the operator's request to close it."""
         self._glfw.set_window_should_close(self._native, False)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -92,7 +91,6 @@ class Keeping:
     session: FlightSession
     files: FlownFiles
     then: Callable[[Console, str], None]
-    _reported_s: float = 0.0
 
     def __call__(self) -> bool:
         """Write a portion; return False at the end."""
@@ -104,9 +102,6 @@ class Keeping:
                 self.console.unsaved.append(self.session)
             return False
         if replay is None:
-            if time.monotonic() - self._reported_s > 1.0:
-                self._reported_s = time.monotonic()
-                self.console.say(f"keeping the flight: {100 * self.files.share:.0f} %")
             return True
         self.then(self.console, str(replay))
         return False

@@ -13,6 +13,7 @@ from flyaround.gui.picture.screen import screen_picture
 if TYPE_CHECKING:
     from collections.abc import Callable
 
+    from flyaround.gui.commands.timeline import Keeping
     from flyaround.gui.jobs.mesh_import import MeshImport
     from flyaround.gui.picture.feed import Picture
     from flyaround.gui.picture.video import Film
@@ -38,7 +39,7 @@ class Jobs:
     capture: CaptureJob = field(default_factory=CaptureJob)
     film: Film | None = None
     mesh: MeshImport | None = None
-    keeping: list[Callable[[], bool]] = field(default_factory=list)
+    keeping: list[Keeping] = field(default_factory=list)
     """Flights being written; each call writes a portion and returns False at the end."""
     _filmed: Picture | None = None
 
@@ -141,6 +142,5 @@ def running_jobs(jobs: Jobs) -> list[RunningJob]:
         rows.append(RunningJob(text, None, "hil.stop"))
     if jobs.mesh is not None:
         rows.append(RunningJob(f"importing {jobs.mesh.name}"))
-    if jobs.keeping:
-        rows.append(RunningJob("writing the flight"))
+    rows += [RunningJob("writing the flight", keep.files.share) for keep in jobs.keeping[:1]]
     return rows

@@ -62,10 +62,11 @@ class BoardLinkPanel(Panel):
             w.button(console, "hil.board-stop", width=w.width)
         else:
             w.button(console, "hil.board", self._method, width=w.width)
-        w.section("Answers")
-        self._answers(hil)
+        # above the answers, whose growth must not move it
         w.section("Faults on purpose")
         self._faults(console)
+        w.section("Answers")
+        self._answers(hil)
 
     def _answers(self, hil: HilSession) -> None:
         w = self._w
