@@ -35,7 +35,7 @@ KEPT_LINES = 100_000
 
 @dataclass(frozen=True)
 class Line:
-    """One line: when, and what.
+    """A command of a script with its time.
 
     Parameters
     ----------

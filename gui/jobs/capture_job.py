@@ -254,7 +254,7 @@ def _outcome(program: ChildProgram, request: CaptureRequest, done: int) -> str:
     again = f"flyaround {' '.join(request.arguments)}{'' if request.resume else ' --resume'} goes on"
     if program.stopped:
         return f"the capture was stopped after {done} of {request.frames} frames; {again}"
-    why = program.last_words() or f"exit code {program.exit_code}"
+    why = program.last_error_line() or f"exit code {program.exit_code}"
     return f"the capture failed after {done} frames: {why}"
 
 

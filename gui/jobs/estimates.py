@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from flyaround.gui.jobs.estimator_process import EstimateRequest, EstimatesByProcess, estimate_picture
+from flyaround.gui.jobs.estimator_process import EstimateRequest, EstimatorCache, estimate_picture
 from flyaround.hil.board.method_names import HYBRID
 from flyaround.hil.evaluate.pose_errors import frame_errors
 from flyaround.simulator.errors import UserError
@@ -87,7 +87,7 @@ class Estimates:
     def __init__(
         self,
         *,
-        open_resource: Callable[[], AbstractContextManager[Any]] = EstimatesByProcess,
+        open_resource: Callable[[], AbstractContextManager[Any]] = EstimatorCache,
         work: Callable[..., Answer] = estimate_picture,
         limit_s: float = LIMIT_S,
         clock: Callable[[], float] = time.monotonic,

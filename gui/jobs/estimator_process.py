@@ -74,13 +74,13 @@ class Answer:
     stages: dict[str, ByteArray] = field(default_factory=dict)
 
 
-class EstimatesByProcess:
+class EstimatorCache:
     """Cache of estimators, each created when its method, camera and craft are first requested."""
 
     info = "ready"
 
     def __init__(self) -> None:
-        self._made: dict[tuple[str, Camera, TargetRef], Any] = {}
+        self._estimators: dict[tuple[str, Camera, TargetRef], Any] = {}
 
     def __enter__(self) -> Self:
         with contextlib.suppress(OSError):
@@ -88,7 +88,7 @@ class EstimatesByProcess:
         return self
 
     def __exit__(self, *_: object) -> None:
-        self._made.clear()
+        self._estimators.clear()
 
     def estimator(self, request: EstimateRequest) -> Any:  # noqa: ANN401 - any of them
         """Return the estimator of a request.
@@ -103,7 +103,7 @@ class EstimatesByProcess:
         from flyaround.hil.evaluate.method_choice import MethodChoice, board_model  # noqa: PLC0415
 
         key = (request.method, request.camera, request.target)
-        if key not in self._made:
+        if key not in self._estimators:
             try:
                 check_any_method(request.method)
                 estimator = any_estimator(
@@ -113,19 +113,19 @@ class EstimatesByProcess:
                 )
             except BoardModelError as error:
                 raise UserError(f"the estimator cannot be made: {error}") from error
-            while len(self._made) >= KEPT_ESTIMATORS:
-                self._made.pop(next(iter(self._made)))
-            self._made[key] = estimator
-        return self._made[key]
+            while len(self._estimators) >= KEPT_ESTIMATORS:
+                self._estimators.pop(next(iter(self._estimators)))
+            self._estimators[key] = estimator
+        return self._estimators[key]
 
 
-def estimate_picture(held: EstimatesByProcess, request: EstimateRequest) -> Answer:
+def estimate_picture(cache: EstimatorCache, request: EstimateRequest) -> Answer:
     """Estimate the pose in a picture, in the estimator's process."""
     from flyaround.hil.board.hybrid.debug.stage_pictures import stage_pictures  # noqa: PLC0415 - what only this process needs
     from flyaround.hil.evaluate.estimate import checked_picture  # noqa: PLC0415
 
     start = time.perf_counter()
-    estimator = held.estimator(request)
+    estimator = cache.estimator(request)
     making_ms = 1e3 * (time.perf_counter() - start)
     image = checked_picture(request.image, request.camera, "the picture")
     trace: dict[str, Any] | None = {"every_stage": True} if request.stages else None

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from flyaround.gui.jobs.hil_stream import Event, SceneWanted, SessionNote, stream
+from flyaround.gui.jobs.hil_stream import Event, SceneRequest, SessionNote, stream
 from flyaround.gui.jobs.program import ChildProgram
 from flyaround.hil.host.frame_record import FrameRecord
 from flyaround.hil.host.ledger.summary import LedgerSummary
@@ -208,7 +208,7 @@ class HilSession:
 
     def _handle(self, event: Event, notes: list[SessionNote]) -> None:
         match event:
-            case SceneWanted():
+            case SceneRequest():
                 self._scene_due = True
             case FrameRecord():
                 self._add(event)
@@ -269,7 +269,7 @@ class HilSession:
         board = self._board
         if board is None or board.running:
             return []
-        words, code, was_stopped = board.last_words(), board.exit_code, board.stopped
+        words, code, was_stopped = board.last_error_line(), board.exit_code, board.stopped
         board.close()
         self._board = None
         return [

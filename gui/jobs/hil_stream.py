@@ -37,7 +37,7 @@ CAMERA_FAULTS: tuple[type, ...] = get_args(CameraFault)
 
 
 @dataclass(frozen=True)
-class SceneWanted:
+class SceneRequest:
     """Request for the newest scene of the flight."""
 
 
@@ -49,7 +49,7 @@ class SessionNote:
     warning: bool = False
 
 
-Event = SceneWanted | Listening | SessionNote | FrameRecord | LedgerSummary | Failed
+Event = SceneRequest | Listening | SessionNote | FrameRecord | LedgerSummary | Failed
 """Messages from the process; those of the host's modules are sent unchanged."""
 
 
@@ -60,7 +60,7 @@ def stream(pipe: Connection, config: RunConfig, device_index: int | None) -> Non
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     logging.getLogger("flyaround.hil.host").addHandler(_ToConsole(pipe))
     logging.getLogger("flyaround.hil.host").setLevel(logging.INFO)
-    newest = _Newest(pipe)
+    newest = _NewestScene(pipe)
     config = replace(config, new_line_faults=newest.take_line_faults)
     ends: list[LedgerSummary | Failed] = []
     try:
@@ -82,7 +82,7 @@ def stream(pipe: Connection, config: RunConfig, device_index: int | None) -> Non
             pipe.send(end)
 
 
-class _Newest:
+class _NewestScene:
     """The newest scene as frames, with the faults that arrived meanwhile."""
 
     def __init__(self, pipe: Connection) -> None:
@@ -103,7 +103,7 @@ class _Newest:
                 number += 1
                 if faulty is None or self._changed:
                     self._changed = False
-                    faulty = with_camera_faults(_handed(ready), Faults(camera=tuple(self._camera_faults)))
+                    faulty = with_camera_faults(_drained(ready), Faults(camera=tuple(self._camera_faults)))
                 yield next(faulty)
 
     def take_line_faults(self) -> list[LineFault]:
@@ -113,7 +113,7 @@ class _Newest:
 
     def _next(self) -> SceneState | None:
         """Wait for a new scene, keeping faults that arrive before it; return None at the end."""
-        self._pipe.send(SceneWanted())
+        self._pipe.send(SceneRequest())
         with contextlib.suppress(EOFError):
             while not isinstance(message := self._pipe.recv(), SceneState | Close):
                 if isinstance(message, CAMERA_FAULTS):
@@ -125,7 +125,7 @@ class _Newest:
         return None
 
 
-def _handed(ready: deque[Frame]) -> Iterator[Frame]:
+def _drained(ready: deque[Frame]) -> Iterator[Frame]:
     """Yield frames as they arrive; called only when there is one."""
     while True:
         yield ready.popleft()

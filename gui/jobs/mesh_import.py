@@ -39,7 +39,7 @@ class MeshImport:
         """Return the error once the import has ended, empty if there is none; None before."""
         if self._program.running:
             return None
-        code, words = self._program.exit_code, self._program.last_words()
+        code, words = self._program.exit_code, self._program.last_error_line()
         self._program.close()
         return (words or f"it ended with code {code}")[:LONGEST_MISTAKE] if code else ""
 

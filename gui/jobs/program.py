@@ -87,7 +87,7 @@ class ChildProgram:
         """Return its standard output, truncated."""
         return _read(self._out.fileno())
 
-    def last_words(self) -> str:
+    def last_error_line(self) -> str:
         """Return the last line on its error stream, without the program's name."""
         lines = [line.strip() for line in _read(self._err.fileno()).splitlines() if line.strip()]
         return lines[-1].removeprefix("flyaround: ") if lines else ""
