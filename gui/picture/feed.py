@@ -145,7 +145,7 @@ class Feed:
         self._detail = AdaptiveResolution()
         self._last: SceneState | None = None
         self._session: FlightSession | None = None
-        self._save_due = False
+        self._save_due = self._refused = False
         self._due_s = self._waits_since_s = 0.0
         self.newest: Picture | None = None
         self.saved: list[Picture] = []
@@ -223,12 +223,12 @@ class Feed:
         self._save_due &= self._session is None
         self._session, self.newest, self._last = session, None, None
         self._waiting = [replace(r, discarded=True) for r in self._waiting]
-        self._requested_s, self._ends_s = -1e9, []
+        self._requested_s, self._ends_s, self._refused = -1e9, [], False
 
     @property
     def late_s(self) -> float:
         """Time since the last picture [s], if the next one is overdue; else 0."""
-        late_s = self._clock() - self._waits_since_s if self._waiting else 0.0
+        late_s = self._clock() - self._waits_since_s if self._waiting or self._refused else 0.0
         return late_s if late_s > STALE_S else 0.0
 
     @property
@@ -292,12 +292,13 @@ class Feed:
     def _submit(self, request: _Request) -> bool:
         labels = request.saved or self._kind.labels or False
         frame_request = FrameRequest(scene=request.scene, labels=labels, timed=request.timed)
-        if not self._producer.submit(frame_request):
+        if not (self._waiting or self._refused):
+            self._waits_since_s = self._clock()
+        self._refused = not self._producer.submit(frame_request)
+        if self._refused:
             return False
         self._requested_s = self._clock()
         self._last = request.scene
-        if not self._waiting:
-            self._waits_since_s = self._requested_s
         self._waiting.append(request)
         self._due_s = self._clock() + 0.7e-3 * self.frame_ms
         return True

@@ -30,8 +30,11 @@ class FakeRenderer:
         self.done: list[Frame] = []
         self.ms_per_mpx = ms_per_mpx
         self.lose: str | None = None
+        self.room = True
 
     def submit(self, request: FrameRequest) -> bool:
+        if not self.room:
+            return False
         self.timed.append(bool(request.timed))
         self.asked.append((request.scene, bool(request.labels)))
         self.pending.append(request.scene)
@@ -226,4 +229,14 @@ def test_a_picture_that_is_not_replaced_is_late_and_counts_no_rate(session: Flig
     assert feed.frames_s == pytest.approx(5.0, rel=0.05)
     clock.now_s += 40.0
     assert feed.late_s == pytest.approx(40.0, abs=0.5)
+    assert feed.frames_s == 0.0
+    # as late is a picture for which the renderer, busy with another view, has no room
+    renderer.finish()
+    feed.update(session, look_of(session))
+    assert feed.late_s == 0.0
+    renderer.room = False
+    session.step(PilotCommand(), 0.2)
+    feed.update(session, look_of(session))
+    clock.now_s += 10.0
+    assert feed.late_s == pytest.approx(10.0, abs=0.5)
     assert feed.frames_s == 0.0
