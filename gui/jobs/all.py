@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol
 
 from flyaround.gui.jobs.capture_job import CaptureJob, time_text
 from flyaround.gui.jobs.estimates import Estimates
@@ -13,11 +13,20 @@ from flyaround.gui.picture.screen import screen_picture
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from flyaround.gui.commands.timeline import Keeping
     from flyaround.gui.jobs.mesh_import import MeshImport
     from flyaround.gui.picture.feed import Picture
     from flyaround.gui.picture.video import Film
+    from flyaround.simulator.piloting.flown_files import FlownFiles
     from flyaround.simulator.piloting.session import FlightSession
+
+
+class FlightBeingWritten(Protocol):
+    """A flight that is written in portions."""
+
+    files: FlownFiles
+
+    def __call__(self) -> bool:
+        """Write a portion; return False at the end."""
 
 
 @dataclass(eq=False)
@@ -39,8 +48,7 @@ class Jobs:
     capture: CaptureJob = field(default_factory=CaptureJob)
     film: Film | None = None
     mesh: MeshImport | None = None
-    keeping: list[Keeping] = field(default_factory=list)
-    """Flights being written; each call writes a portion and returns False at the end."""
+    keeping: list[FlightBeingWritten] = field(default_factory=list)
     _filmed: Picture | None = None
 
     def update(self, session: FlightSession, picture: Picture | None, t_ms: int) -> None:
