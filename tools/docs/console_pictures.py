@@ -11,7 +11,7 @@ from pathlib import Path
 FOLDER = Path("docs") / "images"
 PICTURES = {
     "console": ("tango-flyaround", "30"),
-    "console-steering": ("tango-flyaround", "1 layout.fly;2 guidance.hold;2.5 burn.plan 90 0 0.02 0;30"),
+    "console-steering": ("tango-flyaround", "1 layout.fly;2 guidance.hold;2.5 burn.plan 150 0 0.02 0;75"),
     "console-docking": ("tango-flyaround", "1 layout.dock;2 docking.approach on;60"),
     "console-estimator": (
         "tango-vbar-closed-loop",
@@ -21,7 +21,7 @@ PICTURES = {
         "tango-vbar-closed-loop",
         "1 layout.link;1.4 time.rate 0.1;2 hil.start;3 hil.board hybrid;60",
     ),
-    "console-capture": ("tango-flyaround", "1 layout.capture;2 capture.start 40;40"),
+    "console-capture": ("tango-flyaround", "1 layout.capture;2 capture.start 200;30"),
 }
 """Scenario and script of each picture of the whole window; the picture is taken at the last time of the script [s]."""
 
