@@ -64,30 +64,42 @@ class Docking:
         Flight whose start defines the direction of the port.
     keep_out : KeepOut or None
         Sphere whose corridor, if any, bounds the approach.
+
+    Attributes
+    ----------
+    limits : DockingLimits
+        Limits that a contact must keep to be a docking.
+    corridor_deg : float
+        Half angle of the approach corridor [deg].
+    contacts : list of Contact
+        Contacts in order of time.
+    docked : bool
+        True while the port holds the chaser.
     """
 
     def __init__(self, target: Target, flight: Flight, keep_out: KeepOut | None) -> None:
         self._target = target
-        self._start = flight
+        self._initial_flight = flight
         self.limits: DockingLimits = TWO_TENTHS
-        closed = keep_out is None or keep_out.corridor_axis_lvlh is None
-        self.corridor_deg = CORRIDOR_DEG if keep_out is None or closed else keep_out.corridor_half_angle_deg
+        has_corridor = keep_out is not None and keep_out.corridor_axis_lvlh is not None
+        self.corridor_deg = keep_out.corridor_half_angle_deg if keep_out and has_corridor else CORRIDOR_DEG
         self.contacts: list[Contact] = []
         self.docked = False
         self._armed = True
+        """True if the next contact is counted; a chaser that rebounds touches the port in several steps."""
         self._port: DockingPort | None = None
 
     @property
     def port(self) -> DockingPort:
         """The port, computed on first access."""
         if self._port is None:
-            self._port = docking_port(self._target, self._start)
+            self._port = docking_port(self._target, self._initial_flight)
         return self._port
 
     @cached_property
     def hold_points(self) -> HoldPoints:
         """The hold points ahead of the scenario's start."""
-        return HoldPoints(self.figures(self._start.chaser(0.0), self._start).range_m)
+        return HoldPoints(self.figures(self._initial_flight.chaser(0.0), self._initial_flight).range_m)
 
     @property
     def contact(self) -> Contact | None:
@@ -138,7 +150,7 @@ class Docking:
     def after_step(
         self, before: ChaserState, after: ChaserState, flight: Flight
     ) -> tuple[ChaserState, tuple[News, ...]]:
-        """Return the state after a step that may have touched the target, and the news."""
+        """Return the chaser's state after a step, corrected if it touched the target, and the news of a contact."""
         if not self.is_near(after):
             self._armed = True
             return after, ()
@@ -193,15 +205,15 @@ class Docking:
         _, omega = flight.attitude(before.t_s)
         R_eci_from_target = matrix_from_quat(flight.attitude(before.t_s)[0])
         p = np.array(before.position_eci_m)
-        surface = np.cross(R_eci_from_target @ omega, p)
-        relative = np.array(before.velocity_eci_m_s) - surface
-        out = p / np.linalg.norm(p)
-        closing = max(-float(relative @ out), 0.0)
-        relative = relative + (closing + max(REBOUND * closing, 0.01)) * out
+        v_surface = np.cross(R_eci_from_target @ omega, p)
+        v_relative = np.array(before.velocity_eci_m_s) - v_surface
+        outward = p / np.linalg.norm(p)
+        closing = max(-float(v_relative @ outward), 0.0)
+        v_relative = v_relative + (closing + max(REBOUND * closing, 0.01)) * outward
         return replace(
             after,
             position_eci_m=before.position_eci_m,
-            velocity_eci_m_s=vec3(surface + relative),
+            velocity_eci_m_s=vec3(v_surface + v_relative),
             q_camera_from_eci_wxyz=before.q_camera_from_eci_wxyz,
         )
 
