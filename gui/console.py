@@ -360,6 +360,7 @@ class Console:
         self.jobs.update(self.session, self.feed.newest, self.clock_ms)
 
     def _advance(self, t_ms: int) -> None:
+        jumped = self.session.clock.jump
         try:
             state = self.session.step(self.hand.command(), (t_ms - self.clock_ms) / 1000)
         except UserError as error:
@@ -369,6 +370,8 @@ class Console:
         else:
             for level, text in state.news:
                 self.say(text, level)
+            if jumped and not self.session.clock.jump:
+                self.say(f"the jump has ended at T+{state.t_s:.1f} s, at 1x")
         self.clock_ms = t_ms
 
     def _take_opened(self) -> None:

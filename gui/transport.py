@@ -50,7 +50,7 @@ class TransportStrip:
         imgui.same_line()
         # in a narrow window texts make room for the scrubber
         narrow = imgui.get_window_width() < NARROW_EM * em
-        self._rate(console, (5 if narrow else 7) * em)
+        self._rate(console, (5 if narrow else 10) * em)
         imgui.same_line()
         timeline = session.look_back.timeline
         end_s = max(timeline.end_s, session.t_s, 0.1)

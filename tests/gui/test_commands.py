@@ -244,3 +244,16 @@ def test_keys_fly_only_while_hand_control_is_armed(table: CommandTable) -> None:
     console.do("steer.arm", True)
     console.press([stop])
     assert console.session.craft.mode == "steer"
+
+
+def test_the_end_of_a_jump_is_told_once() -> None:
+    console = console_flying("tango-eclipse-pass")
+    console.do("time.next-eclipse")
+    while console.session.clock.jump:
+        console.pass_time(50)
+    for _ in range(3):
+        console.pass_time(50)
+    ends = [m.text for m in console.messages if m.text.startswith("the jump has ended")]
+    assert len(ends) == 1
+    assert console.messages[-1].text == ends[0]
+    console.close()
