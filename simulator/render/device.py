@@ -52,8 +52,8 @@ class Device:
         if self.info.is_software:
             keep_fences(self.context)
         self.blocks = UniformBlocks.create(self.context)
-        flat = {"FLAT_INPUTS": ""} if self.info.is_software else {}
-        self.programs = ProgramLibrary(self.context, self.blocks.all(), {**PHYSICAL_CONSTANTS, **flat})
+        flat = {"FLAT_INPUTS": 1.0} if self.info.is_software else {}
+        self.programs = ProgramLibrary(self.context, self.blocks.all(), PHYSICAL_CONSTANTS | flat)
         self._rays = RayTextures(self.context)
         self._images: FrameImages | None = None
 

@@ -240,110 +240,56 @@ def earthrise(renderer: fa.Renderer) -> np.ndarray:
     return exposed(radiance(renderer, scene), 0.997)
 
 
-PICTURES: tuple[tuple[str, Picture, str, str], ...] = (
-    (
-        "noon",
-        noon,
-        "Noon over Egypt: the Nile, Sinai and the Red Sea from 420 km, 20 March",
-        (
-            "Sand reflects 0.38 above the air, almost evenly over the Sun's height; bare relief is lit by "
-            "its slopes; water is dark but for Fresnel's two per cent."
-        ),
-    ),
-    (
-        "terminator",
-        terminator,
-        "The Sun's glint and the clouds near the terminator, North Atlantic",
-        (
-            "Low sunlight has lost its blue over the long way through air. Cloud returns light by its "
-            "optical depth, in `high` deeper in wide clouds, whose far sides are in shade."
-        ),
-    ),
-    (
-        "night",
-        night,
-        "City lights of Italy, clouds over the Alps in the light of the full Moon",
-        (
-            "Lamps of two colours keep the mean of the map's cells, 15 % of their light scattered by the "
-            "air (`high`); the full Moon lights clouds at a 400,000th of the Sun."
-        ),
-    ),
-    (
-        "glint",
-        glint,
-        "Sun glint on the Aegean, an afternoon in June",
-        (
-            "Slopes of waves for 6 m/s mirror the Sun. `high` changes their variance by region, gust, "
-            "streak and film, with its mean kept, and calms the lee of coasts."
-        ),
-    ),
-    (
-        "shallows",
-        shallows,
-        "The Great Bahama Bank: white sand under a few metres of water",
-        (
-            "Sand under clear water adds what the August map has over deep sea; red is absorbed within "
-            "metres, so that banks are turquoise."
-        ),
-    ),
-    (
-        "limb",
-        limb,
-        "Layers of the limb through a long lens: clouds, haze, blue air, the dark",
-        (
-            "Near the ground the path is so deep that all bands come back alike; higher up it is thin and "
-            "as blue as its scattering. `high` draws cloud tops up to 12 km on the line."
-        ),
-    ),
-    (
-        "eclipse-entry",
-        eclipse_entry,
-        "Tango before the limb in the last half minute of sunlight",
-        (
-            "The Sun behind the air is dimmed, reddened and flattened; the craft has the same light. "
-            "Glare is the lens's, of a detector that clips."
-        ),
-    ),
-    (
-        "moon",
-        moonrise,
-        "The Moon over the limb",
-        (
-            "Lommel-Seeliger's law with the measured phase curve: no darkening towards the limb of a full "
-            "Moon. The air in front adds its blue."
-        ),
-    ),
-    (
-        "stars",
-        stars,
-        "Orion rises: stars in calibrated flux and colour, moved to the date",
-        (
-            "Every star has its catalogued flux in the bands, whatever the size of a pixel; the airglow's "
-            "line lies 85 to 100 km up."
-        ),
-    ),
-    (
-        "seasons",
-        seasons,
-        "Central Europe without clouds: January, April, July, October",
-        "The month's reflectance over August's, from maps of 20 km; snow is white whatever grows under it.",
-    ),
-    (
-        "ice",
-        ice,
-        "Clouds, snow and the sea's ice of March from 30,000 km",
-        "The month's extent of the ice, 0.62 bright where the pack is closed; tongues and floes by noise.",
-    ),
-    (
-        "earthrise",
-        earthrise,
-        "The Earth from 110 km above the Moon",
-        (
-            "Craters of all ages, worn by diffusion, numbers falling with the square of the diameter. A "
-            "wall that faces away from the Sun is dark."
-        ),
-    ),
+PICTURES: tuple[tuple[str, Picture, str], ...] = (
+    ("noon", noon, "Noon over Egypt: the Nile, Sinai and the Red Sea from 420 km, 20 March"),
+    ("terminator", terminator, "The Sun's glint and the clouds near the terminator, North Atlantic"),
+    ("night", night, "City lights of Italy, clouds over the Alps in the light of the full Moon"),
+    ("glint", glint, "Sun glint on the Aegean, an afternoon in June"),
+    ("shallows", shallows, "The Great Bahama Bank: white sand under a few metres of water"),
+    ("limb", limb, "Layers of the limb through a long lens: clouds, haze, blue air, the dark"),
+    ("eclipse-entry", eclipse_entry, "Tango before the limb in the last half minute of sunlight"),
+    ("moon", moonrise, "The Moon over the limb"),
+    ("stars", stars, "Orion rises: stars in calibrated flux and colour, moved to the date"),
+    ("seasons", seasons, "Central Europe without clouds: January, April, July, October"),
+    ("ice", ice, "Clouds, snow and the sea's ice of March from 30,000 km"),
+    ("earthrise", earthrise, "The Earth from 110 km above the Moon"),
 )
+PHYSICS = """
+Sand reflects 0.38 above the air, almost evenly over the Sun's height; bare relief is lit by its slopes; water is dark
+but for Fresnel's two per cent.
+
+Low sunlight has lost its blue over the long way through air. Cloud returns light by its optical depth, in `high`
+deeper in wide clouds, whose far sides are in shade.
+
+Lamps of two colours keep the mean of the map's cells, 15 % of their light scattered by the air (`high`); the full
+Moon lights clouds at a 400,000th of the Sun.
+
+Slopes of waves for 6 m/s mirror the Sun. `high` changes their variance by region, gust, streak and film, with its
+mean kept, and calms the lee of coasts.
+
+Sand under clear water adds what the August map has over deep sea; red is absorbed within metres, so that banks are
+turquoise.
+
+Near the ground the path is so deep that all bands come back alike; higher up it is thin and as blue as its
+scattering. `high` draws cloud tops up to 12 km on the line.
+
+The Sun behind the air is dimmed, reddened and flattened; the craft has the same light. Glare is the lens's, of a
+detector that clips.
+
+Lommel-Seeliger's law with the measured phase curve: no darkening towards the limb of a full Moon. The air in front
+adds its blue.
+
+Every star has its catalogued flux in the bands, whatever the size of a pixel; the airglow's line lies 85 to 100 km
+up.
+
+The month's reflectance over August's, from maps of 20 km; snow is white whatever grows under it.
+
+The month's extent of the ice, 0.62 bright where the pack is closed; tongues and floes by noise.
+
+Craters of all ages, worn by diffusion, numbers falling with the square of the diameter. A wall that faces away from
+the Sun is dark.
+"""
+"""One paragraph for each picture."""
 
 
 def write_jpeg(path: Path, rgb: np.ndarray) -> None:
@@ -367,7 +313,7 @@ def main(names: list[str] | None = None) -> None:
         "Sources: [sky](sky.md).",
     ]
     with fa.Renderer() as renderer:
-        for name, picture, caption, physics in PICTURES:
+        for (name, picture, caption), physics in zip(PICTURES, PHYSICS.strip().split("\n\n"), strict=True):
             path = folder / f"{name}.jpg"
             if not names or name in names:
                 write_jpeg(path, picture(renderer))
