@@ -170,7 +170,7 @@ def test_drawn_runs_with_a_board_give_the_same_bytes_again(tmp_path):
         (("seeds = [1, 2, 3]", 'faults = "nothing.toml"'), "nothing.toml cannot be read"),
         (
             ("seeds = [1, 2, 3]", '[[case.faults.camera]]\nkind = "frozen"'),
-            "a fault 'frozen' needs pictures",
+            "a fault 'frozen' needs a board",
         ),
         (
             ("seeds = [1, 2, 3]", '[[case.faults.line]]\nkind = "delay"\ndelay_ms = 1.0\nend_s = 0.0'),

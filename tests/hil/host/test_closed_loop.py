@@ -77,7 +77,7 @@ def test_faults_of_the_line_delay_and_lose_poses_without_a_board(tmp_path):
     assert {row["phase"] for row in rows[106:111]} == {"hold"}
     refused, _ = flown('[[camera]]\nkind = "frozen"\n')
     assert refused.returncode == 2
-    assert "'frozen' needs pictures" in " ".join(refused.stderr.split())
+    assert "'frozen' needs a board" in " ".join(refused.stderr.split())
 
 
 @pytest.mark.parametrize(

@@ -144,7 +144,7 @@ def test_what_is_wrong_in_a_foreign_set_is_told_and_nothing_is_written(lightbox,
     second = lightbox / "images" / "img000002.jpg"
     grey = cv2.imread(str(second))
     cv2.imwrite(str(second), grey // np.array([1, 2, 3], np.uint8))
-    assert "img000002.jpg is in colour and camera speedplus takes grey ones" in told(rows)
+    assert "img000002.jpg is in colour and camera speedplus expects grey ones" in told(rows)
     cv2.imwrite(str(second), grey)
     assert "unknown data-set format 'sped': did you mean speed" in told(None, "--from", "sped")
     (lightbox / "train.json").write_text(json.dumps(rows))

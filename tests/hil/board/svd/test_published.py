@@ -75,9 +75,9 @@ def test_a_drawn_face_and_rod_are_grouped():
     assert len(groups.of_kind("antenna")) == 1
     assert groups.of_kind("antenna")[0].mean(axis=0) == pytest.approx([361, 83], abs=0.5)
     # with one side missing the face is an open triad, with one broken corner an open tetrad
-    assert len(image_point_groups(np.array(sides[:3]), 300.0).of("open_triad")) == 1
+    assert len(image_point_groups(np.array(sides[:3]), 300.0).of_kind("open_triad")) == 1
     broken = np.array([*sides[:3], np.concatenate([quad[3], 0.75 * quad[0] + 0.25 * quad[3]])])
-    assert len(image_point_groups(broken, 300.0).of("open_tetrad")) >= 1
+    assert len(image_point_groups(broken, 300.0).of_kind("open_tetrad")) >= 1
 
 
 @pytest.mark.parametrize("solver", SOLVERS)

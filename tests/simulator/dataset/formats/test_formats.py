@@ -400,7 +400,7 @@ def test_what_a_format_cannot_hold_is_refused_before_anything_is_drawn(tmp_path,
 
     assert "lens distorts (brown_conrady)" in told("--format", "bop", "--camera", "speedplus")
     assert "fish-eye (kannala_brandt)" in told("--format", "speed", "--camera", "fisheye-140")
-    assert "format shirt is read, not written" in told("--format", "shirt")
+    assert "format shirt can only be read" in told("--format", "shirt")
     assert "unknown data-set format 'cocoa' in --format; choose from native, speed" in told(
         "--format", "cocoa"
     )
