@@ -1,4 +1,4 @@
-"""Widths of the blur: what is asked for is what is drawn, for each kind of point-spread function."""
+"""Width of the blur against the requested one, for each kind of point-spread function."""
 
 import numpy as np
 import pytest

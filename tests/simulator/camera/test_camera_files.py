@@ -1,4 +1,4 @@
-"""Camera files: round trips through every format, OpenCV's own writer, and mistakes as one sentence."""
+"""Camera files: round trips through every format, files written by OpenCV, one-sentence errors."""
 
 import json
 import subprocess
@@ -49,7 +49,7 @@ PLAIN = msgspec.structs.replace(BROWN, distortion=DistortionSection())
 @pytest.mark.parametrize(
     "camera", [PLAIN, BROWN, FIVE, EIGHT, FISHEYE], ids=["plain", "brown", "five", "eight", "fisheye"]
 )
-def test_a_camera_survives_every_format_that_can_hold_it(camera, form):
+def test_camera_round_trips_through_every_format(camera, form):
     count = len(camera.distortion.coefficients)
     fisheye = camera is FISHEYE
     if (form == "kalibr" and count > 4) or (form == "speed" and fisheye):
@@ -179,7 +179,7 @@ def test_speed_plus_s_own_file_is_read():
         ({"aperture_angle_deg": [35.452, 22.61], "pixel_pitch_um": 5.86}, 3003.4, 3001.4),
     ],
 )
-def test_any_consistent_pair_fixes_the_intrinsics(keys, fx, fy):
+def test_any_consistent_pair_determines_the_intrinsics(keys, fx, fy):
     camera = parse_camera(json.dumps({"width_px": 1920, "height_px": 1200, **keys}).encode(), "x")
     assert (camera.fx_px, camera.fy_px) == (pytest.approx(fx, rel=1e-4), pytest.approx(fy, rel=1e-4))
     assert (camera.cx_px, camera.cy_px) == (959.5, 599.5)
@@ -226,7 +226,7 @@ def test_any_consistent_pair_fixes_the_intrinsics(keys, fx, fy):
         ("just words", "table of keys"),
     ],
 )
-def test_a_mistake_in_a_foreign_file_is_one_sentence(text, says):
+def test_foreign_file_mistake_gives_a_one_sentence_error(text, says):
     with pytest.raises(UserError, match=says) as caught:
         parse_camera(text.encode(), "mine.yaml").camera("mine.yaml")
     assert "mine.yaml" in str(caught.value)
@@ -251,7 +251,7 @@ def test_a_lens_that_folds_is_refused_from_a_file():
         (Optics(transmission=float("nan")), "transmission"),
     ],
 )
-def test_optics_that_cannot_be_are_refused(optics, says):
+def test_invalid_optics_are_refused(optics, says):
     assert says in optics_problem(optics)
 
 
@@ -266,7 +266,7 @@ def test_optics_that_cannot_be_are_refused(optics, says):
         ({"binning": 0}, "binning"),
     ],
 )
-def test_detectors_that_cannot_be_are_refused(changes, says):
+def test_invalid_detectors_are_refused(changes, says):
     sensor = sensor_preset("imx174")
     assert sensor_problem(sensor) is None
     assert says in sensor_problem(replace(sensor, detector=replace(sensor.detector, **changes)))

@@ -1,4 +1,4 @@
-"""The detector in electrons: the Poisson law, photon transfer, what saturates, what stays from frame to frame."""
+"""The detector in electrons: Poisson statistics, photon transfer, saturation, fixed pattern."""
 
 from dataclasses import replace
 
@@ -78,7 +78,7 @@ def test_blooming_keeps_what_the_drain_does_not_take():
     assert charge[:, [0, 2]].sum() == 0
 
 
-def test_overflow_runs_to_the_next_room_and_is_neither_lost_nor_made():
+def test_blooming_conserves_charge():
     rng = np.random.default_rng(3)
     charge = rng.uniform(0, 1500, (60, 9)).astype(np.float32)
     charge[20:24, 4] = 30_000.0
@@ -160,7 +160,7 @@ def test_declared_sigma_is_the_pictures():
         assert noise_sigma(s, level, 0.05) == pytest.approx(image.std() * 5 / s.saturation_e, rel=0.02)
 
 
-def test_a_clean_twin_has_the_scale_and_no_noise():
+def test_noise_free_sensor_keeps_the_scale():
     s = noiseless(sensor(read_noise_e=12.0, prnu=0.01, dark_current_e_s=500.0))
     image = digitise(flat(5000.0, s), s, 1, 2, 0.05)
     assert (image == 1064).all()

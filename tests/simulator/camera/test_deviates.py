@@ -1,4 +1,4 @@
-"""The fast random numbers: the normal law, no memory, and the same whatever the number of threads."""
+"""Fast random numbers: normal distribution, no correlation, independence of the number of threads."""
 
 import numpy as np
 import pytest
@@ -18,7 +18,7 @@ def _normal(count, *, seed=1, sigma=1.0, dtype=np.float32):
     return values
 
 
-def test_deviates_follow_the_normal_law():
+def test_deviates_are_normally_distributed():
     values = _normal(1_000_000).astype(float).ravel()
     n = values.size
     assert abs(values.mean()) < 5 / np.sqrt(n)

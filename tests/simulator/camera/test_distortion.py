@@ -1,4 +1,4 @@
-"""The lens: OpenCV's own projection, its inverse, and refusal of what folds back."""
+"""Lens distortion against OpenCV's projection, its inverse, and refusal of lenses that fold back."""
 
 from dataclasses import replace
 
@@ -33,7 +33,7 @@ def opencv(camera, points):
 
 
 @pytest.mark.parametrize("lens", LENSES)
-def test_projection_is_opencv_s(lens):
+def test_projection_matches_opencv(lens):
     camera = camera_with(lens)
     rng = np.random.default_rng(0)
     pixels = rng.uniform([0, 0], [319, 239], (500, 2))
@@ -88,7 +88,7 @@ def test_what_is_outside_the_field_stays_outside():
         (Distortion("kannala_brandt", (-1.5, 0.0, 0.0, 0.0)), "folds back"),
     ],
 )
-def test_a_lens_that_cannot_be_is_refused(distortion, says):
+def test_invalid_lens_is_refused(distortion, says):
     problem = camera_problem(replace(PINHOLE, distortion=distortion))
     assert problem is not None
     assert says in problem
@@ -107,7 +107,7 @@ def test_good_lenses_are_accepted(lens):
 
 
 @pytest.mark.parametrize("lens", LENSES)
-def test_a_resized_camera_sees_the_same_on_other_pixels(lens):
+def test_resized_camera_keeps_the_field_of_view(lens):
     camera = camera_with(lens)
     resized = camera.resized(480)
     assert (resized.width_px, resized.height_px) == (480, 360)

@@ -1,4 +1,4 @@
-"""Encoded images: the curves, what a camera delivers by them, and that light comes back."""
+"""Encoded images: the curves, the camera's default encoding, and decoding."""
 
 from dataclasses import replace
 
@@ -24,12 +24,12 @@ EIGHT = np.arange(256, dtype=np.uint8)
 
 
 @pytest.mark.parametrize("encoding", ["linear", *CURVES])
-def test_light_comes_back(encoding):
+def test_decode_inverts_encode(encoding):
     light = np.linspace(0, 1, 1001)
     assert decode(encode(light, encoding), encoding) == pytest.approx(light, abs=1e-12)
 
 
-def test_srgb_is_that_of_the_standard():
+def test_srgb_matches_the_standard():
     # IEC 61966-2-1:1999: middle grey of 18 % is 118 of 255, half of the light 188; the toe is straight
     assert np.rint(255 * encode([0.18, 0.5, 1.0], "srgb")).tolist() == [118, 188, 255]
     assert encode(0.001, "srgb") == pytest.approx(0.01292)
@@ -74,7 +74,7 @@ def test_colour_of_eight_bits_is_srgb_and_all_else_linear():
     assert "mosaic" in str(encoding_problem("srgb", replace(twelve, bits=8, detector=detector)))
 
 
-def test_a_camera_that_says_linear_is_one_that_says_nothing():
+def test_linear_encoding_equals_the_default():
     plain = {
         "width_px": 640,
         "height_px": 480,

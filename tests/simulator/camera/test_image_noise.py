@@ -1,4 +1,4 @@
-"""The additive noise that is drawn ahead is the noise of the picture."""
+"""Additive noise drawn ahead of the image equals noise drawn with it."""
 
 from dataclasses import replace
 

@@ -1,4 +1,4 @@
-"""What a detector and its optics may be: the same by a file's key as by a field; what no camera is stays refused."""
+"""Limits of detector and optics are the same for a file's keys and for fields; impossible values are refused."""
 
 from dataclasses import replace
 
@@ -55,12 +55,12 @@ def ends(low, high):
     return (low, high), (float(np.nextafter(low, -np.inf)), float(np.nextafter(high, np.inf)))
 
 
-def test_bounds_stay_what_files_rely_on():
+def test_limits_are_unchanged():
     assert {key: {**DETECTOR, **OPTICS}[key] for key in PINNED} == PINNED
 
 
 @pytest.mark.parametrize(("section", "key"), CASES)
-def test_a_field_within_its_limits_is_taken_and_no_other(section, key):
+def test_fields_are_limited(section, key):
     bounds, problem = FIELDS[section]
     inside, outside = ends(*bounds[key])
     assert [problem({key: value}) for value in inside] == [None, None]
@@ -70,7 +70,7 @@ def test_a_field_within_its_limits_is_taken_and_no_other(section, key):
 
 
 @pytest.mark.parametrize(("section", "key"), [case for case in CASES if case[1] not in NOT_OF_A_SECTION])
-def test_a_files_key_has_the_limits_of_its_field(section, key):
+def test_file_keys_have_the_limits_of_their_fields(section, key):
     name, per_unit = KEYS.get(key, (key, 1))
     inside, outside = ends(*(x if per_unit == 1 else round(x * per_unit, 6) for x in FIELDS[section][0][key]))
     taken = [takes(section, **{name: value}) for value in inside]
@@ -83,7 +83,7 @@ def test_a_files_key_has_the_limits_of_its_field(section, key):
 
 
 @pytest.mark.parametrize(("pitch_um", "allowed"), [(0.1, True), (1000, True), (0.09, False), (1001, False)])
-def test_a_pixel_pitch_has_the_same_limits_by_three_roads(pitch_um, allowed):
+def test_pixel_pitch_has_the_same_limits_from_all_sources(pitch_um, allowed):
     pitch_m = pitch_um * 1e-6
     size = {"width_px": 64, "height_px": 64, "fx_px": 64, "fy_px": 64, "cx_px": 32, "cy_px": 32}
     pair = [pitch_um, pitch_um]

@@ -1,4 +1,4 @@
-"""No two noises of a frame have their random numbers from one stream, and no two frames either."""
+"""Every noise of every frame has its own random stream."""
 
 from dataclasses import replace
 from itertools import combinations
@@ -84,7 +84,7 @@ def test_frames_seeds_and_bands_of_colour_have_their_own(changes):
         assert likeness(first, second) < limit
 
 
-def test_a_recipe_s_two_noises_share_no_stream():
+def test_two_noises_of_a_recipe_use_different_streams():
     flat = np.full((SIDE, SIDE), 0.5, np.float32)
     speckle, gaussian = (
         digitise(flat, Sensor(preset="test", bits=16, blur_sigma_px=0.0, **only), 3, 5).astype(float)

@@ -1,4 +1,4 @@
-"""Camera files that users reported, and others of their kind: read whole, or refused by the key or the lens."""
+"""Camera files that users reported, and similar ones: read completely, or refused with the reason."""
 
 import json
 from pathlib import Path
@@ -67,7 +67,7 @@ def check(camera, numbers, model, coefficients=()):
         ("ros2_topic_echo/two.yaml", ECHO, "kannala_brandt", (-0.01, 0.01, 0, 0)),
     ],
 )
-def test_a_reported_file_is_read_whole(path, numbers, model, coefficients):
+def test_reported_file_is_read_completely(path, numbers, model, coefficients):
     check(read_camera_file(REPORTS / path), numbers, model, coefficients)
 
 
@@ -318,7 +318,7 @@ REFUSED = {
 
 
 @pytest.mark.parametrize("name", REFUSED)
-def test_what_is_not_understood_whole_is_refused(name):
+def test_unsupported_camera_file_is_refused(name):
     text, says = REFUSED[name]
     with pytest.raises(UserError, match=says) as caught:
         parse_camera(text.encode(), "mine.txt").camera("mine.txt")
@@ -340,12 +340,12 @@ def test_what_is_not_understood_whole_is_refused(name):
         (b"", "JSON or YAML"),
     ],
 )
-def test_a_file_that_is_no_text_is_named(data, says):
+def test_error_names_a_binary_file(data, says):
     with pytest.raises(UserError, match=says):
         parse_camera(data, "a")
 
 
-def test_of_a_rig_the_first_camera_is_taken_and_said():
+def test_first_camera_of_a_rig_is_used_and_reported():
     text = KALIBR + KALIBR.replace("cam0:", "cam1:")
     assert "of cam0, cam1" in parse_camera(text.encode(), "x").notes
     two = json.loads(json.dumps(BASALT))
@@ -357,7 +357,7 @@ def test_of_a_rig_the_first_camera_is_taken_and_said():
     assert scale_bands.width_px == 640
 
 
-def test_a_stereo_pair_s_rectification_is_said_to_be_left_out():
+def test_ignored_stereo_rectification_is_reported():
     c, s = np.cos(0.01), np.sin(0.01)
     text = f"{MESSAGE}r: [{c}, 0, {s}, 0, 1, 0, {-s}, 0, {c}]\np: [550, 0, 300, -60, 0, 550, 240, 0, 0, 0, 1, 0]\n"
     camera = parse_camera(text.encode(), "x")
@@ -380,7 +380,7 @@ def test_a_stereo_pair_s_rectification_is_said_to_be_left_out():
         ("RADIAL_FISHEYE 640 480 600 320.5 240.5 0 0", "kannala_brandt", (0, 0, 0, 0)),
     ],
 )
-def test_each_model_of_colmap(line, model, coefficients):
+def test_colmap_camera_models_are_read(line, model, coefficients):
     check(
         parse_camera(f"# cameras\n7 {line}\n".encode(), "x"),
         (640, 480, 600, 600, 320, 240),
@@ -389,7 +389,7 @@ def test_each_model_of_colmap(line, model, coefficients):
     )
 
 
-def test_of_speed_s_keys_the_matrix_is_taken_and_what_contradicts_it_said():
+def test_speed_file_matrix_wins_and_contradictions_are_reported():
     table = {
         "Nu": 640,
         "Nv": 480,

@@ -1,4 +1,4 @@
-"""Electrons of sunlight: spectrum, glass and quantum efficiency over the band, whatever wavelength diffracts."""
+"""Electrons from sunlight: integrals of spectrum, glass and quantum efficiency over the band."""
 
 from dataclasses import replace
 
@@ -81,7 +81,7 @@ def test_one_number_is_a_level_curve_and_sunlight_has_seven_per_cent_more_photon
 
 
 @pytest.mark.parametrize("name", ["imx174", "cmv4000"])
-def test_the_wavelength_is_diffraction_s_alone(name):
+def test_wavelength_affects_only_diffraction(name):
     scenario = load_scenario("tango-space-10m")
     sensor = sensor_preset(name)
     flat = np.full((64, 64), 20.0, np.float32)
@@ -125,7 +125,7 @@ def test_white_balance_makes_a_white_plate_in_sunlight_grey(curve):
         ("[optics]\ntransmission_curve = [[100, 0.5], [500, 0.4]]", "transmission_curve"),
     ],
 )
-def test_a_curve_that_cannot_be_is_refused_in_a_sentence(tmp_path, table, complaint):
+def test_invalid_spectral_curve_is_refused(tmp_path, table, complaint):
     sensor = GOOD.replace('preset = "speed"', 'preset = "imx174"')
     with pytest.raises(UserError, match=complaint):
         load_scenario(write(tmp_path, sensor + table))

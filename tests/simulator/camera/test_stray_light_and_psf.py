@@ -1,4 +1,4 @@
-"""The lens: stray light of the Sun, and the wings of its point spread function."""
+"""Stray light of the Sun, and the wings of the point-spread function."""
 
 import cv2
 import numpy as np
@@ -83,7 +83,7 @@ def test_a_pyramid_keeps_the_light_and_the_place_of_a_point_wherever_it_lies():
     assert np.abs(blur(flat, optics, SQUARE, 0.0, 2.0) - 2.0).max() < 1e-5
 
 
-def test_what_a_pyramid_does_is_what_it_says_and_near_the_optics():
+def test_pyramid_blur_matches_its_declared_psf():
     optics = Optics(psf="airy", f_number=11.0, psf_sigma_px=0.5)
     images = [point(optics, at=(100 + i % 4, 100 + i // 4)) for i in range(16)]
     transfer = np.mean([np.abs(np.fft.rfft2(image)) for image in images], axis=0)
@@ -107,7 +107,7 @@ def test_a_defocus_disc_is_round_on_the_detector_not_in_pixels():
     assert (kernel * y**2).sum() == pytest.approx(8**2 / 16, rel=0.15)
 
 
-def test_a_wide_measured_kernel_is_drawn_as_it_is_also_where_it_is_lopsided():
+def test_wide_asymmetric_psf_kernel_is_reproduced():
     y, x = np.mgrid[-15:16, -15:16]
     coma = np.exp(-((x - 0.15 * np.hypot(x, y)) ** 2 + y**2) / 3) + 0.004 / (1 + np.hypot(x - 3, y) ** 2)
     kernel = coma / coma.sum()
@@ -132,7 +132,7 @@ def test_a_wide_measured_kernel_is_drawn_as_it_is_also_where_it_is_lopsided():
 @pytest.mark.parametrize("shape", [(1, 1), (9, 500), (64, 31, 3), (131, 40)])
 @pytest.mark.parametrize("sigma_px", [0.4, 1.0, 4.0])
 @pytest.mark.parametrize("least", [0, 1 << 30])
-def test_a_blur_of_some_rows_beside_the_others_is_that_of_all_at_once(shape, sigma_px, least, monkeypatch):
+def test_blur_of_row_blocks_equals_blur_of_the_image(shape, sigma_px, least, monkeypatch):
     monkeypatch.setattr(psf, "_THREAD_BLOCK_VALUES", 1000)
     monkeypatch.setattr(psf, "_BLOCK_VALUES", 1000)
     monkeypatch.setattr(psf, "_MIN_THREADED_VALUES", least)

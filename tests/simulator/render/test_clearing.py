@@ -1,4 +1,4 @@
-"""Images are emptied where something was drawn: what a frame shows does not depend on the frames before it."""
+"""Images are cleared where something was drawn: a frame does not depend on previous ones."""
 
 from dataclasses import replace
 
@@ -13,7 +13,7 @@ pytestmark = pytest.mark.gl
 
 
 @pytest.mark.parametrize("bands", ["mono", "rgb"])
-def test_a_frame_holds_nothing_of_the_frames_before_it(bands):
+def test_frame_does_not_depend_on_previous_frames(bands):
     plans = {
         name: plan_flight(load_scenario(name), times=(30.0,))
         for name in ("tango-limb", "tango-space-10m", "lunar-orbit")

@@ -1,4 +1,4 @@
-"""A damaged cache costs time, never the picture: every kind of file that a frame is drawn from, cut or flipped."""
+"""A damaged cache costs time but does not change the image: every kind of file, truncated or altered."""
 
 import json
 import os

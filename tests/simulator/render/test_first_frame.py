@@ -1,4 +1,4 @@
-"""First frames: compilation and prefetched maps leave no trace in them."""
+"""Compilation and prefetched maps do not change the first frame."""
 
 import os
 import subprocess
@@ -59,7 +59,7 @@ with Renderer() as renderer:
 
 
 @pytest.mark.slow
-def test_a_frame_from_an_empty_cache_is_the_one_from_a_full_one(tmp_path):
+def test_frame_does_not_depend_on_the_cache(tmp_path):
     caches = {"FLYAROUND_CACHE_DIR": str(tmp_path), "MESA_SHADER_CACHE_DIR": str(tmp_path / "shaders")}
     made, kept = (
         subprocess.check_output([sys.executable, "-c", FRAME], env=os.environ | caches) for _ in range(2)

@@ -1,4 +1,4 @@
-"""The frame graph: what passes declare is what they may touch, and no pass reads what nobody wrote."""
+"""The frame graph: passes may use only declared resources, and read only written ones."""
 
 from types import SimpleNamespace
 
@@ -46,7 +46,7 @@ def test_passes_hand_on_what_they_write():
 
 
 @pytest.mark.parametrize("passes", [[SHADE_PASS], [SHADE_PASS, DEPTH_PASS]])
-def test_a_pass_that_reads_what_nobody_wrote_is_refused(passes):
+def test_pass_reading_an_unwritten_resource_is_refused(passes):
     with pytest.raises(FrameGraphError, match="pass shade reads depth, which no pass before it writes"):
         FrameGraph(passes)
 
@@ -56,12 +56,12 @@ def test_an_optional_resource_must_be_known_too():
         FrameGraph([Step("sun", lambda _: None, optional=(MOON,))])
 
 
-def test_what_is_given_need_not_be_written():
+def test_given_resource_needs_no_writer():
     resources, _ = _run(SHADE_PASS, given={DEPTH: ["given"]})
     assert resources[COLOR] == ["given", "color"]
 
 
-def test_a_pass_without_what_it_needs_is_left_out_and_so_are_those_after_it():
+def test_pass_without_its_inputs_is_skipped_with_its_dependents():
     seen = []
     last = Step("last", lambda r: seen.append(r.find(MOON)), reads=(), optional=(MOON,))
     after = Step("after", lambda _: seen.append("after"), reads=(COLOR,))
@@ -71,7 +71,7 @@ def test_a_pass_without_what_it_needs_is_left_out_and_so_are_those_after_it():
     assert resources.find(COLOR) is None
 
 
-def test_a_pass_left_out_does_not_undo_what_others_drew():
+def test_skipping_a_pass_keeps_the_output_of_others():
     draw_moon = Step("moon", lambda _: None, reads=(MOON, COLOR), writes=(COLOR,))
     resources, _ = _run(DEPTH_PASS, SHADE_PASS, draw_moon, given={MOON: None})
     assert resources[COLOR] == ["depth", "color"]

@@ -1,4 +1,4 @@
-"""Fresnel reflectance in the shaders: of the craft's surfaces, of clear coats and of the sea."""
+"""Fresnel reflectance in the shaders: surfaces, clear coats, sea."""
 
 import re
 
@@ -74,7 +74,7 @@ def glossy_lobe(roughness, n, v, s):
 
 @pytest.mark.parametrize("slant_deg", [20.0, 55.0, 65.0, 72.0])
 @pytest.mark.parametrize("coat", [False, True])
-def test_a_black_glossy_plate_mirrors_the_more_the_more_it_slants(renderer, draw_kit, slant_deg, coat):
+def test_glossy_black_plate_reflects_more_at_grazing_angles(renderer, draw_kit, slant_deg, coat):
     black = Material(name="black", base_color=(0.0, 0.0, 0.0), roughness=1.0 if coat else 0.5)
     if coat:
         black = Material(

@@ -1,4 +1,4 @@
-"""What renderers hold: all of it is given back when they close, and a target's when others take its place."""
+"""GPU memory: freed when a renderer closes, and when other targets replace one."""
 
 import ctypes
 import gc
@@ -51,7 +51,7 @@ def _in_use(kind, size=None):
     return sum(size is None or one.size == size for one in found)
 
 
-def test_a_closed_renderer_leaves_no_maps_in_another_s_context(draw_kit):
+def test_closed_renderer_frees_its_maps(draw_kit):
     target = draw_kit.target([draw_kit.plate("plate", "white", (0, 0, 0), 0.3)], [draw_kit.white()])
     scene = replace(draw_kit.scene(target, t_m=(0, 0, 4.0)), environment=Environment())
     scene = scene.with_body("moon", r_eci_m=tuple(np.asarray(scene.r_camera_eci_m) + _ahead_m(scene, 3.8e8)))

@@ -1,4 +1,4 @@
-"""The renderer's parts on their own: sampling lattice, uniform layout, shader text, tiles, noise, cache."""
+"""Parts of the renderer on their own: sample pattern, uniform layout, shader text, tiles, noise, cache."""
 
 import numpy as np
 import pytest
@@ -34,7 +34,7 @@ def test_lattice_repeats_with_the_pixels_and_is_n_rooks(lattice):
 
 
 @pytest.mark.gl
-def test_block_layout_is_the_drivers(renderer):
+def test_uniform_block_layout_matches_the_driver(renderer):
     context = renderer.device.context
     for number, fields in enumerate(
         (FRAME, TARGET, MATERIALS, GLOBE, (Field("float", "a"), Field("vec3", "b")))
@@ -72,7 +72,7 @@ def test_clear_air_is_as_thick_as_published():
     assert slant / depth == pytest.approx(2.0, rel=0.01)
 
 
-def test_light_is_neither_made_nor_lost_on_the_ground():
+def test_ground_irradiance_is_less_than_the_suns():
     air = earth_atmosphere("mono")
     mu = np.array([-0.05, 0.2, 0.6, 1.0])
     direct, diffuse = ground_irradiance(air, mu)

@@ -1,4 +1,4 @@
-"""A camera that moves by micrometres and microradians over Earth, Moon and stars: the picture follows smoothly."""
+"""Motion of the camera by micrometres and microradians changes the image smoothly."""
 
 from dataclasses import replace
 

@@ -1,4 +1,4 @@
-"""Brushed metal in target files and glTF models: strength and grain survive, by tangents or texture coordinates."""
+"""Brushed metal in target files and glTF models: strength and direction of the grain."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Targets by name: the built-in ones and their levels of detail."""
+"""Targets by name: built-in ones and their levels of detail."""
 
 import time
 from importlib import resources
@@ -47,7 +47,7 @@ def test_a_damaged_built_in_target_is_one_sentence(tmp_path, monkeypatch):
         packed[at] ^= 1
 
 
-def test_names_of_levels():
+def test_level_names_round_trip():
     for level in DETAILS:
         assert split_level(level_name("tango", level)) == ("tango", level)
     assert split_level("a@b@low") == ("a@b", "low")

@@ -1,4 +1,4 @@
-"""Target files: bit-exact round trip, independent readers, refusals, the board file."""
+"""Target files: bit-exact round trip, independent readers, refusals, the board's file."""
 
 from __future__ import annotations
 

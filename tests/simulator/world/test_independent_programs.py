@@ -1,4 +1,4 @@
-"""The world against independent programs, whose raw outputs and generators lie beside this file."""
+"""The world against independent programs, whose raw outputs and generators are stored beside this file."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""Area lights in pictures: what faces give back of a lit rectangle, soft shadows, and nothing where there is none."""
+"""Area lights in images: radiance of lit faces against integrals, soft shadows, scenes without lights."""
 
 from dataclasses import replace
 
@@ -55,9 +55,7 @@ def integrated(material, placed, p, n, v):
         (1.0, 0.25, (3.2, 0.0, 4.2), 0.12),  # nearly grazing
     ],
 )
-def test_a_plate_gives_back_what_the_sum_over_the_light_does(
-    renderer, draw_kit, metallic, roughness, place, close
-):
+def test_plate_radiance_equals_the_sum_over_the_light(renderer, draw_kit, metallic, roughness, place, close):
     material = draw_kit.white(metallic=metallic, roughness=roughness, base_color=(0.6,) * 3)
     target = draw_kit.target([draw_kit.plate("p", "white", (0, 0, 0), 0.4)], [material])
     light = AreaLight(
@@ -78,7 +76,7 @@ def test_a_plate_gives_back_what_the_sum_over_the_light_does(
     assert factor[0] * L * 0.6 * (1 - metallic) / np.pi == pytest.approx(below * 1.04, rel=0.06, abs=1e-6)
 
 
-def test_a_mirror_shows_the_box_as_large_as_it_is(renderer, draw_kit):
+def test_mirror_image_of_a_light_box_has_its_size(renderer, draw_kit):
     material = draw_kit.white(metallic=1.0, roughness=0.06, base_color=(0.9,) * 3)
     target = draw_kit.target([draw_kit.plate("p", "white", (0, 0, 0), 0.9)], [material])
     light = AreaLight(position_m=(0, 0, -5.0), width_m=2.0, height_m=1.0, radiance_w_m2_sr=L)
@@ -112,7 +110,7 @@ def test_the_penumbra_of_an_edge_is_as_wide_as_the_light(renderer, draw_kit):
         assert np.interp(at, x, row) == pytest.approx(share, abs=0.09)
 
 
-def test_a_light_in_the_target_s_axes_turns_with_it(renderer, draw_kit):
+def test_light_fixed_to_the_target_rotates_with_it(renderer, draw_kit):
     target = draw_kit.target([draw_kit.plate("p", "white", (0, 0, 0), 0.4)], [draw_kit.white()])
     fixed = AreaLight(position_m=(0.5, 0.3, -1.5), frame="target", radiance_w_m2_sr=L)
     plain = renderer.render(dark(draw_kit.scene(target), fixed), target).radiance[119, 161]
@@ -123,7 +121,7 @@ def test_a_light_in_the_target_s_axes_turns_with_it(renderer, draw_kit):
     assert turned == pytest.approx(plain, rel=0.02)
 
 
-def test_without_lights_a_scene_is_what_it_was_and_without_sunlight_dark(renderer, draw_kit):
+def test_scene_without_lights_is_unchanged_and_dark_without_sun(renderer, draw_kit):
     target = draw_kit.target([draw_kit.plate("p", "white", (0, 0, 0), 0.4)], [draw_kit.white()])
     scene = draw_kit.scene(target)
     assert "lights" not in msgspec.json.decode(msgspec.json.encode(SceneRecord.from_scene(scene)))

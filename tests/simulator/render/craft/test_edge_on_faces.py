@@ -1,4 +1,4 @@
-"""Faces seen edge-on: a raster knows their depth badly, and they must not show through what is before them."""
+"""Faces seen edge-on, whose raster depth is imprecise, do not show through faces in front of them."""
 
 import itertools
 

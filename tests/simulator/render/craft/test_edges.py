@@ -1,4 +1,4 @@
-"""Edges pixel by pixel: every sample is weighed as lying on the side on which the rasteriser drew it, on any driver."""
+"""Edges pixel by pixel: the weight of each sample matches the side on which the rasteriser drew it."""
 
 from dataclasses import replace
 

@@ -1,4 +1,4 @@
-"""A far craft: each of its few pixels has the light that many smaller pixels in its place have."""
+"""A distant target: the radiance of a pixel is the mean of many smaller pixels."""
 
 from dataclasses import replace
 

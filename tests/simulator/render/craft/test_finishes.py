@@ -1,4 +1,4 @@
-"""Finishes: foil that mirrors, films on cells, where cells lie."""
+"""Finishes: mirror-like foil, thin films on solar cells, positions of cells."""
 
 from dataclasses import replace
 
@@ -20,7 +20,7 @@ def transfer_matrix(indices, thickness_nm, wavelength_nm):
     return np.abs((first * b - c) / (first * b + c)) ** 2
 
 
-def test_films_reflect_as_their_characteristic_matrix_says():
+def test_film_reflectance_matches_the_characteristic_matrix():
     for band, (low, high) in enumerate(((600, 700), (500, 600), (400, 500))):
         wavelengths = np.arange(low, high) + 0.5
         front = transfer_matrix((1.0, 1.38, 1.5), 600 / 4 / 1.38, wavelengths)

@@ -1,4 +1,4 @@
-"""Radiance is a number on every pixel, whatever the mesh: degenerate faces, normals, texture coordinates, materials."""
+"""Radiance is finite for degenerate faces, normals, texture coordinates and materials."""
 
 import hashlib
 from dataclasses import replace
@@ -138,7 +138,7 @@ def test_smooth_normals_with_a_texture_on_a_coarse_solid(renderer, draw_kit, sha
     assert_finite(renderer, draw_kit, target, quality)
 
 
-def test_light_without_end_is_said_with_the_mesh_that_sends_it(renderer, draw_kit):
+def test_infinite_radiance_names_the_target(renderer, draw_kit):
     target = craft(draw_kit, textures=(), base_color=(3e38,) * 3)
     with pytest.raises(
         UserError, match="pixels of target test have no finite radiance in frame 0 at quality draft"

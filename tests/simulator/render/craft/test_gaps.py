@@ -1,4 +1,4 @@
-"""What is narrower than a pixel shows with its true area and light: gaps between parts of other materials, shadows."""
+"""Area and radiance of structures narrower than a pixel: gaps between parts, shadows."""
 
 from dataclasses import replace
 

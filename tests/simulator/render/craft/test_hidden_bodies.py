@@ -1,4 +1,4 @@
-"""What the craft hides of the Sun and the Moon behind it, and outlines that differ by more than a pixel."""
+"""Sun and Moon behind the target, with outlines that differ by more than a pixel."""
 
 from dataclasses import replace
 
@@ -39,7 +39,7 @@ def behind(request, draw_kit):
     return scene_of
 
 
-def test_a_plate_hides_what_is_behind_it_and_leaves_the_rest(renderer, draw_kit, behind):
+def test_plate_hides_only_what_is_behind_it(renderer, draw_kit, behind):
     black = draw_kit.white(base_color=(0.0, 0.0, 0.0))
 
     def light(edge_px):

@@ -1,4 +1,4 @@
-"""Insulation far away: facets smaller than a pixel make it rougher, and do not flicker."""
+"""Distant insulation: facets smaller than a pixel add to the roughness and do not flicker."""
 
 from dataclasses import replace
 

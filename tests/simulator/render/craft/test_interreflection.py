@@ -1,4 +1,4 @@
-"""Light between a craft's parts, per frame: the same bytes with any number of threads."""
+"""Interreflection per frame does not depend on the number of threads."""
 
 import os
 import sys

@@ -1,4 +1,4 @@
-"""One renderer that draws with a lens and without draws as one that has never met the other."""
+"""A renderer that alternates between cameras with and without distortion draws the same images."""
 
 from dataclasses import replace
 
@@ -50,7 +50,7 @@ def drawn(draw_kit):
 
 @pytest.mark.parametrize("z_m", [NEAR_M, FAR_M])
 @pytest.mark.parametrize("lens_first", [True, False])
-def test_a_camera_shows_the_same_after_one_of_the_other_kind(drawn, z_m, lens_first):
+def test_image_does_not_depend_on_the_previous_camera(drawn, z_m, lens_first):
     second = not lens_first
     mixed, alone = drawn([lens_first, second], z_m)[second], drawn([second], z_m)[second]
     assert np.isfinite(alone[2]).any()

@@ -1,4 +1,4 @@
-"""Light between neighbouring parts: low relief, and the colour of what parts give each other."""
+"""Interreflection between neighbouring parts: low relief, and colour bleeding."""
 
 from dataclasses import replace
 
@@ -87,7 +87,7 @@ def test_a_wall_is_lit_by_a_sunlit_floor_as_form_factors_say(renderer, draw_kit)
     assert lit == pytest.approx(share * sun * factor / np.pi, rel=0.15)
 
 
-def test_a_black_floor_gives_its_wall_next_to_nothing(renderer, draw_kit):
+def test_black_floor_reflects_almost_no_light_to_a_wall(renderer, draw_kit):
     white, _ = wall_light(renderer, draw_kit, corner(draw_kit), [0.2])
     black, _ = wall_light(renderer, draw_kit, corner(draw_kit, floor="black"), [0.2])
     assert black[0] < 0.2 * white[0]

@@ -1,4 +1,4 @@
-"""Light on the spacecraft: nothing lost or made by surfaces, the Earth's field, what the craft hides and gives back."""
+"""Light on the target: energy conservation, the Earth's radiance field, occlusion and interreflection."""
 
 import numpy as np
 import pytest
@@ -49,7 +49,7 @@ def ball(draw_kit, **material):
         {"base_color": (1.0, 1.0, 1.0), "metallic": 0.0, "roughness": 0.6},
     ],
 )
-def test_a_white_thing_in_a_white_furnace_cannot_be_seen(renderer, draw_kit, material):
+def test_white_body_in_a_white_furnace_is_invisible(renderer, draw_kit, material):
     target = ball(draw_kit, **material)
     scene = draw_kit.scene(target, t_m=(0, 0, 4.0), sun_visible_fraction=0.0)
     seen = renderer.render(scene, target, labels=True, sky=uniform_field([3.0]))
@@ -116,7 +116,7 @@ def test_earthshine_follows_the_lit_and_cloudy_part_of_the_earth():
     assert clear[2:6].mean() > 2 * pacific or clear[-4:-1].mean() > 2 * pacific  # ice
 
 
-def test_earthshine_sees_the_ice_of_the_season():
+def test_earthshine_depends_on_seasonal_ice():
     march, september = (
         albedo_of_day(f"2026-{day}T12:00:00Z", clouds=True, ice=True) for day in ("03-10", "09-15")
     )

@@ -1,4 +1,4 @@
-"""Near craft are drawn with fewer samples by default, and nobody sees where that begins."""
+"""Near targets are drawn with fewer samples by default, without a visible difference."""
 
 import numpy as np
 import pytest
@@ -16,7 +16,7 @@ def flight():
     return plan.scene(0), plan.target
 
 
-def test_where_it_begins_the_picture_stays(flight, renderer, monkeypatch):
+def test_image_is_continuous_where_fewer_samples_begin(flight, renderer, monkeypatch):
     scene, target = flight
     five = renderer.render(scene, target)
     monkeypatch.setattr(viewport_fit, "NEAR_PIXEL_M", 0.0)

@@ -1,4 +1,4 @@
-"""Penumbrae on the craft are as wide as the Sun's disc makes them, while the shadow map's filter reaches so far."""
+"""Width of penumbrae against the angular size of the Sun, within the reach of the shadow filter."""
 
 from dataclasses import replace
 
@@ -29,7 +29,7 @@ def spread_m(renderer, draw_kit, height_m):
 
 
 @pytest.mark.parametrize("height_m", [0.1, 0.15, 0.2])
-def test_a_penumbra_is_as_wide_as_the_suns_disc_from_the_height_of_its_edge(renderer, draw_kit, height_m):
+def test_penumbra_width_is_edge_height_times_solar_diameter(renderer, draw_kit, height_m):
     # half the radius of the disc; its distance along the light and the wall's slant are sqrt(2) each
     wanted_m = SUN_RADIUS_RAD * height_m
     # the sharpest edge adds to it in squares

@@ -1,4 +1,4 @@
-"""The shadow map goes where the camera looks: sharp on a long craft seen close, nothing in view outside it."""
+"""The shadow map covers the visible surface: sharp on a long target at close range, complete in view."""
 
 import numpy as np
 import pytest
@@ -38,7 +38,7 @@ def test_a_shadow_on_a_long_craft_is_where_geometry_says(renderer, draw_kit):
 
 
 @pytest.mark.parametrize("name", ["tianzhou", "tango"])
-def test_the_window_holds_all_that_shows(renderer, draw_kit, name):
+def test_shadow_window_contains_all_visible_surface(renderer, draw_kit, name):
     mesh = upload(renderer.device.context, load_target(name))
     positions = np.frombuffer(mesh.vertices.read(), VERTEX)["position_m"].astype(float)
     patches = SurfacePatches.from_mesh(mesh, positions)

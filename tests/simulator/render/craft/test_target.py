@@ -1,4 +1,4 @@
-"""The spacecraft in the picture: where it is, how bright it is, where its shadow falls."""
+"""The target in the image: position, radiance, shadows, labels."""
 
 from dataclasses import replace
 
@@ -31,7 +31,7 @@ def _expected_radiance(albedo, roughness, n, v, s, irradiance):
 
 
 @pytest.mark.parametrize(("albedo", "angle_deg"), [(0.8, 0.0), (0.5, 40.0), (0.2, 70.0)])
-def test_radiance_of_a_rough_plate(renderer, draw_kit, albedo, angle_deg):
+def test_radiance_of_a_rough_plate_matches_the_brdf(renderer, draw_kit, albedo, angle_deg):
     target = draw_kit.target(
         [draw_kit.plate("p", "white", (0, 0, 0), 0.5)], [draw_kit.white(base_color=(albedo,) * 3)]
     )
@@ -49,7 +49,7 @@ def test_radiance_of_a_rough_plate(renderer, draw_kit, albedo, angle_deg):
     assert image[y, x] == pytest.approx(albedo * irradiance * np.cos(a) / np.pi, rel=0.06)
 
 
-def test_a_third_of_the_bands_each_in_rgb(renderer, draw_kit):
+def test_rgb_radiance_uses_the_irradiance_of_each_band(renderer, draw_kit):
     colour = Material(name="white", base_color=(0.6, 0.3, 0.1), roughness=1.0)
     target = draw_kit.target([draw_kit.plate("p", "white", (0, 0, 0), 0.5)], [colour])
     scene = draw_kit.scene(target, bands="rgb")
@@ -66,7 +66,7 @@ def test_a_third_of_the_bands_each_in_rgb(renderer, draw_kit):
     ("quality", "rms_px", "largest_px"),
     [("draft", 0.002, 0.01), ("default", 0.002, 0.01), ("high", 0.01, 0.05)],
 )
-def test_straight_edges(renderer, draw_kit, quality, rms_px, largest_px):
+def test_straight_edges_are_located_to_subpixel_accuracy(renderer, draw_kit, quality, rms_px, largest_px):
     # before any optics, over every slope
     errors = []
     turns = (0.0, 3.0, 10.0, 14.0, 26.6, 33.7, 45.0, 56.3, 63.4, 76.0, 84.0, 89.0)
@@ -142,7 +142,7 @@ def test_shadow_falls_where_geometry_says(renderer, draw_kit):
     assert patch.std() / patch.mean() < 0.01
 
 
-def test_no_light_in_eclipse_but_earthshine(renderer, draw_kit):
+def test_only_earthshine_in_eclipse(renderer, draw_kit):
     target = draw_kit.target([draw_kit.plate("p", "white", (0, 0, 0), 0.5)], [draw_kit.white()])
     dark = draw_kit.scene(target, sun_visible_fraction=0.0)
     assert renderer.render(dark, target).radiance.max() == 0.0
@@ -177,7 +177,7 @@ def test_labels_agree_with_geometry(renderer, draw_kit):
     assert renderer.render(scene, target).coverage is None
 
 
-def test_silhouette_share_of_a_cropped_target(renderer, draw_kit):
+def test_silhouette_fraction_of_a_cropped_target(renderer, draw_kit):
     target = draw_kit.target([draw_kit.plate("p", "white", (0, 0, 0), 0.5)], [draw_kit.white()])
     edge = draw_kit.scene(target).camera
     x = (-0.5 - edge.cx_px) / edge.fx_px * 5.0  # the image's left edge at 5 m

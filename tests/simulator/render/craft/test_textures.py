@@ -1,4 +1,4 @@
-"""Textures in the picture: what they reflect, where they are, which way their normals look, and OpenCV reading them."""
+"""Textures in the image: reflectance, position, normals, and decoding by OpenCV."""
 
 import hashlib
 from dataclasses import replace
@@ -57,7 +57,7 @@ def test_a_texture_reflects_as_a_material_of_its_colours(renderer, draw_kit, ban
         assert image[y, x] == pytest.approx(expected, rel=0.015)
 
 
-def test_a_mesh_with_textures_draws_its_plain_parts_as_ever(renderer, draw_kit):
+def test_untextured_parts_are_unchanged_by_textures_of_others(renderer, draw_kit):
     target = textured(draw_kit, png(np.full((2, 2, 3), 255)), kinds=["base_color_texture"])
     plain = replace(draw_kit.plate("q", "grey", (0.9, 0, 0), 0.3), uv=None)
     grey = draw_kit.white(name="grey", base_color=(0.2, 0.3, 0.4), metallic=0.3, roughness=0.4)
@@ -139,7 +139,7 @@ def test_opencv_finds_the_charuco_board_where_it_is(renderer, draw_kit, rotvec):
     assert np.abs(off.mean(axis=0)).max() < 0.25
 
 
-def test_a_damaged_picture_is_named(renderer, draw_kit):
+def test_error_names_a_damaged_image(renderer, draw_kit):
     target = textured(draw_kit, b"\x89PNG nothing", kinds=["base_color_texture"])
     with pytest.raises(UserError, match="texture 'p' of target test is damaged"):
         renderer.render(draw_kit.scene(target), target)

@@ -1,4 +1,4 @@
-"""Air at the corners of smooth tiles: its light on the ground against the table of irradiances that it comes from."""
+"""Ground irradiance at the corners of smooth tiles against the table that it is read from."""
 
 import numpy as np
 import pytest

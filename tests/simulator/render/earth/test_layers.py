@@ -52,7 +52,7 @@ def draw(renderer, speck):
     return run
 
 
-def test_dates_lie_between_their_months():
+def test_dates_interpolate_between_months():
     for month, day in ANCHORS.items():
         for shift in (-20, 20):
             moment = np.datetime64("2027-01-01") + np.timedelta64(int(day - 1 + shift), "D")
@@ -147,7 +147,7 @@ def test_the_ground_stays_where_it_is_whatever_the_height_of_the_clouds(draw, mo
     assert np.mean(np.abs(low[1] / high[1] - 1) < 0.01) > 0.6
 
 
-def test_land_sea_and_cloud_alike_is_another_picture(draw):
+def test_one_optics_changes_the_image(draw):
     world = Environment(stars=False, moon=False)
     place, epoch = (-5.0, -33.0, 700.0), "2026-03-20T14:30:00Z"
     alike = draw(epoch, place, msgspec.structs.replace(world, undifferentiated=True))
@@ -185,7 +185,7 @@ def disc_reflection(draw, phase_deg, bands="mono"):
     return float(np.mean(share))
 
 
-def test_light_of_the_whole_earth(draw):
+def test_disc_integrated_light_of_the_earth(draw):
     phases = (5.0, 30.0, 60.0, 90.0, 120.0, 150.0)
     light = [disc_reflection(draw, p) for p in phases]
     # two thirds of the spherical albedo of 0.295 (Penttila et al. 2022), times the anisotropy of what DSCOVR sees from
@@ -227,7 +227,7 @@ def test_the_edges_of_the_sea_ice_enclose_the_extent_of_the_month():
         assert south == pytest.approx(EXTENT_SOUTH[month - 1] * 1e12, rel=0.1)
 
 
-def test_ice_is_where_and_when_it_should_be(draw):
+def test_sea_ice_matches_place_and_season(draw):
     bare = msgspec.structs.replace(CLEAR, atmosphere=False)
     view = {"off_nadir_deg": 20.0, "azimuth_deg": 180.0}
 
@@ -249,7 +249,7 @@ def test_ice_is_where_and_when_it_should_be(draw):
     assert gain("2026-04-15T12:00:00Z", 30.0, -40.0) == 1.0
 
 
-def test_the_ice_of_a_past_day_is_freed(draw, monkeypatch):
+def test_ice_texture_of_a_past_day_is_freed(draw, monkeypatch):
     # a data set's frames have a day each: with 1.4 MB left of every one a long capture took gigabytes
     library, names = gl_library(), set()
     if library is None:
@@ -268,7 +268,7 @@ def test_the_ice_of_a_past_day_is_freed(draw, monkeypatch):
         assert sum(bool(library.glIsTexture(name)) for name in names) == 1
 
 
-def test_the_edge_of_the_ice_is_no_line_and_its_day_no_draw(draw):
+def test_ice_edge_is_ragged_and_depends_only_on_the_day(draw):
     ice = sea_ice("2026-03-10T12:00:00Z")
     assert np.array_equal(ice, sea_ice("2031-03-10T00:00:00Z"))
     # the latitude of the first ice, each quarter of a degree from 20 to 60 W: rough at small scales and large
@@ -278,7 +278,7 @@ def test_the_edge_of_the_ice_is_no_line_and_its_day_no_draw(draw):
 
 
 @pytest.mark.parametrize(("bands", "quality"), [("mono", "default"), ("rgb", "default"), ("rgb", "high")])
-def test_shallow_water_shines(draw, bands, quality):
+def test_shallow_water_is_brighter_than_deep(draw, bands, quality):
     bare = msgspec.structs.replace(CLEAR, atmosphere=False, ocean_glint=False)
     small = Camera(width_px=32, height_px=32, fx_px=200.0, fy_px=200.0, cx_px=15.5, cy_px=15.5)
 

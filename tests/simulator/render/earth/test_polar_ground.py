@@ -1,4 +1,4 @@
-"""Ground near the poles, where the columns of the maps run together: a pixel is the mean of its parts."""
+"""Ground near the poles, where the map's columns converge: a pixel is the mean of its parts."""
 
 from dataclasses import replace
 

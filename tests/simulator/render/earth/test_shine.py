@@ -1,4 +1,4 @@
-"""Earth-shine on the craft: the integral over the Earth that is drawn from the same place."""
+"""Earthshine on the target against the integral over the Earth drawn from the same position."""
 
 from dataclasses import replace
 

@@ -1,4 +1,4 @@
-"""Light of the Earth's surfaces as it is measured from above the air: land, snow, sea, clouds, lamps."""
+"""Top-of-atmosphere reflectance of land, snow, sea and clouds, and night lights, against measurements."""
 
 import re
 from dataclasses import replace
@@ -111,7 +111,7 @@ def test_smaller_clouds_leave_as_much_under_cloud(b):
     assert even == pytest.approx(np.linspace(0, 1, len(even)), abs=0.01)
 
 
-def test_streets_keep_the_light_of_a_cell():
+def test_streets_conserve_the_light_of_a_cell():
     chain = mipmap_chain(night_texture(), globe=False)
     size, at = len(chain.image) // 2, 0
     levels = [chain.image[..., 1:3]]

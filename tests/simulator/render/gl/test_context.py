@@ -1,4 +1,4 @@
-"""The context that draws: what is asked of the driver."""
+"""Creation of the OpenGL context: the requested version."""
 
 import moderngl
 import pytest
@@ -8,7 +8,7 @@ from flyaround.simulator.render.gl.context import REQUIRED_VERSION, create_conte
 pytestmark = pytest.mark.gl
 
 
-def test_the_version_that_the_passes_need_is_asked_for(monkeypatch):
+def test_required_gl_version_is_requested(monkeypatch):
     # NVIDIA's driver gives 3.3 to who asks for that, and 4.1 to who asks for 4.1; Mesa's gives its newest to both
     asked = []
     create = moderngl.create_context

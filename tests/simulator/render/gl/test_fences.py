@@ -1,4 +1,4 @@
-"""The software driver's fences are kept until its threads have left them: a thread held up there does no harm."""
+"""Fences of the software driver are kept until its threads have left them."""
 
 import os
 import platform

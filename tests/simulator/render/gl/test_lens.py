@@ -1,4 +1,4 @@
-"""The lens in the picture: edges, textures, Earth and stars lie where the camera's own projection puts them."""
+"""Distorted images: edges, textures, Earth and stars lie where the camera model projects them."""
 
 from dataclasses import replace
 

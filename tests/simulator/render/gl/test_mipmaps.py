@@ -1,4 +1,4 @@
-"""Smaller levels of maps: a driver chooses one by one size of a pixel on the ground."""
+"""Mipmap levels of the maps against the size of a pixel on the ground."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""A processor without AVX draws with vectors of 128 bits: the same picture as one with 256, to float32's rounding."""
+"""A processor without AVX draws the same image to float32 rounding."""
 
 import os
 import sys

@@ -1,4 +1,4 @@
-"""Shaders as a driver of OpenGL 4.1 is given them."""
+"""Shader sources are valid for OpenGL 4.1."""
 
 from importlib import resources
 
@@ -15,7 +15,7 @@ FILES = sorted(
 )
 
 
-def test_there_are_shaders():
+def test_shaders_are_found():
     assert {"craft/shade.frag", "earth/earth.frag"} <= set(FILES)
 
 

@@ -1,4 +1,4 @@
-"""A body of a plug-in: Mars is circled, drawn, shades and lights the craft, and its record is drawn again."""
+"""A body from a plug-in: orbit, image, shadow and light of Mars, and reproduction from its record."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -209,7 +209,7 @@ def test_mars_shades_and_lights_the_craft(renderer, plan):
     assert bright[lit, True] > 1.5 * bright[lit, False] > 0
 
 
-def test_a_frame_is_drawn_again_from_its_record(renderer, plan, tmp_path):
+def test_frame_is_reproduced_from_its_record(renderer, plan, tmp_path):
     planned = plan()
     k = next(k for k in range(planned.n_frames) if planned.scene(k).sun_visible_fraction == 1.0)
     frame = take_frame(renderer, planned.scene(k), planned.target)
@@ -226,7 +226,7 @@ def test_a_frame_is_drawn_again_from_its_record(renderer, plan, tmp_path):
         read_truth(path)
 
 
-def test_what_is_no_body_is_refused_by_the_packages_name():
+def test_plugin_that_is_no_body_is_refused():
     with pytest.raises(UserError, match=r"body number of package mars-body 1\.0 is not a Body named number"):
         body_named("number")
 

@@ -1,4 +1,4 @@
-"""The Moon: its irradiance, its phase, its place, and what it hides."""
+"""The Moon: irradiance, phase, position, occultations."""
 
 from dataclasses import replace
 
@@ -71,7 +71,7 @@ def _facing(phase_rad):
 
 
 @pytest.mark.parametrize("phase_deg", [5.0, 50.0, 100.0])
-def test_the_moons_light_is_the_published_one(renderer, draw_kit, speck, phase_deg):
+def test_moonlight_matches_published_irradiance(renderer, draw_kit, speck, phase_deg):
     only = msgspec.structs.replace(draw_kit.nothing, moon=True)
     irradiance = []
     for phase in np.radians([phase_deg, -phase_deg]):
@@ -91,7 +91,7 @@ def test_the_moons_light_is_the_published_one(renderer, draw_kit, speck, phase_d
     assert np.mean(irradiance) == pytest.approx(published, rel=0.15)
 
 
-def test_the_moons_night_side_has_the_earths_light_alone(renderer, draw_kit, speck):
+def test_night_side_of_the_moon_has_only_earthshine(renderer, draw_kit, speck):
     """From the Earth, a thick crescent: beyond the terminator the Moon shines by what a gibbous Earth sends."""
     drawn, crescent = {}, 2.0
     nearly_full = 0.06  # no nearer: the Earth's shadow
@@ -176,7 +176,7 @@ def test_ground_that_rises_to_the_sun_is_dark_and_ground_that_falls_to_it_bright
         assert np.corrcoef(image, rise)[0, 1] < -0.45
 
 
-def test_the_phase_curve_is_the_measured_one():
+def test_moon_phase_curve_matches_measurements():
     # Rougier (1933) as Allen, Astrophysical Quantities (1976), section 66, has it; over 10 degrees, clear of the surge
     phase_deg = np.array([10, 20, 30, 40, 50, 60, 70, 80, 90, 100, 110, 120])
     measured = np.array([0.809, 0.625, 0.483, 0.377, 0.288, 0.225, 0.172, 0.127, 0.089, 0.061, 0.041, 0.027])

@@ -1,4 +1,4 @@
-"""The Moon lights the Earth's night as the Sun lights its day, 400,000 times less."""
+"""Moonlight on the Earth's night side against sunlight on the day side."""
 
 from dataclasses import replace
 
@@ -47,7 +47,7 @@ def test_without_air_the_night_is_the_day_in_the_moons_light(renderer, speck, ba
 
 
 @pytest.mark.parametrize("bands", ["mono", "rgb"])
-def test_air_takes_of_moonlight_what_it_takes_of_sunlight(renderer, speck, bands):
+def test_air_attenuates_moonlight_like_sunlight(renderer, speck, bands):
     day, night = by_day_and_by_moonlight(speck, msgspec.structs.replace(NO_AIR, atmosphere=True), bands)
     lit, moonlit = (renderer.render(scene, speck).radiance for scene in (day, night))
     if bands == "rgb":
@@ -58,7 +58,7 @@ def test_air_takes_of_moonlight_what_it_takes_of_sunlight(renderer, speck, bands
     assert np.median(moonlit / lit) / 2.5e-6 < np.median(moonlit[bright] / lit[bright]) / 2.5e-6
 
 
-def test_a_new_moon_and_no_moon_leave_the_night_dark(renderer, speck):
+def test_night_is_dark_at_new_moon_and_without_moon(renderer, speck):
     _, night = by_day_and_by_moonlight(speck, NO_AIR)
     new = night.with_body("moon", r_eci_m=vec3(-np.asarray(night.body("moon").r_eci_m)))
     none = replace(night, environment=msgspec.structs.replace(NO_AIR, moon=False))

@@ -1,4 +1,4 @@
-"""Planets where the almanac has them, stars sorted so that none is lost, magnitudes as electrons."""
+"""Planets against the almanac, culling of stars, magnitudes as electrons."""
 
 import erfa
 import numpy as np
@@ -72,7 +72,7 @@ def test_magnitude_as_electrons():
 
 
 @pytest.mark.parametrize("epoch", ["2026-03-01T12:00:00Z", "2031-09-17T03:25:00Z"])
-def test_a_planet_is_seen_where_its_light_left_it(epoch):
+def test_planet_position_includes_light_time(epoch):
     """The moment it left is where the distance is the time since then: a root, found without iterating on places.
 
     With the light time's other sign Mercury is up to 65 arc seconds off, without it half of that.

@@ -1,4 +1,4 @@
-"""Earth, air, stars and Sun: where they are, how bright they are, what switches them."""
+"""Earth, air, stars and Sun: position, radiance, and switches of the environment."""
 
 from dataclasses import replace
 
@@ -44,7 +44,7 @@ def _rays(camera):
 
 
 @pytest.mark.parametrize(("latitude_deg", "azimuth_deg"), [(0.0, 40.0), (50.0, 200.0), (85.0, 300.0)])
-def test_limb_is_the_ellipsoids(renderer, draw_kit, speck, latitude_deg, azimuth_deg):
+def test_limb_is_that_of_the_ellipsoid(renderer, draw_kit, speck, latitude_deg, azimuth_deg):
     environment = msgspec.structs.replace(draw_kit.nothing, earth=True)
     scene = draw_kit.scene(
         speck,
@@ -82,7 +82,7 @@ def test_limb_is_the_ellipsoids(renderer, draw_kit, speck, latitude_deg, azimuth
 
 
 @pytest.mark.parametrize("bands", ["mono", "rgb"])
-def test_limb_glow_is_the_double_precision_twins(renderer, draw_kit, speck, bands):
+def test_limb_glow_matches_the_double_precision_twin(renderer, draw_kit, speck, bands):
     environment = msgspec.structs.replace(draw_kit.nothing, earth=True, atmosphere=True)
     higher = MultipleScattering(np.asarray(air_tables(bands, 100e3).multiple, float), 100e3)
     for sun in ((0.3, -0.5, -1), (0.9, -0.1, 0.3), (0, 0.1, 1)):
@@ -114,7 +114,7 @@ def test_limb_glow_is_the_double_precision_twins(renderer, draw_kit, speck, band
 
 
 @pytest.mark.parametrize("bands", ["mono", "rgb"])
-def test_the_nights_limb_has_the_airglows_line(renderer, draw_kit, speck, bands):
+def test_night_limb_shows_the_airglow_layer(renderer, draw_kit, speck, bands):
     """As bright as its path is long: 5.0e-7 W m-2 sr-1 straight up over 450 to 750 nm, 1.7e-7 in green."""
     glow = msgspec.structs.replace(draw_kit.nothing, earth=True, atmosphere=True, airglow=True)
     place = {"t_m": FAR, "off_nadir_deg": 70.0, "sun_camera": (0.0, 1.0, 0.2), "bands": bands}
@@ -194,7 +194,7 @@ def test_each_switch_changes_its_own_layer(renderer, draw_kit, speck):
     assert not draw(earth=False).any()
 
 
-def test_same_bytes_again_whatever_was_drawn_between(renderer, draw_kit, speck):
+def test_same_bytes_after_other_frames(renderer, draw_kit, speck):
     scene = draw_kit.scene(speck, environment=Environment(), off_nadir_deg=60.0, sun_camera=(0.3, -0.4, -1))
     first = renderer.render(scene, speck, labels=True)
     other = replace(scene, bands="rgb", environment=Environment(clouds=False), quality="draft")
@@ -218,7 +218,7 @@ def _pointing(scene, direction_eci):
     return replace(scene, q_camera_from_eci_wxyz=tuple(float(v) for v in q))
 
 
-def test_star_is_where_it_should_be_and_as_bright(renderer, draw_kit, speck):
+def test_star_position_and_brightness(renderer, draw_kit, speck):
     scene = draw_kit.scene(speck, t_m=FAR, environment=msgspec.structs.replace(draw_kit.nothing, stars=True))
     field = stars(scene.epoch_utc, "mono")
     # Vega, Hipparcos 91262: J2000 18h36m56.34s +38d47m01.3s, drifting 0.35 arcsec a year, V = 0.03
@@ -274,7 +274,7 @@ def test_stars_drawn_and_added_when_the_picture_is_read_give_one_picture(
     assert np.all(np.abs(shared - drawn) <= 5e-5 * beside)
 
 
-def test_a_star_of_the_suns_colour_is_the_sun_dimmed():
+def test_star_of_solar_colour_has_the_solar_spectrum():
     sun = star_irradiance_w_m2(np.array([-26.64]), np.array([0.65]), "rgb")[0]
     assert sun == pytest.approx(sun_irradiance_w_m2("rgb", 149_597_870_700.0), rel=0.02)
 

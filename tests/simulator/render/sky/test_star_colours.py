@@ -1,4 +1,4 @@
-"""Stars from B to M: their light in each band is that of a published spectrum scaled to their V magnitude."""
+"""Stars of types B to M: band irradiances against published spectra scaled to the V magnitude."""
 
 from dataclasses import replace
 
@@ -113,7 +113,7 @@ def test_hot_stars_are_black_bodies_scaled_to_v(temperature_k, bv):
         (1.87, 2.90, -0.08),
     ],
 )
-def test_hp_less_v_is_the_published_one(bv, vi, known):
+def test_hp_minus_v_matches_published_values(bv, vi, known):
     tolerance = 0.02 if vi > 1.7 else 0.003
     assert hp_minus_v(np.array([bv]), np.array([vi]))[0] == pytest.approx(known, abs=tolerance)
 
@@ -128,7 +128,7 @@ def test_a_detector_counts_a_star_s_own_photons():
     assert (photons_over_sunlights(np.array([-0.2, 2.0]), "rgb") == 1).all()
 
 
-def test_a_star_without_colours_is_a_sun():
+def test_star_without_colour_indices_has_the_solar_spectrum():
     odd = star_irradiance_w_m2(np.array([5.0]), np.array([np.nan]), "mono", np.array([np.nan]))
     sun = star_irradiance_w_m2(np.array([5.0]), np.array([0.65]), "mono")
     assert odd == pytest.approx(sun)
@@ -156,7 +156,7 @@ def test_the_picture_of_a_detector_has_stars_by_their_photons():
     assert np.median(share) == pytest.approx(1.0, abs=0.02)
 
 
-def test_a_blue_star_with_the_v_minus_i_of_an_m_star_is_drawn_by_its_b_minus_v():
+def test_b_minus_v_is_used_if_v_minus_i_contradicts_it():
     """HIP 87221: B-V 0.07, V-I 2.06. Mira's B-V of 0.97 with a V-I of 5.7 is an M star's."""
     for bands in ("mono", "rgb"):
         hp, bv, vi, _ = of_the_catalogue(87221)

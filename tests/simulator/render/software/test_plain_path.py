@@ -1,4 +1,4 @@
-"""What Python finds need not be drawn is left to a GPU: its pictures are the same but for what was interpolated."""
+"""The GPU path without culling in Python draws the same images as the software path, up to interpolation."""
 
 from dataclasses import replace
 
@@ -40,7 +40,7 @@ def _blocks(image):
 
 @pytest.mark.gl
 @pytest.mark.parametrize(("name", "bands"), VIEWS)
-def test_a_picture_hardly_depends_on_what_is_left_out(renderers, name, bands):
+def test_culling_hardly_changes_the_image(renderers, name, bands):
     plan = plan_flight(load_scenario(name), n=1)
     scene = replace(plan.scene(0), camera=quarter(plan.camera), bands=bands)
     spared, plain = (one.render(scene, plan.target, labels=True) for one in renderers)
@@ -72,7 +72,7 @@ def test_nothing_that_a_lens_shows_of_a_craft_is_left_out(renderers, camera):
 
 
 @pytest.mark.gl
-def test_a_plain_picture_is_the_same_again(renderers):
+def test_untextured_image_is_reproducible(renderers):
     plan = plan_flight(load_scenario("tango-earth-10m"), n=2)
     first, other = (replace(plan.scene(k), camera=quarter(plan.camera)) for k in (0, 1))
     once = renderers[1].render(first, plan.target).radiance

@@ -1,4 +1,4 @@
-"""What the passes leave out shows nowhere: triangles that look away, tiles that the craft does not touch."""
+"""Culling of back faces and empty tiles does not change the image."""
 
 import cv2
 import numpy as np

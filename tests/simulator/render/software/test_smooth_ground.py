@@ -1,4 +1,4 @@
-"""Ground that is interpolated over tiles, beside each pixel's own: of low and high orbits, at poles, of the Moon."""
+"""Ground interpolated over tiles against ground per pixel: low and high orbits, poles, the Moon."""
 
 from dataclasses import replace
 
@@ -22,7 +22,7 @@ def _scene(name, width_px, **changes):
 @pytest.mark.parametrize(
     ("name", "most_dn"), [("geo-inspection", 1.0), ("tango-flyaround", 1.5), ("lunar-orbit", 1.0)]
 )
-def test_tiles_show_what_their_pixels_do(name, most_dn):
+def test_interpolated_tiles_match_per_pixel_ground(name, most_dn):
     scene, target = _scene(name, 960)
     signals = []
     for path in (True, False):

@@ -1,4 +1,4 @@
-"""Geometry packed with Draco is read as if it were not, and a damaged stream is refused in a sentence."""
+"""Meshes compressed with Draco equal uncompressed ones; damaged streams are refused."""
 
 from pathlib import Path
 
@@ -75,7 +75,7 @@ def stream():
     )
 
 
-def test_a_packed_mesh_is_the_mesh(tmp_path, stream):
+def test_packed_mesh_equals_the_unpacked_one(tmp_path, stream):
     model = read_mesh(packed_glb(tmp_path / "a.glb", stream, nodes=2))
     assert [p.name for p in model.parts] == ["ball0", "ball1"]
     part = model.parts[0]
@@ -116,7 +116,7 @@ def rewritten(path, change):
     join_glb(path, document, blob)
 
 
-def test_a_stream_that_is_damaged_or_no_mesh(tmp_path, stream):
+def test_damaged_or_meshless_stream_is_refused(tmp_path, stream):
     cloud = DracoPy.encode(BALL.vertices.astype(np.float32))
     for bad in (stream[:100], b"DRACO" + bytes(50), cloud):
         with pytest.raises(
@@ -138,7 +138,7 @@ def test_a_stream_that_is_damaged_or_no_mesh(tmp_path, stream):
             read_mesh(path)
 
 
-def test_a_stream_that_unpacks_to_more_than_is_read(stream):
+def test_oversized_stream_is_refused(stream):
     with pytest.raises(UserError, match="unpacks to more than is read"):
         decode_streams(Path("a.glb"), [stream], max_bytes=1000)
     assert decode_streams(Path("a.glb"), [stream])["faces_0"].shape == BALL.faces.shape

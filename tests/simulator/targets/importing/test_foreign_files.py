@@ -1,4 +1,4 @@
-"""PLY, OFF, COLLADA, 3MF and STEP files become the model that their glTF twin becomes, in their own units and axes."""
+"""PLY, OFF, COLLADA, 3MF and STEP files give the same model as their glTF equivalent."""
 
 import io
 import itertools
@@ -105,7 +105,7 @@ def test_a_step_solid_is_meshed_in_its_unit(tmp_path, unit, factor):
         ("a.off", "empty"),
     ],
 )
-def test_a_damaged_file_is_one_sentence(tmp_path, name, damage):
+def test_damaged_file_gives_a_one_sentence_error(tmp_path, name, damage):
     path = tmp_path / name
     whole = (STEP_BOX if name.endswith("step") else saved(path)).read_bytes()
     if damage == "cut":
@@ -121,7 +121,7 @@ def test_a_damaged_file_is_one_sentence(tmp_path, name, damage):
     assert len(str(told.value)) < 600
 
 
-def test_a_file_of_another_kind_is_named(tmp_path):
+def test_error_names_a_file_of_the_wrong_kind(tmp_path):
     saved(tmp_path / "a.ply").rename(tmp_path / "a.off")
     with pytest.raises(UserError, match=r"ends in \.off but holds a \.ply file"):
         read_mesh(tmp_path / "a.off")

@@ -1,4 +1,4 @@
-"""glTF extensions: read, harmless, reported or refused; none is left out unsaid."""
+"""glTF extensions: supported, harmless, reported or refused."""
 
 from pathlib import Path
 
@@ -71,7 +71,7 @@ def test_instances_turn_and_scale_within_their_node(gltf):
     assert second.positions_m.max(axis=0) == pytest.approx([3, 2, 9], abs=1e-3)
 
 
-def test_instances_of_unequal_counts_break_the_rules(gltf):
+def test_instances_of_unequal_counts_are_refused(gltf):
     gltf.document["nodes"][0]["extensions"] = {
         "EXT_mesh_gpu_instancing": {
             "attributes": {
@@ -115,7 +115,7 @@ def test_hidden_nodes_are_left_out_with_all_below_them(gltf):
     ],
 )
 @pytest.mark.parametrize("listed", [True, False])
-def test_extensions_that_change_the_picture_are_named(gltf, name, listed):
+def test_extensions_that_change_the_image_are_reported(gltf, name, listed):
     if listed:
         gltf.document["extensionsUsed"] = [name]
     else:
@@ -123,7 +123,7 @@ def test_extensions_that_change_the_picture_are_named(gltf, name, listed):
     assert [name in note for note in gltf.read().notes] == [True]
 
 
-def test_reported_transmission_is_named():
+def test_transmission_is_reported():
     model = read_mesh(REPORTS / "gltf_transmission_unlit" / "transmission.gltf")
     assert ["KHR_materials_transmission" in note for note in model.notes] == [True]
 
@@ -138,7 +138,7 @@ def test_reported_transmission_is_named():
         "EXT_texture_webp",
     ],
 )
-def test_extensions_that_are_read_or_harmless_are_not(gltf, name):
+def test_supported_and_harmless_extensions_are_not_reported(gltf, name):
     gltf.document["extensionsUsed"] = [name]
     assert gltf.read().notes == []
 
@@ -164,7 +164,7 @@ def test_meshopt_beside_plain_data_is_read(gltf):
     assert gltf.read().triangle_count == 4
 
 
-def test_things_beside_meshes_are_named(gltf):
+def test_ignored_gltf_objects_are_reported(gltf):
     gltf.document |= {
         "animations": [{"channels": [], "samplers": []}],
         "cameras": [{"type": "perspective"}],
@@ -237,7 +237,7 @@ def test_a_second_set_of_coordinates_and_clamped_edges(gltf):
     assert "clamp or mirror" in model.notes[0]
 
 
-def test_colours_of_vertices_beside_a_texture_are_said(gltf):
+def test_vertex_colours_beside_a_texture_are_reported(gltf):
     colours = np.array([[255, 0, 0, 255]] * 4, "<u1")
     gltf.primitive["attributes"]["COLOR_0"] = gltf.accessor(colours, normalized=True)
     assert gltf.read().materials[-1].base_color == (1, 0, 0)

@@ -1,4 +1,4 @@
-"""Openings are capped where that leaves a solid, and faces that coincide are found and said."""
+"""Openings are capped where that gives a solid; coincident faces are reported."""
 
 import time
 from dataclasses import replace
@@ -100,7 +100,7 @@ def test_a_box_open_below_is_capped_where_it_stands_on_a_plate(tmp_path):
     assert not any("lie in one plane" in line for line in lines)
 
 
-def test_caps_within_caps_are_not_made(tmp_path):
+def test_nested_openings_are_not_capped(tmp_path):
     """An open tray with a shaft through it: at the back the rim's cap would lie on the shaft's."""
     front = grid_plate(1)
     low, high = front.vertices.min(axis=0), front.vertices.max(axis=0)
@@ -135,7 +135,7 @@ def decal(gap_m, *, up=True, side_m=0.4):
 @pytest.mark.parametrize(
     ("gap_m", "up", "said"), [(0.0, True, True), (0.0, False, True), (2e-6, True, True), (1e-3, True, False)]
 )
-def test_a_sheet_on_a_face_is_said(tmp_path, gap_m, up, said):
+def test_coincident_sheet_is_reported(tmp_path, gap_m, up, said):
     path = save(tmp_path / "a.glb", hull=trimesh.creation.box((1, 1, 1)), label=decal(gap_m, up=up))
     _, lines = surface(path, KEEP)
     found = [line for line in lines if "lie in one plane and overlap" in line]
@@ -145,7 +145,7 @@ def test_a_sheet_on_a_face_is_said(tmp_path, gap_m, up, said):
         assert "0.500) m" in found[0]
 
 
-def test_a_flush_body_in_another_is_said_and_one_that_stands_on_it_is_not(tmp_path):
+def test_overlapping_bodies_are_reported_but_not_touching_ones(tmp_path):
     hull, small = trimesh.creation.box((1, 1, 1)), trimesh.creation.box((0.2, 0.2, 0.2))
     for z, said in ((0.4, True), (0.6, False)):
         inset = small.copy()

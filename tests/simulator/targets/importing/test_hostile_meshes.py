@@ -1,4 +1,4 @@
-"""Meshes made to do harm: each is refused in one sentence, at once, and before memory is asked for."""
+"""Malicious meshes are refused with one sentence, before memory is allocated."""
 
 import json
 import os

@@ -1,4 +1,4 @@
-"""Files that a user may hand over: what is read, and the one sentence for what cannot be."""
+"""Mesh files from users: supported content, and one-sentence errors for the rest."""
 
 import json
 import re
@@ -155,7 +155,7 @@ def test_missing_files_are_named(tmp_path):
             read_surface(tmp_path / name, ImportOptions(strict=True))
 
 
-def test_broken_gltf(tmp_path):
+def test_broken_gltf_is_refused(tmp_path):
     def circle(document):
         document["nodes"] = [{"children": [0], "mesh": 0}]
 
@@ -220,7 +220,7 @@ def test_a_size_that_no_spacecraft_has(tmp_path, factor, says):
     assert any(s in str(caught.value) for s in says.split("|"))
 
 
-def test_units_and_axes(tmp_path):
+def test_units_and_up_axis_options(tmp_path):
     path = tmp_path / "a.stl"
     path.write_bytes(trimesh.creation.box((740.0, 300.0, 100.0)).export(file_type="stl"))
     model = read_mesh(path)
@@ -240,7 +240,7 @@ def test_units_and_axes(tmp_path):
             place_model(read_mesh(path), *arguments)
 
 
-def test_too_many_triangles(tmp_path):
+def test_too_many_triangles_are_refused(tmp_path):
     path = tmp_path / "a.stl"
     count = 600_000
     path.write_bytes(bytes(80) + struct.pack("<I", count) + bytes(50 * count))

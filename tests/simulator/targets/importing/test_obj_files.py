@@ -1,4 +1,4 @@
-"""OBJ and MTL files as programs write them: white space, names, options, polygons; nothing is left out unsaid."""
+"""OBJ and MTL files as programs write them: white space, names, options, polygons, reports."""
 
 import shutil
 from pathlib import Path
@@ -196,7 +196,7 @@ def test_a_library_in_a_folder_names_textures_in_another(tmp_path):
     assert model.faults == []
 
 
-def test_several_libraries(tmp_path):
+def test_several_material_libraries_are_read(tmp_path):
     model = read_mesh(REPORTS / "obj_mtllib_two" / "craft.obj")
     assert drawn(model).base_color == (1, 0, 0)
     shutil.copytree(REPORTS / "obj_mtllib_two", tmp_path / "two")

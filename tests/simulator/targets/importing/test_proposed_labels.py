@@ -1,4 +1,4 @@
-"""Labels proposed for a user's mesh: bodies with its outline, edges that a camera sees, rods."""
+"""Proposed labels of imported meshes: outlines of bodies, visible edges, rods."""
 
 import cv2
 import numpy as np

@@ -1,4 +1,4 @@
-"""Repairs of imported meshes are right and reported; what is not safe to repair is refused by name."""
+"""Repairs of imported meshes are correct and reported; unsafe repairs are refused."""
 
 from dataclasses import replace
 from types import SimpleNamespace
@@ -58,7 +58,7 @@ def surface_distance(target, points):
 BOX = trimesh.creation.box((2.0, 1.0, 0.5))
 
 
-def test_a_clean_box(tmp_path):
+def test_clean_box_is_imported_unchanged(tmp_path):
     target, lines = import_mesh(save(tmp_path / "box.stl", BOX), "box")
     assert volume(target) == pytest.approx(1.0)
     assert "merged 28 duplicate vertices" in lines
@@ -295,7 +295,7 @@ def tango_in_mm(tmp_path_factory):
     return tango, path
 
 
-def test_tango_in_millimetres(tango_in_mm, tmp_path):
+def test_tango_in_millimetres_needs_the_units_option(tango_in_mm, tmp_path):
     tango, path = tango_in_mm
     with pytest.raises(
         UserError, match=r"1110 m across.* add --units mm if it is in millimetres \(1\.11 m\)"

@@ -1,4 +1,4 @@
-"""Textures of users' meshes: on the same places after import, or said to be lost."""
+"""Textures of imported meshes keep their place, or their loss is reported."""
 
 import re
 

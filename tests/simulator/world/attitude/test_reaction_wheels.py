@@ -1,4 +1,4 @@
-"""Reaction wheels: tracking, conservation of momentum, the limits of torque and of momentum."""
+"""Reaction wheels: tracking, conservation of angular momentum, limits of torque and momentum."""
 
 import msgspec
 import numpy as np

@@ -1,4 +1,4 @@
-"""How the target turns: pointing, spin, at rest in a frame, a file's history, the magnetic torque."""
+"""Attitude of the target: pointing, spin, inertial rest, attitude files, magnetic torque."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Eclipse: full Sun, umbra, and a penumbra that fades evenly from one to the other, behind the Earth that is drawn."""
+"""Eclipse: full Sun, umbra, a continuous penumbra, and agreement with the drawn Earth."""
 
 import msgspec
 import numpy as np

@@ -1,4 +1,4 @@
-"""Orientation of the Moon against a published libration, and against what keeps its face to the Earth."""
+"""Orientation of the Moon against a published libration, and its synchronous rotation."""
 
 import erfa
 import numpy as np

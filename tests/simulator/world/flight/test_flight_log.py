@@ -1,4 +1,4 @@
-"""A flight's phases, thrust, propellant and events: against the tracks they are told of, and in the table of `fly`."""
+"""A flight's phases, thrust, propellant and events against its tracks, and in the table of `fly`."""
 
 import csv
 import json

@@ -1,4 +1,4 @@
-"""The examples in docstrings say what the code does."""
+"""Examples in docstrings run as doctests."""
 
 import doctest
 
@@ -8,7 +8,7 @@ from flyaround.simulator.world.frames import pose
 
 
 @pytest.mark.parametrize("module", [pose])
-def test_examples(module):
+def test_docstring_examples_pass(module):
     result = doctest.testmod(module)
     assert result.attempted > 0
     assert result.failed == 0

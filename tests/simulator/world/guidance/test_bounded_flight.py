@@ -1,4 +1,4 @@
-"""Free flight about a target on an eccentric orbit closes after a revolution."""
+"""Bounded relative motion about a target on an eccentric orbit closes after a revolution."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""The guard of the keep-out sphere acts as late as braking allows: neither later nor earlier."""
+"""The guard of the keep-out sphere acts as late as braking allows, and no later."""
 
 import numpy as np
 import pytest

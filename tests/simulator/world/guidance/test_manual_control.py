@@ -1,4 +1,4 @@
-"""A steered chaser: commands in LVLH and camera axes, the guard of the keep-out sphere, the safe ellipse."""
+"""Manual control: commands in LVLH and camera axes, the keep-out guard, the safe ellipse."""
 
 import msgspec
 import numpy as np

@@ -84,7 +84,7 @@ def test_glideslope_arrives_at_its_final_speed():
     assert mode.state_lvlh(arrival + 1.0, N)[0].tolist() == [0, -3, 0]
 
 
-def test_thrusters_have_limits():
+def test_thrust_and_impulse_are_limited():
     thrusters = Thrusters(
         mass_kg=100.0, force_n=0.5, minimum_impulse_ns=0.02, period_s=2.0, specific_impulse_s=200.0
     )

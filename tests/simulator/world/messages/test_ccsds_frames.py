@@ -1,4 +1,4 @@
-"""Messages in frames of date and of the Earth, in other time systems, and laid out as in the standards' annexes."""
+"""CCSDS messages in various frames and time systems, and in the layouts of the standards' annexes."""
 
 import erfa
 import numpy as np

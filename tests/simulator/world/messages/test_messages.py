@@ -1,4 +1,4 @@
-"""TLE, OEM and AEM: published vectors, round trips, and every mistake in one sentence."""
+"""TLE, OEM and AEM: published vectors, round trips, one-sentence errors."""
 
 import numpy as np
 import pytest
@@ -114,12 +114,12 @@ def test_epoch_outside_and_in_a_gap():
 
 
 @pytest.mark.parametrize(("system", "ahead_s"), [("UTC", 0.0), ("TAI", 37.0), ("TT", 69.184), ("GPS", 18.0)])
-def test_time_systems(system, ahead_s):
+def test_time_systems_are_converted_to_utc(system, ahead_s):
     same = read_time("2026-079T12:00:00", system, "x")
     assert Instant.from_utc("2026-03-20T12:00:00Z").minus(same) == pytest.approx(ahead_s, abs=1e-4)
 
 
-def test_flight_goes_out_and_comes_back(tmp_path):
+def test_flight_round_trips_through_messages(tmp_path):
     """To the millimetre, at lines and between them; and a scenario starts from the files."""
     plan = plan_flight(load_scenario("tango-flyaround"), every_s=5.0)
     messages = flight_messages(plan.flight, plan.times_s)
@@ -174,7 +174,7 @@ def test_oem_keeps_micrometres():
     assert np.allclose(back[1], v[0], atol=1e-9, rtol=0)
 
 
-def test_tle_scenario(tmp_path):
+def test_scenario_starts_from_a_tle(tmp_path):
     path = tmp_path / "s.toml"
     text = (
         'epoch_utc = 2000-06-27T18:50:19.733568Z\nduration_s = 5.0\norbit = {{kind = "tle", line1 = "{}", '

@@ -1,4 +1,4 @@
-"""Burns of both craft: energy by vis-viva, impulses as a start in the new state, long burns, what the chaser sees."""
+"""Burns of both spacecraft: vis-viva energy, impulsive and finite burns, relative motion."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Conservation laws of the propagators, and Keplerian elements there and back."""
+"""Conservation laws of the propagators, and round trips of Keplerian elements."""
 
 import numpy as np
 import pytest

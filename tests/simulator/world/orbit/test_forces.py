@@ -1,4 +1,4 @@
-"""Forces: harmonics against their potential, drag, sunlight, third bodies, differences without loss."""
+"""Forces: gravity harmonics against their potential, drag, radiation pressure, third bodies, cancellation."""
 
 from itertools import pairwise
 from math import factorial, sqrt

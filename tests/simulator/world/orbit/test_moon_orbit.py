@@ -1,4 +1,4 @@
-"""Flight about the Moon: forces against a geocentric propagation, eclipse by the Moon, what the scene says."""
+"""Lunar orbit: forces against a geocentric propagation, eclipse by the Moon, the scene's record."""
 
 import msgspec
 import numpy as np

@@ -1,4 +1,4 @@
-"""The predicted drift against the propagation, on a circle and on an ellipse."""
+"""Predicted drift against the propagation, on circular and elliptic orbits."""
 
 import numpy as np
 import pytest

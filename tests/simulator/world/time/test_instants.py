@@ -14,7 +14,7 @@ from flyaround.simulator.world.time.instant import Instant
         "2094-12-31T23:59:59.999999Z",
     ],
 )
-def test_text_survives(text):
+def test_utc_text_round_trips(text):
     assert Instant.from_utc(text).iso() == text
 
 
@@ -43,6 +43,6 @@ def test_leap_second_is_counted():
         ("1066-10-14T12:00:00Z", "outside the years 1972 to 2099"),
     ],
 )
-def test_mistakes_are_named(text, sentence):
+def test_invalid_times_are_refused(text, sentence):
     with pytest.raises(ValueError, match=sentence):
         Instant.from_utc(text)
