@@ -108,9 +108,9 @@ def test_brightness_and_score_are_numpys(craft: BoardModel, by_numpy: Callable[[
 def test_more_groups_than_a_byte_numbers_are_joined(by_numpy: Callable[[], None]) -> None:
     round_craft = BoardModel.from_dict(msgspec.to_builtins(board_record(load_target("soyuz-ms"))))
     assert round_craft.faces is not None
-    fine = replace(round_craft, faces=round_craft.faces.grouped(12))
+    fine = replace(round_craft, faces=round_craft.faces.grouped(24))
     rng, scores, joined = np.random.default_rng(4), [], 0
-    for k in range(4):
+    for k in range(8):
         faces, canvas, q, t, sun = scene(fine, rng, k)
         shading = photometric.photo_draw(q, t, faces, canvas, CAMERA, sun)
         assert shading.group.dtype == np.uint8
