@@ -59,7 +59,7 @@ def test_pictures_go_on_when_the_process_is_killed() -> None:
         first = next_picture(source)
         dead = source.pids
         lose_a_picture(source, request)
-        with pytest.raises(JobsLostError, match=r"died \(exit code -9\) and is started again"):
+        with pytest.raises(JobsLostError, match=r"died \(exit code -9\) and is restarted"):
             next_picture(source)
         assert source.pids != dead
         assert source.submit(request)
@@ -74,7 +74,7 @@ def test_pictures_go_on_when_the_process_hangs() -> None:
         dead = stop(source)
         assert source.submit(request)
         began = time.monotonic()
-        with pytest.raises(JobsLostError, match="has done nothing for 5 s and is started again"):
+        with pytest.raises(JobsLostError, match="has done nothing for 5 s and is restarted"):
             next_picture(source)
         assert time.monotonic() - began < TIMEOUT_S
         assert source.pids != (dead,)

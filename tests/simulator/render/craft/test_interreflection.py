@@ -7,11 +7,11 @@ from programs import completed
 
 _PRODUCTS = """
 import hashlib, numpy as np
-from flyaround.simulator.render.craft.interreflection import _weighted
+from flyaround.simulator.render.craft.interreflection import _weighted_sum
 from flyaround.simulator.baking.radiance_transfer import product_in_blocks
 random = np.random.default_rng(3)
 a, b = random.random((9, 128), np.float32), random.random((128, 45696), np.float32)
-for made in (product_in_blocks(a, b), _weighted(a[0, :5], b[:5])):
+for made in (product_in_blocks(a, b), _weighted_sum(a[0, :5], b[:5])):
     print(hashlib.sha256(made.tobytes()).hexdigest())
 """
 
