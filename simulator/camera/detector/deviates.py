@@ -45,7 +45,12 @@ def for_each_band(rows: int, work: Callable[[int, slice], None]) -> None:
     The bands depend on the image's height alone, so the result does not depend on the number of threads.
     """
     edges = np.linspace(0, rows, NOISE_BANDS + 1).astype(int).tolist()
-    list(_threads(os.getpid()).map(lambda k: work(k, slice(edges[k], edges[k + 1])), range(NOISE_BANDS)))
+    list(sensor_threads().map(lambda k: work(k, slice(edges[k], edges[k + 1])), range(NOISE_BANDS)))
+
+
+def sensor_threads() -> ThreadPoolExecutor:
+    """Return this process's threads for the parts of an image; a task there must not wait for another."""
+    return _threads(os.getpid())
 
 
 @lru_cache(maxsize=1)
