@@ -167,7 +167,7 @@ class HostLink:
             raise RuntimeError("a frame was submitted without terms or a free slot")
         slot = self._free.pop()
         self._slots.view(slot, image.shape, image.dtype.str)[...] = image
-        record = job.record.at(ready_ns=time.monotonic_ns())
+        record = job.record.with_times(drawn_ns=time.monotonic_ns())
         self._send_message(replace(job, record=record, slot=slot, shape=image.shape, dtype=image.dtype.str))
 
     def add_line_fault(self, fault: LineFault) -> None:
