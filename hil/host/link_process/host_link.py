@@ -162,7 +162,13 @@ class HostLink:
         return bool(self._free)
 
     def submit(self, image: NDArray[np.generic], job: FrameJob) -> None:
-        """Submit a frame, whose pixels are copied; requires ``has_room``."""
+        """Submit a frame, whose pixels are copied; requires ``has_room``.
+
+        Raises
+        ------
+        RuntimeError
+            If there are no terms yet or no slot is free.
+        """
         if self._slots is None or not self._free:
             raise RuntimeError("a frame was submitted without terms or a free slot")
         slot = self._free.pop()
@@ -175,7 +181,13 @@ class HostLink:
         self._send_message(AddLineFault(fault))
 
     def pump(self, timeout_s: float) -> None:
-        """Process messages of the link process, waiting up to ``timeout_s`` for the first one."""
+        """Process messages of the link process, waiting up to ``timeout_s`` for the first one.
+
+        Raises
+        ------
+        UserError
+            If the link process ended.
+        """
         try:
             while self._pipe.poll(timeout_s):
                 self._take(self._pipe.recv())

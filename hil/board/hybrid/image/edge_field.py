@@ -196,7 +196,13 @@ def shrink(image: Array, x0: int, y0: int, x1: int, y1: int, longest_px: int) ->
 
 
 def area_mean(picture: Array, width: int, height: int) -> Array:
-    """Return an image reduced by area averaging to (height, width), float32; rounded for integer input."""
+    """Return an image reduced by area averaging to (height, width), float32; rounded for integer input.
+
+    Raises
+    ------
+    MemoryError
+        If the library is out of memory.
+    """
     smaller = 0 < height <= picture.shape[0] and 0 < width <= picture.shape[1]
     if not (smaller and is_available() and library_reads(picture)):
         # the published methods work without the native library
