@@ -109,7 +109,7 @@ def check_keypoints_on_mesh(target: Target, where: str) -> None:
     if not target.keypoints or not target.parts:
         return
     corners = np.concatenate([p.positions_m[p.triangles] for p in target.parts])
-    # per column: comparing contiguous arrays is several times faster
+    # per column: comparing contiguous arrays is faster
     low, high = (np.ascontiguousarray(f(corners, axis=1).T) for f in (np.min, np.max))
     tolerance_m = KEYPOINT_TOLERANCE * float((high.max(axis=1) - low.min(axis=1)).max())
     for k in target.keypoints:

@@ -3,7 +3,7 @@
 A normal deviate is made from two random bytes. Each byte selects the mean of one of 256 equiprobable slices of the
 normal distribution. The two means are added with unequal weights, which gives 65536 values. A small cubic term corrects
 the fourth moment. Mean, variance and kurtosis are exact, the distribution function has an error of at most 6e-4, and
-the largest deviate is 4.2 sigma. The ziggurat method takes five times as long.
+the largest deviate is 4.2 sigma.
 """
 
 from __future__ import annotations

@@ -163,11 +163,9 @@ def _symmetric_columns(
         for a in range(reach + 1):
             for b in range(a + 1 if swap_symmetric else reach + 1):
                 pairs = {(a, b), (b, a)} if swap_symmetric else {(a, b)}
-                in_frequency = sum(np.outer(frequency_bases[j], frequency_bases[i]) for i, j in pairs) / len(
-                    pairs
-                )
-                in_space = sum(x_bases[i] * y_bases[j] for i, j in pairs) / len(pairs)
-                yield level, pairs, in_frequency, in_space
+                in_frequency = sum(np.outer(frequency_bases[j], frequency_bases[i]) for i, j in pairs)
+                in_space = sum(x_bases[i] * y_bases[j] for i, j in pairs)
+                yield level, pairs, np.asarray(in_frequency) / len(pairs), np.asarray(in_space) / len(pairs)
 
 
 def fit_kernel(kernel: FloatArray) -> Pyramid:

@@ -124,7 +124,7 @@ def sun_fraction_past_sphere(r_m: ArrayLike, r_sun_m: ArrayLike, radius_m: float
     ----------
     Montenbruck & Gill (2000), Satellite Orbits, sec. 3.4.2.
     """
-    # by components: for a single position this is five times as fast as NumPy's cross product and norms
+    # by components: for a single position this is faster than NumPy's cross product and norms
     x, y, z = (np.asarray(r_m, float)[..., k] for k in range(3))
     sx, sy, sz = (np.asarray(r_sun_m, float)[..., k] - centre for k, centre in enumerate((x, y, z)))
     distance = np.sqrt(x * x + y * y + z * z)

@@ -118,7 +118,7 @@ class EdgeField:
     def nearest_to(self, flat: Array) -> Tuple[Array, Array]:
         """Return distance (N,) and position (N, 2) of the nearest edge at a few flat indices (N,) from ``lookup``.
 
-        Exact, unlike the distances in the tables, and ten times faster than computing the tables.
+        Exact, unlike the distances in the tables, and faster than computing the tables.
         """
         channel, pixel = np.divmod(flat, self.mask.size)
         distance, position = np.full(len(flat), 1e4, np.float32), np.zeros((len(flat), 2), np.float32)

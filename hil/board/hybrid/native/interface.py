@@ -69,7 +69,7 @@ def contiguous(a: Array, dtype_name: str, shape: Optional[Tuple[int, ...]] = Non
 def address(a: Array) -> int:
     """Return the address of an array's first element; the caller keeps the array alive."""
     try:
-        # five times faster than ``__array_interface__``
+        # faster than ``__array_interface__``
         return ctypes.addressof(_first_element(a))
     except (TypeError, ValueError):
         # read-only or empty array
