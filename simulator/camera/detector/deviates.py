@@ -27,6 +27,7 @@ if TYPE_CHECKING:
 
 NOISE_BANDS = 8
 """Number of bands of rows, each with its own random numbers, into which an image is divided for threads."""
+# weights of the means that random bytes select; their squares add up to 1, so that the variance is kept
 _WEIGHTS = (0.75, float(np.sqrt(1 - 0.75**2)))
 _FINE_WEIGHTS = (0.61, 0.58, float(np.sqrt(1 - 0.61**2 - 0.58**2)))
 EXACT_POISSON_MAX_E = 12.0
