@@ -37,7 +37,7 @@ class Canvas:
 
     @property
     def line(self) -> float:
-        """Height of a line of text."""
+        """Height of a line of text [px]."""
         return float(self._imgui.get_text_line_height_with_spacing())
 
     def size(self, text: str) -> Point:

@@ -385,7 +385,13 @@ class Console:
             self._begin(session, self.opener.source)
 
     def go_back(self) -> None:
-        """Return to the previous flight, paused where it was left; a second call returns to the present one."""
+        """Return to the previous flight, paused where it was left; a second call returns to the present one.
+
+        Raises
+        ------
+        UserError
+            If no flight was left.
+        """
         if self.former is None:
             raise UserError("there was no flight before this one")
         self.former[0].clock.paused = True

@@ -54,7 +54,7 @@ class OffScreen(Surface):
 
     @property
     def seconds(self) -> float:
-        """Monotonic time."""
+        """Monotonic time [s]."""
         return time.monotonic() - self._began_s
 
     @property

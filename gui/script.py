@@ -81,7 +81,13 @@ class Script:
 
     @staticmethod
     def parse(text: str, table: CommandTable, where: str = "script") -> Script:
-        """Return a script from its text, ignoring empty lines and those that begin with ``#``."""
+        """Return a script from its text, ignoring empty lines and those that begin with ``#``.
+
+        Raises
+        ------
+        UserError
+            If a line cannot be read or its time is before that of the line above.
+        """
         lines: list[Line] = []
         for number, raw in enumerate(text.splitlines(), 1):
             if not raw.strip() or raw.lstrip().startswith("#"):

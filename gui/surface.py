@@ -131,7 +131,7 @@ class Surface(ABC):
     @property
     @abstractmethod
     def seconds(self) -> float:
-        """Monotonic time."""
+        """Monotonic time [s]."""
 
     @property
     @abstractmethod

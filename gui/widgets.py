@@ -39,12 +39,12 @@ class Widgets:
 
     @property
     def width(self) -> float:
-        """Available width of the panel."""
+        """Available width of the panel [px]."""
         return float(self.imgui.get_content_region_avail().x)
 
     @property
     def line(self) -> float:
-        """Height of a line of text."""
+        """Height of a line of text [px]."""
         return float(self.imgui.get_text_line_height_with_spacing())
 
     def columns(self, least: float, fewest: int = 1) -> tuple[int, float]:
@@ -54,7 +54,7 @@ class Widgets:
         return n, (self.width - (n - 1) * spacing) / n
 
     def button_width(self, label: str) -> float:
-        """Return the width of a button with this label."""
+        """Return the width of a button with this label [px]."""
         return float(self.imgui.calc_text_size(label).x + 2 * self.imgui.get_style().frame_padding.x)
 
     def flow(self, width: float, *, first: bool) -> None:

@@ -116,7 +116,7 @@ class Window(Surface):
 
     @property
     def seconds(self) -> float:
-        """Monotonic time."""
+        """Monotonic time [s]."""
         return float(self._glfw.get_time())
 
     @property

@@ -74,7 +74,7 @@ class Frame:
         return self.scene.frame_index
 
     @property
-    def drawing_ms(self) -> float:
+    def render_ms(self) -> float:
         """Time of drawing the image, without labels [ms]."""
         return self.stage_ms.get("render", 0.0) + self.stage_ms.get("sensor", 0.0)
 

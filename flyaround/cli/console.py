@@ -14,7 +14,9 @@ from flyaround.runs.console import ConsoleRun
 from flyaround.runs.document import write_run
 from flyaround.simulator.errors import UserError
 
-FIRST = "tango-flyaround"
+DEFAULT_SCENARIO = "tango-flyaround"
+# side of the window [px]: smallest that holds a panel, and the largest texture of common drivers
+MIN_SIDE_PX, MAX_SIDE_PX = 320, 16384
 
 
 @with_run_options
@@ -22,7 +24,7 @@ def sim(
     run: ConsoleRun,
     as_json: Annotated[bool, typer.Option("--json", help="Print the last state as JSON.")] = False,
     commands: Annotated[
-        bool, typer.Option("--commands", help="List the commands of scripts with their keys, and end.")
+        bool, typer.Option("--commands", help="List the commands of scripts with their keys, and exit.")
     ] = False,
 ) -> None:
     """Fly a scenario in a window, with time control and manual control. F1 lists the keys."""
@@ -30,10 +32,10 @@ def sim(
         from flyaround.gui.app import command_table  # noqa: PLC0415
 
         for command in command_table():
-            form = f"{'hold ' * command.held}{command.form}"
+            form = f"hold {command.form}" if command.held else command.form
             typer.echo(f"{form:44} {command.shown:16} {command.help}")
         return
-    name = run.scenario or FIRST
+    name = run.scenario or DEFAULT_SCENARIO
     load_flown(name, "sim")  # report an unknown name here, like the other commands
     # the console's packages are optional: only this command may need them
     from flyaround.gui.app import Request  # noqa: PLC0415
@@ -64,9 +66,15 @@ def sim(
 
 def _size(text: str) -> tuple[int, int]:
     parts = text.lower().split("x")
-    if len(parts) == 2 and all(p.isdecimal() for p in parts) and all(320 <= int(p) <= 16384 for p in parts):
+    if (
+        len(parts) == 2
+        and all(p.isdecimal() for p in parts)
+        and all(MIN_SIDE_PX <= int(p) <= MAX_SIDE_PX for p in parts)
+    ):
         return int(parts[0]), int(parts[1])
-    raise UserError(f"--size is '{text}', allowed: WIDTHxHEIGHT of 320 to 16384 each, for example 1280x800")
+    raise UserError(
+        f"--size is '{text}', allowed: WIDTHxHEIGHT of {MIN_SIDE_PX} to {MAX_SIDE_PX} each, for example 1280x800"
+    )
 
 
 def _path(text: str | None) -> Path | None:

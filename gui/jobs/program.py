@@ -109,7 +109,13 @@ def _read(fd: int) -> str:
 
 
 def new_path(base: Path, name: str, suffix: str = "") -> Path:
-    """Return a path that does not exist yet: ``base/name``, or with a number appended, and the suffix."""
+    """Return a path that does not exist yet: ``base/name``, or with a number appended, and the suffix.
+
+    Raises
+    ------
+    OSError
+        If all numbers are taken.
+    """
     for k in range(1, 100_000):
         path = base / f"{name}{'' if k == 1 else f'-{k}'}{suffix}"
         if not path.exists():

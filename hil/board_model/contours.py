@@ -138,8 +138,8 @@ def _surface(target: Target) -> _Surface:
     flat = n.reshape(-1, 3)
     across = np.where(a[h1] == a[h0], h1, 3 * (h1 // 3) + (h1 + 1) % 3)
     smooth = (np.einsum("ij,ij->i", flat[h0], flat[across]) > CREASE_COSINE) & (count == 2)
-    area = np.cross(p[t[:, 1]] - p[t[:, 0]], p[t[:, 2]] - p[t[:, 0]])
-    unit = area / np.maximum(np.linalg.norm(area, axis=1, keepdims=True), 1e-30)
+    normal = np.cross(p[t[:, 1]] - p[t[:, 0]], p[t[:, 2]] - p[t[:, 0]])
+    unit = normal / np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-30)
     return _Surface(
         p,
         t,

@@ -123,7 +123,13 @@ def start_worker(
 
 
 def answer_in_worker(task: tuple[int, str]) -> EvaluatedFrame | str:
-    """Evaluate one (frame, method) in a pool process; return a message if the frame cannot be read."""
+    """Evaluate one (frame, method) in a pool process; return a message if the frame cannot be read.
+
+    Raises
+    ------
+    RuntimeError
+        If `start_worker` was not called in this process.
+    """
     if _evaluator is None:
         raise RuntimeError("start_worker was not called in this process")
     try:

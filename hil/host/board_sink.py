@@ -213,7 +213,7 @@ class BoardSink:
         self._take_results()
         for frame in list(self._open.values()):
             record = FrameRecord.from_frame(frame)
-            self._add(record.ended(f"dropped:{ended}", "the run ended before its outcome was known"))
+            self._add(record.with_outcome(f"dropped:{ended}", "the run ended before its outcome was known"))
         summary = self._summary(ended)
         if self._writer is not None and self.config.log_dir is not None:
             write_document(self.config.log_dir / SUMMARY_JSON, summary)
@@ -237,7 +237,7 @@ class BoardSink:
     def _submit(self, frame: Frame, due_ns: int | None) -> None:
         self._open[frame.number] = frame.without_image()
         job = FrameJob(
-            record=FrameRecord.from_frame(frame).at(due_ns=due_ns, latency_s=self.config.latency_s),
+            record=FrameRecord.from_frame(frame).with_times(due_ns=due_ns, latency_s=self.config.latency_s),
             bits=frame.scene.sensor.bits,
             truth=None if self.config.link.truth == "off" else _truth_record(frame),
             camera_frame=frame.number if frame.camera_frame is None else frame.camera_frame,

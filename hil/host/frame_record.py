@@ -41,7 +41,7 @@ class FrameTimes:
         Time at which the camera must hand the image over; None for a triggered camera.
     latency_s : float
         Time from the end of the exposure to the hand-over [s].
-    ready_ns : int, optional
+    drawn_ns : int, optional
         Time at which the image was rendered; later than ``due_ns`` if the camera is late.
     handed_over_ns : int, optional
         Time at which the link process accepted the image, whether or not it is sent.
@@ -61,7 +61,7 @@ class FrameTimes:
 
     due_ns: int | None = None
     latency_s: float = 0.0
-    ready_ns: int | None = None
+    drawn_ns: int | None = None
     handed_over_ns: int | None = None
     send_start_ns: int | None = None
     send_end_ns: int | None = None
@@ -70,7 +70,7 @@ class FrameTimes:
     clock_offset_ns: int | None = None
     clock_bound_ns: int | None = None
 
-    def exposure_ns(self, exposure_s: float) -> tuple[int, int] | None:
+    def exposure_span_ns(self, exposure_s: float) -> tuple[int, int] | None:
         """Return start and end of the exposure, from the time at which the image was due or handed over."""
         hand_over_ns = self.handed_over_ns if self.due_ns is None else self.due_ns
         if hand_over_ns is None:
@@ -79,7 +79,7 @@ class FrameTimes:
         return end_ns - round(1e9 * exposure_s), end_ns
 
     @property
-    def board_fault(self) -> str:
+    def time_fault(self) -> str:
         """Reason why the times reported by the board are impossible; empty if they are possible or absent.
 
         Possible times are in order and, within the bound of the clock offset, neither before the frame was sent nor
@@ -135,7 +135,7 @@ class FrameRecord:
     board_total_ms : float, optional
         Time from complete reception on the board to the end of the estimator.
     downlink_ms : float, optional
-        Time from sending the pose to its reception, by the clock offset.
+        Time from the end of the estimator to the reception of the pose, by the clock offset.
     stages_ms : dict of str to float
         Duration of each stage of the estimator.
     confidence : float, optional
@@ -234,22 +234,22 @@ class FrameRecord:
             epoch_utc=scene.epoch_utc,
             t_s=scene.t_s,
             exposure_s=scene.exposure_s,
-            render_ms=frame.drawing_ms,
+            render_ms=frame.render_ms,
             faults=tuple(frame.faults),
         )
 
-    def at(self, **times: Any) -> FrameRecord:  # noqa: ANN401 - fields of FrameTimes
+    def with_times(self, **times: Any) -> FrameRecord:  # noqa: ANN401 - fields of FrameTimes
         """Return the record with additional times."""
         return replace(self, times=replace(self.times, **times))
 
-    def ended(self, outcome: str, reason: str, **times: Any) -> FrameRecord:  # noqa: ANN401 - fields of FrameTimes
+    def with_outcome(self, outcome: str, reason: str, **times: Any) -> FrameRecord:  # noqa: ANN401 - fields of FrameTimes
         """Return the record with its outcome and final times."""
-        return replace(self.at(**times), outcome=outcome, reason=reason)
+        return replace(self.with_times(**times), outcome=outcome, reason=reason)
 
     @property
     def exposure_ns(self) -> tuple[int, int] | None:
         """Start and end of the exposure on the host's monotonic clock, while the frame is in progress."""
-        return self.times.exposure_ns(self.exposure_s)
+        return self.times.exposure_span_ns(self.exposure_s)
 
     @property
     def wrong(self) -> bool | None:
@@ -281,7 +281,7 @@ def complete(
         Deadline of an answer, from the start of sending.
     """
     times, shift, pose = record.times, utc_minus_monotonic_ns, record.times.answer
-    fault, exposure = times.board_fault, record.exposure_ns or (None, None)
+    fault, exposure = times.time_fault, record.exposure_ns or (None, None)
     # on the host's clock, if the clock offset is known
     board: tuple[int | None, ...] = (None, None, None)
     wait_ms = total_ms = None
@@ -293,7 +293,7 @@ def complete(
     clock_ns = {
         "exposure_start_utc": exposure[0],
         "exposure_end_utc": exposure[1],
-        "drawn_utc": times.ready_ns,
+        "drawn_utc": times.drawn_ns,
         "handed_over_utc": times.handed_over_ns,
         "sent_utc": times.send_end_ns,
         "received_on_board_utc": board[0],
@@ -303,7 +303,7 @@ def complete(
     }
     middle_ns = None if record.exposure_ns is None else sum(record.exposure_ns) // 2
     utc: dict[str, Any] = {name: utc_text(ns + shift) for name, ns in clock_ns.items() if ns is not None}
-    late = None if times.due_ns is None or times.ready_ns is None else times.ready_ns > times.due_ns
+    late = None if times.due_ns is None or times.drawn_ns is None else times.drawn_ns > times.due_ns
     timed = replace(
         record,
         times=FrameTimes(),
@@ -343,7 +343,7 @@ def _with_pose(record: FrameRecord, pose: PoseMessage | None, truth: tuple[Quat,
 
 
 def pose_errors(q_wxyz: Quat, t_m: Vec3, truth_q_wxyz: Quat, truth_t_m: Vec3) -> tuple[float, float]:
-    """Return ``E_T`` [m] and ``E_R`` [deg] of a pose; 180 deg at most, even for an invalid quaternion."""
+    """Return ``E_T`` [m] and ``E_R`` [deg] of a pose; 180 deg for a quaternion of length zero, NaN for one of NaN."""
     error_m = float(np.linalg.norm(np.subtract(t_m, truth_t_m)))
     norm = float(np.linalg.norm(q_wxyz))
     if norm < 1e-9:

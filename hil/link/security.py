@@ -214,7 +214,13 @@ class HostTransport:
         self.name, self.chunk_bytes = line.name, line.chunk_bytes
 
     def send_packet(self, packet: Packet) -> None:
-        """Send a sealed packet. Before the proof only errors and goodbyes are sent, unsealed."""
+        """Send a sealed packet. Before the proof only errors and goodbyes are sent, unsealed.
+
+        Raises
+        ------
+        LinkClosed
+            If the other side has not proved that it has the key.
+        """
         seal = self._handshake.seal
         if seal is not None:
             packet = seal.seal(packet)
@@ -227,7 +233,13 @@ class HostTransport:
         self._line.send_damaged(packet, at, flip)
 
     def recv_packet(self, timeout_s: float) -> Optional[Packet]:
-        """Return the next packet of this session; None after ``timeout_s``."""
+        """Return the next packet of this session; None after ``timeout_s``.
+
+        Raises
+        ------
+        LinkClosed
+            If the other side does not prove that it has the key.
+        """
         deadline = time.monotonic() + timeout_s
         while True:
             packet = self._line.recv_packet(max(0.0, deadline - time.monotonic()))

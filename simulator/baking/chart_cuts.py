@@ -48,21 +48,21 @@ def cut_charts(
         True if a chart must be connected by edges; otherwise a mesh in many pieces has fewer charts.
     """
     corners = positions_m[triangles]
-    area = np.linalg.norm(face_vectors(corners), axis=1)
+    twice_area = np.linalg.norm(face_vectors(corners), axis=1)
     edge, other = _shared_edges(positions_m, groups, triangles)
     pairs = np.stack([edge, other], axis=1) // 3
     i, j = pairs.T
     cosine = np.einsum("kc,kc->k", normal[i], normal[j])
     plain = cosine > _COPLANAR_COSINE
     plane = components(pairs[plain], len(triangles))[1]
-    is_bent = _bends(plane, normal, area)[plane]
+    is_bent = _bends(plane, normal, twice_area)[plane]
     if is_bent.any():
         plain &= ~is_bent[i] | (cosine > _SAME_PLANE_COSINE)
         plane = components(pairs[plain], len(triangles))[1]
     key, small = _patch_keys(
         corners,
         normal,
-        area,
+        twice_area,
         groups[triangles[:, 0]],
         plane,
         is_bent,
@@ -105,19 +105,19 @@ def _means(sets: IntArray, values: FloatArray, weight: FloatArray) -> FloatArray
     return np.stack([np.bincount(sets, weight * v) for v in values.T], axis=1) / total[:, None]
 
 
-def _bends(sets: IntArray, normal: FloatArray, area: FloatArray) -> BoolArray:
+def _bends(sets: IntArray, normal: FloatArray, twice_area: FloatArray) -> BoolArray:
     """Return (S,) True where the normal of some triangle in a set deviates from the mean."""
-    mean = _means(sets, normal, np.maximum(area, 1e-30))
+    mean = _means(sets, normal, np.maximum(twice_area, 1e-30))
     mean /= np.maximum(np.linalg.norm(mean, axis=1, keepdims=True), 1e-30)
     # normals of slivers are undefined and are ignored
-    is_curved = (np.einsum("tc,tc->t", normal, mean[sets]) < _CURVED_COSINE) & (area > 1e-14)
+    is_curved = (np.einsum("tc,tc->t", normal, mean[sets]) < _CURVED_COSINE) & (twice_area > 1e-14)
     return np.bincount(sets, is_curved) > 0
 
 
 def _patch_keys(
     corners_m: FloatArray,
     normal: FloatArray,
-    area: FloatArray,
+    twice_area: FloatArray,
     group: FloatArray,
     plane: IntArray,
     is_round: BoolArray,
@@ -132,8 +132,8 @@ def _patch_keys(
         Corners of the triangles [m].
     normal : (T, 3) array
         Unit normals.
-    area : (T,) array
-        Areas [m2].
+    twice_area : (T,) array
+        Twice the areas [m2].
     group : (T,) array
         Group of each triangle; only triangles of one group merge.
     plane : (T,) array
@@ -145,8 +145,8 @@ def _patch_keys(
     normal_bins : int
         Number of bins per component of a normal.
     """
-    weight = np.maximum(area, 1e-30)
-    alone = _bends(plane, normal, area)[plane]
+    weight = np.maximum(twice_area, 1e-30)
+    alone = _bends(plane, normal, twice_area)[plane]
     middle = corners_m.mean(axis=1)
     centre = np.where(alone[:, None], middle, _means(plane, middle, weight)[plane])
     facing = np.where(alone[:, None], normal, _means(plane, normal, weight)[plane])

@@ -127,8 +127,8 @@ def make_charts(
     """
     corners = positions_m[triangles]
     scaled_normals = face_vectors(corners)
-    area = np.linalg.norm(scaled_normals, axis=1)
-    normal = scaled_normals / np.maximum(area, 1e-30)[:, None]
+    twice_area_m2 = np.linalg.norm(scaled_normals, axis=1)
+    normal = scaled_normals / np.maximum(twice_area_m2, 1e-30)[:, None]
     for attempt in range(20):
         chart, border = cut_charts(positions_m, groups, triangles, normal, texel_m, touching=attempt == 0)
         face, axes, low, extent, counts = _lay_out(
@@ -158,7 +158,7 @@ def make_charts(
     shift = corner * texel_m - low
     xy = np.einsum("tac,tkc->tka", axes[chart], corners) + shift[chart, None]
     triangle, barycentric = _nearest_on_charts(
-        node_uv + shift[chart_of_node], chart_of_node, xy, chart, nodes, area
+        node_uv + shift[chart_of_node], chart_of_node, xy, chart, nodes, twice_area_m2
     )
     smooth = np.einsum("nk,nkc->nc", barycentric, normals[triangles[triangle]])
     return Charts(
@@ -198,9 +198,9 @@ def _lay_out(
     corner_normals : (T, 3, 3) array
         Unit normals at the corners.
     chart : (T,) array
-        Chart of each triangle.
+        Number of each triangle's chart.
     border : (T, 3) array
-        True for sides at the border of a chart.
+        True where an edge is on its chart's border.
     scaled_normals : (T, 3) array
         Normals of the triangles, whose lengths are twice the areas.
     texel_m : float
@@ -262,7 +262,12 @@ def _pack_shelves(counts: IntArray) -> tuple[tuple[int, int], IntArray]:
 
 
 def _nearest_on_charts(
-    node_xy: FloatArray, of_node: IntArray, xy: FloatArray, chart: IntArray, nodes: IntArray, area: FloatArray
+    node_xy: FloatArray,
+    of_node: IntArray,
+    xy: FloatArray,
+    chart: IntArray,
+    nodes: IntArray,
+    twice_area: FloatArray,
 ) -> tuple[IntArray, FloatArray]:
     """Find the point of its chart that is nearest to each node: triangle (N,) and barycentric coordinates (N, 3).
 
@@ -278,15 +283,15 @@ def _nearest_on_charts(
         Chart of each triangle.
     nodes : (C,) array
         Number of nodes of each chart.
-    area : (T,) array
-        Areas of the triangles.
+    twice_area : (T,) array
+        Twice the areas of the triangles [m2].
     """
-    order = np.lexsort((-area, chart))
+    order = np.lexsort((-twice_area, chart))
     largest = order[np.searchsorted(chart[order], np.arange(len(nodes)))]
     # a small chart is sampled at the centroid of its largest triangle
     triangle, barycentric = largest[of_node], np.full((len(node_xy), 3), 1 / 3)
-    candidates = np.flatnonzero((nodes[chart] > 1) & (area > 1e-14))
-    on_faces = np.flatnonzero((nodes > 1)[of_node] & (area[largest] > 1e-14)[of_node])
+    candidates = np.flatnonzero((nodes[chart] > 1) & (twice_area > 1e-14))
+    on_faces = np.flatnonzero((nodes > 1)[of_node] & (twice_area[largest] > 1e-14)[of_node])
     if not len(on_faces):
         return triangle, barycentric
     corners = xy[candidates]

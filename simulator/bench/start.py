@@ -59,6 +59,11 @@ def start_once(cache_folder: str, early: str = "", late: str = "") -> tuple[floa
         Python code to run before anything is imported.
     late : str, optional
         Python code to run after the renderer is imported.
+
+    Raises
+    ------
+    RuntimeError
+        If the process fails.
     """
     environment = {k: v for k, v in os.environ.items() if k != "PYTHONDONTWRITEBYTECODE"}  # as installed
     # the first start also compiles the driver's shaders

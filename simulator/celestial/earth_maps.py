@@ -63,7 +63,13 @@ def maps_entry() -> str:
 
 
 def asset_size(name: str) -> int:
-    """Return the size in bytes of a file of ``assets/earth``, which identifies its version."""
+    """Return the size in bytes of a file of ``assets/earth``, which identifies its version.
+
+    Raises
+    ------
+    UserError
+        If the package lacks the file.
+    """
     try:
         with resources.as_file(resources.files("flyaround.assets").joinpath("earth", name)) as path:
             return path.stat().st_size
@@ -72,7 +78,13 @@ def asset_size(name: str) -> int:
 
 
 def asset_bytes(name: str) -> bytes:
-    """Return the contents of a file of ``assets/earth``."""
+    """Return the contents of a file of ``assets/earth``.
+
+    Raises
+    ------
+    UserError
+        If the package lacks the file.
+    """
     try:
         return resources.files("flyaround.assets").joinpath("earth", name).read_bytes()
     except FileNotFoundError as error:

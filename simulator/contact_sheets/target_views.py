@@ -149,7 +149,13 @@ class TargetView:
 def draw_view(
     renderer: Renderer, target: Target, eye: ArrayLike, width_px: int, height_px: int
 ) -> TargetView:
-    """Draw the craft from the direction ``eye`` (target frame), exposed for it."""
+    """Draw the craft from the direction ``eye`` (target frame), exposed for it.
+
+    Raises
+    ------
+    RuntimeError
+        If the renderer returns no depth.
+    """
     scene = view_scene(target, eye, width_px, height_px)
     rendered = renderer.render(scene, target, labels=True)
     if rendered.depth_m is None:

@@ -178,7 +178,13 @@ class RayFrames(FrameProducer[Result]):
         )
 
     def result(self) -> Result:
-        """Return the oldest frame in flight; waits for it."""
+        """Return the oldest frame in flight; waits for it.
+
+        Raises
+        ------
+        RuntimeError
+            If no frame is in flight.
+        """
         if not self.in_flight:
             raise RuntimeError("no frame is in flight")
         while not self._ready:
@@ -186,7 +192,13 @@ class RayFrames(FrameProducer[Result]):
         return self._ready.popleft()
 
     def frames(self, requests: Iterable[FrameRequest]) -> Iterator[Result]:
-        """Yield one frame per request, in order, drawn by shards."""
+        """Yield one frame per request, in order, drawn by shards.
+
+        Raises
+        ------
+        RuntimeError
+            If frames of an interrupted run are in flight.
+        """
         if self.in_flight > 0:
             raise RuntimeError("frames of an interrupted run are in flight; open another producer")
         pending = iter(requests)

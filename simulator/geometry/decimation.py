@@ -121,10 +121,10 @@ def deviation(before: list[MeshBody], after: list[MeshBody]) -> Deviation:
     sample = vertices[:: len(vertices) // SAMPLES + 1]
     corners = np.concatenate([b.positions_m[b.triangles] for b in after])
     # points sampled on the reduced surface give candidate nearest triangles for each vertex
-    area = np.linalg.norm(face_vectors(corners), axis=1)
+    twice_area = np.linalg.norm(face_vectors(corners), axis=1)
     rng = np.random.default_rng(0)
     owner = np.concatenate(
-        [np.arange(len(corners)), rng.choice(len(corners), SURFACE_POINTS, p=area / area.sum())]
+        [np.arange(len(corners)), rng.choice(len(corners), SURFACE_POINTS, p=twice_area / twice_area.sum())]
     )
     weight = rng.dirichlet((1.0, 1.0, 1.0), len(owner))
     points = np.einsum("nk,nkc->nc", weight, corners[owner])

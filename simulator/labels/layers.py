@@ -111,7 +111,7 @@ def layer_hash(name: str, layer: NDArray[Any], mask: ByteArray) -> str:
     hashed completely.
     """
     if name in MASKED_LAYERS and layer.shape[:2] == mask.shape:
-        # viewing a pixel's values as one item makes the selection several times faster
+        # viewing a pixel's values as one item makes the selection faster
         contiguous = np.ascontiguousarray(layer)
         pixels = contiguous.view(f"V{contiguous.itemsize * contiguous[0, 0].size}").reshape(mask.shape)
         window = craft_window(mask)

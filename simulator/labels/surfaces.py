@@ -32,7 +32,13 @@ def start_surfaces(
 def surfaces(
     renderer: Renderer, scene: SceneState, target: Target, *, layers: bool, margin_px: int = 0
 ) -> Surfaces:
-    """Return the surface at each pixel's centre at its row's mid-exposure, with ``margin_px`` beyond the edges."""
+    """Return the surface at each pixel's centre at its row's mid-exposure, with ``margin_px`` beyond the edges.
+
+    Raises
+    ------
+    RuntimeError
+        If the image has no rows.
+    """
     height, m = scene.camera.height_px, margin_px
     bands = row_bands(scene, target)
     joined: Surfaces | None = None

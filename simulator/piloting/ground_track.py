@@ -10,7 +10,7 @@ import numpy as np
 from scipy.integrate import solve_ivp
 
 from flyaround.simulator.world.ephemeris.body import bodies_at
-from flyaround.simulator.world.ephemeris.eclipse import add_shares, past_body
+from flyaround.simulator.world.ephemeris.eclipse import add_shares, sun_fraction_past_body
 from flyaround.simulator.world.ephemeris.sun_moon import sun_eci_m
 from flyaround.simulator.world.frames.rotation import matrix_from_quat
 from flyaround.simulator.world.orbit.gravity import Gravity
@@ -136,7 +136,7 @@ def _sunlight(flight: Flight, t_s: float, span_s: float) -> Callable[[FloatArray
         geocentric = r + bodies[centre].r_eci_m + fraction * ways[centre]
         # bodies move: shift the positions instead
         shares = [
-            past_body(state, geocentric - fraction * offset, suns - fraction * offset)
+            sun_fraction_past_body(state, geocentric - fraction * offset, suns - fraction * offset)
             for state, offset in zip(bodies, ways, strict=True)
         ]
         return np.maximum(add_shares(shares), 0.0)

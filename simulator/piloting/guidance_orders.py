@@ -126,7 +126,13 @@ class FlyGlideslope(GuidanceOrder):
     end_m: float | None = None
 
     def mode(self, state: LvlhState, radius_m: float) -> Glideslope:
-        """Return the glideslope."""
+        """Return the glideslope.
+
+        Raises
+        ------
+        UserError
+            If the distances do not suit the chaser's position.
+        """
         end_m = _near_m(radius_m) if self.end_m is None else self.end_m
         _check_clear(end_m, radius_m, "the end of the glideslope")
         p = state[0]
@@ -228,7 +234,13 @@ class KeepRange(GuidanceOrder):
     far_m: float | None = None
 
     def mode(self, state: LvlhState, radius_m: float) -> RangeKeeping:
-        """Return range keeping."""
+        """Return range keeping.
+
+        Raises
+        ------
+        UserError
+            If the distances do not suit the chaser's position.
+        """
         distance = float((state[0] @ state[0]) ** 0.5)
         near_m = (
             max(distance - RANGE_AMPLITUDE_M, MIN_CLEARANCE_RADII * radius_m)

@@ -124,7 +124,13 @@ class Pulse(Order):
     switch: Switch
 
     def carry_out(self, craft: PilotedCraft) -> None:
-        """Take over, and give the pulse."""
+        """Take over, and give the pulse.
+
+        Raises
+        ------
+        UserError
+            If the order cannot be carried out.
+        """
         if self.switch not in SWITCHES:
             raise UserError(f"unknown switch {self.switch}, allowed: {', '.join(SWITCHES)}")
         craft.take_over()
@@ -220,7 +226,13 @@ class Go(Order):
     """Let the chaser pass its hold point. Refused while a figure exceeds its limit."""
 
     def carry_out(self, craft: PilotedCraft) -> News:
-        """Take over, and pass the point."""
+        """Take over, and pass the point.
+
+        Raises
+        ------
+        UserError
+            If the order cannot be carried out.
+        """
         docking, point = craft.docking, craft.docking.hold_points.next
         figures = docking.figures(craft.chaser, craft.flight)
         against = docking.hold_points.go(figures, docking.limits, docking.corridor_deg)
@@ -249,7 +261,13 @@ class JudgeBy(Order):
     preset: str
 
     def carry_out(self, craft: PilotedCraft) -> News:
-        """Apply the limits."""
+        """Apply the limits.
+
+        Raises
+        ------
+        UserError
+            If the order cannot be carried out.
+        """
         if self.preset not in PRESETS:
             raise UserError(f"unknown limits {self.preset}, allowed: {', '.join(PRESETS)}")
         limits = craft.docking.limits = PRESETS[self.preset]

@@ -43,6 +43,11 @@ def board_pose(
     -------
     tuple of array
         q_camera_from_target_wxyz (4,), t_camera_from_target_m (3,).
+
+    Raises
+    ------
+    UserError
+        If no pose fits the image.
     """
     points = np.concatenate([p.positions_m for p in target.parts]).astype(float)
     low, high = points.min(axis=0), points.max(axis=0)

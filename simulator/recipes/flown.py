@@ -40,7 +40,13 @@ _MIN_SUNLIT_SHARE = 0.5  # least visible share of the Sun in a sunlit frame
 def flight_scene(
     rng: Generator, recipe: Recipe, target: Target, seed: int, k: int, n_frames: int
 ) -> SceneState:
-    """Return sample k of a recipe whose poses come from flights, with light and sky of that time."""
+    """Return sample k of a recipe whose poses come from flights, with light and sky of that time.
+
+    Raises
+    ------
+    TypeError
+        If the recipe's poses do not come from a flight.
+    """
     poses, document = recipe.poses, msgspec.json.encode(recipe)
     if isinstance(poses, Sequences):
         number, step = divmod(k, poses.frames)

@@ -45,7 +45,24 @@ table.fold{font-size:13px}table.fold td,table.fold th{padding:6px 8px;white-spac
 """
 
 
-# Width of a wide letter in a folding table, padding of a cell, and margin of the page.
+FOLDED_STYLE = """\
+/* fold */
+@media(max-width:LEAST_PXpx){
+TABLE{background:none;border:0}
+TABLE,TABLE tbody,TABLE td{display:block}
+TABLE tbody{display:grid;gap:10px;grid-template-columns:repeat(auto-fill,minmax(min(300px,100%),1fr))}
+TABLE tr{display:block;background:var(--card);border:1px solid var(--line);border-radius:8px;padding:6px 0}
+TABLE tr:first-child{display:none}
+TABLE td{display:flex;justify-content:space-between;gap:16px;border:0;padding:2px 12px;overflow-wrap:anywhere}
+TABLE td:first-child{font-weight:600}
+TABLE td+td::before{content:attr(data-head);color:var(--dim);text-align:left}
+TABLE td:empty{display:none}
+}
+"""
+"""Style of the cards into which the table of selector TABLE turns in windows up to LEAST_PX wide."""
+
+# Width of a wide letter in a folding table, padding of a cell on both sides as in STYLE, and margins of the page: 24 on
+# each side as in STYLE, and 16 for a scroll bar.
 LETTER_PX, CELL_PX, MARGIN_PX = 8.4, 16, 64
 
 
@@ -75,6 +92,7 @@ class Page:
     dark: bool = False
     style: str = ""
     parts: list[Markup] = field(default_factory=list)
+    _n_folding_tables: int = field(default=0, init=False)
 
     def add(self, *content: Content) -> None:
         """Append to the page."""
@@ -97,7 +115,8 @@ class Page:
         cells = [[markup(cell) for cell in row] for row in rows]
         widths = [max(map(_longest_word, column)) for column in zip(head, *cells, strict=True)]
         least = round(sum(LETTER_PX * width + CELL_PX for width in widths)) + MARGIN_PX
-        name = f"fold-{self.style.count('/* fold */') + 1}"
+        self._n_folding_tables += 1
+        name = f"fold-{self._n_folding_tables}"
         self.style += _folded(f"table.{name}", least)
         lines = [element("tr", *(element("th", text) for text in head))]
         for row in cells:
@@ -136,35 +155,14 @@ class Page:
 
 
 def _longest_word(cell: str) -> int:
-    """Return the length of the longest unbreakable part of a cell, without its markup."""
+    """Return the length of the longest word of a cell; a tag counts as a space."""
     text = html.unescape(re.sub(r"<[^>]*>", " ", cell))
     return max(map(len, re.split("[ \n-]", text)))
 
 
 def _folded(table: str, least_px: int) -> str:
     """Return the style of a table's cards, for windows narrower than it needs."""
-    rules = (
-        ("", "background:none;border:0"),
-        (",{t} tbody,{t} td", "display:block"),
-        (
-            " tbody",
-            "display:grid;gap:10px;grid-template-columns:repeat(auto-fill,minmax(min(300px,100%),1fr))",
-        ),
-        (
-            " tr",
-            "display:block;background:var(--card);border:1px solid var(--line);border-radius:8px;padding:6px 0",
-        ),
-        (" tr:first-child", "display:none"),
-        (
-            " td",
-            "display:flex;justify-content:space-between;gap:16px;border:0;padding:2px 12px;overflow-wrap:anywhere",
-        ),
-        (" td:first-child", "font-weight:600"),
-        (" td+td::before", "content:attr(data-head);color:var(--dim);text-align:left"),
-        (" td:empty", "display:none"),
-    )
-    css = "".join(f"{table}{where.replace('{t}', table)}{{{rule}}}\n" for where, rule in rules)
-    return f"/* fold */\n@media(max-width:{least_px}px){{\n{css}}}\n"
+    return FOLDED_STYLE.replace("TABLE", table).replace("LEAST_PX", str(least_px))
 
 
 def _body(main: Markup, *, dark: bool) -> Markup:
@@ -189,7 +187,7 @@ def table(head: Sequence[Content], rows: Iterable[Sequence[Content]]) -> Markup:
 
 
 def key_figures(figures: Iterable[tuple[Content, Content]], *, bad: Iterable[str] = ()) -> Markup:
-    """Return the key figures, (value, label) each; labels in ``bad`` are red."""
+    """Return the key figures, (value, label) each; the values of labels in ``bad`` are red."""
     marked = set(bad)
     return element(
         "div",

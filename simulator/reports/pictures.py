@@ -18,7 +18,13 @@ QUALITY = 88  # JPEG quality
 
 
 def jpeg(image: ByteArray, quality: int = QUALITY) -> bytes:
-    """Encode an image, grey (H, W) or RGB (H, W, 3), as JPEG."""
+    """Encode an image, grey (H, W) or RGB (H, W, 3), as JPEG.
+
+    Raises
+    ------
+    RuntimeError
+        If OpenCV cannot encode it.
+    """
     bgr = image if image.ndim == 2 else image[..., ::-1]
     ok, data = cv2.imencode(".jpg", np.ascontiguousarray(bgr), [cv2.IMWRITE_JPEG_QUALITY, quality])
     if not ok:

@@ -116,7 +116,7 @@ def _remember(path: Path, array: _Array) -> None:
 
 
 def _array_of(contents: mmap.mmap, length: int) -> NDArray[_T]:
-    """Return the array of NumPy's format without a copy, as an ndarray: slicing a memmap takes ten times as long."""
+    """Return the array of NumPy's format without a copy, as an ndarray: slicing a memmap is slower."""
     head = io.BytesIO(contents[: min(length, _MAX_HEADER_BYTES)])
     try:
         version = np.lib.format.read_magic(head)

@@ -65,7 +65,7 @@ def unpack(packed: ByteArray, of: type[_T], *inner: type) -> _T:
     TypeError
         If the bytes hold something else.
     """
-    data = np.asarray(packed)  # slicing a memmap takes ten times as long
+    data = np.asarray(packed)  # slicing a memmap is slower
     length = int(data[:8].view("<u8")[0])
     tree = _Unpacker(data, 8 + length, (of, *inner)).read(json.loads(data[8 : 8 + length].tobytes()))
     if not isinstance(tree, of):

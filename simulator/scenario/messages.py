@@ -106,7 +106,13 @@ def _state_orbit(centre: str, state: State) -> StateOrbit:
 
 
 def target_ephemeris(scenario: Scenario) -> Ephemeris | None:
-    """Return the ephemeris that the target of a loaded scenario follows; None if it is propagated."""
+    """Return the ephemeris that the target of a loaded scenario follows; None if it is propagated.
+
+    Raises
+    ------
+    UserError
+        If the orbit is still a file.
+    """
     orbit = scenario.orbit
     if not isinstance(orbit, OemOrbit):
         return None

@@ -51,7 +51,13 @@ def check_picture(data: bytes, where: str) -> None:
 
 
 def embedded_pictures(document: dict[str, Any], blob: bytes) -> tuple[TextureImage, ...]:
-    """Return the images embedded in a glTF document and its binary buffer."""
+    """Return the images embedded in a glTF document and its binary buffer.
+
+    Raises
+    ------
+    ValueError
+        If an image extends past the end of its buffer.
+    """
     pictures = []
     for k, image in enumerate(document.get("images") or []):
         view = document["bufferViews"][image["bufferView"]]

@@ -1,7 +1,7 @@
 """Docstrings by numpydoc's rules: parameters in the signature's order with their types, and imperative summaries.
 
 Checks of numpydoc's validation on every docstring of the product: PR02, PR03, PR04, SS05, and, where there is a
-Parameters section, PR01.
+Parameters section, PR01. A public function that raises says so in a Raises section.
 """
 
 import ast
@@ -20,6 +20,10 @@ ENTRY = re.compile(r"^(\*{0,2}\w+(?:, \*{0,2}\w+)*)(?: : (.*))?$")
 LONGEST_TYPE_WORDS = 14
 # imperatives that end like a third person
 IMPERATIVES = {"Pass", "Press", "Process"}
+# the docstrings of commands are their help texts, and those of tools are for their authors
+WITHOUT_RAISES = ("flyaround/cli", "tools")
+# errors of the program itself, and of a base class
+INTERNAL_ERRORS = {"AssertionError", "FrameGraphError", "NotImplementedError"}
 # rooms whose Parameters sections may still be incomplete
 INCOMPLETE = ("gui", "simulator/camera", "simulator/render", "simulator/targets", "simulator/world")
 
@@ -64,6 +68,22 @@ def fields(node, classes):
     return names
 
 
+def raises(function):
+    """Return True if the function's own code has a raise with an exception that it does not catch itself."""
+    left = list(function.body)
+    while left:
+        node = left.pop()
+        if isinstance(node, (ast.ClassDef, ast.FunctionDef, ast.AsyncFunctionDef, ast.Lambda)):
+            continue
+        if isinstance(node, ast.Raise) and node.exc is not None:
+            call = node.exc.func if isinstance(node.exc, ast.Call) else node.exc
+            if ast.unparse(call) not in INTERNAL_ERRORS:
+                return True
+        is_caught = isinstance(node, ast.Try) and node.handlers
+        left += [*node.handlers, *node.orelse, *node.finalbody] if is_caught else ast.iter_child_nodes(node)
+    return False
+
+
 def failures(path):
     tree = ast.parse(path.read_text(encoding="utf-8"))
     classes = {node.name: node for node in tree.body if isinstance(node, ast.ClassDef)}
@@ -82,6 +102,17 @@ def failures(path):
             yield f"{where}: SS05 the summary begins with an imperative, not {first!r}"
         if (section(ast.get_docstring(node) or "", "Raises") or ["name"])[0].startswith((" ", "If ")):
             yield f"{where}: a Raises section names the exception before its condition"
+        if (
+            not isinstance(node, ast.ClassDef)
+            and not node.name.startswith("_")
+            and not path.relative_to(ROOT).as_posix().startswith(WITHOUT_RAISES)
+            and ast.get_docstring(node)
+            and not first.startswith("Raise")
+            and "raises as `" not in ast.get_docstring(node).lower()
+            and section(ast.get_docstring(node), "Raises") is None
+            and raises(node)
+        ):
+            yield f"{where}: no Raises section"
         body = section(ast.get_docstring(node) or "", "Parameters")
         if body is None:
             continue

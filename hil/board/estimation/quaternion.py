@@ -29,7 +29,7 @@ def normalise(q: Array) -> Array:
     """Return (..., 4) quaternions scaled to unit length, with a non-negative scalar part."""
     q = np.asarray(q, float)
     if q.ndim == 1:
-        # scalar arithmetic is ten times faster than arrays for a single quaternion
+        # scalar arithmetic is faster than arrays for a single quaternion
         w, x, y, z = q.tolist()
         size = max(math.sqrt(w * w + x * x + y * y + z * z), 1e-300)
         return q / (-size if w < 0 else size)

@@ -257,7 +257,13 @@ def check_size(camera: Dict[str, Any], sensor_px: Tuple[int, int], address: str)
 
 
 def camera_of_part(camera: Dict[str, Any], roi_px: Tuple[int, int, int, int]) -> Dict[str, Any]:
-    """Return the intrinsics of a region of the detector, with the principal point shifted."""
+    """Return the intrinsics of a region of the detector, with the principal point shifted.
+
+    Raises
+    ------
+    LinkError
+        If the intrinsics have no principal point.
+    """
     x, y, width, height = roi_px
     try:
         return {

@@ -16,13 +16,19 @@ from flyaround.hil.board.estimation.even_attitudes import even_attitudes
 
 Array = np.ndarray
 
-# Radius of the neighbourhood whose classes are averaged, in class spacings, and number of most probable classes tried
-# as its centre.
-NEIGHBOURHOOD_STEPS, CANDIDATES = 1.6, 24
+# Radius of the neighbourhood whose classes are averaged, in class spacings: more than the diagonal of a square of
+# classes, so that an attitude between classes has its neighbours in all directions. Such a ball holds about 17 classes.
+NEIGHBOURHOOD_STEPS = 1.6
+# Number of most probable classes tried as its centre: more than one neighbourhood, so that the second side of a craft
+# that looks alike from two sides is tried too.
+CANDIDATES = 24
 
 
 def class_attitudes(n: int) -> Array:
-    """Return the attitudes (n, 4) of ``n`` classes."""
+    """Return the attitudes (n, 4) of ``n`` classes.
+
+    They are quaternions, scalar first and of either sign, of the target relative to the line of sight to it.
+    """
     return even_attitudes(n)
 
 
@@ -38,7 +44,7 @@ def softmax(logits: Array) -> Array:
 
 
 def mean_attitude(probability: Array) -> Tuple[Array, float]:
-    """Return the mean attitude (4,) of the most probable neighbourhood of classes, and its probability.
+    """Return the mean attitude (4,), scalar first, of the most probable neighbourhood of classes, and its probability.
 
     Averaging over all classes would fail for a craft that looks alike from two sides.
 

@@ -222,5 +222,5 @@ def _record(due: _Due) -> FrameRecord:
         epoch_utc="",
         t_s=0.0,
         exposure_s=due.exposure_s,
-        times=FrameTimes(latency_s=latency_s, ready_ns=now_ns),
+        times=FrameTimes(latency_s=latency_s, drawn_ns=now_ns),
     )

@@ -105,9 +105,9 @@ class AnswerPort:
         number : int
             Number of the image on the stream.
         """
-        record = record.at(handed_over_ns=now_ns())
+        record = record.with_times(handed_over_ns=now_ns())
         if self._board.link is None or self._board.ack is None:
-            self._report(record.ended("dropped:disconnected", "no board was connected"))
+            self._report(record.with_outcome("dropped:disconnected", "no board was connected"))
             return
         self._requests[number] = record.frame_id
         flight = self._in_flight.start(replace(record, frame_id=number), now_ns())

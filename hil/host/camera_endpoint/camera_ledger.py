@@ -59,13 +59,13 @@ class CameraLedger:
             )
             write_terms(folder, terms)
 
-    def drawn(self, request_id: int, scene: SceneState, drawing_ms: float) -> None:
+    def drawn(self, request_id: int, scene: SceneState, render_ms: float) -> None:
         """Register an image that was passed to the endpoint."""
-        self._open[request_id] = scene, drawing_ms
+        self._open[request_id] = scene, render_ms
 
     def record_outcome(self, request_id: int, record: FrameRecord | None) -> None:
         """Record the outcome of an image; None if it was not sent."""
-        scene, drawing_ms = self._open.pop(request_id)
+        scene, render_ms = self._open.pop(request_id)
         if record is None:
             return
         truth = scene.q_camera_from_target_wxyz, scene.t_camera_from_target_m
@@ -74,7 +74,7 @@ class CameraLedger:
             epoch_utc=scene.epoch_utc,
             t_s=scene.t_s,
             exposure_s=scene.exposure_s,
-            render_ms=drawing_ms,
+            render_ms=render_ms,
         )
         self._tally.add(row)
         if self._writer is not None:

@@ -15,28 +15,31 @@ if TYPE_CHECKING:
     from flyaround.hil.host.camera_endpoint.gvsp import Block
 
 BURST = 8
-"""Packets sent at once; bursts are spaced by the same number of packet intervals."""
+"""Packets sent at once; bursts are spaced by the same number of packet intervals. Eight packets of 1500 bytes occupy a
+line of 1 Gbit/s for 0.1 ms."""
 
 MAX_BURSTS = 4
 """Largest number of consecutive bursts for catching up, before commands are processed again."""
 
 MAX_GAP_S = 1e-4
-"""Maximum time between packets, so that small images do not take half an interval."""
+"""Maximum time between packets [s], so that small images do not take half an interval."""
 
 SHARE_OF_INTERVAL = 0.5
-"""Share of the frame interval over which the packets of a block are spread."""
+"""Share of the frame interval over which the packets of a block are spread; the rest is for resent packets."""
 
-# Maximum size of the images kept for resending [bytes].
 MAX_STORED_BYTES = 64 << 20
+"""Maximum size of the images kept for resending [bytes], to bound the memory. The newest image is always kept."""
 
 MAX_STORED_BLOCKS = 8
-"""Maximum number of images kept for resending."""
+"""Maximum number of images kept for resending. Receivers ask for packets of the newest few."""
 
 MAX_RESENT = 2048
-"""Largest number of packets resent per request."""
+"""Largest number of packets resent per request, so that one request does not keep commands waiting. An image of
+1920 x 1200 pixels in packets of 1500 bytes has 1574."""
 
 RESENT_PER_PACKET = 2
-"""Limit of resent packets relative to a block's packets and, over all blocks, to those just sent."""
+"""Limit, relative to a block's packets, of its resent packets and of the allowance that is left when it starts. A
+receiver may lose a resent packet too, and ask once more."""
 
 
 class StreamChannel:
@@ -54,7 +57,9 @@ class StreamChannel:
 
     def __init__(self, sock: socket.socket, loss_share: float = 0.0, seed: int = 0) -> None:
         self._socket = sock
+        # a full queue delays commands by no more than this
         self._socket.settimeout(0.05)
+        # room for an image of 1920 x 1200 pixels of 12 bits
         self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, 4 << 20)
         self._loss_share, self._random = loss_share, random.Random(seed)
         self._sent_blocks: OrderedDict[int, Block] = OrderedDict()
@@ -65,7 +70,8 @@ class StreamChannel:
         self._to: tuple[str, int] | None = None
         self._resent: dict[int, int] = {}
         self._allowance = 0
-        """Number of packets that may be resent: as many as were sent, so that requests cannot multiply the traffic."""
+        """Number of packets that may be resent: one for each packet sent, so that requests cannot multiply the traffic;
+        what is left of it when a block starts is limited by `RESENT_PER_PACKET`."""
         self.packets_sent = self.packets_resent = self.packets_dropped = 0
 
     @property
@@ -97,10 +103,17 @@ class StreamChannel:
         now_s : float
             Monotonic time [s].
         interval_s : float
-            Frame interval; sending takes half of it.
+            Frame interval [s]. The packets are spread over `SHARE_OF_INTERVAL` of it, at most `MAX_GAP_S` apart.
         delay_s : float
-            Minimum time between packets.
+            Minimum time between packets [s]; it takes precedence.
+
+        Raises
+        ------
+        RuntimeError
+            If a block is waiting already, which would be lost; see `has_room`.
         """
+        if not self.has_room:
+            raise RuntimeError("a block is waiting already; check has_room before start")
         gap_s = max(delay_s, min(SHARE_OF_INTERVAL * interval_s / block.n_packets, MAX_GAP_S))
         if self._block is not None:
             self._waiting = (block, receiver, gap_s)
@@ -120,9 +133,11 @@ class StreamChannel:
         self._allowance = min(self._allowance, RESENT_PER_PACKET * block.n_packets)
 
     def stop(self) -> None:
-        """Stop sending, and discard packets kept for resending."""
+        """Stop sending, and forget what may be resent: the next acquisition numbers its blocks from the start."""
         self._block = self._waiting = self._to = None
         self._sent_blocks.clear()
+        self._resent.clear()
+        self._allowance = 0
 
     def step(self, now_s: float) -> None:
         """Send the packets that are due."""
@@ -160,8 +175,7 @@ class StreamChannel:
         resent = self._resent.get(request.block_id, 0)
         budget = min(RESENT_PER_PACKET * block.n_packets - resent, self._allowance)
         for number in range(request.first, min(last, request.first + budget - 1) + 1):
-            self._send(block.packet(number, RESENT), to)
-            self.packets_resent += 1
+            self.packets_resent += self._send(block.packet(number, RESENT), to)
             self._allowance -= 1
             self._resent[request.block_id] = self._resent.get(request.block_id, 0) + 1
 
@@ -178,14 +192,16 @@ class StreamChannel:
         """Close the socket."""
         self._socket.close()
 
-    def _send(self, packet: bytes, to: tuple[str, int]) -> None:
+    def _send(self, packet: bytes, to: tuple[str, int]) -> bool:
+        """Send a packet; return False if it was dropped."""
         if self._loss_share and self._random.random() < self._loss_share:
             self.packets_dropped += 1
-            return
+            return False
         try:
             self._socket.sendto(packet, to)
         except OSError:
             # too long for the line, no route, or a full queue: the receiver sees a lost packet
             self.packets_dropped += 1
-        else:
-            self.packets_sent += 1
+            return False
+        self.packets_sent += 1
+        return True

@@ -162,12 +162,18 @@ class HostLink:
         return bool(self._free)
 
     def submit(self, image: NDArray[np.generic], job: FrameJob) -> None:
-        """Submit a frame, whose pixels are copied; requires ``has_room``."""
+        """Submit a frame, whose pixels are copied; requires ``has_room``.
+
+        Raises
+        ------
+        RuntimeError
+            If there are no terms yet or no slot is free.
+        """
         if self._slots is None or not self._free:
             raise RuntimeError("a frame was submitted without terms or a free slot")
         slot = self._free.pop()
         self._slots.view(slot, image.shape, image.dtype.str)[...] = image
-        record = job.record.at(ready_ns=time.monotonic_ns())
+        record = job.record.with_times(drawn_ns=time.monotonic_ns())
         self._send_message(replace(job, record=record, slot=slot, shape=image.shape, dtype=image.dtype.str))
 
     def add_line_fault(self, fault: LineFault) -> None:
@@ -175,7 +181,13 @@ class HostLink:
         self._send_message(AddLineFault(fault))
 
     def pump(self, timeout_s: float) -> None:
-        """Process messages of the link process, waiting up to ``timeout_s`` for the first one."""
+        """Process messages of the link process, waiting up to ``timeout_s`` for the first one.
+
+        Raises
+        ------
+        UserError
+            If the link process ended.
+        """
         try:
             while self._pipe.poll(timeout_s):
                 self._take(self._pipe.recv())

@@ -65,7 +65,7 @@ class FramesInFlight:
 
     def start(self, record: FrameRecord, at_ns: int) -> FrameInFlight:
         """Start sending a frame."""
-        record = record.at(send_start_ns=at_ns, send_end_ns=at_ns)
+        record = record.with_times(send_start_ns=at_ns, send_end_ns=at_ns)
         flight = FrameInFlight(record, at_ns + int(self._timeout_s * 1e9))
         self._flying[record.frame_id] = flight
         self._history[record.frame_id] = False
@@ -76,7 +76,7 @@ class FramesInFlight:
 
     def sent(self, flight: FrameInFlight, at_ns: int) -> None:
         """Record that the last byte of a frame was sent."""
-        flight.record = flight.record.at(send_end_ns=at_ns)
+        flight.record = flight.record.with_times(send_end_ns=at_ns)
         if flight.record.frame_id in self._held:
             self._held[flight.record.frame_id] = at_ns
 
@@ -117,7 +117,7 @@ class FramesInFlight:
         if flight is not None:
             start_ns, end_ns = flight.record.times.send_start_ns, flight.record.times.send_end_ns
             self._report(
-                flight.record.ended(
+                flight.record.with_outcome(
                     "accepted" if pose.accepted else "declined",
                     pose.reason,
                     # a board that is read between chunks may answer before the end of sending is recorded
@@ -205,4 +205,4 @@ class FramesInFlight:
         self.misses = 0
 
     def _drop(self, frame_id: int, cause: str, reason: str) -> None:
-        self._report(self._flying.pop(frame_id).record.ended(f"dropped:{cause}", reason))
+        self._report(self._flying.pop(frame_id).record.with_outcome(f"dropped:{cause}", reason))

@@ -172,7 +172,7 @@ class LinkServer:
         """Drop a frame that was never sent."""
         self._pipe.send(SlotFree(job.slot))
         self._publish_truth(job)
-        self._report(job.record.ended(f"dropped:{cause}", reason))
+        self._report(job.record.with_outcome(f"dropped:{cause}", reason))
 
     def _report(self, record: FrameRecord) -> None:
         """Send a frame's outcome to the run, with the deliberate faults of the line that affected it."""
@@ -351,7 +351,7 @@ class LinkServer:
 
 
 def _with_hand_over(job: FrameJob, at_ns: int) -> FrameJob:
-    return replace(job, record=job.record.at(handed_over_ns=at_ns))
+    return replace(job, record=job.record.with_times(handed_over_ns=at_ns))
 
 
 def main() -> None:

@@ -6,6 +6,7 @@ from enum import IntEnum
 from typing import Iterable, Tuple
 
 NO_FRAME = 0xFFFFFFFF
+"""Frame number of packets that belong to no frame."""
 
 
 class Encoding(IntEnum):

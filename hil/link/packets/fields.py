@@ -50,7 +50,13 @@ def unpack_text(data: bytes) -> str:
 
 
 def pack_hash(digest: str) -> bytes:
-    """Encode a hexadecimal SHA-256 as 32 bytes; an empty string (unknown) as zeros."""
+    """Encode a hexadecimal SHA-256 as 32 bytes; an empty string (unknown) as zeros.
+
+    Raises
+    ------
+    PacketError
+        If the text is no hexadecimal SHA-256.
+    """
     if not digest:
         return bytes(HASH_BYTES)
     try:
@@ -127,14 +133,26 @@ def _no_constant(name: str) -> None:
 
 
 def unpack_fixed(layout: struct.Struct, data: bytes, name: str, *, tail: bool = False) -> Tuple[Any, ...]:
-    """Unpack a payload after checking its length."""
+    """Unpack a payload after checking its length.
+
+    Raises
+    ------
+    PacketError
+        If the payload has another length.
+    """
     if len(data) < layout.size or (not tail and len(data) != layout.size):
         raise PacketError(f"a {name} payload has {len(data)} bytes, expected {layout.size}")
     return layout.unpack_from(data)
 
 
 def known_value(kind: Type[E], value: int, name: str) -> E:
-    """Return the enumeration's member; raise PacketError for an unknown value."""
+    """Return the enumeration's member.
+
+    Raises
+    ------
+    PacketError
+        If the value is unknown.
+    """
     try:
         return kind(value)
     except ValueError as error:

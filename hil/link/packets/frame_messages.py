@@ -144,7 +144,13 @@ class FrameHeader:
 
     @classmethod
     def decode(cls, data: bytes) -> FrameHeader:
-        """Return the message of a payload."""
+        """Return the message of a payload.
+
+        Raises
+        ------
+        PacketError
+            If the payload has another length or impossible values.
+        """
         values = unpack_fixed(cls.LAYOUT, data, "FRAME_HEADER", tail=True)
         fields = unpack_fields(data[cls.LAYOUT.size :], FRAME_FIELDS, "FRAME_HEADER")
         frame_id, width, height, pixel_format, bits, encoding, binning_x, binning_y, total, count = values[
@@ -195,7 +201,13 @@ class FrameChunk:
 
     @classmethod
     def decode(cls, data: bytes) -> FrameChunk:
-        """Return the message of a payload."""
+        """Return the message of a payload.
+
+        Raises
+        ------
+        PacketError
+            If the payload has another length or impossible values.
+        """
         frame_id, index, offset, size = unpack_fixed(cls.LAYOUT, data, "FRAME_CHUNK", tail=True)
         if len(data) - cls.LAYOUT.size != size:
             raise PacketError(f"a FRAME_CHUNK has {len(data) - cls.LAYOUT.size} bytes, expected {size}")
@@ -251,7 +263,13 @@ class PoseMessage:
     covariance: Optional[Tuple[float, ...]] = None
 
     def encode(self) -> bytes:
-        """Return the payload bytes."""
+        """Return the payload bytes.
+
+        Raises
+        ------
+        PacketError
+            If an accepted pose is missing or not finite.
+        """
         has_pose = self.q_camera_from_target_wxyz is not None and self.t_camera_from_target_m is not None
         numbers = (
             (*self.q_camera_from_target_wxyz, *self.t_camera_from_target_m)  # type: ignore[misc]
@@ -282,7 +300,13 @@ class PoseMessage:
 
     @classmethod
     def decode(cls, data: bytes) -> PoseMessage:
-        """Return the message of a payload."""
+        """Return the message of a payload.
+
+        Raises
+        ------
+        PacketError
+            If the payload has another length or impossible values.
+        """
         values = unpack_fixed(cls.LAYOUT, data, "POSE", tail=True)
         frame_id, accepted, has_pose, stage_count, confidence = values[:5]
         numbers, (receive_ns, start_ns, end_ns, reason_bytes, _) = values[5:12], values[12:]
@@ -374,7 +398,13 @@ class TruthMessage:
 
     @classmethod
     def decode(cls, data: bytes) -> TruthMessage:
-        """Return the message of a payload."""
+        """Return the message of a payload.
+
+        Raises
+        ------
+        PacketError
+            If the payload has another length or impossible values.
+        """
         frame_id, size = unpack_fixed(cls.LAYOUT, data, "TRUTH", tail=True)
         if len(data) - cls.LAYOUT.size != size:
             raise PacketError(f"a TRUTH payload has {len(data) - cls.LAYOUT.size} bytes, expected {size}")

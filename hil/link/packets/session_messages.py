@@ -173,7 +173,13 @@ class HelloAck:
 
     @classmethod
     def decode(cls, data: bytes) -> HelloAck:
-        """Return the message of a payload."""
+        """Return the message of a payload.
+
+        Raises
+        ------
+        PacketError
+            If the payload has another length or impossible values.
+        """
         values = unpack_fixed(cls.LAYOUT, data, "HELLO_ACK", tail=True)
         width, height, pixel_format, bits, encoding, mode, truth, window, flags = values[:9]
         chunk, name, digest, size = values[9:]
@@ -270,7 +276,13 @@ class Bye:
 
     @classmethod
     def decode(cls, data: bytes) -> Bye:
-        """Return the message of a payload."""
+        """Return the message of a payload.
+
+        Raises
+        ------
+        PacketError
+            If the payload has another length or impossible values.
+        """
         size, _ = unpack_fixed(cls.LAYOUT, data, "BYE", tail=True)
         if len(data) - cls.LAYOUT.size != size:
             raise PacketError(f"a BYE payload has {len(data) - cls.LAYOUT.size} bytes, expected {size}")
@@ -295,7 +307,13 @@ class ErrorMessage:
 
     @classmethod
     def decode(cls, data: bytes) -> ErrorMessage:
-        """Return the message of a payload."""
+        """Return the message of a payload.
+
+        Raises
+        ------
+        PacketError
+            If the payload has another length or impossible values.
+        """
         code, size, frame_id = unpack_fixed(cls.LAYOUT, data, "ERROR", tail=True)
         if len(data) - cls.LAYOUT.size != size:
             raise PacketError(f"an ERROR payload has {len(data) - cls.LAYOUT.size} bytes, expected {size}")

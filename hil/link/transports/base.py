@@ -38,13 +38,27 @@ class Transport(Protocol):
     chunk_bytes: int
 
     def send_packet(self, packet: Packet) -> None:
-        """Send a packet; raise LinkClosed if the line is closed."""
+        """Send a packet.
+
+        Raises
+        ------
+        LinkClosed
+            If the line is closed.
+        """
 
     def send_damaged(self, packet: Packet, at: int, flip: int) -> None:
         """Send a packet with some bits of one byte flipped, for runs with deliberate faults."""
 
     def recv_packet(self, timeout_s: float) -> Optional[Packet]:
-        """Return the next packet, or None after ``timeout_s``; raise PacketError for damage, LinkClosed at the end."""
+        """Return the next packet, or None after ``timeout_s``.
+
+        Raises
+        ------
+        PacketError
+            If it is damaged.
+        LinkClosed
+            At the end of the stream.
+        """
 
     def set_silence_limit(self, silence_s: float) -> None:
         """Set the silence after which the other side is considered lost; keep-alives adapt to it."""
@@ -89,7 +103,13 @@ class StreamTransport(ABC):
         """Set the silence after which the other side is considered lost."""
 
     def send_packet(self, packet: Packet) -> None:
-        """Send a packet; raise LinkClosed if the line is closed."""
+        """Send a packet.
+
+        Raises
+        ------
+        LinkClosed
+            If the line is closed.
+        """
         if self._closed:
             raise LinkClosed(f"{self.name} is closed")
         self._write(self._framing.encode(packet))
@@ -101,7 +121,15 @@ class StreamTransport(ABC):
         self._write(bytes(data))
 
     def recv_packet(self, timeout_s: float) -> Optional[Packet]:
-        """Return the next packet, or None after ``timeout_s``; raise PacketError for damage, LinkClosed at the end."""
+        """Return the next packet, or None after ``timeout_s``.
+
+        Raises
+        ------
+        PacketError
+            If it is damaged.
+        LinkClosed
+            At the end of the stream.
+        """
         deadline = time.monotonic() + timeout_s
         while True:
             packet = self._framing.next_packet()

@@ -1,7 +1,7 @@
 """Keypoint network in PyTorch: a trunk shared by all targets, and a head for each target.
 
 For every keypoint, a head returns a distribution over the columns and one over the rows of the input. It also returns
-the logit of the target's presence.
+the logit of the target's presence, and the logarithm of its size.
 
 References
 ----------
@@ -43,25 +43,28 @@ class _Residual(nn.Module):  # type: ignore[misc]
 
 
 class Trunk(nn.Module):  # type: ignore[misc]
-    """Feature extractor shared by all targets: inputs (B, 2, 128, 128) to features (B, 192, 8, 8)."""
+    """Feature extractor shared by all targets: crops (B, 2, H, W) to features (B, C, `CELLS`, `CELLS`).
+
+    The channels of a crop are brightness and local contrast, as `network_input.channels` makes them.
+    """
 
     def __init__(self) -> None:
         super().__init__()
         layers: list[nn.Module] = []
-        before = 2
+        in_channels = 2
         for k, (channels, blocks) in enumerate(zip(CHANNELS, BLOCKS, strict=True)):
             size, stride = (7, 4) if k == 0 else (3, 2)
             layers += [
-                nn.Conv2d(before, channels, size, stride, size // 2, bias=False),
+                nn.Conv2d(in_channels, channels, size, stride, size // 2, bias=False),
                 nn.BatchNorm2d(channels),
                 nn.ReLU(),
             ]
             layers += [_Residual(channels) for _ in range(blocks)]
-            before = channels
+            in_channels = channels
         self.body = nn.Sequential(*layers)
 
     def forward(self, x: Tensor) -> Tensor:
-        """Return the features (B, 192, 8, 8)."""
+        """Return the features (B, C, `CELLS`, `CELLS`) of crops (B, 2, H, W)."""
         return self.body(x)
 
 
@@ -74,6 +77,7 @@ class Head(nn.Module):  # type: ignore[misc]
         self.maps = nn.Conv2d(width, KEYPOINTS * MAPS, 3, padding=1)
         self.hidden = nn.Linear(MAPS * CELLS * CELLS, HIDDEN)
         self.bins = nn.Linear(HIDDEN, 2 * BINS)
+        # named as in the head's file
         self.whole = nn.Linear(width, 2)
 
     def forward(self, features: Tensor) -> tuple[Tensor, Tensor]:

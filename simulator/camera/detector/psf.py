@@ -145,7 +145,7 @@ def psf_pyramid(optics: Optics, sensor: Sensor, disc_px: float) -> Pyramid | Non
     per_px = optics.wavelength_m * optics.f_number / sensor.pixel_pitch_x_m
     pyramid = fit_pyramid(
         lambda fx, fy: optics_mtf(fx, fy, optics, sensor, disc_px),
-        round_=sensor.pixel_pitch_x_m == sensor.pixel_pitch_y_m,
+        swap_symmetric=sensor.pixel_pitch_x_m == sensor.pixel_pitch_y_m,
         # mean intensity of the rings: the light beyond r is 2 per_px / (pi^2 r)
         wing_px=per_px / np.pi**3 if optics.psf == "airy" and disc_px <= 0 else 0.0,
     )

@@ -7,7 +7,6 @@ filter preserves the total light and the centroid of a point.
 
 from __future__ import annotations
 
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -15,26 +14,31 @@ import cv2
 import numpy as np
 from scipy.optimize import nnls
 
-from flyaround.simulator.camera.detector.deviates import NOISE_BANDS
+from flyaround.simulator.camera.detector.deviates import NOISE_BANDS, sensor_threads
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Iterator
 
     from numpy.typing import NDArray
 
     from flyaround.simulator.runtime.arrays import Float32Array, FloatArray
 
 TAPS_PER_SIDE = (3, 2, 2, 2, 2, 2, 2, 3)
-"""Number of taps on each side of the centre, at full size, half size, quarter size, ..."""
+"""Number of taps on each side of the centre, at full size, half size, quarter size, ... More at full size, where the
+core of the PSF is, and at the last, which has the wings beyond."""
 # kernel of cv2.pyrDown followed by pyrUp: 1 4 6 4 1, convolved with itself
 _BINOMIAL = np.array([1, 8, 28, 56, 70, 56, 28, 8, 1]) / 256
+# frequencies of the fit [cycles per pixel], closer near zero, where wide levels differ
 _FREQUENCIES = np.concatenate([[0.0, 0.0025, 0.005, 0.01, 0.015], np.arange(0.02, 0.501, 0.02)])
 _CORNER_WEIGHT = 0.2  # weight of frequencies above 0.5 cycles per pixel, which occur only along diagonals
-_SUM_WEIGHT = 30.0  # weight of the zero frequency, so that the total light is preserved
-_WING_RADII_PX = np.geomspace(10.0, 450.0, 12)  # radii at which the wings are matched
-_WING_WEIGHT = 0.05  # weight of their relative error
-_FIT_MARGIN_PX = 4  # margin of the fit around a kernel
-_REGULARISATION = 3e-4  # regularisation of the weights, over the largest value
+# weight of the zero frequency, squared that of all others together, so that the total light is preserved
+_SUM_WEIGHT = 30.0
+# radii at which the wings are matched, from beyond the core's taps to the reach of the last level
+_WING_RADII_PX = np.geomspace(10.0, 450.0, 12)
+# weight of the relative error of the wings, low because the transfer function decides what edges look like
+_WING_WEIGHT = 0.05
+_FIT_MARGIN_PX = 4  # margin of the fit around a kernel, in which taps that spread past it cost
+_REGULARISATION = 3e-4  # regularisation of the weights, over the largest value: about one step of 12 bits
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,10 +81,10 @@ class Pyramid:
             )
             blurred[first:last] = convolved[above : above + last - first]
 
-        with ThreadPoolExecutor(2) as pool:
-            coarse = pool.submit(self._coarse_levels, image, gain)
-            list(pool.map(blur_band, range(NOISE_BANDS)))
-            convolved = coarse.result()
+        pool = sensor_threads()
+        coarse = pool.submit(self._coarse_levels, image, gain)
+        list(pool.map(blur_band, range(NOISE_BANDS)))
+        convolved = coarse.result()
         return blurred if convolved is None else np.asarray(cv2.add(blurred, convolved, dst=blurred))
 
     def _coarse_levels(self, image: Float32Array, gain: float) -> Float32Array | None:
@@ -101,7 +105,7 @@ class Pyramid:
 
 
 def fit_pyramid(
-    transfer: Callable[[FloatArray, FloatArray], FloatArray], *, round_: bool, wing_px: float = 0.0
+    transfer: Callable[[FloatArray, FloatArray], FloatArray], *, swap_symmetric: bool, wing_px: float = 0.0
 ) -> Pyramid:
     """Fit the taps to a transfer function.
 
@@ -109,8 +113,8 @@ def fit_pyramid(
     ----------
     transfer : callable
         Real function of the frequencies along x and y, cycles per pixel.
-    round_ : bool
-        True if it is the same along x and y.
+    swap_symmetric : bool
+        True if it is unchanged when x and y are swapped.
     wing_px : float, optional
         Factor c of wings c / r^3 of the point spread function, r in pixels; 0 for none.
     """
@@ -124,6 +128,26 @@ def fit_pyramid(
     wing_weight = _WING_WEIGHT / wing if wing_px > 0 else np.zeros(wing.size)
     columns: list[FloatArray] = []
     tap_positions: list[tuple[int, set[tuple[int, int]]]] = []
+    for level, pairs, in_frequency, in_space in _symmetric_columns(
+        wing_x, wing_y, swap_symmetric=swap_symmetric
+    ):
+        columns.append(np.concatenate([(in_frequency * weight).ravel(), in_space * wing_weight]))
+        tap_positions.append((level, pairs))
+    samples = np.concatenate([(transfer(fx, fy) * weight).ravel(), wing * wing_weight])
+    weights, _ = nnls(np.stack(columns, axis=1), samples)
+    taps = [np.zeros((2 * n + 1, 2 * n + 1)) for n in TAPS_PER_SIDE]
+    for weight_share, (level, pairs) in zip(weights / weights.sum(), tap_positions, strict=True):
+        n = TAPS_PER_SIDE[level]
+        mirrored = {(n + s * a, n + t * b) for a, b in pairs for s in (1, -1) for t in (1, -1)}
+        for column, row in mirrored:
+            taps[level][row, column] += weight_share / len(mirrored)
+    return Pyramid(tuple(t.astype(np.float32) for t in taps))
+
+
+def _symmetric_columns(
+    wing_x: FloatArray, wing_y: FloatArray, *, swap_symmetric: bool
+) -> Iterator[tuple[int, set[tuple[int, int]], FloatArray, FloatArray]]:
+    """Yield level and offsets of taps of equal weight, their mean transfer function, and mean kernel in the wings."""
     for level, reach in enumerate(TAPS_PER_SIDE):
         frequency_bases = [
             _base_transfer(level, _FREQUENCIES) * np.cos(2 * np.pi * _FREQUENCIES * a * 2**level)
@@ -137,28 +161,25 @@ def fit_pyramid(
             for w in (wing_x, wing_y)
         )
         for a in range(reach + 1):
-            for b in range(a + 1 if round_ else reach + 1):
-                pairs = {(a, b), (b, a)} if round_ else {(a, b)}
-                in_frequency = sum(np.outer(frequency_bases[j], frequency_bases[i]) for i, j in pairs) / len(
-                    pairs
-                )
-                in_space = sum(x_bases[i] * y_bases[j] for i, j in pairs) / len(pairs)
-                columns.append(np.concatenate([(in_frequency * weight).ravel(), in_space * wing_weight]))
-                tap_positions.append((level, pairs))
-    samples = np.concatenate([(transfer(fx, fy) * weight).ravel(), wing * wing_weight])
-    weights, _ = nnls(np.stack(columns, axis=1), samples)
-    taps = [np.zeros((2 * n + 1, 2 * n + 1)) for n in TAPS_PER_SIDE]
-    for weight_share, (level, pairs) in zip(weights / weights.sum(), tap_positions, strict=True):
-        n = TAPS_PER_SIDE[level]
-        mirrored = {(n + s * a, n + t * b) for a, b in pairs for s in (1, -1) for t in (1, -1)}
-        for column, row in mirrored:
-            taps[level][row, column] += weight_share / len(mirrored)
-    return Pyramid(tuple(t.astype(np.float32) for t in taps))
+            for b in range(a + 1 if swap_symmetric else reach + 1):
+                pairs = {(a, b), (b, a)} if swap_symmetric else {(a, b)}
+                in_frequency = sum(np.outer(frequency_bases[j], frequency_bases[i]) for i, j in pairs)
+                in_space = sum(x_bases[i] * y_bases[j] for i, j in pairs)
+                yield level, pairs, np.asarray(in_frequency) / len(pairs), np.asarray(in_space) / len(pairs)
 
 
 def fit_kernel(kernel: FloatArray) -> Pyramid:
-    """Fit the taps to a non-negative kernel of odd size; their sum is one."""
-    reach_y, reach_x = (max(n // 2, 3) + _FIT_MARGIN_PX for n in kernel.shape)
+    """Fit the taps to a non-negative kernel of odd size; their sum is one.
+
+    Raises
+    ------
+    ValueError
+        If the size is even, which would shift the image by half a pixel, or the kernel is zero.
+    """
+    if any(n % 2 == 0 for n in kernel.shape) or not kernel.max() > 0:
+        raise ValueError(f"a kernel of {kernel.shape} is even or zero")
+    # a small kernel too is compared over the taps at full size
+    reach_y, reach_x = (max(n // 2, TAPS_PER_SIDE[0]) + _FIT_MARGIN_PX for n in kernel.shape)
     y_positions, x_positions = np.arange(-reach_y, reach_y + 1.0), np.arange(-reach_x, reach_x + 1.0)
     padded = np.zeros((y_positions.size, x_positions.size))
     row_margin, column_margin = ((m - n) // 2 for m, n in zip(padded.shape, kernel.shape, strict=True))
@@ -189,7 +210,7 @@ def fit_kernel(kernel: FloatArray) -> Pyramid:
 
 
 def _flip(taps: Float32Array, gain: float) -> Float32Array:
-    """Return flipped taps for OpenCV's filter2D, which correlates."""
+    """Return the taps times ``gain``, flipped for OpenCV's filter2D, which correlates."""
     return np.ascontiguousarray(taps[::-1, ::-1] * np.float32(gain), np.float32)
 
 

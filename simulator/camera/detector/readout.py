@@ -41,7 +41,13 @@ _DEMOSAIC = {
 
 
 def detector_sigma(sensor: Sensor, signal: float, exposure_s: float) -> float:
-    """Return the standard deviation of noise and pixel-to-pixel variation, relative to saturation [1]."""
+    """Return the standard deviation of noise and pixel-to-pixel variation, relative to saturation [1].
+
+    Raises
+    ------
+    ValueError
+        If the sensor counts no electrons.
+    """
     d = sensor.detector
     if d is None:
         raise ValueError("a noise recipe on a 0..1 image has no electrons")
@@ -87,6 +93,11 @@ def detect(
     -------
     (H, W) or (H, W, 3) array
         uint8 for up to 8 bits, uint16 above. A mosaic without interpolation is (H, W).
+
+    Raises
+    ------
+    ValueError
+        If the sensor counts no electrons.
     """
     d = sensor.detector
     if d is None:

@@ -101,6 +101,11 @@ def electrons_per_radiance(sensor: Sensor, optics: Optics, exposure_s: float, ba
     """Return the electrons per W m-2 sr-1 of each band in an image pixel on the axis [e / (W m-2 sr-1)].
 
     The irradiance behind an aplanatic lens is pi / (4 N^2) of the radiance; Born & Wolf (1999), section 4.8.
+
+    Raises
+    ------
+    ValueError
+        If the sensor counts no electrons.
     """
     d = sensor.detector
     if d is None:
@@ -120,6 +125,11 @@ def white_balance(sensor: Sensor, optics: Optics, sunlight: ArrayLike) -> FloatA
         Optics of the lens.
     sunlight : array_like
         (n,) inverse of the Sun's irradiance in each band, up to a common factor.
+
+    Raises
+    ------
+    ValueError
+        If the sensor counts no electrons.
     """
     if sensor.detector is None:
         raise ValueError("a noise recipe on a 0..1 image has no electrons")

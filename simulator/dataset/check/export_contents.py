@@ -108,7 +108,7 @@ def is_same(expected: Any, actual: Any) -> bool:  # noqa: ANN401 - any value of 
     if isinstance(expected, np.ndarray):
         if (expected.shape, expected.dtype) != (actual.shape, actual.dtype):
             return False
-        # bytes first: comparing floats that may be NaN takes several times as long
+        # bytes first: comparing floats that may be NaN is slower
         return expected.tobytes() == actual.tobytes() or (
             expected.dtype.kind == "f" and np.array_equal(expected, actual, equal_nan=True)
         )

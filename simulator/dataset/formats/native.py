@@ -54,6 +54,11 @@ def encode_png(image: NDArray[np.unsignedinteger]) -> bytes:
 
     OpenCV's default strategy (one filter, run lengths) takes a third of the time of any explicit level, for the same
     size, because noise does not compress.
+
+    Raises
+    ------
+    RuntimeError
+        If OpenCV cannot encode it.
     """
     bgr = image if image.ndim == 2 else np.ascontiguousarray(image[..., ::-1])
     ok, data = cv2.imencode(".png", bgr)
@@ -172,7 +177,13 @@ class EncodedFrame:
 
 
 def encode_frame(frame: Frame) -> EncodedFrame:
-    """Encode the files of a labelled frame."""
+    """Encode the files of a labelled frame.
+
+    Raises
+    ------
+    RuntimeError
+        If the frame has no labels.
+    """
     if frame.truth is None or frame.mask is None:
         raise RuntimeError("a data set frame needs labels")
     mask: ByteArray = frame.mask

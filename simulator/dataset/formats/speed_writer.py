@@ -45,7 +45,13 @@ def json_bytes(value: Any) -> bytes:  # noqa: ANN401 - any JSON value
 
 
 def jpeg(frame: LabelledFrame) -> bytes:
-    """Encode a frame's 8-bit image as JPEG, grey or in colour."""
+    """Encode a frame's 8-bit image as JPEG, grey or in colour.
+
+    Raises
+    ------
+    RuntimeError
+        If OpenCV cannot encode it.
+    """
     image = frame.image
     bgr = image if image.ndim == 2 else np.ascontiguousarray(image[..., ::-1])
     ok, data = cv2.imencode(".jpg", bgr, [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])

@@ -88,7 +88,13 @@ class FolderStore:
         return str(self.folder)
 
     def write(self, *waves: Files) -> None:
-        """Write files. All are synced to the disk before the first is renamed to its final name, in order."""
+        """Write files. All are synced to the disk before the first is renamed to its final name, in order.
+
+        Raises
+        ------
+        UserError
+            If the folder cannot be written.
+        """
         self._require_not_moved()
         files = [(self.folder / name, data) for wave in waves for name, data in wave]
         for parent in {path.parent for path, _ in files}:
@@ -109,7 +115,13 @@ class FolderStore:
         )
 
     def append(self, name: str, text: bytes) -> None:
-        """Append to a text file."""
+        """Append to a text file.
+
+        Raises
+        ------
+        UserError
+            If the file cannot be written.
+        """
         self._require_not_moved()
         path = self.folder / name
         try:
@@ -133,7 +145,13 @@ class FolderStore:
         return not any(path.name not in self._others for path in self.folder.iterdir())
 
     def remove(self, name: str) -> None:
-        """Remove a file."""
+        """Remove a file.
+
+        Raises
+        ------
+        UserError
+            If the file cannot be removed.
+        """
         try:
             (self.folder / name).unlink(missing_ok=True)
         except OSError as error:

@@ -87,7 +87,15 @@ class UrlStore:
             self._appended[name] = (content, time.monotonic())
 
     def read(self, name: str, max_bytes: int) -> bytes:
-        """Read the contents of a file, including appended text."""
+        """Read the contents of a file, including appended text.
+
+        Raises
+        ------
+        UserError
+            If the file is longer than ``max_bytes``.
+        OSError
+            If it cannot be read.
+        """
         if name in self._appended:
             return bytes(self._appended[name][0])
         try:

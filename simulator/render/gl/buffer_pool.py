@@ -1,6 +1,6 @@
 """Pool of off-screen buffers, in size classes.
 
-One large buffer for all uses would be slow, because a driver clears a whole framebuffer many times faster than a part
+One large buffer for all uses would be slow, because a driver clears a whole framebuffer much faster than a part
 of it (llvmpipe draws a quad for a part). One buffer per size would be slow too, because creating a buffer takes longer
 than drawing into it. So sizes are rounded up, and a few buffers are reused.
 """

@@ -36,8 +36,8 @@ class Fences:
     Parameters
     ----------
     library : ctypes.CDLL
-        OpenGL library. It is called with the GIL held, because reacquiring it could take a hundred times as long as
-        the call.
+        OpenGL library. It is called with the GIL held, because reacquiring it could take longer than the
+        call.
     """
 
     def __init__(self, library: ctypes.CDLL) -> None:

@@ -169,7 +169,7 @@ def stars_in_view(
         Radiance per band if a single pixel held all the light [W m-2 sr-1].
     """
     camera, environment = scene.camera, scene.environment
-    # arrays of (3, K), because NumPy takes several times as long for (K, 3)
+    # arrays of (3, K), because NumPy is slower for (K, 3)
     directions, light = [], []
     by_photons = scene.sensor.detector is not None
     if environment.stars:

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from flyaround.simulator.world.orbit.propagation import OrbitTrack
     from flyaround.simulator.world.time.instant import Instant
 
-_J2000 = 2451545.0
+_J2000 = 2451545.0  # Julian date of the epoch J2000.0
 _YEAR_DAYS = 365.25
 _FIELD_RADIUS_M = 6_371_200.0  # reference radius of IGRF
 _DIPOLE_2025_T = np.array([-1410.3, 4545.5, -29350.0]) * 1e-9  # IGRF-14 coefficients g11, h11, g10 at 2025.0

@@ -233,7 +233,13 @@ class BodyStates:
     central_body: str
 
     def body(self, name: str) -> BodyState:
-        """Return the state of a body; raise `KeyError` if there is none of that name."""
+        """Return the state of a body.
+
+        Raises
+        ------
+        KeyError
+            If there is none of that name.
+        """
         for state in self.bodies:
             if state.name == name:
                 return state

@@ -53,4 +53,4 @@ def pole_eci(instant: Instant) -> FloatArray:
 
 
 def _pole(instant: Instant) -> tuple[float, float]:
-    return earth_parameters().pole(instant.mjd_utc)
+    return earth_parameters().compute_pole_rad(instant.mjd_utc)

@@ -18,8 +18,8 @@ if TYPE_CHECKING:
 
 GCRS_POLE = (0.0, 0.0, 1.0)
 """The Earth's axis at J2000.0. The axis of 2026 is a sixth of a degree away, which moves the limb by 60 m."""
-# Cosine of the angle between the directions to the Sun and away from the body above which the body's limb cannot reach
-# the Sun's disc.
+# The body's limb cannot reach the Sun's disc if the directions from the body to the craft and from the craft to the Sun
+# have a cosine above this: the sine of the Sun's angular radius, 0.0047 at 1 au, doubled.
 _DAY_SIDE_COSINE = 0.01
 
 
@@ -28,8 +28,8 @@ def sun_fraction_past_bodies(
 ) -> float:
     """Compute the fraction of the Sun's disc that is visible from a spacecraft past all bodies.
 
-    The hidden fractions are added. Two bodies overlap in front of the Sun for some seconds a century, which is
-    neglected.
+    The hidden fractions are added. From a low orbit two bodies overlap in front of the Sun for some 20 s a year; the
+    hidden part is then counted twice.
 
     Parameters
     ----------
@@ -41,11 +41,11 @@ def sun_fraction_past_bodies(
         (3,) position of the Sun from the Earth's centre [m].
     """
     r, sun = (np.asarray(x, float) for x in (r_eci_m, r_sun_eci_m))
-    return max(float(add_shares([past_body(state, r, sun) for state in bodies])), 0.0)
+    return max(float(add_shares([sun_fraction_past_body(state, r, sun) for state in bodies])), 0.0)
 
 
-def past_body(state: BodyState, r_eci_m: FloatArray, r_sun_eci_m: FloatArray) -> FloatArray:
-    """Return the fraction of the Sun's disc visible past one body; positions (..., 3) as in `sun_visible_fraction`."""
+def sun_fraction_past_body(state: BodyState, r_eci_m: FloatArray, r_sun_eci_m: FloatArray) -> FloatArray:
+    """Return the fraction of the Sun's disc visible past one body; arguments as for `sun_fraction_past_earth`."""
     body, centre = state.body, np.asarray(state.r_eci_m)
     r, sun = r_eci_m - centre, r_sun_eci_m - centre
     if not body.flattening:
@@ -54,14 +54,17 @@ def past_body(state: BodyState, r_eci_m: FloatArray, r_sun_eci_m: FloatArray) ->
 
 
 def add_shares(shares: Sequence[FloatArray]) -> FloatArray:
-    """Combine the visible fractions past each of several bodies; the result is below zero where bodies overlap."""
+    """Combine the visible fractions past each of several bodies.
+
+    The result is too low where bodies overlap, and possibly negative; callers clip it.
+    """
     total = shares[0]
     for share in shares[1:]:
         total = total + share - 1.0
     return total
 
 
-def sun_visible_fraction(
+def sun_fraction_past_earth(
     r_eci_m: ArrayLike, r_sun_eci_m: ArrayLike, pole_eci: ArrayLike = GCRS_POLE
 ) -> FloatArray:
     """Return the fraction of the Sun's disc not hidden by the Earth's ellipsoid (WGS 84): 1 in sunlight, 0 in umbra.
@@ -89,8 +92,8 @@ def _past_ellipsoid(
 ) -> FloatArray:
     """Return the visible fraction past an ellipsoid.
 
-    Space is stretched along the ellipsoid's axis, so that it becomes a sphere and rays stay straight. This flattens the
-    Sun's disc (by 0.003 for the Earth), which is neglected.
+    Space is stretched along the ellipsoid's axis, so that it becomes a sphere and rays stay straight. This elongates
+    the Sun's disc (by 0.003 for the Earth), which is neglected.
     """
     stretch = 1 / (1 - flattening) - 1
     r, sun = (x + (stretch * np.asarray(x @ pole))[..., None] * pole for x in (r, sun))
@@ -121,7 +124,7 @@ def sun_fraction_past_sphere(r_m: ArrayLike, r_sun_m: ArrayLike, radius_m: float
     ----------
     Montenbruck & Gill (2000), Satellite Orbits, sec. 3.4.2.
     """
-    # by components: for a single position this is five times as fast as NumPy's cross product and norms
+    # by components: for a single position this is faster than NumPy's cross product and norms
     x, y, z = (np.asarray(r_m, float)[..., k] for k in range(3))
     sx, sy, sz = (np.asarray(r_sun_m, float)[..., k] - centre for k, centre in enumerate((x, y, z)))
     distance = np.sqrt(x * x + y * y + z * z)

@@ -32,8 +32,9 @@ class StraightApproach(Chaser, frozen=True, kw_only=True):
     axis_lvlh: ClassVar[Vec3]
     start_m: Metres
     hold_m: Metres
-    # closing speed, and the deceleration to rest at the hold point
+    # closing speed
     speed_m_s: Annotated[float, Meta(gt=0, le=100)]
+    # deceleration to rest at the hold point
     braking_m_s2: Annotated[float, Meta(gt=0, le=100)] = 0.005
 
     def state_lvlh(self, t_s: float, n_rad_s: float) -> tuple[FloatArray, FloatArray]:  # noqa: ARG002
@@ -91,8 +92,9 @@ class RbarApproach(StraightApproach, tag_field="mode", tag="rbar", frozen=True, 
 class ForcedFlyaround(Chaser, tag_field="mode", tag="flyaround", frozen=True, kw_only=True):
     """Forced circle in a plane fixed in LVLH; with ``far_radius_m`` the range oscillates."""
 
-    # range at the start and, unless far_radius_m is given, always; period of one revolution
+    # range at the start and, unless far_radius_m is given, always
     radius_m: Range
+    # period of one revolution
     period_s: Seconds
     # inclination of the circle's plane against the orbit plane; 180 reverses the sense
     inclination_deg: Inclination = 0.0
@@ -100,8 +102,9 @@ class ForcedFlyaround(Chaser, tag_field="mode", tag="flyaround", frozen=True, kw
     node_deg: Degrees = 0.0
     # initial position on the circle, from the node
     phase_deg: Degrees = 0.0
-    # the range oscillates between the two radii as a cosine of this period
+    # the range oscillates between radius_m and this range, as a cosine
     far_radius_m: Range | None = None
+    # period of that oscillation
     range_period_s: Seconds = 120.0
 
     def state_lvlh(self, t_s: float, n_rad_s: float) -> tuple[FloatArray, FloatArray]:  # noqa: ARG002
@@ -114,10 +117,10 @@ class ForcedFlyaround(Chaser, tag_field="mode", tag="flyaround", frozen=True, kw
         e1, e2 = np.array([cn, sn, 0.0]), np.array([-sn * ci, cn * ci, si])
         radial = np.cos(angle) * e1 + np.sin(angle) * e2
         tangential_velocity = rate * (-np.sin(angle) * e1 + np.cos(angle) * e2)
-        amplitude = 0.0 if self.far_radius_m is None else self.far_radius_m - self.radius_m
-        amplitude_rate = 2 * np.pi / self.range_period_s
-        radius = self.radius_m + 0.5 * amplitude * (1 - np.cos(amplitude_rate * t_s))
-        radius_rate = 0.5 * amplitude * amplitude_rate * np.sin(amplitude_rate * t_s)
+        range_change_m = 0.0 if self.far_radius_m is None else self.far_radius_m - self.radius_m
+        range_rad_s = 2 * np.pi / self.range_period_s
+        radius = self.radius_m + 0.5 * range_change_m * (1 - np.cos(range_rad_s * t_s))
+        radius_rate = 0.5 * range_change_m * range_rad_s * np.sin(range_rad_s * t_s)
         return radius * radial, radius * tangential_velocity + radius_rate * radial
 
 
@@ -161,7 +164,10 @@ class Waypoints(Chaser, tag_field="mode", tag="waypoints", frozen=True, kw_only=
 
 
 class Glideslope(Chaser, tag_field="mode", tag="glideslope", frozen=True, kw_only=True):
-    """A straight line on which the speed falls with the remaining distance."""
+    """A straight line on which the speed falls with the remaining distance, to ``end_m_s``; then rest at its end.
+
+    The velocity steps to zero there. A scenario's ``end_m_s`` is at most its ``start_m_s``.
+    """
 
     start_lvlh_m: MetresXyz
     end_lvlh_m: MetresXyz

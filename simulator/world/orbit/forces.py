@@ -23,7 +23,7 @@ from flyaround.simulator.world.constants import (
     MU_SUN_M3_S2,
     SOLAR_PRESSURE_PA,
 )
-from flyaround.simulator.world.ephemeris.eclipse import sun_visible_fraction
+from flyaround.simulator.world.ephemeris.eclipse import sun_fraction_past_earth
 
 if TYPE_CHECKING:
     from flyaround.simulator.runtime.arrays import FloatArray
@@ -259,7 +259,7 @@ class EarthForces:
             factor = craft.push_per_pressure_m2_kg(craft.drag_coefficient)
             a -= 0.5 * rho * factor * float(np.linalg.norm(wind)) * wind
         if self.forces.solar_pressure:
-            a += light_pressure(craft, r - sun, float(sun_visible_fraction(r, sun, R_itrs_from_eci[2])))
+            a += light_pressure(craft, r - sun, float(sun_fraction_past_earth(r, sun, R_itrs_from_eci[2])))
         return a
 
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from flyaround.simulator.world.constants import MOON_RADIUS_M, MU_EARTH_M3_S2, MU_MOON_M3_S2, MU_SUN_M3_S2
-from flyaround.simulator.world.ephemeris.eclipse import sun_fraction_past_sphere, sun_visible_fraction
+from flyaround.simulator.world.ephemeris.eclipse import sun_fraction_past_earth, sun_fraction_past_sphere
 from flyaround.simulator.world.ephemeris.moon_orientation import R_moon_from_eci
 from flyaround.simulator.world.orbit.forces import (
     GRAVITY_ALONE,
@@ -97,7 +97,7 @@ class MoonForces:
 
     def _light_pressure(self, craft: Surface, r: FloatArray, sun: FloatArray, moon: FloatArray) -> FloatArray:
         past_moon = float(sun_fraction_past_sphere(r, sun, MOON_RADIUS_M))
-        past_earth = float(sun_visible_fraction(r + moon, sun + moon))
+        past_earth = float(sun_fraction_past_earth(r + moon, sun + moon))
         return light_pressure(craft, r - sun, max(past_moon + past_earth - 1.0, 0.0))
 
 

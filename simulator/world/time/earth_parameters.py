@@ -19,13 +19,14 @@ _ARCSEC_RAD = np.pi / 648_000
 class EarthParameters:
     """Table of Earth orientation parameters, with one row per day at 0 h UTC.
 
-    Before and after the table, the first and last row apply. The error of UT1 then grows by up to half a second per
-    year, because the length of the day cannot be predicted, and that of the pole is up to 0.5 arcsec.
+    Before and after the table, the first and last row apply. The error of UT1 grows after the table by up to half a
+    second per year, because the length of the day cannot be predicted, and before 1972 by about one; that of the pole
+    is up to 0.5 arcsec.
 
     Parameters
     ----------
     first_mjd : float
-        Modified Julian date of the first row.
+        Modified Julian date of the first row, UTC.
     ut1_minus_tai_s : (n,) array
         UT1 - TAI [s]; relative to TAI, so that leap seconds cause no steps.
     pole_rad : (n, 2) array
@@ -36,25 +37,28 @@ class EarthParameters:
     ut1_minus_tai_s: FloatArray
     pole_rad: FloatArray
 
-    def _row(self, mjd: float) -> tuple[int, float]:
-        row = min(max(mjd - self.first_mjd, 0.0), len(self.ut1_minus_tai_s) - 1.000001)
-        return int(row), row - int(row)
+    def _row(self, mjd_utc: float) -> tuple[int, float]:
+        """Return the row before a time, and the fraction of the way to the next."""
+        last = len(self.ut1_minus_tai_s) - 1
+        row = min(max(mjd_utc - self.first_mjd, 0.0), last)
+        k = min(int(row), last - 1)
+        return k, row - k
 
-    def ut1_minus_tai(self, mjd: float) -> float:
-        """Return UT1 - TAI [s], linear between rows (0.02 ms)."""
-        k, f = self._row(mjd)
+    def compute_ut1_minus_tai_s(self, mjd_utc: float) -> float:
+        """Return UT1 - TAI [s], linear between rows (rms error 0.02 ms)."""
+        k, f = self._row(mjd_utc)
         a, b = self.ut1_minus_tai_s[k : k + 2]
         return float(a + f * (b - a))
 
-    def pole(self, mjd: float) -> tuple[float, float]:
+    def compute_pole_rad(self, mjd_utc: float) -> tuple[float, float]:
         """Return the coordinates of the pole in ITRS [rad]."""
-        k, f = self._row(mjd)
+        k, f = self._row(mjd_utc)
         x, y = self.pole_rad[k] + f * (self.pole_rad[k + 1] - self.pole_rad[k])
         return float(x), float(y)
 
-    def covers(self, mjd: float) -> bool:
+    def covers(self, mjd_utc: float) -> bool:
         """Return True if the day is in the table."""
-        return 0 <= mjd - self.first_mjd <= len(self.ut1_minus_tai_s) - 1
+        return 0 <= mjd_utc - self.first_mjd <= len(self.ut1_minus_tai_s) - 1
 
 
 @lru_cache(maxsize=1)

@@ -99,7 +99,7 @@ class Instant:
         Outside the table UT1 - TAI is held at its nearest row (see `flyaround.simulator.world.time.earth_parameters`).
         """
         tai1, tai2 = erfa.tttai(self.tt1, self.tt2)
-        offset_s = earth_parameters().ut1_minus_tai(self.mjd_utc)
+        offset_s = earth_parameters().compute_ut1_minus_tai_s(self.mjd_utc)
         return float(tai1), float(tai2) + offset_s / DAY_S
 
     @property

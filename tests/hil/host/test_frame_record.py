@@ -13,7 +13,9 @@ TRUTH = ((1.0, 0.0, 0.0, 0.0), (0.0, 0.0, 10.0))
 
 def sent(**times):
     record = FrameRecord(frame_id=4, epoch_utc="2026-01-01T00:00:00Z", t_s=1.0, exposure_s=0.01)
-    return record.at(due_ns=10 * S, latency_s=0.1, ready_ns=9 * S, handed_over_ns=10 * S + 2000, **times)
+    return record.with_times(
+        due_ns=10 * S, latency_s=0.1, drawn_ns=9 * S, handed_over_ns=10 * S + 2000, **times
+    )
 
 
 def answered(receive_s=10.1, end_s=10.3, **clock):
@@ -21,7 +23,7 @@ def answered(receive_s=10.1, end_s=10.3, **clock):
     pose = PoseMessage(4, True, "", (1.0, 0.0, 0.0, 0.0), (0.0, 0.03, 10.04), 0.5, (("roi", 1.5),), *at)
     known = {"clock_offset_ns": OFFSET_NS, "clock_bound_ns": 1000} | clock
     start = sent(send_start_ns=round(10.05 * S), send_end_ns=round(10.08 * S))
-    return start.ended("accepted", "", received_ns=round(10.4 * S), answer=pose, **known)
+    return start.with_outcome("accepted", "", received_ns=round(10.4 * S), answer=pose, **known)
 
 
 def test_an_answer_fills_the_columns():
@@ -41,7 +43,9 @@ def test_an_answer_fills_the_columns():
 
 
 def test_a_frame_that_was_dropped_has_the_times_that_it_came_to():
-    row = complete(sent().ended("dropped:superseded", "a newer one came"), TRUTH, UTC_NS, deadline_ms=400.0)
+    row = complete(
+        sent().with_outcome("dropped:superseded", "a newer one came"), TRUTH, UTC_NS, deadline_ms=400.0
+    )
     assert (row.outcome, row.reason) == ("dropped:superseded", "a newer one came")
     assert row.handed_over_utc
     assert (row.sent_utc, row.received_utc, row.e2e_ms, row.board_total_ms) == ("", "", None, None)

@@ -7,7 +7,7 @@ import pytest
 from flyaround.simulator.camera.detector import psf
 from flyaround.simulator.camera.detector.optics import Optics
 from flyaround.simulator.camera.detector.psf import applied_mtf, blur, optics_mtf, psf_kernel, psf_pyramid
-from flyaround.simulator.camera.detector.psf_pyramid import fit_pyramid
+from flyaround.simulator.camera.detector.psf_pyramid import fit_kernel, fit_pyramid
 from flyaround.simulator.camera.detector.sensor import Sensor
 from flyaround.simulator.camera.detector.shading import scatter, veiling_glare
 from flyaround.simulator.camera.lens.camera_model import Camera
@@ -69,7 +69,9 @@ def test_scattered_light_falls_with_a_power_of_the_distance_and_none_is_lost(at)
 
 def test_a_pyramid_keeps_the_light_and_the_place_of_a_point_wherever_it_lies():
     # as wide as two levels down, no further: all of it is in the picture
-    pyramid = fit_pyramid(lambda fx, fy: np.exp(-2 * (np.pi * 3.0) ** 2 * (fx**2 + fy**2)), round_=True)
+    pyramid = fit_pyramid(
+        lambda fx, fy: np.exp(-2 * (np.pi * 3.0) ** 2 * (fx**2 + fy**2)), swap_symmetric=True
+    )
     y, x = np.mgrid[:301, :301]
     for at in ((150, 150), (151, 150), (149, 153), (146, 145)):
         light = np.zeros((301, 301), np.float32)
@@ -176,3 +178,9 @@ def test_a_disc_of_defocus_is_where_the_cone_behind_a_thin_lens_meets_the_detect
     cone_m = f / 2.8 * abs(detector - image) / image
     found = optics.defocus_diameter_px(camera, SQUARE, distance_m)
     assert found == pytest.approx(cone_m / SQUARE.pixel_pitch_x_m, rel=1e-9, abs=1e-9)
+
+
+@pytest.mark.parametrize("kernel", [np.ones((4, 5)), np.ones((5, 4)), np.zeros((5, 5))])
+def test_a_kernel_that_would_shift_or_darken_the_image_is_refused(kernel):
+    with pytest.raises(ValueError, match="is even or zero"):
+        fit_kernel(kernel)

@@ -19,10 +19,11 @@ from gltf_model import join_glb, split_glb
 from flyaround.hil.board_model.records import BoardModelRecord
 from flyaround.hil.board_model.write import write_board_model
 from flyaround.simulator.errors import UserError
+from flyaround.simulator.targets.check_target import check_mass, check_part
 from flyaround.simulator.targets.glb.read import load_glb
 from flyaround.simulator.targets.glb.write import write_glb
 from flyaround.simulator.targets.library import load_target
-from flyaround.simulator.targets.model import MassProperties
+from flyaround.simulator.targets.model import MassProperties, Part
 from flyaround.simulator.targets.records import TargetRecord
 
 
@@ -280,6 +281,38 @@ def test_damaged_file_is_refused_in_one_sentence(damage, glb, tmp_path):
     message = str(caught.value)
     assert str(path) in message
     assert "\n" not in message
+
+
+def test_a_vertex_of_a_negative_index_is_named(tango):
+    part = tango.parts[0]
+    triangles = part.triangles.astype(np.int64)
+    triangles[1, 2] = -7
+    with pytest.raises(UserError, match=f"uses vertex -7 of {len(part.positions_m)};"):
+        check_part(replace(part, triangles=triangles), "here")
+
+
+def test_an_inertia_that_is_not_finite_is_not_called_asymmetric(tango):
+    inertia = np.array(tango.mass.inertia_kg_m2, float)
+    inertia[1, 1] = np.nan
+    with pytest.raises(UserError, match="inertia matrix is not finite"):
+        check_mass(replace(tango.mass, inertia_kg_m2=inertia), "here")
+
+
+@pytest.mark.parametrize(("side_m", "is_refused"), [(0.9e-7, True), (1.1e-7, False)])
+def test_smallest_area_is_half_a_square_of_a_tenth_of_a_micrometre(side_m, is_refused):
+    corners = np.array([[0, 0, 0], [side_m, 0, 0], [0, side_m, 0]])
+    part = Part(
+        name="corner",
+        material="grey",
+        positions_m=corners,
+        normals=np.tile([0, 0, 1.0], (3, 1)),
+        triangles=np.array([[0, 1, 2]]),
+    )
+    if is_refused:
+        with pytest.raises(UserError, match="triangle 0 has no area"):
+            check_part(part, "here")
+    else:
+        check_part(part, "here")
 
 
 @pytest.mark.parametrize("keep", [3, 11, 16, 500, 200_000])

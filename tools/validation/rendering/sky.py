@@ -26,7 +26,7 @@ from flyaround.simulator.world.constants import (
     FLATTENING,
     SUN_RADIUS_M,
 )
-from flyaround.simulator.world.ephemeris.eclipse import sun_visible_fraction
+from flyaround.simulator.world.ephemeris.eclipse import sun_fraction_past_earth
 from flyaround.simulator.world.frames.rotation import matrix_from_quat, quat_from_matrix
 from tools.validation.bare_scene import square_camera
 from tools.validation.rows import Row
@@ -241,7 +241,7 @@ def penumbra_difference(points: int = 400) -> float:
             d, q = (sun + disc - r) * sphere, r * sphere
             d /= np.linalg.norm(d, axis=-1, keepdims=True)
             open_sky = np.linalg.norm(q - (d @ q)[:, None] * d, axis=-1) > 1
-            worst = max(worst, abs(float(sun_visible_fraction(r, sun)) - float(open_sky.mean())))
+            worst = max(worst, abs(float(sun_fraction_past_earth(r, sun)) - float(open_sky.mean())))
     return worst
 
 

@@ -118,7 +118,7 @@ class EdgeField:
     def nearest_to(self, flat: Array) -> Tuple[Array, Array]:
         """Return distance (N,) and position (N, 2) of the nearest edge at a few flat indices (N,) from ``lookup``.
 
-        Exact, unlike the distances in the tables, and ten times faster than computing the tables.
+        Exact, unlike the distances in the tables, and faster than computing the tables.
         """
         channel, pixel = np.divmod(flat, self.mask.size)
         distance, position = np.full(len(flat), 1e4, np.float32), np.zeros((len(flat), 2), np.float32)
@@ -196,7 +196,13 @@ def shrink(image: Array, x0: int, y0: int, x1: int, y1: int, longest_px: int) ->
 
 
 def area_mean(picture: Array, width: int, height: int) -> Array:
-    """Return an image reduced by area averaging to (height, width), float32; rounded for integer input."""
+    """Return an image reduced by area averaging to (height, width), float32; rounded for integer input.
+
+    Raises
+    ------
+    MemoryError
+        If the library is out of memory.
+    """
     smaller = 0 < height <= picture.shape[0] and 0 < width <= picture.shape[1]
     if not (smaller and is_available() and library_reads(picture)):
         # the published methods work without the native library

@@ -159,7 +159,7 @@ def _mask_response(a: Array) -> Array:
 
 
 def integer_median(values: Array) -> float:
-    """Return the median of non-negative integers; small ones are counted, which is five times faster than sorting."""
+    """Return the median of non-negative integers; small ones are counted, which is faster than sorting."""
     if int(values.max()) > MAX_COUNTED_VALUE:
         return float(np.median(values))
     below = np.cumsum(np.bincount(values.ravel()))

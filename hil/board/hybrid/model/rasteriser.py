@@ -22,7 +22,13 @@ Array = np.ndarray
 
 
 def order_faces(faces: Faces, C_m: Array) -> Array:
-    """Return the faces visible from the camera centre ``C_m`` (3,), back to front."""
+    """Return the faces visible from the camera centre ``C_m`` (3,), back to front.
+
+    Raises
+    ------
+    MemoryError
+        If the library is out of memory.
+    """
     out = np.empty(len(native_faces(faces).values["members"]), np.int64)
     n = library().fly_order_faces(native_faces(faces), contiguous(C_m, "float64", (3,)), out)
     if n < 0:

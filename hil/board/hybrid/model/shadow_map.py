@@ -119,6 +119,11 @@ class ShadowMap:
             Rotation, camera from target.
         t : (3,) array
             Target position, camera frame [m].
+
+        Raises
+        ------
+        MemoryError
+            If the library is out of memory.
         """
         h, w = visible_face.shape
         R, t, dark = contiguous(R, "float64", (3, 3)), contiguous(t, "float64", (3,)), np.zeros((h, w), bool)

@@ -86,6 +86,11 @@ def visible_samples(samples: EdgeSamples, occ: OccludingTriangles, C_m: Array) -
     """Return masks (S,) of the visible samples and of those on the outline, from camera centre ``C_m`` (3,).
 
     Moeller and Trumbore's test (1997) of each sample against each front-facing triangle.
+
+    Raises
+    ------
+    MemoryError
+        If the library is out of memory.
     """
     visible, outline = np.empty(len(samples), bool), np.empty(len(samples), bool)
     C = contiguous(C_m, "float64", (3,))

@@ -12,7 +12,10 @@ import numpy as np
 
 Array = np.ndarray
 
-HEADER = pkgutil.get_data("flyaround.hil.board.hybrid.native", "kernels.h") or b""
+_header = pkgutil.get_data("flyaround.hil.board.hybrid.native", "kernels.h")
+if _header is None:
+    raise ImportError("flyaround.hil.board.hybrid.native has no kernels.h; install the package again")
+HEADER: bytes = _header
 
 SCALARS: Dict[str, Any] = {
     "void": None,
@@ -34,20 +37,20 @@ ELEMENTS = {
 }
 
 # Built once, because comparing a dtype with a name builds one each time.
-DTYPES = {kind: np.dtype(kind) for kinds in ELEMENTS.values() for kind in kinds}
+DTYPES = {name: np.dtype(name) for names in ELEMENTS.values() for name in names}
 
 _first_element: Callable[[Any], ctypes.c_char] = ctypes.c_char.from_buffer
 
 
-def contiguous(a: Array, kind: str, shape: Optional[Tuple[int, ...]] = None) -> Array:
-    """Return the array C-contiguous and of dtype ``kind``, without a copy if possible.
+def contiguous(a: Array, dtype_name: str, shape: Optional[Tuple[int, ...]] = None) -> Array:
+    """Return the array C-contiguous and of a dtype, without a copy if possible.
 
     Parameters
     ----------
     a : array
-        Array.
-    kind : str
-        Name of the dtype.
+        Argument of a function of the library, before conversion.
+    dtype_name : str
+        Name of the dtype, one of those in `ELEMENTS`.
     shape : tuple of int, optional
         Shape that the library assumes, if it does not follow from other arguments.
 
@@ -57,14 +60,16 @@ def contiguous(a: Array, kind: str, shape: Optional[Tuple[int, ...]] = None) -> 
         If the shape differs, which would cause out-of-bounds reads.
     """
     if shape is not None and a.shape != shape:
-        raise ValueError(f"the library takes {kind} {shape}, not {a.shape}")
-    return a if a.dtype == DTYPES[kind] and a.flags.c_contiguous else np.ascontiguousarray(a, dtype=kind)
+        raise ValueError(f"the library takes {dtype_name} {shape}, not {a.shape}")
+    if a.dtype == DTYPES[dtype_name] and a.flags.c_contiguous:
+        return a
+    return np.ascontiguousarray(a, dtype=dtype_name)
 
 
 def address(a: Array) -> int:
     """Return the address of an array's first element; the caller keeps the array alive."""
     try:
-        # five times faster than ``__array_interface__``
+        # faster than ``__array_interface__``
         return ctypes.addressof(_first_element(a))
     except (TypeError, ValueError):
         # read-only or empty array
@@ -88,8 +93,8 @@ class ArrayPointer:
         if a is None:
             return ctypes.c_void_p()
         if not isinstance(a, np.ndarray) or a.dtype not in cls.dtypes or not a.flags.c_contiguous:
-            kind = f"{a.dtype} {a.shape}" if isinstance(a, np.ndarray) else type(a).__name__
-            raise TypeError(f"takes a contiguous array of {cls.__name__}, not {kind}")
+            given = f"{a.dtype} {a.shape}" if isinstance(a, np.ndarray) else type(a).__name__
+            raise TypeError(f"takes a contiguous array of {cls.__name__}, not {given}")
         return ctypes.c_void_p(address(a))
 
 
@@ -111,20 +116,26 @@ class Structure(ctypes.Structure):
 
 
 def _array_pointer(element: str) -> Type[ArrayPointer]:
-    dtypes = tuple(DTYPES[kind] for kind in ELEMENTS[element])
+    dtypes = tuple(DTYPES[name] for name in ELEMENTS[element])
     return type(str(dtypes[0]), (ArrayPointer,), {"dtypes": dtypes})
 
 
-class AnyPointer(ArrayPointer):
-    """Type of a void pointer: any array, or an address."""
+class AnyPointer:
+    """Type of a void pointer: an array of any dtype and layout, or an address."""
 
-    @classmethod
-    def from_param(cls, a: Any) -> ctypes.c_void_p:  # noqa: ANN401 - see the class
-        """Return the pointer for ctypes."""
+    @staticmethod
+    def from_param(a: Any) -> ctypes.c_void_p:  # noqa: ANN401 - see the class
+        """Return the pointer for ctypes.
+
+        Raises
+        ------
+        TypeError
+            If it is neither.
+        """
         return ctypes.c_void_p(address(a) if isinstance(a, np.ndarray) else int(a))
 
 
-POINTERS: Dict[str, Type[ArrayPointer]] = {
+POINTERS: Dict[str, Any] = {
     **{element: _array_pointer(element) for element in ELEMENTS},
     "void": AnyPointer,
 }
@@ -140,8 +151,8 @@ def _declarations(text: str) -> Iterator[Tuple[str, bool, str]]:
             yield match[1], name.strip().startswith("*"), name.strip(" *\n")
 
 
-def _field(kind: str, *, pointer: bool) -> Any:  # noqa: ANN401 - a ctypes type
-    return ctypes.c_void_p if pointer else SCALARS[kind]
+def _field(c_type: str, *, pointer: bool) -> Any:  # noqa: ANN401 - a ctypes type
+    return ctypes.c_void_p if pointer else SCALARS[c_type]
 
 
 def _structures(text: str) -> Dict[str, Type[Structure]]:
@@ -152,28 +163,34 @@ def _structures(text: str) -> Dict[str, Type[Structure]]:
             name,
             (Structure,),
             {
-                "_fields_": [(field, _field(kind, pointer=star)) for kind, star, field in fields],
-                "pointers": {field: POINTERS[kind] for kind, star, field in fields if star},
+                "_fields_": [(field, _field(c_type, pointer=star)) for c_type, star, field in fields],
+                "pointers": {field: POINTERS[c_type] for c_type, star, field in fields if star},
             },
         )
     return out
 
 
-def _argument(kind: str, *, pointer: bool) -> Any:  # noqa: ANN401 - a ctypes type
-    if kind.startswith("struct "):
-        return ctypes.POINTER(STRUCTURES[kind[7:]])
+def _argument(c_type: str, *, pointer: bool) -> Any:  # noqa: ANN401 - a ctypes type
+    if c_type.startswith("struct "):
+        return ctypes.POINTER(STRUCTURES[c_type[7:]])
     if pointer:
-        return POINTERS[kind]
-    return SCALARS[kind]
+        return POINTERS[c_type]
+    return SCALARS[c_type]
 
 
 def _functions(text: str) -> Dict[str, Tuple[Any, List[Any]]]:
     out: Dict[str, Tuple[Any, List[Any]]] = {}
     declared = re.findall(r"^KERNEL (?:const )?(\w+) (\*?)(\w+)\((.*?)\);", text, re.DOTALL | re.MULTILINE)
-    for kind, star, name, arguments in declared:
+    if len(declared) != len(re.findall(r"^KERNEL ", text, re.MULTILINE)):
+        raise ValueError("kernels.h: cannot read the declaration of a function")
+    for c_type, star, name, arguments in declared:
+        if star and c_type != "char":
+            raise ValueError(f"kernels.h: {name} returns a pointer to {c_type}; only char is read")
         text_of_arguments = "" if arguments == "void" else arguments.replace(",", ";")
-        types = [_argument(kind, pointer=pointer) for kind, pointer, _ in _declarations(text_of_arguments)]
-        out[name] = ctypes.c_char_p if star else SCALARS[kind], types
+        types = [
+            _argument(element, pointer=pointer) for element, pointer, _ in _declarations(text_of_arguments)
+        ]
+        out[name] = ctypes.c_char_p if star else SCALARS[c_type], types
     return out
 
 

@@ -35,6 +35,11 @@ def motion_images(
         Attitude, camera from target.
     t : (3,) array
         Position of the target, camera axes [m].
+
+    Raises
+    ------
+    MemoryError
+        If the library is out of memory.
     """
     (h, w), f = patch.gray.shape, patch.fine
     out = np.empty((6, h, w), np.float32)

@@ -32,6 +32,11 @@ def mass_properties(
     density_kg_m3 : float or None
         Density of a solid; None for `DENSITY_KG_M3`.
 
+    Raises
+    ------
+    ArithmeticError
+        If the surface has no moments.
+
     References
     ----------
     Tonon (2004), Explicit exact formulas for the 3-D tetrahedron inertia tensor, J. Math. Stat. 1(1).

@@ -35,9 +35,9 @@ def find_rods(body: MeshBody, extent: float) -> list[Edge]:
 
 
 def _rod(corners: FloatArray, extent: float) -> Edge | None:
-    area = np.linalg.norm(face_vectors(corners), axis=1)
+    twice_area = np.linalg.norm(face_vectors(corners), axis=1)
     middle = corners.mean(axis=1)
-    weight = area / area.sum()
+    weight = twice_area / twice_area.sum()
     center = weight @ middle
     weighted_offsets = (middle - center) * np.sqrt(weight)[:, None]
     axis = np.linalg.svd(weighted_offsets, full_matrices=False)[2][0]
@@ -45,7 +45,7 @@ def _rod(corners: FloatArray, extent: float) -> Edge | None:
     position = points @ axis
     length = float(np.ptp(position))
     # leave out end caps, which do not constrain the radius
-    normal = face_vectors(corners) / np.maximum(area, 1e-300)[:, None]
+    normal = face_vectors(corners) / np.maximum(twice_area, 1e-300)[:, None]
     is_side = np.abs(normal @ axis) < 0.5
     if not is_side.any() or weight[is_side].sum() < 0.6:
         return None

@@ -45,8 +45,8 @@ def face_grain(
     """
     ab, ac = corners_m[:, 1] - corners_m[:, 0], corners_m[:, 2] - corners_m[:, 0]
     normal = np.cross(ab, ac)
-    area = np.linalg.norm(normal, axis=1)
-    n = normal / np.maximum(area, 1e-30)[:, None]
+    twice_area = np.linalg.norm(normal, axis=1)
+    n = normal / np.maximum(twice_area, 1e-30)[:, None]
     if tangents is not None:
         t = tangents[..., :3].mean(axis=1)
         hand = np.sign(tangents[:, 0, 3])
@@ -60,8 +60,8 @@ def face_grain(
     t = t / np.maximum(np.linalg.norm(t, axis=1), 1e-30)[:, None]
     wide_axis = np.cos(turn_rad) * t + np.sin(turn_rad) * hand[:, None] * np.cross(n, t)
     grain = np.cross(n, wide_axis)
-    is_valid = np.isfinite(grain).all(axis=1) & (area > 0)
-    return np.einsum("f,fi,fj->ij", area[is_valid], grain[is_valid], grain[is_valid])
+    is_valid = np.isfinite(grain).all(axis=1) & (twice_area > 0)
+    return np.einsum("f,fi,fj->ij", twice_area[is_valid], grain[is_valid], grain[is_valid])
 
 
 @dataclass(frozen=True)

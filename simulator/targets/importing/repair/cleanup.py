@@ -186,16 +186,16 @@ def _is_inverted(body: MeshBody, table: EdgeTable, piece: IntArray, is_flipped: 
         piece, sign * np.einsum("ij,ij->i", corners[:, 0], np.cross(corners[:, 1], corners[:, 2])) / 6, n
     )
     area_vector = body.face_vectors * sign[:, None]
-    area = np.linalg.norm(area_vector, axis=1)
-    total = np.bincount(piece, area, n) / 2
+    twice_area = np.linalg.norm(area_vector, axis=1)
+    total = np.bincount(piece, twice_area, n) / 2
     edge_piece = piece[table.first // 3]
     share_open = np.bincount(edge_piece, table.open, n) / np.maximum(np.bincount(edge_piece, minlength=n), 1)
     # a closed sphere has V = 0.094 A^1.5; a double sheet has none
     is_solid = (share_open <= MAX_OPEN_SHARE) & (np.abs(volume) > 1e-4 * total**1.5)
-    score = np.bincount(piece, area * sign, n)
+    score = np.bincount(piece, twice_area * sign, n)
     if body.corner_normals is not None:
         agree = np.sign(np.einsum("ij,ij->i", area_vector, np.nan_to_num(body.corner_normals).sum(axis=1)))
-        by_normals = np.bincount(piece, area * agree, n)
+        by_normals = np.bincount(piece, twice_area * agree, n)
         score = np.where(by_normals != 0, by_normals, score)
     return np.asarray(np.where(is_solid, volume, score) < 0)
 

@@ -138,8 +138,8 @@ def coincident_pairs(
     nearest = MIN_SEPARATION * extent_m
     tolerance_m = np.full(len(corners_m), nearest) if within_m is None else within_m
     normal = face_vectors(corners_m)
-    area = np.linalg.norm(normal, axis=1)
-    unit = normal / np.maximum(area, 1e-30)[:, None]
+    twice_area = np.linalg.norm(normal, axis=1)
+    unit = normal / np.maximum(twice_area, 1e-30)[:, None]
     group = _plane_groups(corners_m, unit, float(tolerance_m.max(initial=nearest)))
     overlapping = [np.zeros((0, 2), np.int64)]
     total = 0
@@ -152,7 +152,7 @@ def coincident_pairs(
             for start in range(0, len(selected), CHUNK):
                 batch = selected[start : start + CHUNK]
                 batch = np.where(
-                    (area[batch[:, 0]] < area[batch[:, 1]])[:, None],
+                    (twice_area[batch[:, 0]] < twice_area[batch[:, 1]])[:, None],
                     batch[:, ::-1],
                     batch,
                 )

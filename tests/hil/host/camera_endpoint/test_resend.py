@@ -24,9 +24,8 @@ def channel():
         yield made
 
 
-def send(channel, block_id):
-    """Send one block whole; how many packets it has."""
-    block = Block(
+def image(block_id):
+    return Block(
         block_id=block_id,
         timestamp_ns=0,
         pixel_format=StreamFormat.Mono8,
@@ -34,6 +33,11 @@ def send(channel, block_id):
         data=np.zeros((SIZE, SIZE), np.uint8).tobytes(),
         packet_bytes=576,
     )
+
+
+def send(channel, block_id):
+    """Send one block whole; how many packets it has."""
+    block = image(block_id)
     channel.start(block, channel.to, 0.0, interval_s=0.03, delay_s=0.0)
     while channel.due_s is not None:
         channel.step(channel.due_s)
@@ -64,6 +68,36 @@ def test_requests_without_end_bring_no_more_than_the_stream_itself(channel):
         for block_id in range(1, 6):
             ask(channel, block_id, 0, n)
     assert channel.packets_resent <= sent
+
+
+def test_every_acquisition_has_its_own_allowance(channel):
+    for _ in range(3):
+        n = send(channel, 1)
+        before = channel.packets_resent
+        ask(channel, 1, 0, n)
+        assert channel.packets_resent - before == n
+        channel.stop()
+    send(channel, 1)
+    channel.stop()
+    n = send(channel, 1)
+    before = channel.packets_resent
+    for _ in range(3):
+        ask(channel, 1, 0, n)
+    assert channel.packets_resent - before == n
+
+
+def test_a_waiting_block_is_not_replaced(channel):
+    for block_id in (1, 2):
+        channel.start(image(block_id), channel.to, 0.0, interval_s=0.03, delay_s=0.0)
+    with pytest.raises(RuntimeError, match="has_room"):
+        channel.start(image(3), channel.to, 0.0, interval_s=0.03, delay_s=0.0)
+
+
+def test_dropped_packets_do_not_count_as_resent(channel):
+    n = send(channel, 1)
+    channel._loss_share = 1.0
+    ask(channel, 1, 0, n)
+    assert (channel.packets_resent, channel.packets_dropped) == (0, n)
 
 
 def test_a_stream_that_loses_one_in_five_is_still_mended(channel):

@@ -12,8 +12,8 @@ from flyaround.simulator.world.constants import AU_M, EARTH_RADIUS_M, MOON_RADIU
 from flyaround.simulator.world.ephemeris.body import earth_and_moon
 from flyaround.simulator.world.ephemeris.eclipse import (
     sun_fraction_past_bodies,
+    sun_fraction_past_earth,
     sun_fraction_past_sphere,
-    sun_visible_fraction,
 )
 from flyaround.simulator.world.ephemeris.ephemeris_table import EphemerisTable
 from flyaround.simulator.world.orbit.forces import EarthForces, Forces, Surface
@@ -29,7 +29,7 @@ def along_the_shadow_edge(heights_m):
 
 def test_fraction_rises_from_umbra_to_sunlight():
     heights = EARTH_RADIUS_M + np.linspace(-30e3, 30e3, 601)
-    fraction = sun_visible_fraction(along_the_shadow_edge(heights), SUN)
+    fraction = sun_fraction_past_earth(along_the_shadow_edge(heights), SUN)
     assert fraction[0] == 0.0
     assert fraction[-1] == 1.0
     assert np.all(np.diff(fraction) >= 0)
@@ -43,7 +43,7 @@ def test_fraction_rises_from_umbra_to_sunlight():
 
 def test_far_behind_the_umbra_the_eclipse_is_annular():
     distance = 3e9
-    fraction = sun_visible_fraction([-distance, 0, 0], SUN)
+    fraction = sun_fraction_past_earth([-distance, 0, 0], SUN)
     ratio = (EARTH_RADIUS_M / distance) / (SUN_RADIUS_M / (AU_M + distance))
     assert fraction == pytest.approx(1 - ratio**2, abs=1e-4)
 
@@ -57,7 +57,7 @@ def test_area_agrees_with_counting_points_of_the_disc():
     d = points - r
     d /= np.linalg.norm(d, axis=-1, keepdims=True)
     miss = np.linalg.norm(r - (d @ r)[:, None] * d, axis=-1) > EARTH_RADIUS_M
-    assert sun_visible_fraction(r, SUN) == pytest.approx(np.mean(miss), abs=0.004)
+    assert sun_fraction_past_earth(r, SUN) == pytest.approx(np.mean(miss), abs=0.004)
 
 
 def seen_past_the_ellipsoid(r, sun, pole, side=240):
@@ -108,10 +108,10 @@ def test_a_polar_orbit_goes_into_the_shadow_of_the_ellipsoid(sun_dec_deg, tilt_d
     # over the north pole into the shadow
     for t in np.linspace(1200, 2300, 12):
         r = place(t)
-        assert sun_visible_fraction(r, sun, pole) == pytest.approx(
+        assert sun_fraction_past_earth(r, sun, pole) == pytest.approx(
             seen_past_the_ellipsoid(r, sun, pole, 100), abs=0.02
         )
-    ours = half_light_s(lambda t: float(sun_visible_fraction(place(t), sun, pole)), 1000.0, 2960.0)
+    ours = half_light_s(lambda t: float(sun_fraction_past_earth(place(t), sun, pole)), 1000.0, 2960.0)
     rays = half_light_s(lambda t: seen_past_the_ellipsoid(place(t), sun, pole, 60), 1000.0, 2960.0)
     sphere = half_light_s(
         lambda t: float(sun_fraction_past_sphere(place(t), sun, EARTH_RADIUS_M)), 1000.0, 2960.0
@@ -121,7 +121,7 @@ def test_a_polar_orbit_goes_into_the_shadow_of_the_ellipsoid(sun_dec_deg, tilt_d
     assert 3.0 < ours - sphere < 7.0
     for t in rays + np.linspace(-4, 4, 9):
         r = place(t)
-        assert sun_visible_fraction(r, sun, pole) == pytest.approx(
+        assert sun_fraction_past_earth(r, sun, pole) == pytest.approx(
             seen_past_the_ellipsoid(r, sun, pole), abs=0.004
         )
 

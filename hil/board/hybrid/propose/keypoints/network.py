@@ -56,7 +56,13 @@ class KeypointNetwork:
 
 @lru_cache(maxsize=1)
 def trunk_bytes() -> bytes:
-    """Return the shipped trunk, an ONNX file."""
+    """Return the shipped trunk, an ONNX file.
+
+    Raises
+    ------
+    BoardModelError
+        If the package lacks the file.
+    """
     # a bundle is a zip file, so its members are read through the importer
     data = pkgutil.get_data(PACKAGE, "weights/trunk.onnx")
     if data is None:

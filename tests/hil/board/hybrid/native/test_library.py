@@ -7,6 +7,7 @@ import ctypes
 import importlib.util
 import json
 import platform
+import runpy
 import shutil
 import subprocess
 import sys
@@ -97,6 +98,25 @@ def test_each_structure_has_the_size_and_offsets_of_c() -> None:
     assert here.fly_layout(offsets, len(offsets)) == len(expected)
     assert offsets[: len(expected)].tolist() == expected
     assert here.fly_interface().decode() == interface.checksum()
+
+
+@pytest.mark.parametrize(
+    ("header", "sentence"),
+    [
+        (None, "has no kernels.h"),
+        (
+            interface.HEADER + b"\nKERNEL unsigned int f(int a);\n",
+            "cannot read the declaration of a function",
+        ),
+        (interface.HEADER + b"\nKERNEL const double *f(int a);\n", "f returns a pointer to double"),
+    ],
+)
+def test_a_header_that_cannot_be_read_whole_is_refused(
+    header: bytes | None, sentence: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("pkgutil.get_data", lambda *_: header)
+    with pytest.raises((ImportError, ValueError), match=sentence):
+        runpy.run_path(interface.__file__)
 
 
 def test_an_array_of_another_kind_is_refused_before_the_call() -> None:
