@@ -114,7 +114,7 @@ def test_who_may_not_answer_is_told_why():
         assert grab(url, 1, key=key, software_trigger=True).goodbye
         with pytest.raises(LinkError):
             grab(url, 1, key=bytes(32), software_trigger=True)
-        with pytest.raises(LinkError, match="carries a model of 'dragon'"):
+        with pytest.raises(LinkError, match="has a model of 'dragon'"):
             grab(url, 1, key=key, hello=Hello(model_name="dragon"), software_trigger=True)
         # and nothing of it keeps the camera
         assert grab(url, 1, key=key, software_trigger=True).goodbye

@@ -106,7 +106,7 @@ def test_from_another_network_namespace():
             assert "10.213.7.1" in done.stdout  # by broadcast
         with camera(pictures, config(interface=interface, address=None, allowed=("10.213.7.3",))) as notes:
             assert "error" in aravis("grab", "1", address="10.213.7.1", prefix=into)
-        assert any("10.213.7.2 is not among" in note for note in notes)
+        assert any("10.213.7.2 is not an allowed controller" in note for note in notes)
 
 
 @pytest.mark.slow
