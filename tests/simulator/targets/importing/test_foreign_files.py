@@ -121,6 +121,34 @@ def test_damaged_file_gives_a_one_sentence_error(tmp_path, name, damage):
     assert len(str(told.value)) < 600
 
 
+EMPTY_3MF = (
+    b'<model xmlns="http://schemas.microsoft.com/3dmanufacturing/core/2015/02"><resources/><build/></model>'
+)
+COLLADA = (
+    b'<COLLADA xmlns="http://www.collada.org/2005/11/COLLADASchema" version="1.4.1"><asset>'
+    b"<created>2020-01-01T00:00:00</created><modified>2020-01-01T00:00:00</modified></asset>%s</COLLADA>"
+)
+EMPTY_SCENE = (
+    b'<library_visual_scenes><visual_scene id="s"/></library_visual_scenes>'
+    b'<scene><instance_visual_scene url="#s"/></scene>'
+)
+
+
+@pytest.mark.parametrize(
+    ("name", "content"),
+    [("a.3mf", EMPTY_3MF), ("a.dae", COLLADA % b""), ("a.dae", COLLADA % EMPTY_SCENE)],
+)
+def test_a_file_without_a_mesh_is_refused(tmp_path, name, content):
+    path = tmp_path / name
+    if name == "a.3mf":
+        with zipfile.ZipFile(path, "w") as archive:
+            archive.writestr("3D/3dmodel.model", content)
+    else:
+        path.write_bytes(content)
+    with pytest.raises(UserError, match=r"\(it holds no mesh\); export it as \.glb"):
+        read_mesh(path)
+
+
 def test_error_names_a_file_of_the_wrong_kind(tmp_path):
     saved(tmp_path / "a.ply").rename(tmp_path / "a.off")
     with pytest.raises(UserError, match=r"ends in \.off but holds a \.ply file"):
