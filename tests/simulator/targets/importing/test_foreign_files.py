@@ -90,7 +90,7 @@ def test_colours_of_faces_stay_apart(tmp_path):
 def test_a_step_solid_is_meshed_in_its_unit(tmp_path, unit, factor):
     path = tmp_path / "a.stp"
     path.write_text(STEP_BOX.read_text().replace(".MILLI.", f".{unit}."))
-    target, _ = import_mesh(path, "box")
+    target, *_ = import_mesh(path, "box")
     size = np.ptp(np.concatenate([p.positions_m for p in target.parts]), axis=0)
     # Z points up in STEP, as in our files
     assert size == pytest.approx(np.multiply(SIZE_M, factor), rel=1e-5)
