@@ -112,7 +112,7 @@ class StarPass(Pass):
 
 
 def distribute_points(pixels: FloatArray, radiance: FloatArray, size: tuple[int, int]) -> PointLights:
-    """PointLights points by a tent over their four nearest pixels, as shaders/sky/stars.frag does.
+    """Spread points by a tent over their four nearest pixels, as shaders/sky/stars.frag does.
 
     Parameters
     ----------
