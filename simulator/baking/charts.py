@@ -197,6 +197,10 @@ def _lay_out(
         Corners of the triangles [m].
     corner_normals : (T, 3, 3) array
         Unit normals at the corners.
+    chart : (T,) array
+        Chart of each triangle.
+    border : (T, 3) array
+        True for an edge on the border of its chart.
     scaled_normals : (T, 3) array
         Normals of the triangles, whose lengths are twice the areas.
     texel_m : float

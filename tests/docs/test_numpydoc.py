@@ -21,7 +21,7 @@ LONGEST_TYPE_WORDS = 14
 # imperatives that end like a third person
 IMPERATIVES = {"Pass", "Press", "Process"}
 # rooms whose Parameters sections may still be incomplete
-INCOMPLETE = ("gui", "simulator/camera", "simulator/render", "simulator/targets", "simulator/world")
+INCOMPLETE = ("gui", "simulator/camera", "simulator/render", "simulator/targets")
 
 
 def section(doc, title):
