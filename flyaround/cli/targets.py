@@ -84,33 +84,32 @@ def add(
         mass_kg=craft.mass_kg,
         density_kg_m3=craft.density_kg_m3,
     )
-    target, lines = import_mesh(file, name, options)
+    target, findings, summary = import_mesh(file, name, options)
     if craft.classes is not None:
         part_classes = _read_classes(Path(craft.classes), target)
         target = changed(target, part_classes={**target.part_classes, **part_classes})
-    lines[-1:-1] = class_report(target)
-    expect = _expected_of_the_estimator(target)
+    findings += class_report(target)
+    warning = _missing_network_warning(target)
     path = install(target)
     write_run(path, run)
     page = _write_sheet(target) if run.sheet else None
     if as_json:
         document = _summary(target) | {
             "path": str(path),
-            "report": lines,
+            "report": [*findings, summary],
             "part_classes": dict(zip((p.name for p in target.parts), target_classes(target), strict=True)),
             "contact_sheet": str(page) if page else None,
-            "estimator": expect,
+            "estimator": warning or "",
         }
         typer.echo(json.dumps(document))
         return
-    *findings, what = lines
     for line in findings:
         say(f"- {line}")
     say(f"target {name!r} in {path}")
     if page is not None:
         say(f"look at it: {page}")
     say("exposure: [sensor] exposure_s of your scenario; capture reports the saturated share of the craft")
-    say(f"{what}; estimator: {expect or 'a trained network is shipped'}")
+    say(f"{summary}; estimator: {warning or 'a trained network is shipped'}")
 
 
 def _read_classes(path: Path, target: Target) -> dict[str, PartClass]:
@@ -121,17 +120,17 @@ def _read_classes(path: Path, target: Target) -> dict[str, PartClass]:
     return classes_from_file(toml_table(content, str(path)), str(path), [p.name for p in target.parts])
 
 
-def _expected_of_the_estimator(target: Target) -> str:
-    """Return the expected performance of the estimator on an untrained target; empty if a network is shipped for it."""
+def _missing_network_warning(target: Target) -> str | None:
+    """Return a warning that no keypoint network is trained for a target; None if one is shipped."""
     from flyaround.hil.board.hybrid.propose.keypoints.network import has_shipped_head  # noqa: PLC0415 - slow to import, and rarely needed
 
     if has_shipped_head(target.name):
-        return ""
+        return None
     n = sum(len(p.triangles) for p in target.parts)
     heavy = f"its {n:,} triangles are too many for it to render: use --decimate {MAX_TRIANGLES}; "
     return (heavy if n > MAX_TRIANGLES else "") + (
-        "no keypoint network is trained for it: expect about half of the poses to be correct and few accepted; "
-        f"train one with flyaround train --craft {target.name} (pip install 'flyaround[train]', half an hour)"
+        "no keypoint network is trained for it: expect fewer correct poses, and few accepted; "
+        f"train one with flyaround train --craft {target.name} (pip install 'flyaround[train]')"
     )
 
 
@@ -154,7 +153,7 @@ def _target_name(file: Path) -> str:
 
 
 def _write_sheet(target: Target) -> Path | None:
-    """Render the target's contact sheet next to its file; without OpenGL, print that it is skipped."""
+    """Render the target's contact sheet next to its file; if it cannot be rendered or written, print why."""
     try:
         return write_contact_sheet([target], sheet_folder(target.name))
     except UserError as error:

@@ -45,7 +45,7 @@ class FlightOptions:
     closed_loop : ClosedLoopConfig, optional
         Settings of a closed loop; by default the flight follows the plan.
     pose_link : PoseLink, optional
-        Delay of poses of a closed loop in lockstep; by default the usual latency plus the line's faults.
+        Delay of poses of a closed loop in lockstep; by default that of `PoseLink` plus the line's faults.
     pose_noise : PoseNoise, optional
         Assumed errors of the board's poses in a closed loop; by default those of ``hybrid``.
     source : Path, optional

@@ -14,13 +14,20 @@ if TYPE_CHECKING:
     from flyaround.simulator.runtime.arrays import ByteArray, Float32Array, FloatArray
 
 GRADIENT_BINS = 128  # bins of the histogram of gradients
-# largest value of the gradient's histogram: a step of full scale gives 128 DN per pixel
+# largest value of the gradient's histogram [DN/px]: a step of full scale along an axis. Larger ones, of at most
+# 142.5 at diagonal steps, are counted in the last bin
 MAX_GRADIENT_DN = 128.0
 EDGE_BLUR_PX = 1.5  # standard deviation of the blur before binary edges [px]
+MIN_EDGE_DN = 1e-3  # minimum threshold of binary edges [DN/px], above the rounding errors of a uniform image
 BORDER_SHARE = 0.02  # width of the border that indicates the background, as a share of the height
 DARK_LEVEL_DN = 15.0  # dark level, above the black level
 SPACE_SHARE = 0.9  # share of dark border pixels above which the background is space
-HALF_NOISE = 0.56  # mean second difference of white noise clipped at its mean, over that of unclipped noise
+NOISE_BLOCK_PX = 16  # side of the blocks whose noise is measured, or the side of a smaller image [px]
+# share of black pixels above which a block shows half of the noise: half way between unclipped noise, which has none,
+# and noise clipped at its mean, which has one half
+CLIPPED_SHARE = 0.25
+# mean magnitude of the second difference of white noise clipped at its mean, over that of unclipped noise
+HALF_NOISE = 0.56
 # Immerkaer (1996, Computer Vision and Image Understanding 64): insensitive to planes and straight edges along the axes
 _NOISE_KERNEL = np.array([[1, -2, 1], [-2, 4, -2], [1, -2, 1]], np.float64)
 
@@ -67,7 +74,7 @@ class ImageStatistics:
     edges : float
         Share of the pixels in the binary edge image.
     space : bool
-        True if the border is dark, so that the background is space.
+        True if the border is dark, so that the background is space. Any other is taken for the Earth.
     """
 
     histogram: FloatArray
@@ -97,14 +104,20 @@ def sobel(image: ByteArray | Float32Array) -> Float32Array:
     return np.asarray(cv2.magnitude(x, y), np.float32)
 
 
+def gradient_histogram(gradient: Float32Array) -> FloatArray:
+    """Return the share of the values of `sobel` in each of `GRADIENT_BINS` bins from 0 to `MAX_GRADIENT_DN`."""
+    counts, _ = np.histogram(np.minimum(gradient, MAX_GRADIENT_DN), GRADIENT_BINS, (0, MAX_GRADIENT_DN))
+    return np.asarray(counts / gradient.size)
+
+
 def edge_threshold(image: ByteArray) -> float:
-    """Return twice the RMS of the blurred image's gradient [DN per pixel]: the usual Sobel threshold."""
+    """Return twice the RMS of the blurred image's gradient [DN per pixel], the Sobel threshold of MATLAB's ``edge``."""
     return float(2 * np.sqrt(np.mean(np.square(_smooth_gradient(image), dtype=np.float64))))
 
 
 def binary_edges(image: ByteArray, threshold: float) -> NDArray[np.bool_]:
     """Return (H, W) True where the blurred image's gradient exceeds a threshold [DN per pixel]."""
-    return np.asarray(_smooth_gradient(image) > max(threshold, 1e-3))
+    return np.asarray(_smooth_gradient(image) > max(threshold, MIN_EDGE_DN))
 
 
 def _smooth_gradient(image: ByteArray) -> Float32Array:
@@ -116,13 +129,12 @@ def image_statistics(image: ByteArray) -> ImageStatistics:
     gradient = sobel(image)
     black, bright = (float(v) for v in np.percentile(image, (1, 99)))
     p50, p95, p99 = (float(v) for v in np.percentile(gradient, (50, 95, 99)))
-    shares, _ = np.histogram(gradient, GRADIENT_BINS, (0, MAX_GRADIENT_DN))
     border = max(round(BORDER_SHARE * image.shape[0]), 1)
     frame = np.ones(image.shape, bool)
     frame[border:-border, border:-border] = False
     return ImageStatistics(
         histogram=np.bincount(image.ravel(), minlength=256) / image.size,
-        gradient_histogram=shares / image.size,
+        gradient_histogram=gradient_histogram(gradient),
         mean_dn=float(image.mean()),
         black_dn=black,
         bright_dn=bright,
@@ -139,20 +151,19 @@ def image_statistics(image: ByteArray) -> ImageStatistics:
 def noise_dn(image: ByteArray) -> float:
     """Return the standard deviation of white noise [DN], from the mean magnitude of second differences.
 
-    The median over blocks of 16 x 16 pixels is robust against edges and texture if half of the image is uniform. In
+    The median over square blocks is robust against edges and texture if half of the image is uniform. In
     front of black space a clipping sensor shows only the upper half of the noise.
     """
     second = np.abs(cv2.filter2D(image.astype(np.float64), -1, _NOISE_KERNEL))
-    height, width = (n // 16 * 16 for n in image.shape)
-    blocks_shape = (height // 16, 16, width // 16, 16)
+    side = min(NOISE_BLOCK_PX, *image.shape)
+    height, width = (n // side * side for n in image.shape)
+    blocks_shape = (height // side, side, width // side, side)
     blocks = second[:height, :width].reshape(blocks_shape).mean(axis=(1, 3))
-    clipped = (image[:height, :width] == 0).reshape(blocks_shape).mean(axis=(1, 3)) > 0.25
+    clipped = (image[:height, :width] == 0).reshape(blocks_shape).mean(axis=(1, 3)) > CLIPPED_SHARE
     blocks[clipped] /= HALF_NOISE
     return float(np.sqrt(np.pi / 2) / 6 * np.median(blocks))
 
 
 def histogram_distance_dn(a: FloatArray, b: FloatArray, largest: float) -> float:
-    """Return the earth mover's distance of two histograms over the same bins, in units of the axis that ends at
-    ``largest``.
-    """
+    """Return the earth mover's distance of two histograms over the same bins from 0 to ``largest`` [DN]."""
     return float(np.abs(np.cumsum(a) - np.cumsum(b)).sum() * largest / len(a))

@@ -20,6 +20,7 @@ from flyaround.simulator.runtime.untrusted_files import (
 
 if TYPE_CHECKING:
     from flyaround.simulator.dataset.formats.labelled_frame import LabelledFrame
+    from flyaround.simulator.scene.state import SceneState
 
 SPLIT_NAME = "split.json"
 
@@ -28,7 +29,9 @@ MAX_BYTES = 200_000_000
 
 # Maximum number in a ratio such as 8:1:1.
 MAX_SHARE = 1_000_000
-# Number of frames after which the shares are exact, in multiples of the sum of the ratio.
+MAX_DIGITS = 20  # of one number, with leading zeros and spaces
+# Number of groups after which the shares are exact, in multiples of the sum of the ratio. More would leave each stratum
+# freer to follow the ratio, fewer would make small sets exact; the splits of existing data sets depend on it.
 BLOCKS_PER_EXACT_RUN = 10
 # Two strata of range per octave, with edges independent of the frames.
 STRATA_PER_OCTAVE = 2
@@ -42,13 +45,15 @@ def parse_split(text: str) -> Ratio:
     Raises
     ------
     UserError
-        If it is not three whole numbers, of which one is above 0.
+        If it is not three whole numbers up to `MAX_SHARE`, of which one is above 0.
     """
     parts = text.split(":")
-    numbers = [int(word) for word in parts if word.strip().isdecimal()]
+    # Python refuses to convert very long numbers
+    numbers = [int(word) for word in parts if word.strip().isdecimal() and len(word) <= MAX_DIGITS]
     if len(parts) != 3 or len(numbers) != 3 or not any(numbers) or max(numbers) > MAX_SHARE:
         raise UserError(
-            f"--split '{text}' is not three whole numbers train:validation:test; give for example 8:1:1"
+            f"--split '{text[:40]}' is not three whole numbers train:validation:test of at most {MAX_SHARE}; "
+            "give for example 8:1:1"
         )
     return lowest_terms(numbers)
 
@@ -64,15 +69,16 @@ class SplitAssigner:
     """Assignment of frames to the training, validation and test splits, in the order of their numbers.
 
     The split of a frame depends only on earlier frames, so it does not change if the data set grows. Frames of one pair
-    or one sequence stay together. The shares approximate the ratio, in each stratum of range and overall. They are
-    exact after every ten times the sum of the ratio.
+    or one sequence form a group and stay together; any other frame is a group of its own. The shares, counted in groups
+    of any length, approximate the ratio, in each stratum of range and overall. They are exact after every
+    `BLOCKS_PER_EXACT_RUN` times the sum of the ratio.
 
     Parameters
     ----------
     ratio : tuple of int
-        Ratio of training, validation and test frames.
-    assigned : dict, optional
-        Splits of frames that are already assigned.
+        Ratio of training, validation and test groups.
+    assigned : dict of int to str, optional
+        Splits of frames that are already assigned, by number; the rest of their groups follows them.
     """
 
     def __init__(self, ratio: Ratio, assigned: dict[int, str] | None = None) -> None:
@@ -88,12 +94,10 @@ class SplitAssigner:
 
     def assign(self, frame: LabelledFrame) -> str:
         """Return the split of the next frame."""
-        if frame.number in self._assigned:
-            name = self._assigned[frame.number]
-            self.numbers[name].append(frame.number)
-            return name
         group = group_of(frame)
-        if group not in self._groups:
+        if frame.number in self._assigned:
+            self._groups[group] = SPLITS.index(self._assigned[frame.number])
+        elif group not in self._groups:
             self._groups[group] = self._choose(math.floor(math.log2(frame.range_m) * STRATA_PER_OCTAVE))
         name = SPLITS[self._groups[group]]
         self.numbers[name].append(frame.number)
@@ -119,12 +123,12 @@ class SplitAssigner:
 
 def group_of(frame: LabelledFrame) -> tuple[str, int]:
     """Return the group that must stay in one split: a frame's pair, its sequence, or itself."""
-    sample = getattr(getattr(frame.truth, "scene", None), "sample", None)
-    pair, sequence = getattr(sample, "pair", None), getattr(sample, "sequence", None)
-    if pair is not None:
-        return "pair", pair.pair
-    if sequence is not None:
-        return "sequence", sequence.sequence
+    scene: SceneState | None = getattr(frame.truth, "scene", None)  # an imported image has none
+    sample = None if scene is None else scene.sample
+    if sample and sample.pair is not None:
+        return "pair", sample.pair.pair
+    if sample and sample.sequence is not None:
+        return "sequence", sample.sequence.sequence
     return "frame", frame.number
 
 
@@ -154,7 +158,7 @@ class SplitFile(msgspec.Struct, frozen=True, kw_only=True):
 
 
 def split_file(assigner: SplitAssigner) -> bytes:
-    """Return the text of ``split.json``."""
+    """Return the content of ``split.json``."""
     split = SplitFile(ratio=assigner.ratio, **{name: tuple(v) for name, v in assigner.numbers.items()})
     return msgspec.json.encode(split) + b"\n"
 

@@ -14,8 +14,11 @@ from flyaround.simulator.runtime.sections import Section, within
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-# Steps of the exposure filter per time constant.
+# Steps of the exposure filter per time constant: two follow a change within half of the lag, each costs a metering.
 STEPS_PER_LAG = 2
+
+# Share of a step by which rounding may place a time before the step that it begins.
+STEP_TOLERANCE = 1e-9
 
 MEMORY_LAGS = 12
 """Lags after which earlier values have decayed below 1e-5 and are ignored."""
@@ -27,7 +30,6 @@ class AutoExposure(Section, frozen=True, kw_only=True):
     ``level``: signal, 1 at full scale, that a ``share`` of the lit image area stays below.
     """
 
-    # the metered radiance is brought to the level; share is by area
     level: Annotated[float, Meta(gt=0, le=1)] = 0.5
     share: Annotated[float, Meta(gt=0, le=1)] = 0.9
     # time constant of the logarithm of the exposure
@@ -63,18 +65,18 @@ class ExposureTrack:
     ----------
     settings : AutoExposure
         Limits, level and time constant of the control.
-    exposure_for_radiance_s : callable
-        Function from a time since the flight's start to the metered exposure [s].
+    metered_exposure_s : callable
+        Function from a time since the flight's start [s] to the metered exposure [s].
     """
 
     settings: AutoExposure
-    exposure_for_radiance_s: Callable[[float], float]
+    metered_exposure_s: Callable[[float], float]
     _cache: dict[int, float] = field(default_factory=dict)
 
     def exposure_s(self, t_s: float) -> float:
         """Return the exposure at ``t_s``; the loop is settled at the flight's start."""
         step = self.settings.lag_s / STEPS_PER_LAG
-        step_index = int(np.floor(t_s / step + 1e-9))
+        step_index = int(np.floor(t_s / step + STEP_TOLERANCE))
         first = max(0, step_index - STEPS_PER_LAG * MEMORY_LAGS)
         log = np.log(self._metered_s(first, step))
         for k in range(first, step_index + 1):
@@ -85,5 +87,5 @@ class ExposureTrack:
 
     def _metered_s(self, k: int, step_s: float) -> float:
         if k not in self._cache:
-            self._cache[k] = self.exposure_for_radiance_s(k * step_s)
+            self._cache[k] = self.metered_exposure_s(k * step_s)
         return self._cache[k]

@@ -28,31 +28,35 @@ class FrameGraphError(RuntimeError):
 
 @dataclass(frozen=True, eq=False)
 class Resource(Generic[T_co]):
-    """A typed name of a resource that passes share: a texture, a view, a list of tiles."""
+    """A typed key of a resource that passes share: a texture, a view, a list of tiles; equal to itself alone."""
 
     name: str
 
 
 class FrameResources:
-    """Resources given to a frame's passes, or written by them, so far."""
+    """Resources given to a frame's passes, or written by them, so far.
+
+    A resource is present, with a value; or missing from this frame, with the value `None`; or unknown, before a pass
+    that could write it has run or was skipped. The last alone is not ``in`` the resources.
+    """
 
     def __init__(self) -> None:
-        self._values: dict[str, Any] = {}
+        self._values: dict[object, Any] = {}
 
     def __contains__(self, resource: object) -> bool:
-        return isinstance(resource, Resource) and resource.name in self._values
+        return resource in self._values
 
     def __getitem__(self, resource: Resource[T]) -> T:
-        """Return the resource's value; `KeyError` if it was never written."""
-        value: T = self._values[resource.name]
+        """Return the resource's value, None if it is missing from this frame; raise `KeyError` if it is unknown."""
+        value: T = self._values[resource]
         return value
 
     def __setitem__(self, resource: Resource[T], value: T | None) -> None:
-        self._values[resource.name] = value
+        self._values[resource] = value
 
     def find(self, resource: Resource[T]) -> T | None:
-        """Return the resource's value, or `None` if it is missing from this frame."""
-        value: T | None = self._values.get(resource.name)
+        """Return the resource's value, or `None` if it is missing from this frame or unknown."""
+        value: T | None = self._values.get(resource)
         return value
 
     def for_pass(self, current: Pass) -> PassResources:
@@ -60,44 +64,44 @@ class FrameResources:
         return PassResources(self._values, current)
 
     def has_all(self, resources: Iterable[Resource[object]]) -> bool:
-        """Return True if none of the resources is missing from this frame."""
+        """Return True if all of the resources are present."""
         for resource in resources:  # noqa: SIM110 - a generator would be called for each, in every pass of a frame
-            if self._values.get(resource.name) is None:
+            if self._values.get(resource) is None:
                 return False
         return True
 
     def fill(self, resources: Iterable[Resource[object]]) -> None:
-        """Mark resources that no pass wrote as missing from this frame."""
+        """Mark the unknown ones of these resources as missing from this frame."""
         values = self._values
         for resource in resources:
-            if resource.name not in values:
-                values[resource.name] = None
+            if resource not in values:
+                values[resource] = None
 
 
 class PassResources:
-    """A frame's resources, restricted to those that one pass declared."""
+    """A frame's resources, restricted to those that one pass declared; any other raises `FrameGraphError`."""
 
-    def __init__(self, values: dict[str, Any], current: Pass) -> None:
+    def __init__(self, values: dict[object, Any], current: Pass) -> None:
         self._values, self._pass = values, current
 
     def __getitem__(self, resource: Resource[T]) -> T:
         """Return a resource that the pass declared in its ``reads``."""
         if resource not in self._pass.reads:
             raise FrameGraphError(f"pass {self._pass.name} reads {resource.name}, which it did not declare")
-        value: T = self._values[resource.name]
+        value: T = self._values[resource]
         return value
 
     def find(self, resource: Resource[T]) -> T | None:
         """Return a resource that the pass declared as ``optional``, or `None` if it is missing from the frame."""
         if resource not in self._pass.optional:
             raise FrameGraphError(f"pass {self._pass.name} reads {resource.name}, which it did not declare")
-        value: T | None = self._values.get(resource.name)
+        value: T | None = self._values.get(resource)
         return value
 
     def __setitem__(self, resource: Resource[T], value: T | None) -> None:
         if resource not in self._pass.writes:
             raise FrameGraphError(f"pass {self._pass.name} writes {resource.name}, which it did not declare")
-        self._values[resource.name] = value
+        self._values[resource] = value
 
 
 class Pass:
@@ -137,6 +141,8 @@ class FrameGraph:
 
     Parameters
     ----------
+    passes : iterable of Pass
+        Passes, each after those that write its resources.
     given : container of Resource, optional
         Resources available to the first pass.
 
@@ -150,10 +156,8 @@ class FrameGraph:
         self._passes = tuple(passes)
         available: set[Resource[object]] = set()
         for current in self._passes:
-            reads = (
-                resource for resource in (*current.reads, *current.optional) if resource not in available
-            )
-            missing = [resource.name for resource in reads if resource not in given]
+            reads = (*current.reads, *current.optional)
+            missing = [r.name for r in reads if r not in available and r not in given]
             if missing:
                 raise FrameGraphError(
                     f"pass {current.name} reads {', '.join(missing)}, which no pass before it writes"
@@ -170,6 +174,10 @@ class FrameGraph:
 
         Parameters
         ----------
+        context : moderngl.Context
+            Context in which the passes draw.
+        resources : FrameResources
+            Given resources; the passes add theirs.
         timed : bool, optional
             True to wait for the driver after each pass, so that times are per pass.
 

@@ -10,7 +10,12 @@ from typing import TYPE_CHECKING, Any, Literal, TypeVar
 
 import msgspec
 
-from flyaround.simulator.camera.detector.limits import optics_problem, response_problem, sensor_problem
+from flyaround.simulator.camera.detector.limits import (
+    focus_problem,
+    optics_problem,
+    response_problem,
+    sensor_problem,
+)
 from flyaround.simulator.camera.lens.files import CameraFile, read_camera_file
 from flyaround.simulator.errors import UserError, near_names
 from flyaround.simulator.runtime.plugins import plugins
@@ -235,6 +240,7 @@ def _check_detector(document: Scenario | Recipe, where: str) -> None:
     problem = (
         sensor_problem(sensor)
         or optics_problem(optics)
+        or focus_problem(optics, document.camera_model, sensor)
         or response_problem(sensor, optics, 1 if bands == "mono" else 3)
     )
     detector = sensor.detector

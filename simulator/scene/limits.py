@@ -7,7 +7,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 from msgspec import UnsetType
 
-from flyaround.simulator.camera.detector.limits import optics_problem, response_problem, sensor_problem
+from flyaround.simulator.camera.detector.limits import (
+    focus_problem,
+    optics_problem,
+    response_problem,
+    sensor_problem,
+)
 from flyaround.simulator.camera.detector.shutter import EXPOSURE_S, READOUT_S
 from flyaround.simulator.camera.lens.camera_model import (
     CENTRE_PX,
@@ -86,6 +91,7 @@ def scene_problem(scene: SceneState) -> str | None:
     part = (
         sensor_problem(scene.sensor)
         or optics_problem(scene.optics)
+        or focus_problem(scene.optics, scene.camera, scene.sensor)
         or response_problem(scene.sensor, scene.optics, 1 if scene.bands == "mono" else 3)
     )
     if part is not None:

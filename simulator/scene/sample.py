@@ -17,7 +17,8 @@ class RawPose(msgspec.Struct, frozen=True, kw_only=True):
     euler_deg : array
         Rotations about fixed axes x, y and z, in that order.
     q_wxyz : array
-        The same rotation. In the camera's right-handed axes (y down) these are x, -y, z and w, -x, y, -z.
+        The same rotation, from the target to the left-handed camera axes. In the camera's right-handed axes, y down,
+        t = (x, -y, z) and q = (w, -x, y, -z).
     """
 
     position_m: Vec3
@@ -41,7 +42,15 @@ class SequenceStep(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class PairMember(msgspec.Struct, frozen=True, kw_only=True):
-    """A frame's role in a ``pair`` of frames that differ only in the environment, which this names."""
+    """A frame's role in a pair of frames that differ only in the environment.
+
+    Attributes
+    ----------
+    pair : int
+        Number of the pair.
+    environment : str
+        Name of this frame's environment preset.
+    """
 
     pair: int
     environment: str
@@ -61,7 +70,7 @@ class VariedBy(msgspec.Struct, frozen=True, kw_only=True):
     pedestal_dn : float or None
         The detector's black level.
     glow_share : float or None
-        Glow of the optics.
+        Share of the light in the wide tail of the PSF, `Optics.glow_share`.
     boxes : int or None
         Number of area lights.
     lamp : bool
@@ -69,7 +78,7 @@ class VariedBy(msgspec.Struct, frozen=True, kw_only=True):
     earthshine : bool or None
         Whether bodies light the target; None if it is not varied.
     environment : str
-        Name of the layers, or empty.
+        Name of an environment preset; empty if it is not varied.
     craft : int or None
         Number of the varied craft, which is described in the scene's target.
     """
@@ -98,9 +107,9 @@ class Sample(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
     background : BackgroundView or None
         The view of a library, if used.
     pair : PairMember or None
-        Group of frames.
+        The frame's role in its pair, if it has one.
     sequence : SequenceStep or None
-        Group of frames.
+        The frame's place in its sequence, if it has one.
     varied : VariedBy or None
         Changes by `--vary` or a recipe's [vary].
     """

@@ -25,7 +25,7 @@ WITHOUT_RAISES = ("flyaround/cli", "tools")
 # errors of the program itself, and of a base class
 INTERNAL_ERRORS = {"AssertionError", "FrameGraphError", "NotImplementedError"}
 # rooms whose Parameters sections may still be incomplete
-INCOMPLETE = ("gui", "simulator/camera", "simulator/render", "simulator/targets", "simulator/world")
+INCOMPLETE = ("gui", "simulator/camera", "simulator/render", "simulator/targets")
 
 
 def section(doc, title):

@@ -68,7 +68,7 @@ class NetworkFile:
     log_range_mean : float
         Mean of the natural logarithm of the range [m] in training.
     log_range_scale : float
-        Its scale; the third position output is standardised by both.
+        Its scale; the third output of the place is standardised by both.
     errors : HeldOutErrors
         Errors of accepted estimates on held-out images.
     architecture : str
@@ -139,7 +139,7 @@ class NetworkFile:
         return data.getvalue()
 
     def run(self, picture: Array) -> Tuple[Array, Array]:
-        """Return the position outputs (3,) and attitude logits (K,) of one float32 image (h, w)."""
+        """Return the place (3,) and attitude logits (K,), as `Architecture.run`, of one float32 image (h, w)."""
         return ARCHITECTURES[self.architecture].run(self.weights, picture)
 
 

@@ -1,7 +1,7 @@
-"""Small residual network in NumPy: one image in, position and attitude class logits out.
+"""Residual network in NumPy: one image in, place in the image with range, and attitude class logits out.
 
-The position is computed from all cells of the feature map. The attitude, relative to the line of sight and so
-independent of the position, is computed from global max pooling: a view learned at one position is recognised at all
+The place is computed from all cells of the feature map. The attitude, relative to the line of sight and so
+independent of the place, is computed from global max pooling: a view learned at one place is recognised at all
 others.
 
 References
@@ -34,7 +34,7 @@ class Architecture:
     blocks : int
         Residual blocks per stage.
     squeezed : int
-        Channels of the position head's input.
+        Channels of the place head's input.
     hidden : int
         Hidden units of each head.
     """
@@ -71,7 +71,9 @@ class Architecture:
         return layers
 
     def run(self, weights: Dict[str, Array], picture: Array) -> Tuple[Array, Array]:
-        """Return the position (3,) and attitude logits (K,), not finite if the weights overflow.
+        """Return the place (3,) and the logits (K,) of K attitude classes, not finite if the weights overflow.
+
+        The place is x / z and y / z in halves of the field of view, and the standardised logarithm of the range.
 
         Parameters
         ----------
@@ -100,6 +102,7 @@ class Architecture:
 
 
 ARCHITECTURES = {
+    # for training on a CPU; sized here, not published
     "small": Architecture(stem=16, stages=(24, 48, 128), blocks=1, squeezed=16, hidden=256),
     # ResNet-18 of He et al.
     "resnet18": Architecture(stem=64, stages=(64, 128, 256, 512), blocks=2, squeezed=32, hidden=512),
@@ -122,4 +125,5 @@ def _windows(x: Array, side: int, stride: int) -> Array:
 
 
 def _relu(x: Array) -> Array:
+    """Set negative values to zero in place, and return the array."""
     return np.maximum(x, 0.0, out=x)

@@ -1,7 +1,8 @@
 """Region of interest: a box of the image that may contain the target.
 
 Sharma, Ventura & D'Amico (2018), image processing, WGE: along each axis the box spans the cumulative distribution of
-the surviving gradient pixels from 0.025 to 0.975. The thesis enlarges it by 5 % of the mean edge length.
+the surviving gradient pixels from 0.025 to 0.975. Sharma's thesis enlarges it by 5 % of the mean
+edge length.
 """
 
 from __future__ import annotations
@@ -12,20 +13,22 @@ import numpy as np
 
 Array = np.ndarray
 
+MIN_MARGIN_PX = 6.0  # keeps the blurred outline of a small craft inside its grown box
+
 Box = Tuple[float, float, float, float]
 
 
 class Region(NamedTuple):
-    """Candidate extent of the target, in full-resolution pixels.
+    """Candidate extent of the target, in full-resolution pixels, whose centres are at whole numbers.
 
     Parameters
     ----------
     x0 : float
-        Left edge of the box.
+        Left edge of the box: that of pixel column 0 is -0.5.
     y0 : float
         Upper edge of the box.
     x1 : float
-        Right edge of the box.
+        Right edge of the box: that of pixel column 0 is 0.5.
     y1 : float
         Lower edge of the box.
     source : str
@@ -44,8 +47,11 @@ class Region(NamedTuple):
         return float(np.hypot(self.x1 - self.x0, self.y1 - self.y0))
 
     def grown(self, share: float, width: int, height: int) -> Tuple[int, int, int, int]:
-        """Return the integer box enlarged by ``share`` of the diagonal, clipped to the image."""
-        m = max(6.0, share * self.diagonal_px)
+        """Return the pixels from (x0, y0) up to, without, (x1, y1) of the enlarged box, clipped to the image.
+
+        Each side moves out by ``share`` of the diagonal, but at least `MIN_MARGIN_PX`.
+        """
+        m = max(MIN_MARGIN_PX, share * self.diagonal_px)
         return (
             max(0, int(self.x0 - m)),
             max(0, int(self.y0 - m)),
@@ -77,7 +83,7 @@ def cdf_box(strong: Array, reduction: int = 1) -> Region:
     Parameters
     ----------
     strong : (h, w) array
-        True at the pixels that survive weak gradient elimination.
+        True at the pixels that survive weak gradient elimination; without any the region is the whole image.
     reduction : int
         Image pixels per pixel of ``strong``, along each axis.
     """
@@ -88,15 +94,18 @@ def cdf_box(strong: Array, reduction: int = 1) -> Region:
 
 
 def crop_of(region: Region, image: Array, margin: float = 0.0) -> Tuple[slice, slice]:
-    """Return rows and columns of a region enlarged by ``margin`` pixels, within the image."""
+    """Return the rows and columns that a region, enlarged by ``margin`` pixels, touches within the image."""
     h, w = image.shape
     x0, y0 = max(0, int(region.x0 - margin + 0.5)), max(0, int(region.y0 - margin + 0.5))
-    x1, y1 = min(w, int(region.x1 + margin + 1.5)), min(h, int(region.y1 + margin + 1.5))
+    x1, y1 = (min(n, int(np.ceil(edge + margin + 0.5))) for n, edge in ((w, region.x1), (h, region.y1)))
     return slice(y0, y1), slice(x0, x1)
 
 
 def grown_region(region: Region, lines: Array, share: float, shape: Tuple[int, int]) -> Region:
-    """Return the region enlarged by a share of the mean edge length (thesis), within the image."""
+    """Return the region enlarged by a share of the mean length of ``lines``, within the image.
+
+    After Sharma's thesis. ``lines`` is (n, 4): the end points x0, y0, x1, y1 [px].
+    """
     if not len(lines) or share <= 0:
         return region
     m = share * float(np.hypot(lines[:, 2] - lines[:, 0], lines[:, 3] - lines[:, 1]).mean())

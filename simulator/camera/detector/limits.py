@@ -13,6 +13,7 @@ from flyaround.simulator.runtime.sections import bounds_of
 
 if TYPE_CHECKING:
     from flyaround.simulator.camera.detector.response import Curve
+    from flyaround.simulator.camera.lens.camera_model import Camera
 
 MAX_KERNEL_SIZE = 63
 KERNEL_SUM_ERROR = 1e-3
@@ -47,6 +48,17 @@ def optics_problem(optics: Optics) -> str | None:
     if abs(kernel.sum() - 1) > KERNEL_SUM_ERROR:
         return f"optics.kernel sums to {kernel.sum():.6g}, allowed: 1 within {KERNEL_SUM_ERROR:g}; divide it by its sum"
     return None
+
+
+def focus_problem(optics: Optics, camera: Camera, sensor: Sensor) -> str | None:
+    """Describe a focus within the focal length, where a lens forms no real image; None if the lens can focus."""
+    focal_length_m = optics.focal_length_m(camera, sensor)
+    if not optics.defocus or optics.focus_distance_m == 0 or optics.focus_distance_m > focal_length_m:
+        return None
+    return (
+        f"optics.focus_distance_m is {optics.focus_distance_m:g}, allowed: 0 for infinity, or more than the focal "
+        f"length of {focal_length_m:g} m"
+    )
 
 
 def sensor_problem(sensor: Sensor) -> str | None:

@@ -36,19 +36,23 @@ class Optics:
         Standard deviation of the Gaussian part [px].
     kernel : tuple of tuple of float, optional
         Measured PSF, odd numbers of rows and columns, one value per pixel; its sum is one.
+    defocus : bool, optional
+        True to blur the image by the disc of defocus at the target's distance.
     focus_distance_m : float, optional
-        Focused distance; 0 for infinity. With ``defocus`` the image is blurred by the disc at the target's distance.
+        Focused distance, beyond the focal length [m]; 0 for infinity.
     natural_vignetting : bool, optional
         True if irradiance falls as cos^4 of the angle from the axis.
     mechanical_vignetting : float, optional
         Shift of the rear rim's shadow across the aperture, in aperture radii, at 45 degrees from the axis; 0 for none.
-        ``rim_radius`` is that rim's radius in aperture radii.
+    rim_radius : float, optional
+        Radius of the rear rim, in aperture radii.
     glow_share : float, optional
-        Share of the light in a wide tail of the PSF of standard deviation ``glow_radius_px`` (half of it three times as
-        wide). 0 for none.
+        Share of the light in a wide tail of the PSF; 0 for none.
+    glow_radius_px : float, optional
+        Standard deviation of half of that tail; the other half is three times as wide [px].
     scatter_share : float, optional
         Share of the light that glass and dust scatter into wings of the PSF, which fall with the power 2.5 of the
-        distance. 0 for none; about 0.01 in a good lens, 0.03 in a dusty one.
+        distance. 0 for none; about 0.01 in a good lens, 0.03 in a dusty one. `shading.scatter` names the sources.
     veiling_glare_sr : float, optional
         Scattered sunlight, radiance over irradiance at one degree from the Sun [sr-1]; it falls with the square of the
         angle. 0 for none.
@@ -81,8 +85,10 @@ class Optics:
     def defocus_diameter_px(self, camera: Camera, sensor: Sensor, distance_m: float) -> float:
         """Return the diameter of the blur disc of a point at a distance [px].
 
-        For focal length f and aperture D = f / N, focused at s, a point at d has the diameter D f |d - s| / (d (s -
-        f)); for s at infinity, D f / d.
+        A thin lens of focal length f and aperture D = f / N, focused at s > f, images a point at d as a disc of
+        diameter
+
+            D f |d - s| / (d (s - f)), or D f / d for s at infinity.
         """
         if not self.defocus:
             return 0.0

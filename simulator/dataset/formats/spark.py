@@ -36,6 +36,7 @@ if TYPE_CHECKING:
 
     from flyaround.simulator.dataset.card import DatasetCard
     from flyaround.simulator.dataset.formats.labelled_frame import LabelledFrame
+    from flyaround.simulator.scene.state import SceneState
 
 COLUMNS = ("filename", "Tx", "Ty", "Tz", "Qx", "Qy", "Qz", "Qw")
 FOLDERS = {"": "train", "train": "train", "validation": "val", "test": "test"}
@@ -55,8 +56,8 @@ class SparkWriter:
         self._output.write(f"images/{split}/{name}", frame.read("png"))
         w, x, y, z = frame.truth.q_camera_from_target_wxyz
         numbers = (*frame.truth.t_camera_from_target_m, x, y, z, w)
-        scene = getattr(frame.truth, "scene", None)
-        step = getattr(getattr(scene, "sample", None), "sequence", None)
+        scene: SceneState | None = getattr(frame.truth, "scene", None)  # an imported image has none
+        step = scene.sample.sequence if scene is not None and scene.sample else None
         sequence = "" if step is None else f"{step.sequence:03d}"
         self._rows.setdefault(split, []).append([sequence, name, *(repr(v) for v in numbers)])
 

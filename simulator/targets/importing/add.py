@@ -125,7 +125,7 @@ class Findings:
         return [*self.shape, *self.look, *self.repairs]
 
 
-def import_mesh(path: Path, name: str, options: ImportOptions | None = None) -> tuple[Target, list[str]]:
+def import_mesh(path: Path, name: str, options: ImportOptions | None = None) -> tuple[Target, list[str], str]:
     """Import a target from a mesh file.
 
     Parameters
@@ -140,7 +140,7 @@ def import_mesh(path: Path, name: str, options: ImportOptions | None = None) -> 
     Returns
     -------
     tuple
-        The target, and one line each on assumptions, repairs and losses.
+        The target; one line each on assumptions, repairs and losses; and a line that sums the target up.
 
     Raises
     ------
@@ -152,7 +152,7 @@ def import_mesh(path: Path, name: str, options: ImportOptions | None = None) -> 
     target_file = _target_file(path, name, options)
     if target_file is not None:
         note = "already a target file: geometry, keypoints, wireframe and mass taken as they are"
-        return target_file, [note, _summary(target_file)]
+        return target_file, [note], _summary(target_file)
     model, bodies, extent, materials, parts, lines = read_surface(path, options)
     mass, derivation = mass_properties(bodies, options.mass_kg, options.density_kg_m3)
     keypoints = propose_keypoints(bodies, extent)
@@ -182,8 +182,7 @@ def import_mesh(path: Path, name: str, options: ImportOptions | None = None) -> 
         pictures=pictures,
     )
     check_target(target, str(path))
-    lines.append(_summary(target, model.openings))
-    return target, lines
+    return target, lines, _summary(target, model.openings)
 
 
 def read_surface(

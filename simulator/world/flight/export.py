@@ -83,6 +83,8 @@ def summarise_flight(flight: Flight, rows: Sequence[Row]) -> dict[str, Any]:
 
     Parameters
     ----------
+    flight : Flight
+        The flight.
     rows : sequence of Row
         Rows of `fly_table`, whose spacing is the resolution of phases and of the closest approach.
 

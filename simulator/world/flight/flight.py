@@ -58,8 +58,14 @@ class Flight:
         Attitude of the camera.
     controlled : ControlledTrack, optional
         The chaser's track if it flies by thrusters.
+    scripted : ScriptedTrack, optional
+        The chaser's track if it follows a script.
+    wheels : WheelTrack, optional
+        Attitude of the camera if reaction wheels turn it; by default that of ``pointing``.
     recording : Recording, optional
         Recorded flight to replay instead.
+    body : Body, optional
+        Central body, by default the Earth.
     burns : tuple of Burn, optional
         Burns of both craft, already included in the orbits.
     """
@@ -162,6 +168,8 @@ class Flight:
 
         Parameters
         ----------
+        t_s : float
+            Time since the start [s].
         frame : Lvlh, optional
             Result of `lvlh` at that time, if known; by default the track's approximation.
         """

@@ -47,10 +47,12 @@ class SteeringCommand:
 
 @dataclass(frozen=True, kw_only=True)
 class ChaserState:
-    """State of the chaser relative to the target at ``t_s``.
+    """State of the chaser relative to the target.
 
     Parameters
     ----------
+    t_s : float
+        Time since the flight's start [s].
     position_eci_m : array
         Chaser minus the target's centre of mass, GCRS axes [m].
     velocity_eci_m_s : array

@@ -195,6 +195,8 @@ class Segment:
 
         Parameters
         ----------
+        count : int
+            Number of values to return of each line.
         lengths : tuple of int, optional
             Allowed numbers of values per line; by default any from ``count`` on.
 

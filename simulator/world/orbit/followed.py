@@ -49,6 +49,8 @@ class FollowedCraft:
     ----------
     ephemeris : Ephemeris
         Motion up to ``end_s``.
+    end_s : float
+        Time of the ephemeris's last state [s].
     tail : DenseOutput or None
         [r, v] after ``end_s``; None if the ephemeris covers the flight.
     """

@@ -17,7 +17,9 @@ from flyaround.simulator.camera.detector.optics import Optics
 from flyaround.simulator.camera.detector.presets import sensor_preset
 from flyaround.simulator.camera.lens.files_native import CameraFile
 from flyaround.simulator.camera.sections import DetectorSection, OpticsSection
+from flyaround.simulator.errors import UserError
 from flyaround.simulator.scenario.document import SensorSection
+from flyaround.simulator.scenario.load import load_recipe
 
 BASE = replace(sensor_preset("cmv4000"), bits=16)
 # without a dark current: a temperature at its bound would multiply it beyond what is allowed
@@ -92,3 +94,17 @@ def test_pixel_pitch_has_the_same_limits_from_all_sources(pitch_um, allowed):
     ) is allowed
     assert (takes(SensorSection, pixel_pitch_um=pair) is not None) is allowed
     assert (takes(CameraFile, **size, pixel_pitch_um=pair) is not None) is allowed
+
+
+@pytest.mark.parametrize("focus_m", [0.0, 0.01761, 0.0175, 0.01])
+def test_a_lens_focuses_beyond_its_focal_length(focus_m, tmp_path):
+    path = tmp_path / "near.toml"
+    lens = f"[optics]\ndefocus = true\nfocus_distance_m = {focus_m}\n"
+    path.write_text(f'schema = "flyaround.recipe"\nversion = 1\ntitle = "near"\nbase = "eval-black"\n{lens}')
+    if focus_m in {0.0, 0.01761}:  # the focal length is 17.6 mm
+        assert load_recipe(path).optics.focus_distance_m == focus_m
+    else:
+        with pytest.raises(UserError, match=r"focus_distance_m is .*, allowed: 0 for infinity, or more than"):
+            load_recipe(path)
+    path.write_text(path.read_text().replace("true", "false"))
+    load_recipe(path)

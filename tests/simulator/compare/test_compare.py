@@ -33,6 +33,17 @@ def test_the_gradient_of_a_plane_is_its_slope():
     assert np.allclose(sobel(plane)[2:-2, 2:-2], np.hypot(1, 2), atol=1e-4)
 
 
+def test_gradients_of_diagonal_stripes_are_all_counted():
+    y, x = np.mgrid[0:64, 0:64]
+    stripes = np.where((x + y) // 4 % 2, 255, 0).astype(np.uint8)
+    assert sobel(stripes).max() > 128
+    assert image_statistics(stripes).gradient_histogram.sum() == pytest.approx(1.0)
+
+
+def test_a_small_image_has_noise():
+    assert noise_dn(np.random.default_rng(5).integers(90, 110, (12, 40)).astype(np.uint8)) > 1
+
+
 def test_the_noise_of_a_noisy_plane_is_found_beside_an_edge():
     rng = np.random.default_rng(3)
     scene = np.full((256, 256), 60.0)

@@ -68,11 +68,18 @@ def test_what_is_settled_stays():
     assert split.numbers == {"train": [2], "validation": [], "test": [0]}
 
 
+def test_a_sequence_stays_in_the_split_of_its_settled_frame():
+    split = SplitAssigner((1, 0, 0), {0: "test"})
+    sequence = SimpleNamespace(sequence=7)
+    assert [split.assign(frame(k, 5.0, pair=None, sequence=sequence)) for k in (0, 1)] == ["test", "test"]
+    assert split.assign(frame(2, 5.0)) == "train"
+
+
 def test_parse():
     assert parse_split("80:10:10") == (8, 1, 1)
     assert parse_split("1:0:1") == (1, 0, 1)
     assert lowest_terms([8000, 1000, 1000]) == (8, 1, 1)
-    for text in ("8:1", "a:b:c", "0:0:0", "-1:1:1", "8:1:1:1", "1.5:1:1", "9999999:1:1"):
+    for text in ("8:1", "a:b:c", "0:0:0", "-1:1:1", "8:1:1:1", "1.5:1:1", "9999999:1:1", "9" * 5000 + ":1:1"):
         with pytest.raises(UserError, match="three whole numbers"):
             parse_split(text)
 

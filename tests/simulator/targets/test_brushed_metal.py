@@ -54,14 +54,14 @@ def plate_gltf(path, *, rotation_rad=0.0, tangent=None, uv_turn_rad=None):
     ],
 )
 def test_grain_follows_the_tangents_of_a_model(tmp_path, made, grain):
-    target, _ = import_mesh(plate_gltf(tmp_path / "plate.gltf", **made), "plate", SHEET)
+    target, *_ = import_mesh(plate_gltf(tmp_path / "plate.gltf", **made), "plate", SHEET)
     (steel,) = target.materials
     assert steel.anisotropy == pytest.approx(0.7)
     assert abs(np.dot(steel.grain, grain)) == pytest.approx(1.0, abs=1e-5)
 
 
 def test_brushing_without_a_direction_is_told(tmp_path):
-    target, lines = import_mesh(plate_gltf(tmp_path / "plate.gltf"), "plate", SHEET)
+    target, lines, _ = import_mesh(plate_gltf(tmp_path / "plate.gltf"), "plate", SHEET)
     assert target.materials[0].anisotropy == 0
     assert any("brushing" in line for line in lines)
     with pytest.raises(UserError, match="in no direction"):

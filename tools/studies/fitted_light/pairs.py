@@ -10,8 +10,8 @@ import numpy as np
 
 from flyaround.simulator.compare.image_statistics import (
     EDGE_BLUR_PX,
-    GRADIENT_BINS,
     MAX_GRADIENT_DN,
+    gradient_histogram,
     histogram_distance_dn,
     sobel,
 )
@@ -201,10 +201,7 @@ def _pair(
     hull = np.zeros(on.shape, np.uint8)
     cv2.fillConvexPoly(hull, cv2.convexHull(np.argwhere(on)[:, ::-1].astype(np.int32)), 1)
     photograph = reference.image
-    gradients = [
-        np.histogram(sobel(one)[on], GRADIENT_BINS, (0, MAX_GRADIENT_DN))[0] / on.sum()
-        for one in (photograph, image)
-    ]
+    gradients = [gradient_histogram(sobel(one)[on]) for one in (photograph, image)]
     return FittedPair(
         reference=reference,
         image=image,

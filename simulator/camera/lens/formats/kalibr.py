@@ -92,7 +92,7 @@ def _read_one(keys: Keys, name: str, notes: list[str]) -> CameraFile:
 
 
 def write_kalibr(camera: CameraFile, where: str) -> str:
-    """Write a camchain of one camera.
+    """Return the text of a camchain of one camera.
 
     Raises
     ------

@@ -169,7 +169,7 @@ def _rectified_note(keys: Keys) -> list[str]:
 
 
 def write_opencv(camera: CameraFile, where: str) -> str:  # noqa: ARG001 - a writer's signature
-    """Write OpenCV's FileStorage as YAML."""
+    """Return the text of OpenCV's FileStorage as YAML."""
     fisheye = camera.distortion.model == "kannala_brandt"
     padded = list(camera.distortion.coefficients) or [0.0] * 5
     return (
@@ -187,7 +187,7 @@ def _opencv_matrix(name: str, rows: int, columns: int, data: list[float]) -> str
 
 
 def write_ros(camera: CameraFile, where: str) -> str:  # noqa: ARG001 - a writer's signature
-    """Write ROS's calibration file."""
+    """Return the text of ROS's calibration file."""
     coefficients = list(camera.distortion.coefficients)
     name = (
         "equidistant"

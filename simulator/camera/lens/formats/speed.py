@@ -111,7 +111,7 @@ def _disagreement(keys: Keys, matrix: Matrix, by_length: Matrix | None) -> list[
 
 
 def write_speed(camera: CameraFile, where: str) -> str:
-    """Write SPEED's camera.json.
+    """Return the text of SPEED's camera.json.
 
     Raises
     ------

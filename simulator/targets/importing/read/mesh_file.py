@@ -9,6 +9,7 @@ from flyaround.simulator.errors import UserError
 from flyaround.simulator.runtime.untrusted_files import read_regular
 from flyaround.simulator.targets.glb.read import MAX_FILE_BYTES
 from flyaround.simulator.targets.importing.read.bounded_process import DecoderError, run_decoder
+from flyaround.simulator.targets.importing.read.foreign_process import MISSING
 from flyaround.simulator.targets.importing.read.gltf import read_gltf
 from flyaround.simulator.targets.importing.read.named_files import split_word, text_lines
 from flyaround.simulator.targets.importing.read.obj import read_obj
@@ -136,9 +137,9 @@ def read_foreign(path: Path, kind: str, data: bytes) -> RawModel:
         line, _, glb = run_decoder("foreign_process", [kind, str(path)], data).partition(b"\n")
     except DecoderError as error:
         reason = str(error)
-        if reason.startswith("MISSING"):
+        if reason.startswith(MISSING):
             raise UserError(
-                f"reading {KINDS[kind]} needs more libraries ({reason.removeprefix('MISSING ')}): "
+                f"reading {KINDS[kind]} needs more libraries ({reason.removeprefix(f'{MISSING} ')}): "
                 "pip install 'flyaround[meshes]', or export the model as .glb"
             ) from error
         raise UserError(f"{path} cannot be read as {KINDS[kind]} ({reason}); export it as .glb") from error

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from flyaround.hil.board.svd.region_of_interest import marginal_interval
+from flyaround.hil.board.svd.region_of_interest import cdf_box, crop_of, marginal_interval
 from flyaround.hil.board.svd.segment_merging import merge_segments
 from flyaround.hil.board.svd.weak_gradients import eliminate_weak_gradients, exponential_threshold
 
@@ -24,6 +24,14 @@ def test_weak_gradients_vanish_and_the_outline_stays():
     assert (xs.min(), xs.max(), ys.min(), ys.max()) == pytest.approx((49, 110, 39, 80), abs=2)
     assert not strong[45:75, 56:104].any()
     assert marginal_interval(np.ones(1000), 0.025, 0.975) == pytest.approx((24, 974), abs=1)
+
+
+@pytest.mark.parametrize(("margin", "spare"), [(0.0, 0), (0.5, 1), (1.0, 1)])
+def test_a_region_is_cropped_to_the_pixels_that_it_covers(margin, spare):
+    strong = np.zeros((12, 20), bool)
+    strong[2:5, 4:8] = True
+    rows, columns = crop_of(cdf_box(strong), strong, margin)
+    assert (rows, columns) == (slice(2 - spare, 5 + spare), slice(4 - spare, 8 + spare))
 
 
 def test_broken_and_doubled_segments_become_one_line():

@@ -90,7 +90,7 @@ def test_colours_of_faces_stay_apart(tmp_path):
 def test_a_step_solid_is_meshed_in_its_unit(tmp_path, unit, factor):
     path = tmp_path / "a.stp"
     path.write_text(STEP_BOX.read_text().replace(".MILLI.", f".{unit}."))
-    target, _ = import_mesh(path, "box")
+    target, *_ = import_mesh(path, "box")
     size = np.ptp(np.concatenate([p.positions_m for p in target.parts]), axis=0)
     # Z points up in STEP, as in our files
     assert size == pytest.approx(np.multiply(SIZE_M, factor), rel=1e-5)
@@ -119,6 +119,34 @@ def test_damaged_file_gives_a_one_sentence_error(tmp_path, name, damage):
     assert str(path) in str(told.value)
     assert "Traceback" not in str(told.value)
     assert len(str(told.value)) < 600
+
+
+EMPTY_3MF = (
+    b'<model xmlns="http://schemas.microsoft.com/3dmanufacturing/core/2015/02"><resources/><build/></model>'
+)
+COLLADA = (
+    b'<COLLADA xmlns="http://www.collada.org/2005/11/COLLADASchema" version="1.4.1"><asset>'
+    b"<created>2020-01-01T00:00:00</created><modified>2020-01-01T00:00:00</modified></asset>%s</COLLADA>"
+)
+EMPTY_SCENE = (
+    b'<library_visual_scenes><visual_scene id="s"/></library_visual_scenes>'
+    b'<scene><instance_visual_scene url="#s"/></scene>'
+)
+
+
+@pytest.mark.parametrize(
+    ("name", "content"),
+    [("a.3mf", EMPTY_3MF), ("a.dae", COLLADA % b""), ("a.dae", COLLADA % EMPTY_SCENE)],
+)
+def test_a_file_without_a_mesh_is_refused(tmp_path, name, content):
+    path = tmp_path / name
+    if name == "a.3mf":
+        with zipfile.ZipFile(path, "w") as archive:
+            archive.writestr("3D/3dmodel.model", content)
+    else:
+        path.write_bytes(content)
+    with pytest.raises(UserError, match=r"\(it holds no mesh\); export it as \.glb"):
+        read_mesh(path)
 
 
 def test_error_names_a_file_of_the_wrong_kind(tmp_path):

@@ -83,7 +83,7 @@ def test_wireframe_has_what_shows_and_leaves_out_what_does_not(target):
 
 def test_a_plain_cube_has_its_twelve_edges(tmp_path):
     trimesh.creation.box((1.0, 1.0, 1.0)).export(tmp_path / "cube.stl")
-    cube, _ = import_mesh(tmp_path / "cube.stl", "cube")
+    cube, *_ = import_mesh(tmp_path / "cube.stl", "cube")
     assert len(cube.wireframe) == 12
     assert all(
         np.linalg.norm(np.subtract(e.b_m, e.a_m)) == pytest.approx(1.0) and len(e.normals) == 2
@@ -98,7 +98,7 @@ def test_an_edge_that_fittings_interrupt_is_one(tmp_path):
         for x in (-0.25, 0.25)
     ]
     trimesh.util.concatenate(parts).export(tmp_path / "two.stl")
-    two, _ = import_mesh(tmp_path / "two.stl", "two")
+    two, *_ = import_mesh(tmp_path / "two.stl", "two")
     lengths = sorted((float(np.linalg.norm(np.subtract(e.b_m, e.a_m))) for e in two.wireframe), reverse=True)
     assert lengths[:4] == pytest.approx([0.98] * 4)
 

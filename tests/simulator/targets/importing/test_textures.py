@@ -57,7 +57,7 @@ def test_textures_of_a_glb_stay_where_they_were(tmp_path):
     path = tmp_path / "box.glb"
     maps = {"baseColorTexture": Image.fromarray(PICTURE), "normalTexture": Image.fromarray(PICTURE)}
     path.write_bytes(boxes(**maps, metallicRoughnessTexture=Image.fromarray(PICTURE)).export(file_type="glb"))
-    target, lines = import_mesh(path, "box")
+    target, lines, _ = import_mesh(path, "box")
     seen, expected = colours_at_corners(target, y_up=True)
     assert np.abs(seen - expected).max() <= 4  # a picture element
     (material,) = target.materials
@@ -82,7 +82,7 @@ def test_textures_of_an_obj_stay_where_they_were(tmp_path, ending):
     faces = [f if k % 2 else f[::-1] for k, f in enumerate(mesh.faces + 1)]
     rows += [f"f {a}/{a} {b}/{b} {c}/{c}" for a, b, c in faces]
     (tmp_path / "a.obj").write_text("\n".join(rows))
-    target, lines = import_mesh(tmp_path / "a.obj", "a", ImportOptions())
+    target, lines, _ = import_mesh(tmp_path / "a.obj", "a", ImportOptions())
     seen, expected = colours_at_corners(target, y_up=False)
     assert np.abs(seen - expected).max() <= 4
     assert any("turned 6 faces" in line for line in lines)
@@ -97,7 +97,7 @@ def test_faces_without_coordinates_get_the_mean_colour(tmp_path):
     rows = ["mtllib a.mtl", "usemtl skin", *(f"v {x} {y} {z}" for x, y, z in mesh.vertices)]
     rows += [f"f {a} {b} {c}" for a, b, c in mesh.faces + 1]
     (tmp_path / "a.obj").write_text("\n".join(rows))
-    target, lines = import_mesh(tmp_path / "a.obj", "a")
+    target, lines, _ = import_mesh(tmp_path / "a.obj", "a")
     (material,) = target.materials
     assert (material.name, material.textures, target.pictures) == ("skin-plain", ("", "", ""), ())
     assert material.base_color == pytest.approx((0.4, 0.3, 0.2), abs=0.01)
@@ -112,7 +112,7 @@ def test_reduced_meshes_carry_colours_instead(tmp_path):
     material = trimesh.visual.material.PBRMaterial(name="skin", baseColorTexture=Image.fromarray(half))
     ball.visual = trimesh.visual.TextureVisuals(uv=uv, material=material)
     (tmp_path / "ball.glb").write_bytes(ball.export(file_type="glb"))
-    target, lines = import_mesh(tmp_path / "ball.glb", "ball", ImportOptions(decimate=1000))
+    target, lines, _ = import_mesh(tmp_path / "ball.glb", "ball", ImportOptions(decimate=1000))
     assert target.pictures == ()
     assert all(p.uv is None for p in target.parts)
     assert {tuple(np.round(m.base_color)) for m in target.materials} >= {(1, 0, 0), (0, 0, 1)}
@@ -145,7 +145,7 @@ def test_large_pictures_are_reduced_and_damaged_ones_named(tmp_path):
     path = tmp_path / "box.glb"
     wide = Image.fromarray(np.tile(PICTURE[:16], (1, 80, 1)))
     path.write_bytes(boxes(baseColorTexture=wide).export(file_type="glb"))
-    target, lines = import_mesh(path, "box")
+    target, lines, _ = import_mesh(path, "box")
     assert decode_image(target.pictures[0].data).shape[1] == 4096
     assert any("reduced from 5120 x 16 to 4096 x" in line for line in lines)
     data = bytearray(path.read_bytes())
@@ -153,7 +153,7 @@ def test_large_pictures_are_reduced_and_damaged_ones_named(tmp_path):
     data[at + 1 : at + 4] = b"XXX"
     path.write_bytes(data)
     says = r"texture .* is not a picture that can be read; convert it to PNG"
-    target, lines = import_mesh(path, "box")
+    target, lines, _ = import_mesh(path, "box")
     assert target.pictures == ()
     assert sum(re.search(says, line) is not None for line in lines) == 1
     with pytest.raises(UserError, match=says):
