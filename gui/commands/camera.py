@@ -40,9 +40,7 @@ def _gain(console: Console, light: int, gain: float) -> None:
 
 COMMANDS = (
     command(
-        "camera.use",
-        _use,
-        arguments=(Argument("camera", "word", "name of the camera", (SCENARIO, *list_cameras())),),
+        "camera.use", _use, arguments=(word("camera", "name of the camera", (SCENARIO, *list_cameras())),)
     ),
     command(
         "sensor.set",
