@@ -296,7 +296,7 @@ class Console:
     def steer(self, name: str, *arguments: Value) -> None:
         """Run the command of a key or gamepad; flight commands run only while hand control is armed."""
         if self.table[name].flies and not self.hand.armed:
-            self.say(UNARMED)
+            self.say(f"{self.table[name].title}: {UNARMED}")
         else:
             self.do(name, *arguments)
 

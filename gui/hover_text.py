@@ -22,7 +22,9 @@ def item_tip(imgui: Any, text: str) -> None:  # noqa: ANN401 - a foreign module
     if imgui.is_popup_open("", imgui.PopupFlags_.any_popup):
         imgui.set_next_window_pos(imgui.ImVec2(high.x + imgui.get_font_size(), low.y))
     elif low.y > 0.85 * imgui.get_main_viewport().size.y:
-        imgui.set_next_window_pos(imgui.ImVec2(low.x, low.y - 4), pivot=imgui.ImVec2(0, 1))
+        # the pivot keeps the text within both sides of the window
+        across = low.x / imgui.get_main_viewport().size.x
+        imgui.set_next_window_pos(imgui.ImVec2(low.x, low.y - 4), pivot=imgui.ImVec2(across, 1))
     _show(imgui, text)
 
 

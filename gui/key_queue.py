@@ -11,6 +11,9 @@ if TYPE_CHECKING:
 REST_FRAMES = 3
 """Frames without delivery after a key with Ctrl, Escape or Enter, in which the window draws its effect."""
 
+PRINTABLE = range(32, 97)
+"""Glfw's keys of characters."""
+
 
 class Event(NamedTuple):
     """A key or letter event that waits for a frame.
@@ -56,6 +59,9 @@ class KeyQueue:
     urgent : callable, optional
         Predicate for keys whose press overtakes the queue. It discards earlier presses, but never overtakes a key
         that may begin or end text input.
+    typing : callable, optional
+        Predicate for a field that takes text. Its characters arrive as letters, so presses of printable keys are
+        dropped, and a line of text needs one frame instead of one per character.
     """
 
     def __init__(
@@ -68,10 +74,11 @@ class KeyQueue:
         ctrl: int,
         turns: Iterable[int],
         urgent: Callable[[int], bool] = lambda _key: False,
+        typing: Callable[[], bool] = lambda: False,
     ) -> None:
         self._on_key, self._on_letter = on_key, on_letter
         self._pressed, self._released, self._ctrl = pressed, released, ctrl
-        self._turns, self._urgent = frozenset(turns), urgent
+        self._turns, self._urgent, self._typing = frozenset(turns), urgent, typing
         self._events: deque[Event] = deque()
         self._rest = 0
 
@@ -115,13 +122,15 @@ class KeyQueue:
         typed = False
         while self._events:
             event = self._events[0]
+            printable = not event.turns and event.key in PRINTABLE and self._typing()
             if event.key in keys_seen or (typed and event.turns):
                 return
             self._events.popleft()
-            event.take()
+            if not (printable and event.pressed):
+                event.take()
             if event.key is None:
                 typed = True
-            else:
+            elif not printable:
                 keys_seen.add(event.key)
             if event.turns:
                 self._rest = REST_FRAMES

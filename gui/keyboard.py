@@ -75,6 +75,7 @@ class Keyboard(Keys):
             ctrl=glfw.MOD_CONTROL,
             turns=(glfw.KEY_ESCAPE, glfw.KEY_ENTER, glfw.KEY_KP_ENTER),
             urgent=lambda key: key in self._urgent and not self.typing,
+            typing=lambda: self.typing,
         )
 
     @property

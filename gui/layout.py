@@ -108,6 +108,7 @@ def panel_commands() -> tuple[Command, ...]:
 
     def preset(name: str, console: Console) -> None:
         console.window.preset = console.window.layout = name
+        console.options.overlays.docking &= name == "dock"
 
     layouts = tuple(
         Command(

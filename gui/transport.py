@@ -146,7 +146,7 @@ class JobStrip:
     def draw(self, console: Console) -> None:
         """Draw into the current side bar."""
         w, imgui = self._w, self._w.imgui
-        jobs = {job.end or job.text: job for job in running_jobs(console.jobs)}
+        jobs = {job.end or job.text.partition(",")[0]: job for job in running_jobs(console.jobs)}
         self._columns = {name: column for name, column in self._columns.items() if name in jobs}
         left, width = imgui.get_cursor_pos_x(), w.width / JOB_COLUMNS
         imgui.align_text_to_frame_padding()

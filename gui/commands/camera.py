@@ -26,7 +26,8 @@ def _set(console: Console, name: str, value: float) -> None:
 
 
 def _reset(console: Console) -> None:
-    console.options.settings.sensor_changes = {}
+    settings = console.options.settings
+    settings.sensor_changes, settings.camera, settings.noise = {}, None, True
 
 
 def _gain(console: Console, light: int, gain: float) -> None:
@@ -39,9 +40,7 @@ def _gain(console: Console, light: int, gain: float) -> None:
 
 COMMANDS = (
     command(
-        "camera.use",
-        _use,
-        arguments=(Argument("camera", "word", "name of the camera", (SCENARIO, *list_cameras())),),
+        "camera.use", _use, arguments=(word("camera", "name of the camera", (SCENARIO, *list_cameras())),)
     ),
     command(
         "sensor.set",

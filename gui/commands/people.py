@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 FOLDER = Path("out") / "console"
 LEAST_SCALE, MOST_SCALE, SCALE_STEP = 0.6, 2.5, 0.1  # limits and step of the font scale
 TOUR_STEPS = 6
+PANEL = (word("panel", "its name; left out: under the mouse", optional=True),)
 
 
 def _font_scale(console: Console, scale: float) -> None:
@@ -102,18 +103,8 @@ COMMANDS = (
     ),
     command("window.larger-text", partial(_step_font_scale, SCALE_STEP), ("ctrl+equal",)),
     command("window.smaller-text", partial(_step_font_scale, -SCALE_STEP), ("ctrl+minus",)),
-    command(
-        "window.enlarge",
-        _enlarge,
-        ("ctrl+m",),
-        arguments=(word("panel", "its name; left out: under the mouse", optional=True),),
-    ),
-    command(
-        "help.panel",
-        _help,
-        ("slash",),
-        arguments=(word("panel", "its name; left out: under the mouse", optional=True),),
-    ),
+    command("window.enlarge", _enlarge, ("ctrl+m",), arguments=PANEL),
+    command("help.panel", _help, ("slash",), arguments=PANEL),
     command("help.tour", _tour),
     command("help.tour-next", lambda console: _tour_step(console, 1)),
     command("help.tour-back", lambda console: _tour_step(console, -1)),

@@ -50,13 +50,13 @@ def _fly_on(console: Console) -> None:
         raise UserError("this is the end of what was flown: Space flies on")
     session.look_back.fly_on()
     session.clock.paused = False
-    console.say(f"flies on from {clock(session.t_s)}; timeline.other-future brings the other future back")
+    console.say(f"flies on from {clock(session.t_s)}; Swap future brings the other future back")
 
 
 def _other_future(console: Console) -> None:
     console.session.clock.paused = True
     parts_s = console.session.look_back.swap_future()
-    console.say(f"the other future is back; the two part at {clock(parts_s)}")
+    console.say(f"the other future is back; it branches off at {clock(parts_s)}")
 
 
 def _bookmark(console: Console, note: str = "") -> None:
@@ -122,19 +122,14 @@ def _keep(
 
 
 def _dataset(console: Console, frames: int = FRAMES) -> None:
-    def capture(console: Console, replay: str) -> None:
-        console.open_panel("capture", shown=True)
-        console.do("capture.start", frames, replay)
-
-    _keep(console, then=capture)
+    _keep(console, then=lambda console, replay: console.do("capture.start", frames, replay))
+    # at once: a panel that opens later would catch a click meant for another one
+    console.open_panel("capture", shown=True)
 
 
 def _hil(console: Console) -> None:
-    def fly(console: Console, replay: str) -> None:
-        console.do("scenario.open", replay)
-        console.open_panel("board-link", shown=True)
-
-    _keep(console, then=fly)
+    _keep(console, then=lambda console, replay: console.do("scenario.open", replay))
+    console.open_panel("board-link", shown=True)
 
 
 def clock(t_s: float) -> str:

@@ -150,5 +150,5 @@ def running_jobs(jobs: Jobs) -> list[RunningJob]:
         rows.append(RunningJob(text, None, "hil.stop"))
     if jobs.mesh is not None:
         rows.append(RunningJob(f"importing {jobs.mesh.name}"))
-    rows += [RunningJob("writing the flight", keep.files.share) for keep in jobs.keeping[:1]]
+    rows += [RunningJob(f"writing the flight, {k.files.share:.0%}", k.files.share) for k in jobs.keeping[:1]]
     return rows

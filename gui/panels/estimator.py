@@ -97,7 +97,7 @@ class EstimatorPanel(Panel):
             share = 100 * e.E_T_m / max(e.range_m, 1e-9)
             w.row("of range", (share,), "{:.2f} %", "position error over the range")
         w.row("Took", (e.took_ms,), "{:.0f} ms", "all stages; making the estimator is not counted")
-        w.row("Picture", e.size_px, "{:d}", "pixels of the picture that it was given")
+        w.row("Picture", e.size_px, "{:d} px", "pixels of the picture that it was given")
         if answer.network:
             tip = "own: trained for this craft by flyaround train; shipped: comes with Flyaround; none: edges alone"
             w.text(

@@ -40,6 +40,8 @@ class KeyList(Panel):
             if matching:
                 w.section(group.capitalize())
                 command_rows(w, console, matching)
+        if not any(matches(c, self._query) for c in console.table):
+            w.text(f"no command has {self._query!r}", style.QUIET)
 
 
 def command_rows(w: Widgets, console: Console, commands: Iterable[Command]) -> None:
@@ -89,6 +91,8 @@ class Palette(Panel):
         w.tip("a command and its arguments, as a script has them; Enter does it, or the first one below")
         name, _, rest = self._line.strip().partition(" ")
         matching = [c for c in console.table if not c.held and matches(c, name)][: self.rows]
+        if not matching:
+            w.text(f"no command has {name!r}", style.QUIET)
         command_name = None
         for c in matching:
             if imgui.selectable(w.elided(f"{c.form}   {c.help}", w.width), False)[0]:

@@ -36,11 +36,14 @@ class ScenarioChooser(Panel):
         """Draw into the current panel."""
         w, imgui = self._w, self._w.imgui
         imgui.set_next_item_width(-1)
-        _, self._query = imgui.input_text_with_hint("##find", "find, or the path of a TOML file", self._query)
+        flags, hint = imgui.InputTextFlags_.enter_returns_true, "find, or the path of a TOML file"
+        entered, self._query = imgui.input_text_with_hint("##find", hint, self._query, flags)
         w.tip("a few letters of a scenario's name or title; a path that ends in .toml is a file to be flown")
         query = self._query.strip()
         if query.endswith(".toml"):
             w.button(console, "scenario.open", query, label="Open this file", width=w.width)
+            if entered:
+                console.do("scenario.open", query)
         if not self._cards:
             self._cards = [(name, *_card(name)) for name in list_scenarios()]
         words = [] if query.endswith(".toml") else query.lower().split()

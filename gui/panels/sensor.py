@@ -57,7 +57,7 @@ class SensorPanel(Panel):
             "preset of the sensor, and bits of its numbers",
         )
         w.switch(console, "picture.noise")
-        if settings.sensor_changes:
+        if settings.sensor_changes or settings.camera or not settings.noise:
             w.button(console, "sensor.reset", width=w.width)
         for term in terms_of(sensor):
             self._term(console, term)

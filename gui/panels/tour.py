@@ -59,15 +59,15 @@ STEPS = (
         "lvlh-map",
     ),
     TourStep(
-        "Let the autopilot dock",
-        "Dock, at the top right, opens what to watch. Press B: it flies to the port. Del, or ABORT twice, retreats.",
-        frozenset({"docking.approach"}),
+        "Estimate the pose",
+        "With the target in view: Estimate, at the top right, then Estimate in the panel. The view shows the pose.",
+        frozenset({"estimator.run"}),
         "camera",
     ),
     TourStep(
-        "Estimate the pose",
-        "Estimate, at the top right, then Estimate in the panel: the pose from the picture alone, drawn over the view.",
-        frozenset({"estimator.run"}),
+        "Let the autopilot dock",
+        "Dock, at the top right, opens what to watch. Press B: it flies to the port. Del, or ABORT twice, retreats.",
+        frozenset({"docking.approach"}),
         "camera",
     ),
     TourStep(
@@ -88,6 +88,8 @@ class TourPanel(Panel):
         """Draw into the current panel."""
         w, imgui = self._w, self._w.imgui
         done_by = {line.name for line in console.log.lines[-MOST_LINES:]}
+        posed = any(e.E_R_deg is not None for e in console.jobs.estimates.history)
+        done_by -= set() if posed else {"estimator.run"}
         step = console.help.tour_step
         if step < len(STEPS) and STEPS[step].commands & done_by:
             console.help.tour_step = step = step + 1

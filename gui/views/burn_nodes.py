@@ -97,12 +97,11 @@ class BurnNodes:
         label_positions: list[Point] = []
         for burn, node in zip(burns, path.nodes_lvlh_m, strict=False):
             at = point(port.at(node))
-            canvas.arrow(at, handle(at, burn, port.plane), COLOUR, 1.8)
-            canvas.dot(handle(at, burn, port.plane), 3.5, style.INK)
+            tip = handle(at, burn, port.plane)
+            canvas.arrow(at, tip, COLOUR, 1.8)
+            canvas.dot(tip, 3.5, style.INK)
             canvas.diamond(at, 5.0, COLOUR)
-            self._write(
-                canvas, port, handle(at, burn, port.plane), f"{burn.size_m_s:.3f} m/s", label_positions
-            )
+            self._write(canvas, port, tip, f"{burn.size_m_s:.3f} m/s", label_positions)
 
     @staticmethod
     def _write(canvas: Canvas, port: MapPort, tip: Point, text: str, taken_places: list[Point]) -> None:
@@ -112,9 +111,8 @@ class BurnNodes:
         # below the handle, because chaser and boresight lie along the path
         at = (min(tip[0] + 4, x + w - width - 4), min(max(tip[1] + 8, y), y + h - height))
         if all(abs(at[0] - a) > width or abs(at[1] - b) > height for a, b in taken_places):
-            canvas.label(
-                at, text, style.INK, "size of the burn; drag its handle for that, its node for the time"
-            )
+            about = "size of the burn; drag its handle for that, its node for the time"
+            canvas.label(at, text, style.INK, about)
             taken_places.append(at)
 
     @property

@@ -76,7 +76,7 @@ class LvlhMap(Panel):
         world = session.craft.world
         frame = session.flight.lvlh(session.t_s)
         here = np.array(world.position_lvlh_m)
-        trail = np.vstack([*session.look_back.trail.points, here])
+        trail = session.look_back.path(world)
         if look.fitted:
             first = ports(rect, look)[0].rect
             # keep a line of text free above and below

@@ -79,7 +79,7 @@ class OrbitCameraView(Panel):
     def _marks_for(self, console: Console, picture: Picture) -> ChaserMarks:
         if self._marks is None or self._marks_of is not picture:
             session, world = console.session, picture.state.world
-            trail = np.vstack([*session.look_back.trail.points[-4000:], world.position_lvlh_m])
+            trail = session.look_back.path(world)
             trail = trail[:: max(1, len(trail) // TRAIL_POINTS)]
             frame = session.flight.lvlh(world.t_s)
             camera = session.plan.camera

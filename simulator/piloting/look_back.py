@@ -7,6 +7,7 @@ flight from the time shown and discards the later part.
 from __future__ import annotations
 
 import pickle
+from bisect import bisect_left
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -21,7 +22,9 @@ if TYPE_CHECKING:
     from flyaround.simulator.piloting.clock import FlightClock
     from flyaround.simulator.piloting.piloted_craft import PilotedCraft
     from flyaround.simulator.piloting.recorder import FlightRecorder
+    from flyaround.simulator.runtime.arrays import FloatArray
     from flyaround.simulator.world.flight.flight import Flight
+    from flyaround.simulator.world.flight.world_state import WorldState
     from flyaround.simulator.world.guidance.manual_control import ChaserState
 
 # Maximum number of points of the trail, and their interval [s]; a longer trail is thinned.
@@ -59,6 +62,7 @@ class LookBack:
     def record(self) -> None:
         """Record the state before a step, if it is due."""
         self.keep()
+        self.leave_trail()
         recorder = self.recorder
         if recorder is not None and recorder.is_due(self._craft.t_s):
             recorder.add(self._craft.world)
@@ -74,6 +78,12 @@ class LookBack:
         craft = self._craft
         if self.trail.is_due(craft.t_s):
             self.trail.add(craft.t_s, lvlh_position(craft.flight, craft.chaser))
+
+    def path(self, world: WorldState) -> FloatArray:
+        """Return the flown path (n, 3) to a state, or all of it while an earlier time is shown, LVLH [m]."""
+        return np.array(
+            self.trail.points if self.active else [*self.trail.until(world.t_s), world.position_lvlh_m]
+        )
 
     # --- earlier times
 
@@ -188,6 +198,10 @@ class Trail:
         if len(self.points) > MAX_TRAIL_POINTS:
             self.points, self._times_s = self.points[::2], self._times_s[::2]
             self._every_s *= 2
+
+    def until(self, t_s: float) -> list[Vec3]:
+        """Return the positions before a time."""
+        return self.points[: bisect_left(self._times_s, t_s)]
 
     def cut(self, t_s: float) -> None:
         """Remove all later positions; an empty trail starts at full density."""

@@ -232,11 +232,8 @@ class FlightSession:
             self.look_back.step(1)
             return
         end = self.t_s + FRAME_STEP_S * self.clock.rate
-        try:
-            while self.t_s < end - 1e-9 * self.clock.rate:
-                self._fly(min(self._step_s(), end - self.t_s))
-        finally:
-            self.look_back.leave_trail()
+        while self.t_s < end - 1e-9 * self.clock.rate:
+            self._fly(min(self._step_s(), end - self.t_s))
 
     def restart(self) -> None:
         """Return to the start, under guidance; pause and rate are kept."""
@@ -247,15 +244,8 @@ class FlightSession:
         self._cautions = CautionWatch()
 
     def _run(self) -> None:
-        n_steps = False
-        try:
-            while not self.clock.paused and self.clock.consume(h := self._step_s()):
-                self._fly(h)
-                n_steps = True
-        finally:
-            # also if the flight cannot continue, so that its last state is shown
-            if n_steps:
-                self.look_back.leave_trail()
+        while not self.clock.paused and self.clock.consume(h := self._step_s()):
+            self._fly(h)
 
     def _note_eclipse(self) -> None:
         """Extend the eclipse that the target is in, or add a new one."""

@@ -9,10 +9,12 @@ import pytest
 from flyaround.gui.app import command_table
 from flyaround.gui.command_table import Argument, Command, CommandTable, _texts, line_of
 from flyaround.gui.console import LONGEST_TICK_MS, MODIFIERS, STEERING
+from flyaround.gui.jobs.all import running_jobs
 from flyaround.gui.panels.all import PANELS
 from flyaround.gui.panels.help import GROUPS
 from flyaround.gui.panels.key_list import matches
 from flyaround.gui.script import LARGEST_BYTES, Script
+from flyaround.simulator.camera.lens.files import list_cameras
 from flyaround.simulator.errors import UserError
 from tests.harness.flown_console import console_flying
 
@@ -239,11 +241,62 @@ def test_keys_fly_only_while_hand_control_is_armed(table: CommandTable) -> None:
     console.press([stop])
     assert console.session.craft.mode == "guidance"
     assert [m.text for m in console.messages] == [
-        "keys, mouse and gamepad do not fly: arm hand control first (Ctrl+H or Insert)"
+        "keys, mouse and gamepad do not fly: arm hand control first (Ctrl+H or Insert)",
+        "Stop: keys, mouse and gamepad do not fly: arm hand control first (Ctrl+H or Insert)",
     ]
     console.do("steer.arm", True)
     console.press([stop])
     assert console.session.craft.mode == "steer"
+
+
+def test_restart_says_how_the_flight_comes_back() -> None:
+    console = console_flying("tango-space-10m")
+    for _ in range(10):
+        console.pass_time(200)
+    flown_s = console.session.t_s
+    console.do("time.restart")
+    assert console.session.t_s == 0.0
+    assert "Swap future" in console.messages[-1].text
+    console.do("timeline.other-future")
+    assert console.session.look_back.timeline.end_s == pytest.approx(flown_s)
+
+
+def test_the_panel_of_a_data_set_opens_with_the_click_and_not_when_the_flight_is_written(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    console = console_flying("tango-space-10m")
+    for _ in range(10):
+        console.pass_time(200)
+    console.do("timeline.dataset", 1)
+    assert console.shown["capture"]
+    assert running_jobs(console.jobs)[-1].text.startswith("writing the flight, 0%")
+    console.window.front = ""
+    console.table = CommandTable(c for c in console.table if c.name != "capture.start")
+    while console.jobs.keeping:
+        console.pass_time(50)
+    assert "there is no command 'capture.start'" in console.messages[-1].text
+    assert console.window.front == ""
+
+
+def test_reset_sensor_takes_back_camera_and_noise_too(table: CommandTable) -> None:
+    console = console_flying(table=table)
+    settings = console.options.settings
+    console.do("camera.use", list_cameras()[0])
+    console.do("picture.noise", False)
+    console.do("sensor.set", "gaussian_variance", 0.003)
+    assert settings.camera is not None
+    console.do("sensor.reset")
+    assert (settings.camera, settings.noise, settings.sensor_changes) == (None, True, {})
+
+
+def test_another_layout_than_dock_closes_the_docking_display(table: CommandTable) -> None:
+    console = console_flying(table=table)
+    console.options.overlays.docking = True
+    console.do("layout.dock")
+    assert console.options.overlays.docking
+    console.do("layout.fly")
+    assert not console.options.overlays.docking
 
 
 def test_the_end_of_a_jump_is_told_once() -> None:

@@ -188,3 +188,19 @@ def test_the_mouse_over_a_control_and_over_a_place_shows_it(
     assert rest(60.0, 60.0) == {"the button"}
     assert rest(60.0, 160.0) == {"the figure"}
     assert rest(60.0, 260.0) == set()
+
+
+@pytest.mark.parametrize("left", [20.0, 640.0, 1200.0])
+def test_a_text_above_the_strip_stays_within_the_window(window: HeadlessWindow, left: float) -> None:
+    imgui, io = window.plain, window.plain.get_io()
+    for _ in range(4):
+        io.add_mouse_pos_event(left + 10.0, 760.0)
+        with window.panel("strip", *window.size):
+            imgui.set_cursor_screen_pos(imgui.ImVec2(left, 750.0))
+            imgui.button("HAND: OFF", imgui.ImVec2(60.0, 20.0))
+            hover_text.item_tip(window.imgui, "a text that is wider than what is left of the window " * 3)
+    tip = imgui.internal.find_window_by_name("##Tooltip_00")
+    assert tip.size.x > 100.0
+    assert tip.pos.x >= 0.0
+    assert tip.pos.x + tip.size.x <= window.size[0]
+    assert tip.pos.y + tip.size.y <= 750.0

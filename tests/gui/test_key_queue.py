@@ -5,7 +5,7 @@ from flyaround.gui.key_queue import REST_FRAMES, KeyQueue
 CTRL, PRESS, RELEASE, REPEAT, ESCAPE, ENTER, DELETE = 2, 1, 0, 2, 256, 257, 261
 
 
-def queue_of(taken):
+def queue_of(taken, *, typing=False):
     """A queue that notes keys with what was done to them, and letters."""
     return KeyQueue(
         lambda _, key, __, action, ___: taken.append((key, action)),
@@ -15,6 +15,7 @@ def queue_of(taken):
         ctrl=CTRL,
         turns=(ESCAPE, ENTER),
         urgent=lambda key: key == DELETE,
+        typing=lambda: typing,
     )
 
 
@@ -103,3 +104,26 @@ def test_an_urgent_key_waits_for_what_ends_a_line_of_text():
     while queue:
         queue.deliver()
     assert taken[-1] == (DELETE, PRESS)
+
+
+def test_a_line_of_text_needs_one_frame_and_no_key_of_it_is_taken():
+    taken = []
+    queue = queue_of(taken, typing=True)
+    for c in "tcp://nowhere":
+        queue.key(None, ord(c.upper()), 0, PRESS, 0)
+        queue.letter(None, ord(c))
+        queue.key(None, ord(c.upper()), 0, RELEASE, 0)
+    queue.key(None, ENTER, 0, PRESS, 0)
+    queue.deliver()
+    assert "".join(e for e in taken if isinstance(e, str)) == "tcp://nowhere"
+    assert not [e for e in taken if isinstance(e, tuple) and e[1] == PRESS]
+    queue.deliver()
+    assert taken[-1] == (ENTER, PRESS)
+
+
+def test_a_key_held_since_before_the_field_is_released():
+    taken = []
+    queue = queue_of(taken, typing=True)
+    queue.key(None, 87, 0, RELEASE, 0)
+    queue.deliver()
+    assert taken == [(87, RELEASE)]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pytest
 
+from flyaround.gui.jobs.estimates import ComparedEstimate
 from flyaround.gui.panels.tour import STEPS, TourPanel
 from tests.harness.flown_console import console_flying
 from tests.harness.headless_imgui import HeadlessWindow
@@ -40,6 +41,26 @@ def test_a_step_is_done_when_its_command_was(tour):
     for _ in STEPS:
         console.do("help.tour-next")
     assert turn() == len(STEPS)
+
+
+def test_the_estimate_is_done_by_a_pose_and_not_by_the_button(tour):
+    console, turn = tour
+    console.help.tour_step = next(k for k, s in enumerate(STEPS) if "estimator.run" in s.commands)
+    estimating = console.help.tour_step
+    console.do("estimator.run", True)
+    assert turn() == estimating
+    answer = {
+        "method": "hybrid",
+        "t_s": 0.0,
+        "done_s": 0.0,
+        "answer": None,
+        "range_m": 10.0,
+        "size_px": (480, 300),
+    }
+    console.jobs.estimates.history.append(ComparedEstimate(**answer, E_R_deg=None, E_T_m=None))
+    assert turn() == estimating
+    console.jobs.estimates.history.append(ComparedEstimate(**answer, E_R_deg=0.4, E_T_m=0.01))
+    assert turn() == estimating + 1
 
 
 def test_every_step_names_commands_that_there_are(tour):

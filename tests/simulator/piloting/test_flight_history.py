@@ -8,7 +8,7 @@ import pytest
 
 from flyaround.simulator.errors import UserError
 from flyaround.simulator.piloting.flight_history import MAX_BOOKMARKS, SAMPLE_INTERVAL_S, Timeline
-from flyaround.simulator.piloting.orders import Stop
+from flyaround.simulator.piloting.orders import PilotCommand, Stop
 from flyaround.simulator.piloting.recorder import FlightRecorder
 from flyaround.simulator.piloting.session import FlightSession
 from flyaround.simulator.scenario.load import load_scenario
@@ -89,6 +89,31 @@ def test_playing_shows_what_was_flown_and_stops_at_its_end(session):
     assert session.clock.paused
     assert not session.look_back.active
     assert session.scene() == end
+
+
+@pytest.mark.parametrize("rate", [1.0, 100.0])
+def test_the_path_has_no_gap_at_any_rate_nor_while_looking_back(session, rate):
+    session.clock.set_rate(rate)
+    for _ in range(4):
+        session.step(PilotCommand(), 0.5)
+    live = session.look_back.path(session.craft.world)
+    assert live[-1] == pytest.approx(session.craft.world.position_lvlh_m)
+    longest_m = np.linalg.norm(np.diff(live, axis=0), axis=1).max()
+    # a turn of the window takes up to 50 s of flight, 15 m
+    assert longest_m < 1.0
+    session.look_back.seek(0.5 * session.t_s)
+    past = session.look_back.path(session.craft.world)
+    assert len(past) >= len(live) - 1
+    assert np.linalg.norm(np.diff(past, axis=0), axis=1).max() <= longest_m
+
+
+def test_the_path_ends_at_the_state_of_an_earlier_picture(session):
+    fly(session, 2.0)
+    pictured = session.craft.world
+    fly(session, 2.0)
+    path = session.look_back.path(pictured)
+    assert path[-1] == pytest.approx(pictured.position_lvlh_m)
+    assert len(path) < len(session.look_back.trail.points)
 
 
 def test_steering_flies_on_from_the_place_and_the_old_future_comes_back(session):

@@ -1,0 +1,69 @@
+"""Fields of panels: Enter does what the button beside it does, and a search that finds nothing says so."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import pytest
+
+from flyaround.gui.console import Console
+from flyaround.gui.panels.key_list import KeyList, Palette
+from flyaround.gui.panels.scenarios import ScenarioChooser
+from flyaround.gui.widgets import Panel
+from tests.harness.flown_console import console_flying
+from tests.harness.headless_imgui import HeadlessWindow
+
+
+@pytest.fixture(scope="module")
+def console() -> Iterator[Console]:
+    console = console_flying("tango-space-10m")
+    yield console
+    console.close()
+
+
+def type_into(panel: Panel, field: str, text: str, window: HeadlessWindow, console: Console) -> set[str]:
+    """Click a field, type a text and Enter; return the texts that were on the panel before Enter."""
+    io, enter = window.plain.get_io(), window.plain.Key.enter
+
+    def turn() -> None:
+        window.noted.clear()
+        with window.panel("pressed", 420.0, 780.0):
+            panel.draw(console)
+
+    window.press(field, lambda: panel.draw(console))
+    io.add_input_characters_utf8(text)
+    for _ in range(3):
+        turn()
+    texts = {n.label for n in window.noted if n.what == "text"}
+    for down in (True, False):
+        io.add_key_event(enter, down)
+        turn()
+    return texts
+
+
+@pytest.fixture
+def window() -> Iterator[HeadlessWindow]:
+    window = HeadlessWindow()
+    yield window
+    window.close()
+
+
+def test_enter_opens_the_file_whose_path_was_typed(window: HeadlessWindow, console: Console) -> None:
+    type_into(ScenarioChooser(window), "##find", "/nowhere/mine.toml", window, console)
+    opened = [line.arguments for line in console.log.lines if line.name == "scenario.open"]
+    assert opened == [("/nowhere/mine.toml",)]
+
+
+def test_enter_after_words_opens_nothing(window: HeadlessWindow, console: Console) -> None:
+    before = len(console.log.lines)
+    type_into(ScenarioChooser(window), "##find", "tango", window, console)
+    assert len(console.log.lines) == before
+
+
+@pytest.mark.parametrize(("kind", "field"), [(KeyList, "##find"), (Palette, "##line")])
+@pytest.mark.parametrize(("words", "empty"), [("lampion", True), ("light", False)])
+def test_a_search_that_finds_no_command_says_so(
+    window: HeadlessWindow, console: Console, kind: type[Panel], field: str, words: str, *, empty: bool
+) -> None:
+    texts = type_into(kind(window), field, words, window, console)
+    assert (f"no command has '{words}'" in texts) is empty
