@@ -42,7 +42,7 @@ class EstimatorPanel(Panel):
         label = "Stop estimating" if estimates.on else "Estimate"
         fill = None if estimates.on else style.PRIMARY
         w.button(console, "estimator.run", label=label, width=w.width, on=estimates.on, fill=fill)
-        colour = style.GOOD if estimates.on else style.QUIET
+        colour = style.GOOD if estimates.on else style.BAD if estimates.refusal else style.QUIET
         w.text(estimates.doing, colour, "what it is at, and estimates a second")
         self._choose(console)
         newest = estimates.newest
