@@ -42,9 +42,12 @@ class EstimatorPanel(Panel):
         label = "Stop estimating" if estimates.on else "Estimate"
         fill = None if estimates.on else style.PRIMARY
         w.button(console, "estimator.run", label=label, width=w.width, on=estimates.on, fill=fill)
+        self._choose(console)
+        w.switch(console, "estimator.stages")
+        w.button(console, "estimator.forget")
+        # below the controls, which must not move when a result comes
         colour = style.GOOD if estimates.on else style.BAD if estimates.refusal else style.QUIET
         w.text(estimates.doing, colour, "what it is at, and estimates a second")
-        self._choose(console)
         newest = estimates.newest
         if newest is None:
             w.text(
@@ -56,13 +59,11 @@ class EstimatorPanel(Panel):
             self._figures(newest)
         w.section("Over the flight")
         self._plots(estimates)
-        w.button(console, "estimator.forget")
-        w.section("Stages")
-        w.switch(console, "estimator.stages")
         if newest is not None and newest.answer.stages:
+            w.section("Stages")
             self._stages(newest)
         elif estimates.with_stages:
-            w.text("with the next estimate", style.QUIET)
+            w.text("stages: with the next estimate", style.QUIET)
 
     def _choose(self, console: Console) -> None:
         w, imgui, estimates = self._w, self._w.imgui, console.jobs.estimates

@@ -7,6 +7,8 @@ from collections.abc import Iterator
 import pytest
 
 from flyaround.gui.console import Console
+from flyaround.gui.jobs.estimates import ComparedEstimate
+from flyaround.gui.jobs.estimator_process import Answer
 from flyaround.gui.panels.estimator import EstimatorPanel
 from flyaround.simulator.errors import UserError
 from tests.harness.flown_console import console_flying
@@ -51,3 +53,29 @@ def test_the_reason_why_it_is_off_stands_in_the_panel(
     draw(window, console)
     assert not estimates.on
     assert "the estimator cannot be made: x.npz is no network" in [n.label for n in window.noted]
+
+
+def test_a_result_moves_no_control(window: HeadlessWindow, console: Console) -> None:
+    before = draw(window, console)
+    assert "Stages as pictures" in str(before)
+    answer = Answer(
+        accepted=False,
+        reason="no edges",
+        q_camera_from_target_wxyz=None,
+        t_camera_from_target_m=None,
+        confidence=0.1,
+        stages_ms={"propose": 40.0},
+        counts={},
+    )
+    console.jobs.estimates.newest = ComparedEstimate(
+        method="hybrid",
+        t_s=1.0,
+        done_s=1.0,
+        answer=answer,
+        range_m=10.0,
+        E_R_deg=None,
+        E_T_m=None,
+        size_px=(960, 600),
+    )
+    console.jobs.estimates.history.append(console.jobs.estimates.newest)
+    assert draw(window, console) == before
