@@ -33,8 +33,11 @@ class DockingPanel(Panel):
         w, session = self._w, console.session
         docking = session.craft.docking
         text, colour = status(console)
-        w.text(text, colour, "what flies, and what it waits for")
+        # one line, because buttons stand below it
+        w.one_line(w.elided(text, w.width), colour)
+        w.tip(f"{text}\nwhat flies, and what it waits for")
         w.buttons(console, ("docking.approach", "docking.go", "docking.no-go"), 3)
+        w.button(console, "time.next-hold-point", width=w.width)
         w.switch(console, "overlay.docking", "Display over the view")
         figures = docking.figures(session.craft.chaser, session.flight)
         w.section(docking.port.name.capitalize())
@@ -85,7 +88,6 @@ class DockingPanel(Panel):
         if following is not None:
             for why in session.craft.docking.not_ready(session.craft.chaser, session.flight):
                 w.text(f"not yet: {why}", style.QUIET, "why go would be refused now")
-        w.button(console, "time.next-hold-point", width=w.width)
 
     def _contacts(self, console: Console) -> None:
         w = self._w
