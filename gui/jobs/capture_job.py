@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 import tempfile
@@ -200,28 +201,17 @@ def check_folder(request: CaptureRequest) -> None:
 
 def pictures_in(folder: Path) -> list[str]:
     """Return the names of the written pictures in order; those of all data sets, for a recipe of several."""
-    places = [folder, *(p for p in _folders(folder) if (p / "images").is_dir())]
-    names = []
-    for place in places:
-        try:
-            with os.scandir(place / "images") as entries:
-                inside = (place / "images").relative_to(folder)
-                # layers have a second suffix: 000000.mask.png
-                names += [
-                    str(inside / e.name) for e in entries if e.name.endswith(".png") and e.name.count(".") < 2
-                ]
-        except OSError:
-            continue
-    return sorted(names)
-
-
-def _folders(folder: Path) -> list[Path]:
+    names, others = [], {"images", "second", "quarantine"}
     try:
-        return [
-            p for p in folder.iterdir() if p.is_dir() and p.name not in {"images", "second", "quarantine"}
-        ]
+        places = ["images", *(f"{p.name}/images" for p in folder.iterdir() if p.name not in others)]
     except OSError:
         return []
+    for place in places:
+        with contextlib.suppress(OSError), os.scandir(folder / place) as entries:
+            # layers have a second suffix: 000000.mask.png
+            pictures = (e.name for e in entries if e.name.endswith(".png") and e.name.count(".") < 2)
+            names += [f"{place}/{name}" for name in pictures]
+    return sorted(names)
 
 
 def thumbnails(folder: Path, names: list[str]) -> list[Thumbnail]:

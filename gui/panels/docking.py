@@ -98,10 +98,9 @@ class DockingPanel(Panel):
         colour = style.WITHIN if contact.docked else style.OUTSIDE
         docked = "docked" if contact.docked else "no docking"
         w.text(f"T+{contact.t_s:.1f} s: {docked}", colour, "when the last contact was, since the start")
-        w.text(
-            f"score {contact.score} of 100",
-            colour,
-            "each figure at contact: 100 points at zero, 50 at its limit, none from twice that on; their mean",
+        tip = (
+            "each figure at contact: 100 points at zero, 50 at its limit, none from twice that on; their mean"
         )
+        w.text(f"score {contact.score} of 100", colour, tip)
         for miss in contact.misses:
             w.text(miss, style.OUTSIDE, "why it was no docking: the figure at contact, and its limit")

@@ -86,12 +86,7 @@ class EstimatorPanel(Panel):
             w.text("accepted", style.GOOD, "the estimator stands by this pose")
         else:
             w.text(f"declined: {answer.reason}", style.WARN, "the estimator does not stand by its best pose")
-        w.row(
-            "Confidence",
-            (answer.confidence,),
-            "{:.3f}",
-            "how sure the estimator is, 0 to 1; hybrid accepts from 0.9 on",
-        )
+        w.row("Confidence", (answer.confidence,), "{:.3f}", "0 to 1; hybrid accepts from 0.9 on")
         if e.E_R_deg is not None and e.E_T_m is not None:
             w.row("Attitude", (e.E_R_deg,), "{:.3f}°", "error of the attitude against the truth [°]")
             w.row("Position", (1e3 * e.E_T_m,), "{:.1f} mm", "error of the position against the truth")
@@ -101,11 +96,8 @@ class EstimatorPanel(Panel):
         w.row("Picture", e.size_px, "{:d}", "pixels of the picture that it was given")
         if answer.network:
             tip = "own: trained for this craft by flyaround train; shipped: comes with Flyaround; none: edges alone"
-            w.text(
-                f"keypoint network: {answer.network}",
-                style.GOOD if answer.network == "own" else style.QUIET,
-                tip,
-            )
+            colour = style.GOOD if answer.network == "own" else style.QUIET
+            w.text(f"keypoint network: {answer.network}", colour, tip)
         slowest = sorted(answer.stages_ms.items(), key=lambda item: -item[1])[:3]
         stages = ", ".join(f"{name.replace('_', ' ')} {ms:.0f} ms" for name, ms in slowest)
         w.text(stages, style.QUIET, "the three stages that took longest")
