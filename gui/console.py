@@ -380,6 +380,8 @@ class Console:
             session = self.opener.take()
         except UserError as error:
             self.say(str(error), "caution")
+            if self.opener.scenario is self.draft.flown:
+                self.draft.problem = str(error)
             return
         if session is not None:
             self._begin(session, self.opener.source)

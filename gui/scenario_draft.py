@@ -11,16 +11,20 @@ import msgspec
 from flyaround.simulator.errors import UserError
 from flyaround.simulator.runtime.files import write_atomic
 from flyaround.simulator.runtime.toml_text import to_toml
+from flyaround.simulator.scenario.flight import fly
 from flyaround.simulator.scenario.load import list_scenarios, load_scenario, parse_scenario
 from flyaround.simulator.scenario.scenario import Scenario
 from flyaround.simulator.scenario.show import show_scenario
+from flyaround.simulator.targets.library import load_target
 
 _HEADER = re.compile(r"^\s*\[+\s*([\w.]+)\s*\]+")
 _AT_LINE = re.compile(r"\bat line (\d+)\b")
 _UNKNOWN = re.compile(r"unknown key (\w+) (?:in section \[([\w.]+)[\]\[]|at the top level)")
 _LACKS = re.compile(r"section \[([\w.]+)[^\]]*\] lacks")
-_KEY = re.compile(r"\bkey ([\w.]+)")
+_KEY = re.compile(r"\b(?:key|unknown(?! key)) ([\w.]+)")
 _DOTTED = re.compile(r"\b([a-z]\w*(?:\.\w+)+)\b")
+CHECKED_S = 1.0
+"""Time that a check flies. The whole flight can take seconds, and the window waits for a check."""
 
 
 @dataclass
@@ -35,6 +39,8 @@ class ScenarioDraft:
         Its file; None for a built-in scenario and one that is in no file.
     problem : str, optional
         What is wrong with it, in one sentence; empty if nothing is.
+    flown : Scenario, optional
+        The scenario of the text that was last opened to fly.
     replacement : str, optional
         Scenario to edit once the operator agrees to discard this changed text, empty for the one that flies; None
         unless that question is open.
@@ -45,6 +51,7 @@ class ScenarioDraft:
     file: Path | None = None
     problem: str = ""
     changed: bool = False
+    flown: Scenario | None = None
     replacement: str | None = None
 
     def edit(self, name_or_path: str) -> None:
@@ -70,7 +77,7 @@ class ScenarioDraft:
         self.problem, self.changed = "", False
 
     def check(self) -> Scenario:
-        """Return the scenario of the text.
+        """Return the scenario of the text, after its first second was flown.
 
         Raises
         ------
@@ -80,7 +87,8 @@ class ScenarioDraft:
         try:
             content, folder = self.text.encode(), Path() if self.file is None else self.file.parent
             scenario = parse_scenario(content, "this scenario", self.name or "edited", folder)
-        except UserError as error:
+            fly(scenario, load_target(scenario.target), min(scenario.duration_s, CHECKED_S))
+        except (UserError, ValueError, OSError) as error:
             line = line_of(str(error), self.text)
             self.problem = f"{'' if line is None else f'line {line}: '}{error}"
             raise UserError(self.problem) from error

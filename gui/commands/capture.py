@@ -46,11 +46,10 @@ def _start(
 ) -> None:
     source = _what(console, what or THIS)
     place = new_path(FOLDER, f"set-{Path(source).stem}") if folder in {None, NEW} else Path(str(folder))
-    console.jobs.capture.start(
-        CaptureRequest(
-            what=source, frames=frames, folder=place, formats=formats or "native", workers=workers or 1
-        )
+    request = CaptureRequest(
+        what=source, frames=frames, folder=place, formats=formats or "native", workers=workers or 1
     )
+    console.jobs.capture.start(request)
     console.say(f"capturing {frames} frames of {source} into {place}")
 
 

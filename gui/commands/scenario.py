@@ -51,7 +51,8 @@ def _save(console: Console, path: str) -> None:
 
 
 def _fly(console: Console) -> None:
-    console.opener.open(console.draft.check())
+    console.draft.flown = console.draft.check()
+    console.opener.open(console.draft.flown)
 
 
 def _target(console: Console, target: str) -> None:

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
+import tempfile
 import time
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
@@ -16,8 +18,9 @@ import numpy as np
 
 from flyaround.gui.jobs.program import ChildProgram
 from flyaround.simulator.camera.encoding import Encoding, decode
-from flyaround.simulator.errors import UserError
+from flyaround.simulator.errors import UserError, write_error
 from flyaround.simulator.imaging.display import screen_values
+from flyaround.simulator.runtime.folder_lock import lock_name
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -130,17 +133,18 @@ class CaptureJob:
         return self.elapsed_s / self.done * max(self.request.frames - self.done, 0)
 
     def start(self, request: CaptureRequest) -> None:
-        """Start a capture; the program itself checks the folder.
+        """Start a capture.
 
         Raises
         ------
         UserError
-            If one is running.
+            If one is running, or the folder cannot be written or has files of others.
         OSError
             If the program cannot be started.
         """
         if self.running:
             raise UserError("a capture is under way: stop it, or wait for its end")
+        check_folder(request)
         self._program = ChildProgram((*request.arguments, "--json"), self._clock)
         self.request, self.outcome, self.done, self.thumbnails = request, "", 0, []
         self.began_s = self._clock()
@@ -183,30 +187,31 @@ class CaptureJob:
         self._thumbs.shutdown(cancel_futures=True)
 
 
+def check_folder(request: CaptureRequest) -> None:
+    """Raise `UserError` if a capture cannot write its folder, or would mix its files with others."""
+    folder = request.folder
+    try:
+        tempfile.TemporaryFile(dir=next(p for p in (folder, *folder.parents) if p.exists())).close()
+        full = folder.exists() and any(p.name != lock_name("capture") for p in folder.iterdir())
+    except OSError as error:
+        raise write_error(folder, error, "name another folder") from error
+    if full and not request.resume:
+        raise UserError(f"folder {folder} is not empty; name another folder")
+
+
 def pictures_in(folder: Path) -> list[str]:
     """Return the names of the written pictures in order; those of all data sets, for a recipe of several."""
-    places = [folder, *(p for p in _folders(folder) if (p / "images").is_dir())]
-    names = []
-    for place in places:
-        try:
-            with os.scandir(place / "images") as entries:
-                inside = (place / "images").relative_to(folder)
-                # layers have a second suffix: 000000.mask.png
-                names += [
-                    str(inside / e.name) for e in entries if e.name.endswith(".png") and e.name.count(".") < 2
-                ]
-        except OSError:
-            continue
-    return sorted(names)
-
-
-def _folders(folder: Path) -> list[Path]:
+    names, others = [], {"images", "second", "quarantine"}
     try:
-        return [
-            p for p in folder.iterdir() if p.is_dir() and p.name not in {"images", "second", "quarantine"}
-        ]
+        places = ["images", *(f"{p.name}/images" for p in folder.iterdir() if p.name not in others)]
     except OSError:
         return []
+    for place in places:
+        with contextlib.suppress(OSError), os.scandir(folder / place) as entries:
+            # layers have a second suffix: 000000.mask.png
+            pictures = (e.name for e in entries if e.name.endswith(".png") and e.name.count(".") < 2)
+            names += [f"{place}/{name}" for name in pictures]
+    return sorted(names)
 
 
 def thumbnails(folder: Path, names: list[str]) -> list[Thumbnail]:
@@ -254,7 +259,8 @@ def _outcome(program: ChildProgram, request: CaptureRequest, done: int) -> str:
     again = f"flyaround {' '.join(request.arguments)}{'' if request.resume else ' --resume'} goes on"
     if program.stopped:
         return f"the capture was stopped after {done} of {request.frames} frames; {again}"
-    why = program.last_error_line() or f"exit code {program.exit_code}"
+    # an option of the command line is no advice for a window
+    why = program.last_error_line().replace(" with -o", "") or f"exit code {program.exit_code}"
     return f"the capture failed after {done} frames: {why}"
 
 

@@ -100,6 +100,8 @@ class Estimates:
         self.newest: ComparedEstimate | None = None
         self.history: deque[ComparedEstimate] = deque(maxlen=KEPT)
         self.restarts = 0
+        self.refusal = ""
+        """Reason why it went off by itself; empty otherwise."""
         self._troubles: list[str] = []
         self._worker: WorkerPool[Answer] | None = None
         self._under_way: tuple[Picture, str] | None = None
@@ -113,7 +115,7 @@ class Estimates:
     def start(self) -> None:
         """Run from the next picture on."""
         if not self.on:
-            self.on, self._last = True, None
+            self.on, self._last, self.refusal = True, None, ""
 
     def stop(self) -> None:
         """Stop; the estimate in progress is abandoned."""
@@ -124,7 +126,7 @@ class Estimates:
         """Continue with another method, abandoning the estimate in progress."""
         if method == self.method:
             return
-        self.method, self._last = method, None
+        self.method, self._last, self.refusal = method, None, ""
         if self._under_way is not None:
             self._end_worker()
 
@@ -148,10 +150,10 @@ class Estimates:
 
     @property
     def doing(self) -> str:
-        """State for people, with the time that the estimate under way has taken, or the rate."""
+        """State for people, with the time that the estimate under way has taken, or the rate, or the refusal."""
         if self.busy_s > SLOW_S:
             return f"{self.state} for {self.busy_s:.0f} s"
-        return f"{self.state}, {self.per_s:.1f}/s" if self.on and self.per_s else self.state
+        return f"{self.state}, {self.per_s:.1f}/s" if self.on and self.per_s else self.refusal or self.state
 
     @property
     def pid(self) -> int | None:
@@ -253,6 +255,7 @@ class Estimates:
 
     def _give_up(self, why: str) -> None:
         self.stop()
+        self.refusal = why
         self._troubles.append(why)
 
     def _end_worker(self) -> None:

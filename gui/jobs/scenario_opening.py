@@ -20,6 +20,7 @@ class ScenarioOpener:
         self._pool = ThreadPoolExecutor(1, thread_name_prefix="scenario")
         self._pending: Future[FlightSession] | None = None
         self.name = ""
+        self.scenario: str | Scenario = ""
         self.source = ""
         """Built-in name or file of the scenario opened last; empty if it is in no file."""
 
@@ -37,7 +38,7 @@ class ScenarioOpener:
         """
         if self._pending is not None:
             raise UserError(f"{self.name} is still being opened")
-        self.name = scenario if isinstance(scenario, str) else scenario.name
+        self.scenario, self.name = scenario, scenario if isinstance(scenario, str) else scenario.name
         self.source = scenario if isinstance(scenario, str) else ""
         self._pending = self._pool.submit(_open, scenario)
 

@@ -98,11 +98,8 @@ class CapturePanel(Panel):
         imgui.progress_bar(share, w.vec(-1, 0), f"{job.done} of {request.frames}")
         w.tip("frames on the disk, of those that were asked for")
         left = "" if job.left_s is None else f", {time_text(job.left_s)} left"
-        w.text(
-            "stopping ..." if job.stopping else f"{time_text(job.elapsed_s)}{left}",
-            style.QUIET,
-            "time since it began, and what is left at the pace so far",
-        )
+        text = "stopping ..." if job.stopping else f"{time_text(job.elapsed_s)}{left}"
+        w.text(text, style.QUIET, "time since it began, and what is left at the pace so far")
         w.button(console, "capture.stop", width=w.width, label="Kill" if job.stopping else None)
 
     def _thumbnails(self, job: CaptureJob) -> None:

@@ -33,8 +33,11 @@ class DockingPanel(Panel):
         w, session = self._w, console.session
         docking = session.craft.docking
         text, colour = status(console)
-        w.text(text, colour, "what flies, and what it waits for")
+        # one line, because buttons stand below it
+        w.one_line(w.elided(text, w.width), colour)
+        w.tip(f"{text}\nwhat flies, and what it waits for")
         w.buttons(console, ("docking.approach", "docking.go", "docking.no-go"), 3)
+        w.button(console, "time.next-hold-point", width=w.width)
         w.switch(console, "overlay.docking", "Display over the view")
         figures = docking.figures(session.craft.chaser, session.flight)
         w.section(docking.port.name.capitalize())
@@ -85,7 +88,6 @@ class DockingPanel(Panel):
         if following is not None:
             for why in session.craft.docking.not_ready(session.craft.chaser, session.flight):
                 w.text(f"not yet: {why}", style.QUIET, "why go would be refused now")
-        w.button(console, "time.next-hold-point", width=w.width)
 
     def _contacts(self, console: Console) -> None:
         w = self._w
@@ -96,10 +98,9 @@ class DockingPanel(Panel):
         colour = style.WITHIN if contact.docked else style.OUTSIDE
         docked = "docked" if contact.docked else "no docking"
         w.text(f"T+{contact.t_s:.1f} s: {docked}", colour, "when the last contact was, since the start")
-        w.text(
-            f"score {contact.score} of 100",
-            colour,
-            "each figure at contact: 100 points at zero, 50 at its limit, none from twice that on; their mean",
+        tip = (
+            "each figure at contact: 100 points at zero, 50 at its limit, none from twice that on; their mean"
         )
+        w.text(f"score {contact.score} of 100", colour, tip)
         for miss in contact.misses:
             w.text(miss, style.OUTSIDE, "why it was no docking: the figure at contact, and its limit")

@@ -31,17 +31,10 @@ class EditorPanel(Panel):
         changed = " (changed)" if draft.changed else ""
         w.text(f"{draft.name}{changed}", style.ACCENT, "the scenario that is edited")
         if draft.replacement is not None:
-            w.text(
-                f"Discard this changed text, and edit {draft.replacement or 'the scenario that flies'}?",
-                style.WARN,
-            )
-            w.button(
-                console,
-                "scenario.edit",
-                *filter(None, [draft.replacement]),
-                label="Discard it",
-                fill=style.GUARDED,
-            )
+            other = draft.replacement or "the scenario that flies"
+            w.text(f"Discard this changed text, and edit {other}?", style.WARN)
+            words = filter(None, [draft.replacement])
+            w.button(console, "scenario.edit", *words, label="Discard it", fill=style.GUARDED)
             imgui.same_line()
             if w.filled_button("Keep it", 0, style.PRIMARY):
                 draft.replacement = None

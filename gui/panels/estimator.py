@@ -42,9 +42,12 @@ class EstimatorPanel(Panel):
         label = "Stop estimating" if estimates.on else "Estimate"
         fill = None if estimates.on else style.PRIMARY
         w.button(console, "estimator.run", label=label, width=w.width, on=estimates.on, fill=fill)
-        colour = style.GOOD if estimates.on else style.QUIET
-        w.text(estimates.doing, colour, "what it is at, and estimates a second")
         self._choose(console)
+        w.switch(console, "estimator.stages")
+        w.button(console, "estimator.forget")
+        # below the controls, which must not move when a result comes
+        colour = style.GOOD if estimates.on else style.BAD if estimates.refusal else style.QUIET
+        w.text(estimates.doing, colour, "what it is at, and estimates a second")
         newest = estimates.newest
         if newest is None:
             w.text(
@@ -56,13 +59,11 @@ class EstimatorPanel(Panel):
             self._figures(newest)
         w.section("Over the flight")
         self._plots(estimates)
-        w.button(console, "estimator.forget")
-        w.section("Stages")
-        w.switch(console, "estimator.stages")
         if newest is not None and newest.answer.stages:
+            w.section("Stages")
             self._stages(newest)
         elif estimates.with_stages:
-            w.text("with the next estimate", style.QUIET)
+            w.text("stages: with the next estimate", style.QUIET)
 
     def _choose(self, console: Console) -> None:
         w, imgui, estimates = self._w, self._w.imgui, console.jobs.estimates
@@ -85,12 +86,7 @@ class EstimatorPanel(Panel):
             w.text("accepted", style.GOOD, "the estimator stands by this pose")
         else:
             w.text(f"declined: {answer.reason}", style.WARN, "the estimator does not stand by its best pose")
-        w.row(
-            "Confidence",
-            (answer.confidence,),
-            "{:.3f}",
-            "how sure the estimator is, 0 to 1; hybrid accepts from 0.9 on",
-        )
+        w.row("Confidence", (answer.confidence,), "{:.3f}", "0 to 1; hybrid accepts from 0.9 on")
         if e.E_R_deg is not None and e.E_T_m is not None:
             w.row("Attitude", (e.E_R_deg,), "{:.3f}°", "error of the attitude against the truth [°]")
             w.row("Position", (1e3 * e.E_T_m,), "{:.1f} mm", "error of the position against the truth")
@@ -100,11 +96,8 @@ class EstimatorPanel(Panel):
         w.row("Picture", e.size_px, "{:d} px", "pixels of the picture that it was given")
         if answer.network:
             tip = "own: trained for this craft by flyaround train; shipped: comes with Flyaround; none: edges alone"
-            w.text(
-                f"keypoint network: {answer.network}",
-                style.GOOD if answer.network == "own" else style.QUIET,
-                tip,
-            )
+            colour = style.GOOD if answer.network == "own" else style.QUIET
+            w.text(f"keypoint network: {answer.network}", colour, tip)
         slowest = sorted(answer.stages_ms.items(), key=lambda item: -item[1])[:3]
         stages = ", ".join(f"{name.replace('_', ' ')} {ms:.0f} ms" for name, ms in slowest)
         w.text(stages, style.QUIET, "the three stages that took longest")

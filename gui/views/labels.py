@@ -40,6 +40,9 @@ LIT, UNLIT = ("visible", "saturated"), ("shadowed", "eclipsed", "below_noise")
 """States of a keypoint that the craft does not hide."""
 SCALE = "camera z of the target, along the boresight [m]; bright is near"
 NO_TARGET = "the camera sees no target"
+OLD_S = 3.0
+"""Age beyond which a picture's age is shown, at 1x; labels are drawn seldom."""
+OLD = "simulated time between this picture and now; its figures are of that time"
 
 
 class _LabelView(Panel):
@@ -72,6 +75,10 @@ class _LabelView(Panel):
                 self._make(picture)
                 self._newest = picture
             self._show(canvas, place)
+            age_s = abs(console.session.t_s - picture.frame.scene.t_s)
+            if age_s > OLD_S * max(console.session.clock.rate, 1.0):
+                at = (place[0] + 8, place[1] + 6 + canvas.line)
+                canvas.text(at, f"{age_s:.0f} s old", style.WARN, OLD)
         canvas.unclip()
 
     @abstractmethod
@@ -91,9 +98,7 @@ class _LabelView(Panel):
         if part.shape[1] < image.shape[1] and place[3] > 5 * canvas.line:
             text = f"x{image.shape[1] / part.shape[1]:.1f}"
             at = (place[0] + 8, place[1] + place[3] - 1.2 * canvas.line)
-            canvas.text(
-                at, text, style.QUIET, "how many times closer this is than the camera's whole picture"
-            )
+            canvas.text(at, text, style.QUIET, "magnification of the camera's whole picture")
         left, top = box.x - columns.start * box.scale, box.y - rows.start * box.scale
         return Letterbox(left, top, image.shape[1] * box.scale, image.shape[0] * box.scale, box.scale)
 
@@ -156,12 +161,8 @@ class DepthView(_LabelView):
             canvas.box((left, top + k * height / SCALE_STEPS), (16, height / SCALE_STEPS + 1), (r, g, b, 1.0))
         digits = max(0, int(np.ceil(-np.log10(max(depth.far_m - depth.near_m, 1e-6)))) + 1)
         nearest, farthest = f"{depth.near_m:.{digits}f} m", f"{depth.far_m:.{digits}f} m"
-        canvas.plain_text(
-            (left, top - 1.1 * line), nearest, tip="camera z of the nearest point of the target"
-        )
-        canvas.plain_text(
-            (left, top + height + 0.1 * line), farthest, tip="camera z of the farthest that is seen"
-        )
+        canvas.plain_text((left, top - 1.1 * line), nearest, tip="camera z of the target's nearest point")
+        canvas.plain_text((left, top + height + 0.1 * line), farthest, tip="camera z of its farthest")
         canvas.tip((left, top), (21, height), SCALE)
         for tick in depth.ticks_m:
             at = top + (tick - depth.near_m) / (depth.far_m - depth.near_m) * height

@@ -23,6 +23,8 @@ TEXT = files("flyaround.assets").joinpath("scenarios", "tango-flyaround.toml").r
         ('camera = "speed"', 'camera = "sped"', "camera =", "sped"),
         ("altitude_km = 700.0", 'altitude_km = "high"', "altitude_km", "orbit.altitude_km"),
         ('bands = "mono"', 'bands = "grey"', "bands =", "output.bands"),
+        ('target = "tango"', 'target = "tangoxx"', "target =", "unknown target"),
+        ("altitude_km = 700.0", "altitude_km = -3.0", "altitude_km", "altitude_km"),
         ("epoch_utc = 2026", "epoch_utc = 1026", "epoch_utc", "epoch"),
     ],
 )

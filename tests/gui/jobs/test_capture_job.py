@@ -79,6 +79,19 @@ def test_a_mistake_is_the_programs_own_sentence(tmp_path: Path) -> None:
     assert not (tmp_path / "set").exists()
 
 
+@pytest.mark.parametrize(
+    ("place", "why"), [("/proc/x/y", "cannot write"), ("file/set", "cannot write"), ("", "not empty")]
+)
+def test_a_folder_that_cannot_be_used_is_refused_at_once(tmp_path: Path, place: str, why: str) -> None:
+    (tmp_path / "file").touch()
+    with contextlib.closing(CaptureJob()) as job:
+        with pytest.raises(UserError, match=why) as caught:
+            job.start(CaptureRequest(what="tango-space-10m", frames=1, folder=tmp_path / place))
+        assert not job.running
+    assert "another folder" in str(caught.value)
+    assert "-o" not in str(caught.value).split(";")[-1]
+
+
 def test_a_program_that_ignores_its_end_is_killed(monkeypatch: pytest.MonkeyPatch) -> None:
     now = [0.0]
     program = ChildProgram(("scenarios",), lambda: now[0])
@@ -103,9 +116,8 @@ def test_a_data_set_is_captured_stopped_and_gone_on_with(tmp_path: Path) -> None
         assert "stopped after" in told
         assert "--resume" in told
         had = job.done
-        job.start(CaptureRequest(what="tango-space-10m", frames=400, folder=tmp_path / "set"))
-        told = until(job, lambda: not job.running)
-        assert "not empty" in told
+        with pytest.raises(UserError, match="not empty"):
+            job.start(CaptureRequest(what="tango-space-10m", frames=400, folder=tmp_path / "set"))
     again = tmp_path / "few"
     with contextlib.closing(CaptureJob()) as job:
         job.start(CaptureRequest(what="tango-space-10m", frames=3, folder=again))

@@ -213,6 +213,10 @@ def test_a_method_that_cannot_is_off_with_a_sentence(session: FlightSession, met
         (told,) = estimates.take_troubles()
         assert why in told
         assert "\n" not in told
+        estimates.update(picture)
+        assert estimates.doing == told, "it stays until the next start or choice"
+        estimates.start()
+        assert estimates.doing == "starting"
 
 
 @pytest.mark.parametrize(

@@ -9,6 +9,7 @@ import msgspec
 import pytest
 
 from flyaround.gui.console import Console
+from flyaround.gui.jobs import scenario_opening
 from flyaround.gui.scenario_draft import ScenarioDraft
 from flyaround.gui.script import Script
 from flyaround.simulator.errors import UserError
@@ -165,3 +166,21 @@ def test_the_edited_text_is_flown(console: Console) -> None:
     console.do("scenario.fly")
     wait(console)
     assert console.session.plan.scenario.title.startswith("Round and round")
+
+
+def test_what_flying_refuses_later_stands_beside_the_text(
+    console: Console, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refuse(_scenario: object) -> None:
+        raise UserError("the target is below the surface of the Earth 2935 s after the start")
+
+    console.do("scenario.edit")
+    monkeypatch.setattr(scenario_opening, "_open", refuse)
+    console.do("scenario.target", "cubesat-3u")
+    wait(console)
+    assert console.draft.problem == "", "another scenario was refused, not the text"
+    console.do("scenario.fly")
+    wait(console)
+    assert "below the surface" in console.draft.problem
+    console.do("scenario.check")
+    assert console.draft.problem == ""

@@ -1,0 +1,29 @@
+"""The panel Docking: its buttons stay where they are while what it waits for changes."""
+
+from __future__ import annotations
+
+import pytest
+
+from flyaround.gui.panels.docking import DockingPanel
+from flyaround.simulator.piloting.docking_watch import Docking
+from tests.harness.flown_console import console_flying
+from tests.harness.headless_imgui import HeadlessWindow
+
+
+def test_what_go_waits_for_moves_no_control(monkeypatch: pytest.MonkeyPatch) -> None:
+    window, console = HeadlessWindow(), console_flying("tango-vbar-approach")
+    panel, places = DockingPanel(window), []
+    try:
+        for waits in ((), ("too fast", "beside the axis")):
+            monkeypatch.setattr(Docking, "not_ready", lambda *_, waits=waits: waits)
+            for _ in range(2):
+                window.noted.clear()
+                with window.panel("docking", 420.0, 1400.0):
+                    panel.draw(console)
+            assert [n.label for n in window.noted].count("not yet: too fast") == bool(waits)
+            places.append({n.label: n.middle for n in window.noted if n.what == "control"})
+    finally:
+        window.close()
+        console.close()
+    assert len(places[0]) > 5
+    assert places[0] == places[1]

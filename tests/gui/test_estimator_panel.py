@@ -1,0 +1,81 @@
+"""The panel Estimator: why it is off, and controls that stay where they are when a result comes."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import pytest
+
+from flyaround.gui.console import Console
+from flyaround.gui.jobs.estimates import ComparedEstimate
+from flyaround.gui.jobs.estimator_process import Answer
+from flyaround.gui.panels.estimator import EstimatorPanel
+from flyaround.simulator.errors import UserError
+from tests.harness.flown_console import console_flying
+from tests.harness.headless_imgui import HeadlessWindow
+
+
+@pytest.fixture
+def window() -> Iterator[HeadlessWindow]:
+    made = HeadlessWindow()
+    yield made
+    made.close()
+
+
+@pytest.fixture
+def console() -> Iterator[Console]:
+    made = console_flying()
+    yield made
+    made.close()
+
+
+def draw(window: HeadlessWindow, console: Console) -> dict[str, tuple[float, float]]:
+    """Positions of the controls by their labels."""
+    panel = EstimatorPanel(window)
+    for _ in range(2):
+        window.noted.clear()
+        with window.panel("estimator", 420.0, 1400.0):
+            panel.draw(console)
+    return {n.label: n.middle for n in window.noted if n.what == "control" and n.label != "end_plot"}
+
+
+def test_the_reason_why_it_is_off_stands_in_the_panel(
+    window: HeadlessWindow, console: Console, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    estimates = console.jobs.estimates
+
+    def refuse(_picture: object) -> None:
+        raise UserError("the estimator cannot be made: x.npz is no network")
+
+    monkeypatch.setattr(estimates, "_turn", refuse)
+    estimates.start()
+    estimates.update(None)
+    draw(window, console)
+    assert not estimates.on
+    assert "the estimator cannot be made: x.npz is no network" in [n.label for n in window.noted]
+
+
+def test_a_result_moves_no_control(window: HeadlessWindow, console: Console) -> None:
+    before = draw(window, console)
+    assert "Stages as pictures" in str(before)
+    answer = Answer(
+        accepted=False,
+        reason="no edges",
+        q_camera_from_target_wxyz=None,
+        t_camera_from_target_m=None,
+        confidence=0.1,
+        stages_ms={"propose": 40.0},
+        counts={},
+    )
+    console.jobs.estimates.newest = ComparedEstimate(
+        method="hybrid",
+        t_s=1.0,
+        done_s=1.0,
+        answer=answer,
+        range_m=10.0,
+        E_R_deg=None,
+        E_T_m=None,
+        size_px=(960, 600),
+    )
+    console.jobs.estimates.history.append(console.jobs.estimates.newest)
+    assert draw(window, console) == before
