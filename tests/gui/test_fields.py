@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import Any
 
 import pytest
 
@@ -21,7 +22,7 @@ def console() -> Iterator[Console]:
     console.close()
 
 
-def type_into(panel: Panel, field: str, text: str, window: HeadlessWindow, console: Console) -> set[str]:
+def type_into(panel: Panel, field: str, text: str, window: Any, console: Console) -> set[str]:
     """Click a field, type a text and Enter; return the texts that were on the panel before Enter."""
     io, enter = window.plain.get_io(), window.plain.Key.enter
 
@@ -42,19 +43,19 @@ def type_into(panel: Panel, field: str, text: str, window: HeadlessWindow, conso
 
 
 @pytest.fixture
-def window() -> Iterator[HeadlessWindow]:
+def window() -> Iterator[Any]:
     window = HeadlessWindow()
     yield window
     window.close()
 
 
-def test_enter_opens_the_file_whose_path_was_typed(window: HeadlessWindow, console: Console) -> None:
+def test_enter_opens_the_file_whose_path_was_typed(window: Any, console: Console) -> None:
     type_into(ScenarioChooser(window), "##find", "/nowhere/mine.toml", window, console)
     opened = [line.arguments for line in console.log.lines if line.name == "scenario.open"]
     assert opened == [("/nowhere/mine.toml",)]
 
 
-def test_enter_after_words_opens_nothing(window: HeadlessWindow, console: Console) -> None:
+def test_enter_after_words_opens_nothing(window: Any, console: Console) -> None:
     before = len(console.log.lines)
     type_into(ScenarioChooser(window), "##find", "tango", window, console)
     assert len(console.log.lines) == before
@@ -63,7 +64,7 @@ def test_enter_after_words_opens_nothing(window: HeadlessWindow, console: Consol
 @pytest.mark.parametrize(("kind", "field"), [(KeyList, "##find"), (Palette, "##line")])
 @pytest.mark.parametrize(("words", "empty"), [("lampion", True), ("light", False)])
 def test_a_search_that_finds_no_command_says_so(
-    window: HeadlessWindow, console: Console, kind: type[Panel], field: str, words: str, *, empty: bool
+    window: Any, console: Console, kind: type[Panel], field: str, words: str, *, empty: bool
 ) -> None:
     texts = type_into(kind(window), field, words, window, console)
     assert (f"no command has '{words}'" in texts) is empty
