@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from flyaround.gui import style
-from flyaround.gui.picture.figures import FIGURES
+from flyaround.gui.picture.figures import AGE_TIP, FIGURES, age_text
 from flyaround.gui.widgets import Panel
 
 if TYPE_CHECKING:
@@ -31,3 +31,4 @@ class ChaserPanel(Panel):
         for k, (name, figure) in enumerate(FIGURES.items()):
             if name in SHOWN:
                 w.row(name, figure.values(picture.telemetry), figure.form, figure.tip, figure=k)
+        w.text(age_text(console.session, picture.telemetry.t_s), style.WARN, AGE_TIP)

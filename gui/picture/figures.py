@@ -8,7 +8,18 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from collections.abc import Callable
 
+    from flyaround.simulator.piloting.session import FlightSession
     from flyaround.simulator.piloting.telemetry import Telemetry
+
+OLD_S = 3.0
+"""Age beyond which a picture's age stands beside its figures, at 1x; labels are drawn seldom."""
+AGE_TIP = "simulated time between the picture and now; these figures are of the picture"
+
+
+def age_text(session: FlightSession, t_s: float) -> str:
+    """Return the age of a picture of this time, or an empty text if it is new at the present rate."""
+    age_s = abs(session.t_s - t_s)
+    return f"{age_s:.0f} s old" if age_s > OLD_S * max(session.clock.rate, 1.0) else ""
 
 
 @dataclass(frozen=True)

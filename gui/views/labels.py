@@ -10,6 +10,7 @@ import numpy as np
 
 from flyaround.gui import style
 from flyaround.gui.canvas import Canvas
+from flyaround.gui.picture.figures import AGE_TIP, age_text
 from flyaround.gui.picture.further import LABEL_VIEWS
 from flyaround.gui.picture.label_images import (
     PART_COLOURS,
@@ -40,9 +41,6 @@ LIT, UNLIT = ("visible", "saturated"), ("shadowed", "eclipsed", "below_noise")
 """States of a keypoint that the craft does not hide."""
 SCALE = "camera z of the target, along the boresight [m]; bright is near"
 NO_TARGET = "the camera sees no target"
-OLD_S = 3.0
-"""Age beyond which a picture's age is shown, at 1x; labels are drawn seldom."""
-OLD = "simulated time between this picture and now; its figures are of that time"
 
 
 class _LabelView(Panel):
@@ -75,10 +73,8 @@ class _LabelView(Panel):
                 self._make(picture)
                 self._newest = picture
             self._show(canvas, place)
-            age_s = abs(console.session.t_s - picture.frame.scene.t_s)
-            if age_s > OLD_S * max(console.session.clock.rate, 1.0):
-                at = (place[0] + 8, place[1] + 6 + canvas.line)
-                canvas.text(at, f"{age_s:.0f} s old", style.WARN, OLD)
+            age = age_text(console.session, picture.frame.scene.t_s)
+            canvas.text((place[0] + 8, place[1] + 6 + canvas.line), age, style.WARN, AGE_TIP if age else "")
         canvas.unclip()
 
     @abstractmethod

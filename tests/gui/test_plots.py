@@ -88,3 +88,12 @@ def test_a_row_of_figures_is_dragged_into_a_plot(scene):
     turn()
     turn()
     assert any(text.startswith("altitude [km]: 700") for text in texts(window))
+
+
+def test_figures_of_an_old_picture_carry_its_age(scene):
+    window, turn = scene
+    turn()
+    assert not any("old" in text for text in texts(window))
+    for _ in range(5):
+        turn()
+    assert "5 s old" in texts(window)
