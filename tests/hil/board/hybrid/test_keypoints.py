@@ -6,6 +6,7 @@ import io
 import zipfile
 from dataclasses import replace
 
+import cv2
 import numpy as np
 import pytest
 
@@ -15,10 +16,11 @@ from flyaround.hil.board.estimation import quaternion as quat
 from flyaround.hil.board.hybrid.propose.keypoints.head import SHAPES, KeypointHead
 from flyaround.hil.board.hybrid.propose.keypoints.image_crop import ImageCrop, crop_image
 from flyaround.hil.board.hybrid.propose.keypoints.keypoint_proposal import LearnedProposer
-from flyaround.hil.board.hybrid.propose.keypoints.network import network_for, trunk_sha256
+from flyaround.hil.board.hybrid.propose.keypoints.network import network_for, trunk_bytes, trunk_sha256
 from flyaround.hil.board.hybrid.propose.keypoints.network_input import INPUT_FILL, INPUT_PX, channels
 from flyaround.hil.board.hybrid.propose.keypoints.network_output import BINS, bin_centres, keypoints_m
 from flyaround.hil.board.hybrid.propose.keypoints.pose_search import most_likely_position, pose_modes
+from flyaround.hil.board.hybrid.propose.keypoints.single_precision import in_single_precision
 from flyaround.hil.evaluate.method_choice import board_model
 from flyaround.simulator.targets.library import load_target
 
@@ -201,3 +203,23 @@ def test_a_head_is_written_and_read_back() -> None:
     features = np.random.default_rng(5).normal(size=(2, 192, 8, 8)).astype(np.float32)
     for one, other in zip(head(features), again(features), strict=True):
         assert np.array_equal(one, other)
+
+
+def test_single_precision_weights_are_the_same_network():
+    onnx = pytest.importorskip("onnx")
+    single = in_single_precision(trunk_bytes())
+    # OpenCV 4.6 refuses tensors of any other type (10 is half precision)
+    assert {tensor.data_type for tensor in onnx.load_from_string(single).graph.initializer} == {1}
+    inputs = np.random.default_rng(0).normal(size=(1, 2, INPUT_PX, INPUT_PX)).astype(np.float32)
+    outputs = []
+    for data in (trunk_bytes(), single):
+        net = cv2.dnn.readNetFromONNX(np.frombuffer(data, np.uint8))
+        net.setInput(inputs)
+        outputs.append(net.forward())
+    np.testing.assert_array_equal(*outputs)
+
+
+@pytest.mark.parametrize("cut", [1, 100, 5_000_000])
+def test_cut_weights_are_refused(cut: int):
+    with pytest.raises(ValueError, match="not an ONNX file"):
+        in_single_precision(trunk_bytes()[:-cut])

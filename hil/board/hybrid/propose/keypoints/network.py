@@ -15,6 +15,7 @@ from flyaround.hil.board.errors import BoardModelError
 from flyaround.hil.board.estimation.target_model import BoardModel
 from flyaround.hil.board.hybrid.propose.keypoints.head import KeypointHead
 from flyaround.hil.board.hybrid.propose.keypoints.network_output import keypoints_m
+from flyaround.hil.board.hybrid.propose.keypoints.single_precision import in_single_precision
 
 Array = np.ndarray
 
@@ -72,7 +73,7 @@ def trunk_bytes() -> bytes:
 
 @lru_cache(maxsize=1)
 def _trunk() -> cv2.dnn.Net:
-    return cv2.dnn.readNetFromONNX(np.frombuffer(trunk_bytes(), np.uint8))
+    return cv2.dnn.readNetFromONNX(np.frombuffer(in_single_precision(trunk_bytes()), np.uint8))
 
 
 def trunk_sha256() -> str:
