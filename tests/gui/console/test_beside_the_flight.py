@@ -43,7 +43,7 @@ def test_they_work_beside_the_flight(display: str, tmp_path: Path) -> None:
         wait_until(answered)
         sitting.command("hil.fault gain_step 5")
         sitting.command("hil.stop", "the session with the board ended")
-        # a mistake is told
+        # a mistake is reported
         sitting.command("capture.start 5 no-such-recipe", "the capture failed")
         state, said = sitting.quit()
     assert "no-such-recipe" in said

@@ -1,4 +1,4 @@
-"""What was flown becomes a data set and a session with a board, by keys in a real window."""
+"""A recorded flight becomes a data set and a session with a board, by keys in a real window."""
 
 from __future__ import annotations
 
