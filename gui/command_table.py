@@ -44,8 +44,12 @@ class Argument:
 
     Parameters
     ----------
+    name : str
+        Name in scripts and in the menu.
     kind : Kind
         ``number`` (finite), ``whole``, ``word`` (any text) or ``switch`` (on, off).
+    help : str
+        Meaning in a few words.
     choices : tuple of str, optional
         Allowed words; empty for any.
     least : float, optional
@@ -144,6 +148,8 @@ class Command:
         end.
     keys : tuple of str, optional
         Names in Dear ImGui, with ``ctrl+`` for a chord.
+    arguments : tuple of Argument, optional
+        Arguments in order.
     held : bool, optional
         True if it lasts as long as its key is held.
     state : callable, optional

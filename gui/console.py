@@ -102,6 +102,12 @@ class WindowRequests:
 
     Parameters
     ----------
+    close : bool, optional
+        True to close the window.
+    full_screen : bool, optional
+        True to enter or leave full screen.
+    preset : str, optional
+        Layout to apply.
     layout : str, optional
         Last layout chosen.
     enlarged : str, optional
@@ -112,6 +118,8 @@ class WindowRequests:
         Text for the clipboard.
     front : str, optional
         Panel to raise.
+    font_scale : float, optional
+        Font size relative to the default [1].
     """
 
     close: bool = False
@@ -137,8 +145,12 @@ class Help:
         Panel that the help describes.
     hovered : str, optional
         The panel under the mouse.
+    behind : set of str, optional
+        Panels whose window is behind another in its dock or collapsed.
     rects : dict of str to tuple of float, optional
         Left, top, width and height of panels and bars.
+    tour_step : int, optional
+        Number of the tour's steps that are done or skipped.
     """
 
     descriptions: dict[str, tuple[str, str]] = field(default_factory=dict)
@@ -167,12 +179,49 @@ class Console:
         Feeds of further views, by name.
     shown : dict of str to bool, optional
         Panels and views by name, True if open.
+    log : CommandLog, optional
+        Commands that were run, with their times.
+    messages : list of Message, optional
+        Messages to the operator.
+    opener : ScenarioOpener, optional
+        Loads scenarios while the window keeps drawing.
+    draft : ScenarioDraft, optional
+        Text of the scenario that is being edited.
+    help : Help, optional
+        State of the panels' help and of the tour.
+    window : WindowRequests, optional
+        Requests to the window.
+    device_index : int or None, optional
+        EGL device of the renderer.
     clock_ms : int, optional
         Real time since the first picture; it runs while the flight is paused, too.
     window_hz : float, optional
         Frame rate of the window.
     window_gl : str, optional
         OpenGL driver of the window.
+    progress : callable, optional
+        Function that returns a text on the render process's preparations; empty without any.
+    source : str, optional
+        Built-in name or file of the flown scenario; empty if it is in no file.
+    former : tuple or None, optional
+        Previous flight and its source.
+    recent : list of str, optional
+        Built-in names and files of recent scenarios, newest first.
+    unsaved : list of FlightSession, optional
+        Flights that the operator flew and that are in no file.
+    saved_truth : str, optional
+        Truth record of the last saved picture.
+    history : SettingsHistory, optional
+        Settings to undo and redo.
+    held : frozenset of str, optional
+        Held commands that are running, by name.
+    hand : HandControl, optional
+        Manual control of the chaser.
+
+    Attributes
+    ----------
+    jobs : Jobs
+        Long tasks beside the flight.
     """
 
     session: FlightSession
@@ -189,22 +238,15 @@ class Console:
     help: Help = field(default_factory=Help)
     window: WindowRequests = field(default_factory=WindowRequests)
     device_index: int | None = None
-    """EGL device of the renderer."""
     clock_ms: int = 0
     window_hz: float = 0.0
     window_gl: str = ""
     progress: Callable[[], str] = str
-    """Text on the render process's preparations; empty without any."""
     source: str = ""
-    """Built-in name or file of the flown scenario; empty if it is in no file."""
     former: tuple[FlightSession, str] | None = None
-    """Previous flight and its source."""
     recent: list[str] = field(default_factory=list)
-    """Built-in names and files of recent scenarios, newest first."""
     unsaved: list[FlightSession] = field(default_factory=list)
-    """Flights that the operator flew and that are in no file."""
     saved_truth: str = ""
-    """Truth record of the last saved picture."""
     history: SettingsHistory = field(default_factory=SettingsHistory)
     held: frozenset[str] = frozenset()
     hand: HandControl = field(default_factory=HandControl)

@@ -55,10 +55,16 @@ class SavedLayout(msgspec.Struct, forbid_unknown_fields=True):
 
     Parameters
     ----------
+    version : int, optional
+        Version of the file format.
     shown : dict of str to bool, optional
         Panels by name, True if open.
     docking : dict of str to str, optional
         Dear ImGui's settings by layout form.
+    font_scale : float, optional
+        Font size relative to the default [1].
+    tour_seen : bool, optional
+        True once the tour has been closed.
     recent : list of str, optional
         Scenarios flown last.
     """

@@ -33,12 +33,16 @@ class ScenarioDraft:
 
     Parameters
     ----------
+    text : str, optional
+        The edited text.
     name : str, optional
         Name of the original scenario.
     file : Path, optional
         Its file; None for a built-in scenario and one that is in no file.
     problem : str, optional
         What is wrong with it, in one sentence; empty if nothing is.
+    changed : bool, optional
+        True if the text differs from the original.
     flown : Scenario, optional
         The scenario of the text that was last opened to fly.
     replacement : str, optional

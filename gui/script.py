@@ -43,6 +43,10 @@ class Line:
         Real time.
     verb : Verb
         ``do``, or for a held command ``hold`` and ``release``.
+    name : str
+        Name of the command.
+    arguments : tuple of Value, optional
+        Its arguments.
     """
 
     t_ms: int

@@ -216,6 +216,8 @@ class Surface(ABC):
         ----------
         view : str
             Name of the view; each has its own texture.
+        key : object
+            Object that stands for the picture's content, compared by identity.
         image : ByteArray or callable
             (H, W) or (H, W, 3) screen values, or a function that computes them for a new ``key``.
         size : tuple of float, optional

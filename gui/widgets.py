@@ -121,6 +121,10 @@ class Widgets:
 
         Parameters
         ----------
+        console : Console
+            The console.
+        name : str
+            Name of the command.
         given : Value
             Arguments that the item supplies.
         argument : str, optional
@@ -139,6 +143,14 @@ class Widgets:
 
         Parameters
         ----------
+        name : str
+            Label of the line.
+        values : sequence of float
+            Figures in order.
+        form : str
+            Format of each figure, as for ``str.format``.
+        tip : str
+            Hover text.
         figure : int, optional
             Index for dragging it into a plot; None if it cannot be dragged.
         """
@@ -176,6 +188,12 @@ class Widgets:
 
         Parameters
         ----------
+        console : Console
+            The console.
+        name : str
+            Name of the command.
+        *arguments : Value
+            Arguments of the command.
         label : str, optional
             Replaces the command's title.
         width : float, optional
@@ -256,10 +274,20 @@ class Widgets:
 
         Parameters
         ----------
+        console : Console
+            The console.
+        name : str
+            Name of the command.
+        now : str
+            Present choice.
+        names : sequence of str
+            All choices.
         shown : callable, optional
             Function that returns the text of a choice.
         argument : str, optional
             Name of the argument, if the command has others.
+        width : float, optional
+            Width on the screen; -1 for the rest of the line.
         """
         imgui = self.imgui
         imgui.set_next_item_width(width)
@@ -282,6 +310,8 @@ class Widgets:
 
         Parameters
         ----------
+        name : str
+            Identifier within the panel.
         shares : sequence of float
             Relative widths of the columns.
         rows : iterable of sequence of callable
@@ -309,8 +339,12 @@ class Widgets:
 
         Parameters
         ----------
+        name : str
+            Identifier within the panel.
         height : float
             Height at scale 1.
+        tip : str
+            Hover text.
         still : bool, optional
             True if the mouse does not move it.
         """

@@ -28,6 +28,12 @@ def open_glfw(
 
     Parameters
     ----------
+    glfw : module
+        The glfw module.
+    size : tuple of int
+        Width and height in screen coordinates.
+    title : str
+        Title of the window.
     monitor : object, optional
         Monitor to fill.
     hints : int

@@ -83,6 +83,12 @@ class Keeping:
 
     Parameters
     ----------
+    console : Console
+        The console.
+    session : FlightSession
+        The flight that is written.
+    files : FlownFiles
+        Its files, open for writing.
     then : callable
         Function called with the scenario once it is complete.
     """

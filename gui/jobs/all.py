@@ -39,6 +39,18 @@ class Jobs:
         Function that reports a text with a level.
     do : callable
         Function that runs a command.
+    estimates : Estimates, optional
+        The estimator on the pictures of the camera.
+    hil : HilSession, optional
+        The session with a board.
+    capture : CaptureJob, optional
+        The capture of a data set.
+    film : Film or None, optional
+        The film being recorded.
+    mesh : MeshImport or None, optional
+        The import of a mesh.
+    keeping : list of FlightBeingWritten, optional
+        Flights being written.
     """
 
     say: Callable[..., None]
@@ -56,6 +68,8 @@ class Jobs:
 
         Parameters
         ----------
+        session : FlightSession
+            The flight that is shown.
         picture : Picture or None
             Newest picture of the chaser's camera.
         t_ms : int

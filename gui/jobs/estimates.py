@@ -42,10 +42,16 @@ class ComparedEstimate:
 
     Parameters
     ----------
+    method : str
+        Name of the method.
     t_s : float
         Simulated time of the picture.
     done_s : float
         Time of the answer, on the clock of `Estimates`.
+    answer : Answer
+        The estimated pose.
+    range_m : float
+        True distance of the target [m].
     E_R_deg : float or None
         Error of the attitude [deg]; None without a pose.
     E_T_m : float or None

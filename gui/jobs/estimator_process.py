@@ -35,6 +35,14 @@ class EstimateRequest:
 
     Parameters
     ----------
+    method : str
+        Name of the method.
+    camera : Camera
+        Camera of the image.
+    target : TargetRef
+        Name and hash of the craft.
+    image : (H, W) or (H, W, 3) array
+        Digital numbers.
     t_s : float
         Time of mid-exposure, for methods that track.
     stages : bool
@@ -55,6 +63,22 @@ class Answer:
 
     Parameters
     ----------
+    accepted : bool
+        True if the method accepts its pose.
+    reason : str
+        Reason of a decline.
+    q_camera_from_target_wxyz : Quat or None
+        Attitude; None without a pose.
+    t_camera_from_target_m : Vec3 or None
+        Position [m]; None without a pose.
+    confidence : float
+        The method's own confidence in the pose, 0..1.
+    stages_ms : dict of str to float
+        Time of each stage [ms].
+    counts : dict of str to int
+        Numbers that the method reports, such as hypotheses, by name.
+    making_ms : float, optional
+        Time to construct the estimator [ms]; 0 if it existed.
     network : str, optional
         Keypoint network that took part: ``own`` (trained for this craft), ``shipped`` or ``none``; empty for methods
         that have none.

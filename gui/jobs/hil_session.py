@@ -146,6 +146,8 @@ class HilSession:
         ----------
         target : str
             Name of the craft.
+        method : str
+            Name of the method.
         url : str, optional
             URL of the host; by default this session's.
 

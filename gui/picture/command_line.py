@@ -34,6 +34,10 @@ def command_lines(session: FlightSession, options: Options, source: str, saved: 
 
     Parameters
     ----------
+    session : FlightSession
+        The flight.
+    options : Options
+        The operator's settings.
     source : str
         Built-in name or file of the scenario; empty if it is in no file.
     saved : str, optional

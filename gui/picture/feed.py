@@ -194,6 +194,10 @@ class Feed:
 
         Parameters
         ----------
+        session : FlightSession
+            The flight to draw.
+        settings : ViewSettings
+            Settings of the view.
         timed : bool, optional
             True to time each pass, which is slightly slower.
 

@@ -42,6 +42,12 @@ def orbit_scene(
 
     Parameters
     ----------
+    session : FlightSession
+        The flight at its present time.
+    settings : ViewSettings
+        Settings of the view.
+    look : OrbitCamera
+        The free camera.
     divisor : int
         View pixels per drawn pixel.
     quality : Quality or None

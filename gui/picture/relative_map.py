@@ -95,6 +95,8 @@ class MapPort:
 
     Parameters
     ----------
+    plane : Plane
+        The plane of LVLH shown.
     rect : Rect
         Screen rectangle.
     centre_lvlh_m : Vec3

@@ -28,8 +28,12 @@ class SettingsHistory:
 
         Parameters
         ----------
+        command : str
+            Name of the command.
         before : Options
             Copy of the settings before the command.
+        after : Options
+            Settings after the command.
         t_ms : int
             Real time.
         """

@@ -119,6 +119,10 @@ def apply_view_settings(
 
     Parameters
     ----------
+    scene : SceneState
+        Scene of the flight.
+    settings : ViewSettings
+        Settings of the view.
     divisor : int, optional
         Camera pixels per drawn pixel, each way.
     quality : Quality, optional

@@ -59,6 +59,8 @@ class BurnNodes:
 
         Parameters
         ----------
+        console : Console
+            The console.
         ports : tuple of MapPort
             Planes on the screen.
         mouse : Point

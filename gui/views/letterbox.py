@@ -22,6 +22,10 @@ class Letterbox:
         Column of the picture's left edge on the screen.
     y : float
         Row of the picture's top edge on the screen.
+    width : float
+        Width on the screen.
+    height : float
+        Height on the screen.
     scale : float
         Screen units per pixel of the picture.
     """

@@ -55,6 +55,12 @@ class TruthMarks:
 
         Parameters
         ----------
+        box : Letterbox
+            Place of the picture on the screen.
+        picture : Picture
+            The picture with its truth.
+        options : Options
+            Options of the overlay.
         paused : bool
             True to compute visibility for this picture.
         obstacles : tuple of Place, optional

@@ -215,6 +215,8 @@ class ClearPass(Pass):
     ----------
     images_for : callable
         Function that returns the images of a scene's size and bands.
+    name : str, optional
+        Name of the pass, unique in its graph.
     """
 
     reads = (SCENE,)

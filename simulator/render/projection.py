@@ -64,6 +64,8 @@ def clip_from_camera(
 
     Parameters
     ----------
+    camera : Camera
+        The camera, as a pinhole: its distortion is not applied.
     near_m : float
         Camera z of the near plane.
     far_m : float
@@ -119,6 +121,8 @@ def directions(camera: Camera, x_px: FloatArray, y_px: FloatArray, matrix: Float
 
     Parameters
     ----------
+    camera : Camera
+        The camera.
     x_px : array
         Columns of the grid.
     y_px : array

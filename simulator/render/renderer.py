@@ -70,15 +70,7 @@ class Rendered:
 def _check_finite(
     radiance: Float32Array, scene: SceneState, target: Target, coverage: Callable[[], Float32Array]
 ) -> None:
-    """Raise UserError if a pixel's radiance is infinite or not a number.
-
-    Parameters
-    ----------
-    radiance : (H, W) or (H, W, n) array
-        Rendered radiance.
-    coverage : callable
-        Function that reads the fraction (H, W) of each pixel that the target covers.
-    """
+    """Raise UserError if a pixel's radiance is infinite or not a number, naming the target if it covers the pixel."""
     if np.isfinite(radiance.sum()):  # one pass; no sum of finite radiance overflows
         return
     bad = ~np.isfinite(radiance).reshape(*radiance.shape[:2], -1).all(axis=2)

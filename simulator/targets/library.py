@@ -109,6 +109,8 @@ def target_in_use(name: str, sha256: str) -> Target:
 
     Parameters
     ----------
+    name : str
+        Name of the target.
     sha256 : str
         Hash of the expected target.
 

@@ -21,6 +21,8 @@ class Material:
 
     Parameters
     ----------
+    name : str
+        Name, unique in the target.
     base_color : tuple of float
         Linear reflectance, RGB, 0..1.
     metallic : float, optional
@@ -82,6 +84,10 @@ class Part:
 
     Parameters
     ----------
+    name : str
+        Name, unique in the target.
+    material : str
+        Name of its material.
     positions_m : (N, 3) float32 array
         Vertices, model frame [m].
     normals : (N, 3) float32 array
@@ -173,6 +179,16 @@ class Target:
         Name for people.
     sha256 : str
         Hash of geometry, materials, keypoints and wireframe, recorded with every image.
+    materials : tuple of Material
+        Materials of the parts.
+    parts : tuple of Part
+        The mesh.
+    keypoints : tuple of Keypoint
+        Labelled points.
+    wireframe : tuple of Edge
+        Labelled edges.
+    mass : MassProperties
+        Mass, centre of mass and inertia.
     frames : dict, optional
         Named frames on the craft (docking port, grasp point): origin [m] and axis.
     symmetry : tuple of tuple of float, optional

@@ -81,6 +81,12 @@ def target_as_drawn(name: str, sha256: str, variation: CraftVariation | None, ba
 
     Parameters
     ----------
+    name : str
+        Name of the target.
+    sha256 : str
+        Hash of the target in the scene.
+    variation : CraftVariation or None
+        Variation of the craft, or None.
     base : Target or None
         The model; by default it is loaded by name and hash.
 

@@ -104,6 +104,10 @@ def normal_tables(sigma: float, dtype: np.dtype[Any], *, smooth: bool = False) -
 
     Parameters
     ----------
+    sigma : float
+        Standard deviation of the deviates.
+    dtype : dtype
+        Type of the tables: float32 or int16.
     smooth : bool, optional
         True for three bytes per deviate (16.7 million values), if a histogram would show 65536.
     """
@@ -144,6 +148,8 @@ def poisson(mean_e: Float32Array, source: np.random.SFC64) -> Float32Array:
     ----------
     mean_e : (rows, columns) array
         Mean number [e], not negative.
+    source : SFC64
+        Bit generator to draw from.
     """
     is_small = mean_e < EXACT_POISSON_MAX_E
     if is_small.all():

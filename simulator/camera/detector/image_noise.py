@@ -106,6 +106,12 @@ def start_noise(
     ----------
     shape : (H, W) or (H, W, bands) tuple of int
         Of the image.
+    sensor : Sensor
+        The sensor.
+    seed : int
+        Seed of the random numbers.
+    frame_index : int
+        Number of the frame; with ``seed`` the key of its random numbers.
     """
     if sensor.detector is not None or int(np.prod(shape)) < MIN_THREADED_VALUES:
         return lambda: draw_noise(shape, sensor, seed, frame_index)

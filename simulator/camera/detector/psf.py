@@ -73,6 +73,14 @@ def optics_mtf(
 
     Parameters
     ----------
+    frequency_x : array
+        Spatial frequency along rows [cycles per pixel].
+    frequency_y : array
+        Spatial frequency along columns [cycles per pixel], same shape.
+    optics : Optics
+        The optics.
+    sensor : Sensor
+        The sensor, for its pixel pitches.
     disc_px : float, optional
         Diameter of the defocus disc [px along x]; it is round on the detector.
     """
@@ -99,6 +107,10 @@ def psf_kernel(optics: Optics, sensor: Sensor, disc_px: float) -> FloatArray | N
 
     Parameters
     ----------
+    optics : Optics
+        The optics.
+    sensor : Sensor
+        The sensor, for its pixel pitches.
     disc_px : float
         Diameter of the defocus disc, rounded by the caller so that kernels are reused.
     """
@@ -283,6 +295,8 @@ def gaussian_blur(image: Float32Array, sigma_px: float, gain: float | Float32Arr
     ----------
     image : (H, W) or (H, W, n) array
         Image to convolve.
+    sigma_px : float
+        Standard deviation of the Gaussian [px].
     gain : float or array
         Scalar, or (n,) per band.
     """

@@ -80,6 +80,8 @@ def detect(
     ----------
     signal : (H, W) or (H, W, 3) array
         Expected photo-electrons over the saturation charge.
+    sensor : Sensor
+        The sensor; its detector must be set.
     seed : int
         Seed of the random numbers.
     frame_index : int

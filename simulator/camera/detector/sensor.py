@@ -35,6 +35,10 @@ class Detector:
         Noise shared by the pixels of a column in one frame.
     dark_current_e_s : float, optional
         Dark current at ``dark_reference_c``; it doubles every ``dark_doubling_c`` kelvin.
+    dark_reference_c : float, optional
+        Temperature at which the dark current is stated [deg C].
+    dark_doubling_c : float, optional
+        Temperature increase that doubles the dark current [K].
     temperature_c : float, optional
         Temperature of the detector.
     dsnu_e : float, optional

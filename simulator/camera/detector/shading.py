@@ -67,6 +67,10 @@ def veiling_glare(
 
     Parameters
     ----------
+    camera : Camera
+        The camera.
+    optics : Optics
+        The optics.
     sun_direction : array
         Unit vector, camera frame.
     sun_irradiance_w_m2 : array
@@ -148,6 +152,8 @@ def glow(image: Float32Array, optics: Optics) -> Float32Array:
     ----------
     image : (H, W) or (H, W, n) array
         Linear light, dark beyond its border.
+    optics : Optics
+        The optics.
     """
     if optics.glow_share <= 0:
         return image

@@ -116,6 +116,8 @@ class LensDomain:
 
     Parameters
     ----------
+    distortion : Distortion
+        Model and coefficients of the lens.
     limit : float
         Largest undistorted radius [1], infinite for a pinhole.
     radius : array
@@ -173,6 +175,10 @@ def lens_domain(distortion: Distortion, border_xy: FloatArray, *, strict: bool =
 
     Parameters
     ----------
+    distortion : Distortion
+        Model and coefficients of the lens.
+    border_xy : (K, 2) array
+        Distorted coordinates of the image's border, at unit depth.
     strict : bool, optional
         True to refuse an image that the lens does not fill; otherwise the lens is used as far as it reaches.
 

@@ -179,6 +179,12 @@ def finish_defines(
 
     Parameters
     ----------
+    materials : sequence of Material
+        Materials of the mesh.
+    bands : Bands
+        Colour bands of the image.
+    quality : Quality
+        Quality preset.
     lattices : int
         Number of cell lattices.
     """

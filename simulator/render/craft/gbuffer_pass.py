@@ -40,6 +40,12 @@ class SampleImages:
 
     Parameters
     ----------
+    context : Context
+        OpenGL context.
+    width : int
+        Width of the images [samples].
+    height : int
+        Height of the images [samples].
     texels : bool, optional
         True to store reflectance and metalness, and normal and roughness, of each sample.
     """

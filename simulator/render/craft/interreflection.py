@@ -45,6 +45,8 @@ class AtlasTextures:
     ----------
     pair : tuple of Texture
         Two textures of the atlas's size.
+    transfer : RadianceTransfer
+        Baked transfer of the craft.
     """
 
     def __init__(self, pair: tuple[moderngl.Texture, moderngl.Texture], transfer: RadianceTransfer) -> None:
@@ -91,6 +93,10 @@ class Interreflection:
 
     Parameters
     ----------
+    context : Context
+        OpenGL context.
+    mesh : GpuMesh
+        Mesh of the craft.
     patch : int, optional
         Size of a patch, as in `baked_transfer`.
     """

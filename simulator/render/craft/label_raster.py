@@ -158,12 +158,9 @@ class LabelRaster:
         layers: bool = False,
         scale: float = 1.0,
     ) -> PendingSurfaces:
-        """Start drawing the surface in the pixels of ``rect``; ``scale`` < 1 draws fewer, larger pixels.
+        """Start drawing the surface in the pixels of ``rect``, with ``layers`` normals and parts too.
 
-        Parameters
-        ----------
-        layers : bool, optional
-            True for normals and parts too.
+        A ``scale`` below 1 draws fewer, larger pixels.
         """
         arrays = resident.drawn(self._context, fit.longest_m).labels
         program, camera_from_target = label_program(self._programs, layers=layers), fit.camera_from_target

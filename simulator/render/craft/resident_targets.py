@@ -88,10 +88,20 @@ class ResidentTarget:
 
     Parameters
     ----------
+    mesh : GpuMesh
+        The uncut mesh.
     visible_edges : VisibleEdges
         Edges of the uncut mesh.
+    shadow : MeshArray
+        Vertex array of the shadow program.
+    interreflection : Interreflection
+        Radiance transfer of the craft.
     draw : callable
         Function that makes a `DrawnMesh` of a mesh and its edges.
+    textures : Textures or None, optional
+        Textures of the materials, or None.
+    cuts : dict of float to DrawnMesh, optional
+        Drawn meshes by their longest edge [m].
     """
 
     mesh: GpuMesh

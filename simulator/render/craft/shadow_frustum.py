@@ -167,6 +167,10 @@ def fit_shadow_frustum(
 
     Parameters
     ----------
+    patches : SurfacePatches
+        Patches of the target's surface.
+    camera : Camera
+        The camera.
     camera_from_target : (4, 4) array
         Transform from the target to the camera frame.
     light_from_target : (4, 4) array

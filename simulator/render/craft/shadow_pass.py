@@ -72,6 +72,8 @@ def choose_shadow(quality: Quality, box_m: float, pixel_m: float) -> ShadowChoic
 
     Parameters
     ----------
+    quality : Quality
+        Quality preset.
     box_m : float
         Width of the box that the map covers.
     pixel_m : float
@@ -110,6 +112,10 @@ class ShadowMap:
 
     Parameters
     ----------
+    context : Context
+        OpenGL context.
+    programs : ProgramLibrary
+        Programs of this context.
     size_px : int
         Width and height of the map.
     """
@@ -150,6 +156,10 @@ class ShadowMap:
 
         Parameters
         ----------
+        array : MeshArray
+            Vertex array of the shadow program.
+        view : View
+            Attitude of the target and direction to the Sun.
         light_from_target : (4, 4) array
             Matrix from `light_from_target`.
         clear : bool, optional

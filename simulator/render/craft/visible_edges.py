@@ -34,6 +34,8 @@ class EdgeCamera:
 
     Parameters
     ----------
+    camera : Camera
+        The camera.
     rect : PixelRect
         Pixels to draw.
     nearest_m : float
@@ -53,6 +55,8 @@ class VisibleEdges:
 
     Parameters
     ----------
+    edges : MeshEdges
+        Edges of the mesh.
     mesh : GpuMesh
         Mesh whose large bodies hide edges.
     beside_m : (2, E) array, optional
@@ -95,6 +99,8 @@ class VisibleEdges:
 
         Parameters
         ----------
+        view : EdgeCamera
+            Camera and viewport.
         pairs : bool
             True to include edges closer than `_PAIR_PX` to another in the image.
 

@@ -24,6 +24,12 @@ class CulledVertexArray:
 
     Parameters
     ----------
+    context : Context
+        OpenGL context.
+    mesh : GpuMesh
+        The mesh.
+    program : Program
+        Program that draws it.
     more : tuple
         Further per-vertex buffers, as in `GpuMesh.vertex_array`.
     """

@@ -125,6 +125,12 @@ class EarthFrame:
 
     Parameters
     ----------
+    images : FrameImages
+        Images to draw into.
+    tiles : ScreenTiles
+        Tiles of the screen that the Earth fills.
+    scene : SceneState
+        Scene of the frame.
     moon_in_front : bool
         True if the Moon is nearer, and may hide the Earth.
     """

@@ -183,6 +183,10 @@ class EarthProgramsPass(Pass):
 
     Parameters
     ----------
+    device : Device
+        OpenGL context and programs.
+    earths : Earths
+        The Earth for each set of bands.
     passes : sequence of Pass
         Passes that prepare and draw the Earth. Their output must be cleared.
     """

@@ -41,6 +41,8 @@ def mipmap_chain(image: ByteArray, *, globe: bool) -> MipmapChain:
 
     Parameters
     ----------
+    image : (H, W) or (H, W, n) array
+        The image, level 0.
     globe : bool
         True for an equirectangular map of a globe, row 0 at the north pole. Towards the poles, the smaller levels
         average columns, so that a texel is as wide as high on the ground: a driver chooses a level by one footprint.
@@ -134,6 +136,8 @@ class TilingTexture:
 
     Parameters
     ----------
+    context : Context
+        OpenGL context.
     levels : Future
         Future of the levels.
     """

@@ -69,6 +69,8 @@ class ProgramLibrary:
 
     Parameters
     ----------
+    context : Context
+        OpenGL context.
     blocks : iterable of UniformBlock
         Uniform blocks; each is declared in every shader and bound if used.
     constants : mapping, optional
@@ -105,6 +107,8 @@ class ProgramLibrary:
 
         Parameters
         ----------
+        vertex : str
+            Vertex shader, a path below ``shaders``.
         fragment : str or None
             ``None`` for a program that only captures its vertex shader's outputs (transform feedback).
         defines : mapping

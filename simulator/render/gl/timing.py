@@ -14,6 +14,8 @@ class StageClock:
 
     Parameters
     ----------
+    context : Context
+        OpenGL context.
     finish : bool, optional
         True to wait for the driver at each lap; otherwise a stage's time is that of issuing its commands.
     """

@@ -40,6 +40,8 @@ class UniformBlock:
 
     Parameters
     ----------
+    context : Context
+        OpenGL context.
     name : str
         Block name in GLSL.
     binding : int

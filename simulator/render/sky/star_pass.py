@@ -120,6 +120,8 @@ def distribute_points(pixels: FloatArray, radiance: FloatArray, size: tuple[int,
         Positions in an image of ``size``.
     radiance : (K, n) array
         Radiance if one pixel held all the light.
+    size : tuple of int
+        Width and height of the image [px].
     """
     width, height = size
     first = np.floor(pixels)

@@ -47,6 +47,8 @@ def moon_tiles(moon: MoonView, rect: PixelRect, camera: Camera, target: PixelRec
         Moon in the image.
     rect : PixelRect
         Rectangle of the Moon in the image.
+    camera : Camera
+        The camera.
     target : PixelRect or None
         Pixels that the target may touch.
     """

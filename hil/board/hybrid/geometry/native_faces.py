@@ -16,7 +16,7 @@ Array = np.ndarray
 class NativeFaces(Faces):
     """Faces with the C structure that the native library reads, built once.
 
-    Parameters
+    Attributes
     ----------
     native : Structure
         C structure of the arrays.

@@ -32,6 +32,9 @@ class EdgeSamples:
         Number of adjacent faces; samples without any are visible from everywhere.
     edge : (S,) array
         Index of the wireframe edge.
+
+    Attributes
+    ----------
     native : Structure
         C structure of the samples for the native library.
     """

@@ -59,6 +59,9 @@ class ShadowMap:
         Height of the visible surface along ``direction``, float32 [m]; very low where there is none.
     visible_face : (n, n) array
         Index of the visible face plus 1.
+
+    Attributes
+    ----------
     native : Structure
         C structure of the map for the native library.
     """
@@ -149,10 +152,13 @@ class ShadowMapTable:
         Pixel size of each map [m].
     height : (S, n, n) array
         Height of the visible surface along each direction, float32 [m].
+    rendered_maps : dict, optional
+        Cache of ``sunlight``.
+
+    Attributes
+    ----------
     native : Structure
         C structure of the maps for the native library.
-    rendered_maps : dict
-        Cache of ``sunlight``.
     """
 
     directions: Array

@@ -33,6 +33,8 @@ def named_model(names: Iterable[tuple[str, object]], keys: Keys) -> DistortionMo
     ----------
     names : iterable of tuple
         Pairs of a key and its value.
+    keys : Keys
+        Keys of the file, for messages.
 
     Raises
     ------
@@ -102,10 +104,16 @@ def camera_file(
         Width and height of the image.
     intrinsics : sequence of float
         fx, fy, cx, cy; pixel (0, 0) is the centre of the top-left pixel.
+    model : DistortionModel
+        Lens model.
     coefficients : sequence of float or None
         Coefficients of the model in OpenCV's order, or None.
+    name : str, optional
+        Name of the camera.
     notes : iterable of str, optional
         Remarks for the user about other content of the file.
+    pixel_pitch_um : tuple of float, optional
+        Horizontal and vertical pixel pitch [um], or None.
     encoding : object, optional
         Transfer function of the images as the file names it, or None.
 

@@ -86,6 +86,10 @@ class _AddedBuffer:
 
         Parameters
         ----------
+        key : str
+            Name of the array, as returned by `decode_streams`.
+        arrays : dict of str to array
+            Decoded arrays.
         placeholder : dict
             Placeholder accessor in the document, whose component type and ``normalized`` apply: the decoder returns
             integers as floats.
@@ -150,6 +154,10 @@ def decode_streams(
 
     Parameters
     ----------
+    path : Path
+        Path of the file, for messages.
+    streams : list of bytes
+        Draco streams.
     max_bytes : int, optional
         Limit on the total size, because a stream of a few bytes may request any size.
 

@@ -31,6 +31,10 @@ def meshes_in_scene(
 
     Parameters
     ----------
+    document : dict
+        The glTF document.
+    notes : list of str
+        Remarks for the user; extended in place.
     read : callable
         Returns the values of an accessor (EXT_mesh_gpu_instancing).
 
@@ -86,6 +90,10 @@ def check_size(document: dict[str, Any], meshes: list[PlacedMesh], n_bytes: int)
 
     Parameters
     ----------
+    document : dict
+        The glTF document.
+    meshes : list of PlacedMesh
+        Meshes of the scene.
     n_bytes : int
         Size of the file's buffers: each row takes at least one byte.
 

@@ -124,8 +124,12 @@ def read_foreign(path: Path, kind: str, data: bytes) -> RawModel:
 
     Parameters
     ----------
+    path : Path
+        Path of the file.
     kind : str
         One of `KINDS`.
+    data : bytes
+        Content of the file.
 
     Raises
     ------

@@ -22,6 +22,8 @@ class RawPart:
 
     Parameters
     ----------
+    name : str
+        Name in the file.
     positions_m : (N, 3) array
         Vertices in the axes of the file; after placement, in the model frame.
     triangles : (F, 3) array
@@ -51,8 +53,14 @@ class RawModel:
 
     Parameters
     ----------
+    path : Path
+        Path of the file.
     kind : str
         Suffix of the file, without its dot.
+    parts : list of RawPart
+        Bodies of the file.
+    materials : list of Material
+        Materials, indexed by the parts' faces.
     in_metres : bool, optional
         True if the format defines metres (glTF); STL and OBJ have no unit.
     up : str, optional

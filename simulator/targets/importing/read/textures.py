@@ -162,6 +162,8 @@ def face_colours(image: ByteArray, corner_uv: FloatArray) -> FloatArray:
 
     Parameters
     ----------
+    image : (H, W, 3) uint8 array
+        Texture, sRGB.
     corner_uv : (F, 3, 2) array
         Texture coordinates, origin at the image's top left as in glTF; they repeat outside 0..1.
     """

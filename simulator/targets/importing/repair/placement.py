@@ -94,6 +94,14 @@ def place_model(
 
     Parameters
     ----------
+    model : RawModel
+        Model to convert.
+    scale : float or None
+        Metres per unit of the file.
+    units : str or None
+        Name of the file's unit, instead of ``scale``.
+    up : str or None
+        Up axis, ``y`` or ``z``; by default the format's.
     recentre : bool, optional
         True to move the origin to the centre of the bounding box.
     any_size : bool, optional
