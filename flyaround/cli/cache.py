@@ -18,7 +18,7 @@ from flyaround.simulator.runtime.cache_contents import (
     max_cache_bytes,
 )
 
-MB = 1e6
+MB = 1e6  # bytes per megabyte, the decimal unit that disk tools print
 
 
 def cache(

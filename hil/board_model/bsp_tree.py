@@ -126,6 +126,7 @@ def _best_plane(large: FloatArray, small: FloatArray) -> tuple[int, FloatArray, 
         s = large @ n - d
         front, behind = (s > PLANE_TOLERANCE_M).any(axis=1), (s < -PLANE_TOLERANCE_M).any(axis=1)
         small_distance = small @ n - d
+        # small parts are judged to a millimetre: they are counted to choose a plane, not cut by it here
         small_cut = ((small_distance > 1e-3).any(axis=1) & (small_distance < -1e-3).any(axis=1)).sum()
         cost = (
             4.0 * (front & behind).sum()

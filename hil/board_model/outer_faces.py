@@ -33,6 +33,9 @@ MAX_TRIANGLES = 9000
 # size]. Least visible area of a triangle and of a part [share of the size, squared].
 MAX_VISIBLE, MIN_DISTANCE_SHARE, MIN_TRIANGLE, MIN_PART = 4200, 0.006, 1e-7, 1e-4
 
+# Cosine of 0.26 degrees, within which triangles are halves of one quadrilateral.
+COPLANAR_COSINE = 1 - 1e-5
+
 # Weight of the area of parts that stand off the body, because they shape the outline and cast shadows.
 PROTRUSION_WEIGHT = 3.0
 
@@ -69,7 +72,7 @@ def visible_area(triangles_m: FloatArray) -> FloatArray:
     for d in sphere_directions(DIRECTIONS):
         x = np.cross([0.0, 0.0, 1.0] if abs(d[2]) < 0.8 else [1.0, 0.0, 0.0], d)
         x /= np.linalg.norm(x)
-        front = np.flatnonzero((normal @ d > 0.02)[owner])
+        front = np.flatnonzero((normal @ d > 0.02)[owner])  # edge-on faces have no area to be seen
         p = points[front] @ np.stack([x, np.cross(d, x), -d]).T.astype(np.float32)
         # cells hold three points of a face seen head-on, so that none is empty
         cell = ((p[:, :2] - p[:, :2].min(axis=0)) / (1.8 * pitch)).astype(int)
@@ -77,6 +80,7 @@ def visible_area(triangles_m: FloatArray) -> FloatArray:
         depth = np.full(int(flat.max()) + 1, np.inf, np.float32)
         far_first = np.argsort(-p[:, 2])
         depth[flat[far_first]] = p[far_first, 2]
+        # a tolerance of less than half a cell, over which a slanted face rises
         visible = owner[front[p[:, 2] <= depth[flat] + 0.4 * pitch]]
         n_visible += np.bincount(visible, minlength=len(triangles_m))
         n_views += np.bincount(owner[front], minlength=len(triangles_m))
@@ -209,7 +213,7 @@ def merge_triangle_pairs(triangles_m: FloatArray, material: Sequence[str]) -> tu
         face = triangles_m[i, [0, 1, 2, 2]]
         for a in range(3):
             for j, b in faces_by_edge.get((key[i, (a + 1) % 3].tobytes(), key[i, a].tobytes()), []):
-                if used[j] or material[j] != material[i] or normal[i] @ normal[j] < 1 - 1e-5:
+                if used[j] or material[j] != material[i] or normal[i] @ normal[j] < COPLANAR_COSINE:
                     continue
                 joined = np.array(
                     [

@@ -244,7 +244,7 @@ def _check_case(case: Case, where: str) -> None:
     """
     if len(set(case.all_seeds)) < len(case.all_seeds):
         raise UserError(f"{where} has a seed twice: remove one")
-    if case.all_seeds[-1] >= 2**31:
+    if case.all_seeds[-1] >= 2**31:  # the limit of `Seed`, which the end of a range may exceed
         raise UserError(f"{where} has a seed of 2^31 or more: start lower")
     try:
         check_method_name(case.method)

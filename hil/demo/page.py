@@ -109,7 +109,7 @@ def with_inset(image: ByteArray, truth: Truth) -> ByteArray:
     height, width = image.shape[:2]
     x0, y0, x1, y1 = truth.box_amodal_px
     half = 0.55 * max(x1 - x0, y1 - y0)
-    if half > 0.25 * height:
+    if half > 0.25 * height:  # large enough without an inset
         return image
     centre = np.array([x0 + x1, y0 + y1]) / 2
     low = np.clip(centre - half, 0, np.array([width, height]) - 2 * half).astype(int)
@@ -118,6 +118,7 @@ def with_inset(image: ByteArray, truth: Truth) -> ByteArray:
     inset = cv2.resize(cut, (side, side), interpolation=cv2.INTER_CUBIC)
     cv2.rectangle(inset, (0, 0), (side - 1, side - 1), (110, 120, 130), 5)
     out = image.copy()
+    # in the corner that the craft leaves free
     left = slice(0, side) if centre[0] > 0.6 * width else slice(width - side, width)
     out[:side, left] = inset
     return out

@@ -24,7 +24,8 @@ if TYPE_CHECKING:
 
 SCHEMA, VERSION = "flyaround.display", 1
 
-# Degrees of the Chebyshev polynomials of the distortion, and of the brightness over the screen.
+# Degrees of the Chebyshev polynomials of the distortion, and of the brightness over the screen. A higher degree
+# follows a sharper change, and amplifies noise at the border.
 GEOMETRY_DEGREE = 7
 SHADING_DEGREE = 4
 
@@ -176,6 +177,7 @@ def calibrate(grabs: Mapping[str, FloatArray], screen_px: tuple[int, int]) -> Di
         axis: _decode(grabs, axis, size, dark, swing) for axis, size in zip("xy", screen_px, strict=True)
     }
     valid = np.isfinite(phases["x"]) & np.isfinite(phases["y"])
+    # ten pixels for each coefficient of the polynomials
     if np.count_nonzero(valid) < (GEOMETRY_DEGREE + 1) ** 2 * 10:
         raise UserError(
             "the screen is not found in the pictures: let it fill most of the camera's view, in focus, at an exposure "
@@ -247,6 +249,7 @@ def _fit_map(
     points = np.column_stack((screen, np.ones(len(screen)))) @ flat.T
     left_over = camera - points[:, :2] / points[:, 2:]
     unit = _unit(screen, screen_px)
+    # the lens bends by as much as the median; reflections of the screen are far outside of it
     inliers = np.hypot(*left_over.T) < 50 * max(1.0, float(np.median(np.hypot(*left_over.T))))
     bend: list[FloatArray] = []
     rms = 0.0

@@ -72,6 +72,7 @@ def estimate(
         If the image cannot be read or does not have the camera's size, a name is unknown, or ``sun_camera`` is not a
         unit vector.
     """
+    # a thousandth admits four printed digits
     if sun_camera is not None and (len(sun_camera) != 3 or not abs(np.linalg.norm(sun_camera) - 1) <= 1e-3):
         raise UserError(
             f"sun_camera {tuple(sun_camera)} is not a unit vector: give three numbers of length 1"

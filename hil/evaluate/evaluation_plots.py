@@ -266,7 +266,7 @@ def _stages(by_method: dict[str, list[EvaluatedFrame]]) -> Figure | None:
         left = 0.0
         for name, ms in stages.items():
             ax.barh(row, ms, left=left, color=colours[name], height=0.6, lw=0)
-            if ms > 0.06 * widest:
+            if ms > 0.06 * widest:  # the bar is wide enough for its number
                 ax.text(
                     left + ms / 2,
                     row,

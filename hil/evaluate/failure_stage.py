@@ -116,10 +116,12 @@ def _edge_share(
     m = 8.0 + 0.1 * (box[2] - box[0] + box[3] - box[1])
     x0, y0 = max(0, int(box[0] - m)), max(0, int(box[1] - m))
     x1, y1 = min(w, int(box[2] + m)), min(h, int(box[3] + m))
-    if min(x1 - x0, y1 - y0) < 16:
+    if min(x1 - x0, y1 - y0) < 16:  # too small for the gradient's filters
         return 0.0
     R = matrix_from_quat(q)
-    if visible_samples(craft.samples, craft.occ, -R.T @ t)[0].sum() < 8:
+    if (
+        visible_samples(craft.samples, craft.occ, -R.T @ t)[0].sum() < 8
+    ):  # a share of so few samples says nothing
         return 0.0
     field = edge_field(image, (x0, y0, x1, y1), noise, EDGE_FIELD_PX)
     return support(craft, q, t, field).drawn

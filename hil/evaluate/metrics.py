@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from flyaround.simulator.runtime.arrays import FloatArray
 
 SCHEMA = "flyaround.metrics"
-VERSION = 1
+VERSION = 1  # of the file format, in docs/formats
 
 # Bins of the true range [m], open above the last one.
 RANGE_BINS_M = (

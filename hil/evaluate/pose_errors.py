@@ -19,7 +19,8 @@ from flyaround.simulator.world.frames.rotation import (
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
-# Limits of coarse and fine success: attitude error [deg], and position error over range.
+# Limits of coarse and fine success: attitude error [deg], and position error over range. Definitions of
+# docs/formats/metrics.md, on which published figures depend.
 COARSE_DEG, COARSE_SHARE = 5.0, 0.05
 FINE_DEG, FINE_SHARE = 0.5, 0.005
 

@@ -29,7 +29,8 @@ from flyaround.hil.link.packets.messages import ErrorCode, ErrorMessage, decode_
 from flyaround.hil.link.packets.packet import Packet, PacketType
 from flyaround.hil.link.transports.base import Transport
 
-# Sizes of nonces and proofs, and of the authentication code of each packet [bytes].
+# Sizes of nonces and proofs, and of the authentication code of each packet [bytes]: SHA-256's output, and half of it,
+# the shortest truncation that RFC 2104, section 5, recommends.
 NONCE_BYTES = PROOF_BYTES = 32
 MAC_BYTES = 16
 COUNTER = struct.Struct("<Q")

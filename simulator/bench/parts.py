@@ -31,7 +31,7 @@ from flyaround.simulator.world.time.instant import Instant
 
 SCENARIO = "tango-flyaround"
 
-# Number of propagated states, and of captured frames.
+# Number of propagated states, and of captured frames: more repeat better, and take longer.
 N_STATES = 200
 N_CAPTURED = 4
 

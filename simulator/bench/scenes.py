@@ -51,7 +51,7 @@ BLOCK = 5  # frames between two reference passes, so that both see the same mach
 # Number of reference passes per block of frames.
 REFERENCE_LAPS = 2
 
-# Number of frames whose stages are timed, and of frames with labels.
+# Number of frames whose stages are timed, and of frames with labels, odd for a median.
 TIMED_FRAMES = 7
 LABELLED_FRAMES = 5
 

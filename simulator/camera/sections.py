@@ -21,7 +21,8 @@ from flyaround.simulator.errors import UserError
 from flyaround.simulator.runtime.sections import Section, within
 from flyaround.simulator.runtime.untrusted_files import decode_text, read_regular
 
-MAX_KERNEL_BYTES = 100_000_000
+# Size limit of a kernel's file [bytes], which bounds the time to parse it; a kernel itself has at most 63 x 63 numbers.
+MAX_KERNEL_BYTES = 1_000_000
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -203,6 +204,7 @@ def crop_and_bin(
             f"{where}: key sensor.roi_px is {[x0, y0, width, height]}, allowed: x0, y0, width, height inside the "
             f"camera's {camera.width_px} x {camera.height_px} pixels"
         )
+    # 16 pixels: the smallest image of `Camera`
     if width % binning or height % binning or min(width, height) < 16 * binning:
         raise UserError(
             f"{where}: key sensor.binning is {binning}, allowed: a divisor of {width} x {height} that leaves 16 pixels"

@@ -154,6 +154,7 @@ def _stamp(
     # simple craters have one shape; complex ones are tabulated every 5 km
     kind = 1.0 if diameter_km < _COMPLEX_KM else max(5.0 * round(diameter_km / 5), _COMPLEX_KM)
     centre, phases = rng.random(2) * SIZE, rng.random(5) * 7
+    # rays longer than the tile would overlap themselves
     rayed = age < _RAY_SHARE and _MIN_RAYED_RADIUS_PX < radius < 0.45 * SIZE / _RAY_RADII
     extent = int(np.ceil((_RAY_RADII if rayed else _STAMP_RADII) * radius)) + 1
     if 2 * extent + 1 > SIZE:

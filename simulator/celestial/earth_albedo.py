@@ -32,6 +32,8 @@ if TYPE_CHECKING:
     from flyaround.simulator.scene.illumination.irradiance import IrradianceField
     from flyaround.simulator.scene.state import SceneState
 
+# Albedos of open sea (0.06 in diffuse light: Payne 1972, J. Atmos. Sci. 29, 959), of clear air and of full cloud cover.
+# The last two set contrasts only: with clouds, the map is scaled to the Earth's albedo (tools/cook/reduced_maps.py).
 SEA_ALBEDO, AIR_ALBEDO, CLOUD_ALBEDO = 0.06, 0.06, 0.55
 ICE_ALBEDO = 0.55  # albedo of the ice pack as drawn: floes, leads and ponds
 ALBEDO = "albedo_128x64.npy"

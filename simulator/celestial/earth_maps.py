@@ -161,7 +161,7 @@ def _quarter_size(values: Float32Array, land: ByteArray) -> tuple[Float32Array, 
 
 def _extend_over_sea(filled: Float32Array, share: Float32Array) -> Float32Array:
     """Return the land's values extended over the sea, from the results of `_quarter_size`."""
-    has_data = share > 1e-3
+    has_data = share > 1e-3  # a value divided by less is only rounding of the average
     filled[has_data] = (filled[has_data].T / share[has_data]).T
     total = has_data.astype(np.float32)
     for size in (3, 7, 17):
@@ -249,6 +249,7 @@ def _panchromatic_land(
         reflectance = np.asarray(wide[own_rows], np.float32)
         if reach:
             smooth = cv2.GaussianBlur(wide, (0, 0), 1.5)[own_rows]
+            # 128 is the shore; water darker than it by 0.02 keeps its own distance to the coast
             ice = cv2.convertScaleAbs(np.clip(128 + (smooth - _ICE_REFLECTANCE) * 400, 0, 200))
             ice[ice <= 120] = 0
             coast[rows] = np.maximum(coast[rows], ice)

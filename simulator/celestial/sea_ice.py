@@ -175,5 +175,6 @@ def extent_m2(share: FloatArray, sea: FloatArray) -> tuple[float, float]:
     """
     rows = np.radians(90 - np.arange(HEIGHT + 1) * 180 / HEIGHT)
     area = EARTH_MEAN_RADIUS_M**2 * np.abs(np.diff(np.sin(rows))) * 2 * np.pi / WIDTH
+    # the extent counts cells with at least 15 % of ice (Fetterer et al., Sea Ice Index, NSIDC)
     area_m2 = (share >= 0.15) * sea * area[:, None]
     return float(area_m2[: HEIGHT // 2].sum()), float(area_m2[HEIGHT // 2 :].sum())

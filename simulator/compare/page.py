@@ -32,7 +32,8 @@ if TYPE_CHECKING:
 
 SOBEL_GAIN = 4.0  # scale of the gradient images: 64 DN per pixel is white
 
-# Maximum width of an image on the page [px], and quality of its JPEG.
+# Maximum width of an image on the page [px], and quality of its JPEG: larger ones show more, and make the page slower
+# to load.
 DISPLAY_WIDTH_PX = 960
 JPEG_QUALITY = 85
 PLOT = (320, 200)  # width and height of a histogram [px]

@@ -167,6 +167,7 @@ def _likeness(scene: SceneState, target: Target, rendered: ByteArray, reference:
         cv2.GaussianBlur(image.astype(np.float32), (0, 0), 1.5)[y0:y1, x0:x1].ravel()
         for image in (rendered, reference)
     ]
+    # a correlation of few or equal values says nothing
     if patches[0].size < 16 or min(c.std() for c in patches) < 1e-3:
         return 0.0
     return float(np.corrcoef(patches[0], patches[1])[0, 1])

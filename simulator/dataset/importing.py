@@ -12,6 +12,7 @@ import numpy as np
 
 from flyaround.simulator.camera.lens.files import load_camera
 from flyaround.simulator.dataset.card import CardTarget, DatasetCard, describe_machine
+from flyaround.simulator.dataset.formats.exr import MAX_SIDE_PX
 from flyaround.simulator.dataset.formats.native import EncodedFrame, encode_png
 from flyaround.simulator.dataset.silhouette import silhouette
 from flyaround.simulator.errors import UserError
@@ -219,7 +220,7 @@ def _data(path: Path) -> bytes:
             f"cannot read picture {path}: {error.strerror or error}; check the data set"
         ) from error
     size = picture_size(data)
-    return b"" if size is None or max(size) > 16_384 else data
+    return b"" if size is None or max(size) > MAX_SIDE_PX else data
 
 
 def _size(picture: PosedPicture) -> tuple[int, int]:

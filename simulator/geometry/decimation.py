@@ -49,8 +49,10 @@ def decimate(bodies: list[MeshBody], max_triangles: int) -> list[MeshBody]:
             steps_too_fine = min(steps_too_fine, steps_now)
         elif count >= best_count:
             best, best_count = steps_now, count
+        # within 5 % of the limit the search ends
         if count <= max_triangles and (count > 0.95 * max_triangles or steps_now + 1 >= steps_too_fine):
             break
+        # the count grows with the square of the steps; aim slightly below the limit
         steps = steps_now * float(np.sqrt(0.985 * max_triangles / max(count, 1)))
         if steps >= steps_too_fine or steps <= best:
             steps = (best + steps_too_fine) / 2 if steps_too_fine < FINEST_STEPS else 2.0 * best

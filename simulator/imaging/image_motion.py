@@ -108,6 +108,7 @@ def motion_bound_px(scene: SceneState, target: Target, span_s: float) -> float:
     t = scene.t_camera_from_target_m
     central, body = scene.central, scene.central.body
     height = math.dist(scene.r_camera_eci_m, central.r_eci_m) - body.radius_m
+    # within two sizes or a kilometre, rates change too much during the exposure for this bound
     if not camera.distortion.is_none or t[2] <= 2 * size or height <= 1e3:
         return float("inf")
     relative_speed = math.dist(scene.v_target_eci_m_s, scene.v_camera_eci_m_s)

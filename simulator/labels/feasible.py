@@ -19,7 +19,8 @@ if TYPE_CHECKING:
     from flyaround.simulator.runtime.arrays import Float32Array, FloatArray
     from flyaround.simulator.scene.state import SceneState
 
-# Minimum share of the silhouette inside the image, and of the wireframe's length with a visible step.
+# Minimum share of the silhouette inside the image, and of the wireframe's length with a visible step: definitions of
+# docs/labels.md, on which published figures depend.
 SILHOUETTE_SHARE = 0.9
 STEP_SHARE = 0.4
 

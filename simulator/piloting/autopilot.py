@@ -138,6 +138,7 @@ class Autopilot:
     def _is_aligned(self, f: DockingFigures) -> bool:
         limits = self._limits
         attitude_error_deg = max(abs(f.roll_deg), abs(f.pitch_deg), abs(f.yaw_deg))
+        # with a margin to the contact limits, which the final approach must keep
         return f.lateral_m < 0.5 * limits.lateral_m and attitude_error_deg < 0.7 * limits.attitude_deg
 
     def _fly_around(self, f: DockingFigures) -> FloatArray:
@@ -146,7 +147,7 @@ class Autopilot:
         distance = float(np.linalg.norm(p))
         out = p / distance
         towards = np.array([0.0, 0.0, -1.0]) - (-out[2]) * out
-        if np.linalg.norm(towards) < 1e-3:
+        if np.linalg.norm(towards) < 1e-3:  # opposite to the port any way round is equal
             towards = np.cross(out, [0.0, 1.0, 0.0])
         towards /= np.linalg.norm(towards)
         # never inward while flying around, and outward first if too near

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import Literal
 
-# Rates of simulated time, and the rate of a jump.
+# Rates of simulated time, in the steps 1, 2, 5, and the rate of a jump, the fastest of them.
 RATES = (0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0, 200.0, 500.0, 1000.0)
-JUMP_RATE = 1000.0
+JUMP_RATE = RATES[-1]
 
 STEP_S = 0.02
 """Integration step at 1x [s]; it grows with the rate as far as `Steering.step_s` allows."""

@@ -35,7 +35,8 @@ MAX_SAMPLES = 400_000
 # Maximum size of the recorded controls [bytes].
 MAX_CONTROLS_BYTES = 40_000_000
 
-# Maximum length of a bookmark's note, and maximum number of bookmarks.
+# Maximum length of a bookmark's note, and maximum number of bookmarks: bounds on what a file may contain, more than an
+# operator sets by hand.
 MAX_NOTE_LENGTH = 200
 MAX_BOOKMARKS = 500
 

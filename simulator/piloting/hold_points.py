@@ -118,6 +118,7 @@ def not_ready(
     if abs(distance) > point.within_m:
         where = "before" if distance > 0 else "behind"
         reasons.append(f"{abs(distance):.1f} m {where} {point.name}")
+    # far out, orbital motion moves even a craft at rest by about the mean motion times the distance (1e-3 per second)
     if figures.speed_m_s > REST_SPEED_M_S + 1e-3 * point.axial_m:
         reasons.append(f"moving at {figures.speed_m_s:.2f} m/s")
     reasons += [

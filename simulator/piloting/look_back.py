@@ -27,7 +27,8 @@ if TYPE_CHECKING:
     from flyaround.simulator.world.flight.world_state import WorldState
     from flyaround.simulator.world.guidance.manual_control import ChaserState
 
-# Maximum number of points of the trail, and their interval [s]; a longer trail is thinned.
+# Maximum number of points of the trail, and their interval [s]; a longer trail is thinned. More points cost the map
+# drawing time, fewer make its curves angular.
 MAX_TRAIL_POINTS = 4000
 TRAIL_INTERVAL_S = 0.5
 

@@ -24,7 +24,8 @@ if TYPE_CHECKING:
 BURN_M_S2 = 0.05
 """Acceleration of a burn, which is centred on its time [m s-2]."""
 
-# Limits of planned burns: number, size [m s-1], and time ahead [s].
+# Limits of planned burns: number, size [m s-1], and time ahead [s]. They bound the
+# time of a prediction, which spans all of them.
 MAX_BURNS = 8
 MAX_DELTA_V_M_S = 50.0
 MAX_BURN_LEAD_S = 200_000.0

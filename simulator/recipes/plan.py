@@ -303,6 +303,7 @@ def _check_range(recipe: Recipe, target: Target) -> None:
     if recipe.poses is not None or isinstance(recipe.attitude, FacingAttitude):
         return
     kind = resolve_range(recipe.range, target)
+    # a quarter, because a camera between a boom and the body is not inside
     if isinstance(kind, UniformRange) and kind.far_m < 0.25 * radius_m(target):
         raise UserError(
             f"recipe {recipe.name}: section [range] ends at far_m = {kind.far_m:g}, inside of {target.name}, whose "

@@ -11,6 +11,7 @@ import numpy as np
 from flyaround.simulator.render.gl.context import create_context
 from flyaround.simulator.render.gl.programs import FULL_SCREEN, ProgramLibrary
 
+# Width and height of the texture [px]: with the Earth's maps of 8064 x 4032 it has in common that no cache holds it.
 TEXTURE_SIZE = (4096, 2048)
 
 

@@ -110,7 +110,7 @@ def _attitude_problems(a: Attitude, body: Body) -> Iterator[str]:
         yield "section [attitude] has both q_wxyz and euler_deg, allowed: one of them"
     if a.q_wxyz is not None:
         norm = float(np.linalg.norm(a.q_wxyz))
-        if abs(norm - 1) > 1e-3:
+        if abs(norm - 1) > 1e-3:  # four printed digits pass
             yield (
                 f"key attitude.q_wxyz is {list(a.q_wxyz)} with norm {norm:.6g}, "
                 "allowed: a unit quaternion, scalar first"

@@ -77,7 +77,7 @@ def check_part(part: Part, where: str) -> None:
         raise UserError(
             f"{where_part}: a triangle uses vertex {int(missing[0])} of {len(positions)}; export it again"
         )
-    # the negated test also refuses NaN
+    # the negated test also refuses NaN; a thousandth is rounding in the file
     if not (np.abs(np.linalg.norm(normals, axis=1) - 1) < 1e-3).all():
         raise UserError(f"{where_part}: normals are not unit vectors; export the model with normals")
     face_normals = np.cross(

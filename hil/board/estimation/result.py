@@ -11,7 +11,9 @@ from flyaround.hil.board.estimation import quaternion as quat
 
 Array = np.ndarray
 
-# Poses that differ by more than either are distinct: rotation [rad], and translation as a share of range.
+# Poses that differ by more than either are distinct: rotation [rad], and translation as a share of range. More than
+# the limits of coarse success (5 degrees, 5 % of range: hil/evaluate/pose_errors.py), so that two poses near one
+# solution are not reported as two. Larger values merge solutions of a nearly symmetric craft.
 DISTINCT_RAD = float(np.radians(12.0))
 DISTINCT_SHARE = 0.08
 

@@ -19,7 +19,7 @@ from flyaround.hil.board.files import read_bounded
 Array = np.ndarray
 
 SCHEMA = "flyaround.board_model"
-VERSION = 1
+VERSION = 1  # of the file format; a file of another version is refused
 
 # Largest accepted size of a board model file [bytes].
 MAX_BYTES = 100_000_000

@@ -17,8 +17,27 @@ from flyaround.hil.board.estimation.target_model import BoardModel
 
 Array = np.ndarray
 
-# Edge points that vote, and pairs of them tried as the ends of a major axis.
+# The limits of this module are chosen by hand; Xie & Ji state none for images of this size.
+
+# Edge points that vote, and pairs of them tried as the ends of a major axis. The votes take time in proportion to the
+# product; fewer miss ellipses among other edges.
 MAX_POINTS, MAX_PAIRS = 260, 6000
+
+# Major axes that are tried, relative to the region's diagonal: smaller ellipses are fittings, larger ones do not fit.
+AXIS_RANGE = (0.2, 1.1)
+
+# Ratios of minor to major axis that are voted for: flatter ellipses cannot be told from two parallel lines, and above 1
+# the axes swap.
+AXIS_RATIOS = (0.12, 1.02)
+
+# Pairs that are fitted, and votes of MAX_POINTS that a pair needs: fewer are common among unrelated edges.
+FITTED_PAIRS, MIN_VOTES = 60, 8
+
+# Distances from the outline at which edges are fitted, first and second time [px]; the last also counts as covered.
+FIT_REACH_PX = (4.0, 2.5)
+
+# Edge points that an ellipse needs, more than twice its five parameters.
+MIN_FITTED_POINTS = 12
 
 # Ellipses kept per image, circles per model, and roll angles tried about a circle's axis.
 MAX_ELLIPSES, MAX_CIRCLES, N_ROLLS = 4, 8, 24
@@ -85,15 +104,15 @@ def hough_ellipses(mask: Array, origin: Tuple[float, float], diagonal_px: float)
     sample = points[rng.permutation(len(points))[:MAX_POINTS]]
     i, j = np.triu_indices(len(sample), 1)
     axis = np.linalg.norm(sample[i] - sample[j], axis=1)
-    ok = (axis > 0.2 * diagonal_px) & (axis < 1.1 * diagonal_px)
+    ok = (axis > AXIS_RANGE[0] * diagonal_px) & (axis < AXIS_RANGE[1] * diagonal_px)
     i, j = i[ok], j[ok]
     pick = rng.permutation(len(i))[:MAX_PAIRS]
     i, j = i[pick], j[pick]
     a, b, votes = _minor_axes(sample, i, j)
     distance = cv2.distanceTransform((~mask).astype(np.uint8), cv2.DIST_L2, 3)
     ellipses: List[EllipseFit] = []
-    for k in np.argsort(-votes)[:60]:
-        if votes[k] < 8:
+    for k in np.argsort(-votes)[:FITTED_PAIRS]:
+        if votes[k] < MIN_VOTES:
             break
         d = sample[j[k]] - sample[i[k]]
         centre = 0.5 * (sample[i[k]] + sample[j[k]])
@@ -124,7 +143,7 @@ def _minor_axes(sample: Array, i: Array, j: Array) -> Tuple[Array, Array, Array]
         cos = (a * a + d * d - f * f) / np.maximum(2 * a * d, 1e-9)
         cos2 = np.clip(cos * cos, 0, 1)
         b2 = a * a * d * d * (1 - cos2) / np.maximum(a * a - d * d * cos2, 1e-9)
-        is_plausible = (d < a) & (b2 > (0.12 * a) ** 2) & (b2 <= (1.02 * a) ** 2)
+        is_plausible = (d < a) & (b2 > (AXIS_RATIOS[0] * a) ** 2) & (b2 <= (AXIS_RATIOS[1] * a) ** 2)
         bins = np.clip(np.sqrt(np.maximum(b2, 0)) / a * 32, 0, 32).astype(int)
         counts = np.zeros((len(a), 34))
         row = np.repeat(np.arange(len(a)), len(sample))
@@ -136,9 +155,9 @@ def _minor_axes(sample: Array, i: Array, j: Array) -> Tuple[Array, Array, Array]
 
 
 def _refit(e: EllipseFit, points: Array, distance: Array) -> Optional[EllipseFit]:
-    for reach in (4.0, 2.5):
+    for reach in FIT_REACH_PX:
         near = _band(e, points, reach)
-        if near.sum() < 12:
+        if near.sum() < MIN_FITTED_POINTS:
             return None
         (u, v), (width, height), angle = cv2.fitEllipseDirect(points[near].astype(np.float32))
         if not np.all(np.isfinite([u, v, width, height])) or min(width, height) < 4:
@@ -149,7 +168,7 @@ def _refit(e: EllipseFit, points: Array, distance: Array) -> Optional[EllipseFit
     h, w = distance.shape
     inside = (pixels[:, 0] >= 0) & (pixels[:, 0] < w) & (pixels[:, 1] >= 0) & (pixels[:, 1] < h)
     pixels = np.clip(pixels, 0, [w - 1, h - 1])
-    share = float((inside & (distance[pixels[:, 1], pixels[:, 0]] < 2.5)).mean())
+    share = float((inside & (distance[pixels[:, 1], pixels[:, 0]] < FIT_REACH_PX[1])).mean())
     return EllipseFit(e.u, e.v, e.a, e.b, e.angle_rad, share)
 
 
@@ -166,6 +185,7 @@ def _band(e: EllipseFit, points: Array, reach: float) -> Array:
 
 
 def _same_ellipse(a: EllipseFit, b: EllipseFit) -> bool:
+    """Return True if centres and major axes differ by less than a tenth of the axis, or by a few pixels of noise."""
     return bool(np.hypot(a.u - b.u, a.v - b.v) < 0.1 * a.a + 3 and abs(a.a - b.a) < 0.1 * a.a + 2)
 
 
@@ -193,7 +213,9 @@ def model_circles(model: BoardModel) -> Tuple[Circle, ...]:
         p = ends[ring].reshape(-1, 3)
         centre = p.mean(axis=0)
         r = np.linalg.norm(p - centre, axis=1)
-        if r.std() < 0.02 * r.mean():
+        if (
+            r.std() < 0.02 * r.mean()
+        ):  # a regular polygon has no spread; this admits coordinates rounded in the file
             axis = np.linalg.svd(p - centre)[2][2]
             out.append(Circle(centre, axis, float(r.mean())))
     out.sort(key=lambda c: -c.radius_m)
@@ -205,8 +227,10 @@ def _ring_from(ends: Array, start: int) -> List[int]:
     ring, point = [start], ends[start, 1]
     heading = ends[start, 1] - ends[start, 0]
     for _ in range(400):
-        near = np.linalg.norm(ends - point, axis=2) < 1e-4
-        best, best_cos, best_end = -1, 0.7, 0
+        near = (
+            np.linalg.norm(ends - point, axis=2) < 1e-4
+        )  # metres: edges of a ring share vertices, but for rounding
+        best, best_cos, best_end = -1, 0.7, 0  # neighbours turn by less than 45 degrees: eight edges or more
         for m in np.flatnonzero(near.any(axis=1)):
             if m == ring[-1]:
                 continue

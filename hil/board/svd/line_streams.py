@@ -35,8 +35,9 @@ MAX_LINES = 40
 # Margin of the line search around the region, share of its diagonal: lines that leave the region keep their true ends.
 SEARCH_MARGIN = 0.25
 
-# Number of Harris corners, and Harris's sensitivity parameter.
-HARRIS_CORNERS, HARRIS_K = 60, 0.04
+# Number of Harris corners, Harris's sensitivity parameter (Harris & Stephens 1988: 0.04 to 0.06), and minimum response
+# relative to the strongest corner. The minimum matters only if fewer than HARRIS_CORNERS exceed it.
+HARRIS_CORNERS, HARRIS_K, HARRIS_MIN = 60, 0.04, 0.01
 
 
 @dataclass(frozen=True, eq=False)
@@ -174,7 +175,7 @@ def harris_corners(image: Array, origin: Tuple[float, float]) -> Array:
     top = float(response.max())
     if top <= 0:
         return np.zeros((0, 2))
-    peak = (response == cv2.dilate(response, np.ones((9, 9), np.uint8))) & (response > 0.01 * top)
+    peak = (response == cv2.dilate(response, np.ones((9, 9), np.uint8))) & (response > HARRIS_MIN * top)
     peak[:2], peak[-2:], peak[:, :2], peak[:, -2:] = False, False, False, False
     ys, xs = np.nonzero(peak)
     order = np.argsort(-response[ys, xs])[:HARRIS_CORNERS]

@@ -14,7 +14,7 @@ import numpy as np
 
 Array = np.ndarray
 
-# Largest number of groups of each kind kept per image.
+# Largest number of groups of each kind kept per image. The number of hypotheses is proportional to it.
 MAX_GROUPS = {
     "closed_tetrad": 12,
     "open_tetrad": 12,
@@ -23,6 +23,15 @@ MAX_GROUPS = {
     "parallel_pair": 12,
     "antenna": 4,
 }
+
+# Overlap of parallel lines that makes them a pair, relative to the shorter one. Less pairs lines of unrelated parts.
+PARALLEL_OVERLAP = 0.4
+
+# Largest width of a rod relative to its length, and to the region's diagonal. Wider pairs are sides of a face.
+ROD_WIDTH, ROD_WIDTH_OF_REGION = 0.4, 0.08
+
+# Smallest area of a triad [px2]: smaller ones are pieces of one thick line.
+MIN_TRIAD_PX2 = 40.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,7 +73,7 @@ def parallel_pairs(lines: Lines, angle_rad: float = np.radians(8.0)) -> Array:
     a = np.einsum("pk,pk->p", lines.ends[j, 0] - base, d)
     b = np.einsum("pk,pk->p", lines.ends[j, 1] - base, d)
     overlap = np.minimum(np.maximum(a, b), lines.length[i]) - np.maximum(np.minimum(a, b), 0.0)
-    keep = overlap > 0.4 * np.minimum(lines.length[i], lines.length[j])
+    keep = overlap > PARALLEL_OVERLAP * np.minimum(lines.length[i], lines.length[j])
     return np.stack([i[keep], j[keep]], axis=-1)
 
 
@@ -76,7 +85,9 @@ def antennas(lines: Lines, pairs: Array, diagonal_px: float) -> Array:
     middle = lines.ends[j].mean(axis=1) - lines.ends[i, 0]
     width = np.abs(_cross(lines.direction[i], middle))
     length = np.minimum(lines.length[i], lines.length[j])
-    return np.asarray(pairs[(width < 0.4 * length) & (width < 0.08 * diagonal_px) & (width > 1.0)])
+    # less than a pixel apart they are one line, found twice
+    is_rod = (width < ROD_WIDTH * length) & (width < ROD_WIDTH_OF_REGION * diagonal_px) & (width > 1.0)
+    return np.asarray(pairs[is_rod])
 
 
 @dataclass(frozen=True, eq=False)
@@ -161,7 +172,7 @@ def image_triads(lines: Lines, corners: Corners, limit: int = 48) -> Chains:
                             far_i, far_j, joined = p, p2, 1
                 quad = np.array([far_i, pa, pb, far_j])
                 area = _area(quad)
-                if area < 40.0:
+                if area < MIN_TRIAD_PX2:
                     continue
                 points.append(quad)
                 closed.append(joined)
@@ -239,6 +250,7 @@ def _open_tetrads(chains: Chains, lines: Lines, gap_px: float) -> Array:
             continue
         for p in (points, points[::-1]):
             d = np.linalg.norm(lines.ends - p[3], axis=2)
+            # the fourth line starts where the third ends, but for a part of the gap and the Hough transform's rounding
             for k in np.flatnonzero(d.min(axis=1) < 0.15 * gap_px + 2.0):
                 far = lines.ends[k, 1 - int(d[k].argmin())]
                 if np.linalg.norm(far - p[0]) < gap_px and np.linalg.norm(far - p[2]) > gap_px:

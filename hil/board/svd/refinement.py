@@ -147,10 +147,12 @@ def plausible(q: Array, t: Array, model: BoardModel, camera: CameraIntrinsics, r
     """Return a mask (N,) of poses in front of the camera whose craft roughly covers the region."""
     centre = np.einsum("nij,j->ni", quat.matrix(q), model.centre_m) + t
     z = centre[:, 2]
+    # nearer than this the camera is all but inside the craft, and the perspective of its front has no limit
     ok = np.isfinite(centre).all(axis=1) & (z > 1.2 * model.radius_m)
     z = np.where(ok, z, 1.0)
     size = (camera.fx_px + camera.fy_px) * model.radius_m / z
     pixels = camera.pixels(np.where(ok[:, None], centre, 1.0))
+    # the region holds a part of the craft at worst, and the sphere around the craft is larger than its silhouette
     reach = 0.75 * region.diagonal_px
     ok &= (size > 0.75 * region.diagonal_px) & (size < 2.5 * region.diagonal_px)
     ok &= np.abs(pixels[:, 0] - 0.5 * (region.x0 + region.x1)) < reach

@@ -15,6 +15,7 @@ import numpy as np
 
 Array = np.ndarray
 
+# Prewitt operator of the x derivative, scaled so that a ramp of slope 1 gives 1.
 _PREWITT = np.array([[-1, 0, 1], [-1, 0, 1], [-1, 0, 1]], np.float32) / 6.0
 
 

@@ -11,12 +11,25 @@ from typing import List, Tuple
 import numpy as np
 
 from flyaround.hil.board.estimation.target_model import BoardModel
-from flyaround.hil.board.svd.perceptual_groups import Chains, PointGroups, same_direction
+from flyaround.hil.board.svd.perceptual_groups import PARALLEL_OVERLAP, Chains, PointGroups, same_direction
 
 Array = np.ndarray
 
-# Minimum size of a wireframe group [share of the model's radius].
+# Minimum size of a wireframe group [share of the model's radius]. Smaller groups multiply the hypotheses, and their
+# poses are less precise.
 MIN_SIZE = 0.6
+
+# Distance within which ends of edges meet [m]: wireframes model panels and body as separate boxes.
+JOIN_M = 0.02
+
+# Shortest side of a chain relative to its longest: with a shorter one it is nearly a corner.
+MIN_SIDE_RATIO = 0.15
+
+# Cosine of 2.6 degrees, within which edges or planes count as parallel.
+PARALLEL_COSINE = 0.999
+
+# Sine of 12 degrees, below which edges that meet form no corner.
+MIN_CORNER_SINE = 0.2
 
 
 def model_point_groups(model: BoardModel) -> PointGroups:
@@ -50,7 +63,7 @@ def _large(chains: Chains, least_m: float) -> Chains:
     return Chains(chains.points[keep], chains.closed[keep])
 
 
-def model_triads(model: BoardModel, join_m: float = 0.02) -> Chains:
+def model_triads(model: BoardModel, join_m: float = JOIN_M) -> Chains:
     """Return planar chains of three wireframe edges bent to the same side, in both directions."""
     edges = [e for e in model.wireframe if e.radius_m == 0]
     n = len(edges)
@@ -88,12 +101,12 @@ def _joined(ends: Array, a: Array, b: Array, join_m: float) -> bool:
 def _flat_convex(quad: Array) -> bool:
     """Return True for a planar chain whose arms lie on one side and which is not nearly a line."""
     side = np.linalg.norm(np.diff(quad, axis=0), axis=1)
-    if side.min() < 0.15 * side.max():
+    if side.min() < MIN_SIDE_RATIO * side.max():
         return False
     base = quad[2] - quad[1]
     n1, n2 = np.cross(quad[0] - quad[1], base), np.cross(quad[3] - quad[2], base)
     s = np.linalg.norm(n1) * np.linalg.norm(n2)
-    return bool(s > 1e-9 and n1 @ n2 > 0.999 * s)
+    return bool(s > 1e-9 and n1 @ n2 > PARALLEL_COSINE * s)
 
 
 def _model_corners(ends: Array) -> Array:
@@ -103,10 +116,10 @@ def _model_corners(ends: Array) -> Array:
         for j in range(i + 1, len(ends)):
             gap = np.linalg.norm(ends[i][:, None] - ends[j][None], axis=2)
             ei, ej = np.unravel_index(int(gap.argmin()), (2, 2))
-            if gap[ei, ej] > 0.02:
+            if gap[ei, ej] > JOIN_M:
                 continue
             a, b = ends[i, 1 - ei] - ends[i, ei], ends[j, 1 - ej] - ends[j, ej]
-            if np.linalg.norm(np.cross(a, b)) > 0.2 * np.linalg.norm(a) * np.linalg.norm(b):
+            if np.linalg.norm(np.cross(a, b)) > MIN_CORNER_SINE * np.linalg.norm(a) * np.linalg.norm(b):
                 out.append(np.stack([ends[i, 1 - ei], ends[i, ei], ends[j, 1 - ej]]))
     return np.array(out).reshape(-1, 3, 3)
 
@@ -120,10 +133,10 @@ def _model_parallel(ends: Array, max_pairs: int = 120) -> Array:
         d = (ends[i, 1] - ends[i, 0]) / max(length[i], 1e-9)
         for j in order[x + 1 :]:
             e = ends[j, 1] - ends[j, 0]
-            if abs(float(d @ e)) < 0.999 * length[j]:
+            if abs(float(d @ e)) < PARALLEL_COSINE * length[j]:
                 continue
             s = np.sort((ends[j] - ends[i, 0]) @ d)
-            if min(s[1], length[i]) - max(s[0], 0.0) > 0.4 * length[j]:
+            if min(s[1], length[i]) - max(s[0], 0.0) > PARALLEL_OVERLAP * length[j]:
                 out.append(same_direction(ends[i], ends[j]))
     pairs = np.array(out[:max_pairs]).reshape(-1, 4, 3)
     swapped = pairs[:, [2, 3, 0, 1]]

@@ -9,7 +9,7 @@ import struct
 from dataclasses import dataclass
 from enum import IntEnum
 
-# UDP port of GVCP, and first byte of each command.
+# UDP port of GVCP, and first byte of each command (GigE Vision 2.0).
 PORT = 3956
 KEY = 0x42
 HEADER = struct.Struct(">BBHHH")

@@ -24,7 +24,8 @@ if TYPE_CHECKING:
 # Minimum side of the read region [px].
 MIN_SIDE_PX = 16
 
-# Allowed values of the writable settings, lowest and highest.
+# Allowed values of the writable settings, lowest and highest: ranges of an industrial camera. Packets lie between the
+# largest datagram that every IPv4 host accepts (576 bytes, RFC 791) and a jumbo frame.
 EXPOSURE_US = (1.0, 1e6)
 GAIN_DB = (0.0, 24.0)
 RATE_HZ = (0.1, 120.0)
@@ -319,7 +320,7 @@ class Registers:
             Register.STREAM_PACKET_BYTES: lambda v: (
                 PACKET_BYTES[0] <= v & 0xFFFF <= PACKET_BYTES[1] and not v & 0x3FFF0000
             ),
-            Register.STREAM_PACKET_DELAY: lambda v: v <= TICKS_PER_S // 1000,
+            Register.STREAM_PACKET_DELAY: lambda v: v <= TICKS_PER_S // 1000,  # a millisecond
             Register.STREAM_ADDRESS: lambda v: (
                 v <= 0xFFFFFFFF
             ),  # the endpoint compares it with its controller's address
@@ -368,4 +369,5 @@ def _as_float(value: int) -> float:
 
 def _within(value: int, limits: tuple[float, float]) -> bool:
     number = _as_float(value)
+    # registers hold single precision, in which a limit is not exact
     return math.isfinite(number) and limits[0] * (1 - 1e-6) <= number <= limits[1] * (1 + 1e-6)

@@ -32,7 +32,8 @@ WARNING = (
     " Use it on a private network."
 )
 
-# Time-out for the endpoint process to start [s], and interval at which ``stopped`` is polled [s].
+# Time-out for the endpoint process to start [s], which on a loaded machine takes seconds, and interval at which
+# ``stopped`` is polled [s].
 START_TIMEOUT_S = 60.0
 POLL_S = 0.2
 

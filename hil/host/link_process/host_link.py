@@ -46,7 +46,8 @@ if TYPE_CHECKING:
 
 logger = logging.getLogger(__name__)
 
-# Time-out for the link process to open its ports [s], and to end after Close [s].
+# Time-out for the link process to open its ports [s], and to end after Close [s]: it still
+# sends its last messages. A process that takes longer is killed.
 START_TIMEOUT_S = 60.0
 CLOSE_TIMEOUT_S = 15.0
 # Time-out for the last message of a link process after Close, or of an interrupted run [s]

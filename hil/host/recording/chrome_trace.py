@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
     from flyaround.hil.host.frame_record import FrameRecord
 
-# Process and thread numbers of the tracks.
+# Process and thread numbers of the tracks; any distinct numbers serve.
 HOST, BOARD = 1, 2
 UPLINK, DOWNLINK, WAITING, ESTIMATING = 1, 2, 1, 2
 TRACKS = {

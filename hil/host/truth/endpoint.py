@@ -20,7 +20,7 @@ from flyaround.hil.link.transports.url import parse_url
 MAX_CLIENTS = 16
 
 # Limits of a logger's send queue, beyond which it is disconnected: size [bytes], and time for which it was not empty
-# [ns].
+# [ns]. They bound the host's memory per logger; larger ones forgive a logger that stalls for longer.
 MAX_BACKLOG_BYTES = 8 << 20
 MAX_LAG_NS = 10_000_000_000
 

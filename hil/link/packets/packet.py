@@ -10,7 +10,7 @@ from enum import IntEnum
 from flyaround.hil.link.errors import PacketError, ProtocolMistake, VersionMismatch
 
 MAGIC = b"FLYA"
-PROTOCOL_VERSION = 2
+PROTOCOL_VERSION = 2  # of docs/hil_protocol.md; peers with different versions refuse each other
 
 # Fields: magic, version, type, flags (zero), session id, sequence, payload length
 HEADER = struct.Struct("<4sHBBQII")

@@ -257,7 +257,7 @@ class _HeadTraining:
         error_px = np.concatenate(errors)
         return (
             float(np.median(error_px)),
-            float((error_px < 10).mean()),
+            float((error_px < 10).mean()),  # pixels of the network's input
             float(np.concatenate(noticed).mean()),
         )
 

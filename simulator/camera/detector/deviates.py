@@ -34,7 +34,9 @@ EXACT_POISSON_MAX_E = 12.0
 """Mean up to which the Poisson distribution is sampled exactly [e]. Above it, the error of its normal expansion is less
 than 1e-3."""
 _LEVELS_PER_E = 16  # tabulated means per electron
-_CELL_BITS = 12
+_CELL_BITS = (
+    12  # bits of a random word that select a cell of the table; the other bits decide within the cell
+)
 _REMAINING_BITS = 32 - _CELL_BITS
 _MAX_COUNT = 64  # a mean of 12 exceeds it once in 1e26 draws
 _UNDECIDED = 255  # code of a count that its first random bits leave open

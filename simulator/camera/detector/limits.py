@@ -15,8 +15,13 @@ if TYPE_CHECKING:
     from flyaround.simulator.camera.detector.response import Curve
     from flyaround.simulator.camera.lens.camera_model import Camera
 
+# Largest width and height of a measured kernel [px]: the convolution's 128 frequencies hold kernels of half that size.
 MAX_KERNEL_SIZE = 63
+
+# Tolerance of a kernel's sum, for kernels printed with few digits.
 KERNEL_SUM_ERROR = 1e-3
+
+# Largest dark current at the detector's temperature [e s-1], the bound of `Detector.dark_current_e_s` at its reference.
 MAX_DARK_E_S = 1e9
 
 # field: smallest and largest value

@@ -59,6 +59,7 @@ def in_lens(camera: Camera, points_camera_m: FloatArray) -> BoolArray:
     if camera.distortion.is_none:
         return np.ones(len(points_camera_m), bool)
     xy = points_camera_m[:, :2] / points_camera_m[:, 2:]
+    # at the limit itself the inverse is ill-conditioned
     return np.asarray(np.hypot(*xy.T) <= 0.999 * camera.domain.limit)
 
 
@@ -218,7 +219,7 @@ def differing_pixels(
     mesh = joined_mesh(target)
     R = matrix_from_quat(truth.q_camera_from_target_wxyz)
     t = np.asarray(truth.t_camera_from_target_m)
-    if (mesh.positions_m @ R[2] + t[2]).min() <= 1e-3:
+    if (mesh.positions_m @ R[2] + t[2]).min() <= 1e-3:  # a vertex behind the camera has no projection
         return np.zeros((0, 2), np.int64)
 
     def on_image(points_m: FloatArray) -> FloatArray:

@@ -60,9 +60,11 @@ def check_rows(truth: Truth) -> list[str]:
         rotation_rad = reach * abs(pose.dt_s)
         turn = matrix_from_quat(pose.q_camera_from_target_wxyz) @ R_ct.T
         angle = np.array([turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1]]) / 2
+        # and rounding of the recorded numbers
         if np.linalg.norm(angle - rate * pose.dt_s) > 1e-7 + rotation_rad**2:
             return [f"the pose of row {pose.row_px} is not turned as the rates say"]
         shift = np.asarray(pose.t_camera_from_target_m) - t0 - v * pose.dt_s
+        # and relative accelerations of up to 2e-4 m s-2, those of low orbits 50 m apart (three times n squared times x)
         if np.linalg.norm(shift) > 1e-6 + rotation_rad**2 * (np.linalg.norm(t0) + 1) + 1e-4 * pose.dt_s**2:
             return [f"the pose of row {pose.row_px} is not moved as the velocity says"]
     return []

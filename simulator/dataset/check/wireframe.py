@@ -16,6 +16,13 @@ if TYPE_CHECKING:
     from flyaround.simulator.runtime.arrays import FloatArray
     from flyaround.simulator.targets.model import Edge, Target
 
+# Distance in front of a visible edge up to which a surface does not contradict its label: absolute [m], and relative to
+# the depth. Larger ones overlook wrong labels, smaller ones report edges that lie a little inside their surface.
+HIDING_MARGIN_M, HIDING_MARGIN_SHARE = 5e-3, 2e-4
+
+# The same from a rod's axis [radii], in addition.
+ROD_ROOT_RADII = 2.5
+
 # Minimum depth of a checked edge [m].
 MIN_DEPTH_M = 0.05
 
@@ -55,6 +62,7 @@ def check_wireframe(truth: Truth, target: Target) -> list[str]:
             truth.camera, ends, truth.q_camera_from_target_wxyz, np.asarray(pose.t_m)
         )
         error = np.abs(projected - np.array(wire.ends_px))[in_lens(truth.camera, pose.apply(ends))]
+        # rounding of float64 in JSON, which grows with the coordinate
         if np.any(error > 1e-6 * max(1.0, np.abs(projected).max() / 1e3)):
             faults.append(f"edge {wire.name} is {error.max():.3g} px from its projection")
             continue
@@ -88,7 +96,7 @@ def _interval_agrees(caster: RayOracle, pose: Pose, edge: Edge, share: float, *,
         return _rod_agrees(hits.z_m, edge.radius_m, ends, point, is_visible=is_visible)
     nearest = float(hits.z_m[0]) if len(hits.z_m) else np.inf
     if is_visible:
-        return nearest > point[2] - (5e-3 + 2e-4 * float(point[2]))
+        return nearest > point[2] - (HIDING_MARGIN_M + HIDING_MARGIN_SHARE * float(point[2]))
     # hidden: by a surface in front of it, or because all its faces face away
     facing = [float(pose.R @ np.asarray(n) @ -point) / float(np.linalg.norm(point)) for n in edge.normals]
     return nearest < point[2] - VISIBILITY_MARGIN_M or max(facing, default=1.0) < FACING_MARGIN
@@ -108,5 +116,6 @@ def _rod_agrees(
     points = before[:, None] * (point / point[2])
     distance_m = np.linalg.norm(np.cross(points - ends[0], rod_axis), axis=1)
     if is_visible:
-        return not np.any(distance_m > 5e-3 + 2.5 * radius_m + 2e-4 * float(point[2]))
+        margin_m = HIDING_MARGIN_M + ROD_ROOT_RADII * radius_m + HIDING_MARGIN_SHARE * float(point[2])
+        return not np.any(distance_m > margin_m)
     return bool(np.any(distance_m > ROD_RADIUS_MARGIN * radius_m + VISIBILITY_MARGIN_M))

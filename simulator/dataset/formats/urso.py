@@ -39,6 +39,7 @@ if TYPE_CHECKING:
     from flyaround.simulator.dataset.formats.labelled_frame import LabelledFrame
     from flyaround.simulator.runtime.arrays import FloatArray
 
+# Conversions of the axes; see the module's docstring.
 URSO_FROM_CAMERA = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
 MIRROR = np.diag([1.0, -1.0, 1.0])
 FOLDERS = {"": "train", "train": "train", "validation": "val", "test": "test"}

@@ -13,7 +13,9 @@ from flyaround.simulator.geometry.topology import components
 if TYPE_CHECKING:
     from flyaround.simulator.runtime.arrays import FloatArray, IntArray
 
-MAX_LATTICES = 16
+MAX_LATTICES = (
+    16  # each takes four vectors of uniforms, and a test of every pixel in shaders/craft/cells.glsl
+)
 
 _MIN_CELLS = 4  # fewer cells form no lattice
 _WELD_M = 1e-5  # vertices closer than this are one

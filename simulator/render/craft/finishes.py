@@ -117,6 +117,7 @@ def is_foil(material: Material) -> bool:
 
 def has_films(material: Material) -> bool:
     """Return True for a cell or a lens: a dark body under polished glass."""
+    # a partial coat is varnish
     polished = material.clearcoat > 0.9 and material.clearcoat_roughness < _MAX_GLASS_ROUGHNESS
     return polished and max(material.base_color) < _MAX_CELL_REFLECTANCE and material.metallic == 0
 

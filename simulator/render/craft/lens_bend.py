@@ -43,6 +43,7 @@ def longest_edge_m(mesh: GpuMesh, camera_from_target: FloatArray, camera: Camera
     lowest, highest = mesh.hull_m.min(axis=1), mesh.hull_m.max(axis=1)
     nearest_m = float(np.linalg.norm(np.maximum(np.maximum(lowest - camera_m, camera_m - highest), 0.0)))
     diameter_m = 2 * mesh.radius_m
+    # the sag of a chord of length d in a curve of curvature c is c d^2 / 8
     if bending * diameter_m**2 <= 8 * TOLERANCE_PX * nearest_m**2:
         return np.inf
     # a piece spans at most the angle of its length over its distance

@@ -42,7 +42,7 @@ of a pixel."""
 DENSE_PATTERNS = ((rotated(4), 10e6), (rotated(3), 22e6), (rotated(2), np.inf))
 TINY_PX = 22
 """Extent of the target in the image up to which it gets the finest lattice, because few pixels hold all its light."""
-TILE_REACH_PX = (TILE_PX - 1) / 2
+TILE_REACH_PX = (TILE_PX - 1) / 2  # distance from a tile's middle to its outermost pixel centres [px]
 TINY_PATTERN = rotated(8)  # 65 samples per pixel
 
 

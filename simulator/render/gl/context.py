@@ -12,7 +12,7 @@ import moderngl
 from flyaround.simulator.errors import UserError
 from flyaround.simulator.render.gl.fences import draw_to
 
-REQUIRED_VERSION = 410
+REQUIRED_VERSION = 410  # OpenGL 4.1, the last one on macOS
 HOW_TO_GET_EGL = (
     "install Mesa's EGL, e.g. `sudo apt-get install libegl1 libgl1-mesa-dri`, or the GPU vendor's driver"
 )

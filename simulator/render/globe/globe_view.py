@@ -117,6 +117,7 @@ def globe_view(view: View, camera: Camera, air: Atmosphere | None) -> GlobeView:
     # near the nadir the azimuth changes fast, so take its whole range if the nadir is in or near the image
     boresight = globe_from_camera[:, 2] / np.linalg.norm(globe_from_camera[:, 2])
     half_angle = math.acos(_clip_cosine((rays @ boresight).min()))
+    # "near": within 0.1 rad of the image, or steeper than 60 degrees anywhere
     if math.acos(_clip_cosine(-zenith @ boresight)) < half_angle + 0.1 or np.any(cosine > 0.5):
         columns = (-1.0, 1.0)
     else:
@@ -128,6 +129,7 @@ def globe_view(view: View, camera: Camera, air: Atmosphere | None) -> GlobeView:
         disc_in_view = disc[in_view]
         ground = np.sqrt(np.minimum(np.maximum(disc_in_view, 0), 1))
         sky = np.sqrt(np.minimum(np.maximum(disc_in_view / (1 - top2), 0), 1))
+        # margins in units of the air's thickness, because the limb may lie between the rays of the grid
         has_ground = bool((disc_in_view > -0.05 * (top2 - 1)).any())
         has_sky = bool((perigee2[along_camera < 0] > 1 - 0.3 * (top2 - 1)).any())
     return GlobeView(

@@ -28,6 +28,10 @@ if TYPE_CHECKING:
 
 EARTH_GEOMETRIC_ALBEDO = 0.367  # Allen's Astrophysical Quantities (2000), table 12.4
 
+# Distance from the axis of the Earth's shadow within which the penumbra may touch the Moon [m]. At apogee the penumbra
+# reaches 8300 km from the axis, R_E + d (R_S + R_E) / D, and the Moon 1737 km further; the rest is margin for the air.
+_SHADOW_REACH_M = 1.4e7
+
 
 @dataclass(frozen=True, eq=False)
 class MoonView:
@@ -123,7 +127,7 @@ def moon_view(scene: SceneState) -> MoonView:
     distance_behind_earth = float(moon @ axis)
     distance_from_axis = float(np.linalg.norm(moon - distance_behind_earth * axis))
     share, reach = None, 1.0
-    if distance_behind_earth > 0 and distance_from_axis < 1.4e7:
+    if distance_behind_earth > 0 and distance_from_axis < _SHADOW_REACH_M:
         share, reach = shadow_profile(
             round(distance_behind_earth / 1e3), round(sun_distance / 1e9), scene.bands
         )
@@ -170,9 +174,9 @@ def disc_rect(camera: Camera, center_camera: FloatArray, sine: float) -> PixelRe
     radius, angle_from_boresight = np.arcsin(min(sine, 1.0)), np.arccos(np.clip(center_camera[2], -1, 1))
     if angle_from_boresight > radius + camera.half_angle_rad() + 0.01:
         return None
-    # project points of a circle slightly outside the rim
+    # project points of a circle slightly outside the rim: chords of 64 points lie inside by 0.1 %
     rim_angle = 1.02 * radius + 1e-5
-    if angle_from_boresight + rim_angle > 1.5:
+    if angle_from_boresight + rim_angle > 1.5:  # near 90 degrees projections diverge
         return whole_image
     side = np.cross(center_camera, [0.0, 0.0, 1.0] if abs(center_camera[2]) < 0.9 else [1.0, 0.0, 0.0])
     side /= np.linalg.norm(side)

@@ -45,7 +45,7 @@ if TYPE_CHECKING:
     from flyaround.simulator.scene.illumination.atmosphere import Atmosphere
     from flyaround.simulator.scene.state import SceneState
 
-_MAX_STARS = 80_000
+_MAX_STARS = 80_000  # size of the buffer: the whole catalogue (78,348 stars) and the planets
 _REACH_PX = 2  # largest distance of a pixel that a point lights
 _COSINE_TOLERANCE = 1e-3  # tolerance of a cosine: aberration changes lengths by 1e-4
 

@@ -78,6 +78,7 @@ def light_axes(axis: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return two unit vectors (3,) perpendicular to an axis, the first level and the second downward in camera axes."""
     transverse = np.cross([0.0, 1.0, 0.0], axis)
     length = float(np.linalg.norm(transverse))
+    # an axis along y has no level; any transverse serves
     transverse = np.array([1.0, 0.0, 0.0]) if length < 1e-3 else transverse / length
     down = np.cross(axis, transverse)
     return transverse, down / np.linalg.norm(down)

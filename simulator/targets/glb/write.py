@@ -27,6 +27,7 @@ if TYPE_CHECKING:
 # glTF 2.0 specification: sections 5.11.5 (use of a buffer), 3.6.2.2 (numbers), 5.24.4 (triangles), 5.26 (samplers)
 ARRAY_BUFFER, ELEMENT_ARRAY_BUFFER, FLOAT, UNSIGNED_INT, TRIANGLES = 34962, 34963, 5126, 5125, 4
 LINEAR, LINEAR_MIPMAP_LINEAR, REPEAT = 9729, 9987, 10497
+# -90 degrees about x: glTF is y up (section 3.4), targets are z up.
 Y_UP_FROM_Z_UP_XYZW = [-(0.5**0.5), 0.0, 0.0, 0.5**0.5]
 
 

@@ -369,10 +369,10 @@ def _proposals(keypoints: int, edges: int, n_omitted: int, occluders: int) -> li
     if n_omitted:
         line += f" ({n_omitted} edges that show less left out)"
     lines = [line]
-    if edges < 8:
+    if edges < 8:  # a box has 12, of which 9 are visible
         lines.append(
             f"only {edges} sharp edges: the built-in estimator looks for edges and will hardly find this shape"
         )
-    if keypoints < 12:
+    if keypoints < 12:  # of the N_KEYPOINTS that are proposed where a shape has as many
         lines.append(f"only {keypoints} keypoints: the shape has no more distinct corners")
     return lines

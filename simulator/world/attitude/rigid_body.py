@@ -97,6 +97,7 @@ def propagate_attitude(
     # a step rotates the body by at most 0.2 rad, so that the interpolant is as accurate as the steps (1e-14); under a
     # torque, which is slower and less accurate, by twice that (1e-12)
     rate = float(np.linalg.norm(w0))
+    # slower than 1e-6 rad/s, a day turns the body by less than 0.1 rad
     max_step = (0.2 if torque is None else 0.4) / rate if rate > 1e-6 else np.inf
     if torque is not None:
         # a torque may rotate a body at rest: a minute bounds the interpolation error

@@ -29,7 +29,7 @@ BUILT_IN = {
 """Module and attribute of the bodies that every scene holds, in the order of `bodies_at`."""
 MAX_LAYERS = 13
 """Largest number of heights in `BodyAir.density`: shaders hold one layer per interval, in three vectors of four."""
-_IDENTITY: Quat = (1.0, 0.0, 0.0, 0.0)
+_IDENTITY: Quat = (1.0, 0.0, 0.0, 0.0)  # no rotation
 MIN_GROUND_MOTION_RAD_S = 1e-5
 """Rotation rate below which the ground moves by less than 1 % of the orbital motion of a low orbit."""
 

@@ -9,6 +9,8 @@ from flyaround.simulator.world.messages.ccsds import HEADER_KEYS, META_KEYS, Seg
 from flyaround.simulator.world.messages.state_message import COVARIANCE, KEYS
 
 KINDS = ("oem", "opm", "omm")
+# Largest text, deepest nesting and longest value that are read. They bound time and memory: a state takes some 400
+# bytes, messages nest 7 deep (from ndm to X), and values are numbers or short words.
 MAX_BYTES = 50_000_000
 _MAX_DEPTH = 16
 _MAX_VALUE_LENGTH = 10_000

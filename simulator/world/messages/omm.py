@@ -47,7 +47,7 @@ _ALLOWED_VALUES = {
     "TIME_SYSTEM": ("UTC",),
     "MEAN_ELEMENT_THEORY": _THEORIES,
 }
-_MINUTES_PER_DAY = 1440.0
+_MINUTES_PER_DAY = 1440.0  # mean motion is in revolutions per day, SGP4's in radians per minute
 MAX_CHARACTERS = 30_000_000
 """Largest JSON or CSV text, twice the size of the whole catalogue; parsed it needs much more memory."""
 _SGP4_EPOCH_JD = 2433281.5
@@ -141,6 +141,7 @@ def satellite_from_omm(segment: Segment) -> Satrec:
         "MEAN_MOTION",
     )
     e, argp, i, anomaly, node, motion = (read_value(segment, key) for key in keys)
+    # 17 revolutions a day are an orbit at the Earth's surface
     if not (0 <= e < 1 and 0 < motion < 20):
         raise UserError(
             f"{segment.where}: ECCENTRICITY is {e:g} and MEAN_MOTION {motion:g} rev/day, allowed: 0 to 1 and 0 to 20"

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 ComplexArray = NDArray[np.complex128]
 
-MAX_DEGREE = 70
+MAX_DEGREE = 70  # of the shipped coefficients, assets/gravity/EGM96_to70.gfc
 
 
 @dataclass(frozen=True, eq=False)

@@ -12,7 +12,7 @@ import numpy as np
 if TYPE_CHECKING:
     from flyaround.simulator.runtime.arrays import FloatArray
 
-_ARCSEC_RAD = np.pi / 648_000
+_ARCSEC_RAD = np.pi / 648_000  # an arcsecond
 
 
 @dataclass(frozen=True, eq=False)

@@ -16,7 +16,7 @@ from flyaround.simulator.runtime.untrusted_files import decode_text, refuse_deep
 
 Syntax = Literal["json", "yaml", "xml", "ini", "colmap"]
 _LINK = re.compile(r"[_\- ]")
-MAX_NUMBER = 10**300
+MAX_NUMBER = 10**300  # largest integer; from 1.8e308 on float() overflows
 _BINARY = (
     (b"v/1\x01", "an OpenEXR picture"),
     (b"\x89PNG", "a PNG picture"),

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from flyaround.simulator.camera.lens.files_native import CameraFile
     from flyaround.simulator.camera.lens.formats.document import Document
 
-ONE_BASED_PX = -1.0
+ONE_BASED_PX = -1.0  # MATLAB counts pixels from (1, 1) at the centre of the first
 _FISHEYE = ("MappingCoefficients", "StretchMatrix", "DistortionCenter")
 _REPORT = """
     RotationVectors TranslationVectors RotationMatrices PatternExtrinsics ReprojectionErrors ReprojectedPoints

@@ -147,6 +147,7 @@ def _rectified_note(keys: Keys) -> list[str]:
     is_rectified = False
     if rotation is not None and any(rotation):
         R = np.array(rotation)
+        # files print three digits and more of a rotation; none of its elements exceeds 1
         if (
             R.size != 9
             or abs(R).max() > 2

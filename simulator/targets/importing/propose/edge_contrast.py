@@ -22,8 +22,8 @@ if TYPE_CHECKING:
     from flyaround.simulator.targets.model import Material
 
 VIEWS = sphere_directions(40)
-SIZE_PX = 256
-POINTS = 450_000  # surface points that are projected
+SIZE_PX = 256  # side of a view's image; finer ones need more surface points to have none of them missing
+POINTS = 450_000  # surface points that are projected; more leave fewer pixels without one
 SAMPLE_OFFSET_PX = 2.5
 """Distance from the edge at which brightness is sampled [px], similar to that of an estimator on a small craft."""
 SURFACE_TOLERANCE = 0.012
@@ -79,7 +79,7 @@ def edge_contrast(
         row, column = np.rint(xy).astype(int)[..., 1], np.rint(xy).astype(int)[..., 0]
         visible = (
             view_points[..., 2] >= depth[row, column] - SURFACE_TOLERANCE * 2 * radius - depth_m[:, None]
-        ) & (length > 0.02 * radius)[:, None]
+        ) & (length > 0.02 * radius)[:, None]  # seen end-on, an edge has no sides
         sides = []
         for sign in (-1.0, 1.0):
             sides_px = np.rint(xy + sign * SAMPLE_OFFSET_PX * normal_px[:, None]).astype(int)

@@ -145,7 +145,7 @@ def _hull_mask(points: FloatArray) -> np.ndarray:
     return out
 
 
-SIZE_PX = 384
+SIZE_PX = 384  # side of a view's depth image; a pixel is a quarter of a percent of the craft
 MAX_TRIANGLES = 15_000  # larger meshes are reduced for the visibility test
 TOLERANCE = 0.012
 """Tolerance for a coarse mesh and image, as a share of the craft."""

@@ -10,7 +10,9 @@ from flyaround.simulator.runtime.arrays import FloatArray, vec3
 from flyaround.simulator.targets.model import MassProperties
 
 DENSITY_KG_M3 = 250.0
-"""Default density. Spacecraft have 150 to 1300 kg per cubic metre of their body: Envisat 190, a CubeSat up to 1330."""
+"""Default density, per volume of the body. The CubeSat Design Specification (revision 13) allows 1.33 kg in 10 x 10 x
+11.35 cm, 1170 kg m-3; larger spacecraft are emptier. It scales mass and inertia, which the user states where they
+matter."""
 SHELL_KG_M2 = 10.0  # default mass per area of a mesh without volume
 SHEET_RATIO = 1e-3
 """Ratio of volume to area^1.5 below which a mesh consists of sheets, not of bodies. A sphere has 0.094."""

@@ -24,6 +24,8 @@ HULL_POINTS = 1500
 """Number of points of a hull during the search for splits."""
 MAX_PIECES = 40
 MAX_TRIANGLES = 600
+"""Largest number of bodies and of their triangles. The estimator tests rays against all of them: more follow
+the outline better, and take proportionally longer."""
 MIN_PIECE_SHARE = 0.0015
 """Share of the craft's mean silhouette below which a piece is dropped."""
 HULL_TOLERANCE = 0.01
@@ -41,6 +43,11 @@ SIDE_PX = 48
 VIEWS = sphere_directions(14)[:7]
 HULL_DIRECTIONS = (64, 40, 26, 14, 10)
 """Directions of a hull's vertices; the largest set within the triangle budget is used."""
+ENCLOSED_SHARE, ENCLOSED_DISTANCE = 0.97, 0.008
+"""Share of a piece's points that lie within a larger hull, up to a distance of this share of the craft, if it is
+dropped: cells on a panel, fittings on a plate."""
+MAX_EMPTY_SHARE = 0.15
+"""Empty share of a hull's silhouette up to which the hull stands for its piece when smaller ones are dropped."""
 OCCLUDER_SCALE = 0.99
 """Scale of occluders, slightly below 1 so that they do not hide edges on their own surface."""
 
@@ -65,7 +72,7 @@ class _Leaf:
 
 
 def propose_occluders(bodies: list[MeshBody], extent: float) -> Occluders:
-    """Propose convex bodies with about 600 triangles in total whose outline approximates the craft's."""
+    """Propose convex bodies of at most `MAX_TRIANGLES` triangles in total whose outline approximates the craft's."""
     surface = surface_points(bodies, POINTS)
     order = np.argsort(surface.piece, kind="stable")
     ends = np.searchsorted(surface.piece[order], np.arange(surface.pieces + 1))
@@ -128,7 +135,7 @@ def _leaf(points: FloatArray, extent: float, smallest: float = 0.0) -> _Leaf | N
     hull = _hull(points)
     if hull is None:
         low, high = points.min(axis=0), points.max(axis=0)
-        if np.sort(high - low)[1] < 1e-3 * extent:
+        if np.sort(high - low)[1] < 1e-3 * extent:  # a line has no silhouette
             return None
         points = _thicken(points, 2e-3 * extent)
         hull = _hull(points)
@@ -188,6 +195,8 @@ def _cut(leaf: _Leaf, extent: float) -> list[_Leaf]:
                 area += np.inf if hull is None else float(hull.area)
             if area < best:
                 best, choice = area, (axis, level)
+    # a convex body's mean silhouette is a quarter of its surface (Cauchy); halves with 30 % more than the whole are
+    # separated by a cut through its middle
     if not np.isfinite(best) or best / 4 > leaf.shadow * 1.3:
         return []
     axis, level = choice
@@ -202,14 +211,15 @@ def _drop_enclosed(leaves: list[_Leaf], extent: float) -> list[_Leaf]:
     for leaf in leaves:
         sample = leaf.points[:: max(1, len(leaf.points) // 60)]
         is_enclosed = any(
-            ((sample @ e[:, :3].T + e[:, 3]).max(axis=1) < 0.008 * extent).mean() > 0.97 for e in planes
+            ((sample @ e[:, :3].T + e[:, 3]).max(axis=1) < ENCLOSED_DISTANCE * extent).mean() > ENCLOSED_SHARE
+            for e in planes
         )
         if is_enclosed:
             continue
         kept.append(leaf)
         hull = _hull(leaf.points)
         # only a leaf that fills its hull hides others
-        if hull is not None and leaf.excess < 0.15 * leaf.shadow:
+        if hull is not None and leaf.excess < MAX_EMPTY_SHARE * leaf.shadow:
             planes.append(hull.equations)
     return kept
 

@@ -17,6 +17,12 @@ MAX_ROUNDNESS_SPREAD = 0.25
 """Largest relative spread of the surface's distance from the axis. Tapered and faceted rods are below, bars above."""
 MAX_RADIUS, MIN_LENGTH = 0.05, 0.03
 """Largest radius and least length of a rod, as shares of the craft."""
+MIN_SIDE_SHARE = 0.6
+"""Share of a piece's area that faces away from its axis; a disc or a ball has less."""
+MIN_NORMAL_RATIO = 0.35
+"""Smallest ratio of the second moments of the side's normals: 1 for a cylinder or a square bar, 0 for a thin strip."""
+MAX_SURFACE_DISTANCE = 1.6
+"""Distance from a rod's axis [radii] within which an edge lies on the rod, if it tapers to less than two thirds."""
 MIN_FACES = 12  # faces of one rod, fewer of which are ignored
 
 
@@ -47,7 +53,7 @@ def _rod(corners: FloatArray, extent: float) -> Edge | None:
     # leave out end caps, which do not constrain the radius
     normal = face_vectors(corners) / np.maximum(twice_area, 1e-300)[:, None]
     is_side = np.abs(normal @ axis) < 0.5
-    if not is_side.any() or weight[is_side].sum() < 0.6:
+    if not is_side.any() or weight[is_side].sum() < MIN_SIDE_SHARE:
         return None
     from_axis = points - position[:, None] * axis
     distance = np.linalg.norm(from_axis, axis=1).reshape(-1, 3)[is_side].mean(axis=1)
@@ -60,7 +66,7 @@ def _rod(corners: FloatArray, extent: float) -> Edge | None:
     # a round piece has normals in all directions about the axis, a flat bar does not
     normal_moments = np.einsum("ij,ik,i->jk", normal[is_side], normal[is_side], area_share)
     moments = np.linalg.eigvalsh(normal_moments)
-    if moments[1] < 0.35 * moments[2]:
+    if moments[1] < MIN_NORMAL_RATIO * moments[2]:
         return None
     a, b = center + position.min() * axis, center + position.max() * axis
     return Edge(name="rod", a_m=vec3(a), b_m=vec3(b), radius_m=radius)
@@ -78,7 +84,7 @@ def along_rods(rods: list[Edge], a_m: FloatArray, b_m: FloatArray) -> BoolArray:
             position = (p - start) @ chord / length
             distance = np.linalg.norm(p - start - position[:, None] * chord / length, axis=1)
             is_on_rod &= (
-                (distance < 1.6 * rod.radius_m)
+                (distance < MAX_SURFACE_DISTANCE * rod.radius_m)
                 & (position > -rod.radius_m)
                 & (position < length + rod.radius_m)
             )

@@ -6,7 +6,7 @@ import os
 import subprocess
 import sys
 
-TIMEOUT_S = 120.0
+TIMEOUT_S = 120.0  # a decoder that runs longer is killed; the user waits for it, without progress
 
 
 class DecoderError(Exception):

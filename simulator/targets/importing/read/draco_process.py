@@ -14,7 +14,7 @@ import numpy as np
 
 from flyaround.simulator.targets.importing.read.bounded_process import bound_memory, finish
 
-MAX_MEMORY_BYTES = 1 << 30
+MAX_MEMORY_BYTES = 1 << 30  # address space of the process; a stream of a few bytes may request any size
 
 
 def main(max_bytes: int) -> int:

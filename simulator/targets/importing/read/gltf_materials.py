@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from flyaround.simulator.runtime.arrays import FloatArray
     from flyaround.simulator.targets.importing.read.textures import PictureReader
 
-REPEAT = 10497
+REPEAT = 10497  # wrap mode and default of glTF 2.0, section 5.26
 DIELECTRIC = 0.04
 """Reflectance of a dielectric at normal incidence (glTF 2.0, appendix B)."""
 Change = tuple[tuple[float, float], float, tuple[float, float]]
@@ -76,6 +76,7 @@ class GltfMaterials:
         samplers = self._document.get("samplers", [])
         sampler = samplers[record["sampler"]] if "sampler" in record else {}
         wraps = (sampler.get("wrapS", REPEAT), sampler.get("wrapT", REPEAT))
+        # a thousandth beyond 0..1 is rounding
         is_outside = [
             bool(((axis < -1e-3) | (axis > 1.001)).any()) for axis in np.nan_to_num(uv).reshape(-1, 2).T
         ]

@@ -18,6 +18,7 @@ MAX_ROWS = 4_000_000
 """Largest number of vertices and corners of all placed meshes, unless the file holds more."""
 
 MAX_PLACED = 100_000
+"""Largest number of placed meshes: a few nested nodes of a small file can place a mesh exponentially often."""
 INSTANCE_KEYS = {"TRANSLATION": "translation", "ROTATION": "rotation", "SCALE": "scale"}
 
 PlacedMesh = tuple[str, int, "FloatArray"]

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from flyaround.simulator.targets.importing.read.obj_materials import ObjMaterial
 
 
-MAX_INDEX = 2**40
+MAX_INDEX = 2**40  # no file has so many vertices, and sums of such indices fit in int64
 MAX_CLIPPING = 50e6
 """Limit on the sum of squared corner counts of concave polygons, to which the time of ear clipping is proportional."""
 

@@ -25,6 +25,7 @@ if TYPE_CHECKING:
 
 MAX_LIBRARY_BYTES = 16 << 20
 MAX_LIBRARIES = 100
+"""Largest size of a material library [bytes] and largest number of them; they bound time and memory."""
 MAX_OPTIONS = 64
 """Largest number of option words before a texture's name."""
 _NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:e[+-]?\d+)?", re.IGNORECASE)

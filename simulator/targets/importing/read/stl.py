@@ -20,9 +20,11 @@ if TYPE_CHECKING:
 
     from flyaround.simulator.runtime.arrays import FloatArray
 
-HEADER_BYTES = 84
+HEADER_BYTES = 84  # 80 of free text and the number of triangles
 RECORD = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
-MAX_SOLIDS = 4000
+MAX_SOLIDS = (
+    4000  # each becomes a part, of which an imported target has at most as many (repair/placement.py)
+)
 _SOLID = re.compile(rb"\s*solid(?=\s|$)", re.IGNORECASE)
 _FACET = re.compile(rb"facet\s+normal\b|outer\s+loop\b|vertex\s+[-+.\d]", re.IGNORECASE)
 _END = re.compile(rb"(?<![^\s])endsolid\b", re.IGNORECASE)

@@ -21,10 +21,13 @@ if TYPE_CHECKING:
     from flyaround.simulator.targets.importing.read.raw_model import RawModel
 
 MAX_TEXTURE_SIDE_PX = 4096
+"""Side beyond which an image is reduced."""
 MAX_PIXELS_OF_ALL = 512 << 20
-"""Largest total size of a model's images: thirty of 4096 on a side."""
+"""Largest total size of a model's images: 32 of 4096 on a side."""
 MAX_PICTURE_BYTES, MAX_BYTES_OF_ALL = 256 << 20, 512 << 20
+"""Largest size of an image file, and of all of them: the files are held in memory, and copied into the target."""
 MAX_PICTURES = 1000
+"""Largest number of images, for files that name very many tiny ones."""
 NOT_READ = {
     b"\xabKTX": "a KTX texture (KHR_texture_basisu), which is not read",
     b"DDS ": "a DDS texture, which is not read",
@@ -34,6 +37,7 @@ NOT_READ = {
 }
 """Signatures of image formats that are not supported."""
 MAX_COLOURS = 6
+"""Largest number of plain colours that replace a material's texture; each becomes a material."""
 COLOUR_TOLERANCE = 0.04
 """RMS distance in linear RGB within which faces have the same colour."""
 # barycentric weights (not normalised) of the sampled points of a triangle

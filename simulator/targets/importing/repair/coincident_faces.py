@@ -29,10 +29,12 @@ if TYPE_CHECKING:
 MIN_SEPARATION = 1e-5
 """Distance between surfaces, relative to the craft's size, below which a depth buffer cannot resolve them."""
 MAX_ANGLE_RAD = 2e-3
+"""Angle within which faces count as parallel. A smaller one misses pairs whose corners are rounded in the file."""
 MAX_ALL_PAIRS = 24
 """Number of faces in a plane up to which all pairs are compared."""
 MAX_PAIRS = 20_000_000
-CHUNK = 200_000
+"""Number of compared pairs above which the search ends without result; it bounds time and memory."""
+CHUNK = 200_000  # pairs that are compared together
 
 
 class TooManyFacesError(Exception):

@@ -21,6 +21,9 @@ CREASE_RAD = np.deg2rad(32.0)
 MIN_NORMAL_COSINE = 0.1
 """Smallest cosine between a corner's normal and its face's normal. Smooth rims stay above it."""
 
+MIN_FITTING_SHARE = 0.999
+"""Share of corners that must fit; single slivers may not, whose normals neighbours determine."""
+
 
 def normals_fit(body: MeshBody) -> bool:
     """Return True if the file's normals are usable: present, finite, non-zero, and on the faces' side."""
@@ -28,11 +31,12 @@ def normals_fit(body: MeshBody) -> bool:
     if n is None or not np.isfinite(n).all():
         return False
     length = np.linalg.norm(n, axis=2)
-    if (length < 1e-6).any():
+    if (length < 1e-6).any():  # a normal of no length, as exporters write for degenerate faces
         return False
     face = body.face_vectors
     face = face / np.linalg.norm(face, axis=1, keepdims=True)
-    return bool((np.einsum("fkj,fj->fk", n / length[..., None], face) > MIN_NORMAL_COSINE).mean() > 0.999)
+    fits = np.einsum("fkj,fj->fk", n / length[..., None], face) > MIN_NORMAL_COSINE
+    return bool(fits.mean() > MIN_FITTING_SHARE)
 
 
 def smooth_normals(body: MeshBody) -> FloatArray:
