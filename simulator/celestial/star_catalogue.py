@@ -90,7 +90,7 @@ def stars(epoch_utc: str, bands: Bands, *, by_photons: bool = False) -> StarFiel
     Parameters
     ----------
     epoch_utc : str
-        ISO 8601; proper motion is applied for whole years, which is 0.1 arcsec for nearly every star.
+        ISO 8601. Proper motion is applied for whole years: half a year moves 97 % of the stars by less than 0.1 arcsec.
     bands : Bands
         Spectral bands of the image.
     by_photons : bool, optional

@@ -37,7 +37,7 @@ ATMOSPHERES = {
     "25 km": ENVIRONMENTS["thesis"],
     "none": ENVIRONMENTS["airless"],
 }
-"""The atmospheres for the comparison of binary edges: ours, the thesis's, none."""
+"""The atmospheres for the comparison of binary edges: ours, that of Sharma's thesis, none."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

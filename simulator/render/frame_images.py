@@ -68,7 +68,7 @@ class FrameImages:
     def quad_framebuffer(self) -> moderngl.Framebuffer:
         """Framebuffer of the radiance with 2 x 2 pixels in a texel (in three texels for three bands).
 
-        A pass that computes four pixels at once takes a quarter of the time.
+        A pass may compute four pixels at once.
         """
         if self._quads is None:
             size = (self.size[0] // 2, self.size[1] // 2)

@@ -19,7 +19,7 @@ from flyaround.simulator.runtime.untrusted_files import (
 if TYPE_CHECKING:
     from pathlib import Path
 
-MAX_TOML_BYTES = 1_000_000  # 100 times the longest built-in file
+MAX_TOML_BYTES = 1_000_000  # hundreds of times the longest built-in file; it bounds the time to parse
 MAX_DOTS = 16  # dots in a key, which the parser's recursion follows
 # dotted keys nest like brackets, and tomllib's time grows with the square of the number of dots
 _DOTTED = re.compile(

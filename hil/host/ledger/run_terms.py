@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from flyaround.simulator.scenario.scenario import Scenario
 
 RUN_JSON = "run.json"
-# Maximum size of an accepted run.json [bytes], ten times the largest scenario file.
+# Maximum size of an accepted run.json [bytes], which holds a scenario's text: 16 times the largest (MAX_TOML_BYTES).
 MAX_BYTES = 1 << 24
 
 

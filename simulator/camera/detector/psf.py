@@ -288,7 +288,7 @@ def scale_bands(image: Float32Array, gain: Float32Array) -> Float32Array:
 def gaussian_blur(image: Float32Array, sigma_px: float, gain: float | Float32Array) -> Float32Array:
     """Apply a Gaussian blur times ``gain``, in blocks of rows that are too small for OpenCV to use threads.
 
-    OpenCV's threads spin for two milliseconds afterwards, while the driver draws the next frame. Images above a
+    OpenCV's threads spin for some time afterwards, while the driver draws the next frame. Images above a
     megapixel are divided between two Python threads, because a third one draws the noise.
 
     Parameters

@@ -134,8 +134,8 @@ class SurfacePatches:
 def frustum_around(points_m: FloatArray, light_from_target: FloatArray) -> ShadowFrustum:
     """Return the window that just holds the craft as seen from the Sun.
 
-    It is a third to a half narrower than the box around the craft's sphere. It depends only on the Sun's direction in
-    the craft's frame, so no shadow edge crawls on an approach.
+    It is narrower than the box around the craft's sphere, least of all along a diagonal of the craft. It depends only
+    on the Sun's direction in the craft's frame, so no shadow edge crawls on an approach.
 
     Parameters
     ----------

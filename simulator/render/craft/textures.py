@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 GL_SRGB8 = 0x8C41  # constant of OpenGL
 MAX_TEXTURE_PX = 8192
-"""Larger images are halved until they fit. OpenGL 4.1 guarantees 16384, but an image of 8192 x 8192 takes 256 MB."""
+"""Larger images are halved until they fit. OpenGL 4.1 guarantees 16384, but 8192 x 8192 texels take 268 MB."""
 NEUTRAL_TEXELS = {"color": (255, 255, 255), "data": (255, 255, 255), "normal": (128, 128, 255)}
 
 

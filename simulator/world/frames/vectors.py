@@ -1,4 +1,4 @@
-"""Products of vectors of three numbers in plain Python, which takes a tenth of NumPy's time."""
+"""Products of vectors of three numbers in plain Python, which is several times faster than NumPy for single vectors."""
 
 from __future__ import annotations
 

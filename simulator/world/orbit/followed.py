@@ -21,7 +21,7 @@ _CHECK_STEP_S = 60.0
 """Spans over which velocity changes are compared with gravity; a shorter burn counts with its mean over a span [s]."""
 _THRUST_M_S2 = 2e-3
 """Mean acceleration in excess of the force model that counts as a burn [m s-2]. It is ten times the Earth's gravity
-anomalies in low orbit, and a tenth of the acceleration of a space station's reboost."""
+anomalies in low orbit, and less than the acceleration of a space station's reboost."""
 
 
 class Ephemeris(Protocol):

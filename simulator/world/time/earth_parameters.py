@@ -45,7 +45,7 @@ class EarthParameters:
         return k, row - k
 
     def compute_ut1_minus_tai_s(self, mjd_utc: float) -> float:
-        """Return UT1 - TAI [s], linear between rows (rms error 0.02 ms)."""
+        """Return UT1 - TAI [s], linear between rows."""
         k, f = self._row(mjd_utc)
         a, b = self.ut1_minus_tai_s[k : k + 2]
         return float(a + f * (b - a))

@@ -155,7 +155,7 @@ def photo_step(
 
 
 def _inverse(H: Array) -> Array:
-    """Return the inverse of a normal matrix; if it is singular, the pseudo-inverse, which is ten times slower."""
+    """Return the inverse of a normal matrix; if it is singular, the pseudo-inverse, which is slower."""
     try:
         return np.asarray(np.linalg.inv(H))
     except np.linalg.LinAlgError:
