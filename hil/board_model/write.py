@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 
 
 POSITION_STEPS = 8192
-"""Quantisation steps along the target's radius: half a millimetre on Dragon, below a tenth of a pixel in any image."""
+"""Quantisation steps along the target's radius. Half a step is below a tenth of a pixel up to a radius of 1600 px."""
 
 # Minimum area of a face whose plane may split space [share of the target's size, squared].
 MIN_SPLITTING_AREA = 1.2e-3

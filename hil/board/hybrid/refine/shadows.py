@@ -77,7 +77,7 @@ def search_sun(
     visible_face : (H, W) array, optional
         Face indices rendered at this pose, from which that view is shaded.
     coarse : bool
-        Try fewer directions on fewer pixels, without refinement, for about two thirds of the gain.
+        Try fewer directions on fewer pixels, without refinement: faster, with less of the gain.
     """
     faces, camera = faces_of(target), target.camera.pinhole
     if unshadowed is None and visible_face is not None:
