@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from flyaround.hil.board.estimation import BoardModel, CameraIntrinsics, Estimator, PoseResult
 from flyaround.hil.board.methods import check_method_name, make_estimator
 from flyaround.simulator.runtime.plugins import Plugin, plugins
@@ -38,16 +40,35 @@ class AddedEstimator(Estimator):
     def _estimate(self, frame: StageRecord) -> PoseResult:
         result = self._inner.estimate(frame.image)
         frame.mark(self.method)
+        q, t = result.q_camera_from_target_wxyz, result.t_camera_from_target_m
+        accepted, reason = bool(result.accepted), str(result.reason)
+        problem = _pose_problem(q, t, float(result.confidence))
+        if problem and (accepted or q is not None or t is not None):
+            q, t, accepted, reason = None, None, False, f"method {self.method} returned {problem}"
         return PoseResult(
-            bool(result.accepted),
-            str(result.reason),
-            result.q_camera_from_target_wxyz,
-            result.t_camera_from_target_m,
-            float(result.confidence),
+            accepted,
+            reason,
+            None if q is None else np.asarray(q, float),
+            None if t is None else np.asarray(t, float),
+            0.0 if problem else float(result.confidence),
             frame.stages_ms,
             covariance=getattr(result, "covariance", None),
             method=self.method,
         )
+
+
+def _pose_problem(q_wxyz: object, t_m: object, confidence: float) -> str:
+    """Describe what is wrong with a pose, in words that follow "returned"; empty if it is one."""
+    try:
+        q, t = np.asarray(q_wxyz, float), np.asarray(t_m, float)
+    except (TypeError, ValueError):
+        return "a pose that is not made of numbers"
+    if q.shape != (4,) or t.shape != (3,):
+        return "no pose of four and three numbers"
+    # the negated tests also refuse NaN
+    if not (abs(float(np.linalg.norm(q)) - 1) < 1e-3 and np.isfinite(t).all()):
+        return "a pose that is not finite, or not a unit quaternion"
+    return "" if 0 <= confidence <= 1 else f"a confidence of {confidence:g}, allowed: 0 to 1"
 
 
 def check_any_method(method: str) -> None:

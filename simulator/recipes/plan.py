@@ -20,7 +20,7 @@ from flyaround.simulator.recipes.poses import DrawnPose, draw_pose, radius_m, re
 from flyaround.simulator.recipes.sky import choose_sky, place_in_sky, sun_and_nadir
 from flyaround.simulator.runtime.arrays import quat, vec3
 from flyaround.simulator.scenario.load import load_recipe
-from flyaround.simulator.scenario.plan import DocumentPlan
+from flyaround.simulator.scenario.plan import DocumentPlan, check_plan_options
 from flyaround.simulator.scenario.poses import read_poses
 from flyaround.simulator.scenario.random_draws import numbered_generator
 from flyaround.simulator.scenario.recipe import (
@@ -267,8 +267,7 @@ def plan_recipe(
         raise UserError(
             f"recipe {recipe.name} is {len(recipe.members)} data sets: plan one of {', '.join(recipe.members)}"
         )
-    if seed is not None and seed < 0:
-        raise UserError(f"the seed is {seed}, allowed: 0 or more")
+    check_plan_options(n, seed, bands, quality)
     if camera is not None:
         recipe = msgspec.structs.replace(recipe, camera=read_camera_file(camera))
     craft = load_target(target or recipe.target)

@@ -6,8 +6,8 @@ MIN_FILES = 64
 """Files that a command has open at once: libraries, driver, caches, and a reserve."""
 
 MIN_BYTES, MIN_DRAWING_BYTES = 640 * 2**20, 1536 * 2**20
-"""Address space of a command that reads a scenario, and of one that draws a frame: above the VmPeak of ``scenarios`` and
-of ``render`` with Mesa's software driver."""
+"""Address space of a command that reads a scenario, and of one that draws a frame: above the VmPeak of ``scenarios``
+and of ``render`` with Mesa's software driver."""
 
 
 def limits_problem(*, drawing: bool) -> str | None:

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, Protocol, TypeVar
+from numbers import Integral
+from typing import TYPE_CHECKING, Any, Protocol, TypeVar, get_args
 
 import msgspec
 
@@ -231,6 +232,17 @@ def varied_plan(plan: P, vary: Vary) -> P:
     return varied
 
 
+def check_plan_options(n: int | None, seed: int | None, bands: Bands | None, quality: Quality | None) -> None:
+    """Raise UserError if an option of a plan, by default None, is not one of those that are allowed."""
+    if n is not None and (not isinstance(n, Integral) or n < 1):
+        raise UserError(f"the number of frames is {n}, allowed: at least 1")
+    if seed is not None and (not isinstance(seed, Integral) or not 0 <= seed < 2**63):
+        raise UserError(f"the seed is {seed}, allowed: 0 or more, below 2^63")
+    for name, value, kind in (("bands", bands, Bands), ("quality", quality, Quality)):
+        if value is not None and value not in get_args(kind):
+            raise UserError(f"{name} is {value!r}, allowed: {', '.join(get_args(kind))}")
+
+
 def plan_flight(
     scenario: Scenario,
     *,
@@ -248,9 +260,10 @@ def plan_flight(
     UserError
         If a time is outside the flight, or the scenario names something unknown.
     """
-    if seed is not None and seed < 0:
-        raise UserError(f"the seed is {seed}, allowed: 0 or more")
+    check_plan_options(n, seed, bands, quality)
     target = load_target(scenario.target)
+    if times is not None and not times:
+        raise UserError("a plan without times has no frames: give one time or more")
     if times is None:
         times = tuple(float(t) for t in frame_times(scenario.duration_s, n, every_s))
     for t in times:

@@ -136,8 +136,13 @@ def scene_at(
     Raises
     ------
     UserError
-        If the pose is not finite, the quaternion not of unit length, or the target too near or too far.
+        If the pose is not finite, the quaternion not of unit length, the target too near or too far, or the plan has
+        no such frame.
     """
+    if not 0 <= frame < plan.n_frames or (index is not None and index < 0):
+        raise UserError(
+            f"frame {frame} with index {index}: the plan has the frames 0 to {plan.n_frames - 1}, an index is 0 or more"
+        )
     q, t = (np.asarray(x, float) for x in (q_camera_from_target_wxyz, t_camera_from_target_m))
     if q.shape != (4,) or t.shape != (3,) or not (np.isfinite(q).all() and np.isfinite(t).all()):
         raise UserError(

@@ -5,6 +5,7 @@ x right, y down, z forward; pixel (0, 0) is the centre of the top-left pixel.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import TYPE_CHECKING
@@ -43,7 +44,29 @@ _NODES, _STEP_RAD = 25, 1e-3  # points per side of the grid of `_bending`, and t
 class Camera:
     """Intrinsics of one camera; this object as JSON is the CAMERA.json of the command line.
 
-    ``encoding`` is the transfer function of its images, absent where they are linear: see `pixel_encoding`.
+    Parameters
+    ----------
+    width_px : int
+        Width of the image.
+    height_px : int
+        Height of the image.
+    fx_px : float
+        Focal length over the width of a pixel.
+    fy_px : float
+        Focal length over the height of a pixel.
+    cx_px : float
+        Column of the principal point; (0, 0) is the centre of the top-left pixel.
+    cy_px : float
+        Row of the principal point.
+    distortion : Distortion, optional
+        Model and coefficients of the lens.
+    encoding : Encoding, optional
+        Transfer function of its images, absent where they are linear: see `pixel_encoding`.
+
+    Raises
+    ------
+    ValueError
+        If the image has no pixels, or a focal length or the principal point is not a finite number.
     """
 
     width_px: int
@@ -56,6 +79,18 @@ class Camera:
     encoding: Encoding | UnsetType = UNSET
 
     def __post_init__(self) -> None:
+        if not all(
+            isinstance(side, (int, np.integer)) and side > 0 for side in (self.width_px, self.height_px)
+        ):
+            raise ValueError(
+                f"a camera has {self.width_px} x {self.height_px} pixels, allowed: whole numbers above 0"
+            )
+        numbers = (self.fx_px, self.fy_px, self.cx_px, self.cy_px)
+        if not (all(map(math.isfinite, numbers)) and min(numbers[:2]) > 0):
+            raise ValueError(
+                f"a camera has the focal lengths {self.fx_px:g}, {self.fy_px:g} and the principal point "
+                f"{self.cx_px:g}, {self.cy_px:g} px, allowed: finite numbers, and focal lengths above 0"
+            )
         # one form for one camera: "linear" and absent are the same
         if self.encoding == "linear":
             object.__setattr__(self, "encoding", UNSET)

@@ -11,7 +11,7 @@ import numpy as np
 
 from flyaround.simulator.runtime.arrays import FloatArray
 from flyaround.simulator.world.frames.rotation import matrix_from_quat, quat_normalize
-from flyaround.simulator.world.orbit.dense_output import DenseOutput, integrate
+from flyaround.simulator.world.orbit.dense_output import DenseOutput, check_span, integrate
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -83,12 +83,13 @@ def propagate_attitude(
     Raises
     ------
     ValueError
-        If the inertia is not symmetric and positive definite.
+        If the inertia is not symmetric and positive definite, the span is negative, or a number is not finite.
 
     References
     ----------
     Wertz (1978), Spacecraft Attitude Determination and Control, eq. 16-2 and 16-49.
     """
+    check_span(duration_s)
     J = np.asarray(inertia_kg_m2, float)
     check_inertia(J)
     J_inverse = np.linalg.inv(J)
@@ -147,6 +148,7 @@ def check_inertia(inertia_kg_m2: FloatArray) -> None:
     ValueError
         If it is not symmetric, not positive definite, or breaks the triangle inequality.
     """
+    # NaN is not close to itself
     if inertia_kg_m2.shape != (3, 3) or not np.allclose(
         inertia_kg_m2, inertia_kg_m2.T, rtol=1e-9, atol=1e-12
     ):

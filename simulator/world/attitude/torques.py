@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -99,11 +100,20 @@ def gravity_gradient_torque(
     mu_m3_s2 : float, optional
         Gravitational parameter.
 
+    Raises
+    ------
+    ValueError
+        If ``r_eci_m`` is zero or not finite.
+
     References
     ----------
     Wertz (1978), Spacecraft Attitude Determination and Control, eq. 17-33.
     """
     r = length(r_eci_m)
+    if not 0 < r < math.inf:
+        raise ValueError(
+            f"the position from the attracting centre is {r_eci_m.tolist()}, allowed: finite, not zero"
+        )
     up = R_body_from_eci @ r_eci_m / r  # unit vector, body axes
     return np.asarray(3 * mu_m3_s2 / r**3 * cross(up, inertia_kg_m2 @ up))
 

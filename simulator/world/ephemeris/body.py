@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import math
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, field
 from functools import cache
 from importlib import import_module
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -84,11 +86,31 @@ class BodyAir:
     thickness_m: float = 100_000.0
 
     def __post_init__(self) -> None:
-        """Raise ValueError if the shaders cannot hold the density profile."""
+        """Raise ValueError if a number describes no atmosphere, or the shaders cannot hold the density profile."""
+        heights = (self.rayleigh_height_m, self.aerosol_height_m, self.thickness_m)
+        if not all(0 < height < math.inf for height in heights):
+            raise ValueError(
+                f"BodyAir: rayleigh_height_m, aerosol_height_m, thickness_m are {heights}, allowed: more than 0"
+            )
+        if not (0 <= self.rayleigh_m_um4 < math.inf and 0 <= self.aerosol_m < math.inf):
+            raise ValueError(
+                f"BodyAir: rayleigh_m_um4 is {self.rayleigh_m_um4:g} and aerosol_m {self.aerosol_m:g}, "
+                "allowed: 0 or more"
+            )
+        if not (0 <= self.aerosol_albedo <= 1 and -1 < self.aerosol_g < 1):
+            raise ValueError(
+                f"BodyAir: aerosol_albedo is {self.aerosol_albedo:g} and aerosol_g {self.aerosol_g:g}, "
+                "allowed: 0 to 1, and between -1 and 1"
+            )
         if len(self.density) == 1 or len(self.density) > MAX_LAYERS:
             raise ValueError(
                 f"BodyAir.density has {len(self.density)} heights, allowed: none, or 2 to {MAX_LAYERS}"
             )
+        levels = [height for height, _ in self.density]
+        if levels and (levels[0] != 0 or not all(a < b < math.inf for a, b in pairwise(levels))):
+            raise ValueError(f"BodyAir.density has the heights {levels}, allowed: increasing from 0")
+        if not all(0 < density < math.inf for _, density in self.density):
+            raise ValueError("BodyAir.density has a density that is not above 0 and finite")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -321,11 +343,21 @@ def R_fixed_from_pole(alpha_deg: float, delta_deg: float, W_deg: float) -> Float
     W_deg : float
         Angle along the equator from its node on the GCRS equator to longitude 0.
 
+    Raises
+    ------
+    ValueError
+        If an angle is not finite, or the declination not within 90 degrees.
+
     References
     ----------
     Archinal et al. (2018), Report of the IAU Working Group on Cartographic Coordinates and Rotational Elements: 2015,
     Celest. Mech. Dyn. Astr. 130, figure 1.
     """
+    if not (np.isfinite([alpha_deg, W_deg]).all() and -90 <= delta_deg <= 90):
+        raise ValueError(
+            f"the pole is at {alpha_deg}, {delta_deg} with W = {W_deg} deg: allowed are finite angles, and a "
+            "declination of -90 to 90"
+        )
     return _rotation_z(W_deg) @ _rotation_x(90.0 - delta_deg) @ _rotation_z(90.0 + alpha_deg)
 
 

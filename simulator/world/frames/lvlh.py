@@ -55,6 +55,11 @@ def lvlh_frame(r_eci_m: FloatArray, v_eci_m_s: FloatArray, a_eci_m_s2: FloatArra
     a_eci_m_s2 : (3,) array
         Acceleration, GCRS axes [m s-2].
 
+    Raises
+    ------
+    ValueError
+        If position and velocity span no plane: one is zero, or they are parallel.
+
     References
     ----------
     Alfriend et al. (2010), Spacecraft Formation Flying, sec. 4.1.
@@ -62,6 +67,8 @@ def lvlh_frame(r_eci_m: FloatArray, v_eci_m_s: FloatArray, a_eci_m_s2: FloatArra
     r, v = r_eci_m.tolist(), v_eci_m_s.tolist()
     h = cross_product(r, v)
     r_norm, h_norm = math.sqrt(dot_product(r, r)), math.sqrt(dot_product(h, h))
+    if not h_norm > 0:  # NaN too
+        raise ValueError(f"position {r} and velocity {v} span no orbit plane")
     x, z = [c / r_norm for c in r], [c / h_norm for c in h]
     y = cross_product(z, x)
     plane_rate = r_norm * dot_product(a_eci_m_s2.tolist(), z) / h_norm

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -46,12 +47,24 @@ class Pose:
         Unit quaternion ``q_to_from_frm``, scalar first.
     t_m : tuple of float
         Origin of ``frm`` in ``to`` [m].
+
+    Raises
+    ------
+    ValueError
+        If a value is not finite, or the quaternion not of unit length to three digits.
     """
 
     to: str
     frm: str
     q_wxyz: Quat
     t_m: Vec3
+
+    def __post_init__(self) -> None:
+        # the negated test also refuses NaN
+        if not (len(self.q_wxyz) == 4 and abs(sum(c * c for c in self.q_wxyz) - 1) < 2e-3):
+            raise ValueError(f"pose {self.to} from {self.frm}: {self.q_wxyz} is not a unit quaternion")
+        if not (len(self.t_m) == 3 and all(map(math.isfinite, self.t_m))):
+            raise ValueError(f"pose {self.to} from {self.frm}: {self.t_m} is not a position of three numbers")
 
     @staticmethod
     def from_arrays(to: str, frm: str, q_wxyz: ArrayLike, t_m: ArrayLike) -> Pose:
@@ -71,12 +84,17 @@ class Pose:
         Raises
         ------
         ValueError
-            If the quaternion is zero, or a value is not finite.
+            If the quaternion is zero, a value is not finite, or a shape differs.
         """
-        t = np.asarray(t_m, float)
+        q, t = np.asarray(q_wxyz, float), np.asarray(t_m, float)
+        if q.shape != (4,) or t.shape != (3,):
+            raise ValueError(
+                f"pose {to} from {frm}: a quaternion of four numbers and a position of three are needed, "
+                f"got the shapes {q.shape} and {t.shape}"
+            )
         if not np.all(np.isfinite(t)):
             raise ValueError(f"translation {to} from {frm} must be finite, got {t.tolist()}")
-        return Pose(to, frm, quat(quat_normalize(q_wxyz)), vec3(t))
+        return Pose(to, frm, quat(quat_normalize(q)), vec3(t))
 
     def __repr__(self) -> str:
         """Return the names of the frames, and the origin of ``frm`` in ``to``."""

@@ -51,9 +51,11 @@ def quat_normalize(q_wxyz: ArrayLike) -> FloatArray:
     Raises
     ------
     ValueError
-        If a quaternion is zero or not finite.
+        If a quaternion is zero or not finite, or does not have four numbers.
     """
     q = np.asarray(q_wxyz, float)
+    if q.shape[-1:] != (4,):
+        raise ValueError(f"a quaternion has four numbers, got the shape {q.shape}")
     norm = np.linalg.norm(q, axis=-1, keepdims=True)
     if not np.all(np.isfinite(norm)) or np.any(norm < 1e-12):
         raise ValueError(f"a quaternion must be finite and not zero, got {q.tolist()}")
@@ -96,11 +98,19 @@ def quat_from_matrix(R: ArrayLike) -> FloatArray:
     R : array_like
         (3, 3) rotation matrix.
 
+    Raises
+    ------
+    ValueError
+        If the matrix is not a rotation to three digits.
+
     References
     ----------
     Shepperd (1978), Quaternion from rotation matrix, J. Guidance and Control 1(3).
     """
     m = np.asarray(R, float)
+    # the negated test also refuses NaN
+    if m.shape != (3, 3) or not (np.abs(m @ m.T - np.eye(3)).max() < 1e-3 and np.linalg.det(m) > 0):
+        raise ValueError(f"a (3, 3) rotation matrix is needed, got {m.tolist()}")
     trace = float(np.trace(m))
     diag = [trace, m[0, 0], m[1, 1], m[2, 2]]
     k = int(np.argmax(diag))
@@ -123,8 +133,15 @@ def quat_from_rotvec(rotvec_rad: ArrayLike) -> FloatArray:
     ----------
     rotvec_rad : array_like
         (..., 3) axis times angle [rad].
+
+    Raises
+    ------
+    ValueError
+        If the last axis does not hold three numbers.
     """
     v = np.asarray(rotvec_rad, float)
+    if v.shape[-1:] != (3,):
+        raise ValueError(f"a rotation vector has three numbers, got the shape {v.shape}")
     angle = np.linalg.norm(v, axis=-1, keepdims=True)
     # sin(x/2)/x by NumPy's sinc, which is exact at zero
     return np.concatenate([np.cos(angle / 2), 0.5 * np.sinc(angle / (2 * np.pi)) * v], axis=-1)

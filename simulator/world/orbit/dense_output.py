@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from bisect import bisect_right
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
@@ -79,6 +80,12 @@ class DenseOutput:
         )
 
 
+def check_span(duration_s: float) -> None:
+    """Raise ValueError if a span of a propagation is negative or not finite."""
+    if not 0 <= duration_s < math.inf:
+        raise ValueError(f"the span is {duration_s} s, allowed: 0 or more, and finite")
+
+
 def integrate(
     derivative: Callable[[float, FloatArray], FloatArray],
     start: FloatArray,
@@ -109,6 +116,8 @@ def integrate(
     ------
     UserError
         If the integrator fails.
+    ValueError
+        If a number of the initial state or the span is not finite; the integrator would never end.
 
     References
     ----------
@@ -116,6 +125,10 @@ def integrate(
     """
     from scipy.integrate import solve_ivp  # noqa: PLC0415 - slow to import
 
+    if not (np.isfinite(start).all() and np.isfinite(span_s).all()):
+        raise ValueError(
+            f"cannot integrate from {start.tolist()} over {span_s} s: all numbers must be finite"
+        )
     result = solve_ivp(
         derivative,
         span_s,

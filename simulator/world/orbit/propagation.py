@@ -11,7 +11,7 @@ import numpy as np
 from flyaround.simulator.world.constants import MU_EARTH_M3_S2
 from flyaround.simulator.world.frames.lvlh import Lvlh, lvlh_frame
 from flyaround.simulator.world.orbit.burns import Burn, burn_edges_s, eci_from_own_lvlh
-from flyaround.simulator.world.orbit.dense_output import DenseOutput, integrate
+from flyaround.simulator.world.orbit.dense_output import DenseOutput, check_span, integrate
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -46,6 +46,11 @@ class Elements:
         Argument of perigee.
     true_anomaly_rad : float, optional
         True anomaly.
+
+    Raises
+    ------
+    ValueError
+        If the orbit is not bound, or an angle is not finite.
     """
 
     semi_major_axis_m: float
@@ -54,6 +59,16 @@ class Elements:
     raan_rad: float = 0.0
     argument_of_perigee_rad: float = 0.0
     true_anomaly_rad: float = 0.0
+
+    def __post_init__(self) -> None:
+        if not (0 < self.semi_major_axis_m < np.inf and 0 <= self.eccentricity < 1):
+            raise ValueError(
+                f"semi-major axis {self.semi_major_axis_m:g} m and eccentricity {self.eccentricity:g} are not of a "
+                "bound orbit: allowed are more than 0, and 0 to less than 1"
+            )
+        angles = (self.inclination_rad, self.raan_rad, self.argument_of_perigee_rad, self.true_anomaly_rad)
+        if not np.isfinite(angles).all():
+            raise ValueError(f"an angle of the orbit is not finite: {angles}")
 
 
 def state_from_elements(e: Elements, mu_m3_s2: float = MU_EARTH_M3_S2) -> tuple[FloatArray, FloatArray]:
@@ -90,6 +105,11 @@ def elements_from_state(
     On a circular orbit the argument of perigee is zero, and the true anomaly is measured from the node. On an
     equatorial orbit the node is the x axis.
 
+    Raises
+    ------
+    ValueError
+        If the state is of no bound orbit: too fast, or a fall.
+
     References
     ----------
     Vallado (2013), Fundamentals of Astrodynamics, algorithm 9.
@@ -97,6 +117,8 @@ def elements_from_state(
     r, v = np.asarray(r_eci_m, float), np.asarray(v_eci_m_s, float)
     rn = float(np.linalg.norm(r))
     h = np.cross(r, v)
+    if not np.linalg.norm(h) > 0:  # NaN too
+        raise ValueError(f"position {r.tolist()} and velocity {v.tolist()} span no orbit plane")
     ecc = np.cross(v, h) / mu_m3_s2 - r / rn
     e = float(np.linalg.norm(ecc))
     a = 1 / (2 / rn - float(v @ v) / mu_m3_s2)
@@ -213,10 +235,18 @@ def propagate(
     along : Solution, optional
         Prescribed states of the target. Only the chaser's relative state is integrated then.
 
+    Raises
+    ------
+    UserError
+        If the integrator fails, as in a fall into the body's centre.
+    ValueError
+        If the span is negative, or a number is not finite.
+
     References
     ----------
     Hairer, Norsett & Wanner (1993), Solving Ordinary Differential Equations I: DOP853, rtol 1e-12.
     """
+    check_span(duration_s)
     y = np.concatenate([r_eci_m, v_eci_m_s, *(relative or ())])
     max_step_s = _SUNLIT_STEP_S if forces.solar_pressure else _MAX_STEP_S
     atol = np.repeat([1e-7, 1e-10, 1e-10, 1e-13], 3)[: len(y)]

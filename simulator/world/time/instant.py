@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 import warnings
 from dataclasses import dataclass
@@ -41,11 +42,20 @@ class Instant:
     tt1 : float
         Large part of the Julian date (TT).
     tt2 : float
-        Small part of the Julian date, accurate to 0.1 ns.
+        Small part of the Julian date; near one day its float64 resolves 0.01 ns.
+
+    Raises
+    ------
+    ValueError
+        If a part is not finite.
     """
 
     tt1: float
     tt2: float
+
+    def __post_init__(self) -> None:
+        if not math.isfinite(self.tt1 + self.tt2):
+            raise ValueError(f"a Julian date of {self.tt1} and {self.tt2} is not finite")
 
     @staticmethod
     def from_utc(text: str) -> Instant:
@@ -63,7 +73,8 @@ class Instant:
         second = float(match[6])
         if not _FIRST_YEAR <= year <= _LAST_YEAR:
             raise ValueError(f"{text!r} is outside the years {_FIRST_YEAR} to {_LAST_YEAR}")
-        if hour > 23 or minute > 59 or second >= 61:
+        leap = (hour, minute) == (23, 59)  # a leap second follows the last one of a day
+        if hour > 23 or minute > 59 or second >= (61 if leap else 60):
             raise ValueError(f"{text!r} has an hour, minute or second that does not exist")
         try:
             utc1, utc2 = without_year_warning(erfa.dtf2d, "UTC", year, month, day, hour, minute, second)
