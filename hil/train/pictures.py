@@ -209,6 +209,7 @@ def _random_rotation(camera: NetworkCamera, t_m: FloatArray, rng: np.random.Gene
             quat_from_rotvec(np.array([np.arctan(y), -np.arctan(x), 0.0]))
         )
         rotated = R @ t_m
+        # the centre stays in the image with a margin, so that most of the craft does
         if rotated[2] > 0 and np.all(np.abs(rotated[:2] / rotated[2]) < 0.85 * camera.half_view):
             return R
     return np.eye(3)

@@ -52,6 +52,12 @@ DEFORMED_SHARE = 0.3
 STRAY_LIGHT_SHARE = 0.25
 OCCLUDED_SHARE = 0.2
 JPEG_SHARE = 0.2
+HOT_PIXEL_SHARE = 0.4
+GLOW_SHARE = 0.6
+SHADOW_SHARE = 0.08
+
+# Share of the surfaces that mirror a lamp.
+MIRROR_SHARE = 0.06
 
 # Standard deviation of the deformation [px], and its correlation length [px].
 DEFORMATION_PX, DEFORMATION_SCALE_PX = 1.2, 20.0
@@ -281,7 +287,7 @@ def _laboratory_signal(views: LitViews, k: int, rng: Generator) -> Float32Array:
     # other surface brightnesses and specular reflections of a lamp; each surface with its own fall-off
     spread, tilt = rng.uniform(0.05, 0.7), rng.uniform(0.0, 1.2)
     log_gain = rng.normal(0, spread, MAX_LABEL)
-    mirror = rng.random(MAX_LABEL) < 0.06
+    mirror = rng.random(MAX_LABEL) < MIRROR_SHARE
     log_gain[mirror] += rng.uniform(0.5, 3.0, int(mirror.sum()))
     a, b = (
         rng.normal(0, tilt, MAX_LABEL).astype(np.float32) + np.float32(rng.normal(0, 0.5)) for _ in range(2)
@@ -351,7 +357,7 @@ def _laboratory_picture(
             np.exp(rng.uniform(-2.5, 0.8))
         )
         picture = picture + (1 - cover) * background
-    for _ in range(rng.integers(4) if rng.random() < 0.4 else 0):
+    for _ in range(rng.integers(4) if rng.random() < HOT_PIXEL_SHARE else 0):
         cv2.circle(picture, rng.integers(INPUT_PX, size=2).tolist(), 1, float(rng.uniform(0.1, 0.8)), -1)
     if rng.random() < OCCLUDED_SHARE:
         # an occluding object of any brightness
@@ -360,7 +366,7 @@ def _laboratory_picture(
         picture[y : y + h, x : x + w] = rng.choice([0.0, rng.uniform(0, 1.2)])
     if rng.random() < DEFORMED_SHARE:
         picture = _deform(picture, rng)
-    if rng.random() < 0.6:
+    if rng.random() < GLOW_SHARE:
         small = cv2.resize(picture, (INPUT_PX // 4, INPUT_PX // 4), interpolation=cv2.INTER_AREA)
         glow = cv2.GaussianBlur(small, (0, 0), float(rng.uniform(0.8, 4.5)))
         wide = cv2.resize(glow, (INPUT_PX, INPUT_PX), interpolation=cv2.INTER_LINEAR)
@@ -414,7 +420,7 @@ def _deform(picture: Float32Array, rng: Generator) -> Float32Array:
 
 def _add_shadow(signal: Float32Array, rng: Generator) -> Float32Array:
     """Return the signal, sometimes with a straight shadow edge over a part of it."""
-    if rng.random() > 0.08:
+    if rng.random() > SHADOW_SHARE:
         return signal
     angle, edge = rng.uniform(0, 2 * np.pi), rng.uniform(-0.25, 0.25)
     dark = np.float32(np.cos(angle)) * _U + np.float32(np.sin(angle)) * _V > edge

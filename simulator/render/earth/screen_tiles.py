@@ -21,6 +21,7 @@ TILE_RAD = 0.0107
 """Angular side of a tile [rad], 32 px of a SPEED camera. Ground points interpolated between its corners are exact to a
 tenth of a pixel."""
 _MIN_TILE_PX, _MAX_TILE_PX = 8, 32
+"""Smallest and largest tile: smaller ones cost more than drawing their pixels one by one saves, larger ones bend."""
 ICE_SINE = 0.73
 """Sine of 47 degrees latitude, equatorward of which the sea is open."""
 

@@ -172,6 +172,7 @@ def disc_rect(camera: Camera, center_camera: FloatArray, sine: float) -> PixelRe
     """
     whole_image = PixelRect(0, 0, camera.width_px, camera.height_px)
     radius, angle_from_boresight = np.arcsin(min(sine, 1.0)), np.arccos(np.clip(center_camera[2], -1, 1))
+    # a hundredth of a radian more, because the half angle is that of sampled pixels
     if angle_from_boresight > radius + camera.half_angle_rad() + 0.01:
         return None
     # project points of a circle slightly outside the rim: chords of 64 points lie inside by 0.1 %
