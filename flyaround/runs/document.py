@@ -130,20 +130,20 @@ def read_run(path: Path, kind: type[Run]) -> dict[str, Any]:
     UserError
         If the file cannot be read, belongs to another command, or has an error: file, key, value and allowed values.
     """
-    where = f"--run {path}"
-    raw = parse_toml(read_toml(path, where, "give a TOML file of a run"), where)
+    source = f"--run {path}"
+    raw = parse_toml(read_toml(path, source, "give a TOML file of a run"), source)
     tag = mi.type_info(kind).tag  # type: ignore[attr-defined]
     schema = raw.get("schema", tag)
     if schema != tag:
         raise UserError(
-            f"{where} has the schema {schema!r}, but this command's runs have {tag!r}: give a file of this command"
+            f"{source} has the schema {schema!r}, but this command's runs have {tag!r}: give a file of this command"
         )
     _rename_methods(raw, path)
     try:
         msgspec.convert(raw, kind)
     except msgspec.ValidationError as error:
         if "missing required field" not in str(error) or " - at " in str(error):
-            raise UserError(f"{where}: {explain(str(error), raw, kind)}") from error
+            raise UserError(f"{source}: {explain(str(error), raw, kind)}") from error
     return raw
 
 

@@ -234,7 +234,7 @@ def _parse(path: Path) -> Campaign:
     return msgspec.structs.replace(campaign, case=tuple(cases))
 
 
-def _check_case(case: Case, where: str) -> None:
+def _check_case(case: Case, source: str) -> None:
     """Raise UserError for contradictory settings.
 
     Raises
@@ -243,32 +243,34 @@ def _check_case(case: Case, where: str) -> None:
         If settings contradict; the message names the remedy.
     """
     if len(set(case.all_seeds)) < len(case.all_seeds):
-        raise UserError(f"{where} has a seed twice: remove one")
+        raise UserError(f"{source} has a seed twice: remove one")
     if case.all_seeds[-1] >= 2**31:  # the limit of `Seed`, which the end of a range may exceed
-        raise UserError(f"{where} has a seed of 2^31 or more: start lower")
+        raise UserError(f"{source} has a seed of 2^31 or more: start lower")
     try:
         check_method_name(case.method)
     except BoardModelError as error:
-        raise UserError(f"{where}: {error}") from error
+        raise UserError(f"{source}: {error}") from error
     if case.pose != "board" and not case.closed_loop:
-        raise UserError(f'{where} has pose = "{case.pose}", which needs closed_loop = true')
+        raise UserError(f'{source} has pose = "{case.pose}", which needs closed_loop = true')
     if case.pose != "board" and (case.mode != "lockstep" or case.link != LinkSettings()):
-        raise UserError(f'{where} has pose = "{case.pose}", which uses no board: leave out mode and link')
+        raise UserError(f'{source} has pose = "{case.pose}", which uses no board: leave out mode and link')
     if case.closed_loop and case.frames is not None:
         raise UserError(
-            f"{where}: a closed loop ends when the chaser arrives: give every_s instead of frames"
+            f"{source}: a closed loop ends when the chaser arrives: give every_s instead of frames"
         )
     if case.frames is not None and case.every_s is not None:
-        raise UserError(f"{where} has frames and every_s: leave one out")
+        raise UserError(f"{source} has frames and every_s: leave one out")
     if case.latency_s and case.mode != "realtime":
-        raise UserError(f'{where}: latency_s needs a free-running camera: add mode = "realtime"')
+        raise UserError(f'{source}: latency_s needs a free-running camera: add mode = "realtime"')
     if case.deadline_s is not None and (case.mode != "realtime" or case.pose != "board"):
-        raise UserError(f'{where}: deadline_s needs a board that answers in real time: add mode = "realtime"')
+        raise UserError(
+            f'{source}: deadline_s needs a board that answers in real time: add mode = "realtime"'
+        )
     if case.link.key is not None and case.link.listen is None:
-        raise UserError(f"{where}: a key is for an external board: add link.listen")
+        raise UserError(f"{source}: a key is for an external board: add link.listen")
 
 
-def _check_requirement(requirement: Requirement, campaign: Campaign, where: str) -> None:
+def _check_requirement(requirement: Requirement, campaign: Campaign, source: str) -> None:
     """Raise UserError for a requirement that applies to no case, or on a quantity that its cases do not have.
 
     Raises
@@ -281,28 +283,28 @@ def _check_requirement(requirement: Requirement, campaign: Campaign, where: str)
         near = near_names(requirement.quantity, tuple(QUANTITIES))
         hint = f"did you mean {near[0]}? " if near else ""
         raise UserError(
-            f"{where}: unknown quantity {requirement.quantity!r}: {hint}allowed: {', '.join(QUANTITIES)}"
+            f"{source}: unknown quantity {requirement.quantity!r}: {hint}allowed: {', '.join(QUANTITIES)}"
         )
     if quantity.is_text != isinstance(requirement.limit, str):
         kind = f"one of {', '.join(quantity.words)}" if quantity.is_text else "a number"
-        raise UserError(f"{where}: limit is {requirement.limit!r}, but {requirement.quantity} is {kind}")
+        raise UserError(f"{source}: limit is {requirement.limit!r}, but {requirement.quantity} is {kind}")
     if quantity.is_text and requirement.comparison not in {"==", "!="}:
-        raise UserError(f"{where}: {requirement.quantity} is text: compare it with == or !=")
+        raise UserError(f"{source}: {requirement.quantity} is text: compare it with == or !=")
     if quantity.is_text and requirement.limit not in quantity.words:
-        raise UserError(f"{where}: limit is {requirement.limit!r}, allowed: {', '.join(quantity.words)}")
+        raise UserError(f"{source}: limit is {requirement.limit!r}, allowed: {', '.join(quantity.words)}")
     cases = [case for case in campaign.case if requirement.is_about(case.name)]
     if not cases:
-        raise UserError(f"{where} applies to no case: {', '.join(requirement.cases)} matches none")
+        raise UserError(f"{source} applies to no case: {', '.join(requirement.cases)} matches none")
     for case in cases:
         if not quantity.needs <= case.traits:
             raise UserError(
-                f"{where}: case {case.name!r} has no {requirement.quantity}, which needs {quantity.needs_in_words}: "
+                f"{source}: case {case.name!r} has no {requirement.quantity}, which needs {quantity.needs_in_words}: "
                 "restrict it to other cases with cases = [...]"
             )
 
 
 def _ready(case: Case, path: Path) -> ReadyCase:
-    where, folder = f"{path}: case {case.name!r}", path.parent
+    source, folder = f"{path}: case {case.name!r}", path.parent
     scenario_path = folder / case.scenario
     named = scenario_path if case.scenario.endswith(".toml") else case.scenario
     scenario = load_scenario(named)
@@ -311,12 +313,12 @@ def _ready(case: Case, path: Path) -> ReadyCase:
         faults = read_faults(folder / faults)
     elif faults is None:
         faults = scenario.faults or NO_FAULTS
-    check_times(faults, where)
+    check_times(faults, source)
     if case.pose != "board":
         try:
             PoseLink.without_pictures(faults)
         except UserError as error:
-            raise UserError(f"{where}: {error}") from error
+            raise UserError(f"{source}: {error}") from error
     return ReadyCase(
         case,
         scenario,

@@ -79,9 +79,9 @@ def estimate(
         )
     craft = target if isinstance(target, Target) else load_target(target)
     intrinsics = camera if isinstance(camera, Camera) else load_camera(camera)
-    where = "the picture" if isinstance(image, np.ndarray) else str(image)
+    source = "the picture" if isinstance(image, np.ndarray) else str(image)
     pixels = image if isinstance(image, np.ndarray) else read_png(Path(image))
-    checked = checked_picture(pixels, intrinsics, where)
+    checked = checked_picture(pixels, intrinsics, source)
     # an estimator that keeps state between images is not cached
     find = _make_estimator if MethodChoice(method).in_order else _cached_estimator
     estimator = find(_Craft(craft.name, craft.sha256, craft), intrinsics, method)
@@ -89,29 +89,29 @@ def estimate(
 
 
 def checked_picture(
-    image: NDArray[np.unsignedinteger], camera: Camera, where: str
+    image: NDArray[np.unsignedinteger], camera: Camera, source: str
 ) -> NDArray[np.unsignedinteger]:
     """Return an image as the estimators expect it, linear and grey.
 
     Raises
     ------
     UserError
-        If its pixels are not uint8 or uint16, or its size is not the camera's; ``where`` names it in the message.
+        If its pixels are not uint8 or uint16, or its size is not the camera's; ``source`` names it in the message.
     """
     if image.ndim not in (2, 3) or (image.ndim == 3 and image.shape[2] != 3):
         raise UserError(
-            f"{where} is an array of shape {image.shape}: give (height, width), or with 3 channels"
+            f"{source} is an array of shape {image.shape}: give (height, width), or with 3 channels"
         )
     if image.dtype not in (np.uint8, np.uint16):
-        raise UserError(f"{where} holds {image.dtype} pixels: give uint8 or uint16")
+        raise UserError(f"{source} holds {image.dtype} pixels: give uint8 or uint16")
     if camera.pixel_encoding != "linear" and image.dtype != np.uint8:
         raise UserError(
-            f"{where} has 16 bits, but the camera's encoding {camera.pixel_encoding} has 8: "
+            f"{source} has 16 bits, but the camera's encoding {camera.pixel_encoding} has 8: "
             "give 8-bit pixels, or a camera with encoding linear"
         )
     if image.shape[:2] != (camera.height_px, camera.width_px):
         raise UserError(
-            f"{where} is {image.shape[1]} x {image.shape[0]} pixels, the camera {camera.width_px} x "
+            f"{source} is {image.shape[1]} x {image.shape[0]} pixels, the camera {camera.width_px} x "
             f"{camera.height_px}: give the camera that took it (--camera)"
         )
     return grey(image, camera.pixel_encoding)

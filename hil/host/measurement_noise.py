@@ -32,27 +32,27 @@ def read_pose_noise(path: Path) -> PoseNoise:
     UserError
         If the file is invalid, or has too few accepted poses.
     """
-    where = f"--pose-errors {path}"
+    source = f"--pose-errors {path}"
     try:
         data = read_regular(path, MAX_BYTES)
         refuse_deep(data, str(path))
         spread = msgspec.json.decode(data, type=_Metrics).spread
     except OSError as error:
         raise UserError(
-            f"{where} cannot be read: {error.strerror or error}; give the metrics.json of flyaround evaluate"
+            f"{source} cannot be read: {error.strerror or error}; give the metrics.json of flyaround evaluate"
         ) from error
     except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
         raise UserError(
-            f"{where} is damaged: {error}; give the metrics.json of flyaround evaluate"
+            f"{source} is damaged: {error}; give the metrics.json of flyaround evaluate"
         ) from error
     if spread is None:
         raise UserError(
-            f"{where} has no spread of poses, which needs ten accepted ones: evaluate more frames"
+            f"{source} has no spread of poses, which needs ten accepted ones: evaluate more frames"
         )
     sizes = (spread.across_share, spread.along_share, spread.tilt_rad, spread.roll_rad)
     if not all(MIN_VALUE <= x <= MAX_VALUE for x in sizes):
         raise UserError(
-            f"{where} has errors of {sizes}, allowed: {MIN_VALUE:g} to {MAX_VALUE:g}; evaluate again"
+            f"{source} has errors of {sizes}, allowed: {MIN_VALUE:g} to {MAX_VALUE:g}; evaluate again"
         )
     return PoseNoise(
         across_m=0.0,

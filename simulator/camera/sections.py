@@ -119,7 +119,7 @@ class OpticsSection(Section, frozen=True, kw_only=True):
         keys["kernel"] = tuple(tuple(row) for row in self.kernel)
         return Optics(**keys)
 
-    def with_kernel(self, folder: Path, where: str) -> OpticsSection:
+    def with_kernel(self, folder: Path, source: str) -> OpticsSection:
         """Return the section with its kernel file read.
 
         Raises
@@ -145,10 +145,10 @@ class OpticsSection(Section, frozen=True, kw_only=True):
             cv2.error,
         ) as error:
             raise UserError(
-                f"{where}: key optics.kernel_file: {path} cannot be read as a table of numbers ({error})"
+                f"{source}: key optics.kernel_file: {path} cannot be read as a table of numbers ({error})"
             ) from error
         if table.ndim != 2:
-            raise UserError(f"{where}: key optics.kernel_file: {path} has {table.ndim} axes, a PSF has two")
+            raise UserError(f"{source}: key optics.kernel_file: {path} has {table.ndim} axes, a PSF has two")
         return msgspec.structs.replace(self, kernel=table.astype(float).tolist(), kernel_file="")
 
 
@@ -178,7 +178,7 @@ def _delimiter(path: Path) -> str | None:
 
 
 def crop_and_bin(
-    camera: Camera, roi_px: tuple[int, int, int, int] | None, binning: int, where: str
+    camera: Camera, roi_px: tuple[int, int, int, int] | None, binning: int, source: str
 ) -> Camera:
     """Return the camera of a detector region, with ``binning`` by ``binning`` pixels combined into one.
 
@@ -190,7 +190,7 @@ def crop_and_bin(
         x0, y0, width, height in pixels of the whole image, or None for the whole image.
     binning : int
         Width and height of a bin.
-    where : str
+    source : str
         Name of the scenario, for messages.
 
     Raises
@@ -201,13 +201,13 @@ def crop_and_bin(
     x0, y0, width, height = roi_px or (0, 0, camera.width_px, camera.height_px)
     if x0 < 0 or y0 < 0 or x0 + width > camera.width_px or y0 + height > camera.height_px:
         raise UserError(
-            f"{where}: key sensor.roi_px is {[x0, y0, width, height]}, allowed: x0, y0, width, height inside the "
+            f"{source}: key sensor.roi_px is {[x0, y0, width, height]}, allowed: x0, y0, width, height inside the "
             f"camera's {camera.width_px} x {camera.height_px} pixels"
         )
     # 16 pixels: the smallest image of `Camera`
     if width % binning or height % binning or min(width, height) < 16 * binning:
         raise UserError(
-            f"{where}: key sensor.binning is {binning}, allowed: a divisor of {width} x {height} that leaves 16 pixels"
+            f"{source}: key sensor.binning is {binning}, allowed: a divisor of {width} x {height} that leaves 16 pixels"
         )
     # the centre of a bin is (b - 1) / 2 pixels from that of its first pixel
     return replace(

@@ -138,13 +138,13 @@ def read_speed_labels(path: Path) -> dict[str, Pose]:
         )
     poses = {}
     for k, row in enumerate(rows):
-        where = f"{path} entry {k + 1}"
+        source = f"{path} entry {k + 1}"
         fields = row if isinstance(row, dict) else {}
         q = [fields[name] for name in QUATERNION.values() if name in fields]
         if not q or POSITION not in fields or not isinstance(fields.get("filename"), str):
             raise UserError(
-                f"{where} has no pose; give SPEED's list of filename, {' or '.join(sorted(set(QUATERNION.values())))}, "
-                f"{POSITION}"
+                f"{source} has no pose; give SPEED's list of filename, "
+                f"{' or '.join(sorted(set(QUATERNION.values())))}, {POSITION}"
             )
-        poses[fields["filename"]] = checked_pose(q[0], fields[POSITION], where)
+        poses[fields["filename"]] = checked_pose(q[0], fields[POSITION], source)
     return poses

@@ -196,7 +196,7 @@ def read_card(folder: Path) -> DatasetCard:
     return decode_card(data, str(path))
 
 
-def decode_card(data: bytes, where: str) -> DatasetCard:
+def decode_card(data: bytes, source: str) -> DatasetCard:
     """Return the card in a file's bytes.
 
     Raises
@@ -204,13 +204,13 @@ def decode_card(data: bytes, where: str) -> DatasetCard:
     UserError
         If it is damaged.
     """
-    data = without_mark(data, where)
-    refuse_deep(data, where)
+    data = without_mark(data, source)
+    refuse_deep(data, source)
     try:
         return msgspec.json.decode(data, type=DatasetCard)
     except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
         raise UserError(
-            f"{where} is damaged: {error}; run capture again with --resume to rewrite it"
+            f"{source} is damaged: {error}; run capture again with --resume to rewrite it"
         ) from error
 
 

@@ -191,13 +191,13 @@ def _hashes(store: Store, k: int) -> dict[str, str]:
 def _require_same_frames(store: Store, plan: FramePlan, old: DatasetCard, frames: list[int]) -> None:
     """Raise if a larger number of frames would change the existing ones, as when they are spread over a flight."""
     for k in frames:
-        where = f"{store.title}/{_record_name(k)}"
+        source = f"{store.title}/{_record_name(k)}"
         try:
             data = store.read(_record_name(k), MAX_BYTES)
-            refuse_deep(data, where)
+            refuse_deep(data, source)
             scene = msgspec.json.decode(data, type=Truth).scene
         except (OSError, msgspec.DecodeError, RecursionError) as error:
-            raise UserError(f"cannot read {where} ({error}); name a new folder with -o") from error
+            raise UserError(f"cannot read {source} ({error}); name a new folder with -o") from error
         if scene != plan.scene(k):
             raise UserError(
                 f"{store.title} has {old.n_frames} frames spread over the flight, and {plan.n_frames} frames would "

@@ -105,14 +105,14 @@ class PartClassFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     classes: dict[str, PartClass]
 
 
-def classes_from_file(document: dict[str, Any], where: str, parts: Sequence[str]) -> dict[str, PartClass]:
+def classes_from_file(document: dict[str, Any], source: str, parts: Sequence[str]) -> dict[str, PartClass]:
     """Return the classes of the parts that a file sets.
 
     Parameters
     ----------
     document : dict
         The parsed file.
-    where : str
+    source : str
         Name of the file in messages.
     parts : sequence of str
         Names of the target's parts.
@@ -126,7 +126,7 @@ def classes_from_file(document: dict[str, Any], where: str, parts: Sequence[str]
         file = msgspec.convert(document, PartClassFile)
     except msgspec.ValidationError as error:
         raise UserError(
-            f'{where}: {error}; it has schema = "flyaround.part_classes", version = 1, and under [classes] a line '
+            f'{source}: {error}; it has schema = "flyaround.part_classes", version = 1, and under [classes] a line '
             f'"PART" = "CLASS" for each part, CLASS one of {", ".join(PART_CLASSES)}'
         ) from error
     classes: dict[str, PartClass] = {}
@@ -135,7 +135,7 @@ def classes_from_file(document: dict[str, Any], where: str, parts: Sequence[str]
         if not matching:
             near = near_names(pattern, parts, 3) or list(parts[:3])
             raise UserError(
-                f"{where}: key classes.{pattern!r} is not a part; name one, such as {', '.join(near)}"
+                f"{source}: key classes.{pattern!r} is not a part; name one, such as {', '.join(near)}"
             )
         classes |= dict.fromkeys(matching, class_name)
     return classes

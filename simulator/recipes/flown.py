@@ -88,7 +88,7 @@ def _flight(document: bytes, target: str, seed: int, number: int) -> Plan:
     return _sequence(scenario, poses, seed, number, recipe.where)
 
 
-def _sequence(scenario: Scenario, poses: Sequences, seed: int, number: int, where: str) -> Plan:
+def _sequence(scenario: Scenario, poses: Sequences, seed: int, number: int, source: str) -> Plan:
     """Return the flight of one sequence: its own start, attitude and rate."""
     rng = numbered_generator(seed, number, _SEQUENCES)
     distance, rate = float(rng.uniform(*poses.range_m)), float(rng.uniform(*poses.rate_deg_s))
@@ -98,7 +98,7 @@ def _sequence(scenario: Scenario, poses: Sequences, seed: int, number: int, wher
         euler_deg=None,
         rate_deg_s=vec3(rate * uniform_direction(rng)),
     )
-    chaser = _with_start_distance(scenario.chaser, distance, f"{where}: scenario {poses.scenario}")
+    chaser = _with_start_distance(scenario.chaser, distance, f"{source}: scenario {poses.scenario}")
     duration = poses.every_s * (poses.frames - 1)
     scenario = msgspec.structs.replace(
         scenario, attitude=attitude, chaser=chaser, duration_s=duration, burns=[]
@@ -116,12 +116,12 @@ def _sequence(scenario: Scenario, poses: Sequences, seed: int, number: int, wher
         if is_lit or not poses.sunlit:
             return plan
     raise UserError(
-        f"{where}: no start of scenario {poses.scenario} leaves {duration:g} s of sunlight: take fewer frames, or set "
+        f"{source}: no start of scenario {poses.scenario} leaves {duration:g} s of sunlight: take fewer frames, or set "
         "sunlit = false in [poses]"
     )
 
 
-def _with_start_distance(chaser: AnyChaser, distance_m: float, where: str) -> AnyChaser:
+def _with_start_distance(chaser: AnyChaser, distance_m: float, source: str) -> AnyChaser:
     """Return the chaser with its start at another distance along the line from the target."""
     for key in ("position_lvlh_m", "start_lvlh_m"):
         start = getattr(chaser, key, None)
@@ -132,6 +132,6 @@ def _with_start_distance(chaser: AnyChaser, distance_m: float, where: str) -> An
     if start:
         return msgspec.structs.replace(chaser, start_m=float(np.copysign(distance_m, start)))
     raise UserError(
-        f"{where}: its chaser cannot start at range_m of [poses]; use a chaser with an initial position (mode "
+        f"{source}: its chaser cannot start at range_m of [poses]; use a chaser with an initial position (mode "
         "hold, drift, keep_range, vbar, rbar, glideslope)"
     )

@@ -50,14 +50,14 @@ def read_toml(path: Path, name: str, advice: str) -> bytes:
         raise UserError(f"{name} cannot be read: {error.strerror or error}; {advice}") from error
 
 
-def parse_toml(content: bytes, where: str) -> dict[str, Any]:
+def parse_toml(content: bytes, source: str) -> dict[str, Any]:
     """Parse the contents of a TOML file; a byte-order mark at its start is accepted.
 
     Parameters
     ----------
     content : bytes
         Bytes of the file.
-    where : str
+    source : str
         Name of the file in messages.
 
     Returns
@@ -72,21 +72,21 @@ def parse_toml(content: bytes, where: str) -> dict[str, Any]:
     """
     if len(content) > MAX_TOML_BYTES:
         raise UserError(
-            f"{where} is longer than {MAX_TOML_BYTES / 1e6:g} MB, the limit of such a file; shorten it"
+            f"{source} is longer than {MAX_TOML_BYTES / 1e6:g} MB, the limit of such a file; shorten it"
         )
-    text = decode_text(content, where)
-    refuse_deep(content, where, skip=TOML_TEXT)
+    text = decode_text(content, source)
+    refuse_deep(content, source, skip=TOML_TEXT)
     if _DOTTED.search(content):
-        raise UserError(f"{where} has a key of more than {MAX_DOTS} dots, the limit of such a file")
+        raise UserError(f"{source} has a key of more than {MAX_DOTS} dots, the limit of such a file")
     try:
         document = tomllib.loads(text)
     except ValueError as error:  # also integers of thousands of digits
-        raise UserError(f"{where} is not valid TOML: {error}") from error
+        raise UserError(f"{source} is not valid TOML: {error}") from error
     except RecursionError as error:
-        raise UserError(f"{where} is not valid TOML: it nests too deep") from error
+        raise UserError(f"{source} is not valid TOML: it nests too deep") from error
     if _is_deep(document):  # dotted keys within brackets multiply the depth
-        raise UserError(f"{where} nests more than {MAX_DEPTH} tables, the limit of such a file")
-    refuse_not_finite(document, where)
+        raise UserError(f"{source} nests more than {MAX_DEPTH} tables, the limit of such a file")
+    refuse_not_finite(document, source)
     return document
 
 

@@ -145,7 +145,7 @@ def _size(n_bytes: int) -> str:
     return f"{n_bytes / 2**20:,.1f} MB" if n_bytes < 2**30 else f"{n_bytes / 2**30:,.1f} GB"
 
 
-def without_mark(data: bytes, where: str) -> bytes:
+def without_mark(data: bytes, source: str) -> bytes:
     """Return a text file's bytes without the byte-order mark that Windows' editors put before UTF-8.
 
     Raises
@@ -155,14 +155,14 @@ def without_mark(data: bytes, where: str) -> bytes:
     """
     for mark, encoding in _MARKS:
         if data.startswith(mark):
-            raise UserError(f"{where} is {encoding} text: save it as UTF-8")
+            raise UserError(f"{source} is {encoding} text: save it as UTF-8")
     # PowerShell may omit the mark; text has no control codes below tab
     if len(data) > 1 and b"\0" in data[:2] and max(data[:2]) >= ord("\t"):
-        raise UserError(f"{where} looks like UTF-16 text: save it as UTF-8")
+        raise UserError(f"{source} looks like UTF-16 text: save it as UTF-8")
     return data.removeprefix(codecs.BOM_UTF8)
 
 
-def decode_text(data: bytes, where: str) -> str:
+def decode_text(data: bytes, source: str) -> str:
     """Decode a text file as UTF-8, with or without a byte-order mark.
 
     Raises
@@ -170,27 +170,27 @@ def decode_text(data: bytes, where: str) -> str:
     UserError
         If it has another encoding, or is binary.
     """
-    text = without_mark(data, where)
+    text = without_mark(data, source)
     if b"\0" in text:
-        raise UserError(f"{where} is a binary file, not UTF-8 text: save it as UTF-8")
+        raise UserError(f"{source} is a binary file, not UTF-8 text: save it as UTF-8")
     try:
         return text.decode("utf-8")
     except UnicodeDecodeError as error:
         line = text.count(b"\n", 0, error.start) + 1
         raise UserError(
-            f"{where} is not UTF-8 text (line {line}: byte 0x{text[error.start]:02x}; it may be Latin-1 or "
+            f"{source} is not UTF-8 text (line {line}: byte 0x{text[error.start]:02x}; it may be Latin-1 or "
             "Windows-1252): save it as UTF-8"
         ) from error
 
 
-def refuse_deep(data: bytes, where: str, skip: re.Pattern[bytes] = JSON_TEXT) -> None:
+def refuse_deep(data: bytes, source: str, skip: re.Pattern[bytes] = JSON_TEXT) -> None:
     """Raise if brackets are nested too deeply, before the text is parsed.
 
     Parameters
     ----------
     data : bytes
         Text to check.
-    where : str
+    source : str
         Name of the text, for the message.
     skip : Pattern, optional
         Pattern of the language's strings and comments, whose brackets do not count.
@@ -204,10 +204,10 @@ def refuse_deep(data: bytes, where: str, skip: re.Pattern[bytes] = JSON_TEXT) ->
     steps = _OPENING[numbers].astype(np.int8)
     steps -= _CLOSING[numbers]
     if np.cumsum(steps, dtype=np.int32).max(initial=0) > MAX_DEPTH:
-        raise UserError(f"{where} nests more than {MAX_DEPTH} brackets, the limit of such a file")
+        raise UserError(f"{source} nests more than {MAX_DEPTH} brackets, the limit of such a file")
 
 
-def refuse_not_finite(value: Any, where: str, key: str = "") -> None:  # noqa: ANN401 - a document is anything
+def refuse_not_finite(value: Any, source: str, key: str = "") -> None:  # noqa: ANN401 - a document is anything
     """Raise if a TOML or JSON document holds NaN or infinity, which pass the bounds of a typed file.
 
     Raises
@@ -217,9 +217,9 @@ def refuse_not_finite(value: Any, where: str, key: str = "") -> None:  # noqa: A
     """
     if isinstance(value, dict):
         for name, inner in value.items():
-            refuse_not_finite(inner, where, f"{key}.{name}" if key else str(name))
+            refuse_not_finite(inner, source, f"{key}.{name}" if key else str(name))
     elif isinstance(value, list):
         for k, inner in enumerate(value):
-            refuse_not_finite(inner, where, f"{key}[{k}]")
+            refuse_not_finite(inner, source, f"{key}[{k}]")
     elif isinstance(value, float) and not math.isfinite(value):
-        raise UserError(f"{where}: key {key} is {value}, allowed: a finite number")
+        raise UserError(f"{source}: key {key} is {value}, allowed: a finite number")

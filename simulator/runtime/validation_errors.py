@@ -15,7 +15,7 @@ _T = TypeVar("_T", bound=msgspec.Struct)
 _PATH = re.compile(r"(?P<what>.*?)(?: - at `\$(?P<path>[^`]*)`)?", re.DOTALL)
 
 
-def convert_document(raw: dict[str, Any], kind: type[_T], where: str) -> _T:
+def convert_document(raw: dict[str, Any], kind: type[_T], source: str) -> _T:
     """Convert a file's content to its type.
 
     Parameters
@@ -24,7 +24,7 @@ def convert_document(raw: dict[str, Any], kind: type[_T], where: str) -> _T:
         Content of the file.
     kind : type
         Type of the document.
-    where : str
+    source : str
         Name of the file in messages.
 
     Raises
@@ -35,7 +35,7 @@ def convert_document(raw: dict[str, Any], kind: type[_T], where: str) -> _T:
     try:
         return msgspec.convert(raw, kind)
     except msgspec.ValidationError as error:
-        raise UserError(f"{where}: {explain(str(error), raw, kind)}") from error
+        raise UserError(f"{source}: {explain(str(error), raw, kind)}") from error
 
 
 def explain(message: str, raw: dict[str, Any], root: type[msgspec.Struct]) -> str:

@@ -38,7 +38,7 @@ _PARALLEL_SINE = 1e-3
 """Sine of the angle between two axes below which they count as parallel."""
 
 
-def check_document(document: Scenario | Recipe, where: str) -> None:
+def check_document(document: Scenario | Recipe, source: str) -> None:
     """Raise if a combination of values is invalid.
 
     Raises
@@ -47,15 +47,15 @@ def check_document(document: Scenario | Recipe, where: str) -> None:
         If a combination is invalid; the message states file, key, value and allowed values.
     """
     problems = _recipe_problems(document) if isinstance(document, Recipe) else _scenario_problems(document)
-    raise_first_problem(problems, where)
+    raise_first_problem(problems, source)
     document.auto_exposure  # noqa: B018 - raises if its limits are reversed
 
 
-def raise_first_problem(problems: Iterator[str], where: str) -> None:
+def raise_first_problem(problems: Iterator[str], source: str) -> None:
     """Raise a `UserError` with the first problem, if there is one."""
     problem = next(problems, None)
     if problem is not None:
-        raise UserError(f"{where}: {problem}")
+        raise UserError(f"{source}: {problem}")
 
 
 def _scenario_problems(scenario: Scenario) -> Iterator[str]:

@@ -54,7 +54,7 @@ class SensorSection(Section, frozen=True, kw_only=True):
     roi_px: tuple[int, int, int, int] | None = None
     auto_exposure: AutoExposure | None = None
 
-    def model(self, camera: CameraFile, where: str) -> Sensor:
+    def model(self, camera: CameraFile, source: str) -> Sensor:
         """Return the preset with its changes.
 
         Raises
@@ -70,7 +70,7 @@ class SensorSection(Section, frozen=True, kw_only=True):
         keys = ("full_scale_j_m2_sr", "blur_sigma_px", "speckle_variance", "gaussian_variance")
         changes = {key: getattr(self, key) for key in keys}
         sensor = replace(base, **{key: value for key, value in changes.items() if value is not None})
-        pitch_um = self.pixel_pitch_um or _camera_pitch_um(camera, preset, where)
+        pitch_um = self.pixel_pitch_um or _camera_pitch_um(camera, preset, source)
         if pitch_um is not None:
             x, y = pitch_um
             sensor = replace(sensor, pixel_pitch_x_m=x * 1e-6, pixel_pitch_y_m=y * 1e-6)
@@ -84,7 +84,7 @@ class SensorSection(Section, frozen=True, kw_only=True):
         return Shutter(kind=self.shutter, readout_s=self.readout_s, motion_blur=self.motion_blur)
 
 
-def _camera_pitch_um(camera: CameraFile, preset: Sensor, where: str) -> tuple[float, float] | None:
+def _camera_pitch_um(camera: CameraFile, preset: Sensor, source: str) -> tuple[float, float] | None:
     """Return the pixel pitch of the camera's file; raise if it differs from that of the named detector."""
     pitch = camera.pixel_pitch_um
     preset_pitch = (preset.pixel_pitch_x_m * 1e6, preset.pixel_pitch_y_m * 1e6)
@@ -94,7 +94,7 @@ def _camera_pitch_um(camera: CameraFile, preset: Sensor, where: str) -> tuple[fl
         and max(abs(g / o - 1) for g, o in zip(pitch, preset_pitch, strict=True)) > CONSISTENCY_TOLERANCE
     ):
         raise UserError(
-            f"{where}: the camera's file has pixels of {pitch[0]:g} x {pitch[1]:g} um, detector "
+            f"{source}: the camera's file has pixels of {pitch[0]:g} x {pitch[1]:g} um, detector "
             f"{preset.preset} has {preset_pitch[0]:g} x {preset_pitch[1]:g}: choose one with [sensor] pixel_pitch_um"
         )
     return pitch

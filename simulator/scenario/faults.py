@@ -217,14 +217,14 @@ def read_faults(path: Path) -> Faults:
     UserError
         If it is missing, or has a mistake: key, value and allowed values.
     """
-    where = str(path)
-    document = parse_toml(read_toml(path, where, "name a faults file"), where)
-    faults = convert_document(document, Faults, where)
-    check_times(faults, where)
+    source = str(path)
+    document = parse_toml(read_toml(path, source, "name a faults file"), source)
+    faults = convert_document(document, Faults, source)
+    check_times(faults, source)
     return faults
 
 
-def check_times(faults: Faults, where: str) -> None:
+def check_times(faults: Faults, source: str) -> None:
     """Raise if a fault ends before it starts.
 
     Raises
@@ -235,6 +235,6 @@ def check_times(faults: Faults, where: str) -> None:
     for fault in (*faults.camera, *faults.line):
         if not math.isfinite(fault.start_s + fault.end_s) or fault.end_s <= fault.start_s:
             raise UserError(
-                f"{where}: a fault {fault.name!r} ends at {fault.end_s:g} s and starts at {fault.start_s:g} s; "
+                f"{source}: a fault {fault.name!r} ends at {fault.end_s:g} s and starts at {fault.start_s:g} s; "
                 "write an end_s above its start_s"
             )

@@ -83,11 +83,11 @@ def load_recipe(name_or_path: str | Path) -> Recipe:
     if (target := target_in(text)) is not None:
         recipe = load_recipe(TARGET_RECIPE)
         return msgspec.structs.replace(recipe, name=text, title=f"{recipe.title}, of {target}", target=target)
-    where, stem, folder = _origin("recipe", name_or_path)
-    raw = _with_base(toml_table(_source("recipe", name_or_path), where), where, folder)
-    recipe = _resolve(convert_document(raw, Recipe, where), where, stem, folder)
-    recipe = msgspec.structs.replace(recipe, poses=_resolve_pose_file(recipe.poses, where, folder))
-    check_document(recipe, where)
+    source, stem, folder = _origin("recipe", name_or_path)
+    raw = _with_base(toml_table(_source("recipe", name_or_path), source), source, folder)
+    recipe = _resolve(convert_document(raw, Recipe, source), source, stem, folder)
+    recipe = msgspec.structs.replace(recipe, poses=_resolve_pose_file(recipe.poses, source, folder))
+    check_document(recipe, source)
     return recipe
 
 
@@ -106,12 +106,12 @@ def load_vary(path: str | Path, own: Vary | None = None) -> Vary:
     UserError
         If it cannot be read, or has a mistake: key, value and allowed values.
     """
-    where = str(path)
-    raw = toml_table(read_toml(Path(path), f"--vary {where}", "give a TOML file of ranges"), where)
-    vary = convert_document(raw, Vary, where)
+    source = str(path)
+    raw = toml_table(read_toml(Path(path), f"--vary {source}", "give a TOML file of ranges"), source)
+    vary = convert_document(raw, Vary, source)
     if own is not None:
         vary = msgspec.convert(_merge(msgspec.to_builtins(own), raw), Vary)
-    raise_first_problem(reversed_intervals(vary), where)
+    raise_first_problem(reversed_intervals(vary), source)
     return vary
 
 
@@ -164,7 +164,7 @@ def built_in_text(kind: Kind, name: str) -> str:
         raise plugin.wrong(f"is no file that can be read ({error})") from error
 
 
-def toml_table(content: bytes, where: str) -> dict[str, Any]:
+def toml_table(content: bytes, source: str) -> dict[str, Any]:
     """Parse a TOML file for msgspec, and add the layers of its environment's preset.
 
     Raises
@@ -172,7 +172,7 @@ def toml_table(content: bytes, where: str) -> dict[str, Any]:
     UserError
         If it is not TOML, or has a value of an unsupported type.
     """
-    raw: dict[str, Any] = _toml_values(parse_toml(content, where), where, "")
+    raw: dict[str, Any] = _toml_values(parse_toml(content, source), source, "")
     section = raw.get("environment")
     # validation reports an unknown preset
     if isinstance(section, dict) and section.get("preset") in ENVIRONMENTS:
@@ -180,14 +180,14 @@ def toml_table(content: bytes, where: str) -> dict[str, Any]:
     return raw
 
 
-def parse_scenario(content: bytes, where: str, stem: str, folder: Path) -> Scenario:
+def parse_scenario(content: bytes, source: str, stem: str, folder: Path) -> Scenario:
     """Parse a scenario from a file's contents.
 
     Parameters
     ----------
     content : bytes
         TOML text.
-    where : str
+    source : str
         Name of the file in messages.
     stem : str
         Default name of the scenario.
@@ -199,42 +199,42 @@ def parse_scenario(content: bytes, where: str, stem: str, folder: Path) -> Scena
     UserError
         If it has a mistake: key, value and allowed values.
     """
-    raw = toml_table(content, where)
-    scenario = convert_document(raw, Scenario, where)
+    raw = toml_table(content, source)
+    scenario = convert_document(raw, Scenario, source)
     try:
         Instant.from_utc(scenario.epoch_utc)
     except ValueError as error:
-        raise UserError(f"{where}: key epoch_utc: {error}") from error
-    scenario = _unify_masses(_resolve(scenario, where, stem, folder), raw, where)
-    scenario = resolve_messages(scenario, where, folder)
-    check_document(scenario, where)
+        raise UserError(f"{source}: key epoch_utc: {error}") from error
+    scenario = _unify_masses(_resolve(scenario, source, stem, folder), raw, source)
+    scenario = resolve_messages(scenario, source, folder)
+    check_document(scenario, source)
     if scenario.faults is not None:
-        check_times(scenario.faults, where)
+        check_times(scenario.faults, source)
     return scenario
 
 
-def _resolve(document: _Document, where: str, stem: str, folder: Path) -> _Document:
+def _resolve(document: _Document, source: str, stem: str, folder: Path) -> _Document:
     """Return the document with its name set, and with its camera and PSF files read and checked."""
     camera = document.camera
     if not isinstance(camera, CameraFile):
         try:
             camera_file = read_camera_file(camera, folder)
         except UserError as error:
-            raise UserError(f"{where}: key camera: {error}") from error
+            raise UserError(f"{source}: key camera: {error}") from error
         camera = msgspec.structs.replace(camera_file, name=camera_file.name or Path(camera).stem)
-    camera.camera(f"{where}: camera")
+    camera.camera(f"{source}: camera")
     document = msgspec.structs.replace(
         document,
         name=document.name or stem,
         camera=camera,
-        optics=document.optics.with_kernel(folder, where),
+        optics=document.optics.with_kernel(folder, source),
     )
     document.camera_model  # noqa: B018 - raises if the region or the binning does not fit
-    _check_detector(document, where)
+    _check_detector(document, source)
     return document
 
 
-def _check_detector(document: Scenario | Recipe, where: str) -> None:
+def _check_detector(document: Scenario | Recipe, source: str) -> None:
     """Raise if a lens or detector is impossible, or does not match the bands."""
     sensor, optics, bands = document.sensor_model, document.optics.optics(), document.output.bands
     problem = (
@@ -249,10 +249,10 @@ def _check_detector(document: Scenario | Recipe, where: str) -> None:
             f'sensor.detector.colour_filter is {detector.colour_filter!r}, which needs output.bands = "rgb"'
         )
     if problem is not None:
-        raise UserError(f"{where}: key {problem}")
+        raise UserError(f"{source}: key {problem}")
 
 
-def _unify_masses(scenario: Scenario, raw: dict[str, Any], where: str) -> Scenario:
+def _unify_masses(scenario: Scenario, raw: dict[str, Any], source: str) -> Scenario:
     """Copy the chaser's mass from `[forces]` to its thrusters, unless they specify one.
 
     Raises
@@ -265,7 +265,7 @@ def _unify_masses(scenario: Scenario, raw: dict[str, Any], where: str) -> Scenar
         return scenario
     if "mass_kg" in raw["chaser"].get("thrusters", {}):
         raise UserError(
-            f"{where}: key chaser.thrusters.mass_kg is {thrusters.mass_kg:g} and forces.chaser.mass_kg {mass_kg:g}, "
+            f"{source}: key chaser.thrusters.mass_kg is {thrusters.mass_kg:g} and forces.chaser.mass_kg {mass_kg:g}, "
             "allowed: one mass of the chaser: remove one of them"
         )
     updated = msgspec.structs.replace(thrusters, mass_kg=mass_kg)
@@ -273,7 +273,7 @@ def _unify_masses(scenario: Scenario, raw: dict[str, Any], where: str) -> Scenar
     return msgspec.structs.replace(scenario, chaser=chaser)
 
 
-def _with_base(raw: dict[str, Any], where: str, folder: Path) -> dict[str, Any]:
+def _with_base(raw: dict[str, Any], source: str, folder: Path) -> dict[str, Any]:
     """Merge the sections of a recipe into those of its bases; ``[vary]`` is merged by key.
 
     Raises
@@ -282,7 +282,7 @@ def _with_base(raw: dict[str, Any], where: str, folder: Path) -> dict[str, Any]:
         If a base is missing, or the bases form a cycle.
     """
     merged = raw
-    for base in _bases(raw, where, folder):
+    for base in _bases(raw, source, folder):
         merged_vary = _merge({"vary": base.get("vary")}, {"vary": merged["vary"]}) if "vary" in merged else {}
         merged = {**{k: v for k, v in base.items() if k not in _NOT_INHERITED}, **merged, **merged_vary}
     return merged
@@ -298,49 +298,49 @@ def _merge(base: dict[str, Any], override: dict[str, Any]) -> dict[str, Any]:
     }
 
 
-def _bases(raw: dict[str, Any], where: str, folder: Path) -> Iterator[dict[str, Any]]:
+def _bases(raw: dict[str, Any], source: str, folder: Path) -> Iterator[dict[str, Any]]:
     for _ in range(MAX_BASES):
         name = raw.get("base", "")
         if not name:
             return
         if not isinstance(name, str):
-            raise UserError(f"{where}: key base is {name!r}, allowed: the name of a recipe in quotes")
+            raise UserError(f"{source}: key base is {name!r}, allowed: the name of a recipe in quotes")
         names = list_recipes()
         if name in names:
             content = built_in_text("recipe", name).encode()
         else:
-            path = find_beside(folder / Path(where).name, name, "base")
+            path = find_beside(folder / Path(source).name, name, "base")
             advice = f"name one of {', '.join(names)}, or a file beside this one"
-            content = read_toml(path, f"{where}: key base: {path}", advice)
-        where = f"{where}: base {name}"
-        raw = toml_table(content, where)
+            content = read_toml(path, f"{source}: key base: {path}", advice)
+        source = f"{source}: base {name}"
+        raw = toml_table(content, source)
         yield raw
     raise UserError(
-        f"{where}: key base: the recipe has more than {MAX_BASES} bases, or they form a cycle; remove one"
+        f"{source}: key base: the recipe has more than {MAX_BASES} bases, or they form a cycle; remove one"
     )
 
 
-def _resolve_pose_file(poses: AnyPoses | None, where: str, folder: Path) -> AnyPoses | None:
+def _resolve_pose_file(poses: AnyPoses | None, source: str, folder: Path) -> AnyPoses | None:
     """Return the poses with a path relative to the recipe's folder resolved."""
     if poses is None:
         return None
     key = "file" if isinstance(poses, PoseList) else "scenario"
     name = getattr(poses, key)
     if not name.strip():
-        raise UserError(f"{where}: section [poses] gives neither a file nor a scenario; give one")
+        raise UserError(f"{source}: section [poses] gives neither a file nor a scenario; give one")
     return msgspec.structs.replace(poses, **{key: str(folder / name)}) if (folder / name).is_file() else poses
 
 
-def _toml_values(value: Any, where: str, key: str) -> Any:  # noqa: ANN401 - a TOML value is anything
+def _toml_values(value: Any, source: str, key: str) -> Any:  # noqa: ANN401 - a TOML value is anything
     """Convert TOML values for msgspec: a time becomes text in UTC."""
     if isinstance(value, dict):
-        return {k: _toml_values(v, where, f"{key}.{k}" if key else k) for k, v in value.items()}
+        return {k: _toml_values(v, source, f"{key}.{k}" if key else k) for k, v in value.items()}
     if isinstance(value, list):
-        return [_toml_values(v, where, f"{key}[{i}]") for i, v in enumerate(value)]
+        return [_toml_values(v, source, f"{key}[{i}]") for i, v in enumerate(value)]
     if isinstance(value, dt.datetime):
         if value.tzinfo is None:
             raise UserError(
-                f"{where}: key {key} is {value.isoformat()}, which names no time zone: end it with Z"
+                f"{source}: key {key} is {value.isoformat()}, which names no time zone: end it with Z"
             )
         utc = value.astimezone(dt.UTC).replace(tzinfo=None)
         return utc.isoformat() + "Z"

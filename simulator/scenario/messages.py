@@ -36,14 +36,14 @@ if TYPE_CHECKING:
     State = tuple[FloatArray, FloatArray]
 
 
-def resolve_messages(scenario: Scenario, where: str, folder: Path) -> Scenario:
+def resolve_messages(scenario: Scenario, source: str, folder: Path) -> Scenario:
     """Return the scenario with a TLE or OEM orbit and an AEM attitude replaced by states.
 
     Parameters
     ----------
     scenario : Scenario
         Scenario as read.
-    where : str
+    source : str
         Name of the file in error messages.
     folder : Path
         Base of relative paths.
@@ -63,7 +63,7 @@ def resolve_messages(scenario: Scenario, where: str, folder: Path) -> Scenario:
             chaser=_chaser(scenario.chaser, scenario.duration_s, folder),
         )
     except UserError as error:
-        raise UserError(f"{where}: {error}") from error
+        raise UserError(f"{source}: {error}") from error
 
 
 def _orbit(
@@ -181,9 +181,9 @@ def _orbit_file(
 # a flight uses the same parsed data as the check of its scenario
 @lru_cache(maxsize=4)
 def _parse_orbit(
-    data: bytes, where: str, epoch: Instant, centre: str, satellite: str | None
+    data: bytes, source: str, epoch: Instant, centre: str, satellite: str | None
 ) -> Ephemeris | State:
-    return read_orbit_file(data, where, epoch, centre=centre, satellite=satellite)
+    return read_orbit_file(data, source, epoch, centre=centre, satellite=satellite)
 
 
 def _attitude(attitude: Attitude, epoch: Instant, folder: Path) -> Attitude:

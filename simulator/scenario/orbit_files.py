@@ -78,7 +78,7 @@ SUPPORTED_FORMATS = "CCSDS OEM, OPM and OMM (key = value or XML), OMM as JSON or
 
 
 def read_orbit_file(
-    data: bytes, where: str, epoch: Instant, *, centre: str = "earth", satellite: str | None = None
+    data: bytes, source: str, epoch: Instant, *, centre: str = "earth", satellite: str | None = None
 ) -> Ephemeris | State:
     """Read an orbit file: an ephemeris, or position [m] and velocity [m s-1] in GCRS at the epoch.
 
@@ -86,7 +86,7 @@ def read_orbit_file(
     ----------
     data : bytes
         Contents of the file.
-    where : str
+    source : str
         Name of the file in error messages.
     epoch : Instant
         Origin of times.
@@ -100,67 +100,67 @@ def read_orbit_file(
     UserError
         If the format is not supported (the message names it), or the file has a mistake.
     """
-    text = _decode(data, where)
+    text = _decode(data, source)
     start = first_line(text)
     is_text, is_xml = start.startswith("CCSDS_OEM_VERS"), start.startswith("<")
     if is_text or is_xml:
-        kind, segments = ("oem", read_segments(text, where, "OEM")) if is_text else read_ndm(text, where)
+        kind, segments = ("oem", read_segments(text, source, "OEM")) if is_text else read_ndm(text, source)
         if kind == "oem":
-            states = ephemeris_from(segments, where, epoch, centre=centre.upper(), satellite=satellite)
+            states = ephemeris_from(segments, source, epoch, centre=centre.upper(), satellite=satellite)
             states.refuse_impossible(body_named(centre))
             return states
-        segment = _select_segment(segments, where, satellite)
+        segment = _select_segment(segments, source, satellite)
         return _opm_state(segment, epoch, centre) if kind == "opm" else _omm_state(segment, epoch, centre)
     if is_state_message(text, "OPM"):
-        return _opm_state(read_fields(text, where, "OPM"), epoch, centre)
+        return _opm_state(read_fields(text, source, "OPM"), epoch, centre)
     if is_state_message(text, "OMM"):
-        return _omm_state(read_fields(text, where, "OMM"), epoch, centre)
+        return _omm_state(read_fields(text, source, "OMM"), epoch, centre)
     if start.startswith(("{", "[")):
-        return _omm_state(_select_segment(read_json_objects(text, where), where, satellite), epoch, centre)
+        return _omm_state(_select_segment(read_json_objects(text, source), source, satellite), epoch, centre)
     if "MEAN_MOTION" in start and "," in start:
-        return _omm_state(_select_segment(read_csv_objects(text, where), where, satellite), epoch, centre)
+        return _omm_state(_select_segment(read_csv_objects(text, source), source, satellite), epoch, centre)
     if is_element_file(text):
-        _require_earth(centre, where, "two-line elements are")
-        elements = choose_set(read_element_sets(text, where), satellite, where)
+        _require_earth(centre, source, "two-line elements are")
+        elements = choose_set(read_element_sets(text, source), satellite, source)
         return state_from_tle(elements.line1, elements.line2, epoch)
     hint = " (its keys must be in capitals)" if start.upper().startswith("CCSDS_") else ""
-    raise UserError(f"{where} is not in a known orbit format{hint}: supported are {SUPPORTED_FORMATS}")
+    raise UserError(f"{source} is not in a known orbit format{hint}: supported are {SUPPORTED_FORMATS}")
 
 
-def _decode(data: bytes, where: str) -> str:
+def _decode(data: bytes, source: str) -> str:
     """Decode a text file; raise if it is in a format that is recognised but not supported."""
     for magic, kind, way_out in _BINARY_SIGNATURES:
         if data.startswith(magic):
-            raise UserError(f"{where} is {kind}: {way_out}")
-    text = decode_text(data, where)
+            raise UserError(f"{source} is {kind}: {way_out}")
+    text = decode_text(data, source)
     start = first_line(text)
     if not start:
-        raise UserError(f"{where} is empty: supported are {SUPPORTED_FORMATS}")
+        raise UserError(f"{source} is empty: supported are {SUPPORTED_FORMATS}")
     matches = [row[1:] for row in _TEXT_SIGNATURES if start.startswith(row[0])]
     matches += [row[1:] for row in _TEXT_MARKERS if row[0] in text[:100_000]]
     for what, remedy in matches:
-        raise UserError(f"{where} is {what}, which is not supported: {remedy}")
+        raise UserError(f"{source} is {what}, which is not supported: {remedy}")
     return text
 
 
-def _select_segment(segments: list[Segment], where: str, satellite: str | None) -> Segment:
+def _select_segment(segments: list[Segment], source: str, satellite: str | None) -> Segment:
     """Return the selected object, or the only one."""
     by_number = [
         s
         for s in segments
         if satellite and s.meta.get("NORAD_CAT_ID", "").lstrip("0") == satellite.lstrip("0")
     ]
-    selected = by_number or one_object(segments, where, satellite)
+    selected = by_number or one_object(segments, source, satellite)
     if len(selected) > 1:
         raise UserError(
-            f"{where} has {len(selected)} sets of elements of one object: keep the one nearest to the epoch"
+            f"{source} has {len(selected)} sets of elements of one object: keep the one nearest to the epoch"
         )
     return selected[0]
 
 
-def _require_earth(centre: str, where: str, what: str) -> None:
+def _require_earth(centre: str, source: str, what: str) -> None:
     if centre != "earth":
-        raise UserError(f"{where}: {what} about the Earth, and orbit.centre is {centre}: remove the key")
+        raise UserError(f"{source}: {what} about the Earth, and orbit.centre is {centre}: remove the key")
 
 
 def _omm_state(segment: Segment, epoch: Instant, centre: str) -> State:
@@ -169,13 +169,13 @@ def _omm_state(segment: Segment, epoch: Instant, centre: str) -> State:
 
 
 def _opm_state(segment: Segment, epoch: Instant, centre: str) -> State:
-    opm, where = read_opm(segment), segment.where
+    opm, source = read_opm(segment), segment.where
     body = body_named(centre)
     if opm.centre != centre.upper():
-        raise UserError(f"{where}: CENTER_NAME is {opm.centre}, allowed: {centre.upper()} (orbit.centre)")
+        raise UserError(f"{source}: CENTER_NAME is {opm.centre}, allowed: {centre.upper()} (orbit.centre)")
     if abs(opm.epoch.minus(epoch)) > ROUNDING_S:
         raise UserError(
-            f"{where} has the state of {opm.epoch.iso()}, and the scenario starts at {epoch.iso()}: set epoch_utc to "
+            f"{source} has the state of {opm.epoch.iso()}, and the scenario starts at {epoch.iso()}: set epoch_utc to "
             "the state's, or give an OEM"
         )
     r, v = opm.state or _state_of_elements(opm, body.mu_m3_s2)
@@ -183,11 +183,11 @@ def _opm_state(segment: Segment, epoch: Instant, centre: str) -> State:
         r_from_elements = _state_of_elements(opm, body.mu_m3_s2)[0]
         if float(np.linalg.norm(r_from_elements - r)) > _ORBIT_TOLERANCE * float(np.linalg.norm(r)):
             raise UserError(
-                f"{where}: the Keplerian elements put the craft {np.linalg.norm(r_from_elements - r) / 1e3:.0f} km "
+                f"{source}: the Keplerian elements put the craft {np.linalg.norm(r_from_elements - r) / 1e3:.0f} km "
                 "from X, Y, Z: remove those that are wrong"
             )
     if opm.unused:
-        log.warning("%s has %s: not used", where, ", ".join(opm.unused))
+        log.warning("%s has %s: not used", source, ", ".join(opm.unused))
     return state_in_gcrf(opm.frame, opm.frozen, r, v)
 
 

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, replace
-from numbers import Integral
 from typing import TYPE_CHECKING, Any, Protocol, TypeVar, get_args
 
 import msgspec
+import numpy as np
 
 from flyaround.simulator.camera.lens.camera_model import Camera
 from flyaround.simulator.errors import UserError
@@ -234,13 +234,17 @@ def varied_plan(plan: P, vary: Vary) -> P:
 
 def check_plan_options(n: int | None, seed: int | None, bands: Bands | None, quality: Quality | None) -> None:
     """Raise UserError if an option of a plan, by default None, is not one of those that are allowed."""
-    if n is not None and (not isinstance(n, Integral) or n < 1):
+    if n is not None and not (_is_whole(n) and n >= 1):
         raise UserError(f"the number of frames is {n}, allowed: at least 1")
-    if seed is not None and (not isinstance(seed, Integral) or not 0 <= seed < 2**63):
+    if seed is not None and not (_is_whole(seed) and 0 <= seed < 2**63):
         raise UserError(f"the seed is {seed}, allowed: 0 or more, below 2^63")
     for name, value, kind in (("bands", bands, Bands), ("quality", quality, Quality)):
         if value is not None and value not in get_args(kind):
             raise UserError(f"{name} is {value!r}, allowed: {', '.join(get_args(kind))}")
+
+
+def _is_whole(value: object) -> bool:
+    return isinstance(value, (int, np.integer))
 
 
 def plan_flight(

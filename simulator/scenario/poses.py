@@ -81,13 +81,13 @@ def _pose(path: Path, line: int, row: dict[str, str]) -> Pose:
     return _pose_from_arrays(np.array(values[:4]), np.array(values[4:]), f"{path} line {line}")
 
 
-def _pose_from_arrays(q: FloatArray, t: FloatArray, where: str) -> Pose:
+def _pose_from_arrays(q: FloatArray, t: FloatArray, source: str) -> Pose:
     """Return the pose of the target in the camera. Raise if it cannot be drawn."""
     if not 0.5 < math.hypot(*q) < 2:
-        raise UserError(f"{where}: the quaternion's length is {math.hypot(*q):g}; it must be one")
+        raise UserError(f"{source}: the quaternion's length is {math.hypot(*q):g}; it must be one")
     if not MIN_RANGE_M < math.hypot(*t) < MAX_RANGE_M:
         raise UserError(
-            f"{where}: the target is {math.hypot(*t):g} m away, allowed: {MIN_RANGE_M:g} to {MAX_RANGE_M:g}"
+            f"{source}: the target is {math.hypot(*t):g} m away, allowed: {MIN_RANGE_M:g} to {MAX_RANGE_M:g}"
         )
     return Pose.from_arrays("camera", "target", q, t)
 

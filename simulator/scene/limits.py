@@ -108,10 +108,10 @@ def scene_problem(scene: SceneState) -> str | None:
     return None
 
 
-def _body_ranges(where: str, state: BodyState) -> tuple[tuple[str, float, float, float], ...]:
+def _body_ranges(source: str, state: BodyState) -> tuple[tuple[str, float, float, float], ...]:
     return (
-        (f"|{where}.r_eci_m|", _norm(state.r_eci_m), 1e6, 1e12),
-        (f"|{where}.q_fixed_from_eci_wxyz|", _norm(state.q_fixed_from_eci_wxyz), 1 - 1e-6, 1 + 1e-6),
+        (f"|{source}.r_eci_m|", _norm(state.r_eci_m), 1e6, 1e12),
+        (f"|{source}.q_fixed_from_eci_wxyz|", _norm(state.q_fixed_from_eci_wxyz), 1 - 1e-6, 1 + 1e-6),
     )
 
 

@@ -30,14 +30,14 @@ MIN_AREA_M2 = 5e-15
 """Smallest area of a triangle [m2]: half a square of 0.1 micrometres."""
 
 
-def check_target(target: Target, where: str) -> None:
+def check_target(target: Target, source: str) -> None:
     """Check that a target can be drawn, labelled and propagated.
 
     Parameters
     ----------
     target : Target
         Target to check.
-    where : str
+    source : str
         Name of its file, for messages.
 
     Raises
@@ -46,14 +46,14 @@ def check_target(target: Target, where: str) -> None:
         If it cannot; the message states the problem, its location and a remedy.
     """
     for part in target.parts:
-        check_part(part, where)
-    check_grain(target.materials, where)
-    check_textures(target, where)
-    check_labels(target.keypoints, target.wireframe, target.occluders, where)
-    check_mass(target.mass, where)
+        check_part(part, source)
+    check_grain(target.materials, source)
+    check_textures(target, source)
+    check_labels(target.keypoints, target.wireframe, target.occluders, source)
+    check_mass(target.mass, source)
 
 
-def check_part(part: Part, where: str) -> None:
+def check_part(part: Part, source: str) -> None:
     """Check that vertices are finite, indices valid, normals unit vectors, and no triangle degenerate or inverted.
 
     Raises
@@ -61,7 +61,7 @@ def check_part(part: Part, where: str) -> None:
     UserError
         If a check fails; the message names the part and the remedy.
     """
-    where_part = f"{where}, part {part.name!r}"
+    where_part = f"{source}, part {part.name!r}"
     positions, normals, triangles = part.positions_m.astype(float), part.normals.astype(float), part.triangles
     finite = np.isfinite(positions).all(axis=1)
     if not finite.all():
@@ -96,7 +96,7 @@ def check_part(part: Part, where: str) -> None:
         )
 
 
-def check_keypoints_on_mesh(target: Target, where: str) -> None:
+def check_keypoints_on_mesh(target: Target, source: str) -> None:
     """Check that every keypoint is within `KEYPOINT_TOLERANCE` of the mesh, because its visibility is computed there.
 
     Do not call it for coarse levels of detail, which keep all labels but omit small parts.
@@ -124,12 +124,12 @@ def check_keypoints_on_mesh(target: Target, where: str) -> None:
         ):
             position = ", ".join(f"{x:.3f}" for x in p)
             raise UserError(
-                f"{where}: keypoint {k.name!r} at ({position}) m is off the mesh by more than {tolerance_m:.3g} m; "
+                f"{source}: keypoint {k.name!r} at ({position}) m is off the mesh by more than {tolerance_m:.3g} m; "
                 "put it on the surface, in metres in the model frame"
             )
 
 
-def check_grain(materials: Sequence[Material], where: str) -> None:
+def check_grain(materials: Sequence[Material], source: str) -> None:
     """Check that brushed metals have a grain direction.
 
     Raises
@@ -141,11 +141,12 @@ def check_grain(materials: Sequence[Material], where: str) -> None:
         length = float(np.linalg.norm(m.grain))
         if m.anisotropy > 0 and not (np.isfinite(length) and length > 0):
             raise UserError(
-                f"{where}: material {m.name!r} is brushed (anisotropy {m.anisotropy:g}) in no direction; give its grain"
+                f"{source}: material {m.name!r} is brushed (anisotropy {m.anisotropy:g}) in no direction; "
+                "give its grain"
             )
 
 
-def check_textures(target: Target, where: str) -> None:
+def check_textures(target: Target, source: str) -> None:
     """Check that every texture of a material exists as PNG or JPEG, and that parts that use it have coordinates.
 
     Raises
@@ -156,32 +157,32 @@ def check_textures(target: Target, where: str) -> None:
     pictures = {p.name: p.data for p in target.pictures}
     for name, data in pictures.items():
         if not mime_type(data):
-            raise UserError(f"{where}: texture {name!r} is neither PNG nor JPEG; convert it to PNG")
-        check_picture(data, f"{where}: texture {name!r}")
+            raise UserError(f"{source}: texture {name!r} is neither PNG nor JPEG; convert it to PNG")
+        check_picture(data, f"{source}: texture {name!r}")
     textured = set()
     for m in target.materials:
         for name in filter(None, m.textures):
             textured.add(m.name)
             if name not in pictures:
                 raise UserError(
-                    f"{where}: material {m.name!r} names the texture {name!r}, which is missing; embed it in the file"
+                    f"{source}: material {m.name!r} names the texture {name!r}, which is missing; embed it in the file"
                 )
     for part in target.parts:
         if part.uv is None:
             if part.material in textured:
                 raise UserError(
-                    f"{where}, part {part.name!r}: its material has a texture and the part no texture "
+                    f"{source}, part {part.name!r}: its material has a texture and the part no texture "
                     "coordinates; unwrap it, or remove its texture"
                 )
         elif part.uv.shape != (len(part.positions_m), 2) or not np.isfinite(part.uv).all():
             raise UserError(
-                f"{where}, part {part.name!r}: texture coordinates are not two finite numbers for each vertex; "
+                f"{source}, part {part.name!r}: texture coordinates are not two finite numbers for each vertex; "
                 "unwrap it again"
             )
 
 
 def check_labels(
-    keypoints: Sequence[Keypoint], wireframe: Sequence[Edge], occluders: Occluders, where: str
+    keypoints: Sequence[Keypoint], wireframe: Sequence[Edge], occluders: Occluders, source: str
 ) -> None:
     """Check that names are unique, numbers finite, edges not of zero length, and occluder indices in range.
 
@@ -193,21 +194,21 @@ def check_labels(
     for kind, names in (("keypoint", [k.name for k in keypoints]), ("edge", [e.name for e in wireframe])):
         duplicate = next((n for k, n in enumerate(names) if n in names[:k]), None)
         if duplicate is not None:
-            raise UserError(f"{where}: two {kind}s are called {duplicate!r}; give each its own name")
+            raise UserError(f"{source}: two {kind}s are called {duplicate!r}; give each its own name")
     for k in keypoints:
         if not np.isfinite(k.position_m).all():
-            raise UserError(f"{where}: keypoint {k.name!r} is not finite; correct its position")
+            raise UserError(f"{source}: keypoint {k.name!r} is not finite; correct its position")
     for e in wireframe:
         length = np.linalg.norm(np.subtract(e.b_m, e.a_m))
         if not np.isfinite(length) or length <= 0:
-            raise UserError(f"{where}: edge {e.name!r} has no length or is not finite; correct its ends")
+            raise UserError(f"{source}: edge {e.name!r} has no length or is not finite; correct its ends")
     indices = occluders.triangles
     missing = indices.size and (indices.min() < 0 or indices.max() >= len(occluders.vertices_m))
     if not np.isfinite(occluders.vertices_m).all() or missing:
-        raise UserError(f"{where}: occluders have a vertex that is not finite or is missing; correct them")
+        raise UserError(f"{source}: occluders have a vertex that is not finite or is missing; correct them")
 
 
-def check_mass(mass: MassProperties, where: str) -> None:
+def check_mass(mass: MassProperties, source: str) -> None:
     """Check that mass is positive, and inertia symmetric, positive definite and within the triangle inequality.
 
     Raises
@@ -217,15 +218,15 @@ def check_mass(mass: MassProperties, where: str) -> None:
     """
     I = np.asarray(mass.inertia_kg_m2)
     if not (np.isfinite(mass.mass_kg) and mass.mass_kg > 0 and np.isfinite(mass.com_m).all()):
-        raise UserError(f"{where}: mass must be positive and centre of mass finite; correct them")
+        raise UserError(f"{source}: mass must be positive and centre of mass finite; correct them")
     if not np.isfinite(I).all():
-        raise UserError(f"{where}: the inertia matrix is not finite; correct inertia_kg_m2")
+        raise UserError(f"{source}: the inertia matrix is not finite; correct inertia_kg_m2")
     if not np.allclose(I, I.T, rtol=1e-9, atol=0):
-        raise UserError(f"{where}: the inertia matrix is not symmetric; correct inertia_kg_m2")
+        raise UserError(f"{source}: the inertia matrix is not symmetric; correct inertia_kg_m2")
     moments = np.linalg.eigvalsh(I)
     # no principal moment of a body exceeds the sum of the others
     if moments[0] <= 0 or moments[2] > moments[0] + moments[1] + 1e-9 * moments[2]:
         raise UserError(
-            f"{where}: no body has principal moments {', '.join(f'{m:.4g}' for m in moments)} kg m2 (each is "
+            f"{source}: no body has principal moments {', '.join(f'{m:.4g}' for m in moments)} kg m2 (each is "
             "positive and at most the sum of the others); correct inertia_kg_m2"
         )

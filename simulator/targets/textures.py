@@ -35,7 +35,7 @@ def picture_size(data: bytes) -> tuple[int, int] | None:
         return None
 
 
-def check_picture(data: bytes, where: str) -> None:
+def check_picture(data: bytes, source: str) -> None:
     """Check the size of an image before it is decoded.
 
     Raises
@@ -45,9 +45,11 @@ def check_picture(data: bytes, where: str) -> None:
     """
     size = picture_size(data)
     if size is None or min(size) < 1:
-        raise UserError(f"{where} is not a picture that can be read; convert it to PNG")
+        raise UserError(f"{source} is not a picture that can be read; convert it to PNG")
     if max(size) > MAX_SIDE_PX or size[0] * size[1] > MAX_PIXELS:
-        raise UserError(f"{where} has {size[0]:,} x {size[1]:,} pixels; make it smaller, at most 8192 x 8192")
+        raise UserError(
+            f"{source} has {size[0]:,} x {size[1]:,} pixels; make it smaller, at most 8192 x 8192"
+        )
 
 
 def embedded_pictures(document: dict[str, Any], blob: bytes) -> tuple[TextureImage, ...]:

@@ -109,12 +109,12 @@ def _apply_fault(
     frame = np.random.default_rng((*key, number))
     height, width = image.shape[:2]
     if isinstance(fault, StuckPixels):
-        where = camera.random((height, width)) < fault.share
+        mask = camera.random((height, width)) < fault.share
         levels = camera.integers(0, white, (height, width), endpoint=True).astype(image.dtype)
-        return _replace_pixels(image, where, levels)
+        return _replace_pixels(image, mask, levels)
     if isinstance(fault, DeadPixels):
-        where = camera.random((height, width)) < fault.share
-        return _replace_pixels(image, where, np.zeros((height, width), image.dtype))
+        mask = camera.random((height, width)) < fault.share
+        return _replace_pixels(image, mask, np.zeros((height, width), image.dtype))
     if isinstance(fault, RowLoss):
         if frame.random() >= fault.chance:
             return None
@@ -144,7 +144,7 @@ def _apply_fault(
     return None
 
 
-def _replace_pixels(image: Pixels, where: NDArray[np.bool_], levels: Pixels) -> Pixels:
-    if image.ndim > where.ndim:
-        where, levels = where[..., None], levels[..., None]
-    return np.where(where, levels, image).astype(image.dtype)
+def _replace_pixels(image: Pixels, mask: NDArray[np.bool_], levels: Pixels) -> Pixels:
+    if image.ndim > mask.ndim:
+        mask, levels = mask[..., None], levels[..., None]
+    return np.where(mask, levels, image).astype(image.dtype)

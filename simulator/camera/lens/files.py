@@ -51,29 +51,29 @@ def read_camera_file(name_or_path: str | Path, folder: Path | None = None) -> Ca
     text = str(name_or_path)
     if text in list_cameras():
         content = files("flyaround.assets").joinpath("cameras", f"{text}.json").read_bytes()
-        where = f"built-in camera {text}"
+        source = f"built-in camera {text}"
     else:
         path = (folder or Path()) / name_or_path
         try:
             if not path.is_file():
                 raise UserError(_no_such_camera(text))
-            content, where = read_regular(path, MAX_BYTES), str(path)
+            content, source = read_regular(path, MAX_BYTES), str(path)
         except OSError as error:
             raise UserError(
                 f"camera {path} cannot be read: {error.strerror or error}; check the path"
             ) from error
-    return parse_camera(content, where)
+    return parse_camera(content, source)
 
 
-def parse_camera(content: bytes, where: str) -> CameraFile:
+def parse_camera(content: bytes, source: str) -> CameraFile:
     """Read a camera from the text of a file in any of `CAMERA_FORMATS`.
 
     Raises
     ------
     UserError
-        If it is in none of these formats or has a mistake; ``where`` names the file.
+        If it is in none of these formats or has a mistake; ``source`` names the file.
     """
-    return read_camera_document(parse_document(content, where), where)
+    return read_camera_document(parse_document(content, source), source)
 
 
 def _no_such_camera(text: str) -> str:

@@ -52,13 +52,13 @@ class CameraFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_onl
     name: str = ""
     notes: str = ""
 
-    def camera(self, where: str) -> Camera:
+    def camera(self, source: str) -> Camera:
         """Return the camera model.
 
         Raises
         ------
         UserError
-            If the lens is impossible, for example folds back inside the image; ``where`` names the file.
+            If the lens is impossible, for example folds back inside the image; ``source`` names the file.
         """
         camera = Camera(
             width_px=self.width_px,
@@ -72,5 +72,5 @@ class CameraFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_onl
         )
         problem = camera_problem(camera)
         if problem is not None:
-            raise UserError(f"{where}: key {problem}")
+            raise UserError(f"{source}: key {problem}")
         return camera

@@ -37,7 +37,7 @@ class LensFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=
     name: str = ""
     notes: str = ""
 
-    def solve(self, where: str) -> CameraFile:
+    def solve(self, source: str) -> CameraFile:
         """Return the camera in pixels; the principal point defaults to the image's centre.
 
         Raises
@@ -47,11 +47,11 @@ class LensFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=
         """
         pitch = _per_axis(self.pixel_pitch_um, repeat=True)
         size, angle = (_per_axis(v, repeat=False) for v in (self.sensor_size_mm, self.aperture_angle_deg))
-        fx = self._focal_px(where, self.width_px, pitch[0], size[0], angle[0])
-        fy = self._focal_px(where, self.height_px, pitch[1], size[1], angle[1])
+        fx = self._focal_px(source, self.width_px, pitch[0], size[0], angle[0])
+        fy = self._focal_px(source, self.height_px, pitch[1], size[1], angle[1])
         if fx is None:
             raise UserError(
-                f"{where}: the intrinsics are not fixed: give focal_length_mm with pixel_pitch_um or sensor_size_mm, "
+                f"{source}: the intrinsics are not fixed: give focal_length_mm with pixel_pitch_um or sensor_size_mm, "
                 "or aperture_angle_deg"
             )
         pixel_um = self._pitch_um(pitch, size, fx, fy)
@@ -59,7 +59,7 @@ class LensFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=
             # the focal length in millimetres is the same along both axes, in pixels only if they are square
             fy = fx if pixel_um is None else fx * pixel_um[0] / pixel_um[1]
         elif pixel_um is not None:
-            _agreed_value(where, "the focal length [mm]", fx * pixel_um[0] * 1e-3, fy * pixel_um[1] * 1e-3)
+            _agreed_value(source, "the focal length [mm]", fx * pixel_um[0] * 1e-3, fy * pixel_um[1] * 1e-3)
         return CameraFile(
             width_px=self.width_px,
             height_px=self.height_px,
@@ -91,20 +91,20 @@ class LensFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=
         return None if pitch_x_um is None else (pitch_x_um, pitch_y_um or pitch_x_um)
 
     def _focal_px(
-        self, where: str, count: int, pitch_um: float | None, size_mm: float | None, angle_deg: float | None
+        self, source: str, count: int, pitch_um: float | None, size_mm: float | None, angle_deg: float | None
     ) -> float | None:
         """Return the focal length over the pitch along one axis."""
         by_size = None if size_mm is None else size_mm / count * 1e3
-        d_um = _agreed_value(where, "the pixel pitch [um]", pitch_um, by_size)
+        d_um = _agreed_value(source, "the pixel pitch [um]", pitch_um, by_size)
         by_length = None
         if self.focal_length_mm is not None and d_um is not None:
             by_length = self.focal_length_mm * 1e3 / d_um
         by_angle = None
         if angle_deg is not None:
             if angle_deg >= 180:
-                raise UserError(f"{where}: key aperture_angle_deg is {angle_deg:g}, allowed: less than 180")
+                raise UserError(f"{source}: key aperture_angle_deg is {angle_deg:g}, allowed: less than 180")
             by_angle = count / (2 * float(np.tan(np.radians(angle_deg) / 2)))
-        return _agreed_value(where, "the focal length in pixels", by_length, by_angle)
+        return _agreed_value(source, "the focal length in pixels", by_length, by_angle)
 
 
 def _per_axis(value: float | list[float] | None, *, repeat: bool) -> tuple[float | None, float | None]:
@@ -116,12 +116,12 @@ def _per_axis(value: float | list[float] | None, *, repeat: bool) -> tuple[float
     return value, value if repeat else None
 
 
-def _agreed_value(where: str, quantity: str, first: float | None, second: float | None) -> float | None:
+def _agreed_value(source: str, quantity: str, first: float | None, second: float | None) -> float | None:
     """Return the value on which two derivations agree, or the only one; raise UserError if they disagree."""
     if first is None or second is None:
         return second if first is None else first
     if abs(first / second - 1) > CONSISTENCY_TOLERANCE:
         raise UserError(
-            f"{where}: {quantity} is {first:.6g} by one pair of keys and {second:.6g} by another; leave one out"
+            f"{source}: {quantity} is {first:.6g} by one pair of keys and {second:.6g} by another; leave one out"
         )
     return first

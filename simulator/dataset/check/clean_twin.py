@@ -113,10 +113,10 @@ def _check_band(
         step_of = step_share(signal_of * full / top, encoding) * top / full
         rounding_of = step_of / 2
     rows = np.s_[:: clean.size // MAX_PIXELS | 1]  # odd stride: rows of both colours of a mosaic
-    for where, region in ((on_craft, "on the craft"), (rows, "in the picture")):
-        twin = clean[where].ravel()
+    for mask, region in ((on_craft, "on the craft"), (rows, "in the picture")):
+        twin = clean[mask].ravel()
         sigma, inside, rounding = sigma_of[twin], inside_of[twin], rounding_of[twin]
-        residual = (image[where].ravel().astype(float) - twin) / full - dark_signal
+        residual = (image[mask].ravel().astype(float) - twin) / full - dark_signal
         is_quiet = sigma < MIN_NOISE_STEPS * step_of[twin]
         quiet_pixels, noisy_pixels = inside & is_quiet, inside & ~is_quiet
         if np.count_nonzero(quiet_pixels) >= MIN_PIXELS:
@@ -138,8 +138,8 @@ def _check_band(
     return ""
 
 
-def _is_biased(residual: FloatArray, sigma: FloatArray, where: BoolArray, rounding: FloatArray) -> bool:
+def _is_biased(residual: FloatArray, sigma: FloatArray, mask: BoolArray, rounding: FloatArray) -> bool:
     """Return True if the median of the noise deviates from zero by more than its distribution and rounding allow."""
     # the image's own median is an integer, too
-    allowed = MEDIAN_TOLERANCE + 2 * float(np.median(rounding[where])) / float(np.median(sigma[where]))
-    return abs(float(np.median(residual[where] / sigma[where]))) > allowed
+    allowed = MEDIAN_TOLERANCE + 2 * float(np.median(rounding[mask])) / float(np.median(sigma[mask]))
+    return abs(float(np.median(residual[mask] / sigma[mask]))) > allowed

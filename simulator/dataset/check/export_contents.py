@@ -171,7 +171,7 @@ def _without_repeats(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     return document
 
 
-def refuse_repeated_keys(data: bytes, where: str) -> None:
+def refuse_repeated_keys(data: bytes, source: str) -> None:
     """Raise if a JSON object has a duplicate key, on which readers disagree.
 
     Raises
@@ -182,7 +182,7 @@ def refuse_repeated_keys(data: bytes, where: str) -> None:
     try:
         json.loads(data.removeprefix(codecs.BOM_UTF8), object_pairs_hook=_without_repeats)
     except ValueError as error:
-        raise UserError(f"{where}: {error}; remove one") from error
+        raise UserError(f"{source}: {error}; remove one") from error
 
 
 def _number_in(name: str) -> int | None:

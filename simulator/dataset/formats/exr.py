@@ -41,8 +41,8 @@ def encode_channels(planes: Mapping[str, NDArray[Any]]) -> bytes:
         return path.read_bytes()
 
 
-def decode_exr(data: bytes, names: tuple[str, ...], where: str) -> NDArray[Any]:
-    """Decode an OpenEXR file's channels from its bytes, as `read_exr` does; ``where`` names it in messages.
+def decode_exr(data: bytes, names: tuple[str, ...], source: str) -> NDArray[Any]:
+    """Decode an OpenEXR file's channels from its bytes, as `read_exr` does; ``source`` names it in messages.
 
     Raises
     ------
@@ -50,7 +50,7 @@ def decode_exr(data: bytes, names: tuple[str, ...], where: str) -> NDArray[Any]:
         If the file is damaged, too large, or lacks a channel.
     """
     with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / Path(where).name
+        path = Path(folder) / Path(source).name
         path.write_bytes(data)
         return read_exr(path, names)
 

@@ -98,8 +98,8 @@ def read_bytes(path: Path) -> bytes:
         ) from error
 
 
-def decode_png(data: bytes, where: str) -> NDArray[np.unsignedinteger]:
-    """Decode a PNG from its bytes, as `read_png` does; ``where`` names it in messages.
+def decode_png(data: bytes, source: str) -> NDArray[np.unsignedinteger]:
+    """Decode a PNG from its bytes, as `read_png` does; ``source`` names it in messages.
 
     Raises
     ------
@@ -114,15 +114,15 @@ def decode_png(data: bytes, where: str) -> NDArray[np.unsignedinteger]:
     )
     if size is not None and (max(size) > MAX_SIDE_PX or size[0] * size[1] > MAX_PIXELS):
         raise UserError(
-            f"image {where} has {size[0]:,} x {size[1]:,} pixels, and at most {MAX_SIDE_PX:,} x "
+            f"image {source} has {size[0]:,} x {size[1]:,} pixels, and at most {MAX_SIDE_PX:,} x "
             f"{MAX_SIDE_PX:,} are read; make it smaller"
         )
     image = None if size is None else cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
     if image is None:
-        raise UserError(f"cannot read image {where}; it is missing or not a PNG")
+        raise UserError(f"cannot read image {source}; it is missing or not a PNG")
     dtype = image.dtype.type
     if dtype not in (np.uint8, np.uint16):
-        raise UserError(f"image {where} holds {image.dtype} pixels; save it with 8 or 16 bits")
+        raise UserError(f"image {source} holds {image.dtype} pixels; save it with 8 or 16 bits")
     return np.ascontiguousarray(image if image.ndim == 2 else image[..., 2::-1])
 
 

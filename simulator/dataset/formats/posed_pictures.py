@@ -181,14 +181,14 @@ def find_picture(labels: Path, places: Iterable[Path], name: Any) -> Path:  # no
     )
 
 
-def checked_pose(q_wxyz: Any, t_m: Any, where: str) -> Pose:  # noqa: ANN401 - values of a file
+def checked_pose(q_wxyz: Any, t_m: Any, source: str) -> Pose:  # noqa: ANN401 - values of a file
     """Return the target's pose in the camera from values of a foreign file.
 
     Raises
     ------
     UserError
         If these are not four and three finite numbers, the quaternion is not of unit length, or the target is behind
-        the camera; the message starts with ``where``.
+        the camera; the message starts with ``source``.
     """
     numbers = []
     for quantity, values, count in (("quaternion", q_wxyz, 4), ("position", t_m, 3)):
@@ -197,14 +197,14 @@ def checked_pose(q_wxyz: Any, t_m: Any, where: str) -> Pose:  # noqa: ANN401 - v
         except (TypeError, ValueError, OverflowError):
             row = []
         if len(row) != count or not all(math.isfinite(v) for v in row):
-            raise UserError(f"{where}: the {quantity} is {str(values)[:80]}, give {count} finite numbers")
+            raise UserError(f"{source}: the {quantity} is {str(values)[:80]}, give {count} finite numbers")
         numbers.append(row)
     q, t = numbers
     if abs(math.hypot(*q) - 1) > UNIT_TOLERANCE:
-        raise UserError(f"{where}: the quaternion's length is {math.hypot(*q):g}; it must be one")
+        raise UserError(f"{source}: the quaternion's length is {math.hypot(*q):g}; it must be one")
     if not (t[2] > 0 and MIN_RANGE_M < math.hypot(*t) < MAX_RANGE_M):
         raise UserError(
-            f"{where}: the target is at {t} m, which is not in front of the camera or not {MIN_RANGE_M:g} to "
+            f"{source}: the target is at {t} m, which is not in front of the camera or not {MIN_RANGE_M:g} to "
             f"{MAX_RANGE_M:g} m away; the data set may use other axes"
         )
     return Pose.from_arrays("camera", "target", q, t)

@@ -90,9 +90,9 @@ def read_spark(place: Path) -> PosedPictures | None:
     folder = labels.parent
     pictures = []
     for k, row in enumerate(read_csv(labels, COLUMNS)):
-        where = f"{labels} line {k + 2}"
+        source = f"{labels} line {k + 2}"
         pose = checked_pose(
-            [row["Qw"], row["Qx"], row["Qy"], row["Qz"]], [row["Tx"], row["Ty"], row["Tz"]], where
+            [row["Qw"], row["Qx"], row["Qy"], row["Qz"]], [row["Tx"], row["Ty"], row["Tz"]], source
         )
         places = [folder / "images" / labels.stem, folder / "images", folder]
         if row.get("sequence"):

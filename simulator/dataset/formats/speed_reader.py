@@ -84,10 +84,10 @@ def _read(place: Path, kind: str) -> PosedPictures | None:
     folders = _picture_folders(place, labels, kind)
     pictures = []
     for k, row in enumerate(rows_of_list):
-        where = f"{labels} entry {k + 1}"
+        source = f"{labels} entry {k + 1}"
         if not isinstance(row, dict) or QUATERNION[kind] not in row or POSITION not in row:
-            raise UserError(f"{where} has no {QUATERNION[kind]} or no {POSITION}; give a list with poses")
-        pose = checked_pose(row[QUATERNION[kind]], row[POSITION], where)
+            raise UserError(f"{source} has no {QUATERNION[kind]} or no {POSITION}; give a list with poses")
+        pose = checked_pose(row[QUATERNION[kind]], row[POSITION], source)
         name = row.get("filename")
         t_s = SHIRT_SPACING_S * k if kind == "shirt" else 0.0
         pictures.append(PosedPicture(str(name), find_picture(labels, folders, name), pose, t_s))

@@ -114,13 +114,13 @@ def read_urso(place: Path) -> PosedPictures | None:
         )
     pictures = []
     for k, (name, row) in enumerate(zip(names, rows, strict=True)):
-        where = f"{labels} line {k + 2}"
+        source = f"{labels} line {k + 2}"
         urso_frame = checked_pose(
-            [row["q4"], row["q1"], row["q2"], row["q3"]], [row["y"], row["z"], row["x"]], where
+            [row["q4"], row["q1"], row["q2"], row["q3"]], [row["y"], row["z"], row["x"]], source
         )
         R = URSO_FROM_CAMERA.T @ urso_frame.R @ MIRROR
         t = (urso_frame.t_m[0], -urso_frame.t_m[1], urso_frame.t_m[2])
-        pose = checked_pose(quat_from_matrix(R), t, where)
+        pose = checked_pose(quat_from_matrix(R), t, source)
         pictures.append(PosedPicture(name, find_picture(labels, [labels.parent], name), pose))
     return PosedPictures(labels, tuple(pictures), find_camera(labels.parent, levels=0), encoding="srgb")
 

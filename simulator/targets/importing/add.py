@@ -294,17 +294,17 @@ def _check_surfaces(
     is_lenient = not options.strict or reduced  # reducing may open seams and merge edges
     oriented_bodies = []
     for body in bodies:
-        where = f"{model.path}, part {body.name!r}"
+        source = f"{model.path}, part {body.name!r}"
         counts = check_surface(
             body,
-            where,
+            source,
             keep_holes=options.keep_holes or is_lenient,
             keep_non_manifold=options.keep_non_manifold or is_lenient,
             tried_to_fill=options.fill_holes,
         )
         holes, rims, non_manifold = holes + counts[0], rims + counts[1], non_manifold + counts[2]
         oriented_body, twisted = orient_body(
-            body, where, tally, lenient=options.keep_non_manifold or is_lenient
+            body, source, tally, lenient=options.keep_non_manifold or is_lenient
         )
         oriented_bodies.append(oriented_body)
         one_sided += twisted

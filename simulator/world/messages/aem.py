@@ -34,7 +34,7 @@ _EULER_TYPES = ("EULER_ANGLE", "EULER_ANGLE/RATE", "EULER_ANGLE/DERIVATIVE", "EU
 _TYPES = (*_QUATERNION_TYPES, *_EULER_TYPES, "SPIN")
 
 
-def read_aem_state(text: str, where: str, epoch: Instant) -> tuple[FloatArray, FloatArray]:
+def read_aem_state(text: str, source: str, epoch: Instant) -> tuple[FloatArray, FloatArray]:
     """Return ``q_eci_from_body_wxyz`` and the rate relative to ECI in body axes [rad s-1] at ``epoch``.
 
     Between two lines the body rotates at a constant rate about a fixed axis, so the lines must be less than half a
@@ -46,7 +46,7 @@ def read_aem_state(text: str, where: str, epoch: Instant) -> tuple[FloatArray, F
         If the file is not an AEM of a known kind in a known frame, its lines are out of order, or the epoch is outside
         every segment or in a gap.
     """
-    segment, times = _segment_over(text, where, epoch, 0.0)
+    segment, times = _segment_over(text, source, epoch, 0.0)
     k = min(max(int(np.searchsorted(times, 0.0)) - 1, 0), len(times) - 2)
     segment.refuse_gap(times, k + 1)
     q0, q1 = _attitudes(segment, times, epoch)[k : k + 2]
@@ -82,7 +82,7 @@ class AttitudeHistory:
         ), omega
 
 
-def read_aem_history(text: str, where: str, epoch: Instant, duration_s: float) -> AttitudeHistory:
+def read_aem_history(text: str, source: str, epoch: Instant, duration_s: float) -> AttitudeHistory:
     """Read the attitude from ``epoch`` on for ``duration_s``.
 
     Raises
@@ -96,7 +96,7 @@ def read_aem_history(text: str, where: str, epoch: Instant, duration_s: float) -
     """
     from scipy.spatial.transform import Rotation, RotationSpline  # noqa: PLC0415 - slow to import
 
-    segment, times = _segment_over(text, where, epoch, duration_s)
+    segment, times = _segment_over(text, source, epoch, duration_s)
     low = max(int(np.searchsorted(times, 0.0)) - _MARGIN_LINES, 0)
     high = min(int(np.searchsorted(times, duration_s)) + _MARGIN_LINES + 1, len(times))
     for k in range(low + 1, high):
@@ -107,10 +107,10 @@ def read_aem_history(text: str, where: str, epoch: Instant, duration_s: float) -
     )
 
 
-def _segment_over(text: str, where: str, epoch: Instant, duration_s: float) -> tuple[Segment, FloatArray]:
+def _segment_over(text: str, source: str, epoch: Instant, duration_s: float) -> tuple[Segment, FloatArray]:
     """Return the segment that covers a flight, and the times of its lines since ``epoch`` [s]."""
     spans = []
-    for segment in read_segments(text, where, "AEM"):
+    for segment in read_segments(text, source, "AEM"):
         times = segment.times_s(epoch)
         first, last = segment.usable_span_s(times, epoch)
         spans.append(f"{epoch.plus(first).iso()} to {epoch.plus(last).iso()}")
@@ -118,7 +118,7 @@ def _segment_over(text: str, where: str, epoch: Instant, duration_s: float) -> t
             return segment, times
     span = epoch.iso() + (f" to {epoch.plus(duration_s).iso()}" if duration_s else "")
     raise UserError(
-        f"{where} covers {' and '.join(spans)}, not {span}: choose an epoch and a duration within"
+        f"{source} covers {' and '.join(spans)}, not {span}: choose an epoch and a duration within"
     )
 
 

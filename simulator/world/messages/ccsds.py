@@ -41,7 +41,7 @@ META_KEYS = {
 """Keys of the metadata of an ephemeris, CCSDS 502.0-B-3 table 5-3 and 504.0-B-2 table 4-3."""
 
 
-def number(text: str, where: str) -> float:
+def number(text: str, source: str) -> float:
     """Read a finite number, also with Fortran's exponent D.
 
     Raises
@@ -51,11 +51,11 @@ def number(text: str, where: str) -> float:
     """
     value = float(text.upper().replace("D", "E")) if _NUMBER.fullmatch(text) else np.nan
     if not np.isfinite(value):
-        raise UserError(f"{where}: {text[:40]!r} is not a number, a finite one is needed")
+        raise UserError(f"{source}: {text[:40]!r} is not a number, a finite one is needed")
     return value
 
 
-def refuse_unknown_key(key: str, allowed: Sequence[str], where: str) -> None:
+def refuse_unknown_key(key: str, allowed: Sequence[str], source: str) -> None:
     """Check that a key may occur in a block.
 
     Parameters
@@ -64,7 +64,7 @@ def refuse_unknown_key(key: str, allowed: Sequence[str], where: str) -> None:
         Key to check.
     allowed : sequence of str
         Keys of the block.
-    where : str
+    source : str
         File and line, for messages.
 
     Raises
@@ -76,11 +76,11 @@ def refuse_unknown_key(key: str, allowed: Sequence[str], where: str) -> None:
         return
     if key.upper() in allowed:
         raise UserError(
-            f"{where}: key {key} is not in capitals, in which CCSDS keys are: write {key.upper()}"
+            f"{source}: key {key} is not in capitals, in which CCSDS keys are: write {key.upper()}"
         )
     suggestions = near_names(key.upper(), allowed)
     hint = f"did you mean {suggestions[0]}?" if suggestions else "remove it, or export the file again"
-    raise UserError(f"{where}: unknown key {key[:40]!r}, {hint}")
+    raise UserError(f"{source}: unknown key {key[:40]!r}, {hint}")
 
 
 @dataclass
@@ -126,7 +126,7 @@ class Segment:
             raise UserError(f"{self.where}: {key} is {value}, allowed: {', '.join(allowed)}")
         return value
 
-    def set_once(self, key: str, value: str, where: str) -> None:
+    def set_once(self, key: str, value: str, source: str) -> None:
         """Set a key of the metadata.
 
         Raises
@@ -135,7 +135,7 @@ class Segment:
             If it has been set already.
         """
         if key in self.meta:
-            raise UserError(f"{where}: key {key} is given twice: remove one of them")
+            raise UserError(f"{source}: key {key} is given twice: remove one of them")
         self.meta[key] = value
 
     def times_s(self, epoch: Instant) -> FloatArray:
@@ -223,7 +223,7 @@ def first_line(text: str) -> str:
     return next((line for line in lines if line and not line.startswith("COMMENT")), "")
 
 
-def read_segments(text: str, where: str, kind: str) -> list[Segment]:
+def read_segments(text: str, source: str, kind: str) -> list[Segment]:
     """Read the segments of an ephemeris (``OEM``) or attitude (``AEM``) message in key = value form.
 
     Raises
@@ -233,18 +233,18 @@ def read_segments(text: str, where: str, kind: str) -> list[Segment]:
     """
     if not first_line(text).startswith(f"CCSDS_{kind}_VERS"):
         raise UserError(
-            f"{where} is not a CCSDS {kind} in key = value form: no line starts CCSDS_{kind}_VERS"
+            f"{source} is not a CCSDS {kind} in key = value form: no line starts CCSDS_{kind}_VERS"
         )
     segments: list[Segment] = []
     block = "HEADER"
     for line_number, raw in enumerate(text.splitlines(), start=1):
-        line, location = raw.strip(), f"{where}, line {line_number}"
+        line, location = raw.strip(), f"{source}, line {line_number}"
         if not line or line.startswith("COMMENT"):
             continue
         if line == "META_START":
             if block == "META":
                 raise UserError(f"{location}: META_START stands in a metadata block: close that by META_STOP")
-            segments.append(Segment(where))
+            segments.append(Segment(source))
             block = "META"
         elif line in {"COVARIANCE_START", "DATA_START"}:
             block = line.removesuffix("_START")
@@ -267,11 +267,11 @@ def read_segments(text: str, where: str, kind: str) -> list[Segment]:
                 )
             segments[-1].rows.append((line_number, line.split()))
     if not segments:
-        raise UserError(f"{where} has no META_START block: add a segment")
+        raise UserError(f"{source} has no META_START block: add a segment")
     return segments
 
 
-def read_time(text: str, system: str, where: str) -> Instant:
+def read_time(text: str, system: str, source: str) -> Instant:
     """Read a calendar (2026-03-21T10:00:00) or day-of-year (2026-080T10:00:00) time of a time system.
 
     Raises
@@ -289,7 +289,7 @@ def read_time(text: str, system: str, where: str) -> Instant:
             f"{year:04d}-{month:02d}-{day:02d}T{hour:02d}:{minute:02d}:{second:013.10f}Z"
         )
     except ValueError as error:
-        raise UserError(f"{where}: {text[:60]} is not a time: {error}") from error
+        raise UserError(f"{source}: {text[:60]} is not a time: {error}") from error
     return instant if system == "UTC" else Instant(*(float(x[0]) for x in _two_part_tt([fields], system)))
 
 
@@ -327,7 +327,7 @@ def _two_part_tt(
 
 
 def _seconds_since(
-    epoch: Instant, rows: Sequence[tuple[int, list[str]]], system: str, where: str
+    epoch: Instant, rows: Sequence[tuple[int, list[str]]], system: str, source: str
 ) -> FloatArray:
     """Return the times of data lines, (n,) [s]."""
     fields = [_calendar(words[0]) for _, words in rows]
@@ -338,7 +338,7 @@ def _seconds_since(
         jd1, jd2 = _two_part_tt(valid, system)
     except erfa.ErfaError:
         # read times one by one, so that the error message names the line
-        instants = [read_time(words[0], system, f"{where}, line {line}") for line, words in rows]
+        instants = [read_time(words[0], system, f"{source}, line {line}") for line, words in rows]
         jd1, jd2 = np.array([i.tt1 for i in instants]), np.array([i.tt2 for i in instants])
     return np.asarray(((jd1 - epoch.tt1) + (jd2 - epoch.tt2)) * DAY_S)
 

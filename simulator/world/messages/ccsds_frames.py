@@ -34,7 +34,7 @@ def known_frame(name: str) -> str | None:
     return upper if upper in FRAMES else None
 
 
-def require_frame(name: str, where: str) -> str:
+def require_frame(name: str, source: str) -> str:
     """Return the frame of ``FRAMES`` that a message names.
 
     Raises
@@ -44,7 +44,7 @@ def require_frame(name: str, where: str) -> str:
     """
     frame = known_frame(name)
     if frame is None:
-        raise UserError(f"{where}: REF_FRAME is {name}, allowed: {', '.join(FRAMES)}")
+        raise UserError(f"{source}: REF_FRAME is {name}, allowed: {', '.join(FRAMES)}")
     return frame
 
 

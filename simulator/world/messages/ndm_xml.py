@@ -22,8 +22,8 @@ _UNITS = {"X": "km", "Y": "km", "Z": "km", "X_DOT": "km/s", "Y_DOT": "km/s", "Z_
 class _Reader:
     """Callbacks of the XML parser; an element without children is a key with its value."""
 
-    def __init__(self, where: str) -> None:
-        self.where = where
+    def __init__(self, source: str) -> None:
+        self.where = source
         self.kind = ""
         self.segments: list[Segment] = []
         self._path: list[str] = []
@@ -116,14 +116,14 @@ class _Reader:
             self.segments[-1].set_once(key, value, self._location)
 
 
-def read_ndm(text: str, where: str) -> tuple[str, list[Segment]]:
+def read_ndm(text: str, source: str) -> tuple[str, list[Segment]]:
     """Read a message, or several of one kind, from XML.
 
     Parameters
     ----------
     text : str
         Contents of the file.
-    where : str
+    source : str
         Name of the file in error messages.
 
     Returns
@@ -139,13 +139,13 @@ def read_ndm(text: str, where: str) -> tuple[str, list[Segment]]:
     """
     if len(text) > MAX_BYTES:
         raise UserError(
-            f"{where} has {len(text):,} characters of XML, at most {MAX_BYTES:,} are read: make it smaller"
+            f"{source} has {len(text):,} characters of XML, at most {MAX_BYTES:,} are read: make it smaller"
         )
-    reader = _Reader(where)
+    reader = _Reader(source)
     try:
         reader.parser.Parse(text, True)
     except expat.ExpatError as error:
-        raise UserError(f"{where} is not well-formed XML: {error}: export it again") from error
+        raise UserError(f"{source} is not well-formed XML: {error}: export it again") from error
     if not reader.segments:
-        raise UserError(f"{where} has no <segment>: export it again")
+        raise UserError(f"{source} has no <segment>: export it again")
     return reader.kind, reader.segments

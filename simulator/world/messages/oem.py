@@ -27,7 +27,7 @@ _ACCELERATION_LINE_LENGTH = 9  # position, velocity and acceleration
 
 
 def read_oem(
-    text: str, where: str, epoch: Instant, *, centre: str = "EARTH", satellite: str | None = None
+    text: str, source: str, epoch: Instant, *, centre: str = "EARTH", satellite: str | None = None
 ) -> Ephemeris:
     """Read an ephemeris in key = value form.
 
@@ -35,7 +35,7 @@ def read_oem(
     ----------
     text : str
         Contents of the file.
-    where : str
+    source : str
         Name of the file in error messages.
     epoch : Instant
         Origin of times.
@@ -50,19 +50,21 @@ def read_oem(
         If the file is not an OEM about that body in a known frame and time system, has an unknown key, or its lines are
         out of order.
     """
-    return ephemeris_from(read_segments(text, where, "OEM"), where, epoch, centre=centre, satellite=satellite)
+    return ephemeris_from(
+        read_segments(text, source, "OEM"), source, epoch, centre=centre, satellite=satellite
+    )
 
 
 def ephemeris_from(
-    segments: Sequence[Segment], where: str, epoch: Instant, *, centre: str, satellite: str | None
+    segments: Sequence[Segment], source: str, epoch: Instant, *, centre: str, satellite: str | None
 ) -> Ephemeris:
     """Build the ephemeris of a message's segments; parameters and errors as in `read_oem`."""
-    selected = one_object(segments, where, satellite)
+    selected = one_object(segments, source, satellite)
     pieces = sorted((_piece(s, epoch, centre) for s in selected), key=lambda p: p.first_s)
-    return Ephemeris(where=where, epoch=epoch, pieces=pieces)
+    return Ephemeris(where=source, epoch=epoch, pieces=pieces)
 
 
-def one_object(segments: Sequence[Segment], where: str, satellite: str | None) -> Sequence[Segment]:
+def one_object(segments: Sequence[Segment], source: str, satellite: str | None) -> Sequence[Segment]:
     """Return the segments of the object that ``satellite`` selects by name or identifier, or of the only object.
 
     Raises
@@ -78,10 +80,10 @@ def one_object(segments: Sequence[Segment], where: str, satellite: str | None) -
             s for s, n in zip(segments, names, strict=True) if requested_name in {x.upper() for x in n}
         ]
         if not selected:
-            raise UserError(f"{where} has no object {satellite!r}: it has {available}")
+            raise UserError(f"{source} has no object {satellite!r}: it has {available}")
         segments, names = selected, [n for n in names if requested_name in {x.upper() for x in n}]
     if len({number for _, number in names}) > 1:
-        raise UserError(f"{where} has several objects: choose one by key orbit.satellite, of {available}")
+        raise UserError(f"{source} has several objects: choose one by key orbit.satellite, of {available}")
     return segments
 
 

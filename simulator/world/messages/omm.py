@@ -56,7 +56,7 @@ _MAX_CATALOGUE_NUMBER = 339_999
 """Largest catalogue number that SGP4's record can hold; it does not affect the motion."""
 
 
-def read_json_objects(text: str, where: str) -> list[Segment]:
+def read_json_objects(text: str, source: str) -> list[Segment]:
     """Read the objects of a JSON list, or a single object.
 
     Raises
@@ -64,46 +64,46 @@ def read_json_objects(text: str, where: str) -> list[Segment]:
     UserError
         If it is neither, or has an unknown key.
     """
-    _refuse_long(text, where)
-    refuse_deep(text.encode(), where)
+    _refuse_long(text, source)
+    refuse_deep(text.encode(), source)
     try:
         document = json.loads(text)
     except (ValueError, RecursionError) as error:
-        raise UserError(f"{where} is not valid JSON: {error}: download it again") from error
+        raise UserError(f"{source} is not valid JSON: {error}: download it again") from error
     rows = document if isinstance(document, list) else [document]
     if not rows or not all(isinstance(row, dict) for row in rows):
-        raise UserError(f"{where} is JSON, but no list of mean elements (OMM): download it again")
-    return [_segment(row, where) for row in rows]
+        raise UserError(f"{source} is JSON, but no list of mean elements (OMM): download it again")
+    return [_segment(row, source) for row in rows]
 
 
-def read_csv_objects(text: str, where: str) -> list[Segment]:
+def read_csv_objects(text: str, source: str) -> list[Segment]:
     """Read the objects of a CSV table with a header; raises as `read_json_objects` does."""
-    _refuse_long(text, where)
+    _refuse_long(text, source)
     try:
         rows: list[dict[Any, Any]] = list(csv.DictReader(io.StringIO(text), skipinitialspace=True))
     except csv.Error as error:
-        raise UserError(f"{where} is no table of mean elements: {error}: download it again") from error
+        raise UserError(f"{source} is no table of mean elements: {error}: download it again") from error
     if not rows or any(None in row or None in row.values() for row in rows):
         raise UserError(
-            f"{where} has no elements, or a line with more or fewer columns than the first: download it again"
+            f"{source} has no elements, or a line with more or fewer columns than the first: download it again"
         )
-    return [_segment(row, where) for row in rows]
+    return [_segment(row, source) for row in rows]
 
 
-def _refuse_long(text: str, where: str) -> None:
+def _refuse_long(text: str, source: str) -> None:
     if len(text) > MAX_CHARACTERS:
         raise UserError(
-            f"{where} has {len(text):,} characters of mean elements, at most {MAX_CHARACTERS:,} are read: keep the "
+            f"{source} has {len(text):,} characters of mean elements, at most {MAX_CHARACTERS:,} are read: keep the "
             "satellites that you need"
         )
 
 
-def _segment(row: dict[str, Any], where: str) -> Segment:
-    segment = Segment(where)
+def _segment(row: dict[str, Any], source: str) -> Segment:
+    segment = Segment(source)
     for key, value in row.items():
-        refuse_unknown_key(key, (*KEYS["OMM"], *HEADER_KEYS, *_CATALOGUE_KEYS), where)
+        refuse_unknown_key(key, (*KEYS["OMM"], *HEADER_KEYS, *_CATALOGUE_KEYS), source)
         if isinstance(value, dict | list | bool):
-            raise UserError(f"{where}: key {key} is no number or text: download the file again")
+            raise UserError(f"{source}: key {key} is no number or text: download the file again")
         if value is not None and value != "":
             segment.meta[key] = str(value)
     return segment

@@ -64,7 +64,7 @@ _UNITS = {
 }
 
 
-def read_fields(text: str, where: str, kind: str) -> Segment:
+def read_fields(text: str, source: str, kind: str) -> Segment:
     """Read the keys of an OPM or OMM in key = value form; the ignition of each manoeuvre is a row.
 
     Raises
@@ -72,9 +72,9 @@ def read_fields(text: str, where: str, kind: str) -> Segment:
     UserError
         If a line or a key is invalid.
     """
-    segment = Segment(where)
+    segment = Segment(source)
     for line_number, raw in enumerate(text.splitlines(), start=1):
-        line, location = raw.strip(), f"{where}, line {line_number}"
+        line, location = raw.strip(), f"{source}, line {line_number}"
         if not line or line.startswith("COMMENT"):
             continue
         key, equals, value = (part.strip() for part in line.partition("="))
@@ -148,13 +148,13 @@ def read_opm(segment: Segment) -> OrbitParameters:
     UserError
         If one is missing or invalid.
     """
-    where = segment.where
+    source = segment.where
     system = segment.require_one_of("TIME_SYSTEM", TIME_SYSTEMS)
-    frame = require_frame(segment.require("REF_FRAME"), where)
-    epoch = read_time(segment.require("EPOCH"), system, f"{where}: EPOCH")
+    frame = require_frame(segment.require("REF_FRAME"), source)
+    epoch = read_time(segment.require("EPOCH"), system, f"{source}: EPOCH")
     frozen = epoch
     if "REF_FRAME_EPOCH" in segment.meta:
-        frozen = read_time(segment.meta["REF_FRAME_EPOCH"], system, f"{where}: REF_FRAME_EPOCH")
+        frozen = read_time(segment.meta["REF_FRAME_EPOCH"], system, f"{source}: REF_FRAME_EPOCH")
     state = elements = None
     if any(key in segment.meta for key in _AXES) or "SEMI_MAJOR_AXIS" not in segment.meta:
         values = np.array([read_value(segment, key) for key in _AXES]) * 1e3
@@ -163,7 +163,7 @@ def read_opm(segment: Segment) -> OrbitParameters:
         a_km, e, *angles = (read_value(segment, key) for key in _ELEMENTS)
         if not (a_km > 0 and 0 <= e < 1):
             raise UserError(
-                f"{where}: SEMI_MAJOR_AXIS is {a_km:g} and ECCENTRICITY {e:g}, allowed: a closed orbit"
+                f"{source}: SEMI_MAJOR_AXIS is {a_km:g} and ECCENTRICITY {e:g}, allowed: a closed orbit"
             )
         is_mean = "MEAN_ANOMALY" in segment.meta
         anomaly = read_value(segment, "MEAN_ANOMALY" if is_mean else "TRUE_ANOMALY")

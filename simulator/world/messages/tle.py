@@ -107,7 +107,7 @@ class ElementSet:
         return self.line1[2:7].strip().lstrip("0")
 
 
-def read_element_sets(text: str, where: str) -> list[ElementSet]:
+def read_element_sets(text: str, source: str) -> list[ElementSet]:
     """Read a file of two-line elements, each set optionally preceded by a name line, which may begin with ``0``.
 
     Raises
@@ -119,7 +119,7 @@ def read_element_sets(text: str, where: str) -> list[ElementSet]:
     name, first_line = "", ""
     for line_number, raw in enumerate(text.splitlines(), start=1):
         line = raw.rstrip()
-        location = f"{where}, line {line_number}"
+        location = f"{source}, line {line_number}"
         if not line or line.startswith("#"):
             continue
         digit = line[0] if _DATA_LINE.match(line) else ""
@@ -146,7 +146,7 @@ def read_element_sets(text: str, where: str) -> list[ElementSet]:
         sets.append(ElementSet(name, first_line, line))
         name, first_line = "", ""
     if first_line or not sets:
-        raise UserError(f"{where} has no two lines of elements: copy the set again")
+        raise UserError(f"{source} has no two lines of elements: copy the set again")
     return sets
 
 
@@ -155,7 +155,7 @@ def is_element_file(text: str) -> bool:
     return any(_DATA_LINE.match(line) and line[0] == "1" for line in text.splitlines()[:20])
 
 
-def choose_set(sets: Sequence[ElementSet], satellite: str | None, where: str) -> ElementSet:
+def choose_set(sets: Sequence[ElementSet], satellite: str | None, source: str) -> ElementSet:
     """Return the only set, or the one selected by name or catalogue number.
 
     Raises
@@ -169,11 +169,11 @@ def choose_set(sets: Sequence[ElementSet], satellite: str | None, where: str) ->
         name = satellite.strip().upper()
         selected = [s for s in sets if name.lstrip("0") == s.number.upper() or name == s.name.upper()]
         if not selected:
-            raise UserError(f"{where} has no satellite {satellite!r}: it has {available}")
+            raise UserError(f"{source} has no satellite {satellite!r}: it has {available}")
         sets = selected
     if len(sets) > 1:
         raise UserError(
-            f"{where} has {len(sets)} sets of elements: choose one by key orbit.satellite, or keep one, of {available}"
+            f"{source} has {len(sets)} sets of elements: choose one by key orbit.satellite, or keep one, of {available}"
         )
     return sets[0]
 

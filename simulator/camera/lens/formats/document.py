@@ -67,14 +67,14 @@ def plain_name(key: object) -> str:
     return _LINK.sub("", str(key).lower())
 
 
-def parse_document(content: bytes, where: str) -> Document:
+def parse_document(content: bytes, source: str) -> Document:
     """Parse the text of a camera file; every number in it is finite.
 
     Parameters
     ----------
     content : bytes
         Bytes of the file.
-    where : str
+    source : str
         Name of the file in messages.
 
     Raises
@@ -84,35 +84,35 @@ def parse_document(content: bytes, where: str) -> Document:
     """
     for magic, kind in _BINARY:
         if content.startswith(magic):
-            raise UserError(f"{where} is no camera file but {kind}")
-    text = decode_text(content, where)
+            raise UserError(f"{source} is no camera file but {kind}")
+    text = decode_text(content, source)
     if "\0" in text:
-        raise UserError(f"{where} is not text: give a camera file, for example JSON or YAML")
-    document = _parse_text(text, content, where)
-    _refuse_not_finite(document.table, where, "")
+        raise UserError(f"{source} is not text: give a camera file, for example JSON or YAML")
+    document = _parse_text(text, content, source)
+    _refuse_not_finite(document.table, source, "")
     return document
 
 
-def _parse_text(text: str, content: bytes, where: str) -> Document:
+def _parse_text(text: str, content: bytes, source: str) -> Document:
     lines = [line for line in text.splitlines() if line.strip() and not line.lstrip().startswith("#")]
     if lines and all(_COLMAP_LINE.match(line) for line in lines):
         return Document({"cameras": [line.split() for line in lines]}, "colmap")
     if any(line.strip() == "camera matrix" for line in lines):
-        return Document(_parse_ini(lines, where), "ini")
+        return Document(_parse_ini(lines, source), "ini")
     start = text.lstrip()
     if start.startswith("<"):
-        return Document(parse_xml(text, where), "xml")
+        return Document(parse_xml(text, source), "xml")
     text = _BARE_ROWS.sub(", ", _BARE_LIST.sub(_with_commas, text))
     several = False
     # a printed Python dictionary is YAML, not JSON
     if start.startswith("{") and not start.startswith("{'"):
         syntax: Syntax = "json"
-        table = _parse_json(text, content, where)
+        table = _parse_json(text, content, source)
     else:
         syntax = "yaml"
-        table, several = parse_yaml(text, where)
+        table, several = parse_yaml(text, source)
     if not isinstance(table, dict):
-        raise UserError(f"{where} is not JSON or YAML with a table of keys: give a camera file")
+        raise UserError(f"{source} is not JSON or YAML with a table of keys: give a camera file")
     return Document(table, syntax, several)
 
 
@@ -120,23 +120,23 @@ def _with_commas(match: re.Match[str]) -> str:
     return f"[{', '.join(match[1].split())}]"
 
 
-def _parse_json(text: str, content: bytes, where: str) -> Any:  # noqa: ANN401 - any JSON value
+def _parse_json(text: str, content: bytes, source: str) -> Any:  # noqa: ANN401 - any JSON value
     def unique_keys(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
         table: dict[str, Any] = {}
         for key, value in pairs:
             if key in table:
-                raise UserError(f"{where} has the key {key} twice in one table; delete one")
+                raise UserError(f"{source} has the key {key} twice in one table; delete one")
             table[key] = value
         return table
 
-    refuse_deep(content, where)
+    refuse_deep(content, source)
     try:
         return json.loads(text, object_pairs_hook=unique_keys)
     except (ValueError, RecursionError) as error:
-        raise UserError(f"{where} is not JSON: {error}") from error
+        raise UserError(f"{source} is not JSON: {error}") from error
 
 
-def _parse_ini(lines: list[str], where: str) -> dict[str, Any]:
+def _parse_ini(lines: list[str], source: str) -> dict[str, Any]:
     """Parse ROS's INI calibration: a line of words names the numbers on the lines below it."""
     words: dict[str, list[str]] = {}
     camera, name = "", ""
@@ -145,12 +145,12 @@ def _parse_ini(lines: list[str], where: str) -> dict[str, Any]:
             section = line.strip("[]")
             if section not in ("image", "externals"):
                 if camera:
-                    raise UserError(f"{where} holds several cameras, the second is {section}; keep one")
+                    raise UserError(f"{source} holds several cameras, the second is {section}; keep one")
                 camera = section
         elif re.fullmatch(rf"{NUMBER}(?:\s++{NUMBER})*+", line):
             words.setdefault(name, []).append(line)
         elif line in words:
-            raise UserError(f"{where} has the key {line} twice; delete one")
+            raise UserError(f"{source} has the key {line} twice; delete one")
         else:
             name = line
             words[name] = []
@@ -159,14 +159,14 @@ def _parse_ini(lines: list[str], where: str) -> dict[str, Any]:
     }
 
 
-def _refuse_not_finite(value: Any, where: str, key: str) -> None:  # noqa: ANN401 - a value of JSON is anything
+def _refuse_not_finite(value: Any, source: str, key: str) -> None:  # noqa: ANN401 - a value of JSON is anything
     if isinstance(value, dict):
         for k, v in value.items():
-            _refuse_not_finite(v, where, f"{key}.{k}" if key else str(k))
+            _refuse_not_finite(v, source, f"{key}.{k}" if key else str(k))
     elif isinstance(value, list):
         for v in value:
-            _refuse_not_finite(v, where, key)
+            _refuse_not_finite(v, source, key)
     elif isinstance(value, float) and not math.isfinite(value):
-        raise UserError(f"{where}: key {key} is {value}, a finite number is needed")
+        raise UserError(f"{source}: key {key} is {value}, a finite number is needed")
     elif isinstance(value, int) and abs(value) > MAX_NUMBER:
-        raise UserError(f"{where}: key {key} has {len(str(value))} digits, a number up to 1e300 is needed")
+        raise UserError(f"{source}: key {key} has {len(str(value))} digits, a number up to 1e300 is needed")

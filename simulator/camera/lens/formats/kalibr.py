@@ -47,7 +47,7 @@ def _cameras(table: dict[str, Any]) -> dict[str, Any]:
     return {k: v for k, v in table.items() if isinstance(v, dict) and "intrinsics" in v and k != "value0"}
 
 
-def read_kalibr(document: Document, where: str) -> CameraFile:
+def read_kalibr(document: Document, source: str) -> CameraFile:
     """Read the first camera of a camchain, or EuRoC's sensor.yaml.
 
     Raises
@@ -57,8 +57,8 @@ def read_kalibr(document: Document, where: str) -> CameraFile:
     """
     cameras = _cameras(document.table)
     if not cameras:
-        return _read_one(Keys(document.table, where, "EuRoC's sensor.yaml"), "", [])
-    chain = Keys(document.table, where, "a Kalibr camchain")
+        return _read_one(Keys(document.table, source, "EuRoC's sensor.yaml"), "", [])
+    chain = Keys(document.table, source, "a Kalibr camchain")
     for camera_name in cameras:
         chain.get(camera_name)
     chain.done()
@@ -91,7 +91,7 @@ def _read_one(keys: Keys, name: str, notes: list[str]) -> CameraFile:
     return camera_file(keys, size, intrinsics, model or "none", coefficients, name=name, notes=notes)
 
 
-def write_kalibr(camera: CameraFile, where: str) -> str:
+def write_kalibr(camera: CameraFile, source: str) -> str:
     """Return the text of a camchain of one camera.
 
     Raises
@@ -102,8 +102,8 @@ def write_kalibr(camera: CameraFile, where: str) -> str:
     coefficients = list(camera.distortion.coefficients)
     if len(coefficients) > 4 and any(coefficients[4:]):
         raise UserError(
-            f"{where}: Kalibr's radtan lens has k1 k2 p1 p2 only, this one has {len(coefficients)} coefficients; write "
-            "opencv or ros"
+            f"{source}: Kalibr's radtan lens has k1 k2 p1 p2 only, this one has {len(coefficients)} coefficients; "
+            "write opencv or ros"
         )
     table = {
         "cam0": {
@@ -129,7 +129,7 @@ def is_basalt(document: Document) -> bool:
     )
 
 
-def read_basalt(document: Document, where: str) -> CameraFile:
+def read_basalt(document: Document, source: str) -> CameraFile:
     """Read the first camera of Basalt's calibration.json.
 
     Raises
@@ -137,20 +137,20 @@ def read_basalt(document: Document, where: str) -> CameraFile:
     UserError
         If a key is unknown, or the lens is not supported.
     """
-    document_keys = Keys(document.table, where, "a Basalt calibration")
+    document_keys = Keys(document.table, source, "a Basalt calibration")
     rig = document_keys.inner("value0") if document_keys.find("value0") else document_keys
     cameras, sizes = rig.get("intrinsics"), rig.get("resolution")
     rig.ignore(_BASALT_RIG)
     rig.done()
     if rig is not document_keys:
         document_keys.done()
-    size = flat_numbers(sizes, f"{where}: key resolution") if sizes else []
+    size = flat_numbers(sizes, f"{source}: key resolution") if sizes else []
     if len(size) < 2:
         raise rig.error("lacks the resolution [[width, height]] of its cameras; add it")
-    camera = Keys(cameras[0], where, "a Basalt calibration", "intrinsics[0].")
+    camera = Keys(cameras[0], source, "a Basalt calibration", "intrinsics[0].")
     kind = str(camera.get("camera_type"))
     if kind not in _BASALT_MODELS:
-        raise unsupported_model(f"{where}: key intrinsics[0].camera_type", kind, ", ".join(_BASALT_MODELS))
+        raise unsupported_model(f"{source}: key intrinsics[0].camera_type", kind, ", ".join(_BASALT_MODELS))
     model, names = _BASALT_MODELS[kind]
     lens = camera.inner("intrinsics")
     camera.done()

@@ -29,7 +29,7 @@ class Keys:
     ----------
     table : dict
         The table.
-    where : str
+    source : str
         Name of the file in messages.
     form : str
         Name of the format in messages, for example "ROS calibration".
@@ -37,18 +37,18 @@ class Keys:
         Key of the table within the file, with its dot.
     """
 
-    def __init__(self, table: Any, where: str, form: str, path: str = "") -> None:  # noqa: ANN401 - any value
-        self.where, self.form, self.path = where, form, path
+    def __init__(self, table: Any, source: str, form: str, path: str = "") -> None:  # noqa: ANN401 - any value
+        self.where, self.form, self.path = source, form, path
         if not isinstance(table, dict):
             raise UserError(
-                f"{where}: key {path.rstrip('.')} is {_abbreviate(table)}, a table of keys is needed"
+                f"{source}: key {path.rstrip('.')} is {_abbreviate(table)}, a table of keys is needed"
             )
         self._names: dict[str, str] = {}
         for name in table:
             key = plain_name(name)
             if key in self._names:
                 raise UserError(
-                    f"{where} has the keys {self._names[key]} and {name}, which say the same; delete one"
+                    f"{source} has the keys {self._names[key]} and {name}, which say the same; delete one"
                 )
             self._names[key] = name
         self._table = table
@@ -189,7 +189,7 @@ class Keys:
         return f"{self.where}: key {self.path}{self.find(*names) or names[0]}"
 
 
-def flat_numbers(value: Any, where: str) -> list[float]:  # noqa: ANN401 - a value of YAML is anything
+def flat_numbers(value: Any, source: str) -> list[float]:  # noqa: ANN401 - a value of YAML is anything
     """Return the numbers of nested lists, OpenCV's matrix or text of numbers.
 
     Raises
@@ -201,9 +201,9 @@ def flat_numbers(value: Any, where: str) -> list[float]:  # noqa: ANN401 - a val
         unexpected = [key for key in value if key not in _MATRIX_KEYS]
         if unexpected or "data" not in value:
             raise UserError(
-                f"{where} is a table with the keys {', '.join(map(str, value))[:80]}, a list of numbers is needed"
+                f"{source} is a table with the keys {', '.join(map(str, value))[:80]}, a list of numbers is needed"
             )
-        data = flat_numbers(value["data"], where)
+        data = flat_numbers(value["data"], source)
         rows, columns = value.get("rows"), value.get("cols")
         if (
             isinstance(rows, int)
@@ -211,19 +211,19 @@ def flat_numbers(value: Any, where: str) -> list[float]:  # noqa: ANN401 - a val
             and rows * columns != len(data)
             and _one_channel(value)
         ):
-            raise UserError(f"{where} has {len(data)} numbers, its rows and cols say {rows} x {columns}")
+            raise UserError(f"{source} has {len(data)} numbers, its rows and cols say {rows} x {columns}")
         return data
     if isinstance(value, list):
-        return [number for inner in value for number in flat_numbers(inner, where)]
+        return [number for inner in value for number in flat_numbers(inner, source)]
     if isinstance(value, int | float) and not isinstance(value, bool):
         return [float(value)]
     words = re.split(r"[\s,]+", value.strip()) if isinstance(value, str) else [""]
     if not all(_NUMBER.fullmatch(word) for word in words):
-        raise UserError(f"{where} holds {_abbreviate(value)}, numbers are needed")
+        raise UserError(f"{source} holds {_abbreviate(value)}, numbers are needed")
     return [float(word) for word in words]
 
 
-def camera_matrix(elements: list[float], where: str) -> Matrix:
+def camera_matrix(elements: list[float], source: str) -> Matrix:
     """Return fx, fy, cx, cy of a 3 x 3 matrix in rows.
 
     Raises
@@ -232,18 +232,18 @@ def camera_matrix(elements: list[float], where: str) -> Matrix:
         If it is not a camera matrix, or has a skew.
     """
     if len(elements) != 9:
-        raise UserError(f"{where} has {len(elements)} numbers, a 3 x 3 matrix is needed")
+        raise UserError(f"{source} has {len(elements)} numbers, a 3 x 3 matrix is needed")
     if not any(elements[:8]):
-        raise UserError(f"{where} is 0: the camera is not calibrated; calibrate it")
+        raise UserError(f"{source} is 0: the camera is not calibrated; calibrate it")
     if abs(elements[8] - 1) > _SKEW_TOLERANCE or any(
         abs(v) > 1e-12 for v in (elements[3], elements[6], elements[7])
     ):
         raise UserError(
-            f"{where} is not a camera matrix in row order: its last row must be 0 0 1, and the one before 0 fy cy"
+            f"{source} is not a camera matrix in row order: its last row must be 0 0 1, and the one before 0 fy cy"
         )
     if abs(elements[1]) > _SKEW_TOLERANCE * abs(elements[0]):
         raise UserError(
-            f"{where} has a skew of {elements[1]:g} px, which is not drawn; calibrate with the skew fixed at 0"
+            f"{source} has a skew of {elements[1]:g} px, which is not drawn; calibrate with the skew fixed at 0"
         )
     return elements[0], elements[4], elements[2], elements[5]
 

@@ -123,20 +123,20 @@ def camera_file(
         If a key is unread, the coefficients are missing or too many, or a number is out of bounds.
     """
     keys.done()
-    where = keys.where
+    source = keys.where
     fx, fy, cx, cy = intrinsics
     if min(fx, fy) <= 0:
         raise UserError(
-            f"{where}: the camera matrix is singular: its focal lengths are {fx:g} and {fy:g} px, both must be above 0"
+            f"{source}: the camera matrix is singular: its focal lengths are {fx:g} and {fy:g} px, both must be above 0"
         )
     table = {
-        "width_px": whole_pixels(size[0], where),
-        "height_px": whole_pixels(size[1], where),
+        "width_px": whole_pixels(size[0], source),
+        "height_px": whole_pixels(size[1], source),
         "fx_px": fx,
         "fy_px": fy,
         "cx_px": cx,
         "cy_px": cy,
-        "distortion": _distortion(model, coefficients, where),
+        "distortion": _distortion(model, coefficients, source),
         "pixel_pitch_um": pixel_pitch_um,
         "name": "".join(c for c in name[:200] if c.isprintable()),
         "notes": "; ".join(notes),
@@ -146,34 +146,34 @@ def camera_file(
     try:
         return msgspec.convert(table, CameraFile)
     except msgspec.ValidationError as error:
-        raise UserError(f"{where}: {error}") from error
+        raise UserError(f"{source}: {error}") from error
 
 
 def _distortion(
-    model: DistortionModel, coefficients: Sequence[float] | None, where: str
+    model: DistortionModel, coefficients: Sequence[float] | None, source: str
 ) -> dict[str, object]:
     if coefficients is None or (not coefficients and model != "none"):
         if model != "none":
-            raise UserError(f"{where} names the lens model {model} but has no coefficients for it; add them")
+            raise UserError(f"{source} names the lens model {model} but has no coefficients for it; add them")
         coefficients = ()
     if model == "none":
         if any(coefficients):
             raise UserError(
-                f"{where} has coefficients of a distortion, but names a lens without one; delete them"
+                f"{source} has coefficients of a distortion, but names a lens without one; delete them"
             )
         return {"model": "none", "coefficients": ()}
     counts = COEFFICIENT_COUNTS[model]
     if len(coefficients) > counts[-1]:
         if model == "brown_conrady" and any(coefficients[counts[-1] :]):
             raise UserError(
-                f"{where}: thin prism and tilt terms of the distortion are not drawn; calibrate without them"
+                f"{source}: thin prism and tilt terms of the distortion are not drawn; calibrate without them"
             )
         if model == "brown_conrady":
             coefficients = coefficients[: counts[-1]]
     if len(coefficients) not in counts:
         counts_text = " or ".join(map(str, counts))
         raise UserError(
-            f"{where} has {len(coefficients)} coefficients of the lens, {model} takes {counts_text}"
+            f"{source} has {len(coefficients)} coefficients of the lens, {model} takes {counts_text}"
         )
     if model == "brown_conrady" and not any(coefficients):
         return {"model": "none", "coefficients": ()}
@@ -181,7 +181,7 @@ def _distortion(
     return {"model": model, "coefficients": tuple(coefficients)}
 
 
-def whole_pixels(value: float, where: str) -> int:
+def whole_pixels(value: float, source: str) -> int:
     """Return a size in pixels as an integer.
 
     Raises
@@ -191,6 +191,6 @@ def whole_pixels(value: float, where: str) -> int:
     """
     if value != int(value):
         raise UserError(
-            f"{where}: the image is {value:g} pixels wide or high, a whole number of pixels is needed"
+            f"{source}: the image is {value:g} pixels wide or high, a whole number of pixels is needed"
         )
     return int(value)

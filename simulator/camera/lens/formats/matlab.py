@@ -32,7 +32,7 @@ def is_matlab(document: Document) -> bool:
     return any(mark in document.table for mark in marks)
 
 
-def read_matlab(document: Document, where: str) -> CameraFile:
+def read_matlab(document: Document, source: str) -> CameraFile:
     """Read jsonencode of cameraIntrinsics, of cameraParameters, or of its toStruct.
 
     Raises
@@ -40,7 +40,7 @@ def read_matlab(document: Document, where: str) -> CameraFile:
     UserError
         If a key is unknown, or the lens is MATLAB's own fish-eye.
     """
-    keys = Keys(document.table, where, "MATLAB's cameraParameters")
+    keys = Keys(document.table, source, "MATLAB's cameraParameters")
     keys.ignore(_REPORT)
     if keys.find("Intrinsics"):
         inner = keys.inner("Intrinsics")
@@ -53,7 +53,7 @@ def read_matlab(document: Document, where: str) -> CameraFile:
         keys = inner
     if any(keys.find(name) for name in _FISHEYE):
         raise unsupported_model(
-            f"{where}: its class", "fisheyeIntrinsics", "cameraParameters, cameraIntrinsics"
+            f"{source}: its class", "fisheyeIntrinsics", "cameraParameters, cameraIntrinsics"
         )
     size = keys.numbers("ImageSize")
     if not size or len(size) != 2:

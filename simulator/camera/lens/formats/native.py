@@ -30,7 +30,7 @@ def _holds_camera(document: Document) -> bool:
     return ours and isinstance(document.table.get("camera"), dict)
 
 
-def read_native(document: Document, where: str) -> CameraFile:
+def read_native(document: Document, source: str) -> CameraFile:
     """Read CAMERA.json, a data sheet, or the camera of a truth record or card.
 
     Raises
@@ -43,11 +43,11 @@ def read_native(document: Document, where: str) -> CameraFile:
     kind: type[CameraFile | LensFile] = (
         LensFile if _DATA_SHEET.intersection(raw) and "fx_px" not in raw else CameraFile
     )
-    camera = convert_document(raw, kind, where)
-    return camera.solve(where) if isinstance(camera, LensFile) else camera
+    camera = convert_document(raw, kind, source)
+    return camera.solve(source) if isinstance(camera, LensFile) else camera
 
 
-def write_native(camera: CameraFile, where: str) -> str:  # noqa: ARG001 - a writer's signature
+def write_native(camera: CameraFile, source: str) -> str:  # noqa: ARG001 - a writer's signature
     """Return the text of CAMERA.json."""
     fields = {k: v for k, v in msgspec.to_builtins(camera).items() if v is not None}
     return msgspec.json.format(msgspec.json.encode(fields), indent=1).decode() + "\n"

@@ -65,7 +65,7 @@ def is_opencv(document: Document) -> bool:
     return not document.names.isdisjoint(map(plain_name, MATRIX))
 
 
-def read_opencv(document: Document, where: str) -> CameraFile:
+def read_opencv(document: Document, source: str) -> CameraFile:
     """Read OpenCV's FileStorage (YAML, XML, JSON) or a script's dump.
 
     Raises
@@ -73,10 +73,10 @@ def read_opencv(document: Document, where: str) -> CameraFile:
     UserError
         If a key is unknown, or a lens is not supported.
     """
-    return _read(Keys(document.table, where, "OpenCV's calibration"), [])
+    return _read(Keys(document.table, source, "OpenCV's calibration"), [])
 
 
-def read_ros(document: Document, where: str) -> CameraFile:
+def read_ros(document: Document, source: str) -> CameraFile:
     """Read ROS's calibration file, a CameraInfo message or an INI file.
 
     Raises
@@ -84,7 +84,7 @@ def read_ros(document: Document, where: str) -> CameraFile:
     UserError
         If a key is unknown, a lens is not supported, or the image is binned or cropped.
     """
-    keys = Keys(document.table, where, "ROS camera_info")
+    keys = Keys(document.table, source, "ROS camera_info")
     keys.ignore("header", "translation rotation" if document.syntax == "ini" else "")
     keys.allow("binning_x", 0, 1, advice=_CROPPED)
     keys.allow("binning_y", 0, 1, advice=_CROPPED)
@@ -169,7 +169,7 @@ def _rectified_note(keys: Keys) -> list[str]:
     return ["rectification and projection matrix belong to a rectified image; drawn is the raw one"]
 
 
-def write_opencv(camera: CameraFile, where: str) -> str:  # noqa: ARG001 - a writer's signature
+def write_opencv(camera: CameraFile, source: str) -> str:  # noqa: ARG001 - a writer's signature
     """Return the text of OpenCV's FileStorage as YAML."""
     fisheye = camera.distortion.model == "kannala_brandt"
     padded = list(camera.distortion.coefficients) or [0.0] * 5
@@ -187,7 +187,7 @@ def _opencv_matrix(name: str, rows: int, columns: int, data: list[float]) -> str
     return f"{name}: !!opencv-matrix\n   rows: {rows}\n   cols: {columns}\n   dt: d\n   data: [ {values} ]\n"
 
 
-def write_ros(camera: CameraFile, where: str) -> str:  # noqa: ARG001 - a writer's signature
+def write_ros(camera: CameraFile, source: str) -> str:  # noqa: ARG001 - a writer's signature
     """Return the text of ROS's calibration file."""
     coefficients = list(camera.distortion.coefficients)
     name = (

@@ -52,7 +52,7 @@ def is_colmap(document: Document) -> bool:
     return document.syntax == "colmap"
 
 
-def read_colmap(document: Document, where: str) -> CameraFile:
+def read_colmap(document: Document, source: str) -> CameraFile:
     """Read cameras.txt, whose cameras must be equal.
 
     Raises
@@ -62,21 +62,21 @@ def read_colmap(document: Document, where: str) -> CameraFile:
     """
     cameras = document.table["cameras"]
     if any(camera[1:] != cameras[0][1:] for camera in cameras[1:]):
-        raise UserError(f"{where} holds {len(cameras)} cameras that differ; keep the line of one")
+        raise UserError(f"{source} holds {len(cameras)} cameras that differ; keep the line of one")
     number, name, width, height, *words = cameras[0]
     if name not in _COLMAP_MODELS:
         raise unsupported_model(
-            f"{where}: COLMAP's model of camera {number}", name, ", ".join(_COLMAP_MODELS)
+            f"{source}: COLMAP's model of camera {number}", name, ", ".join(_COLMAP_MODELS)
         )
     model, parameters, order = _COLMAP_MODELS[name]
-    values = flat_numbers(words, f"{where}: camera {number}")
+    values = flat_numbers(words, f"{source}: camera {number}")
     if len(values) != len(parameters.split()):
-        raise UserError(f"{where}: camera {number} has {len(values)} parameters, {name} takes {parameters}")
+        raise UserError(f"{source}: camera {number} has {len(values)} parameters, {name} takes {parameters}")
     table = {"0": 0.0} | dict(zip(parameters.split(), values, strict=True))
     f = table.get("f", 0.0)
     centre = (table["cx"] + CORNER_TO_CENTRE_PX, table["cy"] + CORNER_TO_CENTRE_PX)
     return camera_file(
-        Keys({}, where, "COLMAP's cameras.txt"),
+        Keys({}, source, "COLMAP's cameras.txt"),
         (int(width), int(height)),
         (table.get("fx", f), table.get("fy", f), *centre),
         model,
@@ -95,7 +95,7 @@ def is_nerf(document: Document) -> bool:
     )
 
 
-def read_nerf(document: Document, where: str) -> CameraFile:
+def read_nerf(document: Document, source: str) -> CameraFile:
     """Read the one camera of transforms.json.
 
     Raises
@@ -103,10 +103,10 @@ def read_nerf(document: Document, where: str) -> CameraFile:
     UserError
         If a key is unknown, frames have different cameras, or the lens is not supported.
     """
-    file_keys = Keys(document.table, where, "NeRF's transforms.json")
+    file_keys = Keys(document.table, source, "NeRF's transforms.json")
     file_keys.ignore(_NERF_SCENE, *_NERF_LENS)
     file_keys.done()
-    keys = Keys(_common_lens(document.table, where), where, "NeRF's transforms.json")
+    keys = Keys(_common_lens(document.table, source), source, "NeRF's transforms.json")
     if not keys.find("w") or not keys.find("h"):
         raise keys.error("lacks w and h, the size of its images in pixels; add them")
     width, height = keys.count("w"), keys.count("h")
@@ -126,25 +126,25 @@ def read_nerf(document: Document, where: str) -> CameraFile:
     return camera_file(keys, (width, height), intrinsics, model, coefficients)
 
 
-def _common_lens(table: dict[str, Any], where: str) -> dict[str, Any]:
+def _common_lens(table: dict[str, Any], source: str) -> dict[str, Any]:
     """Return the intrinsics common to all frames; a frame's own take precedence over those of the file."""
     common = {key: table[key] for key in _NERF_LENS if key in table}
     frames = table.get("frames")
     lenses = []
     for k, frame in enumerate(frames if isinstance(frames, list) else []):
         if not isinstance(frame, dict):
-            raise UserError(f"{where}: key frames[{k}] is no table of keys")
+            raise UserError(f"{source}: key frames[{k}] is no table of keys")
         unexpected = next(
             (key for key in frame if key not in _NERF_FRAME.split() and key not in _NERF_LENS), None
         )
         if unexpected is not None:
             raise UserError(
-                f"{where}: key frames[{k}].{unexpected} is not known in a file of NeRF's transforms.json, so it could "
+                f"{source}: key frames[{k}].{unexpected} is not known in a file of NeRF's transforms.json, so it could "
                 "change the lens unseen: delete it"
             )
         lenses.append(common | {key: frame[key] for key in _NERF_LENS if key in frame})
     if any(lens != lenses[0] for lens in lenses[1:]):
-        raise UserError(f"{where} has frames with different cameras; keep the frames of one")
+        raise UserError(f"{source} has frames with different cameras; keep the frames of one")
     return lenses[0] if lenses else common
 
 
@@ -203,7 +203,7 @@ def _is_scene_camera(table: dict[str, Any]) -> bool:
     return bool(table) and all(isinstance(v, dict) and "cam_K" in v for v in table.values())
 
 
-def read_bop(document: Document, where: str) -> CameraFile:
+def read_bop(document: Document, source: str) -> CameraFile:
     """Read BOP's camera.json.
 
     Raises
@@ -213,14 +213,15 @@ def read_bop(document: Document, where: str) -> CameraFile:
     """
     if _is_scene_camera(document.table):
         matrices = [
-            camera_matrix(flat_numbers(v["cam_K"], where), f"{where}: cam_K") for v in document.table.values()
+            camera_matrix(flat_numbers(v["cam_K"], source), f"{source}: cam_K")
+            for v in document.table.values()
         ]
         description = "of one camera" if len(set(matrices)) == 1 else "of cameras that differ"
         raise UserError(
-            f"{where} is BOP's scene_camera.json {description}, without an image size: give the data set's "
+            f"{source} is BOP's scene_camera.json {description}, without an image size: give the data set's "
             "camera.json, or write one: width, height, fx, fy, cx, cy"
         )
-    keys = Keys(document.table, where, "BOP's camera.json")
+    keys = Keys(document.table, source, "BOP's camera.json")
     size = (keys.count("width"), keys.count("height"))
     intrinsics = [keys.number(name) for name in ("fx", "fy", "cx", "cy")]
     keys.ignore("depth_scale")

@@ -88,7 +88,7 @@ WITH_ENCODING = ("native", "speed")
 WRITABLE_FORMATS = tuple(form.name for form in CAMERA_FORMATS if form.write is not None)
 
 
-def read_camera_document(document: Document, where: str) -> CameraFile:
+def read_camera_document(document: Document, source: str) -> CameraFile:
     """Read a camera in any known format.
 
     Raises
@@ -98,10 +98,10 @@ def read_camera_document(document: Document, where: str) -> CameraFile:
     """
     form = next((form for form in CAMERA_FORMATS if form.recognises(document)), None)
     if form is None:
-        raise UserError(f"{where} {_unrecognised(document)}")
+        raise UserError(f"{source} {_unrecognised(document)}")
     if document.several and form.name != "ros":
-        raise UserError(f"{where} holds several YAML documents; keep the one of the camera")
-    return form.read(document, where)
+        raise UserError(f"{source} holds several YAML documents; keep the one of the camera")
+    return form.read(document, source)
 
 
 def _unrecognised(document: Document) -> str:
@@ -110,7 +110,7 @@ def _unrecognised(document: Document) -> str:
     return f"is none of the camera files that are read (its keys are {keys or 'none'}): give {titles}"
 
 
-def camera_text(camera: CameraFile, form: str, where: str) -> str:
+def camera_text(camera: CameraFile, form: str, source: str) -> str:
     """Return a camera as text of a format.
 
     Raises
@@ -127,7 +127,7 @@ def camera_text(camera: CameraFile, form: str, where: str) -> str:
         )
     if camera.encoding is not UNSET and camera.encoding != "linear" and form not in WITH_ENCODING:
         raise UserError(
-            f"{where}: {form} files do not say that images are {camera.encoding}-encoded; "
+            f"{source}: {form} files do not say that images are {camera.encoding}-encoded; "
             f"write {', '.join(WITH_ENCODING)}"
         )
-    return writers[form](camera, where)
+    return writers[form](camera, source)

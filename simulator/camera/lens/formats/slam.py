@@ -47,7 +47,7 @@ def is_orb(document: Document) -> bool:
     )
 
 
-def read_orb(document: Document, where: str) -> CameraFile:
+def read_orb(document: Document, source: str) -> CameraFile:
     """Read the camera of ORB-SLAM's or stella_vslam's settings; the first one of a stereo pair.
 
     Raises
@@ -59,12 +59,12 @@ def read_orb(document: Document, where: str) -> CameraFile:
     for section, value in document.table.items():
         nested = isinstance(value, dict) and "data" not in value
         table |= {f"{section}.{key}": v for key, v in value.items()} if nested else {section: value}
-    keys = Keys(table, where, "ORB-SLAM or stella_vslam settings")
+    keys = Keys(table, source, "ORB-SLAM or stella_vslam settings")
     kind = str(keys.get("Camera.type", "Camera.model") or "pinhole")
     lens_type = kind.lower()
     if lens_type not in (*_PINHOLES, *_FISHEYES, "rectified"):
         raise unsupported_model(
-            f"{where}: key Camera.type", kind, "PinHole, KannalaBrandt8, Rectified, perspective, fisheye"
+            f"{source}: key Camera.type", kind, "PinHole, KannalaBrandt8, Rectified, perspective, fisheye"
         )
     intrinsics = [keys.number(*_spelled(name)) for name in ("fx", "fy", "cx", "cy")]
     size = [
@@ -114,7 +114,7 @@ def is_vins(document: Document) -> bool:
     return any(key in document.table for key in ("model_type", "projection_parameters", "cam0_calib"))
 
 
-def read_vins(document: Document, where: str) -> CameraFile:
+def read_vins(document: Document, source: str) -> CameraFile:
     """Read a camera of VINS-Mono or VINS-Fusion.
 
     Raises
@@ -122,14 +122,14 @@ def read_vins(document: Document, where: str) -> CameraFile:
     UserError
         If a key is unknown, or the lens is not supported.
     """
-    keys = Keys(document.table, where, "VINS settings")
+    keys = Keys(document.table, source, "VINS settings")
     if keys.find("cam0_calib"):
         raise UserError(
-            f"{where} names its camera in another file: give that one, {str(keys.get('cam0_calib'))[:60]!r}"
+            f"{source} names its camera in another file: give that one, {str(keys.get('cam0_calib'))[:60]!r}"
         )
     kind = str(keys.get("model_type") or "")
     if kind not in ("PINHOLE", "KANNALA_BRANDT"):
-        raise unsupported_model(f"{where}: key model_type", kind, "PINHOLE, KANNALA_BRANDT")
+        raise unsupported_model(f"{source}: key model_type", kind, "PINHOLE, KANNALA_BRANDT")
     size = [keys.count("image_width"), keys.count("image_height")]
     projection = keys.inner("projection_parameters")
     lens = keys.inner("distortion_parameters") if keys.find("distortion_parameters") else None

@@ -30,7 +30,7 @@ def is_speed(document: Document) -> bool:
     return {"nu", "nv"} <= document.names
 
 
-def read_speed(document: Document, where: str) -> CameraFile:
+def read_speed(document: Document, source: str) -> CameraFile:
     """Read SPEED's or SPEED+'s camera.json.
 
     Raises
@@ -38,7 +38,7 @@ def read_speed(document: Document, where: str) -> CameraFile:
     UserError
         If a key is unknown, a length is not positive, or the lengths disagree with the matrix.
     """
-    keys = Keys(document.table, where, "SPEED's camera.json")
+    keys = Keys(document.table, source, "SPEED's camera.json")
     width, height = keys.count("Nu"), keys.count("Nv")
     matrix = keys.matrix("cameraMatrix", "K")
     by_length = _by_length(keys, width, height)
@@ -110,7 +110,7 @@ def _disagreement(keys: Keys, matrix: Matrix, by_length: Matrix | None) -> list[
     ]
 
 
-def write_speed(camera: CameraFile, where: str) -> str:
+def write_speed(camera: CameraFile, source: str) -> str:
     """Return the text of SPEED's camera.json.
 
     Raises
@@ -119,7 +119,7 @@ def write_speed(camera: CameraFile, where: str) -> str:
         If the lens is a fish-eye.
     """
     if camera.distortion.model == "kannala_brandt":
-        raise UserError(f"{where}: SPEED's camera file has no fisheye lens; write opencv, ros or kalibr")
+        raise UserError(f"{source}: SPEED's camera file has no fisheye lens; write opencv, ros or kalibr")
     K = flat_matrix(camera)
     pitch_x_m, pitch_y_m = (p * 1e-6 for p in camera.pixel_pitch_um or (_PITCH_UM, _PITCH_UM))
     table = {

@@ -32,7 +32,7 @@ class _Tree(ET.TreeBuilder):
         raise ValueError("it has a document type, which is not read")
 
 
-def parse_xml(text: str, where: str) -> dict[str, Any]:
+def parse_xml(text: str, source: str) -> dict[str, Any]:
     """Parse a file of OpenCV's FileStorage.
 
     Raises
@@ -52,10 +52,10 @@ def parse_xml(text: str, where: str) -> dict[str, Any]:
         value = _value(root)
     except (ET.ParseError, ValueError) as error:
         raise UserError(
-            f"{where} is not OpenCV's XML: {error}; give a calibration as JSON or YAML"
+            f"{source} is not OpenCV's XML: {error}; give a calibration as JSON or YAML"
         ) from error
     if not isinstance(value, dict):
-        raise UserError(f"{where} holds no keys; give a camera file")
+        raise UserError(f"{source} holds no keys; give a camera file")
     return value
 
 

@@ -37,7 +37,7 @@ def scalar(text: str) -> Any:  # noqa: ANN401 - number, truth value, text or Non
     return text
 
 
-def parse_yaml(text: str, where: str) -> tuple[Any, bool]:
+def parse_yaml(text: str, source: str) -> tuple[Any, bool]:
     """Parse the first document that is not empty; return it, and True if other documents follow.
 
     Raises
@@ -46,7 +46,7 @@ def parse_yaml(text: str, where: str) -> tuple[Any, bool]:
         If it is not YAML, has a duplicate key, or is longer or deeper than a camera file.
     """
     if len(text) > MAX_YAML_BYTES:
-        raise UserError(f"{where} is YAML of more than {MAX_YAML_BYTES / 1e6:g} MB: give the camera alone")
+        raise UserError(f"{source} is YAML of more than {MAX_YAML_BYTES / 1e6:g} MB: give the camera alone")
     # OpenCV writes %YAML:1.0, which YAML does not allow
     text = re.sub(r"^%YAML[: ].*$", "", text, flags=re.MULTILINE)
     document = None
@@ -66,7 +66,7 @@ def parse_yaml(text: str, where: str) -> tuple[Any, bool]:
         has_more = False
     except (yaml.YAMLError, ValueError, OverflowError, RecursionError) as error:
         location = " ".join(str(error).split())
-        raise UserError(f"{where} is not JSON and not YAML: {location}; give a camera file") from error
+        raise UserError(f"{source} is not JSON and not YAML: {location}; give a camera file") from error
     return document, has_more
 
 

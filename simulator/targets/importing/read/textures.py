@@ -126,12 +126,12 @@ class PictureReader:
         UserError
             If this image, or all together, have too many pixels; checked before decoding.
         """
-        where = f"{self.model}: texture {name[:80]!r}"
+        source = f"{self.model}: texture {name[:80]!r}"
         description = next((what for magic, what in NOT_READ.items() if magic in data[:16]), "")
         if description or picture_size(data) is None:
             self.missing[name] = _unreadable(name, description)
             return None
-        check_picture(data, where)
+        check_picture(data, source)
         width, height = picture_size(data) or (0, 0)
         self.count += 1
         self.pixels += width * height

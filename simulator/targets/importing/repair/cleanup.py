@@ -109,7 +109,7 @@ def _copies(triangles: IntArray) -> BoolArray:
     return is_copy
 
 
-def orient_body(body: MeshBody, where: str, counts: RepairCounts, *, lenient: bool) -> tuple[MeshBody, int]:
+def orient_body(body: MeshBody, source: str, counts: RepairCounts, *, lenient: bool) -> tuple[MeshBody, int]:
     """Orient every connected piece consistently and outwards.
 
     The outside of a closed piece follows from the sign of its volume, that of an open piece from the file's normals or,
@@ -119,7 +119,7 @@ def orient_body(body: MeshBody, where: str, counts: RepairCounts, *, lenient: bo
     ----------
     body : MeshBody
         Body to orient.
-    where : str
+    source : str
         File and part, for messages.
     counts : RepairCounts
         Counts to increase.
@@ -150,7 +150,7 @@ def orient_body(body: MeshBody, where: str, counts: RepairCounts, *, lenient: bo
     is_one_sided = label_kept == label_reversed
     if is_one_sided.any() and not lenient:
         raise UserError(
-            f"{where}: {int(is_one_sided.sum())} faces form a one-sided surface (the first is face "
+            f"{source}: {int(is_one_sided.sum())} faces form a one-sided surface (the first is face "
             f"{int(np.argmax(is_one_sided))}); cut it in the modelling tool, or add "
             "--keep-non-manifold to take it as it is"
         )
@@ -201,7 +201,7 @@ def _is_inverted(body: MeshBody, table: EdgeTable, piece: IntArray, is_flipped: 
 
 
 def check_surface(
-    body: MeshBody, where: str, *, keep_holes: bool, keep_non_manifold: bool, tried_to_fill: bool = False
+    body: MeshBody, source: str, *, keep_holes: bool, keep_non_manifold: bool, tried_to_fill: bool = False
 ) -> tuple[int, int, int]:
     """Count holes and edges of three or more faces; raise unless they are allowed.
 
@@ -220,7 +220,7 @@ def check_surface(
     if bad.any() and not keep_non_manifold:
         first = int(np.argmax(bad))
         raise UserError(
-            f"{where}: {int(bad.sum())} edges belong to three or more faces (the first at "
+            f"{source}: {int(bad.sum())} edges belong to three or more faces (the first at "
             f"{_place(body, table.ends[first])}, face {int(table.first[first]) // 3}); separate the surfaces in the "
             "modelling tool, or add --keep-non-manifold"
         )
@@ -233,7 +233,7 @@ def check_surface(
     if not keep_holes:
         first = int(np.argmax(table.open))
         raise UserError(
-            f"{where}: {holes} hole{'s' * (holes > 1)} with {len(ends)} open edges (the first at "
+            f"{source}: {holes} hole{'s' * (holes > 1)} with {len(ends)} open edges (the first at "
             f"{_place(body, table.ends[first])}, face {int(table.first[first]) // 3}); close them in the modelling "
             "tool, or "
             + (

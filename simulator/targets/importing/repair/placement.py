@@ -34,18 +34,18 @@ def check_numbers(model: RawModel) -> None:
         If there are some; the message names the part, the number, and the first.
     """
     for part in model.parts:
-        where = f"{model.path}, part {part.name!r}"
+        source = f"{model.path}, part {part.name!r}"
         bad = np.asarray(~np.isfinite(part.positions_m).all(axis=1))
         if bad.any():
             raise UserError(
-                f"{where}: {int(bad.sum())} of {len(bad)} vertices are not finite (the first is vertex "
+                f"{source}: {int(bad.sum())} of {len(bad)} vertices are not finite (the first is vertex "
                 f"{int(np.argmax(bad))}); delete them in the modelling tool and export again"
             )
         wrong = ((part.triangles < 0) | (part.triangles >= len(part.positions_m))).any(axis=1)
         if wrong.any():
             face = int(np.argmax(wrong))
             raise UserError(
-                f"{where}: {int(wrong.sum())} triangles use vertices that are not there (the first, triangle {face}, "
+                f"{source}: {int(wrong.sum())} triangles use vertices that are not there (the first, triangle {face}, "
                 f"uses {int(part.triangles[face].max())} of {len(part.positions_m)}); export it again"
             )
 
