@@ -15,6 +15,7 @@ from flyaround.simulator.errors import UserError
 from flyaround.simulator.labels.truth import truth_to_json
 from flyaround.simulator.loop import FrameRequest, open_frames, whole_frame
 from flyaround.simulator.runtime.files import empty_folder, write_atomic
+from flyaround.simulator.scene.limits import scene_problem
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -58,8 +59,12 @@ def render_scene(
     Raises
     ------
     UserError
-        If the target's hash differs from the scene's, so that the bytes could differ.
+        If a number of the scene is out of range, or the target's hash differs from the scene's, so that the bytes could
+        differ.
     """
+    problem = scene_problem(scene)
+    if problem is not None:
+        raise UserError(f"the scene cannot be drawn: {problem}")
     target = scene.target.drawn(target)
     if target.sha256 != scene.target.sha256:
         raise UserError(

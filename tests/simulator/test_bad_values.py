@@ -1,6 +1,7 @@
 """Values and functions of the API refuse numbers that mean nothing, in one sentence, before anything is computed."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -153,3 +154,21 @@ def test_a_scene_of_a_frame_that_the_plan_lacks_is_refused(scenario, place):
     plan = fa.plan_flight(scenario, n=2)
     with pytest.raises(fa.UserError, match="frames 0 to 1"):
         fa.scene_at(plan, UNIT, AHEAD, **place)
+
+
+@pytest.mark.parametrize(
+    ("part", "says"),
+    [
+        ({"sensor": fa.Sensor(bits=40)}, "sensor.bits"),
+        ({"sensor": fa.Sensor(gaussian_variance=-1.0)}, "sensor.gaussian_variance"),
+        ({"sensor": fa.Sensor(blur_sigma_px=NAN)}, "sensor.blur_sigma_px"),
+        ({"environment": fa.Environment(atmosphere_thickness_km=NAN)}, "atmosphere_thickness_km"),
+        ({"environment": fa.Environment(aerosol_optical_depth=9.0)}, "aerosol_optical_depth"),
+        ({"exposure_s": 0.0}, "exposure_s"),
+        ({"t_camera_from_target_m": (0.0, 0.0, 1e9)}, "t_camera_from_target_m"),
+    ],
+)
+def test_a_scene_with_a_number_out_of_range_is_not_drawn(scenario, part, says):
+    plan = fa.plan_flight(scenario, n=1)
+    with pytest.raises(fa.UserError, match=f"cannot be drawn: .*{says}"):
+        fa.render_scene(replace(plan.scene(0), **part), plan.target)
