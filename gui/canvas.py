@@ -189,13 +189,13 @@ class Canvas:
         Parameters
         ----------
         view : str
-            Arguments of `Surface.show_picture`.
+            Name of the view; each has its own texture.
         key : object
-            Arguments of `Surface.show_picture`.
+            Object that stands for the picture's content, compared by identity.
         image : ByteArray or callable
-            Arguments of `Surface.show_picture`.
+            (H, W) or (H, W, 3) screen values, or a function that computes them for a new ``key``.
         place : tuple of float
-            X, y, width, height.
+            Column and row of the top left corner, width and height, rounded to whole units.
         """
         x, y, w, h = (float(round(v)) for v in place)
         texture = self._window.show_picture(view, key, image, size=(w, h))

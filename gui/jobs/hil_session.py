@@ -40,7 +40,7 @@ BIN_EDGES_MS = tuple(float(e) for e in np.round(np.geomspace(1.0, 10_000.0, 41),
 
 
 class HilSession:
-    """A session with a board: its process, the scenes that it requests and the rows of its ledger. Nothing here waits.
+    """A session with a board: its process, the scenes that it requests and the rows of its ledger. Only `close` waits.
 
     Parameters
     ----------

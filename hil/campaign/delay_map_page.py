@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from matplotlib import colormaps
 
+from flyaround.hil.campaign.map_flights import WITHIN_DEG, WITHIN_M
 from flyaround.simulator.reports.page import Page, key_figures, link, note, plot, table
 from flyaround.simulator.reports.plots import INK, figure_with_axes, png
 from flyaround.simulator.runtime.files import write_atomic
@@ -48,7 +49,8 @@ def write_delay_map_page(folder: Path, outcome: DelayMapOutcome) -> None:
     page.add(
         plot(
             picture,
-            "A successful approach arrives within 0.2 m and 2 deg and never enters the sphere outside its corridor; "
+            f"A successful approach arrives within {WITHIN_M:g} m and {WITHIN_DEG:g} deg and never enters the sphere "
+            "outside its corridor; "
             "the line marks 50 % success. Latency: from mid-exposure to the pose in the filter; jitter: additional, "
             "uniform from 0; lost: share of poses. " + ERRORS,
             alt="delay map",
@@ -121,6 +123,7 @@ def draw_delay_map(outcome: DelayMapOutcome) -> bytes:
         )  # fmt: skip
         for y, row in enumerate(cells):
             for x, c in enumerate(row):
+                # white on the dark ends of the colours
                 ink = INK if 0.15 < c.share < 0.85 else "white"
                 # on top of the 50 % line, on a patch in the cell's colour
                 patch = {"boxstyle": "round,pad=0.15", "fc": colours(c.share), "ec": "none"}

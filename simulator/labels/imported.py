@@ -21,7 +21,7 @@ from flyaround.simulator.runtime.arrays import Quat, Vec3
 
 
 class ImportedTruth(msgspec.Struct, frozen=True, kw_only=True):
-    """Record of an imported image with a pose; the fields are those of `Truth`.
+    """Record of an imported image with a pose; the other fields are those of `Truth`.
 
     Its illumination is unknown: a keypoint's ``state`` is geometric, out_of_frame, self_occluded or visible. The mask
     is the model's silhouette at the pose, and a frame is feasible unless it is cropped.

@@ -252,7 +252,8 @@ class KeepRange(GuidanceOrder):
         distance = float(np.linalg.norm(state[0]))
         if not near_m <= distance <= far_m or far_m - near_m < MIN_SWING_M:
             raise UserError(
-                f"the chaser is {distance:.1f} m away; give a smaller and a larger distance, 4 m apart"
+                f"the chaser is {distance:.1f} m away; give a smaller and a larger distance, "
+                f"{MIN_SWING_M:g} m apart"
             )
         return RangeKeeping(position_lvlh_m=vec3(state[0]), near_m=near_m, far_m=far_m)
 

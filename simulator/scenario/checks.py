@@ -185,6 +185,12 @@ def _chaser_problems(chaser: AnyChaser) -> Iterator[str]:
             f"section [chaser.thrusters] is given, but the chaser's mode is {reason}: remove the section or "
             "choose another mode"
         )
+    thrusters = chaser.acting_thrusters
+    if thrusters is not None and thrusters.minimum_impulse_ns > thrusters.force_n * thrusters.period_s:
+        yield (
+            f"key chaser.thrusters.minimum_impulse_ns is {thrusters.minimum_impulse_ns:g}, allowed: at most force_n "
+            f"times period_s, {thrusters.force_n * thrusters.period_s:g}; the thrusters would never fire"
+        )
     yield from _keep_out_problems(chaser, start)
     yield from _wheels_problems(chaser)
     if isinstance(chaser, Glideslope) and chaser.end_m_s > chaser.start_m_s:

@@ -30,15 +30,17 @@ class RecordedEnvironment(Environment, frozen=True, kw_only=True):
 
 
 class SceneRecord(msgspec.Struct, frozen=True, kw_only=True):
-    """The recorded fields of a `SceneState`, which replace its ``bodies``.
+    """The recorded form of a `SceneState`: fields for Earth and Moon replace its ``bodies``.
+
+    The other fields are those of `SceneState`.
 
     Attributes
     ----------
-    r_moon_eci_m : array
+    r_moon_eci_m : tuple of float
         Apparent geocentric position [m]; in orbit about the Moon the geometric one.
-    q_itrs_from_eci_wxyz : array
+    q_itrs_from_eci_wxyz : tuple of float
         Orientation of the Earth (ITRS).
-    q_moon_from_eci_wxyz : array
+    q_moon_from_eci_wxyz : tuple of float
         Orientation of the Moon (mean Earth / polar axis frame: x to longitude 0, z along the axis).
     bodies : tuple of BodyState
         Other bodies, if any.

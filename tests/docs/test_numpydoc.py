@@ -1,7 +1,8 @@
 """Docstrings by numpydoc's rules: parameters in the signature's order with their types, and imperative summaries.
 
 Checks of numpydoc's validation on every docstring of the product: PR02, PR03, PR04, SS05, and, where there is a
-Parameters section, PR01. A public function that raises says so in a Raises section.
+Parameters section, PR01. An Attributes section that stands for it is complete, too. A public function that raises says
+so in a Raises section.
 """
 
 import ast
@@ -67,6 +68,10 @@ def fields(node, classes):
     return names
 
 
+def is_init(statement):
+    return isinstance(statement, ast.FunctionDef) and statement.name in {"__init__", "__new__"}
+
+
 def raises(function):
     """Return True if the function's own code has a raise with an exception that it does not catch itself."""
     left = list(function.body)
@@ -113,6 +118,16 @@ def failures(path):
         ):
             yield f"{where}: no Raises section"
         body = section(ast.get_docstring(node) or "", "Parameters")
+        listed = section(ast.get_docstring(node) or "", "Attributes")
+        if (
+            body is None
+            and listed is not None
+            and "other fields are those of `" not in ast.get_docstring(node)
+        ):
+            names = {m[1] for line in listed if (m := ENTRY.match(line))}
+            missing = [name for name in fields(node, {}) if name not in names and not name.startswith("_")]
+            if isinstance(node, ast.ClassDef) and missing and not any(map(is_init, node.body)):
+                yield f"{where}: attributes not documented: {missing}"
         if body is None:
             continue
         known = fields(node, classes) if isinstance(node, ast.ClassDef) else arguments(node)

@@ -21,6 +21,16 @@ class Row:
 
     Attributes
     ----------
+    what : str
+        Quantity that is compared.
+    against : str
+        Reference.
+    unit : str
+        Unit of goal and measurement.
+    goal : float
+        Largest difference allowed.
+    measured : float
+        Largest difference measured.
     asked : bool, optional
         False for a figure without its own goal, reported next to that of another row.
     """

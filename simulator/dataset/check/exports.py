@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from flyaround.simulator.dataset.formats.labelled_frame import LabelledFrame
     from flyaround.simulator.world.frames.pose import Pose
 
-SAMPLE_SHARE = 0.05  # share of the frames that are compared
+SAMPLE_SHARE = 0.05  # share of the frames that are compared: each is read back in every format
 
 MIN_FRAMES, MAX_SAMPLE, MAX_COMPARISONS = 4, 10, 24
 """Minimum number of compared frames, the number for few formats, and the limit on frames times formats."""

@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 
 SILHOUETTE_GRID_PX = 2048  # longest side of the grid on which silhouettes are filled
 LABEL_GRID_PX = 512  # longest side of the coarser grid that the label is computed on
-AREA_TOLERANCE = 0.002  # relative tolerance of an area
+AREA_TOLERANCE = 0.002  # relative tolerance of an area, for the pixels of its outline on that grid
 # Tolerance of a silhouette's pixel count, in square roots of its outline's length: four standard deviations if each
 # outline pixel is wrong by half a pixel at random.
 OUTLINE_SIGMAS = 2.0

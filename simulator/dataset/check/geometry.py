@@ -36,7 +36,7 @@ OUTLINE_TOLERANCE_PX = 1
 ITERATIONS = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 50, 1e-12)
 MAX_EDGE_SAG_PX = 0.1  # largest distance of an edge's midpoint from the line between its ends
 # least covered share of a pixel in the inner and in the outer mask
-INNER_COVERAGE, OUTER_COVERAGE = 0.9, 0.1
+INNER_COVERAGE, OUTER_COVERAGE = 0.9, 0.1  # a tenth is left to the sampling of a pixel
 
 
 def project_with_opencv(

@@ -34,16 +34,27 @@ if TYPE_CHECKING:
     from flyaround.simulator.runtime.arrays import ByteArray, FloatArray, IntArray
     from flyaround.simulator.targets.model import Target
 
-MAX_DIFFERING_PIXELS = 300  # differing pixels of a mask that rays may decide
+MAX_DIFFERING_PIXELS = (
+    300  # differing pixels of a mask that rays may decide; each ray takes time, so it is bounded
+)
 MAX_REPORTED_PIXELS = 6  # wrong pixels after which the search stops
-# Half precision keeps a normal to 5e-4.
+# Tolerance of a normal's length: half precision keeps it to 5e-4.
 NORMAL_TOLERANCE = 2e-3
 
-# Maximum angle between a normal and that of a face close to its pixel [rad].
+# Maximum angle between a normal and that of a face close to its pixel [rad]. Normals are interpolated over a facet: a
+# smaller angle reports coarsely faceted curves, a larger one overlooks the normal of a neighbouring face.
 NORMAL_ANGLE_RAD = 0.05
 
-# Tolerance of the optical flow [px].
-FLOW_PX = 2e-3
+# Tolerance of the optical flow [px], and over the coordinate: rounding of the layer and of the depth in float32. Larger
+# ones overlook a wrong pose of the next frame.
+FLOW_PX, FLOW_RELATIVE = 2e-3, 2e-6
+
+# Tolerance of the depth around a keypoint, relative, and absolute below a metre [m]: more than SURFACE_TOLERANCE_M,
+# within which a surface does not hide a keypoint.
+KEYPOINT_DEPTH = 3e-3
+
+# Width over which depth varies at a rod's root or an edge [px].
+KEYPOINT_REACH_PX = 1.5
 
 
 def check_layers(truth: Truth, mask: ByteArray, layers: Layers, target: Target | None = None) -> list[str]:
@@ -143,8 +154,8 @@ def depth_confirms_keypoint(truth: Truth, keypoint: KeypointLabel, depth_m: NDAr
     patch = depth_m[max(v - 1, 0) : v + 2, max(u - 1, 0) : u + 2]
     if patch.size < 9 or not np.isfinite(patch).all():
         return True  # next to an outline, the hiding surface may lie between the pixels' centres
-    # at a rod's root or an edge, depth varies by up to a pixel's width
-    tolerance = 3e-3 * max(1.0, z_m) + 1.5 * z_m / min(truth.camera.fx_px, truth.camera.fy_px)
+    pixel_m = z_m / min(truth.camera.fx_px, truth.camera.fy_px)
+    tolerance = KEYPOINT_DEPTH * max(1.0, z_m) + KEYPOINT_REACH_PX * pixel_m
     if keypoint.state == "self_occluded":
         return bool(patch.min() < z_m + tolerance)
     # a thin tape seen end-on hides its neighbours' pixels, but not all around its tip
@@ -286,7 +297,7 @@ def _check_flow(truth: Truth, flow: NDArray[np.float32], pixels: IntArray, sampl
         next_px = project_with_opencv(truth.camera, points, (1.0, 0.0, 0.0, 0.0), np.zeros(3))
         # from the nearest to the farthest surface that the pixel may show
         low, high = (f(next_px, axis=0) - pixel for f in (np.min, np.max))
-        tolerance = FLOW_PX + 2e-6 * np.abs(next_px).max()
+        tolerance = FLOW_PX + FLOW_RELATIVE * np.abs(next_px).max()
         value = flow[pixel[1], pixel[0]]
         return bool(np.all((value >= low - tolerance) & (value <= high + tolerance)))
 

@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 
 Layers = Mapping[str, NDArray[Any]]
 
-N_SAMPLES = 32  # rays per frame
+N_SAMPLES = 32  # rays per frame; more find rarer faults, and take proportionally longer
 N_ROLLING = 12  # samples; each needs the mesh projected at the pose of its row
 # A rasteriser rounds vertices to 1/256 px.
 _RING = np.stack([np.cos(np.arange(8) * np.pi / 4), np.sin(np.arange(8) * np.pi / 4)], axis=1)
@@ -48,7 +48,7 @@ TOLERANCE_ROLLING_PX = 0.03 + BAND_PX / 2  # bands are drawn at the time of thei
 # Tolerance of a depth: relative, and absolute [m].
 DEPTH_RELATIVE, DEPTH_M = 2e-5, 1e-4
 
-# Depth difference within which surfaces count as coplanar [m].
+# Depth difference within which surfaces count as coplanar [m], so that either may be drawn.
 COPLANAR_M = 1e-3
 
 # Depth of the near plane at which triangles are clipped [m].

@@ -38,7 +38,7 @@ if TYPE_CHECKING:
     from flyaround.simulator.runtime.arrays import ByteArray
     from flyaround.simulator.targets.model import Target
 
-SHARE = 0.02  # share of a data set's frames that are rendered again
+SHARE = 0.02  # share of a data set's frames that are rendered again, at the cost of capturing them
 
 # Minimum number of rendered frames.
 MIN_FRAMES = 3

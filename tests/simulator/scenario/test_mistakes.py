@@ -54,6 +54,11 @@ MISTAKES = [
     ('kind = "elements"', 'kind = "tles"', ["orbit.kind", "'tles'", "elements", "state"]),
     ('kind = "elements"', "", ["[orbit] lacks the key kind", "elements, state"]),
     ('mode = "hold"', 'mode = "holdd"', ["chaser.mode", "'holdd'", "did you mean 'hold'", "flyaround"]),
+    (
+        "[0, -10, 0]",
+        "[0, -10, 0]\n[chaser.thrusters]\nminimum_impulse_ns = 5",
+        ["chaser.thrusters.minimum_impulse_ns", "is 5", "at most force_n times period_s, 1", "never fire"],
+    ),
     ("[0, -10, 0]", "[0, -10]", ["chaser.position_lvlh_m", "[0, -10]", "a list of 3"]),
     ("[0, -10, 0]", "[0, -10, 1e9]", ["chaser.position_lvlh_m[2]", "1000000000.0", "at most 1000000"]),
     ("[0, -10, 0]", "[0, -0.2, 0]", ["[chaser]", "0.2 m", "at least 1.5 m", "minimum_start_range_m"]),

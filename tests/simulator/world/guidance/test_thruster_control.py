@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from flyaround.simulator.errors import UserError
 from flyaround.simulator.world.frames.lvlh import lvlh_frame
 from flyaround.simulator.world.guidance.free_flight import RangeKeeping
 from flyaround.simulator.world.guidance.keep_out import KeepOut
@@ -144,3 +145,9 @@ def test_state_between_the_periods_is_continuous():
     track = fly(Hold(position_lvlh_m=(8.0, 3.0, 2.0)), 30.0)
     for k in range(1, 30):
         assert np.allclose(track(k - 1e-9)[0], track(float(k))[0], atol=1e-8, rtol=0)
+
+
+def test_thrusters_do_not_burn_more_than_the_chaser():
+    thrusters = Thrusters(force_n=1e5, specific_impulse_s=0.1, period_s=10.0)
+    with pytest.raises(UserError, match="specific_impulse_s"):
+        thrusters.fire(np.array([1e3, 0.0, 0.0]), 100.0)
