@@ -131,7 +131,7 @@ class LvlhMap(Panel):
     # --- the mouse
 
     def _mouse(self, console: Console) -> None:
-        """Wheel: zoom about the pointer. Drag: move. Double click: fit. One command per gesture."""
+        """Apply the wheel (zoom about the pointer), drags (move) and double clicks (fit); one command per gesture."""
         imgui, look = self._imgui, console.options.map
         io = imgui.get_io()
         mouse = io.mouse_pos

@@ -373,7 +373,7 @@ class ClosedLoop:
         return step.estimate is None or float(np.linalg.norm(step.position_lvlh_m)) > 2 * radius
 
     def result(self) -> ClosedLoopResult:
-        """Outcome of the loop so far; final once `pictures` has ended."""
+        """Return the outcome of the loop so far; final once `pictures` has ended."""
         steps = self.steps
         last = steps[-1]
         violations = sum(bool(step.violation) for step in steps)

@@ -41,7 +41,7 @@ class NetworkCamera:
         return np.array([self.width_px, self.height_px]) / (2 * self.f_px)
 
     def rays(self) -> Array:
-        """Normalised coordinates x/z and y/z of each pixel (h, w, 2)."""
+        """Return normalised coordinates x/z and y/z of each pixel (h, w, 2)."""
         x = (np.arange(self.width_px) - 0.5 * (self.width_px - 1)) / self.f_px
         y = (np.arange(self.height_px) - 0.5 * (self.height_px - 1)) / self.f_px
         return np.stack(np.meshgrid(x, y), axis=-1)

@@ -19,7 +19,7 @@ import numpy as np
 import OpenEXR
 
 from flyaround.simulator.dataset.formats.base import import_needed
-from flyaround.simulator.dataset.formats.exr import MAX_PIXELS
+from flyaround.simulator.dataset.formats.exr import MAX_SIDE_PX
 from flyaround.simulator.dataset.formats.native import decode_png
 from flyaround.simulator.errors import UserError
 from flyaround.simulator.runtime.untrusted_files import refuse_deep
@@ -226,7 +226,7 @@ def _exr(data: bytes) -> Iterator[Entry]:
         path.write_bytes(data)
         for part in OpenEXR.File(str(path), separate_channels=True, header_only=True).parts:
             low, high = (np.asarray(corner, np.int64) for corner in part.header["dataWindow"])
-            if math.prod((high - low + 1).tolist()) > MAX_PIXELS:
+            if max((high - low + 1).tolist()) > MAX_SIDE_PX:
                 raise ValueError("it is larger than any camera's picture")
         channels = OpenEXR.File(str(path), separate_channels=True).channels()
         for name, channel in channels.items():

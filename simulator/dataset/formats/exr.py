@@ -17,16 +17,15 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 
-MAX_SIDE_PX = 16_384  # largest side of an image
-MAX_PIXELS = MAX_SIDE_PX**2
+MAX_SIDE_PX = 16_384  # largest side of an image, that of an OpenGL texture
 
 # Maximum number of channels of an image.
 MAX_CHANNELS = 4
-MAX_BYTES = 2**32  # largest file of that many numbers
+MAX_BYTES = 2**32  # largest file: 4 bytes for each of the largest image's numbers
 
 
 def encode_exr(names: tuple[str, ...], values: NDArray[Any]) -> bytes:
-    """OpenEXR bytes of (H, W) or (H, W, C) floats, a channel per name; float16 stays half, NaN stays NaN."""
+    """Return OpenEXR bytes of (H, W) or (H, W, C) floats, a channel per name; float16 stays half, NaN stays NaN."""
     planes = values[..., None] if values.ndim == 2 else values
     return encode_channels({name: planes[..., k] for k, name in enumerate(names)})
 

@@ -12,7 +12,6 @@ import numpy as np
 
 from flyaround.simulator.dataset.formats.exr import (
     MAX_BYTES,
-    MAX_PIXELS,
     MAX_SIDE_PX,
     encode_exr,
     read_exr,
@@ -112,7 +111,7 @@ def decode_png(data: bytes, source: str) -> NDArray[np.unsignedinteger]:
         if data.startswith(_PNG) and len(data) >= 24
         else picture_size(data)
     )
-    if size is not None and (max(size) > MAX_SIDE_PX or size[0] * size[1] > MAX_PIXELS):
+    if size is not None and max(size) > MAX_SIDE_PX:
         raise UserError(
             f"image {source} has {size[0]:,} x {size[1]:,} pixels, and at most {MAX_SIDE_PX:,} x "
             f"{MAX_SIDE_PX:,} are read; make it smaller"

@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 
 CLEARCOAT, ANISOTROPY = "KHR_materials_clearcoat", "KHR_materials_anisotropy"
 TYPES = {5126: "<f4", 5125: "<u4", 5123: "<u2", 5121: "u1"}  # glTF 2.0 specification, section 3.6.2.2
-MAX_FILE_BYTES = 2 << 30
+MAX_FILE_BYTES = 2 << 30  # largest file; it is read into memory as a whole
 GLTF_ERRORS = (LookupError, TypeError, AttributeError, ValueError, ArithmeticError, RecursionError)
 """Exceptions raised when reading a document that violates glTF."""
 
@@ -242,7 +242,7 @@ def _array(document: dict[str, Any], blob: bytes, number: int, width: int) -> ND
 
 
 MAX_VALUES = 2_000_000
-"""Largest number of values and brackets in a document, because Python objects take a hundred times the file's size."""
+"""Largest number of values and brackets in a document, because Python objects take tens of times the file's size."""
 
 
 def parse_json(data: bytes) -> object:

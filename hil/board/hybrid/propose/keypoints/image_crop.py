@@ -55,7 +55,7 @@ class ImageCrop:
         return ImageCrop(d / length(d), self.diameter_px * float(np.exp(log_size)))
 
     def swing(self) -> Array:
-        """Shortest rotation (3, 3) from the boresight to the crop's direction."""
+        """Return the shortest rotation (3, 3) from the boresight to the crop's direction."""
         return swing(self.direction)
 
 
