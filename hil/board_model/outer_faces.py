@@ -19,10 +19,12 @@ if TYPE_CHECKING:
 # Least visible area of a triangle, and of a part that a coarser level of detail omits [m2].
 MIN_TRIANGLE_M2, MIN_PART_M2 = 2e-6, 2.5e-3
 
-# Number of view directions, and spacing of the surface sample points [share of the target's size].
+# Number of view directions, and spacing of the surface sample points [share of the target's size]. More directions find
+# faces in narrow gaps.
 DIRECTIONS, SAMPLE_SPACING = 32, 0.0022
 
-# Largest share of a hidden face's points that appear visible through gaps between the sample points in front.
+# Largest share of a hidden face's points that appear visible through gaps between the sample points in front. A larger
+# one drops faces seen through real gaps.
 MAX_LEAK_SHARE = 0.015
 
 # Largest number of triangles that a board renders in time.

@@ -37,7 +37,8 @@ if TYPE_CHECKING:
 POSITION_STEPS = 8192
 """Quantisation steps along the target's radius. Half a step is below a tenth of a pixel up to a radius of 1600 px."""
 
-# Minimum area of a face whose plane may split space [share of the target's size, squared].
+# Minimum area of a face whose plane may split space [share of the target's size, squared]. Smaller ones would cut large
+# faces for little gain in order.
 MIN_SPLITTING_AREA = 1.2e-3
 
 # Decimals of the planes in the file.

@@ -32,10 +32,11 @@ SHADING_DEGREE = 4
 MIN_MODULATION = 0.1
 """Minimum modulation of the fringes relative to white at which a pixel is used."""
 
-# Maximum number of measured points in the fits, for speed.
+# Maximum number of measured points in the fits, for speed. Two polynomials of degree 7 have 128 coefficients.
 MAX_POINTS = 60_000
 
-# Distance from the fitted map above which a point is an outlier [standard deviations].
+# Distance from the fitted map above which a point is an outlier [standard deviations]. Of normal errors one in 16,000
+# is beyond it.
 OUTLIER_SIGMAS = 4.0
 
 # Percentile of white over the screen that is white after shading correction: brighter pixels can be dimmed to it, but

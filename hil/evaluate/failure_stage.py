@@ -33,7 +33,8 @@ KINDS = ("region", "edges", "ambiguity", "correspondence")
 # definition, and the tips of antennas), and its largest area [true boxes].
 MIN_BOX_SHARE, MAX_BOX_RATIO = 0.5, 8.0
 
-# Minimum share of the visible model edges with an image edge at the true pose.
+# Minimum share of the visible model edges with an image edge at the true pose. With fewer, the image lacks the edges; a
+# higher share blames the image for faults of the search.
 MIN_EDGE_SHARE = 0.35
 
 # Longest side of the edge field [px], that of the estimator's fine field.

@@ -39,7 +39,7 @@ SPEED_PLUS_DEG, SPEED_PLUS_SHARE = 0.169, 2.173e-3
 # Minimum number of values for a meaningful bootstrap interval.
 MIN_BOOTSTRAP = 5
 
-# 95 % quantile of chi-square with six degrees of freedom.
+# 95 % quantile of chi-square with six degrees of freedom. scipy.stats.chi2.ppf(0.95, 6).
 CHI_SQUARE_6_95 = 12.592
 
 

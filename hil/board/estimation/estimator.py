@@ -11,7 +11,7 @@ from flyaround.hil.board.estimation.record import StageRecord, Trace
 from flyaround.hil.board.estimation.result import PoseResult
 from flyaround.hil.board.estimation.target_model import BoardModel
 
-# Smallest side of an image that is searched [px].
+# Smallest side of an image that is searched [px]. Smaller ones hold too few edges.
 MIN_SIDE_PX = 64
 
 

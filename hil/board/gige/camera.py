@@ -20,7 +20,7 @@ SCHEME = "gige://"
 MONO16_CODES = (0x01100005, 0x01100025)  # Mono12, Mono14
 GREY_CODES = (*(int(f) for f in PixelFormat if f.channels == 1), *MONO16_CODES)
 
-# Number of image buffers of the stream.
+# Number of image buffers of the stream. More bridge a longer pause of the receiver.
 N_BUFFERS = 8
 # Number of packets ignored without a complete image above which the stream restarts; other programs cause a few.
 MAX_IGNORED_PACKETS = 64

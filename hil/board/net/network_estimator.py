@@ -28,7 +28,8 @@ Array = np.ndarray
 
 logger = logging.getLogger(__name__)
 
-# Minimum probability of the best neighbourhood of attitudes at which a pose is accepted.
+# Minimum probability of the best neighbourhood of attitudes at which a pose is accepted. A higher one declines more
+# right poses, a lower one accepts more wrong ones.
 MIN_PROBABILITY = 0.5
 
 # Bound of the standardised logarithm of the range.

@@ -39,7 +39,8 @@ FIT_REACH_PX = (4.0, 2.5)
 # Edge points that an ellipse needs, more than twice its five parameters.
 MIN_FITTED_POINTS = 12
 
-# Ellipses kept per image, circles per model, and roll angles tried about a circle's axis.
+# Ellipses kept per image, circles per model, and roll angles tried about a circle's axis. The number of poses to test
+# is proportional to their product.
 MAX_ELLIPSES, MAX_CIRCLES, N_ROLLS = 4, 8, 24
 
 

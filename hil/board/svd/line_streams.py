@@ -29,7 +29,7 @@ SH_LENGTH, SH_GAP = 0.05, 0.01
 # Blur before both gradients [px]. The published sigma is not given; noise of 5 % of full scale requires this.
 BLUR_PX = 1.5
 
-# Largest number of lines after merging.
+# Largest number of lines after merging. Pairs of lines, and so the time to group them, grow with its square.
 MAX_LINES = 40
 
 # Margin of the line search around the region, share of its diagonal: lines that leave the region keep their true ends.

@@ -48,7 +48,8 @@ MIN_CORNERS = 7
 # Distance from the image border within which line ends are ignored, because the border cuts lines [px].
 MIN_BORDER_PX = 2.5
 
-# Number of poses compared for distinctness, and their minimum differences [rad, share of the range].
+# Number of poses compared for distinctness, and their minimum differences [rad, share of the range]. Poses that differ
+# by less count as one.
 RANKED_POSES, DISTINCT_RAD, DISTINCT_SHARE = 400, 0.05, 0.02
 
 

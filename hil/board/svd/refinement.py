@@ -21,7 +21,8 @@ from flyaround.hil.board.svd.region_of_interest import Region
 Array = np.ndarray
 
 
-# Minimum length of an edge whose ends count as corners [share of the model's radius].
+# Minimum length of an edge whose ends count as corners [share of the model's radius]. Ends of shorter edges are too
+# close together to be told apart in an image.
 MIN_LENGTH = 0.25
 
 # Number of poses compared at once, limited by the processor's cache.

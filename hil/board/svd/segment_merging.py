@@ -12,7 +12,8 @@ import numpy as np
 
 Array = np.ndarray
 
-# Maximum angle between merged segments [rad].
+# Maximum angle between merged segments [rad]. A larger one merges neighbouring edges of a face, a smaller one leaves
+# an edge in pieces.
 ANGLE_RAD = np.radians(4.0)
 
 

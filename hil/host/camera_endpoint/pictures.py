@@ -27,7 +27,8 @@ if TYPE_CHECKING:
     Image = NDArray[np.unsignedinteger]
 
 
-# Largest number of warm-up images before the camera becomes discoverable, and their time-out [s].
+# Largest number of warm-up images before the camera becomes discoverable, and their time-out [s]. More find more of the
+# shaders that the flight will need, and delay the start.
 WARM_UP_PICTURES, WARM_UP_S = 16, 15.0
 
 
