@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from flyaround.simulator.errors import UserError
-from flyaround.simulator.scenario.random_draws import direction_in_cone, uniform_direction
+from flyaround.simulator.scenario.random_draws import direction_about_z, uniform_direction
 from flyaround.simulator.world.ephemeris.body import bodies_at, body_named
 from flyaround.simulator.world.ephemeris.sun_moon import sun_eci_m
 from flyaround.simulator.world.frames.rotation import quat_from_matrix
@@ -114,8 +114,8 @@ def sun_and_nadir(rng: Generator, sky: Sky) -> tuple[FloatArray, FloatArray]:
     dip = np.sin(np.arccos(radius / (radius + sky.altitude_km * 1e3)))
     lowest = -MAX_DIP_SHARE * dip if sky.least_sun_elevation_sine is None else sky.least_sun_elevation_sine
     for _ in range(MAX_DRAWS):
-        sun = direction_in_cone(rng, np.array([0.0, 0.0, -1.0]), 0.0, sky.max_phase_deg)
-        nadir = direction_in_cone(rng, np.array([0.0, 0.0, 1.0]), *sky.nadir_off_boresight_deg)
+        sun = direction_about_z(rng, 0.0, sky.max_phase_deg) * (1.0, 1.0, -1.0)
+        nadir = direction_about_z(rng, *sky.nadir_off_boresight_deg)
         elevation = float(-nadir @ sun)  # sine of the Sun's elevation above the target's horizon
         if (elevation < 0.0) == night and elevation > lowest:
             return sun, nadir

@@ -23,12 +23,12 @@ def uniform_direction(rng: Generator) -> FloatArray:
     return np.asarray(v / np.linalg.norm(v), float)
 
 
-def direction_in_cone(rng: Generator, axis: FloatArray, low_deg: float, high_deg: float) -> FloatArray:
-    """Draw a direction, uniform in solid angle, between two angles from an axis along z."""
+def direction_about_z(rng: Generator, low_deg: float, high_deg: float) -> FloatArray:
+    """Draw a (3,) unit vector, uniform in solid angle, between two angles from the z axis."""
     c = rng.uniform(np.cos(np.radians(high_deg)), np.cos(np.radians(low_deg)))
     azimuth = rng.uniform(0, 2 * np.pi)
     s = np.sqrt(1 - c**2)
-    return np.array([s * np.cos(azimuth), s * np.sin(azimuth), c * axis[2]])
+    return np.array([s * np.cos(azimuth), s * np.sin(azimuth), c])
 
 
 def uniform_attitude(rng: Generator) -> FloatArray:

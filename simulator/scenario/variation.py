@@ -11,7 +11,7 @@ import numpy as np
 
 from flyaround.simulator.errors import UserError
 from flyaround.simulator.runtime.arrays import vec3
-from flyaround.simulator.scenario.random_draws import direction_in_cone, numbered_generator, uniform_direction
+from flyaround.simulator.scenario.random_draws import direction_about_z, numbered_generator, uniform_direction
 from flyaround.simulator.scenario.vary import Vary, VaryBoxes, VaryCraft
 from flyaround.simulator.scene.environments import environment_preset
 from flyaround.simulator.scene.illumination.area_light import AreaLight, light_axes
@@ -137,7 +137,7 @@ def _box(rng: Generator, scene: SceneState, boxes: VaryBoxes) -> AreaLight:
     """Draw one area light near the craft."""
     origin = np.asarray(scene.t_camera_from_target_m)
     to_camera = -origin / max(float(np.linalg.norm(origin)), 1e-9)
-    towards = direction_in_cone(rng, np.array([0.0, 0.0, 1.0]), 0.0, boxes.max_angle_deg)
+    towards = direction_about_z(rng, 0.0, boxes.max_angle_deg)
     towards = towards @ np.stack([*light_axes(to_camera), to_camera])
     position = origin + float(rng.uniform(*boxes.distance_m)) * towards
     aim = origin + rng.uniform(0.0, boxes.aim_error_m) * uniform_direction(rng)

@@ -27,7 +27,7 @@ class NetworkCamera:
 
     @staticmethod
     def like(camera: CameraIntrinsics, width_px: int) -> NetworkCamera:
-        """Return a camera ``width_px`` wide with the field of view of ``camera``."""
+        """Return a camera ``width_px`` wide with the horizontal field of view of ``camera``, and square pixels."""
         height_px = max(round(width_px * camera.height_px / camera.width_px), 1)
         return NetworkCamera(width_px, height_px, camera.fx_px * width_px / camera.width_px)
 

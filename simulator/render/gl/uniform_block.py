@@ -95,12 +95,13 @@ class UniformBlock:
         if values is self._last_values:
             self.bind()
             return
-        self._last_values = values if isinstance(values, MappingProxyType) else None
+        self._last_values = None
         for name, member in self._members.items():
             member[...] = values[name]
         if len(values) != len(self._members):
             raise KeyError(f"block {self.name} has no member {sorted(values.keys() - self._members.keys())}")
         self._buffer.write(self._bytes)
+        self._last_values = values if isinstance(values, MappingProxyType) else None
         self.bind()
 
     def bind(self) -> None:

@@ -1,5 +1,7 @@
 """Parts of the renderer on their own: sample pattern, uniform layout, shader text, tiles, noise, cache."""
 
+from types import MappingProxyType
+
 import numpy as np
 import pytest
 
@@ -52,6 +54,15 @@ def test_uniform_block_layout_matches_the_driver(renderer):
             fragment_shader=f"#version 410 core\n{block.glsl}out vec4 o; void main() {{ o = vec4({uses}); }}",
         )
         assert program["Probe"].size == block.dtype.itemsize, (number, array)
+
+
+@pytest.mark.gl
+def test_values_that_a_block_refused_are_refused_again(renderer):
+    block = UniformBlock(renderer.device.context, "Probe", 7, (Field("float", "a"),))
+    values = MappingProxyType({"b": 1.0})
+    for _ in range(2):
+        with pytest.raises(KeyError):
+            block.write(values)
 
 
 def test_detail_tiles_and_its_histogram_is_even():
