@@ -11,6 +11,7 @@ import cv2
 import numpy as np
 
 from flyaround.simulator.camera.detector.sensor import Sensor
+from flyaround.simulator.camera.encoding import GAMMA
 from flyaround.simulator.camera.lens.camera_model import Camera
 from flyaround.simulator.runtime.arrays import quat, vec3
 from flyaround.simulator.scene.environments import NOTHING
@@ -51,8 +52,6 @@ ORBIT_M = 7e6
 # RGB colours distinguishable by colour-blind readers (Okabe and Ito).
 EDGE_RGB, POINT_RGB = (86, 180, 233), (230, 159, 0)
 
-# Exponent of the transfer function of the images.
-GAMMA = 2.2
 PIECES = 60  # pieces of an edge, each visible or hidden
 
 SURFACE_TOLERANCE = 0.006

@@ -14,7 +14,12 @@ from flyaround.simulator.world.frames.lvlh import lvlh_frame
 from flyaround.simulator.world.frames.pose import Pose
 from flyaround.simulator.world.frames.rotation import quat_from_matrix, quat_from_rotvec, quat_normalize
 from flyaround.simulator.world.orbit.gravity import Gravity
-from flyaround.simulator.world.orbit.propagation import Elements, elements_from_state, propagate
+from flyaround.simulator.world.orbit.propagation import (
+    Elements,
+    elements_from_state,
+    propagate,
+    state_from_elements,
+)
 
 NAN, INF = math.nan, math.inf
 UNIT, AHEAD = (1.0, 0.0, 0.0, 0.0), (0.0, 0.0, 5.0)
@@ -65,6 +70,13 @@ VALUES = {
     "camera: negative focal length": (lambda: camera(fx_px=-1.0), "focal lengths above 0"),
     "camera: focal length": (lambda: camera(fy_px=NAN), "finite numbers"),
     "camera: principal point": (lambda: camera(cx_px=INF), "finite numbers"),
+    "camera: encoding": (lambda: camera(encoding="film"), "linear, srgb, gamma"),
+    "camera: a point of two": (lambda: camera().project((1.0, 2.0)), "three coordinates"),
+    "camera: a pixel of three": (lambda: camera().unproject((1.0, 2.0, 3.0)), "two coordinates"),
+    "elements: no gravity": (
+        lambda: state_from_elements(Elements(semi_major_axis_m=7e6), 0.0),
+        "more than 0",
+    ),
     "camera: resized to nothing": (lambda: camera().resized(0), "whole numbers above 0"),
     "instant: later by NaN": (lambda: instant().plus(NAN), "not finite"),
     "instant: later for ever": (lambda: instant().plus(INF), "not finite"),

@@ -14,6 +14,7 @@ import numpy as np
 from scipy.optimize import nnls
 from scipy.special import j1
 
+from flyaround.simulator.camera.detector.limits import MAX_KERNEL_SIZE
 from flyaround.simulator.camera.detector.psf_pyramid import Pyramid, fit_kernel, fit_pyramid
 from flyaround.simulator.runtime.threads import run_in_threads, split_rows
 
@@ -36,7 +37,6 @@ _MAX_FREQUENCY = (
     0.45  # cycles per pixel; nearer to Nyquist every kernel without negative taps has larger errors
 )
 _FREQUENCIES = np.linspace(0, 0.5, 26)  # cycles per pixel at which errors are evaluated
-MAX_KERNEL_SIZE = 63  # rows and columns
 _BLOCK_VALUES = 1 << 19  # OpenCV uses a single thread for smaller images
 _THREAD_BLOCK_VALUES = 1 << 18  # size of a block that fits a processor's cache
 _MIN_THREADED_VALUES = 3 << 19  # size of an image from which on two threads are faster

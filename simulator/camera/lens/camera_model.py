@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 from functools import lru_cache
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, get_args
 
 import numpy as np
 from msgspec import UNSET, UnsetType
@@ -66,7 +66,8 @@ class Camera:
     Raises
     ------
     ValueError
-        If the image has no pixels, or a focal length or the principal point is not a finite number.
+        If the image has no pixels, a focal length or the principal point is not a finite number, or the encoding is
+        unknown.
     """
 
     width_px: int
@@ -90,6 +91,10 @@ class Camera:
             raise ValueError(
                 f"a camera has the focal lengths {self.fx_px:g}, {self.fy_px:g} and the principal point "
                 f"{self.cx_px:g}, {self.cy_px:g} px, allowed: finite numbers, and focal lengths above 0"
+            )
+        if self.pixel_encoding not in get_args(Encoding):
+            raise ValueError(
+                f"a camera has the encoding {self.encoding!r}, allowed: {', '.join(get_args(Encoding))}"
             )
         # one form for one camera: "linear" and absent are the same
         if self.encoding == "linear":
@@ -124,8 +129,15 @@ class Camera:
         -------
         (..., 2) array
             Pixel coordinates.
+
+        Raises
+        ------
+        ValueError
+            If the last axis does not hold three numbers.
         """
         p = np.asarray(points_camera_m, float)
+        if p.shape[-1:] != (3,):
+            raise ValueError(f"a point has three coordinates, got the shape {p.shape}")
         z = np.where(p[..., 2] > 1e-9, p[..., 2], np.nan)
         xy = p[..., :2] / z[..., None]
         if not self.distortion.is_none:
@@ -144,8 +156,16 @@ class Camera:
         -------
         (..., 2) array
             Normalised coordinates: the ray is (x, y, 1).
+
+        Raises
+        ------
+        ValueError
+            If the last axis does not hold two numbers.
         """
-        image_xy = (np.asarray(pixels_px, float) - (self.cx_px, self.cy_px)) / (self.fx_px, self.fy_px)
+        pixels = np.asarray(pixels_px, float)
+        if pixels.shape[-1:] != (2,):
+            raise ValueError(f"a pixel position has two coordinates, got the shape {pixels.shape}")
+        image_xy = (pixels - (self.cx_px, self.cy_px)) / (self.fx_px, self.fy_px)
         return image_xy if self.distortion.is_none else self.domain.undistort(image_xy)
 
     def rays(self, pixels_px: ArrayLike) -> FloatArray:

@@ -11,6 +11,7 @@ from flyaround.simulator.render.earth.screen_tiles import tile_size_px
 from flyaround.simulator.render.moon.moon_pass import MoonPass, MoonTiles, grid_triangles
 from flyaround.simulator.render.moon.moon_view import MOON
 from flyaround.simulator.render.projection import directions
+from flyaround.simulator.render.software.tiles import MAX_GROUND_EXTENT, MIN_POLE_DISTANCE_TILES
 from flyaround.simulator.render.view import SCENE
 from flyaround.simulator.world.constants import MOON_RADIUS_M
 
@@ -22,10 +23,6 @@ if TYPE_CHECKING:
     from flyaround.simulator.runtime.arrays import BoolArray
 
 _MIN_SMOOTH_COSINE2 = 0.08  # smallest squared cosine of the angle between ray and vertical at the ground
-_MAX_GROUND_EXTENT = 0.015  # largest extent of a smooth tile on the ground [radii]
-# Smallest distance of a smooth tile from a pole, in sides of a tile. Nearer to the pole, the error of interpolated
-# longitudes exceeds a third of a pixel.
-_MIN_POLE_DISTANCE_TILES = 16
 
 
 class SmoothMoonPass(MoonPass):
@@ -66,7 +63,7 @@ def moon_tiles(moon: MoonView, rect: PixelRect, camera: Camera, target: PixelRec
         *moon.camera[:2]
     )
     is_smooth_corner = clear_of_seam | (moon.camera[0] * x + moon.camera[1] * y > 0)
-    largest = np.minimum(_MAX_GROUND_EXTENT * depth, np.hypot(x, y) / _MIN_POLE_DISTANCE_TILES)
+    largest = np.minimum(MAX_GROUND_EXTENT * depth, np.hypot(x, y) / MIN_POLE_DISTANCE_TILES)
     is_smooth_corner &= (along_camera < 0) & (disc > _MIN_SMOOTH_COSINE2) & (tile_extent < largest)
     smooth = _all_corners(is_smooth_corner) & (_all_corners(z > 0) | _all_corners(z < 0))
     covered = np.zeros_like(smooth)

@@ -39,10 +39,10 @@ if TYPE_CHECKING:
 _MIN_SMOOTH_COSINE2, _MIN_FINE_COSINE2 = 0.08, 0.02
 # Largest extent on the ground [radii] of smooth tiles, over which light and air are interpolated (100 km), and of fine
 # tiles.
-_MAX_GROUND_EXTENT, _MAX_FINE_EXTENT = 0.015, 0.06
-# Smallest distance of a smooth tile from a pole, in sides of a tile. Nearer to the pole, the error of interpolated
-# longitudes exceeds a third of a pixel.
-_MIN_POLE_DISTANCE_TILES = 16
+MAX_GROUND_EXTENT, _MAX_FINE_EXTENT = 0.015, 0.06
+# Smallest distance of a smooth tile from a pole, in sides of a tile. At a distance r, linear interpolation of longitude
+# over a side s is off by s^2 / (8 r), a quarter of a pixel for tiles of 32 px.
+MIN_POLE_DISTANCE_TILES = 16
 _LEVEL_STEP = 0.5  # quantisation of the mipmap level, which all pixels of a smooth tile share
 # Largest extent on the ground [radii], one degree, of a tile that may count as open ocean. A larger one may contain
 # bright water away from its corners.
@@ -105,7 +105,7 @@ class _CornerRays:
         is_interpolable = in_front & (
             clear_of_meridian | (self.earth.camera[0] * x + self.earth.camera[1] * y > 0)
         )
-        largest, largest_at_pole = _MAX_GROUND_EXTENT * depth, np.hypot(x, y) / _MIN_POLE_DISTANCE_TILES
+        largest, largest_at_pole = MAX_GROUND_EXTENT * depth, np.hypot(x, y) / MIN_POLE_DISTANCE_TILES
         smooth = _all_corners(
             is_interpolable
             & (self.cosine2 > _MIN_SMOOTH_COSINE2)

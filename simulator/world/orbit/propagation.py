@@ -74,10 +74,19 @@ class Elements:
 def state_from_elements(e: Elements, mu_m3_s2: float = MU_EARTH_M3_S2) -> tuple[FloatArray, FloatArray]:
     """Return position [m] and velocity [m s-1] in GCRS, each (3,).
 
+    Raises
+    ------
+    ValueError
+        If the gravitational parameter is not positive.
+
     References
     ----------
     Vallado (2013), Fundamentals of Astrodynamics, algorithm 10.
     """
+    if not 0 < mu_m3_s2 < np.inf:
+        raise ValueError(
+            f"the gravitational parameter is {mu_m3_s2} m3 s-2, allowed: more than 0, and finite"
+        )
     p = e.semi_major_axis_m * (1 - e.eccentricity**2)
     nu = e.true_anomaly_rad
     r = p / (1 + e.eccentricity * np.cos(nu))
