@@ -75,8 +75,8 @@ def make_cumulus() -> ByteArray:
     layers.append(_blur(_advect(rng, f, reduce(np.maximum, domes), 40.0, 2.0)))
     layers.append(_spectral_noise(rng, f, f**-1.65, 60.0))
     cloud = sum(w / x.std() * (x - x.mean()) for w, x in zip(_CUMULUS_WEIGHTS, layers, strict=True))
-    land = (detail_texture()[..., 3].astype(np.float32) / 255 - 0.5) * GRAIN
-    return _packed(_equalise(np.asarray(cloud, np.float32)), land, _TOPS)
+    land = (detail_texture()[..., 3] / 255 - 0.5) * GRAIN
+    return _packed(_equalise(np.asarray(cloud, np.float32)), np.asarray(land, np.float32), _TOPS)
 
 
 def _packed(cloud: Float32Array, land: Float32Array, diffusion: float) -> ByteArray:
@@ -235,7 +235,7 @@ def _voronoi_cells(rng: np.random.Generator, size: int, count: int) -> tuple[Flo
         wrapped, cv2.DIST_L2, 5, labelType=cv2.DIST_LABEL_PIXEL
     )
     of_label = np.append(0, np.pad(value, pad, mode="wrap")[wrapped == 0]).astype(np.float32)
-    return distance[pad:-pad, pad:-pad], of_label[nearest][pad:-pad, pad:-pad]
+    return np.asarray(distance, np.float32)[pad:-pad, pad:-pad], of_label[nearest][pad:-pad, pad:-pad]
 
 
 def _equalise(image: Float32Array) -> Float32Array:
