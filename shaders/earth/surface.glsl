@@ -233,14 +233,19 @@ color surface_radiance(GroundPoint g, Surface s, Waters waters, Detail detail) {
     s.thick *= 0.3 + 1.4 * detail.cloud.w;
     // tops of wider clouds are higher (Zhao & Di Girolamo 2007, doi:10.1029/2006JD007371): they are deeper, with a side in shade
     vec4 mass = textureLod(t_detail, g.plane + g.lift, max(DETAIL_LEVEL, MASS_LEVEL));
-    float core = clamp(1.0 + (mass.x - 0.88) * scale, 0.0, 2.0);
+    float core = clamp(1.0 + (mass.x - 0.9) * scale, 0.0, 2.0);
     s.thick *= 0.25 + 1.6 * core * core;
 #endif
     float cloud = cloud_reflectance(max(over, 0.0), s.thick, s.veil, g.thin);
 #if FAR
     // wide pixels average the noise before the threshold: use the reflectance of the mean cover instead
-    const float fade = HIGH == 1 ? 0.24 : 0.2;
-    cloud = mix(cloud, s.mean / (s.mean + g.thin), clamp(fade * KM_LEVEL - 0.2, 0.0, 1.0));
+#if HIGH
+    // the pattern of `high` is coarser, and fades sooner; fitted to the light of `default`
+    s.mean *= clamp(0.2 * KM_LEVEL - 0.15, 0.9, 1.0);
+    cloud = mix(cloud, s.mean / (s.mean + g.thin), clamp(0.25 * KM_LEVEL - 0.2, 0.0, 1.0));
+#else
+    cloud = mix(cloud, s.mean / (s.mean + g.thin), clamp(0.2 * KM_LEVEL - 0.2, 0.0, 1.0));
+#endif
 #endif
 #endif
 #if UNLIT
@@ -309,7 +314,7 @@ color surface_radiance(GroundPoint g, Surface s, Waters waters, Detail detail) {
     float whole = dot(mass.yz, g.toward) - level;
     float relief = clamp(1.0 - (2.0 * RELIEF_KM) * min(scale, 4.0) * (rise + 2.0 * whole), 0.4, 1.5);
     // valleys between tops return less light (Varnai & Davies 1999, J. Atmos. Sci. 56, 4206); 0.05 keeps a deck's mean
-    relief *= 1.0 + 0.05 * min(s.share, 1.0) + clamp(VALLEY * scale * (puff - mass.x), -0.45, 0.0);
+    relief *= 1.0 + 0.05 * min(s.share, 1.0) * clamp(MASS_LEVEL - DETAIL_LEVEL, 0.0, 1.0) + clamp(VALLEY * scale * (puff - mass.x), -0.45, 0.0);
     // at oblique view, sides hide part of the tops
     vec2 towards_camera = g.lift * (2.0 * SLOPE_PER_KM * DETAIL_KM);
     relief *= 1.0 - FLANK * clamp(-scale * dot(detail.cloud.yz - 0.5, towards_camera), 0.0, 1.0);
