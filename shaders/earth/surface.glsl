@@ -10,7 +10,7 @@ uniform sampler2D t_map;
 #if BANDS == 3
 uniform sampler2D t_colour; // square root of land reflectance per band
 #endif
-uniform sampler2D t_detail; // noise of simulator/celestial/detail_noise.py; if UNLIT, the same as t_city
+uniform sampler2D t_detail; // noise of simulator/celestial/detail_noise.py; if UNLIT and not HIGH, the same as t_city
 #if HIGH
 uniform sampler2D t_terrain; // assets/earth/terrain_detail_1024.png
 #endif
@@ -55,6 +55,7 @@ const float SHARPEN = 0.75;   // amount of the land map's unsharp mask
 const float ROCK = 1.25;      // contrast of bare rock on the roughest land
 const float GRAVEL = 0.55;    // excess reflectance of valley floors over the rock beside them
 const float HALO = 0.025;     // scaled optical depth (see GroundPoint.thin) at a cloud's edge
+const float VALLEY = 1.2;     // relative loss of light per unit of `over` below the surroundings
 const float FLANK = 0.4;      // fraction by which a cloud's side is darker than its top
 const float GLOW = 0.15;      // fraction of the lamps' light that is scattered by the air about them
 const float MASS_LEVEL = 4.0; // level of t_detail that shows a cloud's width: 3.7 km
@@ -208,7 +209,7 @@ const mat2 REGION = mat2(0.11, 0.06, -0.06, 0.11), SMALLER = mat2(2.5, 1.9, -1.9
 vec4 cloud_detail(vec2 place, float region, float level) {
     vec4 broad = textureLod(t_detail, place, level), small = textureLod(t_detail, SMALLER * place, level + 1.65);
     small.yz = 0.5 + (small.yz - 0.5) * (SMALLER / 3.14); // smaller clouds are lower, too
-    float b = clamp(0.7 * region - 0.06, 0.08, 0.5);
+    float b = clamp(0.4 * region - 0.04, 0.04, 0.3);
     vec4 both = mix(broad, small, b);
     both.x = even_sum(both.x, b);
     return both;
@@ -232,13 +233,19 @@ color surface_radiance(GroundPoint g, Surface s, Waters waters, Detail detail) {
     s.thick *= 0.3 + 1.4 * detail.cloud.w;
     // tops of wider clouds are higher (Zhao & Di Girolamo 2007, doi:10.1029/2006JD007371): they are deeper, with a side in shade
     vec4 mass = textureLod(t_detail, g.plane + g.lift, max(DETAIL_LEVEL, MASS_LEVEL));
-    float core = clamp(1.0 + (mass.x - 0.85) * scale, 0.0, 2.0);
+    float core = clamp(1.0 + (mass.x - 0.9) * scale, 0.0, 2.0);
     s.thick *= 0.25 + 1.6 * core * core;
 #endif
     float cloud = cloud_reflectance(max(over, 0.0), s.thick, s.veil, g.thin);
 #if FAR
     // wide pixels average the noise before the threshold: use the reflectance of the mean cover instead
+#if HIGH
+    // the pattern of `high` is coarser, and fades sooner; fitted to the light of `default`
+    s.mean *= clamp(0.2 * KM_LEVEL - 0.15, 0.9, 1.0);
+    cloud = mix(cloud, s.mean / (s.mean + g.thin), clamp(0.25 * KM_LEVEL - 0.2, 0.0, 1.0));
+#else
     cloud = mix(cloud, s.mean / (s.mean + g.thin), clamp(0.2 * KM_LEVEL - 0.2, 0.0, 1.0));
+#endif
 #endif
 #endif
 #if UNLIT
@@ -306,6 +313,8 @@ color surface_radiance(GroundPoint g, Surface s, Waters waters, Detail detail) {
     // bright tops that the Sun reaches, and shaded valleys between them
     float whole = dot(mass.yz, g.toward) - level;
     float relief = clamp(1.0 - (2.0 * RELIEF_KM) * min(scale, 4.0) * (rise + 2.0 * whole), 0.4, 1.5);
+    // valleys between tops return less light (Varnai & Davies 1999, J. Atmos. Sci. 56, 4206); 0.05 keeps a deck's mean
+    relief *= 1.0 + 0.05 * min(s.share, 1.0) * clamp(MASS_LEVEL - DETAIL_LEVEL, 0.0, 1.0) + clamp(VALLEY * scale * (puff - mass.x), -0.45, 0.0);
     // at oblique view, sides hide part of the tops
     vec2 towards_camera = g.lift * (2.0 * SLOPE_PER_KM * DETAIL_KM);
     relief *= 1.0 - FLANK * clamp(-scale * dot(detail.cloud.yz - 0.5, towards_camera), 0.0, 1.0);
@@ -326,7 +335,7 @@ color surface_radiance(GroundPoint g, Surface s, Waters waters, Detail detail) {
 #endif
 #if NIGHT
     // structure below the map's texels, of mean 1: streets in bright cells, towns and roads in dark ones
-#if UNLIT
+#if UNLIT && !HIGH
     vec4 city = detail.ground;
 #else
     vec4 city = textureLod(t_city, g.plane, DETAIL_LEVEL);

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import reduce
 from typing import TYPE_CHECKING
 
 import cv2
@@ -25,6 +26,13 @@ _BROAD_WEIGHT, _FINE_WEIGHT = 0.55, 0.45
 _DIFFUSION = 1.5  # texels over which light spreads within a cloud (0.3 km: Davis et al. 1997)
 _UNWOODED_SHARE = 0.66  # share of the land without woods
 
+# Clouds of `high`; weights and heights chosen by eye.
+_GROUP_KM = 7.0  # scale below which groups of clouds are smooth, and puffs take over
+_PUFFS = (75, 150, 300, 600)  # puffs along the tile's side: 6 to 0.8 km apart
+_PUFF_HEIGHT = 0.38  # power of the spacing to which puffs are high
+_CUMULUS_WEIGHTS = (1.2, 1.0, 0.13)  # of groups, puffs and ragged rims
+_TOPS = 3.0  # texels over which tops are smoothed before their slopes are taken
+
 # Seed of the pattern; any fixed value serves.
 _SEED = 20040800
 _STRIP, _ROWS = 1 << 14, 32  # values per look-up and rows per strip, both sized for a processor's cache
@@ -46,7 +54,34 @@ def make_detail() -> ByteArray:
     fine_cloud, fine_land = _field(rng, _FINE)
     cloud = _equalise(_BROAD_WEIGHT * _upsample(broad_cloud) + _FINE_WEIGHT * np.tile(fine_cloud, (2, 2)))
     land = 0.26 * (_upsample(broad_land) - 0.5) + 0.42 * (np.tile(fine_land, (2, 2)) - 0.5)
-    tops = _blur(cloud, _DIFFUSION)
+    return _packed(cloud, land, _DIFFUSION)
+
+
+def cumulus_texture() -> ByteArray:
+    """Return `detail_texture` with the clouds of `make_cumulus`; from the cache."""
+    return cached_array(entry_name("cumulus", (make_cumulus, make_detail)), make_cumulus)
+
+
+def make_cumulus() -> ByteArray:
+    """Make clouds as groups of round puffs, with channels as in `make_detail`; the land is that of `detail_texture`.
+
+    Near a group's rim only its highest puffs pass the threshold, so that it dissolves into separate small clouds. The
+    borders' fractal dimension is that of clouds, 1.35 (Lovejoy 1982, Science 216, 185).
+    """
+    rng, f = np.random.default_rng([_SEED, SIZE]), _frequencies(SIZE)
+    groups = f**-1.65 / (1 + (f * _GROUP_KM * SIZE / PERIOD_KM) ** 2) ** 0.6
+    layers = [_advect(rng, f, _spectral_noise(rng, f, groups, 5.0), 5.0, 20.0)]
+    domes = (_domes(rng, count) * np.float32((_PUFFS[0] / count) ** _PUFF_HEIGHT) for count in _PUFFS)
+    layers.append(_blur(_advect(rng, f, reduce(np.maximum, domes), 40.0, 2.0)))
+    layers.append(_spectral_noise(rng, f, f**-1.65, 60.0))
+    cloud = sum(w / x.std() * (x - x.mean()) for w, x in zip(_CUMULUS_WEIGHTS, layers, strict=True))
+    land = (detail_texture()[..., 3] / 255 - 0.5) * GRAIN
+    return _packed(_equalise(np.asarray(cloud, np.float32)), np.asarray(land, np.float32), _TOPS)
+
+
+def _packed(cloud: Float32Array, land: Float32Array, diffusion: float) -> ByteArray:
+    """Return the channels of `make_detail`. Slopes are those of the cloud detail blurred by ``diffusion`` texels."""
+    tops = _blur(cloud, diffusion)
     out = np.empty((SIZE, SIZE, 4), np.uint8)
     for first in range(0, SIZE, _ROWS):
         rows = slice(first, first + _ROWS)
@@ -175,18 +210,32 @@ def _worley_noise(rng: np.random.Generator, size: int, count: int) -> Float32Arr
     return np.asarray(distance[pad:-pad, pad:-pad] / np.float32(spacing), np.float32)
 
 
+def _domes(rng: np.random.Generator, count: int) -> Float32Array:
+    """Return paraboloids of random height, periodic, one in each Voronoi cell of ``count^2`` jittered points."""
+    distance, height = _voronoi_cells(rng, SIZE, count)
+    return np.asarray(height - 1.6 * (distance * np.float32(count / SIZE)) ** 2, np.float32)
+
+
 def _voronoi_noise(rng: np.random.Generator, size: int, count: int) -> Float32Array:
     """Return periodic Voronoi noise: a number 0..1 for each cell of ``count^2`` jittered points."""
-    pad, spacing = 32, size / count
+    return _voronoi_cells(rng, size, count)[1]
+
+
+def _voronoi_cells(rng: np.random.Generator, size: int, count: int) -> tuple[Float32Array, Float32Array]:
+    """Return the distance to the nearest of ``count^2`` jittered points [texels], and a number 0..1 for each point."""
+    spacing = size / count
+    pad = max(32, int(3 * spacing))
     cell = np.stack(np.meshgrid(np.arange(count), np.arange(count)), axis=-1)
     x, y = np.moveaxis(((cell + rng.random((count, count, 2))) * spacing).astype(int), -1, 0)
     away = np.ones((size, size), np.uint8)
     away[y, x] = 0
     value = rng.random((size, size)).astype(np.float32)
     wrapped = np.pad(away, pad, mode="wrap")
-    _, nearest = cv2.distanceTransformWithLabels(wrapped, cv2.DIST_L2, 5, labelType=cv2.DIST_LABEL_PIXEL)
+    distance, nearest = cv2.distanceTransformWithLabels(
+        wrapped, cv2.DIST_L2, 5, labelType=cv2.DIST_LABEL_PIXEL
+    )
     of_label = np.append(0, np.pad(value, pad, mode="wrap")[wrapped == 0]).astype(np.float32)
-    return of_label[nearest][pad:-pad, pad:-pad]
+    return np.asarray(distance, np.float32)[pad:-pad, pad:-pad], of_label[nearest][pad:-pad, pad:-pad]
 
 
 def _equalise(image: Float32Array) -> Float32Array:

@@ -258,8 +258,8 @@ PHYSICS = """
 Sand reflects 0.38 above the air, almost evenly over the Sun's height; bare relief is lit by its slopes; water is dark
 but for Fresnel's two per cent.
 
-Low sunlight has lost its blue over the long way through air. Cloud returns light by its optical depth, in `high`
-deeper in wide clouds, whose far sides are in shade.
+Low sunlight has lost its blue over the long way through air. Cloud returns light by its optical depth; in `high` it
+is groups of round puffs, deeper where they are wide, with valleys and far sides in shade.
 
 Lamps of two colours keep the mean of the map's cells, 15 % of their light scattered by the air (`high`); the full
 Moon lights clouds at a 400,000th of the Sun.

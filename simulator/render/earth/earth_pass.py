@@ -13,7 +13,7 @@ import numpy as np
 from flyaround.simulator.celestial.air_tables import GROUND_MU_MIN, GROUND_SAMPLES, air_tables
 from flyaround.simulator.celestial.city_lights import MAP_MAX_W_M2_SR as CITY_MAX_W_M2_SR
 from flyaround.simulator.celestial.city_lights import MAX_LIGHT as CITY_BRIGHTEST
-from flyaround.simulator.celestial.detail_noise import GRAIN, PERIOD_KM, SIZE, SLOPE_PER_KM
+from flyaround.simulator.celestial.detail_noise import GRAIN, PERIOD_KM, SIZE, SLOPE_PER_KM, cumulus_texture
 from flyaround.simulator.celestial.earth_maps import SNOW_REFLECTANCE, TERRAIN_SLOPE_MAX, terrain_texture
 from flyaround.simulator.celestial.earth_maps import WIDTH as MAP_WIDTH
 from flyaround.simulator.celestial.ocean_colour import SCALE as OCEAN_COLOUR_SCALE
@@ -189,7 +189,7 @@ class Earth:
             TilingTexture(context, levels_future) for levels_future in (prefetched.detail, prefetched.night)
         )
         prefetched.detail.result()
-        self._terrain: moderngl.Texture | None = None  # only for `high`
+        self._of_high: list[moderngl.Texture] = []  # terrain and clouds of `high`
         self._ground_slopes = self._map_texture(prefetched.ground_slopes.result())
         self._keep_air(prefetched.air.result())
         self._ice: tuple[str, moderngl.Texture] | None = None  # date and texture
@@ -206,7 +206,7 @@ class Earth:
 
     def release(self) -> None:
         """Free maps, tables and vertices; programs belong to the library."""
-        maps = [self._terrain, self._ground_slopes, self._ocean_colour]
+        maps = [*self._of_high, self._ground_slopes, self._ocean_colour]
         maps += [*self._maps, *self._months.values()]
         maps += [] if self._ice is None else [self._ice[1]]
         for texture in maps:
@@ -321,8 +321,9 @@ class Earth:
         self._context.blend_func = self._context.ONE, self._context.ONE
         season = map_season(scene)
         textures = self._textures(frame.images, self.air(environment).frame) | self.ground_textures(season)
+        detail = None
         if scene.quality == "high":
-            textures["t_terrain"] = self._terrain_of_high()
+            textures["t_terrain"], detail = self._textures_of_high()
         if any(kind.icy or kind.bright_water for kind in frame.tiles.centers_px):
             textures |= self._waters(ice_day(scene))
         if (drawn_rect := frame.tiles.bounds(covered=False)) is not None:
@@ -342,7 +343,7 @@ class Earth:
                 texture.filter = min_filter, self._context.LINEAR
             program, level = draw.program, draw.level or 0.0
             lamps = {} if draw.city is None else {"t_city": draw.city}
-            program.bind_textures(**textures, **lamps, t_detail=draw.detail)
+            program.bind_textures(**textures, **lamps, t_detail=detail or draw.detail)
             textures = {}  # other programs use the same units
             program.set("u_season", season.share)
             program.set("u_extent_px", frame.tiles.extent_px)
@@ -370,12 +371,13 @@ class Earth:
             self._arrays[program] = (buffer, array)
         return self._arrays[program]
 
-    def _terrain_of_high(self) -> moderngl.Texture:
-        """Return the land's fine slopes, uploaded when `high` first needs them."""
-        if self._terrain is None:
-            self._terrain = self._map_texture(mipmap_chain(terrain_texture(), globe=False))
-            self._terrain.repeat_y = True
-        return self._terrain
+    def _textures_of_high(self) -> list[moderngl.Texture]:
+        """Return the land's fine slopes and the clouds of `high`, uploaded when first needed."""
+        if not self._of_high:
+            for image in (terrain_texture(), cumulus_texture()):
+                self._of_high.append(self._map_texture(mipmap_chain(image, globe=False)))
+                self._of_high[-1].repeat_y = True
+        return self._of_high
 
     def _waters(self, day: str) -> dict[str, moderngl.Texture]:
         """Return the maps of sea ice and of the ocean's colour, uploaded when such water is first in view."""

@@ -2,10 +2,11 @@
 
 from types import MappingProxyType
 
+import cv2
 import numpy as np
 import pytest
 
-from flyaround.simulator.celestial.detail_noise import detail_texture
+from flyaround.simulator.celestial.detail_noise import cumulus_texture, detail_texture
 from flyaround.simulator.render.craft.viewport_fit import PATTERNS as PRESETS
 from flyaround.simulator.render.craft.viewport_fit import TINY_PATTERN
 from flyaround.simulator.render.gl.shared_blocks import FRAME, GLOBE, MATERIALS, TARGET
@@ -65,13 +66,28 @@ def test_values_that_a_block_refused_are_refused_again(renderer):
             block.write(values)
 
 
-def test_detail_tiles_and_its_histogram_is_even():
-    detail = detail_texture()
-    cloud = detail[..., 0].astype(float)
+@pytest.mark.parametrize("texture", [detail_texture, cumulus_texture])
+def test_detail_tiles_and_its_histogram_is_even(texture):
+    cloud = texture()[..., 0].astype(float)
     for c in (0.2, 0.5, 0.8):
         assert (cloud / 255 > 1 - c).mean() == pytest.approx(c, abs=0.05)
     inner = np.abs(np.diff(cloud, axis=1)).mean()
     assert np.abs(cloud[:, 0] - cloud[:, -1]).mean() < 1.3 * inner
+
+
+def test_borders_of_clouds_are_as_ragged_as_measured():
+    cloudy = (cumulus_texture()[..., 0] > 0.7 * 255).astype(np.uint8)  # a share of 0.3
+    count, label, stats, _ = cv2.connectedComponentsWithStats(cloudy, connectivity=4)
+    perimeter = np.zeros(count)
+    for axis in (0, 1):
+        beside = np.roll(label, -1, axis)
+        for one in (label, beside):
+            np.add.at(perimeter, one[label != beside], 1)
+    area = stats[:, cv2.CC_STAT_AREA].astype(float)
+    sized = (area > 30) & (area < 20_000)  # 1.6 to 1,000 km2
+    slope = np.polyfit(np.log(area[sized]), np.log(perimeter[sized]), 1)[0]
+    # P ~ A^(D/2), D = 1.35 +- 0.05 from 1 to 1e6 km2 (Lovejoy 1982, Science 216, 185)
+    assert 2 * slope == pytest.approx(1.35, abs=0.05)
 
 
 def test_clear_air_is_as_thick_as_published():
