@@ -9,6 +9,7 @@ import msgspec
 import numpy as np
 
 from flyaround.gui.command_table import command, number, setting, switch, word
+from flyaround.gui.picture.light_settings import lit
 from flyaround.gui.picture.view_settings import DETAILS, LAYERS, OVERLAYS
 from flyaround.simulator.imaging.auto_exposure import AutoExposure
 from flyaround.simulator.imaging.metering import metered_exposure_s
@@ -41,7 +42,7 @@ def _layer_is_on(name: str, console: Console) -> bool:
 def _meter(console: Console) -> None:
     """Set the exposure to the meter's for the present scene."""
     session, settings = console.session, console.options.settings
-    scene = session.scene()
+    scene = lit(session.scene(), settings.lights)
     wanted_s = metered_exposure_s(AutoExposure(), scene, session.plan.target)
     stops = float(np.log2(wanted_s / scene.exposure_s))
     settings.exposure_stops = round(min(max(stops, -MOST_STOPS), MOST_STOPS), 2)

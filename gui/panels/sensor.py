@@ -66,14 +66,8 @@ class SensorPanel(Panel):
         name, text, value = term.name, term.text, term.value
         w, imgui = self._w, self._w.imgui
         is_changed = name in console.options.settings.sensor_changes
-        field = min(7.5 * imgui.get_font_size(), 0.45 * w.width)
-        end = imgui.get_cursor_pos_x() + w.width
-        imgui.align_text_to_frame_padding()
-        w.one_line(w.elided(text, w.width - field - 8), style.WARN if is_changed else style.INK)
         about = f"{text}: {term.effect}\nsensor.set {name} VALUE; Enter takes a new one"
-        w.tip(about)
-        imgui.same_line(end - field)
-        imgui.set_next_item_width(field)
+        w.field(text, about, 0.45, style.WARN if is_changed else style.INK)
         flags = imgui.InputTextFlags_.enter_returns_true
         entered, new_value = imgui.input_double(f"##{name}", value, 0.0, 0.0, "%.5g", flags)
         w.tip(about)

@@ -59,7 +59,7 @@ def command_lines(session: FlightSession, options: Options, source: str, saved: 
     lines += _of_saved(saved)
     capture = ["flyaround", "capture", source, *seed, "-n", "40", "-o", "out/set"]
     lines.append(("a data set of this flight", shlex.join(capture)))
-    if settings.exposure_stops or settings.sensor_changes or settings.camera or settings.light_gains:
+    if settings.exposure_stops or settings.sensor_changes or settings.camera or settings.lights:
         left_out.append("exposure, camera, sensor or lights were changed here: change the scenario's text")
     if settings.environment != session.scene().environment:
         left_out.append("layers of the world were switched here: change [environment] in the scenario's text")
