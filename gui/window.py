@@ -73,12 +73,25 @@ class Window(Surface):
         )
         self._glfw.set_key_callback(self._native, self.keys.queue.key)
         self._glfw.set_char_callback(self._native, self.keys.queue.letter)
+        self._glfw.set_mouse_button_callback(self._native, self._queue_click)
         # keys that are down when the window loses focus must be released
         self._glfw.set_window_focus_callback(
             self._native, lambda _, focused: self.imgui.get_io().add_focus_event(bool(focused))
         )
         self._dropped: list[str] = []
         self._glfw.set_drop_callback(self._native, lambda _, paths: self._dropped.extend(paths))
+
+    def _queue_click(self, window: object, button: int, action: int, modifiers: int) -> None:
+        """Queue an event of a mouse button, which counts where the pointer is now."""
+        place = self._glfw.get_cursor_pos(self._native)
+        io = self.imgui.get_io()
+
+        def take() -> None:
+            io.add_mouse_pos_event(*place)
+            self._backend.mouse_button_callback(window, button, action, modifiers)
+            io.add_mouse_pos_event(*self._glfw.get_cursor_pos(self._native))
+
+        self.keys.queue.click(take)
 
     def _open(self, title: str, size: tuple[int, int]) -> Any:  # noqa: ANN401 - a foreign handle
         glfw = self._glfw

@@ -131,7 +131,7 @@ class BoardLinkPanel(Panel):
         w.flow(6 * imgui.get_font_size(), first=False)
         imgui.begin_disabled(not console.jobs.hil.on)
         seconds = min(max(self._seconds, 0.1), 3600.0)
-        w.button(console, "hil.fault", self._fault, seconds, label="Inject")
+        w.button(console, "hil.fault", self._fault, seconds, label="Inject fault")
         imgui.end_disabled()
         for kind, n in console.jobs.hil.struck.items():
             w.row(kind.replace("_", " "), (n,), "{:d}", "pictures or answers that it struck")

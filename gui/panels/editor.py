@@ -34,7 +34,7 @@ class EditorPanel(Panel):
             other = draft.replacement or "the scenario that flies"
             w.text(f"Discard this changed text, and edit {other}?", style.WARN)
             words = filter(None, [draft.replacement])
-            w.button(console, "scenario.edit", *words, label="Discard it", fill=style.GUARDED)
+            w.button(console, "scenario.edit", *words, label="Discard the changes", fill=style.GUARDED)
             imgui.same_line()
             if w.filled_button("Keep it", 0, style.PRIMARY):
                 draft.replacement = None

@@ -119,7 +119,7 @@ class OrbitCameraView(Panel):
                 imgui.same_line()
             self._w.button(console, "orbit-camera.about", about, label=about, on=look.about == about)
         imgui.same_line()
-        self._w.button(console, "orbit-camera.reset", label="reset")
+        self._w.button(console, "orbit-camera.reset", label="first place")
 
     def _mouse(self, console: Console) -> None:
         """Rotate and zoom at once; a whole gesture is one command, at its end."""

@@ -127,3 +127,32 @@ def test_a_key_held_since_before_the_field_is_released():
     queue.key(None, 87, 0, RELEASE, 0)
     queue.deliver()
     assert taken == [(87, RELEASE)]
+
+
+def test_letters_wait_until_the_field_that_a_click_opened_is_drawn():
+    taken = []
+    queue = queue_of(taken)
+    for name in ("down", "up"):
+        queue.click(lambda name=name: taken.append(name))
+    queue.key(None, 71, 0, PRESS, 0)
+    queue.letter(None, ord("g"))
+    seen = []
+    while queue:
+        queue.deliver()
+        seen.append(len(taken))
+    assert taken == ["down", "up", (71, PRESS), "g"]
+    assert seen == [1] + [2] * (REST_FRAMES + 1) + [4]
+
+
+def test_letters_before_a_click_are_taken_before_it():
+    taken = []
+    queue = queue_of(taken, typing=True)
+    for c in "ab":
+        queue.key(None, ord(c.upper()), 0, PRESS, 0)
+        queue.letter(None, ord(c))
+        queue.key(None, ord(c.upper()), 0, RELEASE, 0)
+    queue.click(lambda: taken.append("down"))
+    queue.deliver()
+    assert "down" not in taken
+    queue.deliver()
+    assert [e for e in taken if isinstance(e, str)] == ["a", "b", "down"]

@@ -29,7 +29,7 @@ def test_escape_closes_a_menu_and_the_next_click_opens_it_again(screen: Pointer)
 
 
 @pytest.mark.parametrize("paused", [True, False], ids=["rests", "clicks at once"])
-def test_a_click_on_another_menu_opens_that_one(screen: Pointer, paused: bool) -> None:
+def test_a_click_on_another_menu_opens_that_one(screen: Pointer, *, paused: bool) -> None:
     screen.click(screen.menus["View"])
     for menu in ("Camera", "File", "Help"):
         if paused:
