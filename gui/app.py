@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -16,7 +17,7 @@ from flyaround.gui.gamepad import Gamepad
 from flyaround.gui.jobs.program import new_path
 from flyaround.gui.layout import Layout, layout_file, panel_commands, read_layout
 from flyaround.gui.picture.feed import Feed
-from flyaround.gui.picture.further import CAMERA_SHARE, further_feeds
+from flyaround.gui.picture.further import CAMERA_SHARE, LaterFrames, further_feeds
 from flyaround.gui.picture.turns import Turns
 from flyaround.gui.picture.view_settings import Options, ViewSettings
 from flyaround.gui.script import Script
@@ -35,7 +36,11 @@ from flyaround.simulator.runtime.progress import ProgressLine
 from flyaround.simulator.scenario.load import load_scenario
 
 if TYPE_CHECKING:
+    from contextlib import AbstractContextManager
+
+    from flyaround.simulator.loop import FrameProducer
     from flyaround.simulator.runtime.arrays import ByteArray
+    from flyaround.simulator.scene.state import SceneState
 
 log = logging.getLogger(__name__)
 
@@ -138,31 +143,37 @@ def run(request: Request) -> dict[str, Any]:
     )
     options = options_of(session, request.overlays)
     progress = ProgressLine()
-    with (
-        _surface(request, f"Flyaround - {session.plan.scenario_name}") as window,
-        open_frames(
+
+    def frames(first: SceneState, niceness: int) -> AbstractContextManager[FrameProducer[Frame]]:
+        return open_frames(
             Frame.without_radiance,
             processes=1,
             device_index=request.device_index,
-            first=session.plan.scene(0),
+            first=first,
             # one being drawn and one queued: more would only add delay
             ahead=2,
             restarts=True,
             answer_within_s=ANSWER_WITHIN_S,
-            niceness=GIVES_WAY,
+            niceness=niceness,
             progress=progress,
-        ) as producer,
+        )
+
+    with (
+        _surface(request, f"Flyaround - {session.plan.scenario_name}") as window,
+        frames(session.plan.scene(0), GIVES_WAY) as producer,
+        ExitStack() as later,
     ):
         if request.record is not None:
             recorder.keep_in(request.record, session.plan.scenario)
         turns = Turns(producer)
+        orbit_frames = LaterFrames(lambda scene: later.enter_context(frames(scene, 2 * GIVES_WAY)))
         console = Console(
             session,
             Feed(turns.channel(CAMERA_SHARE)),
             options,
             table,
             source=request.scenario,
-            feeds=further_feeds(turns, options),
+            feeds=further_feeds(turns, orbit_frames, options),
             device_index=request.device_index,
             window_gl=window.gl_renderer,
             progress=progress.read,

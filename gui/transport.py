@@ -135,8 +135,8 @@ class TransportStrip:
             times |= dict.fromkeys(np.arange(step, end_s, step).tolist(), 0.5)
         for t_s, share in times.items():
             width = imgui.calc_text_size(minutes(t_s)).x
-            x = x_of(t_s) - share * width
-            if share == 1.0 or x + width < x_of(end_s) - last - 6.0:
+            x = x_of(t_s) - share * (width + 20.0 * w.window.scale * (share == 1.0))
+            if share == 1.0 or x + width < x_of(end_s) - last - 30.0:
                 y = (low.y + high.y - imgui.get_font_size()) / 2
                 imgui.get_window_draw_list().add_text(w.vec(x, y), w.color(style.QUIET), minutes(t_s))
         imgui.pop_font()

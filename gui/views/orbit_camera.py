@@ -53,7 +53,7 @@ class OrbitCameraView(Panel):
         if feed is not None:
             feed.look()
         if feed is None or (picture := feed.newest) is None:
-            canvas.text((place[0] + 8, place[1] + 6), console.preparing, style.QUIET)
+            canvas.centred(place, console.preparing)
             return
         image = picture.frame.image
         box = Letterbox.fit((image.shape[1], image.shape[0]), place)
