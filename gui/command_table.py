@@ -229,9 +229,7 @@ class Command:
 def command(
     name: str,
     run: Callable[..., object],
-    keys: tuple[str, ...] = (),
-    arguments: tuple[Argument, ...] = (),
-    *,
+    *keys_and_arguments: str | Argument,
     state: Callable[[Any], bool] | None = None,
     flies: bool = False,
     title: str = "",
@@ -239,6 +237,8 @@ def command(
 ) -> Command:
     """Return a command with its title and help from the texts, unless given."""
     title_and_help = (title, text) if title else _texts()[name]
+    keys = tuple(k for k in keys_and_arguments if isinstance(k, str))
+    arguments = tuple(a for a in keys_and_arguments if isinstance(a, Argument))
     return Command(name, *title_and_help, run, keys, arguments, state=state, flies=flies)
 
 
@@ -246,18 +246,18 @@ def switch(
     name: str,
     run: Callable[..., object],
     state: Callable[[Any], bool],
-    keys: tuple[str, ...] = (),
+    *keys: str,
     **options: Any,  # noqa: ANN401 - of `command`
 ) -> Command:
     """Return a command that switches something on and off; ``state`` is True while it is on."""
-    return command(name, run, keys, (STATE,), state=state, **options)
+    return command(name, run, *keys, STATE, state=state, **options)
 
 
 def setting(
     name: str,
     holder: Callable[[Any], object],
     field: str,
-    keys: tuple[str, ...] = (),
+    *keys: str,
     **options: Any,  # noqa: ANN401 - of `command`
 ) -> Command:
     """Return a command that switches a field of the object that ``holder`` returns from the console."""
@@ -265,7 +265,7 @@ def setting(
         name,
         lambda console, on: setattr(holder(console), field, on),
         lambda console: bool(getattr(holder(console), field)),
-        keys,
+        *keys,
         **options,
     )
 

@@ -83,32 +83,24 @@ def _fly_lights(console: Console) -> None:
 LIGHT = Argument("light", "whole", "its number in the panel, from 0", least=0, most=MAX_LIGHTS)
 
 COMMANDS = (
-    command(
-        "camera.use", _use, arguments=(word("camera", "name of the camera", (SCENARIO, *list_cameras())),)
-    ),
+    command("camera.use", _use, word("camera", "name of the camera", (SCENARIO, *list_cameras()))),
     command(
         "sensor.set",
         _set,
-        arguments=(
-            word("name", "of the number"),
-            number("value", "its value, in the unit that the panel shows", unit="its unit"),
-        ),
+        word("name", "of the number"),
+        number("value", "its value, in the unit that the panel shows", unit="its unit"),
     ),
     command("sensor.reset", _reset),
-    command("light.switch", _switch, arguments=(LIGHT, STATE)),
+    command("light.switch", _switch, LIGHT, STATE),
     command(
         "light.set",
         _change,
-        arguments=(
-            LIGHT,
-            word("field", "as [lamp] or [[lights]] of a scenario"),
-            word("value", "a, or a,b,c"),
-        ),
+        LIGHT,
+        word("field", "as [lamp] or [[lights]] of a scenario"),
+        word("value", "a, or a,b,c"),
     ),
-    command(
-        "light.add", _add, arguments=(word("kind", "on the chaser, or a luminous area", tuple(NEW_LIGHTS)),)
-    ),
-    command("light.remove", _remove, arguments=(LIGHT,)),
+    command("light.add", _add, word("kind", "on the chaser, or a luminous area", tuple(NEW_LIGHTS))),
+    command("light.remove", _remove, LIGHT),
     command("light.reset", _reset_lights),
     command("light.fly", _fly_lights),
 )

@@ -80,20 +80,20 @@ COMMANDS = (
             f"overlay.{name}",
             lambda console: console.options.overlays,
             name,
-            (OVERLAY_KEYS[name].lower(),) if name in OVERLAY_KEYS else (),
+            *((OVERLAY_KEYS[name].lower(),) if name in OVERLAY_KEYS else ()),
             title=title,
             text=f"draw over the view: {title.lower()}",
         )
         for name, title in OVERLAYS
     ),
-    command("picture.save", lambda console: console.feed.ask_to_save(), ("p", "f12")),
+    command("picture.save", lambda console: console.feed.ask_to_save(), "p", "f12"),
     command(
         "picture.exposure",
         lambda console, stops: setattr(console.options.settings, "exposure_stops", stops),
-        arguments=(STOPS,),
+        STOPS,
     ),
     command("picture.meter", _meter),
-    command("picture.detail", _detail, arguments=(word("detail", "how fine", DETAILS),)),
+    command("picture.detail", _detail, word("detail", "how fine", DETAILS)),
     switch("picture.colour", _colour, lambda console: bool(console.options.settings.bands == "rgb")),
     setting("picture.noise", lambda console: console.options.settings, "noise"),
     *(
@@ -106,9 +106,9 @@ COMMANDS = (
         )
         for name, title in LAYERS
     ),
-    command("window.panels", _panels, ("tab",)),
-    command("window.full-screen", partial(_request, "full_screen"), ("f11",)),
-    command("window.acknowledge", lambda console: console.acknowledge(), ("f9",)),
-    command("window.quit", _quit, ("ctrl+q",)),
+    command("window.panels", _panels, "tab"),
+    command("window.full-screen", partial(_request, "full_screen"), "f11"),
+    command("window.acknowledge", lambda console: console.acknowledge(), "f9"),
+    command("window.quit", _quit, "ctrl+q"),
     command("window.close", partial(_request, "close")),
 )

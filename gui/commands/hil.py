@@ -79,9 +79,9 @@ SECONDS = number(
 )
 
 COMMANDS = (
-    command("hil.start", _start, arguments=(URL,)),
+    command("hil.start", _start, URL),
     command("hil.stop", lambda console: console.jobs.hil.stop()),
-    command("hil.board", _board, arguments=(METHOD,)),
+    command("hil.board", _board, METHOD),
     command("hil.board-stop", lambda console: console.jobs.hil.stop_board()),
-    command("hil.fault", _fault, arguments=(word("kind", "which one", tuple(FAULTS)), SECONDS)),
+    command("hil.fault", _fault, word("kind", "which one", tuple(FAULTS)), SECONDS),
 )
