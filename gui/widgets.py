@@ -356,7 +356,7 @@ class Panel(ABC):
 
     ``name`` is that of its command (``panel.NAME``), with its ``keys``. ``place`` is the initial dock (``over``: a
     floating window in the centre, of ``size`` at scale 1), ``shown`` is True if it is open initially, ``bare`` if it
-    draws up to its edges.
+    draws up to its edges. Further attributes of a class are the initial state of its panels.
     """
 
     name: str

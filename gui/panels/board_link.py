@@ -15,7 +15,6 @@ from flyaround.gui.widgets import Panel
 if TYPE_CHECKING:
     from flyaround.gui.console import Console
     from flyaround.gui.jobs.hil_session import HilSession
-    from flyaround.gui.surface import Surface
 
 SEEN = {
     "off": style.QUIET,
@@ -30,12 +29,10 @@ class BoardLinkPanel(Panel):
 
     name, title, place, shown = "board-link", "Board link", "left", False
 
-    def __init__(self, window: Surface) -> None:
-        super().__init__(window)
-        self._url = LISTEN
-        self._methods: tuple[str, ...] = ()
-        self._method, self._fault = "", next(iter(FAULTS))
-        self._seconds = FAULT_S
+    _url = LISTEN
+    _methods: tuple[str, ...] = ()
+    _method, _fault = "", next(iter(FAULTS))
+    _seconds = FAULT_S
 
     def draw(self, console: Console) -> None:
         """Draw into the current panel."""

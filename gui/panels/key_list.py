@@ -13,7 +13,6 @@ if TYPE_CHECKING:
 
     from flyaround.gui.command_table import Command
     from flyaround.gui.console import Console
-    from flyaround.gui.surface import Surface
     from flyaround.gui.widgets import Widgets
 
 
@@ -23,9 +22,7 @@ class KeyList(Panel):
     name, title, place, shown = "keys", "Commands and keys", "over", False
     keys = ("f1", "h")
 
-    def __init__(self, window: Surface) -> None:
-        super().__init__(window)
-        self._query = ""
+    _query = ""
 
     def draw(self, console: Console) -> None:
         """Draw into the current window."""
@@ -73,9 +70,7 @@ class Palette(Panel):
     keys = ("ctrl+p",)
     rows = 9
 
-    def __init__(self, window: Surface) -> None:
-        super().__init__(window)
-        self._line = ""
+    _line = ""
 
     def draw(self, console: Console) -> None:
         """Draw into the current window."""

@@ -17,7 +17,6 @@ from flyaround.simulator.camera.lens.files import list_cameras
 if TYPE_CHECKING:
     from flyaround.gui.console import Console
     from flyaround.gui.picture.feed import Picture
-    from flyaround.gui.surface import Surface
 
 
 class SensorPanel(Panel):
@@ -25,11 +24,9 @@ class SensorPanel(Panel):
 
     name, title, place, shown = "sensor", "Sensor", "right-low", True
 
-    def __init__(self, window: Surface) -> None:
-        super().__init__(window)
-        self._counted: Picture | None = None
-        self._histogram: Histogram | None = None
-        self._camera = SCENARIO
+    _counted: Picture | None = None
+    _histogram: Histogram | None = None
+    _camera = SCENARIO
 
     def draw(self, console: Console) -> None:
         """Draw into the current panel."""

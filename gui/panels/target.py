@@ -10,7 +10,6 @@ from flyaround.simulator.targets.library import list_targets
 
 if TYPE_CHECKING:
     from flyaround.gui.console import Console
-    from flyaround.gui.surface import Surface
 
 
 class TargetPanel(Panel):
@@ -18,10 +17,8 @@ class TargetPanel(Panel):
 
     name, title, place, shown = "target", "Target", "right-low", True
 
-    def __init__(self, window: Surface) -> None:
-        super().__init__(window)
-        self._names: tuple[str, ...] = ()
-        self._chosen, self._flown = "", ""
+    _names: tuple[str, ...] = ()
+    _chosen, _flown = "", ""
 
     def draw(self, console: Console) -> None:
         """Draw into the current panel."""

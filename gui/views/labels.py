@@ -50,10 +50,8 @@ class _LabelView(Panel):
     bare = True
     legend_tip = ""
 
-    def __init__(self, window: Surface) -> None:
-        super().__init__(window)
-        self._newest: Picture | None = None
-        self._part = (slice(0, 1), slice(0, 1))
+    _newest: Picture | None = None
+    _part = (slice(0, 1), slice(0, 1))
 
     def draw(self, console: Console) -> None:
         """Draw into the current view."""
@@ -131,9 +129,7 @@ class DepthView(_LabelView):
 
     name, title = "depth", "Depth"
 
-    def __init__(self, window: Surface) -> None:
-        super().__init__(window)
-        self._depth: DepthPicture | None = None
+    _depth: DepthPicture | None = None
 
     def _make(self, picture: Picture) -> None:
         depth = picture.frame.layers.get("depth")
@@ -198,10 +194,8 @@ class KeypointsView(_LabelView):
     name, title = "keypoints", "Keypoints"
     legend_tip = "how many keypoints are in this state: dots are seen, diamonds unlit, rings hidden"
 
-    def __init__(self, window: Surface) -> None:
-        super().__init__(window)
-        self._image_rgb: ByteArray | None = None
-        self._truth: Truth | None = None
+    _image_rgb: ByteArray | None = None
+    _truth: Truth | None = None
 
     def _make(self, picture: Picture) -> None:
         self._image_rgb, self._truth = dimmed(picture.frame), picture.frame.truth

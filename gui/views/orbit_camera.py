@@ -19,7 +19,6 @@ from flyaround.gui.widgets import Panel
 if TYPE_CHECKING:
     from flyaround.gui.console import Console
     from flyaround.gui.picture.feed import Picture
-    from flyaround.gui.surface import Surface
 
 DEGREES_PER_UNIT = 0.4  # turn per unit of mouse movement
 WHEEL_FACTOR = 1.15  # change of the distance per step of the wheel
@@ -33,11 +32,9 @@ class OrbitCameraView(Panel):
     name, title, place, shown = ORBIT_CAMERA, "Orbit camera", "bottom", False
     bare = True
 
-    def __init__(self, window: Surface) -> None:
-        super().__init__(window)
-        self._turning = False
-        self._marks: ChaserMarks | None = None
-        self._marks_of: Picture | None = None
+    _turning = False
+    _marks: ChaserMarks | None = None
+    _marks_of: Picture | None = None
 
     def draw(self, console: Console) -> None:
         """Draw into the current view."""
