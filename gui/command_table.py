@@ -8,12 +8,10 @@ from __future__ import annotations
 import math
 import shlex
 from dataclasses import dataclass
-from functools import cache
-from importlib.resources import files
 from typing import TYPE_CHECKING, Any, Literal
 
+from flyaround.gui.texts import texts
 from flyaround.simulator.errors import UserError
-from flyaround.simulator.runtime.toml_file import parse_toml
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -236,10 +234,10 @@ def command(
     text: str = "",
 ) -> Command:
     """Return a command with its title and help from the texts, unless given."""
-    title_and_help = (title, text) if title else _texts()[name]
+    title, text = (title, text) if title else texts("commands")[name]
     keys = tuple(k for k in keys_and_arguments if isinstance(k, str))
     arguments = tuple(a for a in keys_and_arguments if isinstance(a, Argument))
-    return Command(name, *title_and_help, run, keys, arguments, state=state, flies=flies)
+    return Command(name, title, text, run, keys, arguments, state=state, flies=flies)
 
 
 def switch(
@@ -268,14 +266,6 @@ def setting(
         *keys,
         **options,
     )
-
-
-@cache
-def _texts() -> dict[str, tuple[str, str]]:
-    """Return title and help of each command by its name."""
-    name = "command_texts.toml"
-    texts = parse_toml(files("flyaround.gui").joinpath(name).read_bytes(), name)
-    return {command: (title, text) for command, (title, text) in texts.items()}
 
 
 class CommandTable:

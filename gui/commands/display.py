@@ -84,7 +84,7 @@ COMMANDS = (
             title=title,
             text=f"draw over the view: {title.lower()}",
         )
-        for name, title in OVERLAYS
+        for name, title in OVERLAYS.items()
     ),
     command("picture.save", lambda console: console.feed.ask_to_save(), "p", "f12"),
     command(
@@ -104,7 +104,7 @@ COMMANDS = (
             title=title,
             text=f"draw or leave out: {title.lower()}",
         )
-        for name, title in LAYERS
+        for name, title in LAYERS.items()
     ),
     command("window.panels", _panels, "tab"),
     command("window.full-screen", partial(_request, "full_screen"), "f11"),

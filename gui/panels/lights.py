@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any, get_args
 
 from flyaround.gui.picture.light_settings import NEW_LIGHTS, SwitchedLight, lights_of
+from flyaround.gui.texts import texts
 from flyaround.gui.widgets import Panel
 from flyaround.simulator.scene.illumination.lamp import Profile
 
@@ -13,19 +14,7 @@ if TYPE_CHECKING:
 
 PLACES = frozenset({"offset_m", "position_m", "direction"})
 CHOICES = {"frame": ("camera", "target"), "profile": get_args(Profile)}
-FIELDS = {
-    "power_w": ("Power, W", "light of the whole beam"),
-    "radiance_w_m2_sr": ("Radiance, W/m2 sr", "on the axis; 100 to 1000 for a box in a laboratory"),
-    "half_angle_deg": ("Half angle, °", "from the axis to where the intensity is half; 60 for a diffuse box"),
-    "profile": ("Beam", "led: power of the cosine; gaussian in the angle; flat inside its cone"),
-    "offset_m": ("Place, m", "right of, below and in front of the camera"),
-    "position_m": ("Place, m", "centre, in the axes of camera (right, down, forward) or target"),
-    "direction": ("Direction", "in the same axes; 0 0 0 shines at the target"),
-    "frame": ("Fixed to", "axes of place and direction, with which the box moves"),
-    "width_m": ("Width, m", "of the luminous area"),
-    "height_m": ("Height, m", "of the luminous area"),
-    "turn_deg": ("Turned by, °", "about its axis"),
-}
+FIELDS = texts("lights")
 """Name and hover text of each field of a light."""
 
 

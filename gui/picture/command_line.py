@@ -45,7 +45,7 @@ def command_lines(session: FlightSession, options: Options, source: str, saved: 
         return CommandLines(_of_saved(saved), (why,))
     seed = [] if session.plan.seed == session.plan.scenario.seed else ["--seed", str(session.plan.seed)]
     first = Overlays()
-    over = [f for f, _ in OVERLAYS if getattr(options.overlays, f) and not getattr(first, f)]
+    over = [f for f in OVERLAYS if getattr(options.overlays, f) and not getattr(first, f)]
     sim = ["flyaround", "sim", source, *seed, *(["--overlays", ",".join(over)] if over else [])]
     lines = [("this console", shlex.join(sim))]
     left_out = []

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, Literal
 from flyaround.gui.picture.light_settings import Lights, lit
 from flyaround.gui.picture.orbit_camera import OrbitCamera
 from flyaround.gui.picture.relative_map import MapLook
+from flyaround.gui.texts import texts
 from flyaround.simulator.camera.detector.sensor import noiseless
 from flyaround.simulator.scene.environments import Environment
 from flyaround.simulator.scene.illumination.bands import Bands
@@ -20,32 +21,8 @@ if TYPE_CHECKING:
 
 Detail = Literal["auto", "full", "half", "quarter"]
 DETAILS: tuple[Detail, ...] = ("auto", "full", "half", "quarter")
-LAYERS: tuple[tuple[str, str], ...] = (
-    ("earth", "Earth"),
-    ("clouds", "Clouds"),
-    ("ocean_glint", "Ocean glint"),
-    ("sea_ice", "Sea ice"),
-    ("night_lights", "Night lights"),
-    ("atmosphere", "Atmosphere"),
-    ("airglow", "Airglow"),
-    ("stars", "Stars"),
-    ("sun", "Sun"),
-    ("moon", "Moon"),
-    ("earthshine", "Earthshine"),
-)
-OVERLAYS: tuple[tuple[str, str], ...] = (
-    ("keypoints", "Keypoints"),
-    ("names", "Names"),
-    ("box", "Box"),
-    ("axes", "Target axes"),
-    ("wireframe", "Wireframe"),
-    ("estimate", "Estimated pose"),
-    ("crosshair", "Crosshair"),
-    ("hud", "Figures"),
-    ("docking", "Docking"),
-    ("times", "Pass times"),
-    ("raw", "Raw numbers"),
-)
+LAYERS: dict[str, str] = texts("layers")
+OVERLAYS: dict[str, str] = texts("overlays")
 
 
 @dataclass

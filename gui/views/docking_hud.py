@@ -8,6 +8,7 @@ import numpy as np
 
 from flyaround.gui import style
 from flyaround.gui.canvas import Canvas
+from flyaround.gui.texts import texts
 from flyaround.gui.widgets import Widgets
 from flyaround.simulator.piloting.docking_figures import CAPTURE_M, JudgedFigure, judge
 
@@ -34,20 +35,7 @@ FULL_SCALE_DEG = 15.0
 """Angle at which an attitude needle stops."""
 
 DISTANCE = "of the docking point before the port's plane"
-FIGURE_TIPS = {
-    "closing": "how fast the docking point comes nearer to the port's plane",
-    "offset right": "docking point off the port's axis, to the right in the view",
-    "offset down": "docking point off the port's axis, downward in the view",
-    "rate right": "how fast that offset grows, to the right in the view",
-    "rate down": "how fast that offset grows, downward in the view",
-    "roll": "attitude against the port's, about the axis of approach",
-    "pitch": "attitude against the port's: nose up or down",
-    "yaw": "attitude against the port's: nose to the right or left",
-    "roll rate": "how fast roll changes against the turning port",
-    "pitch rate": "how fast pitch changes against the turning port",
-    "yaw rate": "how fast yaw changes against the turning port",
-    "off axis": "angle at the port between its axis and the docking point; nothing where the offset is small",
-}
+FIGURE_TIPS: dict[str, str] = texts("docking")
 """Hover text of each figure of `flyaround.simulator.piloting.docking_figures.judge`."""
 
 
