@@ -407,7 +407,7 @@ class ConsoleLoop:
     def _last_state(self) -> dict[str, Any]:
         console = self._console
         session, feed = console.session, console.feed
-        world, scene = session.craft.world, session.scene()
+        world, scene, contact = session.craft.world, session.scene(), session.craft.docking.contact
         return {
             "scenario": session.plan.scenario.name,
             "mode": session.craft.mode,
@@ -420,9 +420,7 @@ class ConsoleLoop:
             "q_camera_from_eci_wxyz": scene.q_camera_from_eci_wxyz,
             "delta_v_m_s": session.craft.steering.propellant.delta_v_m_s,
             "propellant_kg": session.craft.steering.propellant.used_kg,
-            "docking": None
-            if session.craft.docking.contact is None
-            else session.craft.docking.contact.document(),
+            "docking": contact and contact.document(),
             "operator_s": console.clock_ms / 1000,
             "commands": len(console.log.lines),
             "pictures": feed.finished,

@@ -16,12 +16,7 @@ if TYPE_CHECKING:
     from flyaround.gui.console import Console
     from flyaround.gui.jobs.hil_session import HilSession
 
-SEEN = {
-    "off": style.QUIET,
-    "starting": style.WARN,
-    "waiting for a board": style.WARN,
-    "streaming": style.GOOD,
-}
+SEEN = {"off": style.QUIET, "streaming": style.GOOD}
 
 
 class BoardLinkPanel(Panel):
@@ -46,9 +41,8 @@ class BoardLinkPanel(Panel):
         _, self._url = imgui.input_text("##url", hil.url or self._url)
         imgui.end_disabled()
         w.command_tip(console, "hil.start", argument="url")
-        w.button(
-            console, "hil.stop" if hil.on else "hil.start", *([] if hil.on else [self._url]), width=w.width
-        )
+        start = ("hil.stop",) if hil.on else ("hil.start", self._url)
+        w.button(console, *start, width=w.width)
         w.text("After each answer the board is sent a picture of the newest moment.", style.QUIET)
         w.section("Board of this machine")
         self._methods = self._methods or known_methods()

@@ -145,9 +145,5 @@ class OrbitCameraView(Panel):
     @staticmethod
     def _keep(console: Console) -> None:
         look = console.options.orbit
-        console.do(
-            "orbit-camera.place",
-            round(look.azimuth_deg, 1),
-            round(look.elevation_deg, 1),
-            round(look.distance_m, 2),
-        )
+        azimuth_deg, elevation_deg = round(look.azimuth_deg, 1), round(look.elevation_deg, 1)
+        console.do("orbit-camera.place", azimuth_deg, elevation_deg, round(look.distance_m, 2))
