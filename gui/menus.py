@@ -41,8 +41,7 @@ Vehicle
 Camera
   picture.meter picture.colour picture.noise sensor.reset
   World: panel.world world.*
-  Lights: panel.lights light.*
-  panel.picture panel.sensor panel.target
+  panel.picture panel.sensor panel.target panel.lights light.*
 View
   Overlays: overlay.*
   Maps: panel.lvlh-map map.* panel.earth-map panel.orbit-camera orbit-camera.*

@@ -21,7 +21,7 @@ FIELDS = texts("lights")
 class LightsPanel(Panel):
     """Lamps and boxes: switched, moved, made brighter, added and taken away."""
 
-    name, title, place, shown = "lights", "Lights", "right-low", False
+    name, title, place, shown = "lights", "Lights", "left", False
 
     def draw(self, console: Console) -> None:
         """Draw into the current panel."""
@@ -33,9 +33,9 @@ class LightsPanel(Panel):
         )
         for k, switched in enumerate(lights_of(scene) if lights is None else lights):
             self._light(console, k, switched)
-        w.section("Add")
+        w.imgui.separator()
         for kind, width in zip(NEW_LIGHTS, w.grid(2, 100), strict=True):
-            w.button(console, "light.add", kind, label=kind.capitalize(), width=width)
+            w.button(console, "light.add", kind, label=f"Add a {kind}", width=width)
         if lights is not None:
             w.section("Changed here")
             w.text("Seen at once, in the console's pictures alone. Boards and data sets need a new flight.")

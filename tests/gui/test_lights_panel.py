@@ -90,10 +90,10 @@ def test_another_scenario_has_its_own_lights(console: Console) -> None:
 @pytest.mark.parametrize("size", [(800, 600), (1280, 800)])
 def test_by_pointer_the_lamp_goes_out_and_a_box_is_added(size: tuple[int, int]) -> None:
     screen = Pointer("tango-eclipse-lamp", size)
-    screen.menu("Camera", "Lights", "Lights")
+    screen.menu("Camera", "Lights")
     screen.press("On")
     assert seen(screen.console).lamp is None
-    screen.press("Box")
+    screen.press("Add a box")
     assert len(seen(screen.console).area_lights) == 1
     screen.press("Remove", 1)
     assert not seen(screen.console).area_lights
