@@ -112,8 +112,10 @@ class BurnNodes:
         texts = [f"{burn.size_m_s:.3f} m/s" for burn in burns[: len(tips)]]
         sizes = [canvas.size(text) for text in texts]
         about = "size of the burn; drag its handle for that, its node for the time"
-        for text, label in zip(texts, place_labels(tips, sizes, port.rect, obstacles=obstacles), strict=True):
+        labels = place_labels(tips, sizes, port.rect, obstacles=obstacles)
+        for text, tip, label in zip(texts, tips, labels, strict=True):
             if label is not None:
+                canvas.stroke([tip, label.lead or tip], COLOUR, 1.0)
                 canvas.label(label.corner, text, style.INK, about)
 
     @property

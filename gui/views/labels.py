@@ -64,7 +64,7 @@ class _LabelView(Panel):
             feed.look()
             picture = feed.newest
         if picture is None or picture.frame.truth is None:
-            canvas.text((place[0] + 8, place[1] + 6), console.preparing, style.QUIET)
+            canvas.centred(place, console.preparing)
         else:
             if picture is not self._newest:
                 self._part = close_up(picture.frame)
@@ -138,7 +138,7 @@ class DepthView(_LabelView):
     def _show(self, canvas: Canvas, place: Place) -> None:
         depth = self._depth
         if depth is None:
-            canvas.text((place[0] + 8, place[1] + 6), NO_TARGET, style.QUIET)
+            canvas.centred(place, NO_TARGET)
             return
         picture, scale = self._split(canvas, place, ("0000.00 m    ",), rows=7)
         self._image(canvas, picture, depth.image)
@@ -181,7 +181,7 @@ class PartsView(_LabelView):
 
     def _show(self, canvas: Canvas, place: Place) -> None:
         if self._image_rgb is None or not self._rows:
-            canvas.text((place[0] + 8, place[1] + 6), NO_TARGET, style.QUIET)
+            canvas.centred(place, NO_TARGET)
             return
         picture, legend = self._split(canvas, place, [name for name, _ in self._rows])
         self._image(canvas, picture, self._image_rgb)

@@ -114,9 +114,11 @@ class OrbitCameraView(Panel):
         for k, about in enumerate(ABOUT):
             if k:
                 imgui.same_line()
-            self._w.button(console, "orbit-camera.about", about, label=about, on=look.about == about)
+            self._w.button(
+                console, "orbit-camera.about", about, label=about.capitalize(), on=look.about == about
+            )
         imgui.same_line()
-        self._w.button(console, "orbit-camera.reset", label="first place")
+        self._w.button(console, "orbit-camera.reset", label="First place")
 
     def _mouse(self, console: Console) -> None:
         """Rotate and zoom at once; a whole gesture is one command, at its end."""
