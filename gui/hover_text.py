@@ -14,13 +14,14 @@ WIDEST = 26.0
 
 
 def item_tip(imgui: Any, text: str) -> None:  # noqa: ANN401 - a foreign module
-    """Show a text while the mouse rests on the last item, even a disabled one, and no button is held.
+    """Show a text while the mouse rests on the last item, even a disabled one, and none is pressed or takes text.
 
     It lies below the item, beside an open menu, or above an item in the lower part of the window.
     """
     flags = imgui.HoveredFlags_.stationary | imgui.HoveredFlags_.delay_normal
     flags |= imgui.HoveredFlags_.allow_when_disabled | imgui.HoveredFlags_.no_shared_delay
-    if not text or imgui.is_any_mouse_down() or not imgui.is_item_hovered(flags):
+    busy = imgui.is_any_mouse_down() or imgui.is_any_item_active()
+    if not text or busy or not imgui.is_item_hovered(flags):
         return
     low, high = imgui.get_item_rect_min(), imgui.get_item_rect_max()
     screen = imgui.get_main_viewport().size
