@@ -132,7 +132,7 @@ class TransportStrip:
         last = imgui.calc_text_size(minutes(end_s)).x
         times = {0.0: 0.0, end_s: 1.0}
         if high.x - low.x > 3 * room:
-            times |= dict.fromkeys(np.arange(step, end_s, step).tolist(), 0.5)
+            times |= dict.fromkeys(np.arange(step, end_s - 0.6 * step, step).tolist(), 0.5)
         for t_s, share in times.items():
             width = imgui.calc_text_size(minutes(t_s)).x
             x = x_of(t_s) - share * (width + 20.0 * w.window.scale * (share == 1.0))

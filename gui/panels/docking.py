@@ -59,7 +59,7 @@ class DockingPanel(Panel):
             head = partial(w.text, f"{short} {row.unit}", style.QUIET, FIGURE_TIPS[row.name])
             limit = partial(w.text, f"{row.limit:.2g}", style.QUIET, most)
             cells.append((head, partial(w.text, now, colour, state), limit))
-        w.table("figures", (0.46, 0.29, 0.25), cells, ("figure", "now", "at most"))
+        w.table("figures", (0.46, 0.29, 0.25), cells, ("Figure", "Now", "At most"))
 
     def _limits(self, console: Console) -> None:
         w, now = self._w, console.session.craft.docking.limits
