@@ -130,7 +130,7 @@ class CameraView(Panel):
         self._push()
         widths = [self._width(canvas, rows) for rows in _columns(groups)]
         self._imgui.pop_font()
-        deep = self._line * max((len(rows) for rows in _columns(groups)), default=0) + 2 * MARGIN
+        deep = self._line * max((len(rows) for rows in _columns(groups)), default=0) + MARGIN
         tall = self._line * sum(len(rows) for rows in groups) + 2 * MARGIN
         if groups and down >= deep and sum(widths) + 2 * MARGIN + 2 * LEAST_GAP <= width:
             top = Letterbox(box.x, y, box.width, box.height, box.scale)
@@ -147,7 +147,7 @@ class CameraView(Panel):
         widths = [self._width(canvas, rows) for rows in columns]
         below = sum(widths) + 2 * MARGIN + 2 * LEAST_GAP <= place[2]
         gap = min((place[2] - sum(widths) - 2 * MARGIN) / 2, WIDEST_GAP)
-        x, y = place[0] + MARGIN, place[1] + MARGIN
+        x, y = place[0] + MARGIN, place[1] + MARGIN / 2
         for rows, width in zip(columns, widths, strict=True):
             self._write(canvas, (x, y), rows, plate=False)
             x, y = (x + width + gap, y) if below else (x, y + len(rows) * self._line)

@@ -96,10 +96,10 @@ def test_editing_asks_before_a_changed_text_is_lost(screen: Pointer) -> None:
     console.do("scenario.edit")
     for _ in range(5):
         screen.turn()
-    screen.press("Discard it")
+    screen.press("Discard the changes")
     screen.turn()
     assert (draft.text, draft.replacement, draft.changed) == (original, None, False)
-    assert not screen.has("Discard it")
+    assert not screen.has("Discard the changes")
 
 
 def test_nothing_moves_when_a_job_begins_or_ends(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
