@@ -144,7 +144,7 @@ def run(request: Request) -> dict[str, Any]:
     options = options_of(session, request.overlays)
     progress = ProgressLine()
 
-    def frames(first: SceneState, niceness: int) -> AbstractContextManager[FrameProducer[Frame]]:
+    def frames(first: SceneState) -> AbstractContextManager[FrameProducer[Frame]]:
         return open_frames(
             Frame.without_radiance,
             processes=1,
@@ -154,19 +154,19 @@ def run(request: Request) -> dict[str, Any]:
             ahead=2,
             restarts=True,
             answer_within_s=ANSWER_WITHIN_S,
-            niceness=niceness,
+            niceness=GIVES_WAY,
             progress=progress,
         )
 
     with (
         _surface(request, f"Flyaround - {session.plan.scenario_name}") as window,
-        frames(session.plan.scene(0), GIVES_WAY) as producer,
+        frames(session.plan.scene(0)) as producer,
         ExitStack() as later,
     ):
         if request.record is not None:
             recorder.keep_in(request.record, session.plan.scenario)
         turns = Turns(producer)
-        orbit_frames = LaterFrames(lambda scene: later.enter_context(frames(scene, 2 * GIVES_WAY)))
+        orbit_frames = LaterFrames(lambda scene: later.enter_context(frames(scene)))
         console = Console(
             session,
             Feed(turns.channel(CAMERA_SHARE)),
