@@ -42,7 +42,7 @@ class DockingPanel(Panel):
         w.switch(console, "overlay.docking", "Display over the view")
         figures = docking.figures(session.craft.chaser, session.flight)
         w.section(docking.port.name.capitalize())
-        w.row("Distance", (figures.axial_m,), "{:.2f} m", DISTANCE)
+        w.row("Distance", (figures.axial_m,), "{:z.2f} m", DISTANCE)
         self._table(judge(figures, docking.limits, docking.corridor_deg))
         self._limits(console)
         self._points(console)

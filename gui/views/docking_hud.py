@@ -156,7 +156,7 @@ class DockingHud:
         self._pair(canvas, (cx - radius - 14, cy - 2.2 * line), rows["offset right"], rows["rate right"], 1.0)
         self._pair(canvas, (cx - radius - 14, cy + 0.2 * line), rows["offset down"], rows["rate down"], 1.0)
         at = (cx, cy + radius - 3.1 * line)
-        self._text(canvas, at, f"{figures.axial_m:.2f} m", style.INK, 0.5, DISTANCE)
+        self._text(canvas, at, f"{figures.axial_m:z.2f} m", style.INK, 0.5, DISTANCE)
         self._figure(canvas, (cx, cy + radius - 2.1 * line), "closing", rows["closing"], 0.5)
 
     @staticmethod
