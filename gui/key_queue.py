@@ -118,19 +118,19 @@ class KeyQueue:
     def deliver(self) -> None:
         """Deliver the events since the last frame, up to the first key that may begin or end text input.
 
-        No more than Dear ImGui processes in one frame: no key twice, and no such key after a letter; it would queue the
-        rest beyond our pause. Only keys pause: a double click must not take longer in a slow window.
+        No more than Dear ImGui processes in one frame: no key twice, no such key after a letter, and no letter after a
+        key without a character, as Shift; it would queue the rest beyond our pause. Only keys pause: a double click
+        must not take longer in a slow window.
         """
         resting = self._rest > 0
         self._rest -= resting
-        keys_seen: set[int] = set()
-        typed = False
+        keys_seen, typed, shifted = set[int](), False, False
         while self._events:
             event = self._events[0]
             if resting and event.key != CLICK:
                 return
             printable = not event.turns and event.key in PRINTABLE and self._typing()
-            if event.key in keys_seen or (typed and event.turns):
+            if event.key in keys_seen or (typed and event.turns) or (shifted and event.key is None):
                 return
             self._events.popleft()
             if not (printable and event.pressed):
@@ -139,5 +139,6 @@ class KeyQueue:
                 typed = True
             elif not printable:
                 keys_seen.add(event.key)
+                shifted |= event.key not in PRINTABLE
             if event.turns:
                 self._rest, resting = REST_FRAMES, True

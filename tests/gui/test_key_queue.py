@@ -156,3 +156,21 @@ def test_letters_before_a_click_are_taken_before_it():
     assert "down" not in taken
     queue.deliver()
     assert [e for e in taken if isinstance(e, str)] == ["a", "b", "down"]
+
+
+def test_a_letter_waits_for_shift_as_in_dear_imgui():
+    """It would wait there, and Enter behind it, beyond the pause that Enter has here."""
+    taken, shift = [], 340
+    queue = queue_of(taken, typing=True)
+    queue.letter(None, ord("n"))
+    queue.key(None, shift, 0, PRESS, 0)
+    queue.letter(None, ord("_"))
+    queue.key(None, shift, 0, RELEASE, 1)
+    queue.letter(None, ord("s"))
+    queue.key(None, ENTER, 0, PRESS, 0)
+    frames = []
+    while queue:
+        before = len(taken)
+        queue.deliver()
+        frames.append(taken[before:])
+    assert frames == [["n", (shift, PRESS)], ["_", (shift, RELEASE)], ["s"], [(ENTER, PRESS)]]
