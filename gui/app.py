@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -16,7 +17,7 @@ from flyaround.gui.gamepad import Gamepad
 from flyaround.gui.jobs.program import new_path
 from flyaround.gui.layout import Layout, layout_file, panel_commands, read_layout
 from flyaround.gui.picture.feed import Feed
-from flyaround.gui.picture.further import CAMERA_SHARE, further_feeds
+from flyaround.gui.picture.further import CAMERA_SHARE, LaterFrames, further_feeds
 from flyaround.gui.picture.turns import Turns
 from flyaround.gui.picture.view_settings import Options, ViewSettings
 from flyaround.gui.script import Script
@@ -35,7 +36,11 @@ from flyaround.simulator.runtime.progress import ProgressLine
 from flyaround.simulator.scenario.load import load_scenario
 
 if TYPE_CHECKING:
+    from contextlib import AbstractContextManager
+
+    from flyaround.simulator.loop import FrameProducer
     from flyaround.simulator.runtime.arrays import ByteArray
+    from flyaround.simulator.scene.state import SceneState
 
 log = logging.getLogger(__name__)
 
@@ -138,31 +143,37 @@ def run(request: Request) -> dict[str, Any]:
     )
     options = options_of(session, request.overlays)
     progress = ProgressLine()
-    with (
-        _surface(request, f"Flyaround - {session.plan.scenario_name}") as window,
-        open_frames(
+
+    def frames(first: SceneState) -> AbstractContextManager[FrameProducer[Frame]]:
+        return open_frames(
             Frame.without_radiance,
             processes=1,
             device_index=request.device_index,
-            first=session.plan.scene(0),
+            first=first,
             # one being drawn and one queued: more would only add delay
             ahead=2,
             restarts=True,
             answer_within_s=ANSWER_WITHIN_S,
             niceness=GIVES_WAY,
             progress=progress,
-        ) as producer,
+        )
+
+    with (
+        _surface(request, f"Flyaround - {session.plan.scenario_name}") as window,
+        frames(session.plan.scene(0)) as producer,
+        ExitStack() as later,
     ):
         if request.record is not None:
             recorder.keep_in(request.record, session.plan.scenario)
         turns = Turns(producer)
+        orbit_frames = LaterFrames(lambda scene: later.enter_context(frames(scene)))
         console = Console(
             session,
             Feed(turns.channel(CAMERA_SHARE)),
             options,
             table,
             source=request.scenario,
-            feeds=further_feeds(turns, options),
+            feeds=further_feeds(turns, orbit_frames, options),
             device_index=request.device_index,
             window_gl=window.gl_renderer,
             progress=progress.read,
@@ -396,7 +407,7 @@ class ConsoleLoop:
     def _last_state(self) -> dict[str, Any]:
         console = self._console
         session, feed = console.session, console.feed
-        world, scene = session.craft.world, session.scene()
+        world, scene, contact = session.craft.world, session.scene(), session.craft.docking.contact
         return {
             "scenario": session.plan.scenario.name,
             "mode": session.craft.mode,
@@ -409,9 +420,7 @@ class ConsoleLoop:
             "q_camera_from_eci_wxyz": scene.q_camera_from_eci_wxyz,
             "delta_v_m_s": session.craft.steering.propellant.delta_v_m_s,
             "propellant_kg": session.craft.steering.propellant.used_kg,
-            "docking": None
-            if session.craft.docking.contact is None
-            else session.craft.docking.contact.document(),
+            "docking": contact and contact.document(),
             "operator_s": console.clock_ms / 1000,
             "commands": len(console.log.lines),
             "pictures": feed.finished,

@@ -77,6 +77,13 @@ class Canvas:
         if tip:
             self.tip(at, self.size(text), tip)
 
+    def centred(self, place: tuple[float, float, float, float], *lines: str) -> None:
+        """Draw lines centred in a rectangle."""
+        for k, text in enumerate(lines):
+            width, height = self.size(text)
+            at = (place[0] + (place[2] - width) / 2, place[1] + place[3] / 2 + (k - 0.5) * 1.4 * height)
+            self.text(at, text)
+
     def plain_text(self, at: Point, text: str, rgba: style.Rgba = style.INK, tip: str = "") -> None:
         """Draw text without an outline, for a dark background."""
         self._draw.add_text(self.vec((round(at[0]), round(at[1]))), self.color(rgba), text)

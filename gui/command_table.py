@@ -8,12 +8,10 @@ from __future__ import annotations
 import math
 import shlex
 from dataclasses import dataclass
-from functools import cache
-from importlib.resources import files
 from typing import TYPE_CHECKING, Any, Literal
 
+from flyaround.gui.texts import texts
 from flyaround.simulator.errors import UserError
-from flyaround.simulator.runtime.toml_file import parse_toml
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -235,35 +233,35 @@ class Command:
 def command(
     name: str,
     run: Callable[..., object],
-    keys: tuple[str, ...] = (),
-    arguments: tuple[Argument, ...] = (),
-    *,
+    *keys_and_arguments: str | Argument,
     state: Callable[[Any], bool] | None = None,
     flies: bool = False,
     title: str = "",
     text: str = "",
 ) -> Command:
     """Return a command with its title and help from the texts, unless given."""
-    title_and_help = (title, text) if title else _texts()[name]
-    return Command(name, *title_and_help, run, keys, arguments, state=state, flies=flies)
+    title, text = (title, text) if title else texts("commands")[name]
+    keys = tuple(k for k in keys_and_arguments if isinstance(k, str))
+    arguments = tuple(a for a in keys_and_arguments if isinstance(a, Argument))
+    return Command(name, title, text, run, keys, arguments, state=state, flies=flies)
 
 
 def switch(
     name: str,
     run: Callable[..., object],
     state: Callable[[Any], bool],
-    keys: tuple[str, ...] = (),
+    *keys: str,
     **options: Any,  # noqa: ANN401 - of `command`
 ) -> Command:
     """Return a command that switches something on and off; ``state`` is True while it is on."""
-    return command(name, run, keys, (STATE,), state=state, **options)
+    return command(name, run, *keys, STATE, state=state, **options)
 
 
 def setting(
     name: str,
     holder: Callable[[Any], object],
     field: str,
-    keys: tuple[str, ...] = (),
+    *keys: str,
     **options: Any,  # noqa: ANN401 - of `command`
 ) -> Command:
     """Return a command that switches a field of the object that ``holder`` returns from the console."""
@@ -271,17 +269,9 @@ def setting(
         name,
         lambda console, on: setattr(holder(console), field, on),
         lambda console: bool(getattr(holder(console), field)),
-        keys,
+        *keys,
         **options,
     )
-
-
-@cache
-def _texts() -> dict[str, tuple[str, str]]:
-    """Return title and help of each command by its name."""
-    name = "command_texts.toml"
-    texts = parse_toml(files("flyaround.gui").joinpath(name).read_bytes(), name)
-    return {command: (title, text) for command, (title, text) in texts.items()}
 
 
 class CommandTable:

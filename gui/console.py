@@ -458,7 +458,7 @@ class Console:
         settings = self.options.settings
         settings.bands, settings.environment = session.plan.bands, session.scene().environment
         # the operator's changes applied to the sensor and lights of the previous scenario
-        settings.sensor_changes, settings.light_gains = {}, {}
+        settings.sensor_changes, settings.lights = {}, None
         self.say(f"flying {session.plan.scenario.title or session.plan.scenario.name}")
 
     # --- messages

@@ -14,17 +14,25 @@ WIDEST = 26.0
 
 
 def item_tip(imgui: Any, text: str) -> None:  # noqa: ANN401 - a foreign module
-    """Show a text while the mouse rests on the last item, even a disabled one; beside a menu, above a strip below."""
-    flags = imgui.HoveredFlags_.delay_short | imgui.HoveredFlags_.allow_when_disabled
-    if not (imgui.is_item_hovered(flags) and text):
+    """Show a text while the mouse rests on the last item, even a disabled one, and none is pressed or takes text.
+
+    It lies below the item, beside an open menu, or above an item in the lower part of the window.
+    """
+    flags = imgui.HoveredFlags_.stationary | imgui.HoveredFlags_.delay_normal
+    flags |= imgui.HoveredFlags_.allow_when_disabled | imgui.HoveredFlags_.no_shared_delay
+    busy = imgui.is_any_mouse_down() or imgui.is_any_item_active()
+    if not text or busy or not imgui.is_item_hovered(flags):
         return
     low, high = imgui.get_item_rect_min(), imgui.get_item_rect_max()
+    screen = imgui.get_main_viewport().size
+    # the pivot keeps the text within both sides of the window
+    across = low.x / screen.x
     if imgui.is_popup_open("", imgui.PopupFlags_.any_popup):
         imgui.set_next_window_pos(imgui.ImVec2(high.x + imgui.get_font_size(), low.y))
-    elif low.y > 0.85 * imgui.get_main_viewport().size.y:
-        # the pivot keeps the text within both sides of the window
-        across = low.x / imgui.get_main_viewport().size.x
+    elif low.y > 0.6 * screen.y:
         imgui.set_next_window_pos(imgui.ImVec2(low.x, low.y - 4), pivot=imgui.ImVec2(across, 1))
+    else:
+        imgui.set_next_window_pos(imgui.ImVec2(low.x, high.y + 8), pivot=imgui.ImVec2(across, 0))
     _show(imgui, text)
 
 
@@ -32,7 +40,7 @@ def area_tip(imgui: Any, corner: Sequence[float], size: Sequence[float], text: s
     """Show a text while the mouse rests in a rectangle of the current window without a pressed button."""
     x, y = corner
     over = imgui.is_mouse_hovering_rect(imgui.ImVec2(x, y), imgui.ImVec2(x + size[0], y + size[1]))
-    if not (over and text) or imgui.is_any_item_active():
+    if not (over and text) or imgui.is_any_mouse_down():
         return
     if imgui.is_window_hovered(imgui.HoveredFlags_.stationary):
         _show(imgui, text)

@@ -1,4 +1,4 @@
-"""Queue of keys typed ahead of a slow window: none is delivered before the effect of the previous one is drawn."""
+"""Queue of keys and clicks ahead of a slow window: none is delivered before the effect of the previous one is drawn."""
 
 from __future__ import annotations
 
@@ -9,25 +9,27 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterable
 
 REST_FRAMES = 3
-"""Frames without delivery after a key with Ctrl, Escape or Enter, in which the window draws its effect."""
+"""Frames without keys after a click, or a key with Ctrl, Escape or Enter, in which the window draws its effect."""
+CLICK = -1
+"""Key of the events of mouse buttons."""
 
 PRINTABLE = range(32, 97)
 """Glfw's keys of characters."""
 
 
 class Event(NamedTuple):
-    """A key or letter event that waits for a frame.
+    """An event of a key, letter or mouse button that waits for a frame.
 
     Parameters
     ----------
     take : callable
         Function that delivers the event.
     key : int or None
-        None for a letter.
+        None for a letter, `CLICK` for a mouse button.
     turns : bool
         True if it may begin or end text input.
     pressed : bool
-        False for a key release.
+        False for a release.
     """
 
     take: Callable[[], None]
@@ -109,21 +111,26 @@ class KeyQueue:
             Event(lambda: self._on_letter(window, code_point), None, turns=False, pressed=True)
         )
 
+    def click(self, take: Callable[[], None]) -> None:
+        """Queue a press or release of a mouse button, which may begin or end text input; ``take`` delivers it."""
+        self._events.append(Event(take, CLICK, turns=True, pressed=False))
+
     def deliver(self) -> None:
         """Deliver the events since the last frame, up to the first key that may begin or end text input.
 
-        No more than Dear ImGui processes in one frame: no key twice, and no such key after a letter; it would queue the
-        rest beyond our pause.
+        No more than Dear ImGui processes in one frame: no key twice, no such key after a letter, and no letter after a
+        key without a character, as Shift; it would queue the rest beyond our pause. Only keys pause: a double click
+        must not take longer in a slow window.
         """
-        if self._rest:
-            self._rest -= 1
-            return
-        keys_seen: set[int] = set()
-        typed = False
+        resting = self._rest > 0
+        self._rest -= resting
+        keys_seen, typed, shifted = set[int](), False, False
         while self._events:
             event = self._events[0]
+            if resting and event.key != CLICK:
+                return
             printable = not event.turns and event.key in PRINTABLE and self._typing()
-            if event.key in keys_seen or (typed and event.turns):
+            if event.key in keys_seen or (typed and event.turns) or (shifted and event.key is None):
                 return
             self._events.popleft()
             if not (printable and event.pressed):
@@ -132,6 +139,6 @@ class KeyQueue:
                 typed = True
             elif not printable:
                 keys_seen.add(event.key)
+                shifted |= event.key not in PRINTABLE
             if event.turns:
-                self._rest = REST_FRAMES
-                return
+                self._rest, resting = REST_FRAMES, True

@@ -16,7 +16,7 @@ import msgspec
 import platformdirs
 
 from flyaround.gui import style
-from flyaround.gui.command_table import STATE, Command
+from flyaround.gui.command_table import command, switch
 from flyaround.gui.menus import MenuBar
 from flyaround.gui.panels.all import PANELS
 from flyaround.gui.status_line import StatusLine, note_window
@@ -25,6 +25,7 @@ from flyaround.gui.widgets import Widgets
 from flyaround.simulator.runtime.files import write_atomic
 
 if TYPE_CHECKING:
+    from flyaround.gui.command_table import Command
     from flyaround.gui.console import Console
     from flyaround.gui.surface import Surface
     from flyaround.gui.widgets import Panel
@@ -116,27 +117,15 @@ def panel_commands() -> tuple[Command, ...]:
         console.window.preset = console.window.layout = name
         console.options.overlays.docking &= name == "dock"
 
-    layouts = tuple(
-        Command(
-            f"layout.{name}",
-            name.capitalize(),
-            f"panels: {', '.join(p.title for p in PANELS if p.name in opened)}",
-            partial(preset, name),
-        )
-        for name, opened in PRESETS.items()
-    )
-    return layouts + tuple(
-        Command(
-            f"panel.{p.name}",
-            p.title,
-            f"open or close: {p.title}",
-            partial(toggle, p.name),
-            p.keys,
-            arguments=(STATE,),
-            state=partial(shown, p.name),
-        )
-        for p in PANELS
-    )
+    def layout(name: str, opened: frozenset[str]) -> Command:
+        text = f"panels: {', '.join(p.title for p in PANELS if p.name in opened)}"
+        return command(f"layout.{name}", partial(preset, name), title=name.capitalize(), text=text)
+
+    def panel(p: type[Panel]) -> Command:
+        call, state, text = partial(toggle, p.name), partial(shown, p.name), f"open or close: {p.title}"
+        return switch(f"panel.{p.name}", call, state, *p.keys, title=p.title, text=text)
+
+    return (*(layout(*item) for item in PRESETS.items()), *(panel(p) for p in PANELS))
 
 
 class Layout:

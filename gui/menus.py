@@ -41,7 +41,7 @@ Vehicle
 Camera
   picture.meter picture.colour picture.noise sensor.reset
   World: panel.world world.*
-  panel.picture panel.sensor panel.target
+  panel.picture panel.sensor panel.target panel.lights light.*
 View
   Overlays: overlay.*
   Maps: panel.lvlh-map map.* panel.earth-map panel.orbit-camera orbit-camera.*
@@ -98,11 +98,16 @@ class MenuBar:
 
     def __init__(self, window: Surface) -> None:
         self._imgui, self._w = window.imgui, Widgets(window)
+        self._clicked = ""
+        """Menu that the last click opened."""
 
     def draw(self, console: Console) -> None:
         """Draw the menus into the current main menu bar."""
         for menu, entries in MENUS:
-            if not self._imgui.begin_menu(menu):
+            opened = self._imgui.begin_menu(menu)
+            if self._clicks(menu, opened=opened):
+                self._imgui.open_popup(menu)
+            if not opened:
                 continue
             for title, names in entries:
                 if title and not self._imgui.begin_menu(f"{NO_ICON}{title}"):
@@ -113,6 +118,22 @@ class MenuBar:
                     self._imgui.end_menu()
             self._imgui.end_menu()
         self._layouts(console)
+
+    def _clicks(self, menu: str, *, opened: bool) -> bool:
+        """Return True if a click on a title must open its menu.
+
+        While a menu is open, the pointer opens the next one before it clicks, and Dear ImGui would close that.
+        """
+        imgui = self._imgui
+        if not imgui.is_mouse_clicked(imgui.MouseButton_.left):
+            return False
+        if opened:
+            self._clicked = self._clicked if imgui.is_window_hovered() else menu
+            return False
+        if not imgui.is_item_hovered(imgui.HoveredFlags_.allow_when_blocked_by_popup):
+            return False
+        again, self._clicked = menu == self._clicked, menu
+        return not again
 
     def _layouts(self, console: Console) -> None:
         """Draw the palette and the layouts at the right end, as far as there is room."""

@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from flyaround.gui import style
 from flyaround.gui.commands.timeline import clock
 from flyaround.gui.icons import labelled
@@ -13,6 +15,8 @@ from flyaround.gui.widgets import Widgets
 from flyaround.simulator.piloting.clock import RATES
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from flyaround.gui.console import Console
     from flyaround.gui.surface import Surface
     from flyaround.simulator.piloting.flight_history import Timeline
@@ -21,6 +25,8 @@ NARROW_EM = 56
 """Window width, in text heights, below which the strip shortens its texts."""
 JOB_COLUMNS = 4
 """Columns of the line of jobs: one for each job that can be ended."""
+STEPS_S = (1, 5, 10, 30, 60, 300, 600, 1800, 3600, 7200, 21_600, 86_400)
+"""Steps of the slider's scale [s]."""
 GUARD_MS = 3000
 """Time for which the open guard of the abort button waits for the second click [ms]."""
 
@@ -46,7 +52,7 @@ class TransportStrip:
         look = ("Play", "play") if paused else ("Pause", "time.pause")
         w.button(console, "time.pause", label=look[0], icon=look[1], width=5.2 * em, fill=style.PRIMARY)
         imgui.same_line()
-        w.button(console, "time.step", label="Step", width=4.4 * em)
+        w.button(console, "time.step", width=4.4 * em)
         imgui.same_line()
         # in a narrow window texts make room for the scrubber
         narrow = imgui.get_window_width() < NARROW_EM * em
@@ -84,14 +90,11 @@ class TransportStrip:
             console.do("time.rate", f"{RATES[new_k]:g}")
 
     def scrubber(self, console: Console, timeline: Timeline, end_s: float, width: float) -> None:
-        """Draw a slider over the flight, with eclipses, bookmarks, burns, contacts and the branch to another future."""
+        """Draw a slider over the flight, with a scale, eclipses and the marks of what happened."""
         w, imgui = self._w, self._w.imgui
         imgui.set_next_item_width(width)
         flags = imgui.SliderFlags_.always_clamp | imgui.SliderFlags_.no_round_to_format
         changed, t_s = imgui.slider_float("##t", console.session.t_s, 0.0, end_s, "", flags)
-        w.tip(
-            f"{console.table['timeline.seek'].hover_text()}\ndrag to look back, Ctrl and click types a time"
-        )
         low, high = imgui.get_item_rect_min(), imgui.get_item_rect_max()
         draw, pad = imgui.get_window_draw_list(), 6.0 * w.window.scale
         span = max(high.x - low.x - 2 * pad, 1.0)
@@ -102,15 +105,41 @@ class TransportStrip:
         for start_s, dark_until_s in console.session.eclipses_s:
             left, right = x_of(start_s), max(x_of(dark_until_s), x_of(start_s) + 2.0)
             draw.add_rect_filled(w.vec(left, high.y - 5.0), w.vec(right, high.y), w.color(style.SHADOW))
-        marks = [(mark.t_s, style.GOOD) for mark in timeline.bookmarks]
-        marks += [(timeline.left_s[0], style.WARN)] if timeline.left_s is not None else []
-        marks += [(contact.t_s, style.BAD) for contact in console.session.craft.docking.contacts]
-        marks += [(burn.start_s, style.ACCENT) for burn in console.session.craft.steering.burns.burns]
-        for at_s, colour in marks:
+        self._scale(end_s, x_of)
+        session = console.session
+        marks = [(m.t_s, style.GOOD, m.note or "bookmark") for m in timeline.bookmarks]
+        marks += [(t, style.WARN, "here one flew on: Swap future") for t in (timeline.left_s or ())[:1]]
+        marks += [(m.t_s, style.BAD if m.kind == "contact" else style.INK, m.text) for m in session.marks]
+        marks += [(b.start_s, style.ACCENT, "burn") for b in session.craft.steering.burns.burns]
+        near = [f"drag to look back, Ctrl and click types a time ({console.table['timeline.seek'].form})"]
+        for at_s, colour, text in marks:
             if at_s <= end_s:
-                draw.add_line(w.vec(x_of(at_s), low.y), w.vec(x_of(at_s), high.y), w.color(colour), 2.0)
+                x = x_of(at_s)
+                draw.add_line(w.vec(x, low.y), w.vec(x, high.y), w.color(colour), 2.0)
+                if abs(imgui.get_mouse_pos().x - x) < pad:
+                    near.insert(0, f"{clock(at_s)}  {text}")
+        w.tip("\n".join(near))
         if changed:
             console.do("timeline.seek", max(round(t_s, 3), 0.0))
+
+    def _scale(self, end_s: float, x_of: Callable[[float], float]) -> None:
+        """Write times into the slider, the last item: both ends, and round times between them."""
+        w, imgui = self._w, self._w.imgui
+        low, high = imgui.get_item_rect_min(), imgui.get_item_rect_max()
+        imgui.push_font(w.window.text_font, 0.75 * imgui.get_style().font_size_base)
+        room = 1.6 * imgui.calc_text_size("T+00:00").x
+        step = next((s for s in STEPS_S if x_of(s) - x_of(0.0) > room), end_s)
+        last = imgui.calc_text_size(minutes(end_s)).x
+        times = {0.0: 0.0, end_s: 1.0}
+        if high.x - low.x > 3 * room:
+            times |= dict.fromkeys(np.arange(step, end_s - 0.6 * step, step).tolist(), 0.5)
+        for t_s, share in times.items():
+            width = imgui.calc_text_size(minutes(t_s)).x
+            x = x_of(t_s) - share * (width + 20.0 * w.window.scale * (share == 1.0))
+            if share == 1.0 or x + width < x_of(end_s) - last - 30.0:
+                y = (low.y + high.y - imgui.get_font_size()) / 2
+                imgui.get_window_draw_list().add_text(w.vec(x, y), w.color(style.QUIET), minutes(t_s))
+        imgui.pop_font()
 
     def _abort(self, console: Console, width: float) -> None:
         """Abort by two clicks, of which the first opens the guard for three seconds; the key needs one press."""
@@ -127,6 +156,13 @@ class TransportStrip:
         w.tip(
             f"{console.table['docking.abort'].hover_text()}\ntwo clicks within three seconds; the key needs one press"
         )
+
+
+def minutes(t_s: float) -> str:
+    """Return a time of the slider's scale."""
+    rest, seconds = divmod(int(t_s), 60)
+    hours, whole = divmod(rest, 60)
+    return f"T+{hours}:{whole:02d}:{seconds:02d}" if hours else f"T+{whole}:{seconds:02d}"
 
 
 class JobStrip:
@@ -155,7 +191,10 @@ class JobStrip:
             free = set(range(len(jobs) + JOB_COLUMNS)) - set(self._columns.values())
             column = self._columns.setdefault(name, min(free))
             imgui.same_line(left + column * width)
-            button = w.button_width(labelled("film.stop", "End")) if job.end else 0.0
+            # the estimator's button also starts it
+            title = console.table[job.end].title if job.end else ""
+            title = "Stop estimating" if job.end == "estimator.run" else title
+            button = w.button_width(labelled("film.stop", title)) if title else 0.0
             w.one_line(w.elided(job.text, width - button - 1.5 * imgui.get_font_size()), style.ACCENT)
             w.tip(job.text)
             if job.share is not None:
@@ -164,4 +203,4 @@ class JobStrip:
                 imgui.get_window_draw_list().add_rect_filled(w.vec(low.x, high.y), end, w.color(style.ACCENT))
             if job.end:
                 imgui.same_line(left + (column + 1) * width - button - imgui.get_font_size())
-                w.button(console, job.end, label="End", icon="film.stop")
+                w.button(console, job.end, label=title, icon="film.stop")

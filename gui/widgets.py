@@ -171,6 +171,17 @@ class Widgets:
         self.tip(tip)
         imgui.pop_font()
 
+    def field(self, text: str, tip: str, share: float, rgba: style.Rgba = style.INK) -> None:
+        """Draw the name of the next control, which gets at most this share of the line, at its end."""
+        imgui = self.imgui
+        width = min(16 * share * imgui.get_font_size(), share * self.width)
+        end = imgui.get_cursor_pos_x() + self.width
+        imgui.align_text_to_frame_padding()
+        self.one_line(self.elided(text, self.width - width - 8), rgba)
+        self.tip(tip)
+        imgui.same_line(end - width)
+        imgui.set_next_item_width(width)
+
     # --- controls of commands
 
     def button(
@@ -379,7 +390,7 @@ class Panel(ABC):
 
     ``name`` is that of its command (``panel.NAME``), with its ``keys``. ``place`` is the initial dock (``over``: a
     floating window in the centre, of ``size`` at scale 1), ``shown`` is True if it is open initially, ``bare`` if it
-    draws up to its edges.
+    draws up to its edges. Further attributes of a class are the initial state of its panels.
     """
 
     name: str

@@ -79,12 +79,29 @@ class Window(Surface):
         )
         self._glfw.set_key_callback(self._native, self.keys.queue.key)
         self._glfw.set_char_callback(self._native, self.keys.queue.letter)
+        self._glfw.set_mouse_button_callback(self._native, self._queue_click)
         # keys that are down when the window loses focus must be released
         self._glfw.set_window_focus_callback(
             self._native, lambda _, focused: self.imgui.get_io().add_focus_event(bool(focused))
         )
+        self._clicked_at = (-1.0, -1.0)
         self._dropped: list[str] = []
         self._glfw.set_drop_callback(self._native, lambda _, paths: self._dropped.extend(paths))
+
+    def _queue_click(self, window: object, button: int, action: int, modifiers: int) -> None:
+        """Queue an event of a mouse button, which counts where the pointer is now."""
+        place, io = self._glfw.get_cursor_pos(self._native), self.imgui.get_io()
+        if place != self._clicked_at:
+            # Dear ImGui ignores a press on a tab that the pointer reached in the same frame
+            self._clicked_at = place
+            self.keys.queue.click(lambda: io.add_mouse_pos_event(*place))
+
+        def take() -> None:
+            io.add_mouse_pos_event(*place)
+            self._backend.mouse_button_callback(window, button, action, modifiers)
+            io.add_mouse_pos_event(*self._glfw.get_cursor_pos(self._native))
+
+        self.keys.queue.click(take)
 
     def _open(self, title: str, size: tuple[int, int]) -> Any:  # noqa: ANN401 - a foreign handle
         glfw = self._glfw

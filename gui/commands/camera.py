@@ -2,18 +2,30 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from flyaround.gui.command_table import Argument, command, number, word
+from flyaround.gui.command_table import STATE, Argument, command, number, word
+from flyaround.gui.picture.light_settings import (
+    NEW_LIGHTS,
+    Lights,
+    SwitchedLight,
+    changed_light,
+    lights_of,
+    scenario_with,
+    with_light,
+)
 from flyaround.gui.picture.sensor_terms import checked_change
 from flyaround.simulator.camera.lens.files import list_cameras, load_camera
 from flyaround.simulator.errors import UserError
+from flyaround.simulator.scene.illumination.area_light import MAX_LIGHTS
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from flyaround.gui.console import Console
 
 SCENARIO = "scenario"
-MOST_GAIN = 100.0
 
 
 def _use(console: Console, camera: str) -> None:
@@ -30,33 +42,65 @@ def _reset(console: Console) -> None:
     settings.sensor_changes, settings.camera, settings.noise = {}, None, True
 
 
-def _gain(console: Console, light: int, gain: float) -> None:
-    n = len(console.session.scene().area_lights)
-    if light >= n:
-        raise UserError(f"there is no light {light}; this scenario has {n}, numbered from 0")
-    settings = console.options.settings
-    settings.light_gains = {**settings.light_gains, light: gain}
+def _lights(console: Console) -> Lights:
+    lights = console.options.settings.lights
+    return lights_of(console.session.scene()) if lights is None else lights
 
+
+def _replace(console: Console, light: int, change: Callable[[SwitchedLight], Lights]) -> None:
+    """Replace one light by what ``change`` returns for it."""
+    lights = _lights(console)
+    if light >= len(lights):
+        raise UserError(f"there is no light {light}; there are {len(lights)}, numbered from 0")
+    new = change(lights[light])
+    console.options.settings.lights = (*lights[:light], *new, *lights[light + 1 :])
+
+
+def _switch(console: Console, light: int, state: bool | None = None) -> None:  # noqa: FBT001 - a switch
+    _replace(console, light, lambda s: (replace(s, on=not s.on if state is None else state),))
+
+
+def _change(console: Console, light: int, field: str, value: str) -> None:
+    _replace(console, light, lambda s: (changed_light(s, field, value),))
+
+
+def _remove(console: Console, light: int) -> None:
+    _replace(console, light, lambda _: ())
+
+
+def _add(console: Console, kind: str) -> None:
+    console.options.settings.lights = with_light(_lights(console), kind)
+
+
+def _reset_lights(console: Console) -> None:
+    console.options.settings.lights = None
+
+
+def _fly_lights(console: Console) -> None:
+    console.opener.open(scenario_with(console.session.plan.scenario, _lights(console)))
+
+
+LIGHT = Argument("light", "whole", "its number in the panel, from 0", least=0, most=MAX_LIGHTS)
 
 COMMANDS = (
-    command(
-        "camera.use", _use, arguments=(word("camera", "name of the camera", (SCENARIO, *list_cameras())),)
-    ),
+    command("camera.use", _use, word("camera", "name of the camera", (SCENARIO, *list_cameras()))),
     command(
         "sensor.set",
         _set,
-        arguments=(
-            word("name", "of the number"),
-            number("value", "its value, in the unit that the panel shows", unit="its unit"),
-        ),
+        word("name", "of the number"),
+        number("value", "its value, in the unit that the panel shows", unit="its unit"),
     ),
     command("sensor.reset", _reset),
+    command("light.switch", _switch, LIGHT, STATE),
     command(
-        "light.gain",
-        _gain,
-        arguments=(
-            Argument("light", "whole", "its number, from 0", least=0, most=1000),
-            number("gain", "as bright as the scenario has it", 0.0, MOST_GAIN, "times"),
-        ),
+        "light.set",
+        _change,
+        LIGHT,
+        word("field", "as [lamp] or [[lights]] of a scenario"),
+        word("value", "a, or a,b,c"),
     ),
+    command("light.add", _add, word("kind", "on the chaser, or a luminous area", tuple(NEW_LIGHTS))),
+    command("light.remove", _remove, LIGHT),
+    command("light.reset", _reset_lights),
+    command("light.fly", _fly_lights),
 )

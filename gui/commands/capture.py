@@ -65,13 +65,11 @@ COMMANDS = (
     command(
         "capture.start",
         _start,
-        arguments=(
-            Argument("frames", "whole", "how many", least=1, most=MOST_FRAMES),
-            word("what", f"scenario, recipe or file; {THIS} unless given", optional=True),
-            word("folder", f"new or empty; {NEW}, or left out: one in out/console", optional=True),
-            word("formats", "beside the native one, with commas", optional=True),
-            Argument("workers", "whole", "processes that draw", least=1, most=MOST_WORKERS, optional=True),
-        ),
+        Argument("frames", "whole", "how many", least=1, most=MOST_FRAMES),
+        word("what", f"scenario, recipe or file; {THIS} unless given", optional=True),
+        word("folder", f"new or empty; {NEW}, or left out: one in out/console", optional=True),
+        word("formats", "beside the native one, with commas", optional=True),
+        Argument("workers", "whole", "processes that draw", least=1, most=MOST_WORKERS, optional=True),
     ),
     command("capture.stop", lambda console: console.jobs.capture.stop()),
     command("capture.resume", _resume),

@@ -9,6 +9,7 @@ import msgspec
 import numpy as np
 
 from flyaround.gui.command_table import command, number, setting, switch, word
+from flyaround.gui.picture.light_settings import lit
 from flyaround.gui.picture.view_settings import DETAILS, LAYERS, OVERLAYS
 from flyaround.simulator.imaging.auto_exposure import AutoExposure
 from flyaround.simulator.imaging.metering import metered_exposure_s
@@ -41,7 +42,7 @@ def _layer_is_on(name: str, console: Console) -> bool:
 def _meter(console: Console) -> None:
     """Set the exposure to the meter's for the present scene."""
     session, settings = console.session, console.options.settings
-    scene = session.scene()
+    scene = lit(session.scene(), settings.lights)
     wanted_s = metered_exposure_s(AutoExposure(), scene, session.plan.target)
     stops = float(np.log2(wanted_s / scene.exposure_s))
     settings.exposure_stops = round(min(max(stops, -MOST_STOPS), MOST_STOPS), 2)
@@ -79,20 +80,20 @@ COMMANDS = (
             f"overlay.{name}",
             lambda console: console.options.overlays,
             name,
-            (OVERLAY_KEYS[name].lower(),) if name in OVERLAY_KEYS else (),
+            *((OVERLAY_KEYS[name].lower(),) if name in OVERLAY_KEYS else ()),
             title=title,
             text=f"draw over the view: {title.lower()}",
         )
-        for name, title in OVERLAYS
+        for name, title in OVERLAYS.items()
     ),
-    command("picture.save", lambda console: console.feed.ask_to_save(), ("p", "f12")),
+    command("picture.save", lambda console: console.feed.ask_to_save(), "p", "f12"),
     command(
         "picture.exposure",
         lambda console, stops: setattr(console.options.settings, "exposure_stops", stops),
-        arguments=(STOPS,),
+        STOPS,
     ),
     command("picture.meter", _meter),
-    command("picture.detail", _detail, arguments=(word("detail", "how fine", DETAILS),)),
+    command("picture.detail", _detail, word("detail", "how fine", DETAILS)),
     switch("picture.colour", _colour, lambda console: bool(console.options.settings.bands == "rgb")),
     setting("picture.noise", lambda console: console.options.settings, "noise"),
     *(
@@ -103,11 +104,11 @@ COMMANDS = (
             title=title,
             text=f"draw or leave out: {title.lower()}",
         )
-        for name, title in LAYERS
+        for name, title in LAYERS.items()
     ),
-    command("window.panels", _panels, ("tab",)),
-    command("window.full-screen", partial(_request, "full_screen"), ("f11",)),
-    command("window.acknowledge", lambda console: console.acknowledge(), ("f9",)),
-    command("window.quit", _quit, ("ctrl+q",)),
+    command("window.panels", _panels, "tab"),
+    command("window.full-screen", partial(_request, "full_screen"), "f11"),
+    command("window.acknowledge", lambda console: console.acknowledge(), "f9"),
+    command("window.quit", _quit, "ctrl+q"),
     command("window.close", partial(_request, "close")),
 )

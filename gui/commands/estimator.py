@@ -13,7 +13,7 @@ COMMANDS = (
     command(
         "estimator.method",
         lambda console, method: console.jobs.estimates.choose(method),
-        arguments=(word("method", "hybrid, svd-2018, svd-thesis, hybrid-track, net:FILE or a package's"),),
+        word("method", "hybrid, svd-2018, svd-thesis, hybrid-track, net:FILE or a package's"),
     ),
     switch(
         "estimator.stages",

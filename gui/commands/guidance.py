@@ -30,7 +30,7 @@ SINCE_START = "since the scenario's start"
 
 COMMANDS = (
     command("guidance.hold", order(orders.KeepStation)),
-    command("guidance.hold-at", order(lambda *place: orders.KeepStation(place)), arguments=PLACE),
+    command("guidance.hold-at", order(lambda *place: orders.KeepStation(place)), *PLACE),
     *(
         Command(
             f"guidance.{name}",
@@ -47,35 +47,31 @@ COMMANDS = (
     command(
         "guidance.glideslope",
         order(orders.FlyGlideslope),
-        arguments=(_distance("end", "from the target's centre of mass"),),
+        _distance("end", "from the target's centre of mass"),
     ),
     command(
-        "guidance.waypoint",
-        order(lambda r, a, c, *speed: orders.FlyTo((r, a, c), *speed)),
-        arguments=(*PLACE, SPEED),
+        "guidance.waypoint", order(lambda r, a, c, *speed: orders.FlyTo((r, a, c), *speed)), *PLACE, SPEED
     ),
     command(
         "guidance.flyaround",
         order(orders.FlyAround),
-        arguments=(_distance("radius", "of the circle; left out: where the chaser is"), PERIOD),
+        _distance("radius", "of the circle; left out: where the chaser is"),
+        PERIOD,
     ),
-    command("guidance.circumnavigate", order(orders.Circumnavigate), arguments=(SIZE,)),
-    command("guidance.safe-ellipse", order(orders.FlySafeEllipse), arguments=(SIZE,)),
+    command("guidance.circumnavigate", order(orders.Circumnavigate), SIZE),
+    command("guidance.safe-ellipse", order(orders.FlySafeEllipse), SIZE),
     command(
         "guidance.keep-range",
         order(orders.KeepRange),
-        arguments=(
-            _distance("near", "turned back when nearer than this"),
-            _distance("far", "turned back when farther than this"),
-        ),
+        _distance("near", "turned back when nearer than this"),
+        _distance("far", "turned back when farther than this"),
     ),
     command("guidance.drift", order(Drift)),
     command(
         "burn.plan",
         order(lambda *burn: PlanBurn(burn_of(*burn))),
-        arguments=(number("t", SINCE_START, 0.0, 1e6 + MAX_BURN_LEAD_S, "s"), *_lvlh(MAX_DELTA_V_M_S, "m/s")),
+        number("t", SINCE_START, 0.0, 1e6 + MAX_BURN_LEAD_S, "s"),
+        *_lvlh(MAX_DELTA_V_M_S, "m/s"),
     ),
-    command(
-        "burn.cancel", order(CancelBurns), arguments=(number("t", SINCE_START, unit="s", optional=True),)
-    ),
+    command("burn.cancel", order(CancelBurns), number("t", SINCE_START, unit="s", optional=True)),
 )

@@ -74,14 +74,13 @@ def _fault(console: Console, kind: str, seconds: float | None = None) -> None:
 
 URL = word("url", "tcp://HOST:PORT or serial:///DEVICE?baud=N to listen on", optional=True)
 METHOD = word("method", "its estimator; hybrid unless given", optional=True)
-SECONDS = number(
-    "seconds", "how long it acts, in time of the flight; 10 unless given", 0.1, 3600.0, "s", optional=True
-)
+LASTS = "how long it acts, in time of the flight; 10 unless given"
+SECONDS = number("seconds", LASTS, 0.1, 3600.0, "s", optional=True)
 
 COMMANDS = (
-    command("hil.start", _start, arguments=(URL,)),
+    command("hil.start", _start, URL),
     command("hil.stop", lambda console: console.jobs.hil.stop()),
-    command("hil.board", _board, arguments=(METHOD,)),
+    command("hil.board", _board, METHOD),
     command("hil.board-stop", lambda console: console.jobs.hil.stop_board()),
-    command("hil.fault", _fault, arguments=(word("kind", "which one", tuple(FAULTS)), SECONDS)),
+    command("hil.fault", _fault, word("kind", "which one", tuple(FAULTS)), SECONDS),
 )

@@ -54,7 +54,7 @@ def _copy_text(console: Console, text: str) -> None:
 
 
 COMMANDS = (
-    command("log.copy-text", _copy_text, arguments=(word("text", "what to copy"),)),
-    command("log.save", _save, arguments=(word("path", "of the file", optional=True),)),
+    command("log.copy-text", _copy_text, word("text", "what to copy")),
+    command("log.save", _save, word("path", "of the file", optional=True)),
     command("log.copy", _copy),
 )

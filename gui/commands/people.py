@@ -94,28 +94,23 @@ def _enlarge(console: Console, panel: str | None = None) -> None:
 
 
 COMMANDS = (
-    command("settings.undo", lambda console: console.history.undo(console.options), ("ctrl+z",)),
-    command("settings.redo", lambda console: console.history.redo(console.options), ("ctrl+y",)),
+    command("settings.undo", lambda console: console.history.undo(console.options), "ctrl+z"),
+    command("settings.redo", lambda console: console.history.redo(console.options), "ctrl+y"),
     command(
         "window.text-size",
         _font_scale,
-        arguments=(number("scale", "as large as at first", LEAST_SCALE, MOST_SCALE, "times"),),
+        number("scale", "as large as at first", LEAST_SCALE, MOST_SCALE, "times"),
     ),
-    command("window.larger-text", partial(_step_font_scale, SCALE_STEP), ("ctrl+equal",)),
-    command("window.smaller-text", partial(_step_font_scale, -SCALE_STEP), ("ctrl+minus",)),
-    command("window.enlarge", _enlarge, ("ctrl+m",), arguments=PANEL),
-    command("help.panel", _help, ("slash",), arguments=PANEL),
+    command("window.larger-text", partial(_step_font_scale, SCALE_STEP), "ctrl+equal"),
+    command("window.smaller-text", partial(_step_font_scale, -SCALE_STEP), "ctrl+minus"),
+    command("window.enlarge", _enlarge, "ctrl+m", *PANEL),
+    command("help.panel", _help, "slash", *PANEL),
     command("help.tour", _tour),
     command("help.tour-next", lambda console: _tour_step(console, 1)),
     command("help.tour-back", lambda console: _tour_step(console, -1)),
     command("help.tour-end", lambda console: console.open_panel("tour", shown=False)),
-    command(
-        "window.screenshot",
-        _screenshot,
-        ("ctrl+f12",),
-        arguments=(word("path", "of the file, .png", optional=True),),
-    ),
-    command("film.start", _film, arguments=(word("path", "of the file, .mp4", optional=True),)),
+    command("window.screenshot", _screenshot, "ctrl+f12", word("path", "of the file, .png", optional=True)),
+    command("film.start", _film, word("path", "of the file, .mp4", optional=True)),
     command("film.stop", _film_end),
-    command("file.open", _open, arguments=(word("path", "a .toml, or a mesh"),)),
+    command("file.open", _open, word("path", "a .toml, or a mesh")),
 )

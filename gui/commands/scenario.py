@@ -61,11 +61,11 @@ def _target(console: Console, target: str) -> None:
 
 
 COMMANDS = (
-    command("scenario.open", _open, arguments=(word("scenario", "built-in name or TOML file"),)),
-    command("scenario.edit", _edit, arguments=(word("scenario", "built-in name or file", optional=True),)),
+    command("scenario.open", _open, word("scenario", "built-in name or TOML file")),
+    command("scenario.edit", _edit, word("scenario", "built-in name or file", optional=True)),
     command("scenario.back", lambda console: console.go_back()),
     command("scenario.check", _check),
-    command("scenario.save", _save, arguments=(word("path", "file that ends in .toml"),)),
+    command("scenario.save", _save, word("path", "file that ends in .toml")),
     command("scenario.fly", _fly),
-    command("scenario.target", _target, arguments=(word("target", "name in flyaround targets"),)),
+    command("scenario.target", _target, word("target", "name in flyaround targets")),
 )

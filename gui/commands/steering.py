@@ -96,7 +96,7 @@ _HELD = (
 )
 
 COMMANDS = (
-    switch("steer.arm", _arm, lambda console: bool(console.hand.armed), ("ctrl+h", "insert")),
+    switch("steer.arm", _arm, lambda console: bool(console.hand.armed), "ctrl+h", "insert"),
     *(
         Command(
             f"steer.{name}",
@@ -109,34 +109,34 @@ COMMANDS = (
         )
         for name, keys, text in _HELD
     ),
-    command("steer.stop", _stop, ("x",), flies=True),
-    command("steer.track", _track, ("t",), flies=True, state=lambda console: console.session.craft.tracking),
-    command("steer.centre", order(Centre), ("c",), flies=True),
-    command("steer.toggle", _toggle, ("g",), flies=True, state=lambda c: c.session.craft.mode == "guidance"),
-    command("steer.reset", _reset, ("home",), flies=True),
+    command("steer.stop", _stop, "x", flies=True),
+    command("steer.track", _track, "t", flies=True, state=lambda console: console.session.craft.tracking),
+    command("steer.centre", order(Centre), "c", flies=True),
+    command("steer.toggle", _toggle, "g", flies=True, state=lambda c: c.session.craft.mode == "guidance"),
+    command("steer.reset", _reset, "home", flies=True),
     switch(
         "steer.lvlh",
         order(lambda on: Control(axes="lvlh" if on else "camera")),
         lambda console: bool(console.session.craft.steering.axes == "lvlh"),
-        ("n",),
+        "n",
         flies=True,
     ),
     switch(
         "steer.pulses",
         order(lambda on: Control(thrust="pulse" if on else "continuous")),
         lambda console: bool(console.session.craft.steering.thrust == "pulse"),
-        ("m",),
+        "m",
         flies=True,
     ),
     command(
         "steer.attitude",
         _attitude,
-        ("y",),
+        "y",
+        word("mode", "what is kept", ATTITUDE_MODES, optional=True),
         flies=True,
-        arguments=(word("mode", "what is kept", ATTITUDE_MODES, optional=True),),
     ),
-    command("steer.pulse", order(Pulse), flies=True, arguments=(word("direction", "as keys", SWITCHES),)),
-    command("steer.stick-thrust", _stick_thrust, flies=True, arguments=_shares("right", "down", "forward")),
-    command("steer.stick-turn", _stick_turn, flies=True, arguments=_shares("up", "right", "roll")),
+    command("steer.pulse", order(Pulse), word("direction", "as keys", SWITCHES), flies=True),
+    command("steer.stick-thrust", _stick_thrust, *_shares("right", "down", "forward"), flies=True),
+    command("steer.stick-turn", _stick_turn, *_shares("up", "right", "roll"), flies=True),
     command("steer.stick-lost", _stick_lost),
 )

@@ -39,18 +39,18 @@ COMMANDS = (
     command(
         "time.pause",
         lambda console: console.session.clock.toggle_pause(),
-        ("space",),
+        "space",
         state=lambda console: console.session.clock.paused,
     ),
-    command("time.step", lambda console: console.session.step_frame(), ("period",)),
-    command("time.faster", partial(_shift_rate, 1), ("equal", "keypad_add", "right_bracket")),
-    command("time.slower", partial(_shift_rate, -1), ("minus", "keypad_subtract", "left_bracket")),
+    command("time.step", lambda console: console.session.step_frame(), "period"),
+    command("time.faster", partial(_shift_rate, 1), "equal", "keypad_add", "right_bracket"),
+    command("time.slower", partial(_shift_rate, -1), "minus", "keypad_subtract", "left_bracket"),
     command(
         "time.rate",
         lambda console, rate: console.session.clock.set_rate(float(rate)),
-        arguments=(word("rate", "one of the rates", tuple(f"{r:g}" for r in RATES)),),
+        word("rate", "one of the rates", tuple(f"{r:g}" for r in RATES)),
     ),
-    command("time.restart", _restart, ("backspace",), flies=True),
+    command("time.restart", _restart, "backspace", flies=True),
     *(
         Command(
             f"time.next-{event}",

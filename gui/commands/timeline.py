@@ -146,28 +146,26 @@ def clock(t_s: float) -> str:
 
 
 COMMANDS = (
-    command("timeline.seek", _seek, arguments=(number("t_s", "since the scenario's start", 0.0, 1e9, "s"),)),
-    command("timeline.step-back", _step_back, ("comma",)),
-    command("timeline.back", partial(_skip, -SKIP_S), ("page_up",)),
-    command("timeline.forward", partial(_skip, SKIP_S), ("page_down",)),
-    command("timeline.end", _end, ("end",)),
-    command("timeline.fly-on", _fly_on, ("ctrl+enter",)),
+    command("timeline.seek", _seek, number("t_s", "since the scenario's start", 0.0, 1e9, "s")),
+    command("timeline.step-back", _step_back, "comma"),
+    command("timeline.back", partial(_skip, -SKIP_S), "page_up"),
+    command("timeline.forward", partial(_skip, SKIP_S), "page_down"),
+    command("timeline.end", _end, "end"),
+    command("timeline.fly-on", _fly_on, "ctrl+enter"),
     command("timeline.other-future", _other_future),
-    command("timeline.bookmark", _bookmark, ("ctrl+b",), arguments=(word("note", "a line", optional=True),)),
+    command("timeline.bookmark", _bookmark, "ctrl+b", word("note", "a line", optional=True)),
     command(
         "timeline.unbookmark",
         _unbookmark,
-        arguments=(number("t_s", "near this time; left out: near now", 0.0, 1e9, "s", optional=True),),
+        number("t_s", "near this time; left out: near now", 0.0, 1e9, "s", optional=True),
     ),
     command("timeline.previous-bookmark", partial(_neighbour, -1)),
     command("timeline.next-bookmark", partial(_neighbour, 1)),
-    command("timeline.keep", _keep, arguments=(word("folder", "empty or to be made", optional=True),)),
+    command("timeline.keep", _keep, word("folder", "empty or to be made", optional=True)),
     command(
         "timeline.dataset",
         _dataset,
-        arguments=(
-            Argument("frames", "whole", "how many; 50 unless given", least=1, most=10_000, optional=True),
-        ),
+        Argument("frames", "whole", "how many; 50 unless given", least=1, most=10_000, optional=True),
     ),
     command("timeline.hil", _hil),
 )

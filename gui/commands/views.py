@@ -31,28 +31,22 @@ def _metres(name: str, of: str) -> Argument:
 
 COMMANDS = (
     command("map.fit", lambda console: setattr(console.options.map, "fitted", True)),
-    command(
-        "map.zoom", _zoom, arguments=(number("factor", "as large; above 1: nearer", 0.01, 100.0, "times"),)
-    ),
+    command("map.zoom", _zoom, number("factor", "as large; above 1: nearer", 0.01, 100.0, "times")),
     command(
         "map.place",
         _place,
-        arguments=(
-            _metres("along", "middle, along-track"),
-            _metres("radial", "middle, radial"),
-            _metres("cross", "middle, cross-track"),
-            number("width", "across the map", LEAST_WIDTH_M, MOST_WIDTH_M, "m"),
-        ),
+        _metres("along", "middle, along-track"),
+        _metres("radial", "middle, radial"),
+        _metres("cross", "middle, cross-track"),
+        number("width", "across the map", LEAST_WIDTH_M, MOST_WIDTH_M, "m"),
     ),
-    command("orbit-camera.about", _about, arguments=(word("about", "the centre", ABOUT),)),
+    command("orbit-camera.about", _about, word("about", "the centre", ABOUT)),
     command(
         "orbit-camera.place",
         lambda console, *angles_distance: console.options.orbit.place(*angles_distance),
-        arguments=(
-            number("azimuth", "0 looks along the flight", -360, 360, "deg"),
-            number("elevation", "above the orbit", -90, 90, "deg"),
-            number("distance", "from the centre", NEAREST_M, FARTHEST_M, "m"),
-        ),
+        number("azimuth", "0 looks along the flight", -360, 360, "deg"),
+        number("elevation", "above the orbit", -90, 90, "deg"),
+        number("distance", "from the centre", NEAREST_M, FARTHEST_M, "m"),
     ),
     command("orbit-camera.reset", lambda c: c.options.orbit.reset(c.session.craft.world.range_m)),
 )

@@ -15,14 +15,8 @@ from flyaround.gui.widgets import Panel
 if TYPE_CHECKING:
     from flyaround.gui.console import Console
     from flyaround.gui.jobs.hil_session import HilSession
-    from flyaround.gui.surface import Surface
 
-SEEN = {
-    "off": style.QUIET,
-    "starting": style.WARN,
-    "waiting for a board": style.WARN,
-    "streaming": style.GOOD,
-}
+SEEN = {"off": style.QUIET, "streaming": style.GOOD}
 
 
 class BoardLinkPanel(Panel):
@@ -30,12 +24,10 @@ class BoardLinkPanel(Panel):
 
     name, title, place, shown = "board-link", "Board link", "left", False
 
-    def __init__(self, window: Surface) -> None:
-        super().__init__(window)
-        self._url = LISTEN
-        self._methods: tuple[str, ...] = ()
-        self._method, self._fault = "", next(iter(FAULTS))
-        self._seconds = FAULT_S
+    _url = LISTEN
+    _methods: tuple[str, ...] = ()
+    _method, _fault = "", next(iter(FAULTS))
+    _seconds = FAULT_S
 
     def draw(self, console: Console) -> None:
         """Draw into the current panel."""
@@ -49,9 +41,8 @@ class BoardLinkPanel(Panel):
         _, self._url = imgui.input_text("##url", hil.url or self._url)
         imgui.end_disabled()
         w.command_tip(console, "hil.start", argument="url")
-        w.button(
-            console, "hil.stop" if hil.on else "hil.start", *([] if hil.on else [self._url]), width=w.width
-        )
+        start = ("hil.stop",) if hil.on else ("hil.start", self._url)
+        w.button(console, *start, width=w.width)
         w.text("After each answer the board is sent a picture of the newest moment.", style.QUIET)
         w.section("Board of this machine")
         self._methods = self._methods or known_methods()
@@ -131,7 +122,7 @@ class BoardLinkPanel(Panel):
         w.flow(6 * imgui.get_font_size(), first=False)
         imgui.begin_disabled(not console.jobs.hil.on)
         seconds = min(max(self._seconds, 0.1), 3600.0)
-        w.button(console, "hil.fault", self._fault, seconds, label="Inject")
+        w.button(console, "hil.fault", self._fault, seconds, label="Inject fault")
         imgui.end_disabled()
         for kind, n in console.jobs.hil.struck.items():
             w.row(kind.replace("_", " "), (n,), "{:d}", "pictures or answers that it struck")

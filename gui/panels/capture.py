@@ -100,7 +100,7 @@ class CapturePanel(Panel):
         left = "" if job.left_s is None else f", {time_text(job.left_s)} left"
         text = "stopping ..." if job.stopping else f"{time_text(job.elapsed_s)}{left}"
         w.text(text, style.QUIET, "time since it began, and what is left at the pace so far")
-        w.button(console, "capture.stop", width=w.width, label="Kill" if job.stopping else None)
+        w.button(console, "capture.stop", width=w.width, label="End it at once" if job.stopping else None)
 
     def _thumbnails(self, job: CaptureJob) -> None:
         w, imgui = self._w, self._w.imgui

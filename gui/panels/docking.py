@@ -19,6 +19,7 @@ STATES = {
     "near": "near its limit: up to twice as much",
     "outside": "outside: more than twice its limit",
 }
+HOLDS = "the autopilot rests here, so many metres before the port, until it is given go; > is the next"
 # colours of the decisions at a hold point
 DECISION_COLOURS = {"open": style.INK, "go": style.WITHIN, "no-go": style.OUTSIDE, "passed": style.QUIET}
 
@@ -41,7 +42,7 @@ class DockingPanel(Panel):
         w.switch(console, "overlay.docking", "Display over the view")
         figures = docking.figures(session.craft.chaser, session.flight)
         w.section(docking.port.name.capitalize())
-        w.row("Distance", (figures.axial_m,), "{:.2f} m", DISTANCE)
+        w.row("Distance", (figures.axial_m,), "{:z.2f} m", DISTANCE)
         self._table(judge(figures, docking.limits, docking.corridor_deg))
         self._limits(console)
         self._points(console)
@@ -55,14 +56,10 @@ class DockingPanel(Panel):
             now, colour = f"{row.text}{style.LIMIT_MARKS[row.state]}", style.LIMIT_COLORS[row.state]
             state = f"{row.name} now [{row.unit}]; {STATES[row.state]}"
             most = f"how large it may be at this distance [{row.unit}]"
-            cells.append(
-                (
-                    partial(w.text, f"{short} {row.unit}", style.QUIET, FIGURE_TIPS[row.name]),
-                    partial(w.text, now, colour, state),
-                    partial(w.text, f"{row.limit:.2g}", style.QUIET, most),
-                )
-            )
-        w.table("figures", (0.46, 0.29, 0.25), cells, ("figure", "now", "at most"))
+            head = partial(w.text, f"{short} {row.unit}", style.QUIET, FIGURE_TIPS[row.name])
+            limit = partial(w.text, f"{row.limit:.2g}", style.QUIET, most)
+            cells.append((head, partial(w.text, now, colour, state), limit))
+        w.table("figures", (0.46, 0.29, 0.25), cells, ("Figure", "Now", "At most"))
 
     def _limits(self, console: Console) -> None:
         w, now = self._w, console.session.craft.docking.limits
@@ -79,12 +76,8 @@ class DockingPanel(Panel):
         following = session.craft.docking.hold_points.next
         for p in points:
             here = following is not None and p.name == following.name
-            w.text(
-                f"{'>' if here else ' '} {p.name} {p.axial_m:5g} m  {p.decision}",
-                DECISION_COLOURS[p.decision],
-                "where the autopilot rests until it is given go: metres of the docking point before the port; "
-                "> is the next",
-            )
+            text = f"{'>' if here else ' '} {p.name} {p.axial_m:5g} m  {p.decision}"
+            w.text(text, DECISION_COLOURS[p.decision], HOLDS)
         if following is not None:
             for why in session.craft.docking.not_ready(session.craft.chaser, session.flight):
                 w.text(f"not yet: {why}", style.QUIET, "why go would be refused now")

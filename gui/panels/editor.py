@@ -9,7 +9,6 @@ from flyaround.gui.widgets import Panel
 
 if TYPE_CHECKING:
     from flyaround.gui.console import Console
-    from flyaround.gui.surface import Surface
 
 
 class EditorPanel(Panel):
@@ -17,9 +16,7 @@ class EditorPanel(Panel):
 
     name, title, place, shown = "editor", "Scenario text", "left", False
 
-    def __init__(self, window: Surface) -> None:
-        super().__init__(window)
-        self._path = "mine.toml"
+    _path = "mine.toml"
 
     def draw(self, console: Console) -> None:
         """Draw into the current panel."""
@@ -34,7 +31,7 @@ class EditorPanel(Panel):
             other = draft.replacement or "the scenario that flies"
             w.text(f"Discard this changed text, and edit {other}?", style.WARN)
             words = filter(None, [draft.replacement])
-            w.button(console, "scenario.edit", *words, label="Discard it", fill=style.GUARDED)
+            w.button(console, "scenario.edit", *words, label="Discard the changes", fill=style.GUARDED)
             imgui.same_line()
             if w.filled_button("Keep it", 0, style.PRIMARY):
                 draft.replacement = None

@@ -9,11 +9,10 @@ from flyaround.gui import style
 from flyaround.gui.widgets import Panel
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
+    from collections.abc import Callable, Iterable
 
     from flyaround.gui.command_table import Command
     from flyaround.gui.console import Console
-    from flyaround.gui.surface import Surface
     from flyaround.gui.widgets import Widgets
 
 
@@ -23,9 +22,7 @@ class KeyList(Panel):
     name, title, place, shown = "keys", "Commands and keys", "over", False
     keys = ("f1", "h")
 
-    def __init__(self, window: Surface) -> None:
-        super().__init__(window)
-        self._query = ""
+    _query = ""
 
     def draw(self, console: Console) -> None:
         """Draw into the current window."""
@@ -55,15 +52,11 @@ def command_rows(w: Widgets, console: Console, commands: Iterable[Command]) -> N
             w.text(c.title)
         w.command_tip(console, c.name)
 
-    rows = (
-        (
-            partial(w.text, c.shown, style.ACCENT),
-            partial(title, c),
-            partial(w.text, f"{c.help}{' (hold)' if c.held else ''}", style.QUIET),
-        )
-        for c in commands
-    )
-    w.table("rows", (0.2, 0.3, 0.5), rows)
+    def row(c: Command) -> tuple[Callable[[], object], ...]:
+        about = partial(w.text, f"{c.help}{' (hold)' if c.held else ''}", style.QUIET)
+        return partial(w.text, c.shown, style.ACCENT), partial(title, c), about
+
+    w.table("rows", (0.2, 0.3, 0.5), map(row, commands))
 
 
 class Palette(Panel):
@@ -73,9 +66,7 @@ class Palette(Panel):
     keys = ("ctrl+p",)
     rows = 9
 
-    def __init__(self, window: Surface) -> None:
-        super().__init__(window)
-        self._line = ""
+    _line = ""
 
     def draw(self, console: Console) -> None:
         """Draw into the current window."""

@@ -46,4 +46,6 @@ class LogPanel(Panel):
         acknowledged = "" if seen_ms is None else f", seen {seen_ms / 1000:.1f} s"
         level = "" if message.level == "note" else f"{message.level}{acknowledged}: "
         colour = style.QUIET if message.acknowledged else COLOURS[message.level]
-        self._w.text(f"{message.t_ms / 1000:9.1f} s  {level}{message.text}", colour)
+        self._w.one_line(f"{message.t_ms / 1000:.1f} s", colour)
+        self._imgui.same_line(5 * self._imgui.get_font_size())
+        self._w.text(f"{level}{message.text}", colour)

@@ -44,7 +44,7 @@ class PicturePanel(Panel):
         w.switches(console, ("picture.colour", "picture.noise"))
         w.button(console, "picture.save", label="Saving ..." if console.feed.saving else None, width=w.width)
         w.section("Over the view")
-        w.switches(console, [f"overlay.{name}" for name, _ in OVERLAYS])
+        w.switches(console, [f"overlay.{name}" for name in OVERLAYS])
 
 
 class WorldPanel(Panel):
@@ -54,7 +54,7 @@ class WorldPanel(Panel):
 
     def draw(self, console: Console) -> None:
         """Draw into the current panel."""
-        self._w.switches(console, [f"world.{name.replace('_', '-')}" for name, _ in LAYERS])
+        self._w.switches(console, [f"world.{name.replace('_', '-')}" for name in LAYERS])
         self._w.text("Left out of the console's pictures, not of the scenario.", style.QUIET)
 
 

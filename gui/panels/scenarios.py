@@ -38,7 +38,7 @@ class ScenarioChooser(Panel):
         imgui.set_next_item_width(-1)
         flags, hint = imgui.InputTextFlags_.enter_returns_true, "find, or the path of a TOML file"
         entered, self._query = imgui.input_text_with_hint("##find", hint, self._query, flags)
-        w.tip("a few letters of a scenario's name or title; a path that ends in .toml is a file to be flown")
+        w.tip("a few letters of a scenario's name or title, or the path of a TOML file to be flown")
         query = self._query.strip()
         if query.endswith(".toml"):
             w.button(console, "scenario.open", query, label="Open this file", width=w.width)

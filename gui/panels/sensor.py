@@ -17,7 +17,6 @@ from flyaround.simulator.camera.lens.files import list_cameras
 if TYPE_CHECKING:
     from flyaround.gui.console import Console
     from flyaround.gui.picture.feed import Picture
-    from flyaround.gui.surface import Surface
 
 
 class SensorPanel(Panel):
@@ -25,11 +24,9 @@ class SensorPanel(Panel):
 
     name, title, place, shown = "sensor", "Sensor", "right-low", True
 
-    def __init__(self, window: Surface) -> None:
-        super().__init__(window)
-        self._counted: Picture | None = None
-        self._histogram: Histogram | None = None
-        self._camera = SCENARIO
+    _counted: Picture | None = None
+    _histogram: Histogram | None = None
+    _camera = SCENARIO
 
     def draw(self, console: Console) -> None:
         """Draw into the current panel."""
@@ -66,14 +63,8 @@ class SensorPanel(Panel):
         name, text, value = term.name, term.text, term.value
         w, imgui = self._w, self._w.imgui
         is_changed = name in console.options.settings.sensor_changes
-        field = min(7.5 * imgui.get_font_size(), 0.45 * w.width)
-        end = imgui.get_cursor_pos_x() + w.width
-        imgui.align_text_to_frame_padding()
-        w.one_line(w.elided(text, w.width - field - 8), style.WARN if is_changed else style.INK)
         about = f"{text}: {term.effect}\nsensor.set {name} VALUE; Enter takes a new one"
-        w.tip(about)
-        imgui.same_line(end - field)
-        imgui.set_next_item_width(field)
+        w.field(text, about, 0.45, style.WARN if is_changed else style.INK)
         flags = imgui.InputTextFlags_.enter_returns_true
         entered, new_value = imgui.input_double(f"##{name}", value, 0.0, 0.0, "%.5g", flags)
         w.tip(about)

@@ -43,8 +43,8 @@ class SteeringPanel(Panel):
         w.switches(console, ("steer.lvlh", "steer.pulses"))
         w.section("Attitude")
         for k, mode in enumerate(ATTITUDE_MODES):
-            w.flow(w.button_width(mode), first=k == 0)
-            w.button(console, "steer.attitude", mode, label=mode, on=steering.attitude == mode)
+            w.flow(w.button_width(mode.capitalize()), first=k == 0)
+            w.button(console, "steer.attitude", mode, label=mode.capitalize(), on=steering.attitude == mode)
         w.section("Guidance")
         colour = style.ACCENT if steering.doing else style.QUIET
         w.text(console.flown_by, colour, "what flies the chaser while nothing is pressed")

@@ -11,7 +11,6 @@ from flyaround.gui.widgets import Panel
 
 if TYPE_CHECKING:
     from flyaround.gui.console import Console
-    from flyaround.gui.surface import Surface
     from flyaround.simulator.piloting.flight_history import Timeline
 
 
@@ -24,9 +23,7 @@ class TimelinePanel(Panel):
     name, title, place, shown = "timeline", "Timeline", "bottom", False
     keys = ("ctrl+t",)
 
-    def __init__(self, window: Surface) -> None:
-        super().__init__(window)
-        self._note = ""
+    _note = ""
 
     def draw(self, console: Console) -> None:
         """Draw into the current panel."""

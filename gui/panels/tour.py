@@ -108,7 +108,7 @@ class TourPanel(Panel):
         if step < len(STEPS):
             w.button(console, "help.tour-next", label="Skip this")
             imgui.same_line()
-        w.button(console, "help.tour-end", label="End" if step < len(STEPS) else "Done")
+        w.button(console, "help.tour-end")
 
     def _frame(self, console: Console, place: str) -> None:
         """Draw a frame around the panel or bar of a step."""

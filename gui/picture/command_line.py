@@ -49,7 +49,7 @@ def command_lines(session: FlightSession, options: Options, source: str, saved: 
         return CommandLines(_of_saved(saved), (why,))
     seed = [] if session.plan.seed == session.plan.scenario.seed else ["--seed", str(session.plan.seed)]
     first = Overlays()
-    over = [f for f, _ in OVERLAYS if getattr(options.overlays, f) and not getattr(first, f)]
+    over = [f for f in OVERLAYS if getattr(options.overlays, f) and not getattr(first, f)]
     sim = ["flyaround", "sim", source, *seed, *(["--overlays", ",".join(over)] if over else [])]
     lines = [("this console", shlex.join(sim))]
     left_out = []
@@ -63,7 +63,7 @@ def command_lines(session: FlightSession, options: Options, source: str, saved: 
     lines += _of_saved(saved)
     capture = ["flyaround", "capture", source, *seed, "-n", "40", "-o", "out/set"]
     lines.append(("a data set of this flight", shlex.join(capture)))
-    if settings.exposure_stops or settings.sensor_changes or settings.camera or settings.light_gains:
+    if settings.exposure_stops or settings.sensor_changes or settings.camera or settings.lights:
         left_out.append("exposure, camera, sensor or lights were changed here: change the scenario's text")
     if settings.environment != session.scene().environment:
         left_out.append("layers of the world were switched here: change [environment] in the scenario's text")

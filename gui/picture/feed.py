@@ -219,6 +219,8 @@ class Feed:
                 raise UserError(FAILED.format(error)) from error
             self._rest(error)
         except RuntimeError as error:
+            if not self._kind.needed:
+                return self._rest(error)
             raise UserError(FAILED.format(last_line(error))) from error
         return self.finished > before
 
@@ -257,13 +259,14 @@ class Feed:
         self._save_due = self.saving
         self._waiting, self._last = [], None
 
-    def _rest(self, error: PictureFailedError, then: str = "it is tried again") -> None:
-        """Report a failure, unless it repeats the previous one, and pause requests for `REST_S`."""
+    def _rest(self, error: Exception, then: str = "it is tried again") -> bool:
+        """Report a failure, unless it repeats the previous one, and pause requests for `REST_S`; return False."""
         self._rests_until_s = self._clock() + REST_S
         self._last = None
-        message = f"no picture of the {self._kind.title}: {error}; {then}"
+        message = f"no picture of the {self._kind.title}: {last_line(error)}; {then}"
         if message != self._reported_failure:
             self._reported_failure = self._trouble = message
+        return False
 
     def _ask(self, session: FlightSession, settings: ViewSettings, *, timed: bool) -> None:
         if len(self._waiting) >= 2 or (self._waiting and self._clock() < self._due_s):

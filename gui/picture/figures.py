@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from flyaround.gui.texts import texts
+
 if TYPE_CHECKING:
     from collections.abc import Callable
 
@@ -44,69 +46,22 @@ class Figure:
     values: Callable[[Telemetry], tuple[float, ...]]
 
 
-FIGURES: dict[str, Figure] = {
-    "Range": Figure(
-        "range [m]", "{:9.3f} m", "from the camera to the target's centre of mass", lambda r: (r.range_m,)
-    ),
-    "Closing": Figure(
-        "closing speed [m/s]",
-        "{:+z9.4f} m/s",
-        "how fast the range shrinks; minus: it grows",
-        lambda r: (r.closing_m_s,),
-    ),
-    "Across": Figure(
-        "speed across the line of sight [m/s]",
-        "{:9.4f} m/s",
-        "speed across the line of sight, in the target's LVLH frame",
-        lambda r: (r.lateral_m_s,),
-    ),
-    "LVLH m": Figure(
-        "radial, along, cross [m]",
-        "{:+z8.3f}",
-        "place beside the target [m]: radial (outward), along-track, cross-track",
-        lambda r: r.position_lvlh_m,
-    ),
-    "LVLH mm/s": Figure(
-        "speed radial, along, cross [mm/s]",
-        "{:+z8.2f}",
-        "speed in the same axes, which turn with the orbit [mm/s]",
-        lambda r: tuple(1e3 * v for v in r.velocity_lvlh_m_s),
-    ),
-    "Rel. °/s": Figure(
-        "target's rate x, y, z [°/s]",
-        "{:+z8.3f}",
-        "how the target turns before the camera [°/s]: about its x (right), y (down), z (ahead)",
-        lambda r: r.relative_rate_deg_s,
-    ),
-    "Cam. °/s": Figure(
-        "camera's rate x, y, z [°/s]",
-        "{:+z8.3f}",
-        "how the camera turns against the stars [°/s]: about its x (right), y (down), z (ahead)",
-        lambda r: r.camera_rate_deg_s,
-    ),
-    "Off axis": Figure(
-        "off the boresight [°]",
-        "{:.2f}°",
-        "from the middle of the view to the target's centre of mass [°]",
-        lambda r: (r.off_boresight_deg,),
-    ),
-    "Altitude": Figure(
-        "altitude [km]",
-        "{:.1f} km",
-        "of the target above a sphere of the equatorial radius",
-        lambda r: (r.altitude_km,),
-    ),
-    "Phase": Figure(
-        "phase angle [°]",
-        "{:9.1f} °",
-        "angle Sun, target, camera: at 0 the Sun stands behind the camera",
-        lambda r: (r.phase_deg,),
-    ),
-    "Sun": Figure(
-        "share of the Sun's disc [%]",
-        "{:9.0f} %",
-        "share of the Sun's disc that the target sees past the Earth and the Moon",
-        lambda r: (100.0 * r.sun_visible_fraction,),
-    ),
+VALUES: dict[str, tuple[str, Callable[[Telemetry], tuple[float, ...]]]] = {
+    "Range": ("{:9.3f} m", lambda r: (r.range_m,)),
+    "Closing": ("{:+z9.4f} m/s", lambda r: (r.closing_m_s,)),
+    "Across": ("{:9.4f} m/s", lambda r: (r.lateral_m_s,)),
+    "LVLH m": ("{:+z8.3f}", lambda r: r.position_lvlh_m),
+    "LVLH mm/s": ("{:+z8.2f}", lambda r: tuple(1e3 * v for v in r.velocity_lvlh_m_s)),
+    "Rel. °/s": ("{:+z8.3f}", lambda r: r.relative_rate_deg_s),
+    "Cam. °/s": ("{:+z8.3f}", lambda r: r.camera_rate_deg_s),
+    "Off axis": ("{:.2f}°", lambda r: (r.off_boresight_deg,)),
+    "Altitude": ("{:.1f} km", lambda r: (r.altitude_km,)),
+    "Phase": ("{:9.1f} °", lambda r: (r.phase_deg,)),
+    "Sun": ("{:9.0f} %", lambda r: (100.0 * r.sun_visible_fraction,)),
+}
+"""Format and values of each figure."""
+FIGURES = {
+    name: Figure(title, form, tip, values)
+    for (name, (form, values)), (title, tip) in zip(VALUES.items(), texts("figures").values(), strict=True)
 }
 """Figures by their names on the screen."""

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from flyaround.gui.picture.light_settings import lit
 from flyaround.simulator.camera.detector.presets import sensor_preset
 from flyaround.simulator.camera.lens.camera_model import Camera
 from flyaround.simulator.imaging.auto_exposure import AutoExposure
@@ -53,7 +54,7 @@ def orbit_scene(
     quality : Quality or None
         Replaces the default.
     """
-    own = session.scene()
+    own = lit(session.scene(), settings.lights)
     world = seen_from(session.craft.world, session.flight.lvlh(session.t_s), look)
     scene = build_scene(
         world,

@@ -114,13 +114,8 @@ class MapPort:
         """Return screen positions (..., 2) of points (..., 3)."""
         p = np.asarray(points_lvlh_m, float) - np.array(self.centre_lvlh_m)
         x, y, w, h = self.rect
-        return np.stack(
-            [
-                x + w / 2 + self.scale * p[..., self.plane.right],
-                y + h / 2 - self.scale * p[..., self.plane.up],
-            ],
-            axis=-1,
-        )
+        across, down = p[..., self.plane.right], -p[..., self.plane.up]
+        return np.stack([x + w / 2 + self.scale * across, y + h / 2 + self.scale * down], axis=-1)
 
     def point(self, x: float, y: float, through_m: float = 0.0) -> Vec3:
         """Return the position under a screen point, at a height above the plane [m]."""
@@ -147,15 +142,15 @@ def ports(rect: Rect, look: MapLook, gap: float = 6.0) -> tuple[MapPort, MapPort
     x, y, w, h = rect
     if w > 1.8 * h:
         half = max((w - gap) / 2, 1.0)
-        first, second = (x, y, half, h), (x + half + gap, y, half, h)
+        rects = (x, y, half, h), (x + half + gap, y, half, h)
     else:
         half = max((h - gap) / 2, 1.0)
-        first, second = (x, y, w, half), (x, y + half + gap, w, half)
-    scale = max(first[2], 1.0) / look.width_m
-    return (
-        MapPort(IN_PLANE, first, look.centre_lvlh_m, scale),
-        MapPort(OUT_OF_PLANE, second, look.centre_lvlh_m, scale),
+        rects = (x, y, w, half), (x, y + half + gap, w, half)
+    scale = max(rects[0][2], 1.0) / look.width_m
+    first, second = (
+        MapPort(p, r, look.centre_lvlh_m, scale) for p, r in zip((IN_PLANE, OUT_OF_PLANE), rects, strict=True)
     )
+    return first, second
 
 
 def fit(look: MapLook, points_lvlh_m: FloatArray, aspect: float) -> None:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from flyaround.gui.picture.view_settings import changed_sensor
+from flyaround.gui.texts import texts
 from flyaround.simulator.camera.detector.limits import sensor_problem
 from flyaround.simulator.errors import UserError
 
@@ -17,44 +18,9 @@ if TYPE_CHECKING:
     from flyaround.simulator.camera.detector.sensor import Sensor
     from flyaround.simulator.runtime.arrays import IntArray
 
-BLUR = ("blur_sigma_px", "blur, sigma [px]", "width of the blur; more makes edges softer")
-DEPTH = ("bits", "depth [bit]", "bits of a level; fewer make visible steps")
-RECIPE: tuple[tuple[str, str, str], ...] = (
-    BLUR,
-    ("gaussian_variance", "additive noise, variance [1]", "more makes the picture grainier in dark parts"),
-    ("speckle_variance", "multiplicative noise, variance [1]", "more makes it grainier in bright parts"),
-    ("full_scale_j_m2_sr", "full scale [J/m2 sr]", "exposure of a white pixel; more makes it darker"),
-    DEPTH,
-)
-DETECTOR: tuple[tuple[str, str, str], ...] = (
-    BLUR,
-    ("gain_e_per_dn", "gain [e/DN]", "electrons per level; more makes the picture darker"),
-    ("black_level_dn", "black level [DN]", "level of a pixel without light; more lifts the dark parts"),
-    ("full_well_e", "full well [e]", "electrons that a pixel holds; fewer saturate sooner"),
-    ("read_noise_e", "read noise [e]", "noise of each read-out; more makes dark parts grainier"),
-    ("row_noise_e", "row noise [e]", "noise common to a row; more draws horizontal lines"),
-    ("column_noise_e", "column noise [e]", "noise common to a column; more draws vertical lines"),
-    (
-        "dark_current_e_s",
-        "dark current [e/s]",
-        "signal without light at the reference temperature; more brightens long exposures",
-    ),
-    ("temperature_c", "temperature [°C]", "temperature of the detector; more raises the dark current"),
-    ("dsnu_e", "dark offsets, DSNU [e]", "differences between pixels in the dark; more makes a fixed grain"),
-    (
-        "dark_nonuniformity",
-        "dark current's spread [1]",
-        "differences between dark currents; more makes grain in long exposures",
-    ),
-    ("prnu", "response's spread, PRNU [1]", "differences in sensitivity; more makes grain in bright parts"),
-    ("hot_pixel_share", "hot pixels [share]", "pixels with far more dark current: bright dots"),
-    ("hot_pixel_e_s", "hot pixels' current [e/s]", "dark current of each hot pixel; more makes it brighter"),
-    ("dead_pixel_share", "dead pixels [share]", "pixels without signal: dark dots"),
-    ("cosmic_rays_cm2_s", "particles [1/cm2 s]", "particles on the detector; more leave more tracks"),
-    ("blooming", "blooming [share]", "share of a full pixel's surplus that spills along its column: streaks"),
-    DEPTH,
-)
-"""Field, name with unit, and effect of a change."""
+OF_EVERY_SENSOR = frozenset({"blur_sigma_px", "bits"})
+TERMS = texts("sensor")
+"""Title with unit, and effect of a change, of each number of a sensor."""
 BINS = 128  # bins of the histogram
 
 
@@ -110,8 +76,12 @@ class Histogram:
 
 def terms_of(sensor: Sensor) -> tuple[SensorTerm, ...]:
     """Return the parameters of a sensor."""
-    rows = RECIPE if sensor.detector is None else DETECTOR
-    return tuple(SensorTerm(name, text, effect, _value(sensor, name)) for name, text, effect in rows)
+    holder = sensor.detector or sensor
+    return tuple(
+        SensorTerm(name, text, effect, _value(sensor, name))
+        for name, (text, effect) in TERMS.items()
+        if hasattr(holder, name) or name in OF_EVERY_SENSOR
+    )
 
 
 def _value(sensor: Sensor, name: str) -> float:

@@ -5,10 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, Literal
 
-import msgspec
-
+from flyaround.gui.picture.light_settings import Lights, lit
 from flyaround.gui.picture.orbit_camera import OrbitCamera
 from flyaround.gui.picture.relative_map import MapLook
+from flyaround.gui.texts import texts
 from flyaround.simulator.camera.detector.sensor import noiseless
 from flyaround.simulator.scene.environments import Environment
 from flyaround.simulator.scene.illumination.bands import Bands
@@ -17,37 +17,12 @@ from flyaround.simulator.scene.state import Quality
 if TYPE_CHECKING:
     from flyaround.simulator.camera.detector.sensor import Sensor
     from flyaround.simulator.camera.lens.camera_model import Camera
-    from flyaround.simulator.scene.illumination.area_light import AreaLight
     from flyaround.simulator.scene.state import SceneState
 
 Detail = Literal["auto", "full", "half", "quarter"]
 DETAILS: tuple[Detail, ...] = ("auto", "full", "half", "quarter")
-LAYERS: tuple[tuple[str, str], ...] = (
-    ("earth", "Earth"),
-    ("clouds", "Clouds"),
-    ("ocean_glint", "Ocean glint"),
-    ("sea_ice", "Sea ice"),
-    ("night_lights", "Night lights"),
-    ("atmosphere", "Atmosphere"),
-    ("airglow", "Airglow"),
-    ("stars", "Stars"),
-    ("sun", "Sun"),
-    ("moon", "Moon"),
-    ("earthshine", "Earthshine"),
-)
-OVERLAYS: tuple[tuple[str, str], ...] = (
-    ("keypoints", "Keypoints"),
-    ("names", "Names"),
-    ("box", "Box"),
-    ("axes", "Target axes"),
-    ("wireframe", "Wireframe"),
-    ("estimate", "Estimated pose"),
-    ("crosshair", "Crosshair"),
-    ("hud", "Figures"),
-    ("docking", "Docking"),
-    ("times", "Pass times"),
-    ("raw", "Raw numbers"),
-)
+LAYERS: dict[str, str] = texts("layers")
+OVERLAYS: dict[str, str] = texts("overlays")
 
 
 @dataclass
@@ -70,8 +45,8 @@ class ViewSettings:
         Replaces the scenario's.
     sensor_changes : dict of str to float, optional
         Changed fields of the sensor or its detector, by name.
-    light_gains : dict of int to float, optional
-        Factors on the radiance of the area lights by index; missing ones are 1.
+    lights : tuple of SwitchedLight, optional
+        Replace the scenario's.
     """
 
     bands: Bands
@@ -81,7 +56,7 @@ class ViewSettings:
     detail: Detail = "auto"
     camera: Camera | None = None
     sensor_changes: dict[str, float] = field(default_factory=dict)
-    light_gains: dict[int, float] = field(default_factory=dict)
+    lights: Lights | None = None
 
 
 @dataclass
@@ -131,12 +106,10 @@ def apply_view_settings(
     sensor = changed_sensor(scene.sensor, settings.sensor_changes)
     if not settings.noise:
         sensor = noiseless(sensor)
-    if settings.light_gains and scene.area_lights:
-        scene = replace(scene, lights=brightened(scene.area_lights, settings.light_gains))
     if divisor != 1:
         sensor = replace(sensor, blur_sigma_px=sensor.blur_sigma_px / divisor)
     return replace(
-        scene,
+        lit(scene, settings.lights),
         camera=reduced_camera(settings.camera or scene.camera, divisor),
         sensor=sensor,
         exposure_s=scene.exposure_s * 2.0**settings.exposure_stops,
@@ -159,16 +132,6 @@ def changed_sensor(sensor: Sensor, changes: dict[str, float]) -> Sensor:
     if detector is not None and of_detector:
         own["detector"] = replace(detector, **of_detector)
     return replace(sensor, **own)
-
-
-def brightened(lights: tuple[AreaLight, ...], gains: dict[int, float]) -> tuple[AreaLight, ...]:
-    """Return area lights with factors on their radiance; a factor of 0 removes a light."""
-    gains_by_light = [(light, gains.get(k, 1.0)) for k, light in enumerate(lights)]
-    return tuple(
-        msgspec.structs.replace(light, radiance_w_m2_sr=light.radiance_w_m2_sr * gain)
-        for light, gain in gains_by_light
-        if gain > 0
-    )
 
 
 def reduced_camera(camera: Camera, divisor: int) -> Camera:

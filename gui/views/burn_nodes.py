@@ -9,6 +9,7 @@ import numpy as np
 
 from flyaround.gui import style
 from flyaround.gui.canvas import point
+from flyaround.gui.picture.label_placement import place_labels
 from flyaround.simulator.piloting.planned_burns import BurnPlan, PlannedBurn
 from flyaround.simulator.runtime.arrays import vec3
 
@@ -16,6 +17,7 @@ if TYPE_CHECKING:
     from flyaround.gui.canvas import Canvas, Point
     from flyaround.gui.console import Console
     from flyaround.gui.picture.relative_map import MapPort, Plane
+    from flyaround.gui.views.camera import Place
     from flyaround.simulator.piloting.planned_burns import PredictedPath
     from flyaround.simulator.piloting.session import FlightSession
     from flyaround.simulator.runtime.arrays import FloatArray
@@ -90,32 +92,33 @@ class BurnNodes:
             console.do("burn.plan", self._time_at(session, port, mouse), 0.0, FIRST_M_S, 0.0)
         return other
 
-    def draw(self, canvas: Canvas, port: MapPort) -> None:
-        """Draw the path after the burns, each node, and its handle in this plane."""
+    def draw(self, canvas: Canvas, port: MapPort, obstacles: tuple[Place, ...]) -> None:
+        """Draw the path after the burns, each node, and its handle in this plane.
+
+        Parameters
+        ----------
+        obstacles : tuple of Place
+            Rectangles that the burns' sizes avoid, x, y, width, height.
+        """
         path, burns = self._path, self._plan.burns
         if path is None or not burns:
             return
         canvas.stroke(port.at(path.points_lvlh_m), COLOUR, 1.6, dashed=True)
-        label_positions: list[Point] = []
+        tips = []
         for burn, node in zip(burns, path.nodes_lvlh_m, strict=False):
             at = point(port.at(node))
-            tip = handle(at, burn, port.plane)
-            canvas.arrow(at, tip, COLOUR, 1.8)
-            canvas.dot(tip, 3.5, style.INK)
+            tips.append(handle(at, burn, port.plane))
+            canvas.arrow(at, tips[-1], COLOUR, 1.8)
+            canvas.dot(tips[-1], 3.5, style.INK)
             canvas.diamond(at, 5.0, COLOUR)
-            self._write(canvas, port, tip, f"{burn.size_m_s:.3f} m/s", label_positions)
-
-    @staticmethod
-    def _write(canvas: Canvas, port: MapPort, tip: Point, text: str, taken_places: list[Point]) -> None:
-        """Write a burn's size below its handle, inside the map, unless another text is there."""
-        x, y, w, h = port.rect
-        width, height = canvas.size(text)
-        # below the handle, because chaser and boresight lie along the path
-        at = (min(tip[0] + 4, x + w - width - 4), min(max(tip[1] + 8, y), y + h - height))
-        if all(abs(at[0] - a) > width or abs(at[1] - b) > height for a, b in taken_places):
-            about = "size of the burn; drag its handle for that, its node for the time"
-            canvas.label(at, text, style.INK, about)
-            taken_places.append(at)
+        texts = [f"{burn.size_m_s:.3f} m/s" for burn in burns[: len(tips)]]
+        sizes = [canvas.size(text) for text in texts]
+        about = "size of the burn; drag its handle for that, its node for the time"
+        labels = place_labels(tips, sizes, port.rect, obstacles=obstacles)
+        for text, tip, label in zip(texts, tips, labels, strict=True):
+            if label is not None:
+                canvas.stroke([tip, label.lead or tip], COLOUR, 1.0)
+                canvas.label(label.corner, text, style.INK, about)
 
     @property
     def path_lvlh_m(self) -> FloatArray:

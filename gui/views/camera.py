@@ -70,7 +70,7 @@ class CameraView(Panel):
         picture = feed.newest
         if picture is None:
             name = session.plan.scenario.title or session.plan.scenario.name
-            self._centred(canvas, place, name, f"{console.preparing}, {feed.late_s:.0f} s so far")
+            canvas.centred(place, name, f"{console.preparing}, {feed.late_s:.0f} s so far")
             return
         groups = self._groups(session, feed, picture) if options.overlays.hud else ()
         image = picture.frame.image
@@ -94,9 +94,11 @@ class CameraView(Panel):
         canvas.unclip()
         within = (box.x, box.y, box.width, box.height)
         if beside is None:
-            # the docking display has its own figures at the upper edge
-            shown = ((groups[0], (), *groups[2:]) if options.overlays.docking else groups) if groups else ()
-            self._corners(canvas, within if box.width > 0.75 * place[2] else place, shown)
+            if groups and options.overlays.docking:
+                # without the date, for the docking display's figures at the upper edge
+                utc = groups[1][0]._replace(value=groups[1][0].value.split()[-1])
+                groups = groups[0], (utc, *groups[1][1:]), *groups[2:]
+            self._corners(canvas, within if box.width > 0.75 * place[2] else place, groups)
         else:
             self._in_columns(canvas, beside, groups)
         if options.overlays.times:
@@ -106,7 +108,7 @@ class CameraView(Panel):
         if feed.late_s:
             canvas.box(within[:2], within[2:], style.PLATE)
             text = f"no new picture for {feed.late_s:.0f} s"
-            self._centred(canvas, within, text, console.preparing)
+            canvas.centred(within, text, console.preparing)
         elif self._fault:
             x = box.x + (box.width - canvas.size(self._fault)[0]) / 2
             # there are figures at the upper edge
@@ -128,7 +130,7 @@ class CameraView(Panel):
         self._push()
         widths = [self._width(canvas, rows) for rows in _columns(groups)]
         self._imgui.pop_font()
-        deep = self._line * max((len(rows) for rows in _columns(groups)), default=0) + 2 * MARGIN
+        deep = self._line * max((len(rows) for rows in _columns(groups)), default=0) + MARGIN
         tall = self._line * sum(len(rows) for rows in groups) + 2 * MARGIN
         if groups and down >= deep and sum(widths) + 2 * MARGIN + 2 * LEAST_GAP <= width:
             top = Letterbox(box.x, y, box.width, box.height, box.scale)
@@ -145,7 +147,7 @@ class CameraView(Panel):
         widths = [self._width(canvas, rows) for rows in columns]
         below = sum(widths) + 2 * MARGIN + 2 * LEAST_GAP <= place[2]
         gap = min((place[2] - sum(widths) - 2 * MARGIN) / 2, WIDEST_GAP)
-        x, y = place[0] + MARGIN, place[1] + MARGIN
+        x, y = place[0] + MARGIN, place[1] + MARGIN / 2
         for rows, width in zip(columns, widths, strict=True):
             self._write(canvas, (x, y), rows, plate=False)
             x, y = (x + width + gap, y) if below else (x, y + len(rows) * self._line)
@@ -251,13 +253,6 @@ class CameraView(Panel):
             size = (bar * ms / max(total, 1e-9), 0.45 * self._line)
             canvas.box((x + step, at + 0.25 * self._line), size, colour)
         self._imgui.pop_font()
-
-    def _centred(self, canvas: Canvas, place: Place, *lines: str) -> None:
-        """Draw lines centred in a rectangle."""
-        for k, text in enumerate(lines):
-            width, height = canvas.size(text)
-            at = (place[0] + (place[2] - width) / 2, place[1] + place[3] / 2 + (k - 0.5) * 1.4 * height)
-            canvas.text(at, text)
 
     def _push(self) -> None:
         """Use the font of figures until ``pop_font``."""

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from flyaround.gui import style
 from flyaround.gui.canvas import Canvas
+from flyaround.gui.texts import texts
 from flyaround.gui.widgets import Widgets
 from flyaround.simulator.piloting.docking_figures import CAPTURE_M, JudgedFigure, judge
 
@@ -34,21 +35,27 @@ FULL_SCALE_DEG = 15.0
 """Angle at which an attitude needle stops."""
 
 DISTANCE = "of the docking point before the port's plane"
-FIGURE_TIPS = {
-    "closing": "how fast the docking point comes nearer to the port's plane",
-    "offset right": "docking point off the port's axis, to the right in the view",
-    "offset down": "docking point off the port's axis, downward in the view",
-    "rate right": "how fast that offset grows, to the right in the view",
-    "rate down": "how fast that offset grows, downward in the view",
-    "roll": "attitude against the port's, about the axis of approach",
-    "pitch": "attitude against the port's: nose up or down",
-    "yaw": "attitude against the port's: nose to the right or left",
-    "roll rate": "how fast roll changes against the turning port",
-    "pitch rate": "how fast pitch changes against the turning port",
-    "yaw rate": "how fast yaw changes against the turning port",
-    "off axis": "angle at the port between its axis and the docking point; nothing where the offset is small",
-}
+FIGURE_TIPS: dict[str, str] = texts("docking")
 """Hover text of each figure of `flyaround.simulator.piloting.docking_figures.judge`."""
+
+
+class Sight(NamedTuple):
+    """A picture with its docking figures, and where it is drawn."""
+
+    canvas: Canvas
+    box: Letterbox
+    camera: Camera
+    figures: DockingFigures
+    rows: dict[str, JudgedFigure]
+
+    def seen(self, points_port_m: np.ndarray) -> list[Point] | None:
+        """Return screen positions of points, or None if one is beside or behind the camera."""
+        in_camera = self.figures.in_camera_m(points_port_m)
+        depth = in_camera[:, 2]
+        # the lens distorts points far outside the picture
+        if depth.min() < NEAR_M or np.any(np.linalg.norm(in_camera[:, :2], axis=1) > 1.5 * depth):
+            return None
+        return [self.box.at((float(x), float(y))) for x, y in self.camera.project(in_camera)]
 
 
 class DockingHud:
@@ -74,30 +81,30 @@ class DockingHud:
         figures = docking.figures(picture.state.chaser, session.flight)
         rows = {r.name: r for r in judge(figures, docking.limits, docking.corridor_deg)}
         canvas, camera = Canvas(self._window), picture.frame.scene.camera
-        self._corridor(canvas, box, camera, figures, docking)
-        self._port(canvas, box, camera, figures, rows)
+        sight = Sight(canvas, box, camera, figures, rows)
+        self._corridor(sight, docking)
+        self._port(sight)
         self._window.imgui.push_font(self._window.figure_font, 0.0)
         centre = box.at((camera.cx_px, camera.cy_px))
         radius = RING_SHARE * min(box.width, box.height)
         if radius < LEAST_RING * self._window.scale:
             radius = 0.0
-        self._ring(canvas, centre, radius, figures, rows)
+        self._ring(sight, centre, radius)
         self._status(canvas, box, centre, radius, console)
         self._window.imgui.pop_font()
 
     # --- in the picture
 
-    def _corridor(
-        self, canvas: Canvas, box: Letterbox, camera: Camera, figures: DockingFigures, docking: Docking
-    ) -> None:
+    @staticmethod
+    def _corridor(sight: Sight, docking: Docking) -> None:
         """Draw a square about the axis at each hold point, as wide as the allowed offset there."""
-        following = docking.hold_points.next
+        canvas, following = sight.canvas, docking.hold_points.next
         for point in docking.hold_points.points:
-            if point.axial_m > figures.axial_m + 1.0:
+            if point.axial_m > sight.figures.axial_m + 1.0:
                 continue
             half = docking.limits.lateral_at_m(point.axial_m)
             corners = np.array([[x * half, y * half, -point.axial_m] for x, y in _SQUARE])
-            corners_px = self._seen(box, camera, figures, corners)
+            corners_px = sight.seen(corners)
             if corners_px is None:
                 continue
             ahead = following is not None and point.name == following.name
@@ -105,70 +112,43 @@ class DockingHud:
             canvas.stroke(corners_px, colour, 2.0 if ahead else 1.2, closed=True)
             width = max(abs(corners_px[1][0] - corners_px[0][0]), abs(corners_px[1][1] - corners_px[0][1]))
             if ahead or width > LABELLED:
-                name = f"{point.name} {point.axial_m:g} m"
-                canvas.text(
-                    (corners_px[1][0] + 5, corners_px[1][1] - 8),
-                    name,
-                    colour,
-                    "hold point, and metres before the port",
-                )
+                at, name = (corners_px[1][0] + 5, corners_px[1][1] - 8), f"{point.name} {point.axial_m:g} m"
+                canvas.text(at, name, colour, "hold point, and metres before the port")
 
-    def _port(
-        self,
-        canvas: Canvas,
-        box: Letterbox,
-        camera: Camera,
-        figures: DockingFigures,
-        rows: dict[str, JudgedFigure],
-    ) -> None:
+    @staticmethod
+    def _port(sight: Sight) -> None:
         """Draw the port's rim, its upper side, and the predicted point of contact."""
+        canvas, rows = sight.canvas, sight.rows
         turn = np.linspace(0.0, 2 * np.pi, 33)[:-1]
         rim = np.stack([CAPTURE_M * np.cos(turn), CAPTURE_M * np.sin(turn), 0 * turn], axis=1)
-        rim_px = self._seen(box, camera, figures, rim)
+        rim_px = sight.seen(rim)
         worst = max((rows["offset right"], rows["offset down"]), key=lambda r: r.share)
         colour = style.LIMIT_COLORS[worst.state]
         if rim_px is not None:
             canvas.stroke(rim_px, colour, 1.8, closed=True)
-        cross = self._seen(box, camera, figures, np.array(_CROSS) * CAPTURE_M)
+        cross = sight.seen(np.array(_CROSS) * CAPTURE_M)
         if cross is not None:
             for a, b in ((0, 1), (2, 3), (4, 5)):
                 canvas.stroke((cross[a], cross[b]), colour, 1.8)
-        aim = figures.aimed_at_m
+        aim = sight.figures.aimed_at_m
         if aim is not None:
-            at = self._seen(box, camera, figures, np.array([[*aim, 0.0]]))
+            at = sight.seen(np.array([[*aim, 0.0]]))
             if at is not None:
                 x, y = at[0]
                 canvas.diamond((x, y), 6.0, style.INK)
 
-    def _seen(
-        self, box: Letterbox, camera: Camera, figures: DockingFigures, points_port_m: np.ndarray
-    ) -> list[Point] | None:
-        """Return screen positions of points, or None if one is beside or behind the camera."""
-        in_camera = figures.in_camera_m(points_port_m)
-        depth = in_camera[:, 2]
-        # the lens distorts points far outside the picture
-        if depth.min() < NEAR_M or np.any(np.linalg.norm(in_camera[:, :2], axis=1) > 1.5 * depth):
-            return None
-        return [box.at((float(x), float(y))) for x, y in camera.project(in_camera)]
-
     # --- over the picture
 
-    def _ring(
-        self,
-        canvas: Canvas,
-        centre: Point,
-        radius: float,
-        figures: DockingFigures,
-        rows: dict[str, JudgedFigure],
-    ) -> None:
+    def _ring(self, sight: Sight, centre: Point, radius: float) -> None:
         """Draw the boresight's reticle and, unless the radius is 0, the ring with its figures."""
+        canvas, _, _, figures, rows = sight
         cx, cy = centre
         for dx, dy in ((1, 0), (-1, 0), (0, 1), (0, -1)):
             canvas.stroke([(cx + r * dx, cy + r * dy) for r in (6, 22)], style.INK, 1.4)
         if radius == 0.0:
             return
         canvas.circle((cx, cy), radius, (*style.INK[:3], 0.8), 1.4)
-        self._needles(canvas, (cx, cy), radius, figures, rows)
+        self._needles(sight, centre, radius)
         line = self._w.line
         self._pair(canvas, (cx, cy - radius - 2.2 * line), rows["roll"], rows["roll rate"], 0.5)
         self._pair(canvas, (cx + radius + 14, cy - line), rows["pitch"], rows["pitch rate"], 0.0)
@@ -176,19 +156,13 @@ class DockingHud:
         self._pair(canvas, (cx - radius - 14, cy - 2.2 * line), rows["offset right"], rows["rate right"], 1.0)
         self._pair(canvas, (cx - radius - 14, cy + 0.2 * line), rows["offset down"], rows["rate down"], 1.0)
         at = (cx, cy + radius - 3.1 * line)
-        self._text(canvas, at, f"{figures.axial_m:.2f} m", style.INK, 0.5, DISTANCE)
+        self._text(canvas, at, f"{figures.axial_m:z.2f} m", style.INK, 0.5, DISTANCE)
         self._figure(canvas, (cx, cy + radius - 2.1 * line), "closing", rows["closing"], 0.5)
 
-    def _needles(
-        self,
-        canvas: Canvas,
-        centre: Point,
-        radius: float,
-        figures: DockingFigures,
-        rows: dict[str, JudgedFigure],
-    ) -> None:
+    @staticmethod
+    def _needles(sight: Sight, centre: Point, radius: float) -> None:
         """Draw marks on the ring that move with roll (top), pitch (right) and yaw (bottom) error."""
-        cx, cy = centre
+        (cx, cy), figures = centre, sight.figures
         for name, value, base in (
             ("roll", figures.roll_deg, -90.0),
             ("pitch", -figures.pitch_deg, 0.0),
@@ -197,11 +171,11 @@ class DockingHud:
             angle_deg = base + 2 * float(np.clip(value, -FULL_SCALE_DEG, FULL_SCALE_DEG))
             for angle, colour, inner, outer, weight in (
                 (base, style.INK, 0.97, 1.03, 1.4),
-                (angle_deg, style.LIMIT_COLORS[rows[name].state], 0.90, 1.0, 3.0),
+                (angle_deg, style.LIMIT_COLORS[sight.rows[name].state], 0.90, 1.0, 3.0),
             ):
                 c, s = np.cos(np.radians(angle)), np.sin(np.radians(angle))
                 a = (cx + inner * radius * c, cy + inner * radius * s)
-                canvas.stroke([a, (cx + outer * radius * c, cy + outer * radius * s)], colour, weight)
+                sight.canvas.stroke([a, (cx + outer * radius * c, cy + outer * radius * s)], colour, weight)
 
     def _pair(self, canvas: Canvas, at: Point, value: JudgedFigure, rate: JudgedFigure, share: float) -> None:
         self._figure(canvas, at, value.name.removeprefix("offset "), value, share)

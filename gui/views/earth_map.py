@@ -113,9 +113,8 @@ class EarthMap(Panel):
         error = loading.exception()
         if error is not None:
             # the track is useful without the map
-            canvas.text(
-                (box.x + 6, box.y + 6), f"no map of {world.central.body.title}: {error}", style.YELLOW
-            )
+            text = f"no map of {world.central.body.title}: {error}"
+            canvas.text((box.x + 6, box.y + 6), text, style.YELLOW)
             return
         ground = loading.result()
         sun = self._subsolar(world)
@@ -179,47 +178,29 @@ class EarthMap(Panel):
         canvas.circle(at, 8.0 * self._window.scale, style.ACCENT, 1.6)
 
     def _figures(self, session: FlightSession, world: WorldState) -> list[tuple[str, style.Rgba, str]]:
-        latitude, longitude = self._below(world)
-        rows = [
-            (place_text(latitude, longitude), style.INK, "geodetic latitude and longitude below the target"),
-            (
-                f"{world.altitude_m / 1e3:.1f} km high",
-                style.INK,
-                "the target above a sphere of the equatorial radius",
-            ),
-        ]
+        place, high = place_text(*self._below(world)), f"{world.altitude_m / 1e3:.1f} km high"
+        rows = [(place, style.INK, "geodetic latitude and longitude below the target")]
+        rows.append((high, style.INK, "the target above a sphere of the equatorial radius"))
         sun_share = world.sun_visible_fraction
-        state = (
-            "in sunlight"
-            if sun_share >= 1
-            else "in the shadow"
-            if sun_share <= 0
-            else f"{100 * sun_share:.0f} % of the Sun"
-        )
-        rows.append(
-            (state, style.GOOD if sun_share >= 1 else style.WARN, "what the target sees of the Sun's disc")
-        )
+        state = "in the shadow" if sun_share <= 0 else f"{100 * sun_share:.0f} % of the Sun"
+        state, colour = ("in sunlight", style.GOOD) if sun_share >= 1 else (state, style.WARN)
+        rows.append((state, colour, "what the target sees of the Sun's disc"))
         track = self._track
         if track is not None:
             for name, event_s in (("shadow in", track.enters_s), ("sunlight in", track.leaves_s)):
                 if event_s is not None and event_s > session.t_s:
                     rows.append((f"{name} {duration_text(event_s - session.t_s)}", style.INK, AHEAD))
             if track.enters_s is None and track.leaves_s is None:
-                rows.append(
-                    ("no shadow ahead" if sun_share >= 1 else "no sunlight ahead", style.QUIET, AHEAD)
-                )
+                never = "no shadow ahead" if sun_share >= 1 else "no sunlight ahead"
+                rows.append((never, style.QUIET, AHEAD))
         return rows
 
 
 def map_places(box: Letterbox, latitude_deg: FloatArray, longitude_deg: FloatArray) -> FloatArray:
     """Return screen positions (n, 2) of geodetic coordinates."""
-    return np.stack(
-        [
-            box.x + (longitude_deg + 180.0) / 360.0 * box.width,
-            box.y + (90.0 - latitude_deg) / 180.0 * box.height,
-        ],
-        axis=-1,
-    )
+    x = box.x + (longitude_deg + 180.0) / 360.0 * box.width
+    y = box.y + (90.0 - latitude_deg) / 180.0 * box.height
+    return np.stack([x, y], axis=-1)
 
 
 def map_place(box: Letterbox, latitude_deg: float, longitude_deg: float) -> Point:

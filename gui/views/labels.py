@@ -50,10 +50,8 @@ class _LabelView(Panel):
     bare = True
     legend_tip = ""
 
-    def __init__(self, window: Surface) -> None:
-        super().__init__(window)
-        self._newest: Picture | None = None
-        self._part = (slice(0, 1), slice(0, 1))
+    _newest: Picture | None = None
+    _part = (slice(0, 1), slice(0, 1))
 
     def draw(self, console: Console) -> None:
         """Draw into the current view."""
@@ -66,7 +64,7 @@ class _LabelView(Panel):
             feed.look()
             picture = feed.newest
         if picture is None or picture.frame.truth is None:
-            canvas.text((place[0] + 8, place[1] + 6), console.preparing, style.QUIET)
+            canvas.centred(place, console.preparing)
         else:
             if picture is not self._newest:
                 self._part = close_up(picture.frame)
@@ -131,9 +129,7 @@ class DepthView(_LabelView):
 
     name, title = "depth", "Depth"
 
-    def __init__(self, window: Surface) -> None:
-        super().__init__(window)
-        self._depth: DepthPicture | None = None
+    _depth: DepthPicture | None = None
 
     def _make(self, picture: Picture) -> None:
         depth = picture.frame.layers.get("depth")
@@ -142,7 +138,7 @@ class DepthView(_LabelView):
     def _show(self, canvas: Canvas, place: Place) -> None:
         depth = self._depth
         if depth is None:
-            canvas.text((place[0] + 8, place[1] + 6), NO_TARGET, style.QUIET)
+            canvas.centred(place, NO_TARGET)
             return
         picture, scale = self._split(canvas, place, ("0000.00 m    ",), rows=7)
         self._image(canvas, picture, depth.image)
@@ -185,7 +181,7 @@ class PartsView(_LabelView):
 
     def _show(self, canvas: Canvas, place: Place) -> None:
         if self._image_rgb is None or not self._rows:
-            canvas.text((place[0] + 8, place[1] + 6), NO_TARGET, style.QUIET)
+            canvas.centred(place, NO_TARGET)
             return
         picture, legend = self._split(canvas, place, [name for name, _ in self._rows])
         self._image(canvas, picture, self._image_rgb)
@@ -198,10 +194,8 @@ class KeypointsView(_LabelView):
     name, title = "keypoints", "Keypoints"
     legend_tip = "how many keypoints are in this state: dots are seen, diamonds unlit, rings hidden"
 
-    def __init__(self, window: Surface) -> None:
-        super().__init__(window)
-        self._image_rgb: ByteArray | None = None
-        self._truth: Truth | None = None
+    _image_rgb: ByteArray | None = None
+    _truth: Truth | None = None
 
     def _make(self, picture: Picture) -> None:
         self._image_rgb, self._truth = dimmed(picture.frame), picture.frame.truth

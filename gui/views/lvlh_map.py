@@ -31,6 +31,7 @@ if TYPE_CHECKING:
     from flyaround.gui.canvas import Point
     from flyaround.gui.console import Console
     from flyaround.gui.surface import Surface
+    from flyaround.gui.views.camera import Place
     from flyaround.simulator.piloting.session import FlightSession
     from flyaround.simulator.runtime.arrays import FloatArray
     from flyaround.simulator.world.frames.lvlh import Lvlh
@@ -94,10 +95,10 @@ class LvlhMap(Panel):
             canvas.stroke(port.at(self._planned), (*PLANNED[:3], 0.9), 1.2, halo=False)
             canvas.stroke(port.at(self._drift), DRIFT, 1.4, dashed=True, halo=False)
             canvas.stroke(port.at(trail), FLOWN, 2.0, halo=False)
-            self._target(canvas, port, session, frame)
+            target = self._target(canvas, port, session, frame)
             for burn in self._burns:
                 canvas.diamond(point(port.at(burn)), 4.5, style.PURPLE)
-            self._nodes.draw(canvas, port)
+            self._nodes.draw(canvas, port, (target, *self._edges(canvas, port)))
             self._chaser(canvas, port, here, boresight_lvlh(world, frame))
             self._sun(canvas, port, sun_lvlh(world, frame), world.sun_visible_fraction)
             self._letters(canvas, port, session)
@@ -197,15 +198,29 @@ class LvlhMap(Panel):
         ring = np.array(centre) + radius * np.stack([np.cos(turn), np.sin(turn)], axis=1)
         canvas.stroke(ring, style.BAD, 1.6, dashed=True, halo=False)
 
-    def _target(self, canvas: Canvas, port: MapPort, session: FlightSession, frame: Lvlh) -> None:
+    def _edges(self, canvas: Canvas, port: MapPort) -> tuple[Place, ...]:
+        """Return the places of title, Sun, V-bar and scale, which burns leave free."""
+        x, y, w, h = port.rect
+        deep = 2.2 * canvas.line
+        return (
+            (x, y, w, 1.3 * canvas.line),
+            (x + w - 5 * deep, y, 5 * deep, 2 * deep),
+            (x, y + h - deep, w, deep),
+        )
+
+    def _target(self, canvas: Canvas, port: MapPort, session: FlightSession, frame: Lvlh) -> Place:
+        """Draw the target; return the rectangle that it fills."""
         edges = target_edges_lvlh_m(session.plan.target, session.craft.world, frame)
         flat = port.at(edges)
         size = 0.0 if not len(edges) else float(np.ptp(flat.reshape(-1, 2), axis=0).max())
         if size < SHOWN_TARGET * self._window.scale:
-            canvas.diamond(point(port.at(np.zeros(3))), 5.0, style.WARN)
-            return
+            x, y = point(port.at(np.zeros(3)))
+            canvas.diamond((x, y), 5.0, style.WARN)
+            return x - 6, y - 6, 12.0, 12.0
         for edge in flat:
             canvas.stroke(edge, style.WARN, 1.2, halo=False)
+        (x, y), (right, low) = (f(flat.reshape(-1, 2), axis=0) for f in (np.min, np.max))
+        return x, y, right - x, low - y
 
     def _chaser(self, canvas: Canvas, port: MapPort, here: FloatArray, boresight: FloatArray) -> None:
         at = port.at(here)

@@ -19,7 +19,6 @@ from flyaround.gui.widgets import Panel
 if TYPE_CHECKING:
     from flyaround.gui.console import Console
     from flyaround.gui.picture.feed import Picture
-    from flyaround.gui.surface import Surface
 
 DEGREES_PER_UNIT = 0.4  # turn per unit of mouse movement
 WHEEL_FACTOR = 1.15  # change of the distance per step of the wheel
@@ -33,11 +32,9 @@ class OrbitCameraView(Panel):
     name, title, place, shown = ORBIT_CAMERA, "Orbit camera", "bottom", False
     bare = True
 
-    def __init__(self, window: Surface) -> None:
-        super().__init__(window)
-        self._turning = False
-        self._marks: ChaserMarks | None = None
-        self._marks_of: Picture | None = None
+    _turning = False
+    _marks: ChaserMarks | None = None
+    _marks_of: Picture | None = None
 
     def draw(self, console: Console) -> None:
         """Draw into the current view."""
@@ -53,7 +50,7 @@ class OrbitCameraView(Panel):
         if feed is not None:
             feed.look()
         if feed is None or (picture := feed.newest) is None:
-            canvas.text((place[0] + 8, place[1] + 6), console.preparing, style.QUIET)
+            canvas.centred(place, console.preparing)
             return
         image = picture.frame.image
         box = Letterbox.fit((image.shape[1], image.shape[0]), place)
@@ -117,9 +114,11 @@ class OrbitCameraView(Panel):
         for k, about in enumerate(ABOUT):
             if k:
                 imgui.same_line()
-            self._w.button(console, "orbit-camera.about", about, label=about, on=look.about == about)
+            self._w.button(
+                console, "orbit-camera.about", about, label=about.capitalize(), on=look.about == about
+            )
         imgui.same_line()
-        self._w.button(console, "orbit-camera.reset", label="reset")
+        self._w.button(console, "orbit-camera.reset", label="First place")
 
     def _mouse(self, console: Console) -> None:
         """Rotate and zoom at once; a whole gesture is one command, at its end."""
@@ -148,9 +147,5 @@ class OrbitCameraView(Panel):
     @staticmethod
     def _keep(console: Console) -> None:
         look = console.options.orbit
-        console.do(
-            "orbit-camera.place",
-            round(look.azimuth_deg, 1),
-            round(look.elevation_deg, 1),
-            round(look.distance_m, 2),
-        )
+        azimuth_deg, elevation_deg = round(look.azimuth_deg, 1), round(look.elevation_deg, 1)
+        console.do("orbit-camera.place", azimuth_deg, elevation_deg, round(look.distance_m, 2))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 from flyaround.simulator.errors import UserError
 from flyaround.simulator.piloting.clock import FlightClock
@@ -43,6 +43,15 @@ LIT_S = 300.0
 
 FUEL_SHARE = 0.04
 """Propellant as a share of the chaser's initial mass; the tanks of small craft hold some 5 %."""
+
+
+@dataclass(frozen=True)
+class Mark:
+    """A hold point that the chaser left, or a contact with the target, and its time."""
+
+    t_s: float
+    kind: Literal["hold-point", "contact"]
+    text: str
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -94,6 +103,10 @@ class FlightState:
     news: tuple[News, ...] = ()
 
 
+LEFT = frozenset({"go", "passed"})
+"""Decisions on a hold point that the chaser has left behind."""
+
+
 class FlightSession:
     """A flight that a pilot can watch, slow down, speed up and take over.
 
@@ -119,6 +132,8 @@ class FlightSession:
     eclipses_s : list of tuple of float
         Start and end of each eclipse that was flown through [s], in the order flown. Pilots do not change them, so a
         seek or a restart leaves them.
+    marks : list of Mark
+        Hold points and contacts of the flight in order of time, also those after a time that was sought.
     """
 
     def __init__(self, plan: Plan, recorder: FlightRecorder | None = None) -> None:
@@ -128,6 +143,8 @@ class FlightSession:
         self.look_back = LookBack(self.craft, self.clock, recorder)
         self._cautions = CautionWatch()
         self.eclipses_s: list[tuple[float, float]] = []
+        self.marks: list[Mark] = []
+        self._left: frozenset[str] = frozenset()
 
     @staticmethod
     def of(
@@ -199,6 +216,7 @@ class FlightSession:
         steering = self.craft.steering
         steering.hold(command)
         if self.look_back.active and not (steering.takes_over or self.look_back.changed):
+            self._left = self._hold_points_left()
             if not self.clock.paused and self.look_back.play(dt_s * self.clock.rate):
                 self.clock.paused = True
             return replace(self.state, news=(*news, *steering.pop_news()))
@@ -209,6 +227,7 @@ class FlightSession:
             self.clock.add(dt_s)
             self._run()
             self._note_eclipse()
+        self._note_marks()
         new_cautions = self._cautions.news(self.craft.world, steering.propellant, guarded=steering.guarded)
         return replace(self.state, news=(*news, *steering.pop_news(), *new_cautions))
 
@@ -255,6 +274,25 @@ class FlightSession:
         k = next((k for k, (a, b) in enumerate(spans) if a - LIT_S < t_s < b + LIT_S), len(spans))
         start_s, end_s = (spans[k : k + 1] or [(t_s, t_s)])[0]
         spans[k : k + 1] = [(min(start_s, t_s), max(end_s, t_s))]
+
+    def _hold_points_left(self) -> frozenset[str]:
+        """Return the hold points that the chaser has left."""
+        # the port is computed with the first hold points
+        points = self.craft.docking.hold_points.points if self.craft.steered is not None else ()
+        return frozenset(f"{p.name}, {p.axial_m:g} m" for p in points if p.decision in LEFT)
+
+    def _note_marks(self) -> None:
+        """Add what happened since the last call; what was flown after now is discarded."""
+        left, contacts = self._hold_points_left(), self.craft.docking.contacts
+        self.marks = [m for m in self.marks if m.t_s <= self.t_s]
+        known_s = {m.t_s for m in self.marks if m.kind == "contact"}
+        self.marks += [Mark(self.t_s, "hold-point", name) for name in sorted(left - self._left)]
+        self.marks += [
+            Mark(c.t_s, "contact", f"docked, score {c.score}" if c.docked else "contact")
+            for c in contacts
+            if c.t_s not in known_s
+        ]
+        self._left = left
 
     def _step_s(self) -> float:
         h = self.craft.step_s(self.clock.step_s)

@@ -1,8 +1,10 @@
-"""What the tests of windows share."""
+"""Fixtures of the console's tests: a virtual screen, and Dear ImGui without a window."""
 
 from collections.abc import Iterator
 
 import pytest
+
+from tests.harness.headless_imgui import HeadlessWindow
 
 
 @pytest.fixture(scope="module")
@@ -12,3 +14,11 @@ def display() -> Iterator[str]:
 
     with virtual_screen() as name:
         yield name
+
+
+@pytest.fixture
+def window() -> Iterator[HeadlessWindow]:
+    """A window in which panels are laid out, but not drawn."""
+    made = HeadlessWindow()
+    yield made
+    made.close()

@@ -7,13 +7,14 @@ from pathlib import Path
 import pytest
 
 from flyaround.gui.app import command_table
-from flyaround.gui.command_table import Argument, Command, CommandTable, _texts, line_of
+from flyaround.gui.command_table import Argument, Command, CommandTable, line_of
 from flyaround.gui.console import LONGEST_TICK_MS, MODIFIERS, STEERING
 from flyaround.gui.jobs.all import running_jobs
 from flyaround.gui.panels.all import PANELS
 from flyaround.gui.panels.help import GROUPS
 from flyaround.gui.panels.key_list import matches
 from flyaround.gui.script import LARGEST_BYTES, Script
+from flyaround.gui.texts import texts
 from flyaround.simulator.camera.lens.files import list_cameras
 from flyaround.simulator.errors import UserError
 from tests.harness.flown_console import console_flying
@@ -36,7 +37,7 @@ def test_every_command_has_words_and_no_key_is_of_two(table: CommandTable) -> No
 
 
 def test_every_text_is_of_a_command(table: CommandTable) -> None:
-    assert set(_texts()) <= {c.name for c in table}
+    assert set(texts("commands")) <= {c.name for c in table}
 
 
 def test_the_help_of_a_panel_names_groups_that_there_are(table: CommandTable) -> None:

@@ -12,7 +12,6 @@ from flyaround.gui.panels.key_list import KeyList, Palette
 from flyaround.gui.panels.scenarios import ScenarioChooser
 from flyaround.gui.widgets import Panel
 from tests.harness.flown_console import console_flying
-from tests.harness.headless_imgui import HeadlessWindow
 
 
 @pytest.fixture(scope="module")
@@ -40,13 +39,6 @@ def type_into(panel: Panel, field: str, text: str, window: Any, console: Console
         io.add_key_event(enter, down)
         turn()
     return texts
-
-
-@pytest.fixture
-def window() -> Iterator[Any]:
-    window = HeadlessWindow()
-    yield window
-    window.close()
 
 
 def test_enter_opens_the_file_whose_path_was_typed(window: Any, console: Console) -> None:

@@ -190,17 +190,30 @@ def test_the_mouse_over_a_control_and_over_a_place_shows_it(
     assert rest(60.0, 260.0) == set()
 
 
-@pytest.mark.parametrize("left", [20.0, 640.0, 1200.0])
-def test_a_text_above_the_strip_stays_within_the_window(window: HeadlessWindow, left: float) -> None:
+def hovering(window: HeadlessWindow, left: float, top: float, *, held: bool = False) -> Any:
+    """The window of the hover text of a button, with the pointer on it; None without one."""
     imgui, io = window.plain, window.plain.get_io()
     for _ in range(4):
-        io.add_mouse_pos_event(left + 10.0, 760.0)
+        io.add_mouse_pos_event(left + 10.0, top + 10.0)
+        io.add_mouse_button_event(0, held)
         with window.panel("strip", *window.size):
-            imgui.set_cursor_screen_pos(imgui.ImVec2(left, 750.0))
+            imgui.set_cursor_screen_pos(imgui.ImVec2(left, top))
             imgui.button("HAND: OFF", imgui.ImVec2(60.0, 20.0))
             hover_text.item_tip(window.imgui, "a text that is wider than what is left of the window " * 3)
-    tip = imgui.internal.find_window_by_name("##Tooltip_00")
+    return imgui.internal.find_window_by_name("##Tooltip_00")
+
+
+@pytest.mark.parametrize("left", [20.0, 640.0, 1200.0])
+@pytest.mark.parametrize("top", [80.0, 750.0])
+def test_a_text_lies_beside_its_control_and_within_the_window(
+    window: HeadlessWindow, left: float, top: float
+) -> None:
+    tip = hovering(window, left, top)
     assert tip.size.x > 100.0
     assert tip.pos.x >= 0.0
     assert tip.pos.x + tip.size.x <= window.size[0]
-    assert tip.pos.y + tip.size.y <= 750.0
+    assert tip.pos.y >= top + 20.0 or tip.pos.y + tip.size.y <= top
+
+
+def test_no_text_lies_over_what_is_pressed(window: HeadlessWindow) -> None:
+    assert hovering(window, 640.0, 80.0, held=True) is None

@@ -127,3 +127,50 @@ def test_a_key_held_since_before_the_field_is_released():
     queue.key(None, 87, 0, RELEASE, 0)
     queue.deliver()
     assert taken == [(87, RELEASE)]
+
+
+def test_letters_wait_until_the_field_that_a_click_opened_is_drawn():
+    taken = []
+    queue = queue_of(taken)
+    for name in ("down", "up"):
+        queue.click(lambda name=name: taken.append(name))
+    queue.key(None, 71, 0, PRESS, 0)
+    queue.letter(None, ord("g"))
+    seen = []
+    while queue:
+        queue.deliver()
+        seen.append(len(taken))
+    assert taken == ["down", "up", (71, PRESS), "g"]
+    assert seen == [1] + [2] * (REST_FRAMES + 1) + [4]
+
+
+def test_letters_before_a_click_are_taken_before_it():
+    taken = []
+    queue = queue_of(taken, typing=True)
+    for c in "ab":
+        queue.key(None, ord(c.upper()), 0, PRESS, 0)
+        queue.letter(None, ord(c))
+        queue.key(None, ord(c.upper()), 0, RELEASE, 0)
+    queue.click(lambda: taken.append("down"))
+    queue.deliver()
+    assert "down" not in taken
+    queue.deliver()
+    assert [e for e in taken if isinstance(e, str)] == ["a", "b", "down"]
+
+
+def test_a_letter_waits_for_shift_as_in_dear_imgui():
+    """It would wait there, and Enter behind it, beyond the pause that Enter has here."""
+    taken, shift = [], 340
+    queue = queue_of(taken, typing=True)
+    queue.letter(None, ord("n"))
+    queue.key(None, shift, 0, PRESS, 0)
+    queue.letter(None, ord("_"))
+    queue.key(None, shift, 0, RELEASE, 1)
+    queue.letter(None, ord("s"))
+    queue.key(None, ENTER, 0, PRESS, 0)
+    frames = []
+    while queue:
+        before = len(taken)
+        queue.deliver()
+        frames.append(taken[before:])
+    assert frames == [["n", (shift, PRESS)], ["_", (shift, RELEASE)], ["s"], [(ENTER, PRESS)]]

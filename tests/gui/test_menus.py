@@ -28,6 +28,19 @@ def test_escape_closes_a_menu_and_the_next_click_opens_it_again(screen: Pointer)
         screen.turn()
 
 
+@pytest.mark.parametrize("paused", [True, False], ids=["rests", "clicks at once"])
+def test_a_click_on_another_menu_opens_that_one(screen: Pointer, *, paused: bool) -> None:
+    screen.click(screen.menus["View"])
+    for menu in ("Camera", "File", "Help"):
+        if paused:
+            screen.move(screen.menus[menu])
+            screen.turn()
+        screen.click(screen.menus[menu])
+        assert [m for m in screen.opened if m in dict(MENUS)] == [menu]
+    screen.click(screen.menus["Help"])
+    assert not screen.opened
+
+
 def test_the_status_line_shows_the_newest_message(screen: Pointer) -> None:
     screen.console.say("the board is gone", "warning")
     screen.console.say("bad.toml is no scenario", "caution")

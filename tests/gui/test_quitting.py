@@ -96,10 +96,10 @@ def test_editing_asks_before_a_changed_text_is_lost(screen: Pointer) -> None:
     console.do("scenario.edit")
     for _ in range(5):
         screen.turn()
-    screen.press("Discard it")
+    screen.press("Discard the changes")
     screen.turn()
     assert (draft.text, draft.replacement, draft.changed) == (original, None, False)
-    assert not screen.has("Discard it")
+    assert not screen.has("Discard the changes")
 
 
 def test_nothing_moves_when_a_job_begins_or_ends(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -116,13 +116,13 @@ def test_nothing_moves_when_a_job_begins_or_ends(tmp_path: Path, monkeypatch: py
     console.do("film.start")
     console.do("estimator.run")
     assert places() == before
-    end = screen.place("End###film.stop")
+    end = screen.place("Finish film###film.stop")
     console.do("estimator.run")
     assert places() == before
-    assert not screen.has("End###estimator.run")
-    assert screen.place("End###film.stop") == end
+    assert not screen.has("Stop estimating###estimator.run")
+    assert screen.place("Finish film###film.stop") == end
     # the next job takes the free column
     console.do("estimator.run")
     screen.turn()
-    assert screen.place("End###estimator.run")[0] < end[0]
+    assert screen.place("Stop estimating###estimator.run")[0] < end[0]
     screen.close()

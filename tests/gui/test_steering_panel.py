@@ -13,13 +13,6 @@ from tests.harness.headless_imgui import HeadlessWindow
 
 
 @pytest.fixture
-def window() -> Iterator[HeadlessWindow]:
-    made = HeadlessWindow()
-    yield made
-    made.close()
-
-
-@pytest.fixture
 def console() -> Iterator[Console]:
     made = console_flying("tango-vbar-approach")
     made.do("steer.toggle")

@@ -23,7 +23,15 @@ CONTROLS = frozenset(
             "slider_int",
         ),
         *("input_text", "input_text_with_hint", "input_text_multiline", "input_int", "input_double"),
-        *("input_float3", "progress_bar", "image", "end_plot", "menu_item_simple"),
+        *(
+            "input_float3",
+            "drag_float",
+            "drag_float3",
+            "progress_bar",
+            "image",
+            "end_plot",
+            "menu_item_simple",
+        ),
     }
 )
 TEXTS = frozenset({"text_unformatted"})
@@ -58,10 +66,10 @@ class NotedModule:
         if name not in CONTROLS | TEXTS:
             return found
 
-        def call(*arguments: Any) -> Any:
+        def call(*arguments: Any, **options: Any) -> Any:
             label = str(arguments[0]) if arguments and name not in {"progress_bar", "image"} else name
             label = ICON.sub("", label.lstrip() if name in CONTROLS else label)
-            given = found(*arguments)
+            given = found(*arguments, **options)
             if hasattr(self._module, "get_item_rect_min"):
                 low, high = self._module.get_item_rect_min(), self._module.get_item_rect_max()
                 middle = (low.x + high.x) / 2, (low.y + high.y) / 2

@@ -86,7 +86,7 @@ def test_a_render_process_without_memory_is_told_and_the_flight_goes_on(display:
         resource.prlimit(pid, resource.RLIMIT_AS, (limit, limit))
         sitting.command("picture.detail full")
         sitting.command("panel.orbit-camera on")
-        sitting.command("panel.depth on", "no picture of the", "started again")
+        sitting.command("panel.depth on", "no picture of the", "is restarted")
         told_s = recorded_s(tmp_path)
         wait_until(lambda: recorded_s(tmp_path) > told_s + 5.0)
         sitting.quit()

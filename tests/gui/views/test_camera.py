@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-
 import pytest
 
 from flyaround.gui import style
@@ -15,13 +13,6 @@ GROUPS = tuple(
     tuple(Row("RANGE", "    10.000 m", style.INK, "") for _ in range(count)) for count in (2, 3, 4, 5)
 )
 IMAGE = (960, 600)
-
-
-@pytest.fixture
-def window() -> Iterator[HeadlessWindow]:
-    made = HeadlessWindow()
-    yield made
-    made.close()
 
 
 @pytest.mark.parametrize(

@@ -1,6 +1,7 @@
 """The operator's session without a window: clock, rates, steering, restart, what is asked to be drawn."""
 
 import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import msgspec
@@ -18,7 +19,8 @@ from flyaround.simulator.piloting.control_laws import (
     THRUST,
     TURN,
 )
-from flyaround.simulator.piloting.orders import Centre, FollowGuidance, Stop
+from flyaround.simulator.piloting.docking_figures import IDSS, judge_contact
+from flyaround.simulator.piloting.orders import Approach, Centre, FollowGuidance, Stop
 from flyaround.simulator.piloting.recorder import FlightRecorder
 from flyaround.simulator.piloting.session import FRAME_STEP_S, FlightSession
 from flyaround.simulator.scenario.load import load_scenario
@@ -369,3 +371,33 @@ def test_a_steered_flight_is_replayed_bit_for_bit(tmp_path):
     # back to the start: another flight
     session.restart()
     assert not recorder.long_enough
+
+
+def test_hold_points_and_a_contact_are_marked_and_stay_when_one_looks_back():
+    session = FlightSession.of(load_scenario("tango-vbar-approach"))
+    session.order(Approach())
+    fly(session, 0.4)
+    docking = session.craft.docking
+    figures = docking.figures(session.craft.chaser, session.flight)
+    for point in docking.hold_points.points:
+        docking.hold_points.watch(replace(figures, axial_m=0.5 * point.axial_m, right_m=0.0, down_m=0.0))
+        fly(session, 0.4)
+    docking.contacts.append(
+        judge_contact(docking.figures(session.craft.chaser, session.flight), IDSS, at_port=True)
+    )
+    fly(session, 0.2)
+    names = [m.text.partition(",")[0] for m in session.marks]
+    count = len(session.craft.docking.hold_points.points)
+    assert names == [*(f"H{k}" for k in range(1, count + 1)), "contact"]
+    assert [m.t_s for m in session.marks] == sorted(m.t_s for m in session.marks)
+    assert session.marks[-1].t_s == session.craft.docking.contacts[0].t_s
+    before, middle_s = list(session.marks), (session.marks[0].t_s + session.marks[1].t_s) / 2
+    session.look_back.seek(middle_s)
+    session.clock.paused = True
+    fly(session, 0.04)
+    assert session.marks == before
+    # what was flown after the place where one flies on is discarded
+    session.look_back.fly_on()
+    session.clock.paused = False
+    fly(session, 0.04)
+    assert session.marks == before[:1]

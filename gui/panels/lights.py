@@ -1,0 +1,82 @@
+"""The lights on the target: the Sun's share, the lamp on the chaser, and luminous boxes."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, get_args
+
+from flyaround.gui.picture.light_settings import NEW_LIGHTS, SwitchedLight, lights_of
+from flyaround.gui.texts import texts
+from flyaround.gui.widgets import Panel
+from flyaround.simulator.scene.illumination.lamp import Profile
+
+if TYPE_CHECKING:
+    from flyaround.gui.console import Console
+
+PLACES = frozenset({"offset_m", "position_m", "direction"})
+CHOICES = {"frame": ("camera", "target"), "profile": get_args(Profile)}
+FIELDS = texts("lights")
+"""Name and hover text of each field of a light."""
+
+
+class LightsPanel(Panel):
+    """Lamps and boxes: switched, moved, made brighter, added and taken away."""
+
+    name, title, place, shown = "lights", "Lights", "left", False
+
+    def draw(self, console: Console) -> None:
+        """Draw into the current panel."""
+        w, scene = self._w, console.session.scene()
+        lights = console.options.settings.lights
+        w.text(
+            f"Sun: {100 * scene.sun_visible_fraction:.0f} % of its disc",
+            tip="what the target sees of the Sun past the Earth and the Moon; the orbit and the time decide it",
+        )
+        for k, switched in enumerate(lights_of(scene) if lights is None else lights):
+            self._light(console, k, switched)
+        w.imgui.separator()
+        for kind, width in zip(NEW_LIGHTS, w.grid(2, 100), strict=True):
+            w.button(console, "light.add", kind, label=f"Add a {kind}", width=width)
+        if lights is not None:
+            w.section("Changed here")
+            w.text("Seen at once, in the console's pictures alone. Boards and data sets need a new flight.")
+            w.buttons(console, ("light.fly", "light.reset"), 1)
+
+    def _light(self, console: Console, k: int, switched: SwitchedLight) -> None:
+        w, imgui = self._w, self._w.imgui
+        imgui.push_id(k)
+        w.section(switched.title)
+        changed, on = imgui.checkbox("On", switched.on)
+        w.command_tip(console, "light.switch", k)
+        imgui.same_line(imgui.get_cursor_pos_x() + w.width - w.button_width("Remove"))
+        removed = imgui.button("Remove")
+        w.command_tip(console, "light.remove", k)
+        imgui.begin_disabled(not switched.on)
+        for name in switched.light.__struct_fields__:
+            self._field(console, k, name, getattr(switched.light, name))
+        imgui.end_disabled()
+        imgui.pop_id()
+        if changed:
+            console.do("light.switch", k, on)
+        if removed:
+            console.do("light.remove", k)
+
+    def _field(self, console: Console, k: int, name: str, value: Any) -> None:  # noqa: ANN401 - of a typed file
+        w, imgui = self._w, self._w.imgui
+        text, about = FIELDS[name]
+        tip = f"{text}: {about}\nlight.set {k} {name} VALUE"
+        w.field(text, tip, 0.6)
+        if name in CHOICES:
+            names = CHOICES[name]
+            changed, at = imgui.combo(f"##{name}", names.index(value), list(names))
+            new = names[at]
+        elif name in PLACES:
+            numbers = list(value or (0.0, 0.0, 0.0))
+            changed, numbers = imgui.drag_float3(f"##{name}", numbers, 0.02, format="%.2f")
+            new = ",".join(f"{x:.6g}" for x in numbers)
+        else:
+            step = max(0.01 * abs(value), 0.01)
+            changed, number = imgui.drag_float(f"##{name}", value, step, format="%.5g")
+            new = f"{number:.6g}"
+        w.tip(tip if name in CHOICES else f"{tip}\ndrag it, or Ctrl and click types it")
+        if changed:
+            console.do("light.set", k, name, new)

@@ -1,0 +1,115 @@
+"""Lights of a flight, changed by commands and by the pointer, and another target."""
+
+from collections.abc import Iterator
+
+import msgspec
+import numpy as np
+import pytest
+
+from flyaround.gui.console import Console
+from flyaround.gui.picture.orbit_picture import orbit_scene
+from flyaround.gui.picture.view_settings import apply_view_settings
+from flyaround.simulator.scenario.load import load_scenario
+from flyaround.simulator.scene.state import SceneState
+from tests.harness.flown_console import console_flying
+from tests.harness.pointer import Pointer
+
+
+@pytest.fixture
+def console() -> Iterator[Console]:
+    made = console_flying("tango-eclipse-lamp")
+    yield made
+    made.close()
+
+
+def seen(console: Console) -> SceneState:
+    """The scene of the next picture."""
+    return apply_view_settings(console.session.scene(), console.options.settings)
+
+
+def test_a_lamp_is_switched_changed_and_removed_in_the_next_picture(console: Console) -> None:
+    own = console.session.scene().lamp
+    assert own is not None
+    console.do("light.switch", 0, False)
+    assert seen(console).lamp is None
+    console.do("light.switch", 0)
+    console.do("light.set", 0, "power_w", "55")
+    console.do("light.set", 0, "offset_m", "0.1,-0.2,0")
+    assert seen(console).lamp == msgspec.structs.replace(own, power_w=55.0, offset_m=(0.1, -0.2, 0.0))
+    console.do("light.remove", 0)
+    assert seen(console).lamp is None
+    console.do("settings.undo")
+    console.do("light.reset")
+    assert seen(console).lamp == own
+
+
+def test_a_box_is_added_moved_and_seen_from_outside(console: Console) -> None:
+    console.do("light.add", "box")
+    console.do("light.set", 1, "frame", "target")
+    console.do("light.set", 1, "position_m", "0,0,-3")
+    (box,) = seen(console).area_lights
+    assert box.frame == "target"
+    np.testing.assert_array_equal(box.position_m, (0.0, 0.0, -3.0))
+    options = console.options
+    assert orbit_scene(console.session, options.settings, options.orbit, 2, None).area_lights == (box,)
+
+
+@pytest.mark.parametrize(
+    ("line", "why"),
+    [
+        ("light.set 0 power_w -3", "power_w"),
+        ("light.set 0 colour red", "colour"),
+        ("light.set 7 power_w 3", "there is no light 7"),
+        ("light.add lamp", "at most 1 lamp"),
+    ],
+)
+def test_what_no_light_has_is_refused_and_changes_nothing(console: Console, line: str, why: str) -> None:
+    before = seen(console)
+    console.do_line(line)
+    assert why in console.messages[-1].text
+    assert seen(console) == before
+
+
+def test_the_lights_of_here_are_those_of_a_new_flight(console: Console) -> None:
+    console.do("light.add", "box")
+    console.do("light.switch", 0, False)
+    console.do("light.fly")
+    scenario = console.opener.scenario
+    assert scenario == msgspec.structs.replace(
+        load_scenario("tango-eclipse-lamp"), lamp=None, lights=list(seen(console).area_lights)
+    )
+
+
+def test_another_scenario_has_its_own_lights(console: Console) -> None:
+    console.do("light.add", "box")
+    console.former = console.session, console.source
+    console.do("scenario.back")
+    assert not seen(console).area_lights
+
+
+@pytest.mark.parametrize("size", [(800, 600), (1280, 800)])
+def test_by_pointer_the_lamp_goes_out_and_a_box_is_added(size: tuple[int, int]) -> None:
+    screen = Pointer("tango-eclipse-lamp", size)
+    screen.menu("Camera", "Lights")
+    screen.press("On")
+    assert seen(screen.console).lamp is None
+    screen.press("Add a box")
+    assert len(seen(screen.console).area_lights) == 1
+    screen.press("Remove", 1)
+    assert not seen(screen.console).area_lights
+    screen.close()
+
+
+def test_another_target_is_flown_after_a_question() -> None:
+    screen = Pointer("tango-space-10m")
+    screen.console.open_panel("target", shown=True)
+    screen.turn()
+    for answer in ("Keep", "Fly to"):
+        x, y = screen.place("##scenario.target")
+        screen.click((x, y))
+        screen.click((x, y + 60.0))
+        assert not screen.console.opener.is_busy()
+        screen.press(answer)
+        assert not screen.has("Keep") or answer == "Fly to"
+    assert screen.console.opener.is_busy()
+    screen.close()
