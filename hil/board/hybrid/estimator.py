@@ -18,7 +18,6 @@ from flyaround.hil.board.estimation.record import StageRecord
 from flyaround.hil.board.estimation.result import PoseResult
 from flyaround.hil.board.estimation.target_model import BoardModel
 from flyaround.hil.board.hybrid.decide.confidence import (
-    ACCEPT_AT,
     CALIBRATED_CRAFT,
     Evidence,
     decided,
@@ -243,7 +242,7 @@ def answer(choice: Choice, previous: Optional[PoseResult]) -> PoseResult:
         frame.keep("drawn", draw_at(setup.target, frame, pose.q, pose.t))
     if evidence.score is not None:
         pose = replace(pose, covariance=scaled_covariance(evidence, pose))
-    result = decided(frame, pose, evidence, selection.alternatives, setup.accept_at)
+    result = decided(frame, pose, evidence, selection.alternatives)
     # scores of different rounds are not comparable, because they use different patches
     return result if previous is None or result.confidence > previous.confidence else previous
 
@@ -257,8 +256,6 @@ class PoseEstimator(Estimator):
         Model of the target.
     camera : CameraIntrinsics
         Intrinsics of every image.
-    accept_at : float
-        Confidence at which a pose is accepted.
 
     Raises
     ------
@@ -269,7 +266,7 @@ class PoseEstimator(Estimator):
     method = HYBRID
     takes_sun = True
 
-    def __init__(self, model: BoardModel, camera: CameraIntrinsics, accept_at: float = ACCEPT_AT) -> None:
+    def __init__(self, model: BoardModel, camera: CameraIntrinsics) -> None:
         # loaded now, so that the first frame is not delayed
         library()
         super().__init__(model, camera)
@@ -280,7 +277,6 @@ class PoseEstimator(Estimator):
             model_triads(self.target.model),
             learned,
             learned is not None and model.name in CALIBRATED_CRAFT,
-            accept_at,
         )
 
     def _estimate(self, frame: StageRecord) -> PoseResult:

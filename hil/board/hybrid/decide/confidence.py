@@ -213,7 +213,7 @@ def min_margin(e: Evidence) -> float:
     return MIN_IMAGE_MARGIN if e.calibrated else max(MIN_IMAGE_MARGIN, UNCALIBRATED_MARGIN * e.score)
 
 
-def decide(e: Evidence, accept_at: float = ACCEPT_AT) -> str:
+def decide(e: Evidence) -> str:
     """Return the reason why a pose is declined; empty if it is accepted."""
     if e.edges < MIN_EDGES:
         return "too few edges found"
@@ -225,21 +225,17 @@ def decide(e: Evidence, accept_at: float = ACCEPT_AT) -> str:
         return "too little of the model is supported by edges"
     if e.margin < min_margin(e):
         return "ambiguous: another pose explains the picture as well"
-    if confidence(e) < accept_at:
+    if confidence(e) < ACCEPT_AT:
         unexplained = e.score is not None and e.covered < MIN_EXPLAINED_AREA
         return "too little of the picture is explained" if unexplained else "confidence too low"
     return ""
 
 
 def decided(
-    frame: Observation,
-    pose: PoseFit,
-    evidence: Evidence,
-    alternatives: Tuple[Alternative, ...],
-    accept_at: float = ACCEPT_AT,
+    frame: Observation, pose: PoseFit, evidence: Evidence, alternatives: Tuple[Alternative, ...]
 ) -> PoseResult:
     """Return the estimator's result for a pose, accepted if its evidence is sufficient."""
-    reason = decide(evidence, accept_at)
+    reason = decide(evidence)
     frame.mark("decision")
     return PoseResult(
         not reason,

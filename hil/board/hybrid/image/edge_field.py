@@ -18,6 +18,9 @@ Array = np.ndarray
 # Number of orientation bins of the nearest-edge tables, 22.5 deg each.
 ORIENTATION_BINS = 8
 
+# Hysteresis thresholds of edges [sigma of the gradient's noise].
+LOW_SIGMA, HIGH_SIGMA = 3.0, 6.0
+
 # Probability of the craft below which an edge counts as background texture.
 MIN_CRAFT_PROBABILITY = 0.08
 
@@ -213,16 +216,16 @@ def area_mean(picture: Array, width: int, height: int) -> Array:
     return out
 
 
-def thin_edges(gx: Array, gy: Array, sigma: float, low: float, high: float) -> Tuple[Array, Array]:
-    """Return Canny edges, with thresholds in units of the gradient's noise, and the gradient magnitude."""
+def thin_edges(gx: Array, gy: Array, sigma: float) -> Tuple[Array, Array]:
+    """Return Canny edges and the gradient magnitude; ``sigma`` is the gradient's noise."""
     magnitude = cv2.magnitude(gx, gy)
     top = max(float(magnitude.max()), 1e-9)
     scale = 8000.0 / top
     mask = cv2.Canny(
         np.clip(gx * scale, -32000, 32000).astype(np.int16),
         np.clip(gy * scale, -32000, 32000).astype(np.int16),
-        max(low * sigma * scale, 2.0),
-        max(high * sigma * scale, 3.0),
+        max(LOW_SIGMA * sigma * scale, 2.0),
+        max(HIGH_SIGMA * sigma * scale, 3.0),
         L2gradient=True,
     )
     return mask > 0, magnitude
@@ -233,8 +236,6 @@ def edge_field(
     box: Tuple[int, int, int, int],
     noise: float,
     longest_px: int,
-    high: float = 6.0,
-    low: float = 3.0,
     background: float = -1.0,
     craft_probability: Optional[Array] = None,
 ) -> EdgeField:
@@ -250,10 +251,6 @@ def edge_field(
         Standard deviation of the image noise.
     longest_px : int
         Longest side of the reduced region.
-    high : float
-        Upper hysteresis threshold, in units of the gradient's noise.
-    low : float
-        Lower hysteresis threshold, in the same units.
     background : float
         Level of empty space; negative if the background is not empty, in which case all pixels count as lit.
     craft_probability : (h, w) array, optional
@@ -265,7 +262,7 @@ def edge_field(
     gx, gy = gradient(small, blur)
     # area averaging over factor^2 independent pixels
     sigma = max(noise / factor * gradient_noise(blur), 1e-6)
-    mask, magnitude = thin_edges(gx, gy, sigma, low, high)
+    mask, magnitude = thin_edges(gx, gy, sigma)
     if craft_probability is not None:
         mask &= _craft_mask(craft_probability, box, image.shape, mask.shape)
     mask = remove_specks(mask, 5)

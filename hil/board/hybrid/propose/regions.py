@@ -24,6 +24,9 @@ Array = np.ndarray
 # Reduction of the searched image: averaging 16 pixels divides the noise by four.
 REDUCTION = 4
 
+# Largest number of windows.
+MAX_WINDOWS = 6
+
 # Shortest segment that counts for a window [px of the reduced image].
 MIN_SEGMENT_PX = 8.0
 
@@ -88,7 +91,7 @@ def propose_regions(
     """
     gx, gy = gradient(small, 1.0)
     sigma = max(noise_small * gradient_noise(1.0), 1e-6)
-    mask, _ = thin_edges(gx, gy, sigma, 3.0, 6.0)
+    mask, _ = thin_edges(gx, gy, sigma)
     mask = remove_specks(mask, 4)
     regions: List[Region] = []
     craft_probability: Optional[Array] = None
@@ -139,7 +142,7 @@ def propose_regions(
     return regions, busy, craft_probability
 
 
-def straight_windows(small: Array, segments: Array, count: int = 3) -> List[Box]:
+def straight_windows(small: Array, segments: Array) -> List[Box]:
     """Return boxes around the densest groups of long straight segments (N, 4), best first [px of ``small``].
 
     A segment counts by its squared length, because coastlines and clouds break into short pieces.
@@ -185,7 +188,7 @@ def straight_windows(small: Array, segments: Array, count: int = 3) -> List[Box]
             windows.append((float(score[row, col]), (float(x0), float(y0), float(x1), float(y1))))
             score[max(0, row - radius) : row + radius, max(0, col - radius) : col + radius] = -1.0
     windows.sort(key=lambda f: -f[0])
-    return [box for _, box in windows[: 2 * count]]
+    return [box for _, box in windows[:MAX_WINDOWS]]
 
 
 def _craft_share(mask: Array, craft_probability: Array) -> float:

@@ -176,7 +176,7 @@ def evidence(**change: float) -> Evidence:
 
 
 def test_good_evidence_is_accepted() -> None:
-    assert decide(evidence(), 0.8) == ""
+    assert decide(evidence()) == ""
     assert confidence(evidence()) > 0.95
 
 
@@ -191,7 +191,7 @@ def test_good_evidence_is_accepted() -> None:
     ],
 )
 def test_weak_evidence_is_declined_and_says_why(change: dict[str, float], word: str) -> None:
-    assert word in decide(evidence(**change), 0.8)
+    assert word in decide(evidence(**change))
     assert confidence(evidence(**change)) <= confidence(evidence())
 
 
