@@ -23,9 +23,11 @@ Array = np.ndarray
 ACCEPT_AT = 0.93
 
 # Bias and weights of ``terms``: a ridge logistic fit on development frames of Tango in orbit and in a laboratory and of
-# five other craft (tools/studies/confidence_fit.py).
+# five other craft (tools/studies/confidence_fit.py). The weight of the saturated share was fitted again on overexposed
+# flights and frames in orbit, with the others fixed: no wrong pose there is due to saturation
+# (docs/lab/2026-11-estimator.md, Saturated craft).
 BIAS = -17.24
-WEIGHTS = (1.0, -0.91, 5.48, 11.32, 1.65, -0.275, -1.64, -2.42, -23.0, 0.336, -0.08)
+WEIGHTS = (1.0, -0.91, 5.48, 11.32, 1.65, -0.275, -1.64, -2.42, -10.0, 0.336, -0.08)
 
 # Saturated share of the craft above which the confidence falls, because a saturated surface shows no detail.
 MAX_SATURATED_SHARE = 0.3

@@ -245,9 +245,7 @@ class LearnedProposer:
         score = log_likelihoods(g.table, self.points, self._focal(g.crop), q_crop, t_crop)
         return float(score[0] / LIKELIHOOD_DIVISOR - g.log_likelihood[0])
 
-    def log_likelihood_deficit(
-        self, image: Array, noise: float, q: Array, t: Array, black: float = 0.0
-    ) -> float:
+    def log_likelihood_deficit(self, image: Array, noise: float, q: Array, t: Array) -> float:
         """Return the log-likelihood deficit of a pose relative to the most likely pose in a crop around it.
 
         Parameters
@@ -260,15 +258,13 @@ class LearnedProposer:
             Attitude quaternion, camera from target.
         t : (3,) array
             Target position, camera frame [m], within the image.
-        black : float
-            Black level.
         """
         centre = t + quat.matrix(q) @ self.centre_m
         range_m = float(np.linalg.norm(centre))
         half_angle = np.arcsin(min(self.radius_m / range_m, 0.9))
         f = 0.5 * (self.camera.fx_px + self.camera.fy_px)
         crop = ImageCrop(centre / range_m, float(2 * f * np.tan(half_angle)))
-        log_p, craft, size = self.network(network_inputs(image, noise, self.camera, [crop], None, black))
+        log_p, craft, size = self.network(network_inputs(image, noise, self.camera, [crop]))
         region = Region(0.0, 0.0, float(image.shape[1]), float(image.shape[0]), "predicted")
         return -self.log_likelihood(
             [self._proposal(region, crop, log_p[0], float(craft[0]), float(size[0]))], q, t
