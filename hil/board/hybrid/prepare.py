@@ -47,7 +47,7 @@ def prepare(setup: SearchSetup, frame: Observation) -> PreparedImage:
     edges = eliminate_weak_gradients(reduced)
     frame.keep("wge", edges)
     frame.mark("weak_gradients")
-    regions, busy, frame.craft_probability = propose_regions(reduced, edges, frame.noise / REDUCTION)
+    regions, busy = propose_regions(reduced, edges, frame.noise / REDUCTION)
     if busy < MAX_BUSY_SHARE:
         # reduced pixels are rounded to integers
         frame.background = integer_median(reduced.astype(np.int32))

@@ -1,0 +1,47 @@
+"""Regions that may contain the target: before clouds, the one with the craft is among the first."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+import pytest
+
+from flyaround.hil.board.hybrid.estimator import NETWORK_REGIONS
+from flyaround.hil.board.hybrid.prepare import MAX_BUSY_SHARE
+from flyaround.hil.board.hybrid.propose.regions import REDUCTION, propose_regions
+from flyaround.hil.board.svd.weak_gradients import eliminate_weak_gradients
+
+
+def clouds(seed: int) -> np.ndarray:
+    """Brightness of scattered clouds: noise of every size, thresholded softly."""
+    rng = np.random.default_rng(seed)
+    field = np.zeros((300, 480), np.float32)
+    for size in (40, 20, 10, 5, 3):
+        part = rng.normal(size=(300 // size + 2, 480 // size + 2)).astype(np.float32)
+        field += size * cv2.resize(part, (480, 300), interpolation=cv2.INTER_CUBIC)
+    return np.clip(25 + 3.0 * np.clip(field - 15, 0, 40) + rng.normal(0, 3, field.shape), 0, 255).astype(
+        np.float32
+    )
+
+
+def with_craft(picture: np.ndarray, x: int, y: int) -> np.ndarray:
+    """A dark panel with a bright frame and a white box beside it."""
+    out = picture.copy()
+    cv2.rectangle(out, (x, y), (x + 70, y + 55), 90.0, -1)
+    cv2.rectangle(out, (x + 3, y + 3), (x + 67, y + 52), 12.0, -1)
+    cv2.rectangle(out, (x + 20, y + 55), (x + 60, y + 80), 210.0, -1)
+    noise = np.random.default_rng(3).normal(0, 3, out.shape)
+    return np.clip(cv2.GaussianBlur(out, (0, 0), 0.7) + noise, 0, 255).astype(np.float32)
+
+
+@pytest.mark.parametrize(("x", "y"), [(60, 50), (350, 190), (200, 20)])
+def test_one_of_the_first_regions_before_clouds_holds_the_craft(x: int, y: int) -> None:
+    picture = with_craft(clouds(1), x, y)
+    regions, busy = propose_regions(picture, eliminate_weak_gradients(picture), 4.0)
+    assert busy > MAX_BUSY_SHARE
+    shares = []
+    for region in regions[:NETWORK_REGIONS]:
+        x0, y0, x1, y1 = (v / REDUCTION for v in region[:4])
+        inside = max(0, min(x1, x + 70) - max(x0, x)) * max(0, min(y1, y + 80) - max(y0, y))
+        shares.append(inside / ((x1 - x0) * (y1 - y0) + 70 * 80 - inside))
+    assert max(shares) > 0.33
