@@ -121,7 +121,6 @@ def propose_by_edges(image: PreparedImage, locations: Sequence[LearnedProposal])
 def rank(proposals: Proposals) -> Proposals:
     """Return the hypotheses in the order of their scores."""
     hypotheses = sorted(proposals.hypotheses, key=lambda h: -h.score)
-    proposals.image.frame.keep("found", hypotheses)
     _keep_poses(proposals.image.frame, "ranking", hypotheses)
     proposals.image.frame.mark("ranking")
     return replace(proposals, hypotheses=hypotheses)
@@ -237,7 +236,6 @@ def answer(choice: Choice, previous: Optional[PoseResult]) -> PoseResult:
         frame.mark("settling")
     evidence = _evidence(choice)
     frame.count("edges", evidence.edges)
-    frame.keep("field", selection.best.source.field)
     if frame.shows_all:
         frame.keep("drawn", draw_at(setup.target, frame, pose.q, pose.t))
     if evidence.score is not None:

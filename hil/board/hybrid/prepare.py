@@ -73,7 +73,6 @@ def _measure_noise(frame: Observation) -> Tuple[Array, bool]:
     full_scale = FULL_SCALE if image.dtype == np.uint8 else float(image.max())
     frame.noise = max(noise_sigma(image, full_scale), MIN_NOISE * full_scale / FULL_SCALE)
     reduced, _ = shrink(image, 0, 0, image.shape[1], image.shape[0], max(image.shape) // REDUCTION)
-    frame.keep("reduced", reduced)
     coarse = coarse_noise(reduced, REDUCTION)
     if coarse <= SMOOTHED_RATIO * frame.noise:
         return reduced, False

@@ -59,8 +59,6 @@ class EdgeField:
         Horizontal gradient.
     gy : (h, w) array
         Vertical gradient.
-    strength : (h, w) array
-        Gradient magnitude, in units of its noise.
     lit : (h, w) array
         True within two pixels of a pixel brighter than the empty background.
     core : (h, w) array
@@ -76,7 +74,6 @@ class EdgeField:
     mask: Array
     gx: Array
     gy: Array
-    strength: Array
     lit: Array
     core: Array
     empty: bool
@@ -213,11 +210,9 @@ def area_mean(picture: Array, width: int, height: int) -> Array:
     return out
 
 
-def thin_edges(gx: Array, gy: Array, sigma: float) -> Tuple[Array, Array]:
-    """Return Canny edges and the gradient magnitude; ``sigma`` is the gradient's noise."""
-    magnitude = cv2.magnitude(gx, gy)
-    top = max(float(magnitude.max()), 1e-9)
-    scale = 8000.0 / top
+def thin_edges(gx: Array, gy: Array, sigma: float) -> Array:
+    """Return Canny edges (h, w); ``sigma`` is the gradient's noise."""
+    scale = 8000.0 / max(float(cv2.magnitude(gx, gy).max()), 1e-9)
     mask = cv2.Canny(
         np.clip(gx * scale, -32000, 32000).astype(np.int16),
         np.clip(gy * scale, -32000, 32000).astype(np.int16),
@@ -225,7 +220,7 @@ def thin_edges(gx: Array, gy: Array, sigma: float) -> Tuple[Array, Array]:
         max(HIGH_SIGMA * sigma * scale, 3.0),
         L2gradient=True,
     )
-    return mask > 0, magnitude
+    return np.asarray(mask > 0)
 
 
 def edge_field(
@@ -256,7 +251,7 @@ def edge_field(
     gx, gy = gradient(small, blur)
     # area averaging over factor^2 independent pixels
     sigma = max(noise / factor * gradient_noise(blur), 1e-6)
-    mask, magnitude = thin_edges(gx, gy, sigma)
+    mask = thin_edges(gx, gy, sigma)
     mask = remove_specks(mask, 5)
     lit, core = np.ones(mask.shape, bool), np.zeros(mask.shape, bool)
     if background >= 0:
@@ -273,7 +268,6 @@ def edge_field(
         mask=mask,
         gx=gx,
         gy=gy,
-        strength=magnitude / sigma,
         lit=lit,
         core=core,
         empty=background >= 0,

@@ -80,8 +80,7 @@ def propose_regions(
     """
     gx, gy = gradient(small, 1.0)
     sigma = max(noise_small * gradient_noise(1.0), 1e-6)
-    mask, _ = thin_edges(gx, gy, sigma)
-    mask = remove_specks(mask, 4)
+    mask = remove_specks(thin_edges(gx, gy, sigma), 4)
     regions: List[Region] = []
     grouped = {join: clusters(mask, join) for join in JOIN_SCALES_PX}
     busy = max(float(_busy_share(mask)), _share_outside(grouped[JOIN_PX], int(mask.sum())))
