@@ -40,6 +40,7 @@ from flyaround.hil.board.hybrid.refine.photometric import (
 from flyaround.hil.board.hybrid.refine.shadows import LitView, search_sun
 from flyaround.hil.board_model.write import make_faces
 from tests.harness.boxes import closed_box
+from tests.harness.numpy_drawing import brightness
 
 CAMERA = CameraIntrinsics(200, 160, 400.0, 400.0, 99.5, 79.5)
 T_M = np.array([0.03, -0.02, 4.0])
@@ -440,7 +441,7 @@ def test_noise_cut_off_at_the_ends_of_the_scale_has_the_mean_that_is_drawn() -> 
     step = np.clip(x + 0.5 + n, 0, 255) - np.clip(x - 0.5 + n, 0, 255)
     assert slope is not None
     assert np.abs(slope - step.mean(axis=0)).max() < 0.01
-    back = Response(12.0, 255.0).brightness(np.array(mean[:-1], float))
+    back = brightness(Response(12.0, 255.0), np.array(mean[:-1], float))
     assert np.abs(back - np.clip(x[:-1], -12, 255)).max() < 0.1
 
 
