@@ -16,7 +16,7 @@ from flyaround.hil.board.hybrid.image.noise import (
 )
 from flyaround.hil.board.hybrid.image.observation import Observation
 from flyaround.hil.board.hybrid.image.regime import Regime
-from flyaround.hil.board.hybrid.propose.regions import REDUCTION, propose_regions
+from flyaround.hil.board.hybrid.propose.regions import MAX_BUSY_SHARE, REDUCTION, propose_regions
 from flyaround.hil.board.hybrid.search_states import PreparedImage, SearchSetup
 from flyaround.hil.board.svd.weak_gradients import eliminate_weak_gradients
 
@@ -31,9 +31,6 @@ SMOOTHED_RATIO = 1.4
 
 # Minimum black level in front of a texture [sigma of the noise], because its dark parts lie above zero as well.
 MIN_BLACK_SIGMA = 3.0
-
-# Share of tiles with edges above which the background is not empty space.
-MAX_BUSY_SHARE = 0.25
 
 # Minimum diagonal of a region [px].
 MIN_DIAGONAL_PX = 24.0

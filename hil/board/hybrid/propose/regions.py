@@ -24,6 +24,12 @@ MAX_WINDOWS = 6
 # Blur before segments are detected, and shortest segment that counts for a window [px of the reduced image].
 SEGMENT_BLUR_PX, MIN_SEGMENT_PX = 0.8, 8.0
 
+# Share of tiles with edges above which the background is not empty space.
+MAX_BUSY_SHARE = 0.25
+
+# Distance from the border of the frame within which edges reach it [px of the reduced image].
+MIN_BORDER_PX = 2
+
 # Edges closer than this form one group [px of the reduced image]; hand-tuned. Groups are proposed at three scales.
 JOIN_PX = 31
 JOIN_SCALES_PX = (13, JOIN_PX, 7)
@@ -83,7 +89,9 @@ def propose_regions(
     mask = remove_specks(thin_edges(gx, gy, sigma), 4)
     regions: List[Region] = []
     grouped = {join: clusters(mask, join) for join in JOIN_SCALES_PX}
-    busy = max(float(_busy_share(mask)), _share_outside(grouped[JOIN_PX], int(mask.sum())))
+    outside = _share_outside(grouped[JOIN_PX], int(mask.sum()))
+    # a near target covers many tiles as well, but unlike the Earth it ends within the frame
+    busy = outside if _ends_within(grouped[JOIN_PX], mask) else max(float(_busy_share(mask)), outside)
 
     def add(x0: float, y0: float, x1: float, y1: float, source: str) -> None:
         f = REDUCTION
@@ -105,7 +113,7 @@ def propose_regions(
                 x0, y0, x1, y1 = min(x0, g[0]), min(y0, g[1]), max(x1, g[2]), max(y1, g[3])
         if busy < 0.2:
             add(x0, y0, x1, y1, f"clusters-{join}")
-    if busy >= 0.2:
+    if busy >= MAX_BUSY_SHARE:
         # in front of a texture: artificial objects have many straight lines close together
         segments = lsd_stream(cv2.GaussianBlur(small, (0, 0), SEGMENT_BLUR_PX), MIN_SEGMENT_PX)
         for box in straight_windows(small, segments):
@@ -163,6 +171,14 @@ def straight_windows(small: Array, segments: Array) -> List[Box]:
             score[max(0, row - radius) : row + radius, max(0, col - radius) : col + radius] = -1.0
     windows.sort(key=lambda f: -f[0])
     return [box for _, box in windows[:MAX_WINDOWS]]
+
+
+def _ends_within(groups: List[Tuple[int, int, int, int, int]], mask: Array) -> bool:
+    """Return True if the main group of edges does not reach the border of the frame."""
+    if not groups:
+        return True
+    (x0, y0, x1, y1, _), (h, w) = groups[0], mask.shape
+    return min(x0, y0, w - 1 - x1, h - 1 - y1) > MIN_BORDER_PX
 
 
 def _share_outside(groups: List[Tuple[int, int, int, int, int]], total: int) -> float:

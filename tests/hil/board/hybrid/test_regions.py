@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 
 from flyaround.hil.board.hybrid.estimator import NETWORK_REGIONS
-from flyaround.hil.board.hybrid.prepare import MAX_BUSY_SHARE
-from flyaround.hil.board.hybrid.propose.regions import REDUCTION, propose_regions
+from flyaround.hil.board.hybrid.propose.regions import MAX_BUSY_SHARE, REDUCTION, propose_regions
 from flyaround.hil.board.svd.weak_gradients import eliminate_weak_gradients
 
 
@@ -45,3 +44,15 @@ def test_one_of_the_first_regions_before_clouds_holds_the_craft(x: int, y: int) 
         inside = max(0, min(x1, x + 70) - max(x0, x)) * max(0, min(y1, y + 80) - max(y0, y))
         shares.append(inside / ((x1 - x0) * (y1 - y0) + 70 * 80 - inside))
     assert max(shares) > 0.33
+
+
+def test_a_craft_that_fills_the_frame_is_not_taken_for_a_background() -> None:
+    noise = np.random.default_rng(4).normal(0, 3, (300, 480))
+    near = np.zeros((300, 480), np.float32)
+    cv2.rectangle(near, (40, 20), (440, 280), 90.0, -1)
+    for x in range(50, 430, 24):
+        for y in range(30, 270, 24):
+            cv2.rectangle(near, (x, y), (x + 20, y + 20), 25.0, -1)
+    near = np.clip(cv2.GaussianBlur(near, (0, 0), 0.7) + 5 + noise, 0, 255).astype(np.float32)
+    _, busy = propose_regions(near, eliminate_weak_gradients(near), 3.0)
+    assert busy < MAX_BUSY_SHARE
