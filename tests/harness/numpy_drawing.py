@@ -13,6 +13,7 @@ import numpy as np
 from flyaround.hil.board.estimation.camera import CameraIntrinsics
 from flyaround.hil.board.estimation.faces import Faces
 from flyaround.hil.board.hybrid.geometry.image_patch import ImagePatch
+from flyaround.hil.board.hybrid.geometry.response import Response, means
 from flyaround.hil.board.hybrid.geometry.shading import Shading
 from flyaround.hil.board.hybrid.model.image_formation import MIN_BLUR_SIGMA_PX, blur_reach, blurred
 from flyaround.hil.board.hybrid.refine.photometric import bounded
@@ -28,6 +29,25 @@ BESIDE = 0.05
 
 # Least share of a pixel that counts when brightness is fitted together with the pose.
 LITTLE = 2e-4
+
+
+def brightness(response: Response, mean: Array) -> Array:
+    """Return the brightness that has this mean, between ``-TABLE_SIGMAS * sigma`` and ``full_scale``."""
+    if response.sigma <= 0:
+        return mean
+    x, below = (response.sigma * table for table in means())
+    out = np.where(mean < below[-1], np.interp(mean, below, x), mean)
+    top = response.full_scale - below[-1]
+    return np.where(mean > top, response.full_scale - np.interp(response.full_scale - mean, below, x), out)
+
+
+def group_brightness(shading: Shading, group: Array, cell: Array) -> Array:
+    """Return the brightness (N,) of groups (N,) at the flat patch indices ``cell`` (N,)."""
+    level = shading.level.take(group, mode="clip")
+    if shading.background_offset is not None:
+        background = np.flatnonzero(group == 0)
+        level[background] += shading.background_offset.ravel().take(cell.take(background))
+    return level
 
 
 def shaded(faces: Faces, seen: Array, patch: ImagePatch, dark: Array | None) -> tuple[Array, ...]:
@@ -53,7 +73,7 @@ def shaded(faces: Faces, seen: Array, patch: ImagePatch, dark: Array | None) -> 
     # pixels beside a border show the error of the pose, not the brightness of the face
     core = cv2.erode((solid & ~_borders(centre)).view(np.uint8), np.ones((3, 3), np.uint8)).view(bool)
     mean, area = _levels(centre, solid, core, patch, n)
-    level = patch.response.brightness(mean)
+    level = brightness(patch.response, mean)
     picture = cv2.resize(look_up(level, group), (w, h), interpolation=cv2.INTER_AREA)
     ground = mean[:1].copy()
     _thin_levels(level, picture, group, area < 3, patch)
@@ -81,7 +101,7 @@ def with_background(patch: ImagePatch, made: tuple[Array, ...], blur_px: float) 
     own = (core & (centre == 0)).astype(np.float32)
     behind = _wide_mean(own * (patch.gray - np.float32(shown)), own, blur_px)
     if patch.clipped > 0:
-        behind = patch.response.brightness(behind + shown).astype(np.float32) - np.float32(level[0])
+        behind = brightness(patch.response, behind + shown).astype(np.float32) - np.float32(level[0])
     # the background's share of each pixel is fractional at borders
     return behind, picture + empty * behind
 
@@ -317,7 +337,7 @@ def motion_images(
     flat_g = g.ravel()
     # few rows and columns: each is divided once
     cell = (np.arange(h * f) // f * w).take(y) + (np.arange(wide) // f).take(x)
-    change = shading.brightness(flat_g[here], cell) - shading.brightness(flat_g[there], cell)
+    change = group_brightness(shading, flat_g[here], cell) - group_brightness(shading, flat_g[there], cell)
     k = (change * ok * inverse * np.where(across, 1.0 / (step_u * f * f), 1.0 / (step_v * f * f))).astype(
         np.float32
     )

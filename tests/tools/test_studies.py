@@ -1,5 +1,8 @@
 """What the studies change on purpose: the model's corners, one setting of a method at a time."""
 
+import subprocess
+import sys
+
 import numpy as np
 import pytest
 
@@ -9,6 +12,8 @@ from flyaround.hil.board.svd.pipeline import PublishedEstimator
 from flyaround.hil.evaluate.method_choice import board_model
 from flyaround.hil.evaluate.pose_errors import frame_record
 from flyaround.hil.evaluate.result_rows import EvaluatedFrame
+from flyaround.simulator.dataset.capture import capture
+from flyaround.simulator.recipes.plan import plan_recipe
 from flyaround.simulator.targets.library import load_target
 from tools.studies.paired_tables import mcnemar, paired
 from tools.studies.published_methods import (
@@ -48,3 +53,17 @@ def test_paired_counts_are_of_frames_that_both_have_and_their_probability_is_exa
     assert mcnemar(0, 6) == pytest.approx(2 / 64)
     assert mcnemar(0, 2000) < 1e-99  # more than a float holds of ways to choose
     assert "| 7, 3 (0.34) |" in compared(rows, ["a", "b", "c"], "a").splitlines()[-1]
+
+
+@pytest.mark.slow
+@pytest.mark.gl
+def test_the_cost_on_a_board_is_printed_by_stage(tmp_path):
+    capture(plan_recipe("eval-black", 2, seed=21), tmp_path / "set")
+    done = subprocess.run(
+        [sys.executable, "-m", "tools.studies.board_cost", str(tmp_path / "set")],
+        check=True,
+        capture_output=True,
+        text=True,
+    )
+    assert "all: 1 frames, " in done.stdout
+    assert "memory: " in done.stdout

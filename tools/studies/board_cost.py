@@ -30,10 +30,10 @@ import json, sys, time
 import cv2, numpy as np
 from flyaround.hil.board.estimation import BoardModel, CameraIntrinsics
 from flyaround.hil.board.methods import make_estimator
-import flyaround.hil.board.hybrid.image.observation as observation
+import flyaround.hil.board.estimation.record as record
 cv2.setNumThreads(1)
 # stages by processor time: other work on the machine counts nothing
-observation.time.perf_counter = time.process_time
+record.time.perf_counter = time.process_time
 memory = lambda key: int(dict(line.split(":", 1) for line in open("/proc/self/status"))[key].split()[0]) / 1024
 folder = sys.argv[1]
 bare = memory("VmRSS")

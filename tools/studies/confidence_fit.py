@@ -2,11 +2,12 @@
 
     python -m tools.studies.confidence_fit collect SET... -o EVIDENCE.json
     python -m tools.studies.confidence_fit fit EVIDENCE.json...
+    python -m tools.studies.confidence_fit profile EVIDENCE.json... --term 8
 
 ``collect`` runs the estimator on every feasible frame. ``fit`` prints the weights of a ridge logistic regression for
 ``decide/confidence.py``, the acceptance at each threshold by ten-fold cross-validation over frames, and the covariance
-factor with which 95 % of the right answers lie inside their bound. Test both on other data sets.
-
+factor with which 95 % of the right answers lie inside their bound. ``profile`` prints the log-likelihood over one
+weight, with the others as they are. Test the result on other data sets.
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ import numpy as np
 from scipy.optimize import minimize
 
 from flyaround.hil.board.estimation import CameraIntrinsics
-from flyaround.hil.board.hybrid.decide.confidence import Evidence, terms
+from flyaround.hil.board.hybrid.decide.confidence import ACCEPT_AT, BIAS, WEIGHTS, Evidence, terms
 from flyaround.hil.board.hybrid.estimator import PoseEstimator
 from flyaround.hil.evaluate.greyscale import grey
 from flyaround.hil.evaluate.method_choice import board_model
@@ -103,8 +104,29 @@ def fitted(X: Array, y: Array) -> Array:
     return np.concatenate([[w[0] - weights @ mean], weights])
 
 
+def profiled(X: Array, y: Array, term: int) -> list[tuple[float, float, int, int]]:
+    """Return rows of a weight, the log-likelihood with it, and the numbers of accepted and of wrong accepted frames.
+
+    Parameters
+    ----------
+    X : (N, M) array
+        Terms of the frames.
+    y : (N,) array
+        True if a frame's pose is right.
+    term : int
+        Index of the weight.
+    """
+    rows = []
+    for weight in np.linspace(1.5, 0.0, 16) * WEIGHTS[term]:
+        z = BIAS + X @ np.array(WEIGHTS) + (weight - WEIGHTS[term]) * X[:, term]
+        accepted = z >= np.log(ACCEPT_AT / (1 - ACCEPT_AT))
+        log_likelihood = -float(np.logaddexp(0, np.where(y, -z, z)).sum())
+        rows.append((float(weight), log_likelihood, int(accepted.sum()), int((accepted & ~y).sum())))
+    return rows
+
+
 def main() -> None:
-    """Collect evidence, or fit the weights to it."""
+    """Collect evidence, or fit weights to it."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n", maxsplit=1)[0])
     commands = parser.add_subparsers(dest="command", required=True)
     collect = commands.add_parser("collect", help="run the estimator on data sets")
@@ -113,6 +135,9 @@ def main() -> None:
     collect.add_argument("-o", "--output", required=True, type=Path)
     fit = commands.add_parser("fit", help="fit the weights")
     fit.add_argument("evidence", nargs="+", type=Path)
+    profile = commands.add_parser("profile", help="vary one weight")
+    profile.add_argument("evidence", nargs="+", type=Path)
+    profile.add_argument("--term", type=int, required=True, help="index of the weight")
     options = parser.parse_args()
     if options.command == "collect":
         rows = [row for folder in options.sets for row in collected(folder, options.target)]
@@ -121,6 +146,12 @@ def main() -> None:
         return
     rows = [row for path in options.evidence for row in msgspec.json.decode(path.read_bytes())]
     X, y = np.array([r["terms"] for r in rows]), np.array([r["right"] for r in rows])
+    if options.command == "profile":
+        for weight, log_likelihood, accepted_count, wrong in profiled(X, y, options.term):
+            print(
+                f"{weight:.3g}: log-likelihood {log_likelihood:.2f}, accepted {accepted_count}, wrong {wrong}"
+            )
+        return
     names = [r["set"] for r in rows]
     print("bias and weights:", np.round(fitted(X, y), 3).tolist())
     fold = np.random.default_rng(0).integers(FOLDS, size=len(rows))

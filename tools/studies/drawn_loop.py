@@ -2,7 +2,9 @@
 
     python -m tools.studies.drawn_loop OUT --seeds 9000-9007 --pose truth --any-view   # on the truth
     python -m tools.studies.drawn_loop OUT --seeds 7000-7004               # on the estimator's poses
+    python -m tools.studies.drawn_loop OUT --seeds 71401-71410 --pose truth --any-view --any-light
 
+With ``--any-light`` the orbit's node and anomaly, hence the Sun, and the exposure time are random.
 Each flight writes ``OUT/SCENARIO-SEED.npz``: its outcome, and time, true pose and measured pose of every image.
 """
 
@@ -32,6 +34,7 @@ from flyaround.simulator.loop import FrameRequest, open_frames
 from flyaround.simulator.runtime.files import write_atomic
 from flyaround.simulator.scenario.load import load_scenario
 from flyaround.simulator.scenario.plan import Plan, plan_flight
+from flyaround.simulator.world.orbit.initial_orbit import ElementsOrbit
 
 if TYPE_CHECKING:
     from flyaround.hil.board.estimation import Estimator
@@ -78,14 +81,28 @@ class DrawnPoses(LatePoses):
             self.wait(PoseNoise().measured(snapshot.t_s, q, t, snapshot.q_camera_from_eci_wxyz))
 
 
-def planned(scenario: str, seed: int, *, any_view: bool) -> Plan:
-    """Return the plan of a flight; with ``any_view`` the target starts at a random attitude."""
+def planned(scenario: str, seed: int, *, any_view: bool, any_light: bool = False) -> Plan:
+    """Return the plan of a flight, with a random attitude of the target at the start, and random light, if asked."""
     flown = load_scenario(scenario)
     if any_view:
         q = np.random.default_rng([seed, 2]).standard_normal(4)
         q_wxyz = tuple(float(x) for x in q / np.linalg.norm(q))
         flown = replace_attitude(flown, q_wxyz)
-    return plan_flight(flown, n=1, seed=seed)
+    return plan_flight(relit(flown, seed) if any_light else flown, n=1, seed=seed)
+
+
+def relit(scenario: Scenario, seed: int) -> Scenario:
+    """Return the scenario with another direction to the Sun, and half to two and a half times the exposure."""
+    rng = np.random.default_rng([seed, 3])
+    assert isinstance(scenario.orbit, ElementsOrbit)  # noqa: S101 - that of both SCENARIOS
+    orbit = msgspec.structs.replace(
+        scenario.orbit,
+        raan_deg=scenario.orbit.raan_deg + rng.uniform(-50, 50),
+        true_anomaly_deg=scenario.orbit.true_anomaly_deg + rng.uniform(-60, 40),
+    )
+    exposure_s = scenario.sensor.exposure_s * 2 ** rng.uniform(-1, 1.3)
+    sensor = msgspec.structs.replace(scenario.sensor, exposure_s=exposure_s)
+    return msgspec.structs.replace(scenario, orbit=orbit, sensor=sensor)
 
 
 def replace_attitude(scenario: Scenario, q_wxyz: tuple[float, ...]) -> Scenario:
@@ -157,6 +174,7 @@ def main() -> None:
     parser.add_argument("--scenarios", nargs="*", default=SCENARIOS)
     parser.add_argument("--pose", choices=("truth", "board"), default="board")
     parser.add_argument("--any-view", action="store_true")
+    parser.add_argument("--any-light", action="store_true")
     options = parser.parse_args()
     cv2.setNumThreads(1)
     options.out.mkdir(parents=True, exist_ok=True)
@@ -167,7 +185,8 @@ def main() -> None:
                 if path.exists():
                     continue
                 since = time.monotonic()
-                result, drawn = fly(planned(scenario, seed, any_view=options.any_view), draw, options.pose)
+                plan = planned(scenario, seed, any_view=options.any_view, any_light=options.any_light)
+                result, drawn = fly(plan, draw, options.pose)
                 write(path, result, drawn)
                 nees = np.array([s.nees for s in result.steps[20:] if s.nees is not None])
                 print(

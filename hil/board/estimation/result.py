@@ -17,6 +17,9 @@ Array = np.ndarray
 DISTINCT_RAD = float(np.radians(12.0))
 DISTINCT_SHARE = 0.08
 
+# Number of alternatives that a result lists.
+MAX_ALTERNATIVES = 3
+
 
 @dataclass(frozen=True, eq=False)
 class Alternative:
@@ -87,15 +90,13 @@ def differs(q: Array, t: Array, q2: Array, t2: Array) -> bool:
     return bool(far or quat.angle_rad(q, q2) > DISTINCT_RAD)
 
 
-def alternatives(
-    poses: List[Tuple[Array, Array, float]], q: Array, t: Array, keep: int = 3
-) -> Tuple[Alternative, ...]:
+def alternatives(poses: List[Tuple[Array, Array, float]], q: Array, t: Array) -> Tuple[Alternative, ...]:
     """Return the best of the scored poses (q, t, score) that are distinct from ``q``, ``t`` and from each other."""
     out: List[Alternative] = []
     for rq, rt, score in sorted(poses, key=lambda p: -p[2]):
         distinct = [(q, t)] + [(a.q_camera_from_target_wxyz, a.t_camera_from_target_m) for a in out]
         if all(differs(rq, rt, other_q, other_t) for other_q, other_t in distinct):
             out.append(Alternative(rq, rt, score))
-        if len(out) >= keep:
+        if len(out) == MAX_ALTERNATIVES:
             break
     return tuple(out)

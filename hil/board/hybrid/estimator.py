@@ -18,7 +18,6 @@ from flyaround.hil.board.estimation.record import StageRecord
 from flyaround.hil.board.estimation.result import PoseResult
 from flyaround.hil.board.estimation.target_model import BoardModel
 from flyaround.hil.board.hybrid.decide.confidence import (
-    ACCEPT_AT,
     CALIBRATED_CRAFT,
     Evidence,
     decided,
@@ -122,7 +121,6 @@ def propose_by_edges(image: PreparedImage, locations: Sequence[LearnedProposal])
 def rank(proposals: Proposals) -> Proposals:
     """Return the hypotheses in the order of their scores."""
     hypotheses = sorted(proposals.hypotheses, key=lambda h: -h.score)
-    proposals.image.frame.keep("found", hypotheses)
     _keep_poses(proposals.image.frame, "ranking", hypotheses)
     proposals.image.frame.mark("ranking")
     return replace(proposals, hypotheses=hypotheses)
@@ -238,12 +236,11 @@ def answer(choice: Choice, previous: Optional[PoseResult]) -> PoseResult:
         frame.mark("settling")
     evidence = _evidence(choice)
     frame.count("edges", evidence.edges)
-    frame.keep("field", selection.best.source.field)
     if frame.shows_all:
         frame.keep("drawn", draw_at(setup.target, frame, pose.q, pose.t))
     if evidence.score is not None:
         pose = replace(pose, covariance=scaled_covariance(evidence, pose))
-    result = decided(frame, pose, evidence, selection.alternatives, setup.accept_at)
+    result = decided(frame, pose, evidence, selection.alternatives)
     # scores of different rounds are not comparable, because they use different patches
     return result if previous is None or result.confidence > previous.confidence else previous
 
@@ -257,8 +254,6 @@ class PoseEstimator(Estimator):
         Model of the target.
     camera : CameraIntrinsics
         Intrinsics of every image.
-    accept_at : float
-        Confidence at which a pose is accepted.
 
     Raises
     ------
@@ -269,7 +264,7 @@ class PoseEstimator(Estimator):
     method = HYBRID
     takes_sun = True
 
-    def __init__(self, model: BoardModel, camera: CameraIntrinsics, accept_at: float = ACCEPT_AT) -> None:
+    def __init__(self, model: BoardModel, camera: CameraIntrinsics) -> None:
         # loaded now, so that the first frame is not delayed
         library()
         super().__init__(model, camera)
@@ -280,7 +275,6 @@ class PoseEstimator(Estimator):
             model_triads(self.target.model),
             learned,
             learned is not None and model.name in CALIBRATED_CRAFT,
-            accept_at,
         )
 
     def _estimate(self, frame: StageRecord) -> PoseResult:

@@ -36,15 +36,12 @@ class SearchSetup:
         Keypoint network of the target.
     calibrated : bool
         True if the confidence was fitted on this target.
-    accept_at : float
-        Confidence at which a pose is accepted.
     """
 
     target: PreparedTarget
     figures: Chains
     learned: Optional[LearnedProposer]
     calibrated: bool
-    accept_at: float
 
     @property
     def has_faces(self) -> bool:

@@ -54,8 +54,6 @@ class Streams:
         Harris corners.
     ellipses : tuple of EllipseFit
         Ellipses of round bodies.
-    sobel : (h, w) array
-        Thinned Sobel edges around the region.
     region : Region, optional
         Region, enlarged if the method does so; edges outside it are dropped.
     merged : dict of str to array, optional
@@ -66,7 +64,6 @@ class Streams:
     by_name: Dict[str, Array]
     corners: Array
     ellipses: Tuple[EllipseFit, ...]
-    sobel: Array
     region: Region
     merged: Dict[str, Array] = field(default_factory=dict)
 
@@ -237,7 +234,7 @@ def find_streams(
         )
     ellipses = hough_ellipses(sobel, origin, diagonal) if "ellipse" in config.streams else ()
     own = {name: s for name, s in merged.items() if s is not streams[name]}
-    return Streams(lines, streams, corners, ellipses, sobel, grown, own)
+    return Streams(lines, streams, corners, ellipses, grown, own)
 
 
 def _concatenate(segments: Dict[str, Array]) -> Array:

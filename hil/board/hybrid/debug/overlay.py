@@ -62,13 +62,13 @@ def grey(values: Array, top: float) -> Array:
     return np.asarray(cv2.cvtColor(flat, cv2.COLOR_GRAY2BGR), np.uint8)
 
 
-def draw_segments(canvas: Array, segments: Array, corner: Array, scale: float, weight: int = 1) -> None:
+def draw_segments(canvas: Array, segments: Array, corner: Array, scale: float) -> None:
     """Draw segments (N, 4) [image px], each in its own colour, on a canvas at ``corner`` and ``scale``."""
     hues = (np.arange(len(segments)) * 67) % 180
     for segment, hue in zip(np.asarray(segments, float).reshape(-1, 2, 2), hues):  # noqa: B905 - 3.9 has no strict=
         bgr = cv2.cvtColor(np.array([[[hue, 200, 255]]], np.uint8), cv2.COLOR_HSV2BGR)[0, 0]
         a, b = np.rint(((segment - corner + 0.5) * scale - 0.5) * 16).astype(int).tolist()
-        cv2.line(canvas, a, b, [int(v) for v in bgr], weight, cv2.LINE_AA, 4)
+        cv2.line(canvas, a, b, [int(v) for v in bgr], 1, cv2.LINE_AA, 4)
 
 
 def label(canvas: Array, text: str) -> None:

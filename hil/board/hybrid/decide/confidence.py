@@ -23,9 +23,10 @@ Array = np.ndarray
 ACCEPT_AT = 0.93
 
 # Bias and weights of ``terms``: a ridge logistic fit on development frames of Tango in orbit and in a laboratory and of
-# five other craft (tools/studies/confidence_fit.py).
+# five other craft (tools/studies/confidence_fit.py). The weight of the saturated share was fitted again on overexposed
+# flights and frames in orbit, with the others fixed (docs/lab/2026-12-confidence.md).
 BIAS = -17.24
-WEIGHTS = (1.0, -0.91, 5.48, 11.32, 1.65, -0.275, -1.64, -2.42, -23.0, 0.336, -0.08)
+WEIGHTS = (1.0, -0.91, 5.48, 11.32, 1.65, -0.275, -1.64, -2.42, -15.0, 0.336, -0.08)
 
 # Saturated share of the craft above which the confidence falls, because a saturated surface shows no detail.
 MAX_SATURATED_SHARE = 0.3
@@ -113,6 +114,8 @@ class Evidence:
         Log-likelihood of the pose by the network, relative to the maximum over poses.
     craft : float
         Logit of the network's presence score.
+    track : float
+        Log-likelihood ratio of a right to a wrong pose, given its distance from the tracked pose; 0 without a track.
     """
 
     drawn: float
@@ -136,6 +139,7 @@ class Evidence:
     regime: Regime = Regime.SUNLIGHT
     network: float = 0.0
     craft: float = 0.0
+    track: float = 0.0
 
 
 def confidence(e: Evidence) -> float:
@@ -146,7 +150,7 @@ def confidence(e: Evidence) -> float:
     """
     if e.score is not None:
         return image_confidence(e, e.score)
-    z = -2.3 + 38.0 * min(e.margin, 0.15) + 6.8 * e.tight
+    z = e.track - 2.3 + 38.0 * min(e.margin, 0.15) + 6.8 * e.tight
     z -= 22.0 * min(e.sigma_rad, 1.0) + 95.0 * min(e.sigma_share, 1.0) + 84.0 * min(e.outside, 0.3)
     # few samples can agree by chance
     z -= 0.1 * max(0, 50 - e.edges)
@@ -157,7 +161,7 @@ def confidence(e: Evidence) -> float:
 
 def image_confidence(e: Evidence, score: float) -> float:
     """Return the confidence, 0 to 1, in a pose that was scored by the whole image."""
-    z = BIAS + float(np.dot(WEIGHTS, terms(e, score)))
+    z = BIAS + float(np.dot(WEIGHTS, terms(e, score))) + e.track
     z -= (0.0 if e.calibrated else UNCALIBRATED_PENALTY) + (0.0 if e.has_network else NO_NETWORK_PENALTY)
     return float(1.0 / (1.0 + np.exp(-np.clip(z, -30, 30))))
 
@@ -213,7 +217,7 @@ def min_margin(e: Evidence) -> float:
     return MIN_IMAGE_MARGIN if e.calibrated else max(MIN_IMAGE_MARGIN, UNCALIBRATED_MARGIN * e.score)
 
 
-def decide(e: Evidence, accept_at: float = ACCEPT_AT) -> str:
+def decide(e: Evidence) -> str:
     """Return the reason why a pose is declined; empty if it is accepted."""
     if e.edges < MIN_EDGES:
         return "too few edges found"
@@ -223,23 +227,19 @@ def decide(e: Evidence, accept_at: float = ACCEPT_AT) -> str:
         e.drawn < (MIN_DRAWN if e.empty else MIN_DRAWN_TEXTURED) or e.matched_share < MIN_MATCHED
     ):
         return "too little of the model is supported by edges"
-    if e.margin < min_margin(e):
+    if e.margin < min_margin(e) and e.track <= 0.0:
         return "ambiguous: another pose explains the picture as well"
-    if confidence(e) < accept_at:
+    if confidence(e) < ACCEPT_AT:
         unexplained = e.score is not None and e.covered < MIN_EXPLAINED_AREA
         return "too little of the picture is explained" if unexplained else "confidence too low"
     return ""
 
 
 def decided(
-    frame: Observation,
-    pose: PoseFit,
-    evidence: Evidence,
-    alternatives: Tuple[Alternative, ...],
-    accept_at: float = ACCEPT_AT,
+    frame: Observation, pose: PoseFit, evidence: Evidence, alternatives: Tuple[Alternative, ...]
 ) -> PoseResult:
     """Return the estimator's result for a pose, accepted if its evidence is sufficient."""
-    reason = decide(evidence, accept_at)
+    reason = decide(evidence)
     frame.mark("decision")
     return PoseResult(
         not reason,

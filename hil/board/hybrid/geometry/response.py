@@ -52,17 +52,6 @@ class Response:
         mean += np.clip(x, 0.0, np.float32(self.full_scale))
         return mean, slope
 
-    def brightness(self, mean: Array) -> Array:
-        """Return the brightness that has this mean, between ``-TABLE_SIGMAS * sigma`` and ``full_scale``."""
-        if self.sigma <= 0:
-            return mean
-        x, below = (self.sigma * table for table in means())
-        out = np.where(mean < below[-1], np.interp(mean, below, x), mean)
-        top = self.full_scale - below[-1]
-        return np.asarray(
-            np.where(mean > top, self.full_scale - np.interp(self.full_scale - mean, below, x), out)
-        )
-
 
 def _mean(u: float) -> float:
     """Return the mean of max(u + n, 0) for normal noise n of unit variance."""

@@ -43,11 +43,3 @@ class Shading:
     centre: Array
     area: Array
     background_offset: Optional[Array]
-
-    def brightness(self, group: Array, cell: Array) -> Array:
-        """Return the brightness (N,) of groups (N,) at the flat patch indices ``cell`` (N,)."""
-        level = self.level.take(group, mode="clip")
-        if self.background_offset is not None:
-            background = np.flatnonzero(group == 0)
-            level[background] += self.background_offset.ravel().take(cell.take(background))
-        return np.asarray(level)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
-from typing import Optional, Tuple
+from typing import Tuple
 
 import cv2
 import numpy as np
@@ -18,8 +18,8 @@ Array = np.ndarray
 # Number of orientation bins of the nearest-edge tables, 22.5 deg each.
 ORIENTATION_BINS = 8
 
-# Probability of the craft below which an edge counts as background texture.
-MIN_CRAFT_PROBABILITY = 0.08
+# Hysteresis thresholds of edges [sigma of the gradient's noise].
+LOW_SIGMA, HIGH_SIGMA = 3.0, 6.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,8 +59,6 @@ class EdgeField:
         Horizontal gradient.
     gy : (h, w) array
         Vertical gradient.
-    strength : (h, w) array
-        Gradient magnitude, in units of its noise.
     lit : (h, w) array
         True within two pixels of a pixel brighter than the empty background.
     core : (h, w) array
@@ -76,7 +74,6 @@ class EdgeField:
     mask: Array
     gx: Array
     gy: Array
-    strength: Array
     lit: Array
     core: Array
     empty: bool
@@ -213,19 +210,17 @@ def area_mean(picture: Array, width: int, height: int) -> Array:
     return out
 
 
-def thin_edges(gx: Array, gy: Array, sigma: float, low: float, high: float) -> Tuple[Array, Array]:
-    """Return Canny edges, with thresholds in units of the gradient's noise, and the gradient magnitude."""
-    magnitude = cv2.magnitude(gx, gy)
-    top = max(float(magnitude.max()), 1e-9)
-    scale = 8000.0 / top
+def thin_edges(gx: Array, gy: Array, sigma: float) -> Array:
+    """Return Canny edges (h, w); ``sigma`` is the gradient's noise."""
+    scale = 8000.0 / max(float(cv2.magnitude(gx, gy).max()), 1e-9)
     mask = cv2.Canny(
         np.clip(gx * scale, -32000, 32000).astype(np.int16),
         np.clip(gy * scale, -32000, 32000).astype(np.int16),
-        max(low * sigma * scale, 2.0),
-        max(high * sigma * scale, 3.0),
+        max(LOW_SIGMA * sigma * scale, 2.0),
+        max(HIGH_SIGMA * sigma * scale, 3.0),
         L2gradient=True,
     )
-    return mask > 0, magnitude
+    return np.asarray(mask > 0)
 
 
 def edge_field(
@@ -233,10 +228,7 @@ def edge_field(
     box: Tuple[int, int, int, int],
     noise: float,
     longest_px: int,
-    high: float = 6.0,
-    low: float = 3.0,
     background: float = -1.0,
-    craft_probability: Optional[Array] = None,
 ) -> EdgeField:
     """Return the edges of a region, reduced to ``longest_px``.
 
@@ -250,14 +242,8 @@ def edge_field(
         Standard deviation of the image noise.
     longest_px : int
         Longest side of the reduced region.
-    high : float
-        Upper hysteresis threshold, in units of the gradient's noise.
-    low : float
-        Lower hysteresis threshold, in the same units.
     background : float
         Level of empty space; negative if the background is not empty, in which case all pixels count as lit.
-    craft_probability : (h, w) array, optional
-        Probability of the craft over the whole image: edges far from it count as background texture.
     """
     x0, y0, x1, y1 = box
     small, factor = shrink(image, x0, y0, x1, y1, longest_px)
@@ -265,9 +251,7 @@ def edge_field(
     gx, gy = gradient(small, blur)
     # area averaging over factor^2 independent pixels
     sigma = max(noise / factor * gradient_noise(blur), 1e-6)
-    mask, magnitude = thin_edges(gx, gy, sigma, low, high)
-    if craft_probability is not None:
-        mask &= _craft_mask(craft_probability, box, image.shape, mask.shape)
+    mask = thin_edges(gx, gy, sigma)
     mask = remove_specks(mask, 5)
     lit, core = np.ones(mask.shape, bool), np.zeros(mask.shape, bool)
     if background >= 0:
@@ -284,23 +268,10 @@ def edge_field(
         mask=mask,
         gx=gx,
         gy=gy,
-        strength=magnitude / sigma,
         lit=lit,
         core=core,
         empty=background >= 0,
     )
-
-
-def _craft_mask(
-    craft_probability: Array, box: Tuple[int, int, int, int], picture: Tuple[int, ...], field: Tuple[int, ...]
-) -> Array:
-    """Return a mask of the field's pixels that may show the craft, from a probability map of the whole image."""
-    near = cv2.dilate((craft_probability > MIN_CRAFT_PROBABILITY).astype(np.uint8), np.ones((3, 3), np.uint8))
-    (H, W), (h, w) = picture[:2], craft_probability.shape
-    x = ((np.arange(field[1]) + 0.5) / field[1] * (box[2] - box[0]) + box[0]) * w / W
-    y = ((np.arange(field[0]) + 0.5) / field[0] * (box[3] - box[1]) + box[1]) * h / H
-    rows, columns = np.clip(y.astype(int), 0, h - 1), np.clip(x.astype(int), 0, w - 1)
-    return np.asarray(near[rows[:, None], columns[None]] > 0)
 
 
 def _in_bin(theta: Array, k: int) -> Array:

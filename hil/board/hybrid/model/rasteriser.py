@@ -20,6 +20,9 @@ from flyaround.hil.board.hybrid.native.library import library
 
 Array = np.ndarray
 
+# Minimum area of a face [rendered px^2]; smaller ones are skipped, so that their neighbours show.
+MIN_FACE_PX = 0.5
+
 
 def order_faces(faces: Faces, C_m: Array) -> Array:
     """Return the faces visible from the camera centre ``C_m`` (3,), back to front.
@@ -37,13 +40,7 @@ def order_faces(faces: Faces, C_m: Array) -> Array:
 
 
 def draw_faces(
-    faces: Faces,
-    order: Array,
-    camera: CameraIntrinsics,
-    R: Array,
-    t: Array,
-    patch: ImagePatch,
-    least_px: float = 0.5,
+    faces: Faces, order: Array, camera: CameraIntrinsics, R: Array, t: Array, patch: ImagePatch
 ) -> Array:
     """Return the visible face of each rendered pixel (h * fine, w * fine), int32: face index + 1, or 0 for none.
 
@@ -61,15 +58,13 @@ def draw_faces(
         Target position, camera frame [m].
     patch : ImagePatch
         Patch to render.
-    least_px : float
-        Minimum area of a face [rendered px^2]; smaller ones are skipped, so their neighbours show.
     """
     h, w = (side * patch.fine for side in patch.gray.shape)
     visible_face, order = np.zeros((h, w), np.int32), contiguous(order, "int64")
     R, t = contiguous(R, "float64", (3, 3)), contiguous(t, "float64", (3,))
     view = pinhole_view(camera, patch)
     library().fly_draw_faces(
-        native_faces(faces), order, len(order), R, t, view, least_px, patch.exact, visible_face, h, w
+        native_faces(faces), order, len(order), R, t, view, MIN_FACE_PX, patch.exact, visible_face, h, w
     )
     return visible_face
 

@@ -15,22 +15,17 @@ from flyaround.hil.board.svd.region_of_interest import Region
 
 Array = np.ndarray
 
-# Factors on the arms of an open triad, which shadow or occlusion may have shortened.
-ARM_FACTORS = (1.0, 1.4)
+# Factor on the arms of an open triad, which shadow or occlusion may have shortened.
+ARM_FACTOR = 1.4
 
 
-def stretch_arms(chains: Chains, factors: Tuple[float, ...] = ARM_FACTORS) -> Array:
-    """Return the figures (T', 4, 2), open ones also with each arm lengthened."""
-    out = [chains.points]
+def stretch_arms(chains: Chains) -> Array:
+    """Return the figures (T', 4, 2), and the open ones with their arms lengthened."""
     p = chains.points[~chains.closed]
-    for f in factors:
-        if f == 1.0 or not len(p):
-            continue
-        q = p.copy()
-        q[:, 0] = p[:, 1] + f * (p[:, 0] - p[:, 1])
-        q[:, 3] = p[:, 2] + f * (p[:, 3] - p[:, 2])
-        out.append(q)
-    return np.concatenate(out)
+    stretched = p.copy()
+    stretched[:, 0] = p[:, 1] + ARM_FACTOR * (p[:, 0] - p[:, 1])
+    stretched[:, 3] = p[:, 2] + ARM_FACTOR * (p[:, 3] - p[:, 2])
+    return np.concatenate([chains.points, stretched])
 
 
 def pose_hypotheses(

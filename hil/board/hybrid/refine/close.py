@@ -83,7 +83,6 @@ def refine_close_up(
         ranked += refine_symmetries(target, patch, ranked[0])
         n_aligned = len(ranked)
         ranked = without_duplicates(sorted(ranked, key=lambda h: -h.score))
-    frame.keep("ranked", ranked)
     frame.count("judged", n_aligned)
     return patch, ranked
 

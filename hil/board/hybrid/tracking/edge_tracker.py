@@ -78,12 +78,6 @@ class TrackFit:
     polarity: Array
 
 
-def select_evenly(visible: Array, most: int = MAX_SAMPLES) -> Array:
-    """Return indices of at most ``most`` of the visible samples, evenly spread."""
-    idx = np.flatnonzero(visible)
-    return idx if len(idx) <= most else idx[np.linspace(0, len(idx) - 1, most).astype(int)]
-
-
 def track_edges(
     target: PreparedTarget,
     image: Array,
@@ -124,9 +118,11 @@ def track_edges(
     """
     R = quat.matrix(q)
     visible, _ = visible_samples(target.samples, target.occ, -R.T @ t)
-    idx = select_evenly(visible)
+    idx = np.flatnonzero(visible)
     if len(idx) < 8:
         return None
+    if len(idx) > MAX_SAMPLES:
+        idx = idx[np.linspace(0, len(idx) - 1, MAX_SAMPLES).astype(int)]
     if empty:
         polarity = np.where(polarity == 0, outline_polarity(target.samples, R, t), polarity)
     fit: Optional[TrackFit] = None

@@ -40,6 +40,7 @@ from flyaround.hil.board.hybrid.refine.photometric import (
 from flyaround.hil.board.hybrid.refine.shadows import LitView, search_sun
 from flyaround.hil.board_model.write import make_faces
 from tests.harness.boxes import closed_box
+from tests.harness.numpy_drawing import brightness
 
 CAMERA = CameraIntrinsics(200, 160, 400.0, 400.0, 99.5, 79.5)
 T_M = np.array([0.03, -0.02, 4.0])
@@ -388,6 +389,18 @@ def test_what_speaks_against_a_pose_lowers_its_confidence():
     assert confidence(replace(told, size_px=900.0, edges=400)) == confidence(told)
 
 
+def test_a_half_saturated_craft_is_accepted_if_all_else_supports_the_pose():
+    # frame 94 of tango-vbar-closed-loop-tumble, right to 0.4 deg: 30 frames in a row are like it
+    half_saturated = Evidence(
+        drawn=0.56, explained=0.70, outside=0.0, margin=0.24, matched_share=0.56, tight=0.56, rms_px=0.0,
+        sigma_rad=0.0053, sigma_share=0.0017, edges=200, size_px=250.0, empty=True, score=0.69, likeness=0.989,
+        covered=0.69, saturated=0.54, network=-0.15, craft=10.0,
+    )  # fmt: skip
+    assert decide(half_saturated) == ""
+    assert decide(replace(half_saturated, likeness=0.8, covered=0.4)) != ""
+    assert decide(replace(half_saturated, network=-10.0)) != ""
+
+
 def test_a_pose_is_accepted_from_the_confidence_on_that_the_documents_name() -> None:
     """docs/hybrid.md: of 600 frames that the threshold was not chosen on, 0.9 accepts a wrong pose and 0.93 none."""
     told = Evidence(0.5, 0.5, 0.0, 0.05, 0.5, 0.5, 0.0, 0.01, 0.003, 100, 300.0, False, 0.2, 0.97, 0.5)
@@ -428,7 +441,7 @@ def test_noise_cut_off_at_the_ends_of_the_scale_has_the_mean_that_is_drawn() -> 
     step = np.clip(x + 0.5 + n, 0, 255) - np.clip(x - 0.5 + n, 0, 255)
     assert slope is not None
     assert np.abs(slope - step.mean(axis=0)).max() < 0.01
-    back = Response(12.0, 255.0).brightness(np.array(mean[:-1], float))
+    back = brightness(Response(12.0, 255.0), np.array(mean[:-1], float))
     assert np.abs(back - np.clip(x[:-1], -12, 255)).max() < 0.1
 
 

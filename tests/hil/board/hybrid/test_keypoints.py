@@ -18,7 +18,12 @@ from flyaround.hil.board.hybrid.propose.keypoints.image_crop import ImageCrop, c
 from flyaround.hil.board.hybrid.propose.keypoints.keypoint_proposal import LearnedProposer
 from flyaround.hil.board.hybrid.propose.keypoints.network import network_for, trunk_bytes, trunk_sha256
 from flyaround.hil.board.hybrid.propose.keypoints.network_input import INPUT_FILL, INPUT_PX, channels
-from flyaround.hil.board.hybrid.propose.keypoints.network_output import BINS, bin_centres, keypoints_m
+from flyaround.hil.board.hybrid.propose.keypoints.network_output import (
+    BIN_WIDTH,
+    BINS,
+    HALF_RANGE,
+    keypoints_m,
+)
 from flyaround.hil.board.hybrid.propose.keypoints.pose_search import most_likely_position, pose_modes
 from flyaround.hil.board.hybrid.propose.keypoints.single_precision import in_single_precision
 from flyaround.hil.evaluate.method_choice import board_model
@@ -26,6 +31,9 @@ from flyaround.simulator.targets.library import load_target
 
 CAMERA = CameraIntrinsics(480, 300, 750.0, 750.0, 239.5, 149.5)
 FOCAL = 5.0
+
+# Centres of the bins, relative to the centre of the input [half sides].
+CENTRES = (np.arange(BINS) + 0.5) * BIN_WIDTH - HALF_RANGE
 
 
 def points_of(model: BoardModel) -> np.ndarray:
@@ -38,7 +46,7 @@ def distributions(points: np.ndarray, *poses: tuple[np.ndarray, np.ndarray]) -> 
     for q, t in poses:
         seen = points @ quat.matrix(q).T + t
         at = FOCAL * seen[:, :2] / seen[:, 2:]
-        p += np.exp(-0.5 * ((bin_centres() - at[..., None]) / (1.5 * np.diff(bin_centres())[0])) ** 2)
+        p += np.exp(-0.5 * ((CENTRES - at[..., None]) / (1.5 * BIN_WIDTH)) ** 2)
     return np.log(p / p.sum(axis=-1, keepdims=True))
 
 
@@ -112,8 +120,7 @@ def test_a_quarter_turn_of_the_crop_turns_the_keypoints(tango: BoardModel) -> No
     image[120:190, 200:290] += 60
     region = next(iter(proposer.propose(image, 2.0, [_region(190, 110, 300, 200)], 1)))
     again = proposer.infer_again(image, 2.0, region)
-    centre = bin_centres()
-    first, second = (g.p @ centre / g.p.sum(axis=-1) for g in (region, again))
+    first, second = (g.p @ CENTRES / g.p.sum(axis=-1) for g in (region, again))
     # the mean of four looks stays where the first saw the craft
     assert np.abs(first.mean(axis=0) - second.mean(axis=0)).max() < 0.25
 

@@ -197,7 +197,7 @@ def test_exact_lines_give_the_pose(config):
     lines = np.array([np.concatenate([pixels[i], pixels[j]]) for i, j in sorted(sides)])
     low, high = pixels.min(axis=0), pixels.max(axis=0)
     region = Region(*low, *high, "test")
-    streams = Streams(lines, {"wge": lines}, np.zeros((0, 2)), (), np.zeros((1, 1), bool), region)
+    streams = Streams(lines, {"wge": lines}, np.zeros((0, 2)), (), region)
     frame = StageRecord(drawn("square").astype(np.uint8))
     result = PublishedEstimator(box(), CAMERA, config).from_streams(frame, streams)
     assert result.q_camera_from_target_wxyz is not None

@@ -34,8 +34,8 @@ from flyaround.hil.board.svd.region_of_interest import Region
 
 Array = np.ndarray
 
-# Diameter of the bounding sphere over the diagonal of a region; the same for sources that often detect a part only.
-SPHERE_OVER_BOX, SPHERE_OVER_PART, PART_SOURCES = 1.15, 1.7, ("saliency", "straight")
+# Diameter of the bounding sphere over the diagonal of a region; the same for windows, which often hold a part only.
+SPHERE_OVER_BOX, SPHERE_OVER_PART = 1.15, 1.7
 # Poses proposed per crop; the same in the second round, and the number of rolled crops that it averages.
 POSES_PER_CROP, POSES_SECOND_ROUND, ROLLS = 16, 24, 4
 # Largest deficit of a crop's presence logit relative to the best one.
@@ -160,7 +160,7 @@ class LearnedProposer:
                 camera,
                 0.5 * (r.x0 + r.x1),
                 0.5 * (r.y0 + r.y1),
-                (SPHERE_OVER_PART if r.source in PART_SOURCES else SPHERE_OVER_BOX) * r.diagonal_px,
+                (SPHERE_OVER_PART if r.source == "straight" else SPHERE_OVER_BOX) * r.diagonal_px,
             )
             for k, r in enumerate(regions)
         }
@@ -245,9 +245,7 @@ class LearnedProposer:
         score = log_likelihoods(g.table, self.points, self._focal(g.crop), q_crop, t_crop)
         return float(score[0] / LIKELIHOOD_DIVISOR - g.log_likelihood[0])
 
-    def log_likelihood_deficit(
-        self, image: Array, noise: float, q: Array, t: Array, black: float = 0.0
-    ) -> float:
+    def log_likelihood_deficit(self, image: Array, noise: float, q: Array, t: Array) -> float:
         """Return the log-likelihood deficit of a pose relative to the most likely pose in a crop around it.
 
         Parameters
@@ -260,15 +258,13 @@ class LearnedProposer:
             Attitude quaternion, camera from target.
         t : (3,) array
             Target position, camera frame [m], within the image.
-        black : float
-            Black level.
         """
         centre = t + quat.matrix(q) @ self.centre_m
         range_m = float(np.linalg.norm(centre))
         half_angle = np.arcsin(min(self.radius_m / range_m, 0.9))
         f = 0.5 * (self.camera.fx_px + self.camera.fy_px)
         crop = ImageCrop(centre / range_m, float(2 * f * np.tan(half_angle)))
-        log_p, craft, size = self.network(network_inputs(image, noise, self.camera, [crop], None, black))
+        log_p, craft, size = self.network(network_inputs(image, noise, self.camera, [crop]))
         region = Region(0.0, 0.0, float(image.shape[1]), float(image.shape[0]), "predicted")
         return -self.log_likelihood(
             [self._proposal(region, crop, log_p[0], float(craft[0]), float(size[0]))], q, t

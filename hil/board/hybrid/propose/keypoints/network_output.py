@@ -18,11 +18,6 @@ HALF_RANGE = 1.25
 BIN_WIDTH = 2 * HALF_RANGE / BINS
 
 
-def bin_centres() -> Array:
-    """Return the bin centres (BINS,) relative to the input's centre [half sides]."""
-    return (np.arange(BINS) + 0.5) * BIN_WIDTH - HALF_RANGE
-
-
 def keypoints_m(model: BoardModel) -> Array:
     """Return the points (KEYPOINTS, 3) of a target that the network locates, target frame [m].
 
