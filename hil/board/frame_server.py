@@ -239,9 +239,8 @@ class FrameServer:
             while not self._stop.is_set():
                 if now_ns() >= beat_ns:
                     beat_ns = now_ns() + round(CLOCK_REQUEST_S * 1e9)
-                    with contextlib.suppress(
-                        LinkClosed
-                    ):  # the next recv reports the closure, after any unread messages
+                    # the next recv reports the closure, after any unread messages
+                    with contextlib.suppress(LinkClosed):
                         self._link.send(TimeSyncRequest(now_ns()))
                 try:
                     message = self._link.recv(CLOCK_REQUEST_S)

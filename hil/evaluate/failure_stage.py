@@ -120,9 +120,8 @@ def _edge_share(
     if min(x1 - x0, y1 - y0) < 16:  # too small for the gradient's filters
         return 0.0
     R = matrix_from_quat(q)
-    if (
-        visible_samples(craft.samples, craft.occ, -R.T @ t)[0].sum() < 8
-    ):  # a share of so few samples says nothing
+    # a share of so few samples says nothing
+    if visible_samples(craft.samples, craft.occ, -R.T @ t)[0].sum() < 8:
         return 0.0
     field = edge_field(image, (x0, y0, x1, y1), noise, EDGE_FIELD_PX)
     return support(craft, q, t, field).drawn

@@ -200,9 +200,8 @@ def _capture(
 ) -> CaptureSummary:
     """Run `capture` on a store that is locked for it."""
     labels, formats = planned.labels, planned.formats
-    if not (
-        resume and store.exists(CARD_NAME)
-    ):  # count existing frames once the plan is known to be the same
+    # count existing frames once the plan is known to be the same
+    if not (resume and store.exists(CARD_NAME)):
         _require_disk_space(store, plan, labels, formats, plan.n_frames)
     with open_producer(plan, planned) as producer:
         info = producer.info

@@ -174,9 +174,8 @@ def _distant_lights(scene: SceneState) -> Iterator[tuple[FloatArray, FloatArray]
     for light in scene.area_lights:
         at_target = light.in_camera_frame(scene.camera_from_target)
         offset = at_target.middle_m - origin
-        direction = offset / max(
-            float(np.linalg.norm(offset)), 1e-6
-        )  # a light at the origin has no direction
+        # a light at the origin has no direction
+        direction = offset / max(float(np.linalg.norm(offset)), 1e-6)
         factor = float(at_target.irradiance_factor(origin[None], direction[None])[0])
         yield direction, factor * light.radiance(scene.bands)
 

@@ -21,9 +21,8 @@ if TYPE_CHECKING:
 
 DETECTED = {"killed", "timeout"}
 TEST_S, CASE_S = 300.0, 3600.0  # wall-clock limits of one test, and of all tests of one bug
-RESIDENT_BYTES = (
-    12 << 30
-)  # resident memory, because a limit of the address space stops programs under AddressSanitizer
+# resident memory, because a limit of the address space stops programs under AddressSanitizer
+RESIDENT_BYTES = 12 << 30
 _FAILED = re.compile(r"^(?:FAILED|ERROR) (.+?)(?: - .*)?$", re.MULTILINE)
 _OPTIONS = ("-q", "-p", "no:cacheprovider", "--tb=short", "-m", "not slow", "-o", "timeout_method=thread")
 

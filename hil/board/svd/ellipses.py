@@ -214,9 +214,8 @@ def model_circles(model: BoardModel) -> Tuple[Circle, ...]:
         p = ends[ring].reshape(-1, 3)
         centre = p.mean(axis=0)
         r = np.linalg.norm(p - centre, axis=1)
-        if (
-            r.std() < 0.02 * r.mean()
-        ):  # a regular polygon has no spread; this admits coordinates rounded in the file
+        # a regular polygon has no spread; this admits coordinates rounded in the file
+        if r.std() < 0.02 * r.mean():
             axis = np.linalg.svd(p - centre)[2][2]
             out.append(Circle(centre, axis, float(r.mean())))
     out.sort(key=lambda c: -c.radius_m)
@@ -228,9 +227,8 @@ def _ring_from(ends: Array, start: int) -> List[int]:
     ring, point = [start], ends[start, 1]
     heading = ends[start, 1] - ends[start, 0]
     for _ in range(400):
-        near = (
-            np.linalg.norm(ends - point, axis=2) < 1e-4
-        )  # metres: edges of a ring share vertices, but for rounding
+        # metres: edges of a ring share vertices, but for rounding
+        near = np.linalg.norm(ends - point, axis=2) < 1e-4
         best, best_cos, best_end = -1, 0.7, 0  # neighbours turn by less than 45 degrees: eight edges or more
         for m in np.flatnonzero(near.any(axis=1)):
             if m == ring[-1]:

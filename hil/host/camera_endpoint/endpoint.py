@@ -63,9 +63,8 @@ RELEASE_TIMEOUT_S = 1.5
 
 def serve_endpoint(pipe: Connection, config: EndpointConfig) -> None:
     """Run the endpoint until the other end of the pipe is closed."""
-    signal.signal(
-        signal.SIGINT, signal.SIG_IGN
-    )  # Ctrl-C is handled by the render process, which closes the pipe
+    # Ctrl-C is handled by the render process, which closes the pipe
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
     try:
         endpoint = CameraEndpoint(pipe, config)
     except UserError as error:

@@ -73,9 +73,8 @@ class SerialTransport(StreamTransport):
     def _write(self, data: bytes) -> None:
         view = memoryview(data)
         piece = max(1, int(self._bytes_per_s * PIECE_S))
-        self._free_s = max(
-            self._free_s, time.monotonic()
-        )  # a pause is not caught up with, but a late wake-up is, below
+        # a pause is not caught up with, but a late wake-up is, below
+        self._free_s = max(self._free_s, time.monotonic())
         try:
             for offset in range(0, len(view), piece):
                 part = view[offset : offset + piece]

@@ -205,9 +205,8 @@ def _sample_exact(mean_e: Float32Array, source: np.random.SFC64) -> Float32Array
     electrons[undecided] = (cumulated[level[undecided]] <= u[:, None]).sum(axis=1)
     remainder = mean_e - level.astype(np.float32) * np.float32(1 / _LEVELS_PER_E)
     remaining_bits = words & np.uint32(2**_REMAINING_BITS - 1)
-    candidates = np.flatnonzero(
-        remaining_bits <= remainder * np.float32(2**_REMAINING_BITS)
-    )  # probability of one count, or more
+    # probability of one count, or more
+    candidates = np.flatnonzero(remaining_bits <= remainder * np.float32(2**_REMAINING_BITS))
     u = (remaining_bits[candidates] + rng.random(candidates.size)) / 2**_REMAINING_BITS
     mean, k = remainder[candidates].astype(float), 0
     while candidates.size:

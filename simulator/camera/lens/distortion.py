@@ -165,9 +165,8 @@ class LensDomain:
                 )
                 xy = xy - step / (a * d - b * c)[..., None]
             is_invalid = np.abs(distort(self.distortion, xy) - image_xy).max(axis=-1) > 1e-9
-            is_invalid |= ~(
-                np.hypot(xy[..., 0], xy[..., 1]) <= self.limit * 1.0001
-            )  # rounding of points on the border
+            # rounding of points on the border
+            is_invalid |= ~(np.hypot(xy[..., 0], xy[..., 1]) <= self.limit * 1.0001)
         xy[is_invalid] = np.nan
         return xy
 

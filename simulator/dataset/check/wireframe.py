@@ -29,10 +29,8 @@ MIN_DEPTH_M = 0.05
 # Minimum length of a checked interval [px].
 MIN_INTERVAL_PX = 6.0
 MAX_INTERVALS = 60  # stretches of edges that are tested per frame
-VISIBILITY_MARGIN_M, FACING_MARGIN = (
-    1e-3,
-    0.02,
-)  # within these margins of being visible, either label is accepted
+# Margins of being visible within which either label is accepted: depth [m], and cosine of the angle to a face.
+VISIBILITY_MARGIN_M, FACING_MARGIN = 1e-3, 0.02
 
 ROD_RADIUS_MARGIN = 1.15
 """Radii around a rod's axis within which a surface counts as the rod's own, even if it tapers."""

@@ -139,9 +139,8 @@ class ShadowMap:
 
         The Sun looks along -z of the box.
         """
-        light_direction = -(
-            view.R_camera_from_target.T @ view.sun_direction
-        )  # direction in which the light travels
+        # direction in which the light travels
+        light_direction = -(view.R_camera_from_target.T @ view.sun_direction)
         return light_matrix(mesh.center_m, mesh.radius_m, light_direction)
 
     def run(

@@ -29,10 +29,8 @@ if TYPE_CHECKING:
     from flyaround.simulator.scene.state import SceneState
 
 _T = TypeVar("_T")
-_SIZE_NPOT, _SIZE_POT = (
-    (6, 12),
-    (4, 8),
-)  # rows and columns of placeholders: not powers of two, and powers of two
+# rows and columns of placeholders: not powers of two, and powers of two
+_SIZE_NPOT, _SIZE_POT = (6, 12), (4, 8)
 AUGUST = Season(8, 8, 0.0)
 """Season of the finest map, which is drawn unchanged in August."""
 

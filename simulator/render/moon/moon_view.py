@@ -131,9 +131,8 @@ def moon_view(scene: SceneState) -> MoonView:
         share, reach = shadow_profile(
             round(distance_behind_earth / 1e3), round(sun_distance / 1e9), scene.bands
         )
-    cosine = float(
-        -moon @ moon_to_sun / (earth_distance * sun_distance)
-    )  # cosine of the angle Earth - Moon - Sun
+    # cosine of the angle Earth - Moon - Sun
+    cosine = float(-moon @ moon_to_sun / (earth_distance * sun_distance))
     # phase of the Earth seen from the Moon, as a Lambert sphere
     phase = np.pi - np.arccos(np.clip(cosine, -1, 1))
     lambert = (np.sin(phase) + (np.pi - phase) * np.cos(phase)) / np.pi

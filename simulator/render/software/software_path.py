@@ -41,9 +41,8 @@ _MASK_PX = 2  # side of a mask pixel [px]; a tile is four of them wide
 _FOUR_BYTES = np.uint32  # four mask pixels read as one number
 _SHIFT = 4  # fractional bits of OpenCV's fixed-point coordinates
 _NEIGHBOURHOOD = np.ones((3, 3), np.uint8)  # a pixel and its eight neighbours
-_MAX_CORNER_PX = (
-    1 << 14
-)  # coordinates are clipped to this, so that with the fractional bits they fit OpenCV's integers
+# coordinates are clipped to this, so that with the fractional bits they fit OpenCV's integers
+_MAX_CORNER_PX = 1 << 14
 
 
 class TileCulling:

@@ -42,9 +42,8 @@ def edge() -> FloatArray:
     """Return a bright half plane whose edge is inclined by 5 degrees; each pixel is its covered share."""
     fine = 64
     y = np.arange(SIZE)[:, None] + ((np.arange(fine) + 0.5) / fine - 0.5)
-    position = SIZE / 2 + SLANT * (
-        y - SIZE / 2
-    )  # (H, fine): position at which the edge crosses each fine row
+    # (H, fine): position at which the edge crosses each fine row
+    position = SIZE / 2 + SLANT * (y - SIZE / 2)
     x = np.arange(SIZE)
     return np.clip(x[None, :, None] + 0.5 - position[:, None, :], 0, 1).mean(axis=2)
 

@@ -30,15 +30,8 @@ MIN_PIECE_SHARE = 0.0015
 """Share of the craft's mean silhouette below which a piece is dropped."""
 HULL_TOLERANCE = 0.01
 """Share of the craft's mean silhouette by which a piece's hull may be too large."""
-CUT_POSITIONS = (
-    0.15,
-    0.3,
-    0.4,
-    0.5,
-    0.6,
-    0.7,
-    0.85,
-)  # positions of a cut along a piece, as shares of its length
+CUT_POSITIONS = (0.15, 0.3, 0.4, 0.5, 0.6, 0.7, 0.85)
+"""Positions of a cut along a piece, as shares of its length."""
 SIDE_PX = 48
 VIEWS = sphere_directions(14)[:7]
 HULL_DIRECTIONS = (64, 40, 26, 14, 10)
