@@ -29,7 +29,7 @@ MIN_DEPTH_M = 0.05
 # Minimum length of a checked interval [px].
 MIN_INTERVAL_PX = 6.0
 MAX_INTERVALS = 60  # stretches of edges that are tested per frame
-# Margins of being visible within which either label is accepted: depth [m], and cosine of the angle to a face.
+# Margins of being visible within which either label is accepted: depth [m], and cosine of the angle to a face's normal.
 VISIBILITY_MARGIN_M, FACING_MARGIN = 1e-3, 0.02
 
 ROD_RADIUS_MARGIN = 1.15
