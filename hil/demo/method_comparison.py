@@ -163,7 +163,7 @@ def comparison_section(answers: Sequence[MethodAnswer]) -> Markup:
     return markup(
         note(
             "hybrid is the project's own method, which also ran on the board; svd-2018 is the algorithm of Sharma, "
-            "Ventura and D'Amico (2018), and svd-thesis its variant in Sharma's thesis. All three estimated the same "
+            "Ventura and D'Amico (2018), and svd-thesis its variant in the Milan thesis. All three estimated the same "
             "frames on this machine. A pose is right within 5 deg and 5 % of the range. A frame counts as failed at "
             "the stage that lost the right pose or never had it, or at the decision if it was declined or another "
             "selected."

@@ -36,7 +36,7 @@ HALO = [withStroke(linewidth=4, foreground="white")]
 
 AXES = ("x, right", "y, down", "z, forward")
 
-# Mean errors printed in Sharma's thesis, on its own images.
+# Mean errors printed in the Milan thesis, on its own images.
 THESIS_E_T_M, THESIS_E_R_DEG = 0.2506, 0.0528
 
 CAPTIONS = {
@@ -88,9 +88,9 @@ def _against_range(by_method: dict[str, list[EvaluatedFrame]]) -> Figure | None:
             mids, (medians,) = _binned_percentiles(x, y, (50,))
             ax.plot(mids, medians, color=colour, lw=2, path_effects=HALO, zorder=4, label=method)
         ax.set(xlabel="range [m]", ylabel=label, yscale="log")
-    printed = f"{THESIS_E_R_DEG} deg, mean printed in Sharma's thesis"
+    printed = f"{THESIS_E_R_DEG} deg, mean printed in the Milan thesis"
     read = f"{np.degrees(THESIS_E_R_DEG):.2f} deg, the same, interpreted as radians"
-    _mark(axes[0], THESIS_E_T_M, f"{THESIS_E_T_M} m, mean printed in Sharma's thesis", "--")
+    _mark(axes[0], THESIS_E_T_M, f"{THESIS_E_T_M} m, mean printed in the Milan thesis", "--")
     _mark(axes[1], THESIS_E_R_DEG, printed, "--")
     _mark(axes[1], float(np.degrees(THESIS_E_R_DEG)), read, ":")
     # above the axes, so that it covers no data
@@ -208,7 +208,7 @@ def _histograms(by_method: dict[str, list[EvaluatedFrame]]) -> Figure | None:
             ax.hist(clipped, bins.tolist(), color=colour, alpha=0.3, label="declined")
             ax.hist(clipped[accepted], bins.tolist(), color=colour, label="accepted")
             ax.locator_params(axis="y", integer=True, nbins=6)
-            ax.axvline(thesis, color=INK, ls="--", lw=1, label="mean printed in Sharma's thesis")
+            ax.axvline(thesis, color=INK, ls="--", lw=1, label="mean printed in the Milan thesis")
             ax.set(
                 xlabel=label if row == len(methods) - 1 else "",
                 ylabel="frames" if column == 0 else "",

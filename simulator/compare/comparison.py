@@ -37,7 +37,7 @@ ATMOSPHERES = {
     "25 km": ENVIRONMENTS["thesis"],
     "none": ENVIRONMENTS["airless"],
 }
-"""The atmospheres for the comparison of binary edges: ours, that of Sharma's thesis, none."""
+"""The atmospheres for the comparison of binary edges: ours, that of the Milan thesis, none."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

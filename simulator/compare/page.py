@@ -64,7 +64,7 @@ ABOUT = (
     "For each reference, our picture of the same view where its pose was known or found, else of the same kind of "
     "view: histogram, Sobel gradient (times four) and its histogram, unfiltered. Histograms are shares of the pixels "
     "on a logarithmic axis; grey is the reference, blue ours. Binary edges: gradient of the picture blurred by 1.5 "
-    "pixels above twice its root mean square; before the Earth ours also under 25 km of air (as in Sharma's thesis) "
+    "pixels above twice its root mean square; before the Earth ours also under 25 km of air (as in the Milan thesis) "
     "and under none, with the threshold of the first."
 )
 

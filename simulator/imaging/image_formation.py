@@ -131,7 +131,7 @@ def digitise(
 ) -> NDArray[np.unsignedinteger]:
     """Return digital numbers of an exposed signal: by the detector, or clip, speckle, Gaussian noise, clip, quantise.
 
-    Sharma's thesis, the source of the recipe with speckle, does not state an order. Here uniform speckle ``I + n I``
+    The Milan thesis, the source of the recipe with speckle, does not state an order. Here uniform speckle ``I + n I``
     comes first, then the Gaussian term, then the clip, as in consecutive calls of MATLAB's ``imnoise``.
 
     Parameters

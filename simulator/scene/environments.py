@@ -112,7 +112,7 @@ NOTHING = Environment(
 
 ENVIRONMENTS: dict[EnvironmentName, Environment] = {
     "full": _FULL,
-    # the atmosphere of Sharma's thesis ends at 25 km
+    # the atmosphere of the Milan thesis ends at 25 km
     "thesis": msgspec.structs.replace(_FULL, atmosphere_thickness_km=25.0),
     # its counter-example: equal reflection of land, sea and clouds
     "undifferentiated": msgspec.structs.replace(_FULL, undifferentiated=True),

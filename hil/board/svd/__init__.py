@@ -1,4 +1,4 @@
-"""Method of Sharma, Ventura & D'Amico (2018) and the variant of Sharma's thesis, as published; NumPy and OpenCV only.
+"""Method of Sharma, Ventura & D'Amico (2018) and the variant of the Milan thesis, as published; NumPy and OpenCV only.
 
 One file per stage, in the order of the pipeline: ``weak_gradients``, ``region_of_interest``, ``line_streams`` (with
 ``ellipses``, an option), ``segment_merging``, ``perceptual_groups`` and ``wireframe_groups``, ``correspondence``,

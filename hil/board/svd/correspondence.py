@@ -1,7 +1,7 @@
 """Feature correspondence: matches perceptual groups of image lines with wireframe groups, and solves their poses.
 
 Each pair of groups of the same kind is a hypothesis, solved by EPnP (Sharma, Ventura & D'Amico 2018, pose
-determination). Sharma's thesis instead solves P3P for three random points of a pair and counts inliers (RANSAC,
+determination). The Milan thesis instead solves P3P for three random points of a pair and counts inliers (RANSAC,
 Fischler & Bolles 1981).
 """
 

@@ -1,6 +1,6 @@
 """Ellipse detection by a Hough transform, and the poses of a round body from its circles; an optional stream.
 
-The outlook of Sharma's thesis proposes separate Hough transforms for shapes other than lines.
+The outlook of the Milan thesis proposes separate Hough transforms for shapes other than lines.
 """
 
 from __future__ import annotations

@@ -2,7 +2,7 @@
 
 Sharma, Ventura & D'Amico (2018), image processing: the first stream is a Hough transform of the edges left by WGE, the
 second one (S&H) of Sobel edges; ``rho = x cos(theta) + y sin(theta)`` in steps of 1 px and 0.5 deg, with lengths and
-gaps as shares of the region's diagonal. Sharma's thesis removes small components of the Sobel edges first. ``lsd``,
+gaps as shares of the region's diagonal. The Milan thesis removes small components of the Sobel edges first. ``lsd``,
 ``harris`` and ``ellipse`` are options suggested in its outlook.
 """
 

@@ -1,6 +1,6 @@
 """Pose from points: OpenCV's solvers by name, and the perspective three-point problem in batches.
 
-Sharma, Ventura & D'Amico (2018) solve each pair of groups with EPnP; Sharma's thesis solves three random points of it
+Sharma, Ventura & D'Amico (2018) solve each pair of groups with EPnP; the Milan thesis solves three random points of it
 (P3P with RANSAC).
 """
 

@@ -1,7 +1,7 @@
 """Region of interest: a box of the image that may contain the target.
 
 Sharma, Ventura & D'Amico (2018), image processing, WGE: along each axis the box spans the cumulative distribution of
-the surviving gradient pixels from 0.025 to 0.975. Sharma's thesis enlarges it by 5 % of the mean
+the surviving gradient pixels from 0.025 to 0.975. The Milan thesis enlarges it by 5 % of the mean
 edge length.
 """
 
@@ -104,7 +104,7 @@ def crop_of(region: Region, image: Array, margin: float = 0.0) -> Tuple[slice, s
 def grown_region(region: Region, lines: Array, share: float, shape: Tuple[int, int]) -> Region:
     """Return the region enlarged by a share of the mean length of ``lines``, within the image.
 
-    After Sharma's thesis. ``lines`` is (n, 4): the end points x0, y0, x1, y1 [px].
+    After the Milan thesis. ``lines`` is (n, 4): the end points x0, y0, x1, y1 [px].
     """
     if not len(lines) or share <= 0:
         return region

@@ -1,7 +1,7 @@
 """Merging of truncated and duplicate line segments.
 
 Sharma, Ventura & D'Amico (2018), image processing, merging of the streams: segments of similar direction, offset and
-position are one edge. Sharma's thesis merges each stream separately before merging them all.
+position are one edge. The Milan thesis merges each stream separately before merging them all.
 """
 
 from __future__ import annotations

@@ -8,7 +8,7 @@ from flyaround.simulator.errors import UserError
 _PRESETS = {
     # Kisantal et al. (2020), Satellite Pose Estimation Challenge, IEEE TAES 56(5): blur 1 px, variance 0.0022
     "speed": Sensor(preset="speed", blur_sigma_px=1.0, speckle_variance=0.0, gaussian_variance=0.0022),
-    # the recipe of Sharma's thesis: speckle 0.004, then Gaussian 0.003
+    # the recipe of the Milan thesis: speckle 0.004, then Gaussian 0.003
     "thesis": Sensor(preset="thesis", blur_sigma_px=1.0, speckle_variance=0.004, gaussian_variance=0.003),
     "ideal": Sensor(preset="ideal", blur_sigma_px=0.0, speckle_variance=0.0, gaussian_variance=0.0),
     # Sony IMX174 mono (the detector of SPEED's camera) by EMVA 1288: Point Grey (2015), Sony Pregius global shutter

@@ -31,7 +31,7 @@ def wge_stream(image: Array, diagonal_px: float) -> Array:
 
 
 def cleaned_stream(mask: Array, diagonal_px: float) -> Array:
-    """Return the segments of thin edges after removing small components (the S&H stream of Sharma's thesis)."""
+    """Return the segments of thin edges after removing small components (the S&H stream of the Milan thesis)."""
     return hough(mask, max(8.0, SH_LENGTH * diagonal_px), max(2.0, SH_GAP * diagonal_px))
 
 
