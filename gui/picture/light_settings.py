@@ -78,6 +78,10 @@ def changed_light(switched: SwitchedLight, field: str, text: str) -> SwitchedLig
 
     Parameters
     ----------
+    switched : SwitchedLight
+        Light to change.
+    field : str
+        Name of the field of `Lamp` or `AreaLight`.
     text : str
         A number, a word, or three numbers separated by commas.
 

@@ -97,6 +97,10 @@ class BurnNodes:
 
         Parameters
         ----------
+        canvas : Canvas
+            Canvas of the map.
+        port : MapPort
+            View of the map.
         obstacles : tuple of Place
             Rectangles that the burns' sizes avoid, x, y, width, height.
         """
