@@ -114,8 +114,6 @@ class Evidence:
         Log-likelihood of the pose by the network, relative to the maximum over poses.
     craft : float
         Logit of the network's presence score.
-    track : float
-        Log-likelihood ratio of a right to a wrong pose, given its distance from the tracked pose; 0 without a track.
     """
 
     drawn: float
@@ -139,7 +137,6 @@ class Evidence:
     regime: Regime = Regime.SUNLIGHT
     network: float = 0.0
     craft: float = 0.0
-    track: float = 0.0
 
 
 def confidence(e: Evidence) -> float:
@@ -150,7 +147,7 @@ def confidence(e: Evidence) -> float:
     """
     if e.score is not None:
         return image_confidence(e, e.score)
-    z = e.track - 2.3 + 38.0 * min(e.margin, 0.15) + 6.8 * e.tight
+    z = -2.3 + 38.0 * min(e.margin, 0.15) + 6.8 * e.tight
     z -= 22.0 * min(e.sigma_rad, 1.0) + 95.0 * min(e.sigma_share, 1.0) + 84.0 * min(e.outside, 0.3)
     # few samples can agree by chance
     z -= 0.1 * max(0, 50 - e.edges)
@@ -161,7 +158,7 @@ def confidence(e: Evidence) -> float:
 
 def image_confidence(e: Evidence, score: float) -> float:
     """Return the confidence, 0 to 1, in a pose that was scored by the whole image."""
-    z = BIAS + float(np.dot(WEIGHTS, terms(e, score))) + e.track
+    z = BIAS + float(np.dot(WEIGHTS, terms(e, score)))
     z -= (0.0 if e.calibrated else UNCALIBRATED_PENALTY) + (0.0 if e.has_network else NO_NETWORK_PENALTY)
     return float(1.0 / (1.0 + np.exp(-np.clip(z, -30, 30))))
 
@@ -227,7 +224,7 @@ def decide(e: Evidence) -> str:
         e.drawn < (MIN_DRAWN if e.empty else MIN_DRAWN_TEXTURED) or e.matched_share < MIN_MATCHED
     ):
         return "too little of the model is supported by edges"
-    if e.margin < min_margin(e) and e.track <= 0.0:
+    if e.margin < min_margin(e):
         return "ambiguous: another pose explains the picture as well"
     if confidence(e) < ACCEPT_AT:
         unexplained = e.score is not None and e.covered < MIN_EXPLAINED_AREA

@@ -13,7 +13,7 @@ from flyaround.hil.board.estimation.estimator import Estimator
 from flyaround.hil.board.estimation.record import StageRecord, Trace
 from flyaround.hil.board.estimation.result import PoseResult
 from flyaround.hil.board.estimation.target_model import BoardModel
-from flyaround.hil.board.hybrid.decide.confidence import MIN_EDGES, MIN_MATCHED, Evidence, confidence, decide
+from flyaround.hil.board.hybrid.decide.confidence import MIN_EDGES, MIN_MATCHED, Evidence
 from flyaround.hil.board.hybrid.estimator import PoseEstimator
 from flyaround.hil.board.hybrid.hypotheses.ambiguity import largest_sigma
 from flyaround.hil.board.hybrid.image.noise import noise_sigma
@@ -61,13 +61,6 @@ AGREEMENT_RAD, SUN_SEARCH_INTERVAL = float(np.radians(1.0)), 3
 # Innovation gate: 99.99 % of chi-square with 6 degrees of freedom.
 INNOVATION_GATE = 27.9
 
-# Log-likelihood ratio of a right to a wrong initialisation that agrees with the prediction, and of one that contradicts
-# it (docs/lab/2026-12-confidence.md, Evidence of the track).
-AGREEMENT_LOG_RATIO, CONTRADICTION_LOG_RATIO = 1.4, -2.9
-
-# Number of accepted poses from which a track is evidence: a shorter one may be wrong itself.
-MIN_CONFIRMED = 3
-
 # Log-likelihood by which the keypoint network must prefer another pose for the track to be dropped.
 MAX_LOG_LIKELIHOOD_DEFICIT = 6.0
 
@@ -105,7 +98,7 @@ class TrackingEstimator(Estimator):
         self.state: Optional[TrackState] = None
         self.at_s: Optional[float] = None
         self.polarity = np.zeros(len(self.craft.samples))
-        self.missed = self.confirmed = 0
+        self.missed = 0
         self.edge_only_frames = 0
         self.photometric_alignments = 0
         self.empty = False
@@ -192,7 +185,6 @@ class TrackingEstimator(Estimator):
             return None
         self.state, self.polarity = posterior, polarity
         self.missed, self.edge_only_frames = 0, edge_only_frames
-        self.confirmed += 1
         frame.count("edges", fit.n_inliers)
         frame.mark("update")
         return PoseResult(
@@ -257,32 +249,35 @@ class TrackingEstimator(Estimator):
         return deficit > MAX_LOG_LIKELIHOOD_DEFICIT
 
     def _initialise(self, frame: Observation) -> PoseResult:
-        """Return the pose of a single image, decided on with the prediction as evidence, and update the track."""
-        result = replace(self.first.initialise(frame), method=self.method)
+        result = self.first.initialise(frame)
         frame.count("initialised", 1)
         q, t = result.q_camera_from_target_wxyz, result.t_camera_from_target_m
-        if q is None or t is None or not isinstance(result.evidence, Evidence):
-            return result
-        self.empty = result.evidence.empty
-        covariance = _initial_covariance(t)
-        agrees = False
+        if q is not None and t is not None:
+            self.empty = isinstance(result.evidence, Evidence) and result.evidence.empty
+            self._begin(q, t, accepted=result.accepted)
+            if result.accepted:
+                self.sun = find_sun(self.craft, frame, (q, t))
+                frame.mark("sun")
+        return replace(result, method=self.method)
+
+    def _begin(self, q: Array, t: Array, *, accepted: bool) -> None:
+        """Update the filter with an initialisation.
+
+        One that agrees with the prediction determines the rates. Otherwise tracking restarts, if it was accepted.
+        """
+        z = float(t[2])
+        covariance = (
+            np.diag([INITIAL_SIGMA_RAD] * 3 + [INITIAL_SIGMA_ACROSS * z] * 2 + [INITIAL_SIGMA_ALONG * z]) ** 2
+        )
         if self.state is not None:
             after, distance = update(self.state, q, t, covariance)
-            agrees = distance < INNOVATION_GATE
-            if self.confirmed >= MIN_CONFIRMED:
-                ratio = AGREEMENT_LOG_RATIO if agrees else CONTRADICTION_LOG_RATIO
-                result = _decided_again(result, replace(result.evidence, track=ratio))
-            if agrees:
-                # a declined pose near the prediction is correct: it determines the rates as well
+            if distance < INNOVATION_GATE:
+                # a declined pose near the prediction is correct
                 self.state, self.missed = after, 0
-        if result.accepted:
-            if not agrees:
-                self.state, self.missed, self.confirmed = first_state(q, t, covariance), 0, 0
-                self.polarity = np.zeros(len(self.craft.samples))
-            self.confirmed += 1
-            self.sun = find_sun(self.craft, frame, (q, t))
-            frame.mark("sun")
-        return result
+                return
+        if accepted:
+            self.state, self.missed = first_state(q, t, covariance), 0
+            self.polarity = np.zeros(len(self.craft.samples))
 
     def _reach(self, state: TrackState) -> Optional[float]:
         """Return the search range of edges, three sigma of the prediction [px]; None if it is too large."""
@@ -306,21 +301,6 @@ class TrackingEstimator(Estimator):
         h = image.shape[0]
         y0 = int(np.clip(v - 48, 0, max(0, h - 96)))
         return image[y0 : y0 + 96]
-
-
-def _decided_again(result: PoseResult, evidence: Evidence) -> PoseResult:
-    """Return a result with the decision by more evidence."""
-    reason = decide(evidence)
-    return replace(
-        result, accepted=not reason, reason=reason, confidence=confidence(evidence), evidence=evidence
-    )
-
-
-def _initial_covariance(t: Array) -> Array:
-    """Return the covariance (6, 6) of an initialisation at a position (3,): rotation [rad] and translation [m]."""
-    z = float(t[2])
-    sigmas = [INITIAL_SIGMA_RAD] * 3 + [INITIAL_SIGMA_ACROSS * z] * 2 + [INITIAL_SIGMA_ALONG * z]
-    return np.asarray(np.diag(sigmas) ** 2)
 
 
 def squared_distance(fit: TrackFit, q: Array, t: Array) -> float:

@@ -11,8 +11,6 @@ from drawn_craft import CAMERA, Craft
 from flyaround.__main__ import run
 from flyaround.hil.board.estimation import BoardModel, CameraIntrinsics
 from flyaround.hil.board.estimation import quaternion as quat
-from flyaround.hil.board.estimation.result import PoseResult
-from flyaround.hil.board.hybrid.decide.confidence import Evidence, confidence, decide
 from flyaround.hil.board.hybrid.geometry.image_patch import ImagePatch
 from flyaround.hil.board.hybrid.model.image_formation import blurred
 from flyaround.hil.board.hybrid.model.rasteriser import draw_faces, order_faces
@@ -188,43 +186,6 @@ def test_a_track_in_a_pose_that_the_keypoint_network_denies_is_lost(tango: Board
         assert result.accepted
         assert result.q_camera_from_target_wxyz is not None
         assert quat.angle_rad(result.q_camera_from_target_wxyz, q) < np.radians(2)
-
-
-@pytest.mark.parametrize(
-    ("drawn", "off_deg", "alone", "accepted"),
-    [
-        (0.36, 0.5, False, True),  # declined alone, and where the craft is expected
-        (0.45, 9.0, True, False),  # accepted alone, and far from there
-        (0.8, 9.0, True, True),  # too clear to be wrong: the track was
-    ],
-)
-def test_the_track_is_evidence_for_or_against_the_pose_of_a_single_image(
-    tango: BoardModel,
-    monkeypatch: pytest.MonkeyPatch,
-    drawn: float,
-    off_deg: float,
-    *,
-    alone: bool,
-    accepted: bool,
-) -> None:
-    evidence = Evidence(
-        drawn=drawn, explained=0.7, outside=0.0, margin=0.3, matched_share=0.5, tight=0.5, rms_px=0.0,
-        sigma_rad=0.005, sigma_share=0.002, edges=200, size_px=250.0, empty=True, score=0.6, likeness=0.985,
-        covered=0.5, network=-0.2, craft=10.0, saturated=0.4,
-    )  # fmt: skip
-    assert (decide(evidence) == "") is alone
-    tracker, t = make_estimator(tango, SMALL, "hybrid-track"), np.array([0.05, -0.05, 4.2])
-    assert isinstance(tracker, TrackingEstimator)
-    q = quat.normalise(np.array([0.5, 0.3, -0.2, 0.6]))
-    found = quat.multiply(quat.from_rotvec(np.radians([off_deg, 0.0, 0.0])), q)
-    single = PoseResult(alone, decide(evidence), found, t, confidence(evidence), evidence=evidence)
-    monkeypatch.setattr(tracker.first, "initialise", lambda frame: single)
-    tracker.state, tracker.at_s, tracker.confirmed = first_state(q, t, 1e-4 * np.eye(6)), 0.0, 3
-    noise = np.random.default_rng(1).normal(8, 3, (300, 480)).clip(0, 255).astype(np.uint8)
-    result = tracker.estimate(noise, None, 0.1)
-    assert result.accepted is accepted
-    assert (result.reason == "") is accepted
-    assert (result.confidence > single.confidence) is (off_deg < 1)
 
 
 @pytest.mark.slow
