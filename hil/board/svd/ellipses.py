@@ -26,8 +26,8 @@ MAX_POINTS, MAX_PAIRS = 260, 6000
 # Major axes that are tried, relative to the region's diagonal: smaller ellipses are fittings, larger ones do not fit.
 AXIS_RANGE = (0.2, 1.1)
 
-# Ratios of minor to major axis that are voted for: flatter ellipses cannot be told from two parallel lines, and above 1
-# the axes swap.
+# Ratios of minor to major axis that are voted for: flatter ellipses look like two parallel lines, and above 1 the axes
+# swap.
 AXIS_RATIOS = (0.12, 1.02)
 
 # Pairs that are fitted, and votes of MAX_POINTS that a pair needs: fewer are common among unrelated edges.

@@ -35,7 +35,7 @@ MAX_LINES = 40
 # Margin of the line search around the region, share of its diagonal: lines that leave the region keep their true ends.
 SEARCH_MARGIN = 0.25
 
-# Number of Harris corners, Harris's sensitivity parameter (Harris & Stephens 1988: 0.04 to 0.06), and minimum response
+# Number of Harris corners, Harris's sensitivity parameter (usually 0.04 to 0.06), and minimum response
 # relative to the strongest corner. The minimum matters only if fewer than HARRIS_CORNERS exceed it.
 HARRIS_CORNERS, HARRIS_K, HARRIS_MIN = 60, 0.04, 0.01
 

@@ -22,7 +22,7 @@ Array = np.ndarray
 
 
 # Minimum length of an edge whose ends count as corners [share of the model's radius]. Ends of shorter edges are too
-# close together to be told apart in an image.
+# close together to be separated in an image.
 MIN_LENGTH = 0.25
 
 # Number of poses compared at once, limited by the processor's cache.
