@@ -98,56 +98,6 @@ void main() {
 #else
 layout(location = 0) out vec4 out_radiance;
 
-#if HIGH && CLOUDS && AIR && !SMOOTH
-// Most frequent height of tropical deep clouds (Chae & Sherwood 2010, J. Atmos. Sci. 67, 248).
-const float TALLEST_KM = 12.0;
-// Light of a cloud's side over that of its top, as it sees half of the sky. Chosen by eye.
-const float WALL = 0.75;
-
-// Radiance along a ray that misses the ground: air, and clouds whose tops rise above the horizon.
-color limb_radiance(GlobeRay ray) {
-    color air = air_radiance(ray);
-    float low_km = (sqrt(ray.perigee2) - 1.0) * EARTH_KM, hidden = 0.0;
-    if (low_km > TALLEST_KM) return air;
-    vec2 meridian = u_globe_meridian.xy;
-    float pixel_km = -ray.along * ray.pixel_rad * EARTH_KM, level = log2(pixel_km / DETAIL_TEXEL_KM) + 1.0;
-    vec3 zenith = u_globe_camera.xyz * u_globe_camera.w, ahead = normalize(ray.direction - dot(ray.direction, zenith) * zenith);
-    // angles at the Earth's centre from the camera to the horizon and to the ray's lowest point
-    float horizon = acos(u_globe_camera.w), lowest = acos(min(sqrt(ray.perigee2) * u_globe_camera.w, 1.0));
-    for (int k = -3; k <= 3; ++k) {
-        float turn = horizon + float(k) * (40.0 / EARTH_KM), off = turn - lowest;
-        vec3 p = cos(turn) * zenith + sin(turn) * ahead;
-        float east = atan(meridian.x * p.y - meridian.y * p.x, dot(meridian, p.xy));
-        vec2 uv = vec2((east + u_globe_meridian.z) * (0.5 / PI) + 0.5, 0.5 - asin(clamp(p.z, -1.0, 1.0)) / PI);
-        float cover = textureLod(t_map, uv, 0.0).y;
-        // height of the tops: broad changes over 30 km, smaller ones between towers
-        vec2 place = detail_plane(p) * (EARTH_KM / DETAIL_KM);
-        float broad = textureLod(t_detail, place, 7.0).x, tower = textureLod(t_detail, place, level).x;
-        float over = clamp(6.0 * (cover - 0.4 * broad), 0.0, 1.0);
-        float above_km = over * (CLOUD_KM + (TALLEST_KM - CLOUD_KM) * cover * (0.7 * broad + 0.3 * tower)) - low_km - 0.5 * EARTH_KM * off * off;
-        hidden = max(hidden, clamp(above_km / max(pixel_km, 1.5) + 0.5, 0.0, 1.0));
-    }
-    vec3 middle = normalize(u_globe_camera.xyz - ray.along * ray.direction);
-    float mu = dot(middle, u_globe_sun.xyz);
-    GlobeRay level_ray = ray;
-    level_ray.disc = 0.0;
-#if BANDS == 1
-    color through = sqrt(textureLod(t_air, table_uv(ray, false), 0.0).z), light = table_air(level_ray).light;
-    const float more = 1.0;
-#else
-    color through = sqrt(textureLod(t_air_transmittance, table_uv(ray, false), 0.0).xyz), light = daylight(mu);
-    // light on the air behind the clouds over that on the air in front; they differ at dusk
-    float ahead_mu = 0.03 * dot(ray.direction, u_globe_sun.xyz);
-    color more = daylight(mu + ahead_mu) / max(daylight(mu - ahead_mu), color(1e-6));
-#endif
-    // half of the air is in front of the clouds
-    float white = min(12.0 / 49.0 * (1.0 + 2.0 * max(mu, 0.0)) / max(mu, 0.05), 1.1);
-    color cloud = air / (1.0 + more * through) + through * light * BAND(u_globe_irradiance) * (WALL * white / PI);
-    return mix(air, cloud, hidden);
-}
-#define air_radiance limb_radiance
-#endif
-
 void main() {
     float open = 1.0;
 #if COVERED

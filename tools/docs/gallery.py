@@ -271,7 +271,7 @@ Sand under clear water adds what the August map has over deep sea; red is absorb
 turquoise.
 
 Near the ground the path is so deep that all bands come back alike; higher up it is thin and as blue as its
-scattering. `high` draws cloud tops up to 12 km on the line.
+scattering.
 
 The Sun behind the air is dimmed, reddened and flattened; the craft has the same light. Glare is the lens's, of a
 detector that clips.
