@@ -15,6 +15,7 @@ from flyaround.simulator.labels.truth import (
     KeypointLabel,
     Truth,
     parse_truth,
+    pose_problem,
     read_record_bytes,
 )
 from flyaround.simulator.runtime.arrays import Quat, Vec3
@@ -90,7 +91,7 @@ def parse_label_record(data: bytes, path: Path) -> LabelRecord:
         raise UserError(
             f"{path} is not a label record: {error}; give a .json written by capture or convert"
         ) from error
-    problem = camera_problem(record.camera)
+    problem = pose_problem(record) or camera_problem(record.camera)
     if problem is not None:
         raise UserError(
             f"{path} is not a label record: {problem}; give a .json written by capture or convert"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal, Protocol
 
 import msgspec
 
@@ -14,6 +14,7 @@ from flyaround.simulator.runtime.arrays import Quat, Vec3
 from flyaround.simulator.runtime.untrusted_files import read_regular, refuse_deep, without_mark
 from flyaround.simulator.scene.limits import scene_problem
 from flyaround.simulator.scene.record import SceneRecord
+from flyaround.simulator.world.frames.pose import Pose
 
 if TYPE_CHECKING:
     from flyaround.simulator.scene.state import SceneState
@@ -160,10 +161,33 @@ def parse_truth(data: bytes, path: Path) -> Truth:
         raise UserError(
             f"{path} is not a truth record: {error}; give a .json written by render or capture"
         ) from error
-    problem = scene_problem(truth.scene)
+    flow = () if truth.flow is None else (truth.flow,)
+    problem = pose_problem(truth, *flow, *truth.row_poses) or scene_problem(truth.scene)
     if problem is not None:
         raise UserError(f"{path} is not a truth record: {problem}; give a .json written by render or capture")
     return truth
+
+
+class LabelledPose(Protocol):
+    """A part of a record that states a pose of the target."""
+
+    @property
+    def q_camera_from_target_wxyz(self) -> Quat:
+        """Attitude of the target, scalar first."""
+
+    @property
+    def t_camera_from_target_m(self) -> Vec3:
+        """Position of the target's origin in the camera frame [m]."""
+
+
+def pose_problem(*poses: LabelledPose) -> str | None:
+    """Return why one of the poses is not a pose, such as a quaternion of another length; None if all are."""
+    for pose in poses:
+        try:
+            Pose("camera", "target", pose.q_camera_from_target_wxyz, pose.t_camera_from_target_m)
+        except ValueError as error:
+            return str(error)
+    return None
 
 
 def read_record_bytes(path: Path) -> bytes:
