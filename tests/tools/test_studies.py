@@ -2,6 +2,7 @@
 
 import subprocess
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -22,7 +23,7 @@ from tools.studies.published_methods import (
 )
 
 
-def test_no_method_of_the_studies_is_measured_twice():
+def test_no_method_of_the_studies_is_measured_twice() -> None:
     model = board_model(load_target("cubesat-1u"))
     camera = CameraIntrinsics(320, 240, 500.0, 500.0, 159.5, 119.5)
     made = [make_estimator(model, camera, c.method, c.solver, c.streams) for c in PUBLISHED]
@@ -30,7 +31,7 @@ def test_no_method_of_the_studies_is_measured_twice():
     assert len(configs) == len(PUBLISHED) == len({c.label for c in PUBLISHED})
 
 
-def answer(frame, method, error_deg, *, feasible=True):
+def answer(frame: int, method: str, error_deg: float, *, feasible: bool = True) -> EvaluatedFrame:
     turn = np.radians(error_deg) / 2
     q = (float(np.cos(turn)), float(np.sin(turn)), 0.0, 0.0)
     record = frame_record(
@@ -42,7 +43,7 @@ def answer(frame, method, error_deg, *, feasible=True):
     )  # fmt: skip
 
 
-def test_paired_counts_are_of_frames_that_both_have_and_their_probability_is_exact():
+def test_paired_counts_are_of_frames_that_both_have_and_their_probability_is_exact() -> None:
     rows = [answer(k, "a", 1.0 if k < 4 else 90.0) for k in range(12)]
     rows += [answer(k, "b", 1.0 if k >= 3 else 90.0) for k in range(11)]
     rows += [answer(20, "a", 90.0, feasible=False), answer(20, "b", 1.0, feasible=False)]
@@ -57,7 +58,7 @@ def test_paired_counts_are_of_frames_that_both_have_and_their_probability_is_exa
 
 @pytest.mark.slow
 @pytest.mark.gl
-def test_the_cost_on_a_board_is_printed_by_stage(tmp_path):
+def test_the_cost_on_a_board_is_printed_by_stage(tmp_path: Path) -> None:
     capture(plan_recipe("eval-black", 2, seed=21), tmp_path / "set")
     done = subprocess.run(
         [sys.executable, "-m", "tools.studies.board_cost", str(tmp_path / "set")],

@@ -58,6 +58,10 @@ MAX_EDGE_ONLY_FRAMES = 5
 # Angle between edge fit and prediction below which these are not compared [rad]; alignments per search of the Sun.
 AGREEMENT_RAD, SUN_SEARCH_INTERVAL = float(np.radians(1.0)), 3
 
+# Angle between the poses aligned on edges and on the synthetic view above which the track is dropped [rad]: one of the
+# two is wrong, and a tilt that explains the edges or a saturated face as well does not tell which.
+MAX_DISAGREEMENT_RAD = float(np.radians(2.0))
+
 # Innovation gate: 99.99 % of chi-square with 6 degrees of freedom.
 INNOVATION_GATE = 27.9
 
@@ -172,7 +176,7 @@ class TrackingEstimator(Estimator):
         prior, polarity = state, fit.polarity
         if is_doubtful and self.craft.model.faces is not None:
             q, t, covariance = self._align_photometrically(frame, state, fit)
-            if self._network_disagrees(frame, q, t):
+            if quat.angle_rad(fit.q, q) > MAX_DISAGREEMENT_RAD or self._network_disagrees(frame, q, t):
                 return None
             # edges that the image contradicts must not update the polarity used in the next frame
             if squared_distance(fit, q, t) > INNOVATION_95:
@@ -252,32 +256,31 @@ class TrackingEstimator(Estimator):
         result = self.first.initialise(frame)
         frame.count("initialised", 1)
         q, t = result.q_camera_from_target_wxyz, result.t_camera_from_target_m
-        if q is not None and t is not None:
+        # a declined pose may be a tilt that explains the image as well as the true one, so the filter does not take it
+        if result.accepted and q is not None and t is not None:
             self.empty = isinstance(result.evidence, Evidence) and result.evidence.empty
-            self._begin(q, t, accepted=result.accepted)
-            if result.accepted:
-                self.sun = find_sun(self.craft, frame, (q, t))
-                frame.mark("sun")
+            self._begin(q, t)
+            self.sun = find_sun(self.craft, frame, (q, t))
+            frame.mark("sun")
         return replace(result, method=self.method)
 
-    def _begin(self, q: Array, t: Array, *, accepted: bool) -> None:
-        """Update the filter with an initialisation.
+    def _begin(self, q: Array, t: Array) -> None:
+        """Update the filter with an accepted initialisation.
 
-        One that agrees with the prediction determines the rates. Otherwise tracking restarts, if it was accepted.
+        One that agrees with the prediction determines the rates; otherwise tracking restarts.
         """
         z = float(t[2])
         covariance = (
             np.diag([INITIAL_SIGMA_RAD] * 3 + [INITIAL_SIGMA_ACROSS * z] * 2 + [INITIAL_SIGMA_ALONG * z]) ** 2
         )
+        self.missed = 0
         if self.state is not None:
             after, distance = update(self.state, q, t, covariance)
             if distance < INNOVATION_GATE:
-                # a declined pose near the prediction is correct
-                self.state, self.missed = after, 0
+                self.state = after
                 return
-        if accepted:
-            self.state, self.missed = first_state(q, t, covariance), 0
-            self.polarity = np.zeros(len(self.craft.samples))
+        self.state = first_state(q, t, covariance)
+        self.polarity = np.zeros(len(self.craft.samples))
 
     def _reach(self, state: TrackState) -> Optional[float]:
         """Return the search range of edges, three sigma of the prediction [px]; None if it is too large."""

@@ -133,14 +133,16 @@ def tango() -> BoardModel:
     return board_model(load_target("tango"))
 
 
-def picture_of(tango: BoardModel, q: np.ndarray, t: np.ndarray, seed: int) -> np.ndarray:
+def picture_of(
+    tango: BoardModel, q: np.ndarray, t: np.ndarray, seed: int, exposure: float = 1.0
+) -> np.ndarray:
     """The board's drawing of the target under one lamp, with noise; every face as bright as its direction says."""
     faces, R, fine = tango.faces, quat.matrix(q), 3
     assert faces is not None
     canvas = ImagePatch(np.zeros((300, 480), np.float32), 2.0, 0.0, 0.0, 1.0, fine)
     seen = draw_faces(faces, order_faces(faces, -R.T @ t), SMALL, R, t, canvas)
     lit = np.array([60.0, 200.0, 140.0])[faces.material % 3] * np.clip(faces.normals @ (R.T @ SUN), 0.1, 1)
-    drawn = np.concatenate([[0.0], lit])[seen].astype(np.float32)
+    drawn = exposure * np.concatenate([[0.0], lit])[seen].astype(np.float32)
     small = blurred(drawn.reshape(300, fine, 480, fine).mean(axis=(1, 3)), 1.0)
     noisy = small + np.random.default_rng(seed).normal(0, 3.0, small.shape)
     return np.clip(np.rint(noisy), 0, 255).astype(np.uint8)
@@ -186,6 +188,42 @@ def test_a_track_in_a_pose_that_the_keypoint_network_denies_is_lost(tango: Board
         assert result.accepted
         assert result.q_camera_from_target_wxyz is not None
         assert quat.angle_rad(result.q_camera_from_target_wxyz, q) < np.radians(2)
+
+
+def test_a_track_whose_edges_and_synthetic_view_differ_is_dropped(tango: BoardModel) -> None:
+    # a fifth of the craft is saturated: the synthetic view follows the prediction, whose error grows to 4.6 deg
+    tracker = make_estimator(tango, SMALL, "hybrid-track")
+    rng = np.random.default_rng(4)
+    q0, rate = quat.normalise(rng.normal(size=4)), np.radians(rng.normal(0, 1.2, 3))
+    errors, found = [], []
+    for k in range(10):
+        q = quat.normalise(quat.multiply(quat.from_rotvec(rate * k), q0))
+        picture = picture_of(tango, q, np.array([0.05, -0.05, 4.2]), k, exposure=4.0)
+        result = tracker.estimate(picture, None, float(k))
+        assert result.accepted
+        assert result.q_camera_from_target_wxyz is not None
+        errors.append(float(np.degrees(quat.angle_rad(result.q_camera_from_target_wxyz, q))))
+        found += [k] * ("initialised" in result.counts)
+    assert max(errors) < 3.5
+    assert len(found) <= 4
+
+
+def test_a_declined_pose_does_not_move_the_track(tango: BoardModel) -> None:
+    tracker, t = make_estimator(tango, SMALL, "hybrid-track"), np.array([0.05, -0.05, 4.2])
+    assert isinstance(tracker, TrackingEstimator)
+    q = quat.normalise(np.random.default_rng(2).normal(size=4))
+    for k in range(3):
+        assert tracker.estimate(picture_of(tango, q, t, k), None, float(k)).accepted
+    assert tracker.state is not None
+    predicted = predict(tracker.state, 1.0)
+    # three quarters of the craft are saturated, 7 deg from the prediction and within its innovation gate
+    turned = quat.normalise(quat.multiply(quat.from_rotvec(np.radians([7.0, 0.0, 0.0])), q))
+    result = tracker.estimate(picture_of(tango, turned, t, 3, exposure=4.0), None, 3.0)
+    assert not result.accepted
+    assert result.q_camera_from_target_wxyz is not None
+    assert tracker.state is not None
+    assert quat.angle_rad(tracker.state.q, predicted.q) < np.radians(0.01)
+    assert tracker.missed == 1
 
 
 @pytest.mark.slow
