@@ -26,8 +26,8 @@ FRAMES = 50
 
 
 def _seek(console: Console, t_s: float) -> None:
-    console.session.clock.paused = True
     console.session.look_back.seek(t_s)
+    console.session.clock.paused = True
 
 
 def _skip(seconds: float, console: Console) -> None:
@@ -49,13 +49,13 @@ def _fly_on(console: Console) -> None:
     if not session.look_back.active:
         raise UserError("this is the end of what was flown: Space flies on")
     session.look_back.fly_on()
-    session.clock.paused = False
+    session.clock.slow_down()
     console.say(f"flies on from {clock(session.t_s)}; Swap future brings the other future back")
 
 
 def _other_future(console: Console) -> None:
-    console.session.clock.paused = True
     parts_s = console.session.look_back.swap_future()
+    console.session.clock.paused = True
     console.say(f"the other future is back; it branches off at {clock(parts_s)}")
 
 

@@ -237,9 +237,15 @@ class FlightSession:
         Raises
         ------
         UserError
-            If it is refused.
+            If it is refused; nothing has changed then.
         """
-        news = order.carry_out(self.craft)
+        craft = self.craft
+        before = craft.t_s, craft.steered, craft.controls()
+        try:
+            news = order.carry_out(craft)
+        except UserError:
+            craft.restore(*before)
+            raise
         if isinstance(order, Abort):
             self.clock.slow_down()
         return news
@@ -315,8 +321,8 @@ class FlightSession:
         UserError
             If there is none within two orbits.
         """
-        self.look_back.fly_on()
         when = event_ahead_s(self.plan, self.flight, event, self.t_s)
+        self.look_back.fly_on()
         self.clock.start_jump("event", when)
         return when
 

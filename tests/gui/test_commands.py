@@ -311,3 +311,31 @@ def test_the_end_of_a_jump_is_told_once() -> None:
     assert len(ends) == 1
     assert console.messages[-1].text == ends[0]
     console.close()
+
+
+def test_a_refused_command_leaves_guidance_and_asks_nothing_at_quit(table: CommandTable) -> None:
+    console = console_flying(table=table)
+    console.pass_time(200)
+    for line in (
+        "guidance.waypoint 0 0 0",
+        "burn.plan 0 0 1 0",
+        "docking.go",
+        "timeline.seek nan",
+        "timeline.other-future",
+    ):
+        console.do_line(line)
+        assert console.messages[-1].level == "caution", line
+        assert console.flown_by == "scenario's guidance", line
+        assert not console.session.clock.paused, line
+        assert console.losses == [], line
+
+
+def test_flying_on_begins_at_no_more_than_real_time(table: CommandTable) -> None:
+    console = console_flying(table=table)
+    for _ in range(10):
+        console.pass_time(200)
+    console.do("time.rate", "100")
+    console.do("timeline.seek", 1.0)
+    console.do("timeline.fly-on")
+    assert console.session.clock.rate == 1.0
+    assert not console.session.clock.paused
