@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from flyaround.gui.console import Console
+from flyaround.gui.jobs.capture_job import CaptureRequest
 from flyaround.gui.panels.timeline import TimelinePanel
 from flyaround.simulator.camera.lens.files import load_camera
 from flyaround.simulator.piloting.orders import PilotCommand
@@ -65,7 +66,7 @@ def test_the_button_of_a_hil_run_flies_what_was_flown(console: Console) -> None:
     assert console.shown["board-link"]
     assert [m for m in console.messages if m.level != "note"] == []
     # the same flight, where it was kept
-    replayed.paused = False
+    replayed.clock.paused = False
     while replayed.t_s < 1.5:
         replayed.step(PilotCommand(), 0.02)
     at = replayed.craft.world
@@ -77,7 +78,7 @@ def test_the_button_of_a_hil_run_flies_what_was_flown(console: Console) -> None:
 def test_the_button_of_a_data_set_captures_what_was_flown(
     console: Console, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    asked = []
+    asked: list[CaptureRequest] = []
     monkeypatch.setattr(console.jobs.capture, "start", asked.append)
     press(console, "Data set")
     turn_until(console, lambda: bool(asked))
@@ -99,7 +100,7 @@ def test_the_button_of_a_data_set_captures_what_was_flown(
 def test_the_capture_panel_takes_what_was_flown_as_it_is_seen(
     console: Console, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    asked = []
+    asked: list[CaptureRequest] = []
     monkeypatch.setattr(console.jobs.capture, "start", asked.append)
     flown = console.session.plan.scenario
     console.do("camera.use", "fisheye-140")
