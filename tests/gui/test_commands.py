@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from flyaround.gui import style
 from flyaround.gui.app import command_table
 from flyaround.gui.command_table import Argument, Command, CommandTable, line_of
 from flyaround.gui.console import LONGEST_TICK_MS, MODIFIERS, STEERING
@@ -14,6 +15,7 @@ from flyaround.gui.panels.all import PANELS
 from flyaround.gui.panels.help import GROUPS
 from flyaround.gui.panels.key_list import matches
 from flyaround.gui.script import LARGEST_BYTES, Script
+from flyaround.gui.status_line import message_text
 from flyaround.gui.texts import texts
 from flyaround.simulator.camera.lens.files import list_cameras
 from flyaround.simulator.errors import UserError
@@ -339,3 +341,15 @@ def test_flying_on_begins_at_no_more_than_real_time(table: CommandTable) -> None
     console.do("timeline.fly-on")
     assert console.session.clock.rate == 1.0
     assert not console.session.clock.paused
+
+
+def test_a_caution_stays_in_the_last_line_beside_an_ordinary_message(table: CommandTable) -> None:
+    console = console_flying(table=table)
+    console.say("the plume strikes", "caution")
+    console.say("guidance: V-bar")
+    assert message_text(console) == ("the plume strikes (F9: seen)   |   guidance: V-bar", style.WARN)
+    console.say("too near", "warning")
+    assert message_text(console) == ("too near (1 more; F9: seen)", style.BAD)
+    console.acknowledge()
+    console.say("guidance: R-bar")
+    assert message_text(console) == ("guidance: R-bar", style.QUIET)

@@ -165,7 +165,7 @@ def board(at: Pointer) -> None:
 
 def abort(at: Pointer) -> None:
     at.press("ABORT")
-    at.press("ABORT NOW")
+    at.press("ABORT? again")
 
 
 TASKS: dict[Callable[[Pointer], None], tuple[tuple[str, ...], int]] = {

@@ -464,3 +464,22 @@ def test_a_return_to_guidance_says_how_far_the_chaser_is_moved(session):
     there = np.array(session.craft.chaser.position_eci_m)
     _, text = session.order(FollowGuidance())
     assert f"{np.linalg.norm(session.craft.chaser.position_eci_m - there):.1f} m" in text
+
+
+def test_stop_says_that_it_does_not_hold_and_a_long_drift_is_a_caution(session):
+    session.order(Pulse("left"))
+    fly(session, 1.0)
+    session.order(Stop())
+    news = []
+    while session.craft.steering.braking:
+        news += session.step(holding(), TICK_S).news
+    news += session.step(holding(), TICK_S).news
+    assert ("note", "at rest; it drifts from here: Station keeping holds") in news
+    session.order(PlanBurn(burn_of(session.t_s + 15.0, 0.0, 1.0, 0.0)))
+    session.clock.set_rate(5.0)
+    news = []
+    for _ in range(1000):
+        news += session.step(holding(), TICK_S).news
+    assert any(text.startswith("the burn of 1 m/s") and text.endswith("is flown") for _, text in news)
+    (away,) = [text for level, text in news if "drifts away" in text]
+    assert away.endswith("m, and nothing flies it")
