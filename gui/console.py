@@ -464,7 +464,8 @@ class Console:
         settings.bands, settings.environment = session.plan.bands, session.scene().environment
         # the operator's changes applied to the sensor and lights of the previous scenario
         settings.sensor_changes, settings.lights = {}, None
-        self.say(f"flying {session.plan.scenario.title or session.plan.scenario.name}")
+        name = session.plan.scenario.title or session.plan.scenario.name
+        self.say(f"flying {name}; File, Flight before returns to the last one")
 
     # --- messages
 
