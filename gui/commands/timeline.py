@@ -135,9 +135,7 @@ def keep_flight(
 
 
 def _dataset(console: Console, frames: int = FRAMES) -> None:
-    keep_flight(
-        console, then=lambda console, replay: console.do("capture.start", frames, replay), as_seen=True
-    )
+    keep_flight(console, then=lambda c, replay: c.do("capture.start", frames, replay), as_seen=True)
     # at once: a panel that opens later would catch a click meant for another one
     console.open_panel("capture", shown=True)
 
