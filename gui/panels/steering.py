@@ -67,11 +67,10 @@ class SteeringPanel(Panel):
         w.row("Propellant", (spent.used_kg,), "{:.3f} kg", tip)
         tip = "of the chaser, as the scenario gives it; 100 kg unless it does"
         w.row("Mass", (spent.mass_kg,), "{:.2f} kg", tip)
-        strikes, clear = (
-            ("# the plume strikes the target", style.OUTSIDE),
-            ("plume clear of the target", style.QUIET),
-        )
-        w.text(*(strikes if steering.plume else clear), PLUME)
+        if steering.plume:
+            w.text("# the plume strikes the target", style.OUTSIDE, PLUME)
+        else:
+            w.text("plume clear of the target", style.QUIET, PLUME)
 
     def _to_a_point(self, console: Console) -> None:
         """Draw three numbers that can be used as a position or as a displacement."""
