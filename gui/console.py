@@ -298,6 +298,7 @@ class Console:
             self._note(Line(self.clock_ms, "do", name, values))
             before = deepcopy(self.options)
             command.call(self, values)
+            self._note_flown(name)
             if command.group != "settings":
                 self.history.note(name, before, self.options, self.clock_ms)
         except (UserError, OSError) as error:
@@ -306,13 +307,16 @@ class Console:
 
     def _note(self, line: Line) -> None:
         """Add a line to the log; a full disk must not prevent an abort."""
-        flown = line.name.partition(".")[0] in FLOWN and line.name != "steer.arm"
-        if flown and self.session.look_back.recorder is None and self.session not in self.unsaved:
-            self.unsaved.append(self.session)
         try:
             self.log.add(line)
         except OSError as error:
             self.say(f"the log's file takes no more lines: {error.strerror}", "warning")
+
+    def _note_flown(self, name: str) -> None:
+        """Count the flight as the operator's own after a command that was not refused."""
+        flown = name.partition(".")[0] in FLOWN and name != "steer.arm"
+        if flown and self.session.look_back.recorder is None and self.session not in self.unsaved:
+            self.unsaved.append(self.session)
 
     def do_line(self, line: str) -> None:
         """Run a command given as a line: its name, followed by its arguments."""
@@ -348,6 +352,7 @@ class Console:
         for name in sorted(names - self.held):
             self._note(Line(self.clock_ms, "hold", name))
             self.table[name].run(self, True)
+            self._note_flown(name)
         for name in sorted(self.held - names):
             self._note(Line(self.clock_ms, "release", name))
             self.table[name].run(self, False)
@@ -459,7 +464,8 @@ class Console:
         settings.bands, settings.environment = session.plan.bands, session.scene().environment
         # the operator's changes applied to the sensor and lights of the previous scenario
         settings.sensor_changes, settings.lights = {}, None
-        self.say(f"flying {session.plan.scenario.title or session.plan.scenario.name}")
+        name = session.plan.scenario.title or session.plan.scenario.name
+        self.say(f"flying {name}; File, Flight before returns to the last one")
 
     # --- messages
 

@@ -9,6 +9,8 @@ from flyaround.gui import style
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+CLICKED: set[int] = set()
+"""Items that were clicked and that the pointer has not left; their texts would cover what the click has changed."""
 WIDEST = 26.0
 """Width of a hover text, in text heights."""
 
@@ -20,8 +22,10 @@ def item_tip(imgui: Any, text: str) -> None:  # noqa: ANN401 - a foreign module
     """
     flags = imgui.HoveredFlags_.stationary | imgui.HoveredFlags_.delay_normal
     flags |= imgui.HoveredFlags_.allow_when_disabled | imgui.HoveredFlags_.no_shared_delay
-    busy = imgui.is_any_mouse_down() or imgui.is_any_item_active()
-    if not text or busy or not imgui.is_item_hovered(flags):
+    busy, item = imgui.is_any_mouse_down() or imgui.is_any_item_active(), imgui.get_item_id()
+    if (clicked := imgui.is_item_clicked()) or not imgui.is_item_hovered():
+        (CLICKED.add if clicked else CLICKED.discard)(item)
+    if not text or busy or item in CLICKED or not imgui.is_item_hovered(flags):
         return
     low, high = imgui.get_item_rect_min(), imgui.get_item_rect_max()
     screen = imgui.get_main_viewport().size

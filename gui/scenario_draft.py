@@ -41,6 +41,10 @@ class ScenarioDraft:
         Its file; None for a built-in scenario and one that is in no file.
     problem : str, optional
         What is wrong with it, in one sentence; empty if nothing is.
+    problem_line : int or None, optional
+        Line of that, from 1; None if it is not known.
+    right_text : str, optional
+        The text that was last found right.
     changed : bool, optional
         True if the text differs from the original.
     flown : Scenario, optional
@@ -54,6 +58,8 @@ class ScenarioDraft:
     name: str = ""
     file: Path | None = None
     problem: str = ""
+    problem_line: int | None = None
+    right_text: str = ""
     changed: bool = False
     flown: Scenario | None = None
     replacement: str | None = None
@@ -72,13 +78,14 @@ class ScenarioDraft:
             load_scenario(name_or_path)  # report a wrong name
             file = Path(name_or_path)
             text = file.read_text("utf-8-sig")
-        self.text, self.file, self.problem, self.changed = text, file, "", False
+        self.text, self.file, self.changed = text, file, False
+        self.problem, self.problem_line = "", None
         self.name = Path(name_or_path).stem
 
     def begin(self, scenario: Scenario) -> None:
         """Begin from a scenario that is in no file."""
         self.text, self.name, self.file = to_toml(msgspec.to_builtins(scenario)), scenario.name, None
-        self.problem, self.changed = "", False
+        self.problem, self.problem_line, self.changed = "", None, False
 
     def check(self) -> Scenario:
         """Return the scenario of the text, after its first second was flown.
@@ -93,10 +100,10 @@ class ScenarioDraft:
             scenario = parse_scenario(content, "this scenario", self.name or "edited", folder)
             fly(scenario, load_target(scenario.target), min(scenario.duration_s, CHECKED_S))
         except (UserError, ValueError, OSError) as error:
-            line = line_of(str(error), self.text)
+            self.problem_line = line = line_of(str(error), self.text)
             self.problem = f"{'' if line is None else f'line {line}: '}{error}"
             raise UserError(self.problem) from error
-        self.problem = ""
+        self.problem, self.problem_line, self.right_text = "", None, self.text
         return scenario
 
     def save(self, path: Path) -> None:

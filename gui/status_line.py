@@ -40,7 +40,7 @@ class StatusLine:
             self._master_caution(console)
             rates = rates_text(console)
             free = w.width - imgui.calc_text_size(rates).x - 44 * self._w.window.scale
-            text, colour = self._message(console)
+            text, colour = message_text(console)
             if free > 40:
                 w.one_line(w.elided(text, free), colour)
                 if imgui.is_item_clicked():
@@ -72,16 +72,18 @@ class StatusLine:
         newest = "\n".join(m.text for m in reversed(waiting[-8:]))
         w.tip(f"{newest}\nclick, or F9: seen" if waiting else "master caution: nothing waits to be seen")
 
-    @staticmethod
-    def _message(console: Console) -> tuple[str, style.Rgba]:
-        """Return the newest message and its colour, with the number of other unacknowledged ones."""
-        if not console.messages:
-            return "F1: commands and keys", style.QUIET
-        newest = console.messages[-1]
-        others = len(console.waiting) - (newest in console.waiting)
-        more = f" ({others} more; F9: seen)" if others else " (F9: seen)" if newest in console.waiting else ""
-        colours = {"note": style.QUIET, "caution": style.WARN, "warning": style.BAD}
-        return newest.text + more, style.QUIET if newest.acknowledged else colours[newest.level]
+
+def message_text(console: Console) -> tuple[str, style.Rgba]:
+    """Return the newest unacknowledged caution, then the newest message; and their colour."""
+    if not console.messages:
+        return "F1: commands and keys", style.QUIET
+    waiting, newest = console.waiting, console.messages[-1]
+    shown = waiting[-1] if waiting else newest
+    others = f"{len(waiting) - 1} more; " if len(waiting) > 1 else ""
+    text = shown.text + f" ({others}F9: seen)" * bool(waiting)
+    colours = {"note": style.QUIET, "caution": style.WARN, "warning": style.BAD}
+    also = "" if newest is shown else f"   |   {newest.text}"
+    return text + also, style.QUIET if shown.acknowledged else colours[shown.level]
 
 
 def rates_text(console: Console) -> str:

@@ -27,7 +27,7 @@ JOB_COLUMNS = 4
 """Columns of the line of jobs: one for each job that can be ended."""
 STEPS_S = (1, 5, 10, 30, 60, 300, 600, 1800, 3600, 7200, 21_600, 86_400)
 """Steps of the slider's scale [s]."""
-GUARD_MS = 3000
+GUARD_MS = 5000
 """Time for which the open guard of the abort button waits for the second click [ms]."""
 
 
@@ -67,7 +67,7 @@ class TransportStrip:
             "where one is, and the end of what was flown [h:min:s since the start]; yellow while looking back"
         )
         imgui.same_line()
-        right = 17 * em
+        right = 18 * em
         self.scrubber(console, timeline, end_s, max(w.width - right, em))
         imgui.same_line()
         imgui.set_cursor_pos_x(imgui.get_window_width() - right + 0.5 * em)
@@ -76,7 +76,7 @@ class TransportStrip:
         fill = style.WARN if on else style.EDGE
         w.button(console, "steer.arm", label=look[0], icon=look[1], width=8 * em, fill=fill)
         imgui.same_line()
-        self._abort(console, 7 * em)
+        self._abort(console, 8 * em)
 
     def _rate(self, console: Console, width: float) -> None:
         """Draw the slider of the clock's rate, on a logarithmic scale."""
@@ -142,19 +142,17 @@ class TransportStrip:
         imgui.pop_font()
 
     def _abort(self, console: Console, width: float) -> None:
-        """Abort by two clicks, of which the first opens the guard for three seconds; the key needs one press."""
+        """Abort by two clicks, of which the first opens the guard for five seconds; the key needs one press."""
         w = self._w
         opened = console.clock_ms - self._opened_ms < GUARD_MS
         fill = style.BAD if opened else style.GUARDED
-        label = labelled("docking.abort", "ABORT NOW" if opened else "ABORT")
+        label = "ABORT? again" if opened else labelled("docking.abort", "ABORT")
         if w.filled_button(f"{label}###abort", width, fill):
             if opened:
                 console.do("docking.abort")
-            else:
-                console.say("abort: click once more within three seconds, or press Del")
             self._opened_ms = -GUARD_MS if opened else console.clock_ms
         w.tip(
-            f"{console.table['docking.abort'].hover_text()}\ntwo clicks within three seconds; the key needs one press"
+            f"{console.table['docking.abort'].hover_text()}\ntwo clicks within five seconds; the key needs one press"
         )
 
 

@@ -10,8 +10,10 @@ import msgspec
 
 from flyaround.gui.command_table import Argument, command, word
 from flyaround.gui.commands.scenario import built_in_name
+from flyaround.gui.commands.timeline import keep_flight
 from flyaround.gui.jobs.capture_job import MOST_FRAMES, MOST_WORKERS, CaptureRequest
 from flyaround.gui.jobs.program import new_path
+from flyaround.gui.picture.view_settings import scenario_as_seen
 from flyaround.simulator.errors import UserError
 from flyaround.simulator.runtime.files import write_atomic
 from flyaround.simulator.runtime.toml_text import to_toml
@@ -21,13 +23,15 @@ if TYPE_CHECKING:
 
 FOLDER = Path("out") / "console"
 THIS, NEW = "this-flight", "new"  # what to capture, and into which folder, by default
+FLOWN = "what-i-flew"
+"""The flown flight, instead of its scenario from the start."""
 
 
 def _what(console: Console, what: str) -> str:
-    """Return the argument of `flyaround capture`: a name, a file, or this flight's scenario written as one."""
+    """Return the argument of `flyaround capture`: a name, a file, or this flight's scenario, as it is seen, as one."""
     if what != THIS:
         return what
-    scenario = console.session.plan.scenario
+    scenario = scenario_as_seen(console.session.plan.scenario, console.options.settings)
     if name := built_in_name(scenario):
         return name
     FOLDER.mkdir(parents=True, exist_ok=True)
@@ -44,13 +48,20 @@ def _start(
     formats: str | None = None,
     workers: int | None = None,
 ) -> None:
-    source = _what(console, what or THIS)
-    place = new_path(FOLDER, f"set-{Path(source).stem}") if folder in {None, NEW} else Path(str(folder))
-    request = CaptureRequest(
-        what=source, frames=frames, folder=place, formats=formats or "native", workers=workers or 1
-    )
-    console.jobs.capture.start(request)
-    console.say(f"capturing {frames} frames of {source} into {place}")
+    what, formats, workers = what or THIS, formats or "native", workers or 1
+    name = console.session.plan.scenario.name
+    stem = {THIS: name, FLOWN: f"{name}-flown"}.get(what, Path(what).stem)
+    place = new_path(FOLDER, f"set-{stem}") if folder in {None, NEW} else Path(str(folder))
+    request = CaptureRequest(what=what, frames=frames, folder=place, formats=formats, workers=workers)
+    console.jobs.capture.check(request)
+    if what == FLOWN:
+        rest = str(place), formats, workers
+        keep_flight(
+            console, None, lambda c, replay: c.do("capture.start", frames, replay, *rest), as_seen=True
+        )
+        return
+    console.jobs.capture.start(replace(request, what=_what(console, what)))
+    console.say(f"capturing {frames} frames of {what} into {place}")
 
 
 def _resume(console: Console) -> None:
@@ -66,7 +77,7 @@ COMMANDS = (
         "capture.start",
         _start,
         Argument("frames", "whole", "how many", least=1, most=MOST_FRAMES),
-        word("what", f"scenario, recipe or file; {THIS} unless given", optional=True),
+        word("what", f"scenario, recipe, file or {FLOWN}; {THIS} unless given", optional=True),
         word("folder", f"new or empty; {NEW}, or left out: one in out/console", optional=True),
         word("formats", "beside the native one, with commas", optional=True),
         Argument("workers", "whole", "processes that draw", least=1, most=MOST_WORKERS, optional=True),

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from flyaround.gui.command_table import Argument, command, number, word
+from flyaround.gui.picture.view_settings import scenario_as_seen
 from flyaround.simulator.errors import UserError
 from flyaround.simulator.piloting.flown_files import FlownFiles, free_folder
 
@@ -26,8 +27,8 @@ FRAMES = 50
 
 
 def _seek(console: Console, t_s: float) -> None:
-    console.session.clock.paused = True
     console.session.look_back.seek(t_s)
+    console.session.clock.paused = True
 
 
 def _skip(seconds: float, console: Console) -> None:
@@ -49,13 +50,13 @@ def _fly_on(console: Console) -> None:
     if not session.look_back.active:
         raise UserError("this is the end of what was flown: Space flies on")
     session.look_back.fly_on()
-    session.clock.paused = False
+    session.clock.slow_down()
     console.say(f"flies on from {clock(session.t_s)}; Swap future brings the other future back")
 
 
 def _other_future(console: Console) -> None:
-    console.session.clock.paused = True
     parts_s = console.session.look_back.swap_future()
+    console.session.clock.paused = True
     console.say(f"the other future is back; it branches off at {clock(parts_s)}")
 
 
@@ -117,24 +118,30 @@ def _report_kept(console: Console, replay: str) -> None:
     console.say(f"kept {replay}: a scenario for sim, render, capture and hil host")
 
 
-def _keep(
-    console: Console, folder: str | None = None, then: Callable[[Console, str], None] = _report_kept
+def keep_flight(
+    console: Console,
+    folder: str | None = None,
+    then: Callable[[Console, str], None] = _report_kept,
+    *,
+    as_seen: bool = False,
 ) -> None:
-    name = console.session.plan.scenario.name
-    where = free_folder(FOLDER, name) if folder is None else Path(folder)
-    session, files = console.session, FlownFiles(console.session, where)
+    """Begin to write the flown flight; ``as_seen`` gives its replay the operator's camera, exposure and lights."""
+    session, scenario = console.session, console.session.plan.scenario
+    where = free_folder(FOLDER, scenario.name) if folder is None else Path(folder)
+    seen = scenario_as_seen(scenario, console.options.settings) if as_seen else None
+    files = FlownFiles(session, where, seen)
     console.jobs.keeping.append(Keeping(console, session, files, then))
     console.unsaved = [flight for flight in console.unsaved if flight is not session]
 
 
 def _dataset(console: Console, frames: int = FRAMES) -> None:
-    _keep(console, then=lambda console, replay: console.do("capture.start", frames, replay))
+    keep_flight(console, then=lambda c, replay: c.do("capture.start", frames, replay), as_seen=True)
     # at once: a panel that opens later would catch a click meant for another one
     console.open_panel("capture", shown=True)
 
 
 def _hil(console: Console) -> None:
-    _keep(console, then=lambda console, replay: console.do("scenario.open", replay))
+    keep_flight(console, then=lambda console, replay: console.do("scenario.open", replay))
     console.open_panel("board-link", shown=True)
 
 
@@ -161,7 +168,7 @@ COMMANDS = (
     ),
     command("timeline.previous-bookmark", partial(_neighbour, -1)),
     command("timeline.next-bookmark", partial(_neighbour, 1)),
-    command("timeline.keep", _keep, word("folder", "empty or to be made", optional=True)),
+    command("timeline.keep", keep_flight, word("folder", "empty or to be made", optional=True)),
     command(
         "timeline.dataset",
         _dataset,

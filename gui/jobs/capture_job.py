@@ -132,19 +132,23 @@ class CaptureJob:
             return None
         return self.elapsed_s / self.done * max(self.request.frames - self.done, 0)
 
+    def check(self, request: CaptureRequest) -> None:
+        """Raise `UserError` if a capture is running, or the folder cannot be written or has files of others."""
+        if self.running:
+            raise UserError("a capture is under way: stop it, or wait for its end")
+        check_folder(request)
+
     def start(self, request: CaptureRequest) -> None:
         """Start a capture.
 
         Raises
         ------
         UserError
-            If one is running, or the folder cannot be written or has files of others.
+            If `check` refuses it.
         OSError
             If the program cannot be started.
         """
-        if self.running:
-            raise UserError("a capture is under way: stop it, or wait for its end")
-        check_folder(request)
+        self.check(request)
         self._program = ChildProgram((*request.arguments, "--json"), self._clock)
         self.request, self.outcome, self.done, self.thumbnails = request, "", 0, []
         self.began_s = self._clock()

@@ -113,6 +113,7 @@ class Estimates:
         self._under_way: tuple[Picture, str] | None = None
         self._discarded: tuple[Picture, str] | None = None
         self._last: object = None
+        self._view: object = None
         self._answered = False
         self._since_s = 0.0
 
@@ -188,6 +189,10 @@ class Estimates:
         picture : Picture or None
             Newest picture of the sensor view.
         """
+        # an estimate through another lens, or of another target, must not be drawn over this picture
+        if picture is not None and (view := view_of(picture)) != self._view:
+            self._view = view
+            self.forget()
         before = self.newest
         if not self.on:
             return False
@@ -279,6 +284,13 @@ class Estimates:
     def close(self) -> None:
         """End the process."""
         self.stop()
+
+
+def view_of(picture: Picture) -> tuple[object, ...]:
+    """Return what the pictures of one camera of one target share, at any detail: the lens, and the target's name."""
+    c, d = picture.frame.scene.camera, picture.divisor
+    lens = (c.fx_px * d, c.fy_px * d, (c.cx_px + 0.5) * d, (c.cy_px + 0.5) * d)
+    return (*(round(x, 3) for x in lens), c.distortion, picture.target.name)
 
 
 def compared(picture: Picture, method: str, answer: Answer, done_s: float) -> ComparedEstimate:

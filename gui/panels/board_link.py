@@ -49,10 +49,8 @@ class BoardLinkPanel(Panel):
         self._method = w.choice(
             console, "hil.board", self._method or self._methods[0], self._methods, argument="method"
         )
-        if hil.board_running:
-            w.button(console, "hil.board-stop", width=w.width)
-        else:
-            w.button(console, "hil.board", self._method, width=w.width)
+        board = ("hil.board-stop",) if hil.board_running else ("hil.board", self._method)
+        w.button(console, *board, width=w.width)
         # above the answers, whose growth must not move it
         w.section("Faults on purpose")
         self._faults(console)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from flyaround.gui import style
-from flyaround.gui.commands.capture import NEW, THIS
+from flyaround.gui.commands.capture import FLOWN, NEW, THIS
 from flyaround.gui.jobs.capture_job import MOST_FRAMES, MOST_WORKERS, time_text
 from flyaround.gui.widgets import Panel
 from flyaround.simulator.dataset.formats.registry import writable
@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from flyaround.gui.jobs.capture_job import CaptureJob
     from flyaround.gui.surface import Surface
 
+TITLES = {FLOWN: "what I flew", THIS: "this flight's scenario"}
 THUMB = 120.0  # least width of a small picture
 
 
@@ -26,7 +27,7 @@ class CapturePanel(Panel):
 
     def __init__(self, window: Surface) -> None:
         super().__init__(window)
-        self._what = THIS
+        self._what = ""
         self._names: tuple[str, ...] = ()
         self._frames, self._workers = 20, 1
         self._folder = ""
@@ -36,13 +37,16 @@ class CapturePanel(Panel):
         """Draw into the current panel."""
         if console.jobs.capture.running:
             self._under_way(console)
+        elif console.jobs.keeping:
+            self._w.text("The flown flight is being written.", style.QUIET)
         else:
             self._form(console)
         self._thumbnails(console.jobs.capture)
 
     def _form(self, console: Console) -> None:
         w, imgui, job = self._w, self._w.imgui, console.jobs.capture
-        self._names = self._names or (THIS, *list_scenarios(), *list_recipes())
+        self._names = self._names or (FLOWN, THIS, *list_scenarios(), *list_recipes())
+        self._what = self._what or (FLOWN if console.session in console.unsaved else THIS)
         self._label("What")
         self._what = w.choice(
             console,
@@ -50,8 +54,12 @@ class CapturePanel(Panel):
             self._what,
             self._names,
             argument="what",
-            shown=lambda name: name.replace(THIS, "this flight's scenario"),
+            shown=lambda name: TITLES.get(name, name),
         )
+        if self._what in TITLES:
+            w.text(
+                "with the camera, exposure, colour and lights chosen here; noise and layers as in the scenario"
+            )
         self._label("Frames")
         _, self._frames = imgui.input_int("##frames", self._frames, 10, 100)
         self._w.command_tip(console, "capture.start", argument="frames")

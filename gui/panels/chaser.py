@@ -23,7 +23,11 @@ class ChaserPanel(Panel):
     def draw(self, console: Console) -> None:
         """Draw into the current panel."""
         w, picture = self._w, console.feed.newest
-        w.buttons(console, ("steer.toggle", "steer.track", "steer.centre", "steer.stop", "steer.reset"), 3)
+        fly, turn = (
+            ("steer.toggle", "steer.reset", "steer.stop", "guidance.hold"),
+            ("steer.track", "steer.centre"),
+        )
+        w.buttons(console, (*fly, *turn), 3)
         w.imgui.separator()
         if picture is None:
             w.text("no picture yet", style.QUIET)

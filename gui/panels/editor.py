@@ -41,13 +41,18 @@ class EditorPanel(Panel):
         w.command_tip(console, "scenario.save", argument="path")
         w.flow(6 * imgui.get_font_size(), first=False)
         w.button(console, "scenario.save", self._path, label="Save as")
-        w.text(draft.problem or "no mistake was found", style.BAD if draft.problem else style.QUIET)
+        right = "no mistake was found" if draft.text == draft.right_text else "not checked yet"
+        w.text(draft.problem or right, style.BAD if draft.problem else style.QUIET)
         imgui.push_font(w.window.figure_font, 0.0)
+        if draft.problem_line is not None:
+            wrong = draft.text.splitlines()[draft.problem_line - 1 : draft.problem_line]
+            w.text("".join(f"{draft.problem_line} | {text.strip()}" for text in wrong), style.WARN)
         flags = imgui.InputTextFlags_.allow_tab_input
         changed, text = imgui.input_text_multiline("##text", draft.text, w.vec(-1, -1), flags)
         imgui.pop_font()
         w.tip("the scenario's file; every key with its unit in its name. Leaving the field checks it")
-        if changed:
+        # Dear ImGui's Escape takes back what was typed
+        if changed and not imgui.is_key_pressed(imgui.Key.escape, False):
             draft.text, draft.changed = text, True
         if imgui.is_item_deactivated_after_edit():
             console.do("scenario.check")

@@ -82,10 +82,9 @@ class EstimatorPanel(Panel):
         w, answer = self._w, e.answer
         w.section(f"{e.method} at T+{e.t_s:.2f} s")
         w.tip("method, and mid-exposure of the picture that it was given, since the start")
-        if answer.accepted:
-            w.text("accepted", style.GOOD, "the estimator stands by this pose")
-        else:
-            w.text(f"declined: {answer.reason}", style.WARN, "the estimator does not stand by its best pose")
+        declined = f"declined: {answer.reason}", style.WARN
+        tip = "whether the estimator stands by its best pose"
+        w.text(*(("accepted", style.GOOD) if answer.accepted else declined), tip)
         w.row("Confidence", (answer.confidence,), "{:.3f}", "0 to 1; hybrid accepts from 0.9 on")
         if e.E_R_deg is not None and e.E_T_m is not None:
             w.row("Attitude", (e.E_R_deg,), "{:.3f}°", "error of the attitude against the truth [°]")

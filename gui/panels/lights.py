@@ -38,7 +38,7 @@ class LightsPanel(Panel):
             w.button(console, "light.add", kind, label=f"Add a {kind}", width=width)
         if lights is not None:
             w.section("Changed here")
-            w.text("Seen at once, in the console's pictures alone. Boards and data sets need a new flight.")
+            w.text("Seen at once, and in data sets of this flight. Boards need a new flight.")
             w.buttons(console, ("light.fly", "light.reset"), 1)
 
     def _light(self, console: Console, k: int, switched: SwitchedLight) -> None:

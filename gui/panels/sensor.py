@@ -55,6 +55,7 @@ class SensorPanel(Panel):
         )
         w.switch(console, "picture.noise")
         if settings.sensor_changes or settings.camera or not settings.noise:
+            w.text("Seen at once; data sets of this flight take the camera, boards neither.")
             w.button(console, "sensor.reset", width=w.width)
         for term in terms_of(sensor):
             self._term(console, term)

@@ -109,8 +109,7 @@ class SteeringPanel(Panel):
         entered = imgui.InputTextFlags_.enter_returns_true
 
         def replan(t_s: float, parts: Sequence[float]) -> None:
-            console.do("burn.cancel", burn.t_s)
-            console.do("burn.plan", t_s, *(round(float(v), 6) for v in parts))
+            console.do("burn.plan", t_s, *(round(float(v), 6) for v in parts), burn.t_s)
 
         def time() -> None:
             imgui.set_next_item_width(-1)

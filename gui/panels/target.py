@@ -29,14 +29,8 @@ class TargetPanel(Panel):
         if self._flown != target.name:
             self._chosen = self._flown = target.name
         self._chosen = w.choice(console, "scenario.target", self._chosen, names, argument="target")
-        if self._chosen != target.name:
-            w.text("A new flight, from T+0; File, Flight before returns to this one.", style.WARN)
-            width = (w.width - imgui.get_style().item_spacing.x) / 2
-            w.button(console, "scenario.target", self._chosen, label=f"Fly to {self._chosen}", width=width)
-            imgui.same_line()
-            if w.filled_button(f"Keep {target.name}", width, None):
-                self._chosen = target.name
-            w.tip("stay in this flight")
+        if self._chosen != target.name and w.new_flight(console, "scenario.target", self._chosen):
+            self._chosen = target.name
         triangles = sum(len(part.triangles) for part in target.parts)
         w.text(
             f"{len(target.parts)} parts, {triangles:,} triangles, {len(target.keypoints)} keypoints",

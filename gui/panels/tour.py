@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from flyaround.gui import style
+from flyaround.gui.texts import texts
 from flyaround.gui.widgets import Panel
-from flyaround.simulator.piloting.control_laws import SWITCHES
 
 if TYPE_CHECKING:
     from flyaround.gui.console import Console
@@ -38,44 +38,9 @@ class TourStep:
     place: str
 
 
-STEPS = (
-    TourStep(
-        "Stop the clock",
-        "The view is what the sensor sees, live. Press Space, or Pause in the strip below; once more goes on.",
-        frozenset({"time.pause"}),
-        "transport",
-    ),
-    TourStep(
-        "Fly by hand",
-        "Click HAND: OFF in the strip to fly. Hold W, or turn the wheel over the view, to push forward; A D R F, or a "
-        "right drag, push aside; I K J L U O, or a left drag, turn.",
-        frozenset(f"steer.{name}" for name in (*SWITCHES, "pulse", "stick-thrust", "stick-turn")),
-        "transport",
-    ),
-    TourStep(
-        "Come to rest",
-        "Without thrust the chaser drifts: the map shows where to, dashed. Press X, or Stop, to rest at the target.",
-        frozenset({"steer.stop"}),
-        "lvlh-map",
-    ),
-    TourStep(
-        "Estimate the pose",
-        "With the target in view: Estimate, at the top right, then Estimate in the panel. The view shows the pose.",
-        frozenset({"estimator.run"}),
-        "camera",
-    ),
-    TourStep(
-        "Let the autopilot dock",
-        "Dock, at the top right, opens what to watch. Press B: it flies to the port. Del, or ABORT twice, retreats.",
-        frozenset({"docking.approach"}),
-        "camera",
-    ),
-    TourStep(
-        "Keep a picture",
-        "Press P: picture and truth are in out/console. Capture, at the top right, makes whole data sets.",
-        frozenset({"picture.save", "capture.start"}),
-        "picture",
-    ),
+STEPS = tuple(
+    TourStep(title, text, frozenset(commands.split()), place)
+    for title, text, place, commands in texts("tour").values()
 )
 
 

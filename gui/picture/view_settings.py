@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import asdict, dataclass, field, replace
 from typing import TYPE_CHECKING, Any, Literal
 
-from flyaround.gui.picture.light_settings import Lights, lit
+import msgspec
+
+from flyaround.gui.picture.light_settings import Lights, lit, scenario_with
 from flyaround.gui.picture.orbit_camera import OrbitCamera
 from flyaround.gui.picture.relative_map import MapLook
 from flyaround.gui.texts import texts
 from flyaround.simulator.camera.detector.sensor import noiseless
+from flyaround.simulator.camera.lens.files import CameraFile
 from flyaround.simulator.scene.environments import Environment
 from flyaround.simulator.scene.illumination.bands import Bands
 from flyaround.simulator.scene.state import Quality
@@ -17,6 +20,7 @@ from flyaround.simulator.scene.state import Quality
 if TYPE_CHECKING:
     from flyaround.simulator.camera.detector.sensor import Sensor
     from flyaround.simulator.camera.lens.camera_model import Camera
+    from flyaround.simulator.scenario.scenario import Scenario
     from flyaround.simulator.scene.state import SceneState
 
 Detail = Literal["auto", "full", "half", "quarter"]
@@ -116,6 +120,29 @@ def apply_view_settings(
         bands=settings.bands,
         environment=settings.environment,
         quality=scene.quality if quality is None else quality,
+    )
+
+
+def scenario_as_seen(scenario: Scenario, settings: ViewSettings) -> Scenario:
+    """Return the scenario with the operator's camera, exposure, noise recipe, bands and lights.
+
+    The switch of the noise, a detector's parameters and the layers of the world remain the scenario's.
+    """
+    changes = {n: v for n, v in settings.sensor_changes.items() if hasattr(scenario.sensor, n)}
+    stops, camera = settings.exposure_stops, scenario.camera
+    sensor = msgspec.structs.replace(
+        scenario.sensor, exposure_s=scenario.sensor.exposure_s * 2.0**stops, **changes
+    )
+    if settings.camera is not None:
+        keys = {n: v for n, v in asdict(settings.camera).items() if v is not msgspec.UNSET}
+        camera = msgspec.convert(keys, CameraFile)
+        # a region and its binning belong to the scenario's camera
+        sensor = msgspec.structs.replace(sensor, roi_px=None, binning=1)
+    return msgspec.structs.replace(
+        scenario if settings.lights is None else scenario_with(scenario, settings.lights),
+        camera=camera,
+        sensor=sensor,
+        output=msgspec.structs.replace(scenario.output, bands=settings.bands),
     )
 
 

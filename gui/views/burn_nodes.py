@@ -38,11 +38,12 @@ SAMPLES = 40  # points of the predicted path per burn
 
 @dataclass(frozen=True)
 class Grip:
-    """The node or handle that the pointer holds, and the plane."""
+    """The node or handle that the pointer holds, the plane, and the burn's time in the plan."""
 
     burn: PlannedBurn
     what: Literal["node", "handle"]
     port: MapPort
+    planned_s: float
 
 
 class BurnNodes:
@@ -148,7 +149,7 @@ class BurnNodes:
             at = point(port.at(node))
             for what, place in (("handle", handle(at, burn, port.plane)), ("node", at)):
                 if np.hypot(place[0] - mouse[0], place[1] - mouse[1]) <= GRIP:
-                    return Grip(burn, "handle" if what == "handle" else "node", port)
+                    return Grip(burn, "handle" if what == "handle" else "node", port, burn.t_s)
         return None
 
     def _drag(self, session: FlightSession, mouse: Point) -> None:
@@ -174,19 +175,14 @@ class BurnNodes:
         if grip is None:
             return
         planned = console.session.craft.steering.burns.burns
-        # a node moved along the path has a new time: cancel the old burn
-        cancelled = [b for b in planned if b.t_s not in {p.t_s for p in self._plan.burns}]
-        for burn in cancelled:
-            console.do("burn.cancel", burn.t_s)
         if grip.burn not in planned:
-            console.do("burn.plan", grip.burn.t_s, *grip.burn.delta_v_lvlh_m_s)
+            console.do("burn.plan", grip.burn.t_s, *grip.burn.delta_v_lvlh_m_s, grip.planned_s)
         self._key = ()
 
     def _time_at(self, session: FlightSession, port: MapPort, mouse: Point) -> float:
         """Return the time at which the predicted path is nearest to the pointer, at least some seconds ahead."""
         path = self._path
         if path is None:
-            session.craft.take_over()
             path = session.craft.predicted_burns(BurnPlan(), samples=SAMPLES)
         way = port.at(path.points_lvlh_m) - np.array(mouse)
         ahead = path.times_s > session.t_s + 5.0

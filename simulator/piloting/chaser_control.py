@@ -245,7 +245,10 @@ class Steering:
         )
         self.propellant = self.propellant.after(thrust, h)
         self._watch_plume(chaser.t_s, plume_strikes(chaser, thrust, self.docking.radius_m))
-        self.burns = self.burns.after(chaser.t_s + h)
+        left = self.burns.after(chaser.t_s + h)
+        for burn in self.burns.burns[: len(self.burns.burns) - len(left.burns)]:
+            self.news.append(("note", f"the burn of {burn.size_m_s:.3g} m/s at T+{burn.t_s:.1f} s is flown"))
+        self.burns = left
         return command
 
     def _watch_plume(self, t_s: float, strikes: bool) -> None:  # noqa: FBT001 - result of a check
@@ -270,6 +273,8 @@ class Steering:
             brake, speed = laws.brake_camera_m_s2(chaser, frame, h)
             thrust_camera = thrust_camera + brake
             self.braking = speed >= laws.BRAKE_RELEASE_M_S
+            if not self.braking:
+                self.news.append(("note", "at rest; it drifts from here: Station keeping holds"))
         if self.aborting:
             thrust_lvlh = thrust_lvlh + self._retreat(chaser, frame, h)
         elif self.guided is not None:

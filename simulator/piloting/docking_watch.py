@@ -142,6 +142,9 @@ class Docking:
 
     def restore_state(self, state: dict[str, Any]) -> None:
         """Restore a state that `saved_state` returned."""
+        # hold points that it lacks were computed later
+        for name in SAVED_ATTRIBUTES - state.keys():
+            vars(self).pop(name, None)
         vars(self).update(state)
 
     # --- contact

@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from flyaround.simulator.piloting.session import FlightSession
+    from flyaround.simulator.scenario.scenario import Scenario
 
 # Maximum number of stored flights of one scenario.
 MAX_FOLDERS = 10_000
@@ -29,6 +30,8 @@ class FlownFiles:
         Session to export.
     folder : Path
         Empty or new folder.
+    scenario : Scenario, optional
+        Replaces the flown scenario's camera, sensor and lights in the replay.
 
     Raises
     ------
@@ -36,10 +39,10 @@ class FlownFiles:
         If nothing was flown, or the folder is not empty or cannot be written.
     """
 
-    def __init__(self, session: FlightSession, folder: Path) -> None:
+    def __init__(self, session: FlightSession, folder: Path, scenario: Scenario | None = None) -> None:
         session.look_back.keep(always=True)
         self._timeline = session.look_back.timeline
-        self._flight, self._scenario = session.flight, session.plan.scenario
+        self._flight, self._scenario = session.flight, scenario or session.plan.scenario
         self._count = len(self._timeline)
         if self._count < 2:
             raise UserError("there is no flight to save yet")

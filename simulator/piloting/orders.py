@@ -6,6 +6,8 @@ from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from flyaround.simulator.errors import UserError
 from flyaround.simulator.piloting.chaser_control import BORESIGHT
 from flyaround.simulator.piloting.control_laws import SWITCHES, Demand
@@ -70,12 +72,19 @@ class FollowGuidance(Order):
 
     steered: bool = False
 
-    def carry_out(self, craft: PilotedCraft) -> None:
-        """Return the chaser to the trajectory, if it is under manual control."""
-        if craft.mode == "steer":
-            craft.follow_guidance()
-            if self.steered:
-                craft.take_over()
+    def carry_out(self, craft: PilotedCraft) -> News | None:
+        """Return the chaser to the trajectory, if it is under manual control; say how far it is moved."""
+        if craft.steered is None:
+            return None
+        before = np.array(craft.steered.position_eci_m)
+        craft.follow_guidance()
+        moved_m = float(np.linalg.norm(craft.chaser.position_eci_m - before))
+        if self.steered:
+            craft.take_over()
+        return (
+            "note",
+            f"the chaser is put back onto the scenario's trajectory, {moved_m:.1f} m from where it was",
+        )
 
 
 # --- manual control
@@ -174,15 +183,29 @@ class Drift(Order):
 
 @dataclass(frozen=True)
 class PlanBurn(Order):
-    """Plan a burn; one at the same time is replaced."""
+    """Plan a burn; one at the same time is replaced.
+
+    Parameters
+    ----------
+    burn : PlannedBurn
+        The burn.
+    replaces_s : float, optional
+        Time of a planned burn that it replaces.
+    """
 
     burn: PlannedBurn
+    replaces_s: float | None = None
 
     def carry_out(self, craft: PilotedCraft) -> News:
         """Take over, and add the burn to the plan."""
         craft.take_over()
-        craft.steering.burns = craft.steering.burns.with_burn(self.burn, craft.t_s)
-        return "note", f"a burn of {self.burn.size_m_s:.3g} m/s is planned at T+{self.burn.t_s:.1f} s"
+        steering = craft.steering
+        others = steering.burns if self.replaces_s is None else steering.burns.without(self.replaces_s)
+        steering.burns = others.with_burn(self.burn, craft.t_s)
+        text = f"a burn of {self.burn.size_m_s:.3g} m/s is planned at T+{self.burn.t_s:.1f} s"
+        if steering.doing:
+            return "caution", f"{text}, and {steering.doing} would take it back: Free drift ends that"
+        return "note", text
 
 
 @dataclass(frozen=True)

@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Literal
 
+import numpy as np
+
 from flyaround.simulator.errors import UserError
 from flyaround.simulator.piloting.clock import FlightClock
 from flyaround.simulator.piloting.jumps import event_ahead_s
@@ -37,6 +39,9 @@ FRAME_STEP_S = 0.1
 
 GUARD_RELEASE_S = 5.0
 """Minimum time without an intervention after which the keep-out guard counts as released [s]."""
+
+DRIFTED_AWAY = 4.0
+"""Ratio of the range to the least one since the drift began, from which on it is a caution."""
 
 LIT_S = 300.0
 """Less than the time between two eclipses, and more than that between two calls of `FlightSession.step` [s]."""
@@ -228,7 +233,10 @@ class FlightSession:
             self._run()
             self._note_eclipse()
         self._note_marks()
-        new_cautions = self._cautions.news(self.craft.world, steering.propellant, guarded=steering.guarded)
+        drifts = self.craft.steered is not None and not (steering.doing or steering.takes_over)
+        new_cautions = self._cautions.news(
+            self.craft.world, steering.propellant, guarded=steering.guarded, drifts=drifts
+        )
         return replace(self.state, news=(*news, *steering.pop_news(), *new_cautions))
 
     def order(self, order: Order) -> News | None:
@@ -237,9 +245,15 @@ class FlightSession:
         Raises
         ------
         UserError
-            If it is refused.
+            If it is refused; nothing has changed then.
         """
-        news = order.carry_out(self.craft)
+        craft = self.craft
+        before = craft.t_s, craft.steered, craft.controls()
+        try:
+            news = order.carry_out(craft)
+        except UserError:
+            craft.restore(*before)
+            raise
         if isinstance(order, Abort):
             self.clock.slow_down()
         return news
@@ -315,8 +329,8 @@ class FlightSession:
         UserError
             If there is none within two orbits.
         """
-        self.look_back.fly_on()
         when = event_ahead_s(self.plan, self.flight, event, self.t_s)
+        self.look_back.fly_on()
         self.clock.start_jump("event", when)
         return when
 
@@ -351,15 +365,23 @@ class CautionWatch:
 
     def __init__(self) -> None:
         self._guarded_s = -GUARD_RELEASE_S
+        self._nearest_m = np.inf
         self._before: tuple[bool, bool] | None = None
 
-    def news(self, world: WorldState, propellant: Propellant, *, guarded: bool) -> list[News]:
+    def news(
+        self, world: WorldState, propellant: Propellant, *, guarded: bool, drifts: bool = False
+    ) -> list[News]:
         """Return the cautions that began since the last call; none at the first."""
         t_s = world.t_s
         is_sunlit = world.sun_visible_fraction > 0.0
         fuel_low = propellant.used_kg >= FUEL_SHARE * propellant.thrusters.mass_kg
         was_lit, was_low = self._before or (is_sunlit, fuel_low)
         news: list[News] = []
+        range_m = float(np.linalg.norm(world.relative_eci_m))
+        if drifts and range_m > DRIFTED_AWAY * self._nearest_m:
+            self._nearest_m = range_m
+            news.append(("caution", f"the chaser drifts away: {range_m:.0f} m, and nothing flies it"))
+        self._nearest_m = min(self._nearest_m, range_m) if drifts else range_m
         if guarded and not self._guarded_s <= t_s < self._guarded_s + GUARD_RELEASE_S:
             news.append(("caution", "keep-out sphere: the steering is overruled, the chaser turned away"))
         if is_sunlit and not was_lit:

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from flyaround.gui import style
 from flyaround.gui.app import command_table
 from flyaround.gui.command_table import Argument, Command, CommandTable, line_of
 from flyaround.gui.console import LONGEST_TICK_MS, MODIFIERS, STEERING
@@ -14,6 +15,7 @@ from flyaround.gui.panels.all import PANELS
 from flyaround.gui.panels.help import GROUPS
 from flyaround.gui.panels.key_list import matches
 from flyaround.gui.script import LARGEST_BYTES, Script
+from flyaround.gui.status_line import message_text
 from flyaround.gui.texts import texts
 from flyaround.simulator.camera.lens.files import list_cameras
 from flyaround.simulator.errors import UserError
@@ -311,3 +313,43 @@ def test_the_end_of_a_jump_is_told_once() -> None:
     assert len(ends) == 1
     assert console.messages[-1].text == ends[0]
     console.close()
+
+
+def test_a_refused_command_leaves_guidance_and_asks_nothing_at_quit(table: CommandTable) -> None:
+    console = console_flying(table=table)
+    console.pass_time(200)
+    for line in (
+        "guidance.waypoint 0 0 0",
+        "burn.plan 0 0 1 0",
+        "docking.go",
+        "timeline.seek nan",
+        "timeline.other-future",
+    ):
+        console.do_line(line)
+        assert console.messages[-1].level == "caution", line
+        assert console.flown_by == "scenario's guidance", line
+        assert not console.session.clock.paused, line
+        assert console.losses == [], line
+
+
+def test_flying_on_begins_at_no_more_than_real_time(table: CommandTable) -> None:
+    console = console_flying(table=table)
+    for _ in range(10):
+        console.pass_time(200)
+    console.do("time.rate", "100")
+    console.do("timeline.seek", 1.0)
+    console.do("timeline.fly-on")
+    assert console.session.clock.rate == 1.0
+    assert not console.session.clock.paused
+
+
+def test_a_caution_stays_in_the_last_line_beside_an_ordinary_message(table: CommandTable) -> None:
+    console = console_flying(table=table)
+    console.say("the plume strikes", "caution")
+    console.say("guidance: V-bar")
+    assert message_text(console) == ("the plume strikes (F9: seen)   |   guidance: V-bar", style.WARN)
+    console.say("too near", "warning")
+    assert message_text(console) == ("too near (1 more; F9: seen)", style.BAD)
+    console.acknowledge()
+    console.say("guidance: R-bar")
+    assert message_text(console) == ("guidance: R-bar", style.QUIET)

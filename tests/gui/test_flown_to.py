@@ -12,7 +12,9 @@ import numpy as np
 import pytest
 
 from flyaround.gui.console import Console
+from flyaround.gui.jobs.capture_job import CaptureRequest
 from flyaround.gui.panels.timeline import TimelinePanel
+from flyaround.simulator.camera.lens.files import load_camera
 from flyaround.simulator.piloting.orders import PilotCommand
 from flyaround.simulator.scenario.load import load_scenario
 from flyaround.simulator.scenario.plan import plan_flight
@@ -64,7 +66,7 @@ def test_the_button_of_a_hil_run_flies_what_was_flown(console: Console) -> None:
     assert console.shown["board-link"]
     assert [m for m in console.messages if m.level != "note"] == []
     # the same flight, where it was kept
-    replayed.paused = False
+    replayed.clock.paused = False
     while replayed.t_s < 1.5:
         replayed.step(PilotCommand(), 0.02)
     at = replayed.craft.world
@@ -76,7 +78,7 @@ def test_the_button_of_a_hil_run_flies_what_was_flown(console: Console) -> None:
 def test_the_button_of_a_data_set_captures_what_was_flown(
     console: Console, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    asked = []
+    asked: list[CaptureRequest] = []
     monkeypatch.setattr(console.jobs.capture, "start", asked.append)
     press(console, "Data set")
     turn_until(console, lambda: bool(asked))
@@ -93,6 +95,40 @@ def test_the_button_of_a_data_set_captures_what_was_flown(
     press(console, "Data set")
     turn_until(console, lambda: len(asked) == 2)
     assert "loop-002" in asked[1].what
+
+
+def test_the_capture_panel_takes_what_was_flown_as_it_is_seen(
+    console: Console, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked: list[CaptureRequest] = []
+    monkeypatch.setattr(console.jobs.capture, "start", asked.append)
+    flown = console.session.plan.scenario
+    console.do("camera.use", "fisheye-140")
+    console.do("picture.exposure", 1.0)
+    console.do("light.add", "lamp")
+    console.do("sensor.set", "gaussian_variance", 0.003)
+    console.do("capture.start", 7, "what-i-flew", "mine", "coco", 2)
+    turn_until(console, lambda: bool(asked))
+    request = asked[0]
+    assert (request.frames, str(request.folder), request.formats, request.workers) == (7, "mine", "coco", 2)
+    plan = plan_flight(load_scenario(request.what), n=1)
+    scene = plan.scene_of(plan.flight.state(0.0), 0)
+    assert scene.camera == load_camera("fisheye-140")
+    assert scene.exposure_s == pytest.approx(2 * flown.sensor.exposure_s)
+    assert scene.lamp is not None
+    assert scene.sensor.gaussian_variance == 0.003
+    # a kept flight has the scenario's own
+    console.do("timeline.keep", "kept")
+    turn_until(console, lambda: not console.jobs.keeping)
+    assert load_scenario("kept/replay.toml").camera == flown.camera
+    # refused before a file is written
+    (Path("mine") / "x").mkdir(parents=True)
+    before = sorted(Path("out").rglob("*"))
+    for what in ("what-i-flew", "this-flight"):
+        console.do("capture.start", 7, what, "mine")
+        assert "is not empty" in console.messages[-1].text
+    assert sorted(Path("out").rglob("*")) == before
+    assert not console.jobs.keeping
 
 
 @pytest.mark.slow

@@ -190,6 +190,30 @@ def test_the_mouse_over_a_control_and_over_a_place_shows_it(
     assert rest(60.0, 260.0) == set()
 
 
+def test_a_text_stays_off_what_was_clicked_until_the_pointer_has_left(
+    window: HeadlessWindow, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    imgui, io = window.plain, window.plain.get_io()
+    told: list[str] = []
+    monkeypatch.setattr(hover_text, "_show", lambda _, text: told.append(text))
+
+    def rest(x: float, *, down: bool = False) -> list[str]:
+        for _ in range(4):
+            io.add_mouse_pos_event(x, 60.0)
+            io.add_mouse_button_event(0, down)
+            told.clear()
+            with window.panel("one", 600.0, 400.0):
+                imgui.button("hello", imgui.ImVec2(200.0, 60.0))
+                hover_text.item_tip(window.imgui, "the button")
+        return told
+
+    assert rest(60.0)
+    assert not rest(60.0, down=True)
+    assert not rest(60.0)
+    assert not rest(500.0)
+    assert rest(60.0)
+
+
 def hovering(window: HeadlessWindow, left: float, top: float, *, held: bool = False) -> Any:
     """The window of the hover text of a button, with the pointer on it; None without one."""
     imgui, io = window.plain, window.plain.get_io()

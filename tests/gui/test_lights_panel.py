@@ -100,16 +100,35 @@ def test_by_pointer_the_lamp_goes_out_and_a_box_is_added(size: tuple[int, int]) 
     screen.close()
 
 
-def test_another_target_is_flown_after_a_question() -> None:
+@pytest.mark.parametrize("panel", ["target", "scenarios"])
+def test_a_new_flight_begins_after_a_question_only_if_something_was_flown(panel: str) -> None:
     screen = Pointer("tango-space-10m")
-    screen.console.open_panel("target", shown=True)
+    console = screen.console
+    console.open_panel(panel, shown=True)
     screen.turn()
-    for answer in ("Keep", "Fly to"):
-        x, y = screen.place("##scenario.target")
-        screen.click((x, y))
-        screen.click((x, y + 60.0))
-        assert not screen.console.opener.is_busy()
+
+    def choose() -> None:
+        if panel == "target":
+            x, y = screen.place("##scenario.target")
+            screen.click((x, y))
+            screen.click((x, y + 60.0))
+        else:
+            screen.press("##tango-close-3m")
+        screen.turn()
+
+    console.do("steer.toggle")
+    for answer in ("Stay here", "Fly to"):
+        choose()
+        assert not console.opener.is_busy()
+        assert any("Flight before returns" in text for text in screen.texts())
         screen.press(answer)
-        assert not screen.has("Keep") or answer == "Fly to"
-    assert screen.console.opener.is_busy()
+        assert not screen.has("Stay here")
+    assert console.opener.is_busy()
+    screen.close()
+    screen = Pointer("tango-space-10m")
+    console = screen.console
+    console.open_panel(panel, shown=True)
+    screen.turn()
+    choose()
+    assert console.opener.is_busy()
     screen.close()

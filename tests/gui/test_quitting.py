@@ -126,3 +126,36 @@ def test_nothing_moves_when_a_job_begins_or_ends(tmp_path: Path, monkeypatch: py
     screen.turn()
     assert screen.place("Stop estimating###estimator.run")[0] < end[0]
     screen.close()
+
+
+def test_escape_leaves_the_text_and_keeps_what_was_typed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    screen = Pointer("tango-flyaround", panels=False)
+    draft = screen.console.draft
+    screen.console.do("scenario.edit")
+    for _ in range(5):
+        screen.turn()
+    assert any("not checked yet" in text for text in screen.texts())
+    original = draft.text
+    screen.click(screen.place("##text"))
+    screen.window.plain.get_io().add_input_characters_utf8("!")
+    screen.turn()
+    assert len(draft.text) == len(original) + 1
+    typed = draft.text
+    screen.escape()
+    for _ in range(5):
+        screen.turn()
+    assert draft.text == typed
+    assert draft.changed
+    assert not screen.window.plain.is_any_item_active()
+    # leaving checks it, and the wrong line is shown
+    assert draft.problem_line is not None
+    wrong = typed.splitlines()[draft.problem_line - 1].strip()
+    assert f"{draft.problem_line} | {wrong}" in screen.texts()
+    # a second visit begins from the kept text
+    screen.click(screen.place("##text"))
+    screen.escape()
+    assert draft.text == typed
+    screen.close()

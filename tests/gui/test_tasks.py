@@ -101,7 +101,6 @@ def change_camera(at: Pointer) -> None:
 def change_target(at: Pointer) -> None:
     at.menu("Camera", "Target")
     choose_another(at, "##scenario.target")
-    at.press("Fly to")
 
 
 def change_a_light(at: Pointer) -> None:
@@ -165,7 +164,7 @@ def board(at: Pointer) -> None:
 
 def abort(at: Pointer) -> None:
     at.press("ABORT")
-    at.press("ABORT NOW")
+    at.press("ABORT? again")
 
 
 TASKS: dict[Callable[[Pointer], None], tuple[tuple[str, ...], int]] = {
@@ -175,7 +174,7 @@ TASKS: dict[Callable[[Pointer], None], tuple[tuple[str, ...], int]] = {
     estimate: (("estimator.run", "estimator.stages"), 3),
     expose_by_hand: (("picture.exposure",), 2),
     change_camera: (("camera.use",), 4),
-    change_target: (("scenario.target",), 5),
+    change_target: (("scenario.target",), 4),
     change_a_light: (("light.add", "light.set", "light.switch"), 5),
     plan_and_drag_a_burn: (("burn.plan",), 5),
     expose: (("picture.meter", "picture.noise", "picture.colour"), 3),

@@ -9,7 +9,7 @@ from tests.harness.headless_imgui import HeadlessWindow, Noted
 
 FAR = (640.0, 500.0)
 """A place without menus."""
-STRIPS, STRIP = 90.0, ("ABORT", "ABORT NOW", "HAND: OFF", "Pause", "Play")
+STRIPS, STRIP = 90.0, ("ABORT", "ABORT? again", "HAND: OFF", "Pause", "Play")
 """Height of the strips at the bottom of the window, and their controls."""
 
 

@@ -47,6 +47,9 @@ HOLD_S = 0.05
 # Longest wait for a packet before due packets are sent [s].
 IDLE_S = 0.05
 
+# Longest wait of a closing link for its last packets, such as the goodbye, to reach the real line [s].
+LAST_PACKETS_S = 0.5
+
 _FRAME_ID = struct.Struct("<I")
 
 
@@ -123,21 +126,36 @@ class SocketTransport(StreamTransport):
         return data
 
 
+class NearEnd(SocketTransport):
+    """The link's end of a line with faults; closing it passes on what was sent before."""
+
+    to_board: threading.Thread
+
+    def close(self) -> None:
+        """Close the socket, and wait for its last packets to be passed on. Closing twice is allowed."""
+        super().close()
+        self.to_board.join(LAST_PACKETS_S)
+
+
 def with_line_faults(line: Transport, faults: Faults, journal: FaultJournal) -> Transport:
     """Return the near end of a line with these faults; closing either end closes both."""
     near_socket, far_socket = socket.socketpair()
-    near, far = SocketTransport(line.name, near_socket), SocketTransport(line.name, far_socket)
+    near, far = NearEnd(line.name, near_socket), SocketTransport(line.name, far_socket)
     near.chunk_bytes = line.chunk_bytes
     for fault in faults.line:
         if isinstance(fault, Bandwidth):  # a slow line sends smaller pieces, like a serial one
             near.chunk_bytes = max(64, min(near.chunk_bytes, int(0.25 * fault.bytes_per_s)))
     session_over = threading.Event()
-    pumps = (
-        _Pump("to_board", far, line, faults, journal, session_over),
-        _Pump("to_host", line, far, faults, journal, session_over),
+    to_board, to_host = (
+        threading.Thread(target=pump.run, name="faults", daemon=True)
+        for pump in (
+            _Pump("to_board", far, line, faults, journal, session_over),
+            _Pump("to_host", line, far, faults, journal, session_over),
+        )
     )
-    for pump in pumps:
-        threading.Thread(target=pump.run, name="faults", daemon=True).start()
+    near.to_board = to_board
+    to_board.start()
+    to_host.start()
     return near
 
 
@@ -173,6 +191,7 @@ class _Pump:
                 try:
                     packet = self._source.recv_packet(wait_s)
                 except LinkClosed:
+                    self._send_due(all_of_them=True)
                     break
                 except PacketError:
                     continue  # damaged before it arrived: the receiver loses it as on the real line
@@ -180,11 +199,11 @@ class _Pump:
                     self._take(packet, now_ns())
                 self._send_due()
         except LinkClosed:
-            pass
-        finally:
-            self._session_over.set()
-            self._source.close()
-            self._sink.close()
+            if self._direction == "to_host":
+                return  # the link has closed its end; the other pump passes on its last packets, and closes the line
+        self._session_over.set()
+        self._source.close()
+        self._sink.close()
 
     def _take(self, packet: Packet, at_ns: int) -> None:
         if packet.type is PacketType.FRAME_HEADER:
@@ -274,12 +293,12 @@ class _Pump:
         times = {n: first + round((getattr(message, n) - first) * (1 + 1e-6 * ppm)) for n in names}
         return replace(packet, payload=replace(message, **times).encode())
 
-    def _send_due(self) -> None:
+    def _send_due(self, *, all_of_them: bool = False) -> None:
         at_ns = now_ns()
         if self._held_packet is not None and at_ns - self._held_packet[0] > HOLD_S * 1e9:
             self._due.append((at_ns, self._held_packet[1], False))
             self._held_packet = None
-        while self._due and self._due[0][0] <= at_ns:
+        while self._due and (all_of_them or self._due[0][0] <= at_ns):
             _, packet, damaged = self._due.pop(0)
             if damaged:
                 self._sink.send_damaged(packet, DAMAGE_AT + len(packet.payload) // 2, 0x10)

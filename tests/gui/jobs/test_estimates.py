@@ -18,6 +18,8 @@ from flyaround.gui.jobs.estimates import ComparedEstimate, Estimates, compared
 from flyaround.gui.jobs.estimator_process import Answer, EstimateRequest, _network
 from flyaround.gui.picture.feed import Picture
 from flyaround.gui.picture.view_settings import reduced_camera
+from flyaround.simulator.camera.lens.camera_model import Camera
+from flyaround.simulator.camera.lens.files import load_camera
 from flyaround.simulator.errors import UserError
 from flyaround.simulator.frame import NO_RADIANCE, Frame
 from flyaround.simulator.piloting.session import FlightSession
@@ -101,6 +103,25 @@ def until(done: Callable[[], bool], turn: Callable[[], object]) -> float:
         longest = max(longest, time.perf_counter() - start)
         time.sleep(0.002)
     return longest
+
+
+def test_an_estimate_goes_with_its_camera_and_stays_at_another_detail(session: FlightSession) -> None:
+    with contextlib.closing(Estimates(open_resource=Held, work=answers)) as estimates:
+        estimates.start()
+        one = picture_of(session, 1.0)
+        until(lambda: estimates.newest is not None, lambda: estimates.update(one))
+        scene = session.scene()
+
+        def seen(camera: Camera, divisor: int) -> Picture:
+            frame = replace(one.frame, scene=replace(scene, t_s=1.5, camera=reduced_camera(camera, divisor)))
+            return replace(one, frame=frame, divisor=divisor)
+
+        estimates.stop()
+        for divisor in (1, 2, 3, 8):
+            estimates.update(seen(scene.camera, divisor))
+            assert estimates.newest is not None, divisor
+        estimates.update(seen(load_camera("fisheye-140"), 2))
+        assert estimates.newest is None
 
 
 def test_one_picture_at_a_time_and_the_newest(session: FlightSession) -> None:

@@ -129,6 +129,7 @@ def test_a_board_answers_the_flight_and_faults_strike(session: FlightSession, tm
         turns.until(lambda: not hil.board_running)
     assert (tmp_path / "hil" / "summary.json").is_file()
     assert any("hil report" in n.text for n in turns.notes)
+    assert any("the host ended the session" in n.text and not n.warning for n in turns.notes), turns.notes
 
 
 @pytest.mark.slow

@@ -298,6 +298,19 @@ def test_under_faults_every_packet_is_whole_counted_and_of_those_sent(name, kind
 
 
 @pytest.mark.parametrize("name", LINES)
+def test_a_goodbye_reaches_the_board_before_its_line_is_closed(name):
+    bye = Packet(PacketType.BYE, Bye("end").encode(), 3, 0)
+    with LINES[name]() as (a, b):
+        near = with_line_faults(a, Faults(line=(Delay(delay_ms=3000.0),)), FaultJournal())
+        b.send_packet(packet(0))  # unread by the host when it leaves
+        start_s = time.monotonic()
+        near.send_packet(bye)
+        near.close()
+        assert b.recv_packet(5.0) == bye
+        assert time.monotonic() - start_s < 2.0
+
+
+@pytest.mark.parametrize("name", LINES)
 def test_a_cut_line_ends_both_sides(name):
     header = FrameHeader(1, 8, 8, 8, Encoding.RAW, 64, 1, 0.01, 0.0, 1, "2026-01-01T00:00:00Z")
     with LINES[name]() as (a, b):

@@ -1,5 +1,6 @@
 """The operator's session without a window: clock, rates, steering, restart, what is asked to be drawn."""
 
+import pickle
 import shutil
 from dataclasses import replace
 from pathlib import Path
@@ -20,7 +21,18 @@ from flyaround.simulator.piloting.control_laws import (
     TURN,
 )
 from flyaround.simulator.piloting.docking_figures import IDSS, judge_contact
-from flyaround.simulator.piloting.orders import Approach, Centre, FollowGuidance, Stop
+from flyaround.simulator.piloting.guidance_orders import FlyGlideslope, FlyTo, KeepRange, KeepStation
+from flyaround.simulator.piloting.orders import (
+    Approach,
+    CancelBurns,
+    Centre,
+    FollowGuidance,
+    Go,
+    PlanBurn,
+    Pulse,
+    Stop,
+)
+from flyaround.simulator.piloting.planned_burns import burn_of
 from flyaround.simulator.piloting.recorder import FlightRecorder
 from flyaround.simulator.piloting.session import FRAME_STEP_S, FlightSession
 from flyaround.simulator.scenario.load import load_scenario
@@ -401,3 +413,73 @@ def test_hold_points_and_a_contact_are_marked_and_stay_when_one_looks_back():
     session.clock.paused = False
     fly(session, 0.04)
     assert session.marks == before[:1]
+
+
+REFUSED = (
+    FlyTo((0.0, 0.0, 0.0)),
+    KeepStation((0.5, 0.0, 0.0)),
+    FlyGlideslope(end_m=5000.0),
+    KeepRange(near_m=1000.0, far_m=2000.0),
+    PlanBurn(burn_of(0.0, 0.0, 1.0, 0.0)),
+    PlanBurn(burn_of(2e6, 0.0, 1.0, 0.0), 60.0),
+    Pulse("sideways"),
+    Go(),
+)
+
+
+@pytest.mark.parametrize("order", REFUSED, ids=lambda o: type(o).__name__)
+@pytest.mark.parametrize("flown_by", ["guidance", "station keeping"])
+def test_a_refused_order_changes_nothing(session, order, flown_by):
+    fly(session, 1.0)
+    if flown_by != "guidance":
+        session.order(KeepStation())
+        session.order(PlanBurn(burn_of(60.0, 0.0, 0.01, 0.0)))
+    before, controls = session.state, pickle.dumps(session.craft.controls())
+    with pytest.raises(UserError):
+        session.order(order)
+    assert session.state == before
+    assert pickle.dumps(session.craft.controls()) == controls
+    session.look_back.seek(0.3)
+    with pytest.raises(UserError):
+        session.order(order)
+    assert session.look_back.active
+    assert not session.look_back.changed
+
+
+def test_a_moved_burn_replaces_the_planned_one(session):
+    session.order(PlanBurn(burn_of(60.0, 0.0, 0.01, 0.0)))
+    session.order(PlanBurn(burn_of(90.0, 0.0, 0.02, 0.0), 60.0))
+    assert [b.t_s for b in session.craft.steering.burns.burns] == [90.0]
+    session.order(CancelBurns())
+    session.order(KeepStation())
+    level, text = session.order(PlanBurn(burn_of(90.0, 0.0, 0.02, 0.0)))
+    assert level == "caution"
+    assert "station keeping would take it back" in text
+
+
+def test_a_return_to_guidance_says_how_far_the_chaser_is_moved(session):
+    assert session.order(FollowGuidance()) is None
+    session.order(Stop())
+    fly(session, 20.0)
+    there = np.array(session.craft.chaser.position_eci_m)
+    _, text = session.order(FollowGuidance())
+    assert f"{np.linalg.norm(session.craft.chaser.position_eci_m - there):.1f} m" in text
+
+
+def test_stop_says_that_it_does_not_hold_and_a_long_drift_is_a_caution(session):
+    session.order(Pulse("left"))
+    fly(session, 1.0)
+    session.order(Stop())
+    news = []
+    while session.craft.steering.braking:
+        news += session.step(holding(), TICK_S).news
+    news += session.step(holding(), TICK_S).news
+    assert ("note", "at rest; it drifts from here: Station keeping holds") in news
+    session.order(PlanBurn(burn_of(session.t_s + 15.0, 0.0, 1.0, 0.0)))
+    session.clock.set_rate(5.0)
+    news = []
+    for _ in range(1000):
+        news += session.step(holding(), TICK_S).news
+    assert any(text.startswith("the burn of 1 m/s") and text.endswith("is flown") for _, text in news)
+    (away,) = [text for level, text in news if "drifts away" in text]
+    assert away.endswith("m, and nothing flies it")
