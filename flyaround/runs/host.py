@@ -208,6 +208,26 @@ class ClosedLoop(Section, frozen=True, kw_only=True):
 
 
 _DEADLINE_RULE = "--deadline {value:g} applies to a board's answers: leave out it or --pose"
+# Options of the line, the images and the recordings, which a closed loop without a board has not.
+_OF_A_BOARD = {
+    "line.listen": "--listen",
+    "line.key": "--key",
+    "line.truth": "--truth",
+    "line.pixel_format": "--pixel-format",
+    "line.encoding": "--encoding",
+    "line.silence_s": "--silence",
+    "line.max_misses": "--max-misses",
+    "line.allow_none": "--allow-none",
+    "pictures.send_sun": "--send-sun",
+    "pictures.time_code": "--time-code",
+    "pictures.gpu": "--gpu",
+    "timing.mode": "--mode",
+    "timing.timeout_s": "--timeout",
+    "timing.wait_s": "--wait",
+    "recording.mcap": "--mcap",
+    "recording.live": "--live",
+    "recording.ccsds": "--ccsds",
+}
 _POSE_ERRORS_RULE = (
     "--pose-errors applies to a board's poses in a closed loop: give --closed-loop without --pose"
 )
@@ -247,6 +267,10 @@ class HostRun(Run, frozen=True, kw_only=True, tag="flyaround.run.hil-host"):
             "closed_loop.on",
             (False,),
             "a closed loop renders the flown states: leave out --from or --closed-loop",
+        ),
+        *(
+            Only(field, "closed_loop.pose", ("board",), f"{flag} applies to a board: leave out it or --pose")
+            for field, flag in _OF_A_BOARD.items()
         ),
     )
     scenario: ScenarioArgument

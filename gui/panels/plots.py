@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from flyaround.simulator.piloting.telemetry import Telemetry
 
 KEPT = 6000
-"""Number of pictures whose figures are kept: minutes of a fast window."""
+"""Number of pictures whose figures are kept: 100 s at 60 pictures a second, ten minutes at ten."""
 COLOURS = (style.ACCENT, style.WARN, style.GOOD)
 
 
@@ -62,7 +62,9 @@ class PlotsPanel(Panel):
     def _plot(self, name: str, times: Any) -> None:  # noqa: ANN401 - an array
         w, implot, imgui = self._w, self._w.implot, self._w.imgui
         title, values_of = FIGURES[name].title, FIGURES[name].values
-        values = np.array([values_of(r) for r in self._kept], float).reshape(len(times), -1)
+        values = np.array([values_of(r) for r in self._kept], float)
+        if len(values):
+            values = values.reshape(len(values), -1)
         if imgui.small_button(f"x##{name}"):
             self._watched.remove(name)
         w.tip("watch it no longer")

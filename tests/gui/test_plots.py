@@ -34,6 +34,22 @@ def telemetry(t_s: float) -> Telemetry:
     )
 
 
+def test_plots_are_drawn_before_the_first_picture():
+    window = HeadlessWindow()
+    console = console_flying("tango-space-10m")
+    console.feed = SimpleNamespace(newest=None)
+    panel, imgui = PlotsPanel(window), window.plain
+    for _ in range(2):
+        imgui.get_io().delta_time = 0.2
+        imgui.new_frame()
+        imgui.begin("panel")
+        panel.draw(console)
+        imgui.end()
+        imgui.render()
+    assert any("no picture yet" in text for text in texts(window))
+    window.close()
+
+
 @pytest.fixture
 def scene():
     window, console = HeadlessWindow(), console_flying("tango-space-10m")

@@ -1,4 +1,4 @@
-"""Lines by URL: the transport that it names, connecting as the board, listening as the host."""
+"""Link URLs: parsing, and opening the line that a URL names, as the board (`connect`) or as the host (`listen`)."""
 
 from __future__ import annotations
 
@@ -13,7 +13,8 @@ if TYPE_CHECKING:
     from flyaround.hil.link.transports.base import Listener, Transport
 
 
-SHAPES = "tcp://127.0.0.1:5600 or serial:///dev/ttyUSB0?baud=921600"
+SERIAL_SHAPE = "serial:///dev/ttyUSB0?baud=921600"
+SHAPES = f"tcp://127.0.0.1:5600 or {SERIAL_SHAPE}"
 OPTIONS = {"tcp": (), "serial": ("baud", "rtscts")}
 
 
@@ -27,27 +28,31 @@ def parse_url(url: str) -> Tuple[str, str, int]:
     LinkError
         If the URL has another form.
     """
-    parts = urlsplit(url)
     try:
+        parts = urlsplit(url)
         options = _options(url, parts.scheme, parts.query)
+        if parts.scheme in OPTIONS and parts.fragment:
+            raise LinkError(f"link URL {url!r} has a fragment, #{parts.fragment}: write {SHAPES}")
         if parts.scheme == "tcp":
             if parts.hostname is None or parts.port is None:
                 raise LinkError(f"link URL {url!r} lacks host or port: write tcp://127.0.0.1:5600")
+            if parts.path.strip("/") or "@" in parts.netloc:
+                raise LinkError(f"link URL {url!r} has more than host and port: write tcp://127.0.0.1:5600")
             return "tcp", parts.hostname, parts.port
         if parts.scheme == "serial":
-            baud = options.get("baud", 115200)
-            if not parts.path or baud <= 0:
+            if parts.netloc:
                 raise LinkError(
-                    f"link URL {url!r} lacks a device or baud rate: write serial:///dev/ttyUSB0?baud=921600"
+                    f"link URL {url!r} has a host, {parts.netloc!r}: a device has three slashes, as in {SERIAL_SHAPE}"
                 )
+            baud = options.get("baud", 115200)
+            if not parts.path.strip("/") or baud <= 0:
+                raise LinkError(f"link URL {url!r} lacks a device or baud rate: write {SERIAL_SHAPE}")
             return "serial", parts.path, baud
     except ValueError as error:
-        raise LinkError(f"link URL {url!r} has a bad number ({error}): write {SHAPES}") from error
+        raise LinkError(f"link URL {url!r} has a bad number or address ({error}): write {SHAPES}") from error
     if parts.scheme == "udp":
         raise LinkError(f"link URL {url!r} names UDP, which boards no longer use: write tcp://{parts.netloc}")
-    raise LinkError(
-        f"link URL {url!r} has an unknown scheme: write tcp://HOST:PORT or serial:///dev/ttyUSB0?baud=921600"
-    )
+    raise LinkError(f"link URL {url!r} has an unknown scheme: write tcp://HOST:PORT or {SERIAL_SHAPE}")
 
 
 def url_options(url: str) -> Dict[str, int]:
@@ -59,11 +64,17 @@ def url_options(url: str) -> Dict[str, int]:
 def _options(url: str, scheme: str, query: str) -> Dict[str, int]:
     allowed = OPTIONS.get(scheme, ())
     options = parse_qs(query, keep_blank_values=True)
-    for name in options:
+    for name, values in options.items():
         if scheme in OPTIONS and name not in allowed:
             raise LinkError(
                 f"link URL {url!r} has an unknown option {name!r}: {scheme} knows {', '.join(allowed) or 'none'}"
             )
+        if len(values) > 1:
+            raise LinkError(
+                f"link URL {url!r} has the option {name!r} {len(values)} times: delete all but one"
+            )
+        if name == "rtscts" and values[0] not in ("0", "1"):
+            raise LinkError(f"link URL {url!r} has rtscts={values[0]}, allowed: 0 or 1")
     return {name: int(values[-1]) for name, values in options.items() if name in allowed}
 
 

@@ -10,16 +10,19 @@ from msgspec import Meta
 
 from flyaround.simulator.camera.lens.files_native import CameraFile, CentrePx, DistortionSection, SizePx
 from flyaround.simulator.errors import UserError
+from flyaround.simulator.runtime.validation_errors import convert_document
 
 CONSISTENCY_TOLERANCE = 2e-3
 """Relative tolerance between two derivations of the same number; data sheets are rounded."""
+MIN_ANGLE_DEG = 1e-4
+"""Smallest aperture angle: a third of an arc second, below that of any telescope's detector."""
 _Positive = Annotated[float, Meta(gt=0, le=1e6)]
 # a list, not a tuple: msgspec 0.22 corrupts memory on a union of a number and a fixed tuple
 _Pair = _Positive | Annotated[list[_Positive], Meta(min_length=2, max_length=2)]
 
 
 class LensFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """A camera by its data sheet: any of four quantities that determine the others.
+    """A camera by its data sheet: two of its focal length, pixel pitch and detector size, or its aperture angle alone.
 
     With pitch d, number of pixels N and focal length f: sensor size s = d N, aperture angle alpha = 2 atan(d N / 2 f),
     focal length in pixels f / d; each across and down, if two numbers are given.
@@ -59,8 +62,14 @@ class LensFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=
             # the focal length in millimetres is the same along both axes, in pixels only if they are square
             fy = fx if pixel_um is None else fx * pixel_um[0] / pixel_um[1]
         elif pixel_um is not None:
-            _agreed_value(source, "the focal length [mm]", fx * pixel_um[0] * 1e-3, fy * pixel_um[1] * 1e-3)
-        return CameraFile(
+            _agreed_value(
+                source,
+                "the focal length [mm]",
+                fx * pixel_um[0] * 1e-3,
+                fy * pixel_um[1] * 1e-3,
+                ("across", "down: correct the numbers of one axis"),
+            )
+        camera = CameraFile(
             width_px=self.width_px,
             height_px=self.height_px,
             fx_px=fx,
@@ -72,6 +81,8 @@ class LensFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=
             name=self.name,
             notes=self.notes,
         )
+        # building the struct checks no bounds; converting its document does
+        return convert_document(msgspec.to_builtins(camera), CameraFile, source)
 
     def _pitch_um(
         self,
@@ -103,6 +114,10 @@ class LensFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=
         if angle_deg is not None:
             if angle_deg >= 180:
                 raise UserError(f"{source}: key aperture_angle_deg is {angle_deg:g}, allowed: less than 180")
+            if angle_deg < MIN_ANGLE_DEG:
+                raise UserError(
+                    f"{source}: key aperture_angle_deg is {angle_deg:g}, allowed: at least {MIN_ANGLE_DEG:g}"
+                )
             by_angle = count / (2 * float(np.tan(np.radians(angle_deg) / 2)))
         return _agreed_value(source, "the focal length in pixels", by_length, by_angle)
 
@@ -116,12 +131,16 @@ def _per_axis(value: float | list[float] | None, *, repeat: bool) -> tuple[float
     return value, value if repeat else None
 
 
-def _agreed_value(source: str, quantity: str, first: float | None, second: float | None) -> float | None:
+def _agreed_value(
+    source: str,
+    quantity: str,
+    first: float | None,
+    second: float | None,
+    origins: tuple[str, str] = ("by one pair of keys", "by another; leave one out"),
+) -> float | None:
     """Return the value on which two derivations agree, or the only one; raise UserError if they disagree."""
     if first is None or second is None:
         return second if first is None else first
     if abs(first / second - 1) > CONSISTENCY_TOLERANCE:
-        raise UserError(
-            f"{source}: {quantity} is {first:.6g} by one pair of keys and {second:.6g} by another; leave one out"
-        )
+        raise UserError(f"{source}: {quantity} is {first:.6g} {origins[0]} and {second:.6g} {origins[1]}")
     return first

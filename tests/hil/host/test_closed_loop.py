@@ -87,6 +87,9 @@ def test_faults_of_the_line_delay_and_lose_poses_without_a_board(tmp_path):
         (("--closed-loop", "--pose", "guess"), "--pose is 'guess', allowed: board, noisy, truth"),
         (("--closed-loop", "-n", "5"), "give --every instead of -n"),
         (("--closed-loop", "--workers", "2"), "leave out --workers"),
+        (("--closed-loop", "--pose", "truth", "--mcap", "x.mcap"), "--mcap applies to a board"),
+        (("--closed-loop", "--pose", "noisy", "--key", "none"), "--key applies to a board"),
+        (("--closed-loop", "--pose", "truth", "--truth", "off"), "--truth applies to a board"),
         (
             ("--closed-loop", "--pose", "truth", "--every", "0.5"),
             "not a multiple of the thrusters' control period",

@@ -355,6 +355,13 @@ def test_first_camera_of_a_rig_is_used_and_reported():
     scale_bands = parse_camera((ORB_SLAM_3 + "Camera.newWidth: 320\nCamera.newHeight: 240\n").encode(), "x")
     assert "before the program scales" in scale_bands.notes
     assert scale_bands.width_px == 640
+    own_size = parse_camera((ORB_SLAM_3 + "Camera.newWidth: 640\nCamera.newHeight: 480\n").encode(), "x")
+    assert "before the program scales" not in own_size.notes
+
+
+def test_a_key_that_is_both_nested_and_dotted_is_refused():
+    with pytest.raises(UserError, match=r"Camera.fx twice"):
+        parse_camera(b"Camera: {fx: 500, fy: 500, cx: 320, cy: 240}\nCamera.fx: 400\n", "x")
 
 
 def test_ignored_stereo_rectification_is_reported():

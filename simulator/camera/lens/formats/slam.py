@@ -1,4 +1,4 @@
-"""Settings of SLAM programs: ORB-SLAM 2 and 3, stella_vslam, and VINS with its camera models.
+"""Settings of SLAM programs: ORB-SLAM 2 and 3, stella_vslam, and VINS with its pinhole and Kannala-Brandt models.
 
 Pixel (0, 0) is the centre of the top-left pixel; coefficients are in OpenCV's order.
 """
@@ -58,7 +58,10 @@ def read_orb(document: Document, source: str) -> CameraFile:
     table: dict[str, Any] = {}
     for section, value in document.table.items():
         nested = isinstance(value, dict) and "data" not in value
-        table |= {f"{section}.{key}": v for key, v in value.items()} if nested else {section: value}
+        entries = {f"{section}.{key}": v for key, v in value.items()} if nested else {section: value}
+        for key in entries.keys() & table.keys():
+            raise UserError(f"{source} has the key {key} twice, nested and dotted; delete one")
+        table |= entries
     keys = Keys(table, source, "ORB-SLAM or stella_vslam settings")
     kind = str(keys.get("Camera.type", "Camera.model") or "pinhole")
     lens_type = kind.lower()
@@ -72,13 +75,14 @@ def read_orb(document: Document, source: str) -> CameraFile:
         keys.count("Camera.height", "Camera.rows", "Camera1.height"),
     ]
     notes = []
-    scales = [keys.get(f"Camera.{key}") for key in ("newWidth", "newHeight", "imageScale")]
-    if any(value not in (None, 1) for value in scales):
+    unscaled = {"newWidth": size[0], "newHeight": size[1], "imageScale": 1}
+    scales = {key: keys.get(f"Camera.{key}") for key in unscaled}
+    if any(scales[key] not in (None, value) for key, value in unscaled.items()):
         notes.append("this is the camera before the program scales its images")
     model, coefficients = _orb_lens(keys, lens_type)
     keys.ignore(_ORB_CAMERA, prefixes=_ORB_OTHERS)
     if any(str(name).startswith("LEFT.") for name in table):
-        notes.append("drawn are the images that the program rectified (Camera.*), not those of LEFT.K")
+        notes.append("the camera is that of the rectified images (Camera.*), not of the raw ones (LEFT.K)")
     elif any(str(name).startswith("Camera2.") for name in table):
         notes.append("of two cameras the first was taken")
     return camera_file(
@@ -139,11 +143,8 @@ def read_vins(document: Document, source: str) -> CameraFile:
         model, names = "brown_conrady", ("k1", "k2", "p1", "p2")
     else:
         intrinsics = [projection.number(name) for name in ("mu", "mv", "u0", "v0")]
-        # its k2 multiplies the cube of the angle
-        model, names = (
-            "kannala_brandt",
-            ("k2", "k3", "k4", "k5"),
-        )
+        # camodocal's k2 is OpenCV's k1: the coefficient of the angle cubed
+        model, names = "kannala_brandt", ("k2", "k3", "k4", "k5")
         if lens is None or not lens.find("k2"):
             lens = projection
     coefficients = None if lens is None else [lens.number(name) for name in names]
