@@ -13,7 +13,13 @@ import numpy as np
 from flyaround.hil.board.estimation.camera import CameraIntrinsics
 from flyaround.hil.board.estimation.faces import Faces
 from flyaround.hil.board.hybrid.geometry.image_patch import ImagePatch
-from flyaround.hil.board.hybrid.geometry.response import Response, means
+from flyaround.hil.board.hybrid.geometry.response import (
+    STEPS_PER_SIGMA,
+    TABLE_SIGMAS,
+    Response,
+    means,
+    tables,
+)
 from flyaround.hil.board.hybrid.geometry.shading import Shading
 from flyaround.hil.board.hybrid.model.image_formation import MIN_BLUR_SIGMA_PX, blur_reach, blurred
 from flyaround.hil.board.hybrid.refine.photometric import bounded
@@ -29,6 +35,15 @@ BESIDE = 0.05
 
 # Least share of a pixel that counts when brightness is fitted together with the pose.
 LITTLE = 2e-4
+
+
+def unclipped_share(response: Response, x: Array) -> Array:
+    """Return the derivative of the mean pixel value by brightness, the share of pixels whose noise is not clipped."""
+    _, share = tables()
+    step = STEPS_PER_SIGMA / response.sigma
+    low = np.rint(x * np.float32(step) + np.float32(TABLE_SIGMAS * STEPS_PER_SIGMA)).astype(np.intp)
+    high = low - round(response.full_scale * step)
+    return share.take(low, mode="clip") - share.take(high, mode="clip")
 
 
 def brightness(response: Response, mean: Array) -> Array:
@@ -278,7 +293,7 @@ def _thin_levels(level: Array, picture: Array, group: Array, thin: Array, patch:
     gray = patch.gray.ravel()[cells]
     drawn = picture.ravel()[cells]
     for _ in range(2):
-        step = np.bincount(own, (gray - patch.response.mean_and_slope(drawn)[0])[at], n) / covered
+        step = np.bincount(own, (gray - patch.response.mean(drawn))[at], n) / covered
         after = np.clip(level + np.where(thin, step, 0.0), 0.0, 1.5 * patch.full_scale)
         change = np.bincount(at, (after - level)[own], len(cells)) / (f * f)
         drawn += change.astype(np.float32)
@@ -378,8 +393,8 @@ def gram(
     See ``photometric._gram``.
     """
     lens, blur, optics = blurs_px
-    shown, slope = patch.response.mean_and_slope(blurred(shading.picture, lens))
-    drawn = blurred(shown, blur)
+    sharp = blurred(shading.picture, lens)
+    drawn = blurred(patch.response.mean(sharp), blur)
     e = patch.blurred(blur) - drawn
     D = [blurred(plane, optics) for plane in motion_images(shading, faces, patch, camera, R, t)]
     across, down = patch.scale
@@ -391,8 +406,8 @@ def gram(
     for j, x in enumerate((*D, e)):
         x.ravel().take(rows, out=A[k + j], mode="clip")
     A = A[: k + 7]
-    if slope is not None:
-        A[:-1] *= blurred(slope, blur).ravel().take(rows)
+    if patch.response.sigma > 0:
+        A[:-1] *= blurred(unclipped_share(patch.response, sharp), blur).ravel().take(rows)
     A *= np.sqrt(w)
     return (A @ A.T).astype(float), float(w.sum()), len(rows)
 
@@ -433,7 +448,7 @@ def unexplained(
 ) -> float:
     """Return the sum of bounded squared residuals of a synthetic view; see ``photometric._unexplained``."""
     lens, blur, cover_blur = blurs_px
-    drawn = patch.response.mean_and_slope(blurred(shading.picture, lens))[0]
+    drawn = patch.response.mean(blurred(shading.picture, lens))
     e = (patch.blurred(blur) - blurred(drawn, blur)) / noise
     if patch.textured:
         # clutter beside the craft counts the same for every pose

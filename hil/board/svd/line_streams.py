@@ -39,6 +39,10 @@ SEARCH_MARGIN = 0.25
 # relative to the strongest corner. The minimum matters only if fewer than HARRIS_CORNERS exceed it.
 HARRIS_CORNERS, HARRIS_K, HARRIS_MIN = 60, 0.04, 0.01
 
+# OpenCV's LSD works on the image reduced by 0.8 and divides its coordinates by this scale. Pixel centres are half a
+# pixel from the corners that scaling maps onto each other: (x' + 0.5) / 0.8 - 0.5 = x' / 0.8 + 0.125 [px].
+LSD_SHIFT_PX = 0.125
+
 
 @dataclass(frozen=True, eq=False)
 class Streams:
@@ -161,7 +165,7 @@ def lsd_lines(image: Array, shortest_px: float) -> Array:
         # removed from 3.4.6-3.4.15 and 4.1.0-4.5.3 for licensing reasons
         return np.zeros((0, 4))
     # None without a result, which OpenCV's type stubs omit
-    lines = np.asarray([] if np.ndim(segments) == 0 else segments, float).reshape(-1, 4)
+    lines = np.asarray([] if np.ndim(segments) == 0 else segments, float).reshape(-1, 4) + LSD_SHIFT_PX
     return lines[np.hypot(lines[:, 2] - lines[:, 0], lines[:, 3] - lines[:, 1]) >= shortest_px]
 
 

@@ -59,8 +59,9 @@ class ExportCheck:
 class ExportsCheck:
     """Comparison of a data set's exports with its native frames, one frame at a time.
 
-    The files of every frame must exist and must not be truncated. Every row of the pose lists is compared. File
-    contents are compared for a sample of the frames, or for all of them.
+    The files of every frame must exist and must not be truncated. In the pose lists every row
+    of a readable frame is compared, and duplicates are faults. Other contents are compared for a sample of the frames,
+    or for all of them.
 
     Parameters
     ----------
@@ -87,7 +88,7 @@ class ExportsCheck:
         existing = [name for name in writable()[1:] if (folder / name).is_dir()]
         listed = [name for name in card.formats if name != NATIVE]
         self._faults += [
-            (None, f"{name}/ is there, and the card does not name that format")
+            (None, f"{name}/ exists, but the card does not name that format")
             for name in existing
             if name not in listed
         ]
@@ -153,7 +154,7 @@ def _sample(numbers: Sequence[int], splits: Mapping[int, str], seed: int, n_form
     fewest = min(MAX_SAMPLE, max(MIN_FRAMES, MAX_COMPARISONS // n_formats))
     selected = set(order[: max(fewest, math.ceil(SAMPLE_SHARE * len(numbers)))])
     for split in set(splits.values()):
-        selected.add(next((k for k in order if splits.get(k) == split), order[0]))
+        selected.update([k for k in order if splits.get(k) == split][:1])
     return sorted(selected)
 
 
@@ -249,9 +250,9 @@ class _Comparison:
                         ):
                             yield expected_entries[entry.key], f"{entry.key} is not the native frame's"
                     elif entry.key in expected_entries:
-                        yield entry, f"{entry.key} is there twice"
+                        yield entry, f"{entry.key} is duplicated"
                     elif not is_subset:
-                        yield entry, f"{entry.key} is of no native frame"
+                        yield entry, f"{entry.key} belongs to no native frame"
             except OSError as error:
                 yield None, f"it cannot be read ({error.strerror or error})"
                 return
@@ -311,7 +312,7 @@ def _check_poses(comparison: _Comparison, poses: Mapping[int, Pose]) -> Iterator
     read = comparison.form.read
     if read is None:
         return
-    rows: dict[int, Pose] = {}
+    listed: set[int] = set()
     for name in comparison.written.get(None, []):
         path = comparison.root / name
         if path.suffix not in LIST_SUFFIXES or not path.is_file():
@@ -323,13 +324,17 @@ def _check_poses(comparison: _Comparison, poses: Mapping[int, Pose]) -> Iterator
             return
         for picture in () if contents is None else contents.pictures:
             number = re.search(r"\d+", Path(picture.name).stem)
-            if number is not None:
-                rows[int(number[0])] = picture.camera_from_target
-    for k, pose in poses.items():
-        if k not in rows:
-            yield k, "has no pose of the frame"
-        elif not (
-            np.allclose(rows[k].R, pose.R, rtol=0, atol=POSE_TOLERANCE)
-            and np.allclose(rows[k].t_m, pose.t_m, rtol=POSE_TOLERANCE, atol=POSE_TOLERANCE)
-        ):
-            yield k, "has another pose of the frame"
+            if number is None or int(number[0]) not in poses:
+                continue
+            k, pose = int(number[0]), picture.camera_from_target
+            if k in listed:
+                yield k, f"{name}: the frame is listed a second time"
+            listed.add(k)
+            if not (
+                np.allclose(pose.R, poses[k].R, rtol=0, atol=POSE_TOLERANCE)
+                and np.allclose(pose.t_m, poses[k].t_m, rtol=POSE_TOLERANCE, atol=POSE_TOLERANCE)
+            ):
+                yield k, f"{name}: the pose differs from that of the native frame"
+    for k in poses:
+        if k not in listed:
+            yield k, ": no list has a pose of the frame"

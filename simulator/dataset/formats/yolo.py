@@ -9,7 +9,10 @@ https://docs.ultralytics.com/datasets/pose/
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING
+
+import yaml
 
 from flyaround.simulator.dataset.formats.base import (
     DatasetFormat,
@@ -53,25 +56,31 @@ class YoloWriter:
         return " ".join(cells) + "\n"
 
     def finish(self) -> None:
-        """Write ``data.yaml``. Trainers require a validation list; without a split it is the training one.
+        """Write ``data.yaml``. Ultralytics requires ``train`` and ``val``; a missing one is another existing split.
 
         There is no key ``path``: Ultralytics resolves a relative one against its own settings or the working directory,
         and without one uses the folder of the file.
         """
-        names = list(self._target.keypoints)
-        lines = [
+        existing = [split for split in ("train", "val", "test") if split in self._splits] or ["train"]
+        missing = [split for split in ("train", "val") if split not in existing]
+        keypoints = list(self._target.keypoints)
+        comments = [
             "# keypoints have no mirror images: train with fliplr=0",
             "# folders are beside this file, wherever it is moved: give its full path as data=",
-            "train: images/train",
-            f"val: images/{'val' if 'val' in self._splits else 'train'}",
-            *(["test: images/test"] if "test" in self._splits else []),
-            f"kpt_shape: [{len(names)}, 3]",
-            "names:",
-            f"  0: {self._target.name}",
-            "kpt_names:",
-            f"  0: [{', '.join(names)}]",
+            *(
+                f"# no frames are in {split}, a key that Ultralytics requires: it is the folder of {existing[0]}"
+                for split in missing
+            ),
         ]
-        self._output.write("data.yaml", ("\n".join(lines) + "\n").encode())
+        entries = {
+            **{split: f"images/{split if split in existing else existing[0]}" for split in ("train", "val")},
+            **({"test": "images/test"} if "test" in existing else {}),
+            "kpt_shape": [len(keypoints), 3],
+            "names": {0: self._target.name},
+            "kpt_names": {0: keypoints},
+        }
+        text = yaml.safe_dump(entries, sort_keys=False, default_flow_style=None, width=math.inf)
+        self._output.write("data.yaml", ("\n".join(comments) + "\n" + text).encode())
 
 
 def _yolo(output: FormatOutput, card: DatasetCard) -> FormatWriter:

@@ -138,10 +138,7 @@ def preference(best: LitView, other: LitView, patch: ImagePatch) -> float:
     It is a matched filter: position of the image between the two renderings along their difference. Residuals common to
     both cancel.
     """
-    a, b = (
-        patch.response.mean_and_slope(blurred(d.shading.picture, OPTICS_PX / patch.factor))[0]
-        for d in (best, other)
-    )
+    a, b = (patch.response.mean(blurred(d.shading.picture, OPTICS_PX / patch.factor)) for d in (best, other))
     out = []
     for blur in BLURS_PX:
         gray, drawn_a, drawn_b = (blurred(p, blur) for p in (patch.gray, a, b))

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import lru_cache
 from math import erf, exp, pi, sqrt
-from typing import Optional, Tuple
+from typing import Tuple
 
 import numpy as np
 
@@ -20,37 +20,38 @@ STEPS_PER_SIGMA = 64
 
 @dataclass(frozen=True)
 class Response:
-    """Mean of ``clip(x + n, 0, full)`` for normal noise n, as a function of x.
+    """Mean pixel value at a brightness x.
 
-    Clipping at zero raises the mean of dark pixels only, which shifts an edge in front of empty space inwards.
+    It is the mean of ``clip(x + n, 0, full)`` for normal noise n. If the noise is not clipped at zero (``sigma`` is 0),
+    it is ``min(x, full)``, without a lower bound: the native library computes the same. Clipping at zero raises the
+    mean of dark pixels only, which shifts an edge in front of empty space inwards.
 
     Parameters
     ----------
     sigma : float
-        Standard deviation of the unclipped noise; 0 if the scale clips nothing.
+        Standard deviation of n before clipping; 0 if the noise is not clipped at zero.
     full_scale : float
-        Full scale.
+        Full scale, the largest pixel value.
     """
 
     sigma: float
     full_scale: float
 
-    def mean_and_slope(self, x: Array) -> Tuple[Array, Optional[Array]]:
-        """Return the mean at each brightness and its derivative; None stands for a derivative of 1 everywhere."""
+    def mean(self, x: Array) -> Array:
+        """Return the mean pixel value at each brightness, float32 for a float32 array."""
         if self.sigma <= 0:
-            return np.minimum(x, np.float32(self.full_scale)), None
-        lift, share = tables()
+            return np.minimum(x, np.float32(self.full_scale))
+        lift, _ = tables()
         step = np.float32(STEPS_PER_SIGMA / self.sigma)
         low = np.rint(x * step + np.float32(TABLE_SIGMAS * STEPS_PER_SIGMA)).astype(np.intp)
         high = low - round(self.full_scale * STEPS_PER_SIGMA / self.sigma)
-        mean, slope = lift.take(low, mode="clip"), share.take(low, mode="clip")
-        # most images do not reach full scale, and both tables start with zero
+        mean = lift.take(low, mode="clip")
+        # most images do not reach full scale, and the table starts with zero
         if int(high.max(initial=0)) > 0:
             mean -= lift.take(high, mode="clip")
-            slope -= share.take(high, mode="clip")
         mean *= np.float32(self.sigma)
         mean += np.clip(x, 0.0, np.float32(self.full_scale))
-        return mean, slope
+        return mean
 
 
 def _mean(u: float) -> float:

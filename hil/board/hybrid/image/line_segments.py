@@ -19,33 +19,50 @@ from flyaround.hil.board.svd.weak_gradients import eliminate_weak_gradients
 
 Array = np.ndarray
 
-# Settings of LSD (von Gioi et al. 2010): scale, blur [px of the scaled image], and least gradient, above which rounding
-# to bytes cannot change the gradient angle by more than the tolerance of 22.5 degrees.
+# Settings of LSD (von Gioi et al. 2010): scale, blur [px of the reduced image], and least gradient, above which
+# rounding to bytes cannot change the gradient angle by more than the tolerance of 22.5 degrees.
 LSD_SCALE, LSD_SIGMA_PX, LSD_MIN_GRADIENT = 0.8, 0.6, 2.0 / float(np.sin(np.radians(22.5)))
+
+# Value of the fitted distribution at the threshold of the gradients. The published 0.99 is meant for a whole image; in
+# a region the target's own edges raise the mean gradient, and with it the threshold.
+REGION_CDF = 0.9
+
+# Lower bounds in small regions [px]. A shorter segment of one-pixel-wide edges has a direction uncertain by more than
+# one pixel in eight, 7 degrees; a gap of 2 px between neighbours is a single missing pixel.
+MIN_LENGTH_PX, MIN_GAP_PX = 8.0, 2.0
 
 
 def wge_stream(image: Array, diagonal_px: float) -> Array:
-    """Return the segments of a region after weak gradient elimination."""
-    strong = eliminate_weak_gradients(image, cdf=0.9).strong
+    """Return the segments (N, 4) of a region after weak gradient elimination."""
+    strong = eliminate_weak_gradients(image, cdf=REGION_CDF).strong
     return hough(strong, WGE_LENGTH * diagonal_px, WGE_GAP * diagonal_px)
 
 
-def cleaned_stream(mask: Array, diagonal_px: float) -> Array:
-    """Return the segments of thin edges after removing small components (the S&H stream of the Milan thesis)."""
-    return hough(mask, max(8.0, SH_LENGTH * diagonal_px), max(2.0, SH_GAP * diagonal_px))
+def thin_edge_stream(edges: Array, diagonal_px: float) -> Array:
+    """Return the segments (N, 4) of the thinned edges of a region, with the lengths and gaps of the S&H stream.
+
+    Parameters
+    ----------
+    edges : (h, w) array
+        True at one-pixel-wide edges.
+    diagonal_px : float
+        Diagonal of the region [px].
+    """
+    return hough(edges, max(MIN_LENGTH_PX, SH_LENGTH * diagonal_px), max(MIN_GAP_PX, SH_GAP * diagonal_px))
 
 
 def lsd_stream(image: Array, shortest_px: float) -> Array:
-    """Return the sub-pixel segments of the line segment detector."""
-    scaled = stretch_contrast(image)
-    if scaled is None:
+    """Return the sub-pixel segments (N, 4) of the line segment detector, from the centre of the first pixel [px]."""
+    stretched = stretch_contrast(image)
+    if stretched is None:
         return np.zeros((0, 4))
-    segments = _segments(_scaled(scaled)) / LSD_SCALE
+    # scaling maps pixel corners, which are half a pixel from the centres, onto each other
+    segments = (_segments(_reduced(stretched)) + 0.5) / LSD_SCALE - 0.5
     return segments[np.hypot(segments[:, 2] - segments[:, 0], segments[:, 3] - segments[:, 1]) >= shortest_px]
 
 
-def _scaled(picture: Array) -> Array:
-    """Return the image at the detector's scale."""
+def _reduced(picture: Array) -> Array:
+    """Return the image blurred and reduced by ``LSD_SCALE``."""
     sigma = LSD_SIGMA_PX / LSD_SCALE
     taps = 1 + 2 * int(np.ceil(sigma * np.sqrt(6 * np.log(10.0))))
     smooth = cv2.GaussianBlur(picture, (taps, taps), sigma)
@@ -53,7 +70,7 @@ def _scaled(picture: Array) -> Array:
 
 
 def _segments(picture: Array) -> Array:
-    """Return the end points (N, 4) of the segments of a uint8 image [px, from the image's corner]."""
+    """Return the end points (N, 4) of the segments of a uint8 image, from the centre of its first pixel [px]."""
     pixels = contiguous(picture, "uint8")
     h, w = pixels.shape
     if min(h, w) < 2:

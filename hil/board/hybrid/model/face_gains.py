@@ -139,7 +139,7 @@ def _saturated_excess(picture: Array, part: Array, patch: ImagePatch) -> float:
         return 0.0
     base, part_share, gray = base[ring], part_share[ring], patch.gray[ring]
     costs = [
-        float(np.abs(patch.response.mean_and_slope(base + np.float32(over) * part_share)[0] - gray).sum())
+        float(np.abs(patch.response.mean(base + np.float32(over) * part_share) - gray).sum())
         for over in EXCESS_CANDIDATES * patch.full_scale
     ]
     return float(EXCESS_CANDIDATES[int(np.argmin(costs))] * patch.full_scale)

@@ -14,7 +14,7 @@ import numpy as np
 from flyaround.hil.board.estimation.camera import CameraIntrinsics
 from flyaround.hil.board.hybrid.hypotheses.edge_support import quick_cost
 from flyaround.hil.board.hybrid.image.edge_field import EdgeField, edge_field, shrink
-from flyaround.hil.board.hybrid.image.line_segments import cleaned_stream, lsd_stream, wge_stream
+from flyaround.hil.board.hybrid.image.line_segments import lsd_stream, thin_edge_stream, wge_stream
 from flyaround.hil.board.hybrid.image.observation import Observation
 from flyaround.hil.board.hybrid.model.prepared_target import PreparedTarget
 from flyaround.hil.board.hybrid.model.view_tables import ViewTable
@@ -131,7 +131,7 @@ def group_poses(
     diagonal = region.diagonal_px / fine.factor
     streams = [
         merge_segments(wge_stream(small, diagonal), diagonal),
-        merge_segments(cleaned_stream(fine.mask, diagonal), diagonal),
+        merge_segments(thin_edge_stream(fine.mask, diagonal), diagonal),
         lsd_stream(cv2.GaussianBlur(small, (0, 0), 1.0), MIN_LENGTH * diagonal),
     ]
     frame.keep("streams", dict(zip(("WGE stream", "S&H stream", "LSD stream"), streams)))  # noqa: B905 - 3.9

@@ -348,7 +348,7 @@ def likeness(shading: Shading, patch: ImagePatch) -> Tuple[float, float]:
     cover = cv2.resize((shading.visible_face > 0).astype(np.float32), (w, h), interpolation=cv2.INTER_AREA)
     on = blurred(cover, 1.0) > MIN_COVERAGE
     drawn = blurred(picture, float(np.hypot(SCORE_BLUR_PX, OPTICS_PX / patch.factor)))
-    drawn = patch.response.mean_and_slope(drawn)[0][on].astype(float)
+    drawn = patch.response.mean(drawn)[on].astype(float)
     gray = patch.blurred(SCORE_BLUR_PX)
     noise = patch.sigma / (2 * np.sqrt(np.pi) * SCORE_BLUR_PX)
     none = ((gray - patch.background) / noise)[on]

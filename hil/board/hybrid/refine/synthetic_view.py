@@ -59,9 +59,7 @@ def draw_at(target: PreparedTarget, frame: Observation, q: Array, t: Array) -> O
     plain = photo_draw(q, t, faces, patch, target.camera.pinhole).picture
     best = search_sun(target, patch, q, t)
     optics = OPTICS_PX / patch.factor
-    plain, dark = (
-        patch.response.mean_and_slope(blurred(p, optics))[0] for p in (plain, best.shading.picture)
-    )
+    plain, dark = (patch.response.mean(blurred(p, optics)) for p in (plain, best.shading.picture))
     if best.sun is None:
         return SyntheticViews(patch.gray, plain, None, None, patch.full_scale, patch.sigma)
     sun = quat.matrix(q) @ best.sun.direction

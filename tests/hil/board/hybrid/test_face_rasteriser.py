@@ -40,7 +40,7 @@ from flyaround.hil.board.hybrid.refine.photometric import (
 from flyaround.hil.board.hybrid.refine.shadows import LitView, search_sun
 from flyaround.hil.board_model.write import make_faces
 from tests.harness.boxes import closed_box
-from tests.harness.numpy_drawing import brightness
+from tests.harness.numpy_drawing import brightness, unclipped_share
 
 CAMERA = CameraIntrinsics(200, 160, 400.0, 400.0, 99.5, 79.5)
 T_M = np.array([0.03, -0.02, 4.0])
@@ -436,13 +436,18 @@ def test_noise_cut_off_at_the_ends_of_the_scale_has_the_mean_that_is_drawn() -> 
     rng = np.random.default_rng(3)
     x = np.array([-12.0, 0.0, 6.0, 20.0, 120.0, 245.0, 255.0, 600.0], np.float32)
     n = 12.0 * rng.standard_normal((200_000, 1))
-    mean, slope = Response(12.0, 255.0).mean_and_slope(x)
+    mean = Response(12.0, 255.0).mean(x)
     assert np.abs(mean - np.clip(x + n, 0, 255).mean(axis=0)).max() < 0.12
     step = np.clip(x + 0.5 + n, 0, 255) - np.clip(x - 0.5 + n, 0, 255)
-    assert slope is not None
+    slope = unclipped_share(Response(12.0, 255.0), x)
     assert np.abs(slope - step.mean(axis=0)).max() < 0.01
     back = brightness(Response(12.0, 255.0), np.array(mean[:-1], float))
     assert np.abs(back - np.clip(x[:-1], -12, 255)).max() < 0.1
+
+
+def test_noise_that_is_not_clipped_at_zero_leaves_the_mean_as_it_is_up_to_full_scale() -> None:
+    x = np.array([-5.0, 0.0, 100.0, 300.0], np.float32)
+    assert Response(0.0, 255.0).mean(x).tolist() == [-5.0, 0.0, 100.0, 255.0]
 
 
 @pytest.mark.parametrize(("offset", "want"), [(0.0, 12.0), (64.0, 0.0)])
@@ -458,7 +463,7 @@ def test_noise_of_darkness_is_known_from_what_is_left_of_it(offset: float, want:
 def test_range_in_noise_cut_off_at_zero(faces: Faces, clipped: float, least: float, most: float) -> None:
     # an edge before darkness that half of the noise lifts seems to lie too far inside: without knowing, too far away
     q = quat.normalise(np.array([0.7, 0.3, -0.5, 0.2]))
-    mean, _ = Response(25.0, 255.0).mean_and_slope(picture(faces, q, T_M, 0.0))
+    mean = Response(25.0, 255.0).mean(picture(faces, q, T_M, 0.0))
     c = replace(canvas(mean), clipped=clipped)
     fit = aligned(q, T_M, faces, c, 0.8, (0.8, 0.4, 0.0, 0.0))
     assert least < fit.t[2] / T_M[2] - 1 < most

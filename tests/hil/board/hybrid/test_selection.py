@@ -141,8 +141,7 @@ def test_preference_ignores_what_neither_view_explains(craft: PreparedTarget, fr
     canvas = replace(cut_patch(craft, frame, target_box(craft, Q, T_M), 240), exact=True)
     right, wrong = (search_sun(craft, canvas, q, T_M) for q in (Q, turned))
     a, b = (
-        canvas.response.mean_and_slope(blurred(d.shading.picture, OPTICS_PX / canvas.factor))[0]
-        for d in (right, wrong)
+        canvas.response.mean(blurred(d.shading.picture, OPTICS_PX / canvas.factor)) for d in (right, wrong)
     )
     # foil creased at random, on all that is lit
     creases = blurred(np.random.default_rng(1).normal(0, 1.0, a.shape).astype(np.float32), 1.5)

@@ -343,7 +343,7 @@ def test_formats_that_the_card_does_not_name_and_folders_that_are_missing_are_fo
     edit("dataset.json", lambda d: d["formats"].remove("bop"))(folder)
     shutil.rmtree(folder / "yolo")
     found = [what for _, what in faults(folder, poses, whole=False) if not what.startswith("webdataset/")]
-    assert any(what.startswith("bop/ is there") for what in found)
+    assert "bop/ exists, but the card does not name that format" in found
     assert all(what.startswith(("bop/", "yolo/")) for what in found)
     assert len(found) > N
 
@@ -361,6 +361,55 @@ def test_poses_of_frames_that_are_not_sampled_are_compared(folder, poses):
     edit("speed/train.json", lambda d: [row["r_Vo2To_vbs_true"].__setitem__(2, 33.0) for row in d])(folder)
     of_train = json.loads((folder / "split.json").read_text())["train"]
     assert {k for k, _ in faults(folder, poses, whole=False)} == set(of_train)
+
+
+@pytest.mark.parametrize("wrong_first", [False, True])
+@pytest.mark.parametrize("name", ["speed", "spark", "urso"])
+def test_a_second_row_of_a_frame_in_a_pose_list_is_found_for_every_sample(folder, poses, name, wrong_first):
+    split = json.loads((folder / "split.json").read_text())
+    k = split["train"][-1]
+    if name == "speed":
+        path = folder / "speed/train.json"
+        rows = json.loads(path.read_text())
+        place = next(i for i, row in enumerate(rows) if row["filename"] == f"img{k:06d}.jpg")
+        wrong = rows[place] | {"r_Vo2To_vbs_true": [0.0, 0.0, 33.0]}
+        rows.insert(place if wrong_first else place + 1, wrong)
+        path.write_text(json.dumps(rows))
+        lists = ["train.json"]
+    else:
+        lists = ["train.csv"] if name == "spark" else ["train_images.csv", "train_poses_gt.csv"]
+        for file in lists:
+            path = folder / name / file
+            lines = path.read_text().splitlines()
+            lines.append(lines[-1])
+            path.write_text("\n".join(lines) + "\n")
+    for seed in range(2):
+        found = faults(folder, poses, whole=False, seed=seed)
+        assert any(
+            frame == k and f"{name}/{lists[-1]}: the frame is listed a second time" == what
+            for frame, what in found
+        )
+
+
+def test_wrong_and_missing_poses_are_reported_with_their_list(folder, poses):
+    train = json.loads((folder / "split.json").read_text())["train"]
+    path = folder / "speed/train.json"
+    rows = json.loads(path.read_text())
+    k, lost = train[0], train[1]
+    for row in rows:
+        if row["filename"] == f"img{k:06d}.jpg":
+            row["r_Vo2To_vbs_true"][2] = 33.0
+    path.write_text(json.dumps([row for row in rows if row["filename"] != f"img{lost:06d}.jpg"]))
+    found = faults(folder, poses, whole=False)
+    assert (k, "speed/train.json: the pose differs from that of the native frame") in found
+    assert (lost, "speed/: no list has a pose of the frame") in found
+
+
+def test_a_split_whose_frames_are_all_lost_is_reported_as_missing_files(folder):
+    for path in (folder / "images").iterdir():
+        path.unlink()
+    found = check_dataset(folder, redraw=0).faults
+    assert [fault.frame for fault in found if fault.what == "files are missing"] == list(range(N))
 
 
 def test_check_tells_of_exports(folder):

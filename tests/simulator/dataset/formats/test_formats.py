@@ -8,6 +8,7 @@ import shutil
 import tarfile
 
 import cv2
+import msgspec
 import numpy as np
 import OpenEXR
 import pytest
@@ -19,7 +20,8 @@ from flyaround.__main__ import run
 from flyaround.simulator.camera.lens.camera_model import Distortion
 from flyaround.simulator.dataset.card import read_card
 from flyaround.simulator.dataset.check.verify import check_dataset
-from flyaround.simulator.dataset.formats.registry import formats, read_foreign, writable
+from flyaround.simulator.dataset.formats.labelled_frame import frame_from_folder
+from flyaround.simulator.dataset.formats.registry import find_format, formats, read_foreign, writable
 from flyaround.simulator.dataset.formats.ros_messages import camera_info
 from flyaround.simulator.labels.truth import read_truth
 
@@ -279,6 +281,51 @@ def test_yolo_folders_are_found_from_any_working_directory(everything, tmp_path,
             for picture in pictures:  # labels are sought where "images" is replaced
                 text = str(picture).replace("/images/", "/labels/").replace(".png", ".txt")
                 assert (root / text).is_file()
+
+
+class Files(dict):
+    """Output of a writer that keeps the files by name."""
+
+    write = dict.__setitem__
+
+
+def yolo_folder(everything, splits, out, *, name="tango", keypoints=("a",)):
+    """Write frames of some splits as YOLO-pose, for a target of any name; return the parsed ``data.yaml``."""
+    card = read_card(everything)
+    target = msgspec.structs.replace(
+        card.target, name=name, keypoints=dict.fromkeys(keypoints, (0.0, 0.0, 0.0))
+    )
+    files = Files()
+    writer = find_format("yolo").open_writer(files, msgspec.structs.replace(card, target=target))
+    for k, split in enumerate(splits):
+        writer.write(frame_from_folder(everything, k, split))
+    writer.finish()
+    for file, data in files.items():
+        (out / file).parent.mkdir(parents=True, exist_ok=True)
+        (out / file).write_bytes(data)
+    return yaml.safe_load(files["data.yaml"])
+
+
+def test_yolo_names_are_read_back_as_they_are(everything, tmp_path):
+    keypoints = ["1", "on", "a, b", "c: d", "1e3", "~", "", "#", 'a"b', "\N{ROCKET}", "\x7f\u2028"]
+    about = yolo_folder(everything, ["train"], tmp_path, name="no", keypoints=keypoints)
+    assert about["names"] == {0: "no"}
+    assert about["kpt_names"] == {0: keypoints}
+    assert about["kpt_shape"] == [len(keypoints), 3]
+
+
+@pytest.mark.parametrize(
+    "splits", [[""], ["train"], ["validation"], ["test"], ["test", "validation"], ["train", "test"], SPLITS]
+)
+def test_yolo_names_only_folders_that_exist_and_always_train_and_val(everything, tmp_path, splits):
+    about = yolo_folder(everything, splits, tmp_path)
+    named = {key: about[key] for key in ("train", "val", "test") if key in about}
+    assert {"train", "val"} <= set(named)
+    assert all(list((tmp_path / folder).glob("*.png")) for folder in named.values())
+    # a split that exists is never replaced
+    own = {SHORT.get(split, "train") for split in splits}
+    assert all(named[split] == f"images/{split}" for split in own)
+    assert ("test" in named) == ("test" in own)
 
 
 def test_webdataset_is_the_native_files(everything, frames):
