@@ -87,7 +87,7 @@ def _print_network(method: str, model: BoardModel, network: str | None) -> None:
     """Print that a target has no keypoint network, if the method would use one."""
     if network is None and method in (HYBRID, HYBRID_TRACK):
         say(
-            f"{model.name} has no keypoint network, so that few poses are accepted: "
+            f"{model.name} has no keypoint network, so that few poses are accepted before the Earth and by lamps: "
             f"train one with flyaround train --craft {model.name}"
         )
 
