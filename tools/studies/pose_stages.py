@@ -175,6 +175,7 @@ def stage_row(
         frame.noise,
         EDGES_PX,
         background=frame.background,
+        craft_probability=frame.craft_probability,
     )
     drawn = support(target, q, t, field).drawn
     source = Source(region, field)

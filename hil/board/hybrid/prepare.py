@@ -16,7 +16,7 @@ from flyaround.hil.board.hybrid.image.noise import (
 )
 from flyaround.hil.board.hybrid.image.observation import Observation
 from flyaround.hil.board.hybrid.image.regime import Regime
-from flyaround.hil.board.hybrid.propose.regions import MAX_BUSY_SHARE, REDUCTION, propose_regions
+from flyaround.hil.board.hybrid.propose.regions import REDUCTION, propose_regions
 from flyaround.hil.board.hybrid.search_states import PreparedImage, SearchSetup
 from flyaround.hil.board.svd.weak_gradients import eliminate_weak_gradients
 
@@ -32,6 +32,9 @@ SMOOTHED_RATIO = 1.4
 # Minimum black level in front of a texture [sigma of the noise], because its dark parts lie above zero as well.
 MIN_BLACK_SIGMA = 3.0
 
+# Share of tiles with edges above which the background is not empty space.
+MAX_BUSY_SHARE = 0.25
+
 # Minimum diagonal of a region [px].
 MIN_DIAGONAL_PX = 24.0
 
@@ -44,7 +47,7 @@ def prepare(setup: SearchSetup, frame: Observation) -> PreparedImage:
     edges = eliminate_weak_gradients(reduced)
     frame.keep("wge", edges)
     frame.mark("weak_gradients")
-    regions, busy = propose_regions(reduced, edges, frame.noise / REDUCTION)
+    regions, busy, frame.craft_probability = propose_regions(reduced, edges, frame.noise / REDUCTION)
     if busy < MAX_BUSY_SHARE:
         # reduced pixels are rounded to integers
         frame.background = integer_median(reduced.astype(np.int32))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
-from typing import Tuple
+from typing import Optional, Tuple
 
 import cv2
 import numpy as np
@@ -20,6 +20,9 @@ ORIENTATION_BINS = 8
 
 # Hysteresis thresholds of edges [sigma of the gradient's noise].
 LOW_SIGMA, HIGH_SIGMA = 3.0, 6.0
+
+# Probability of the craft below which an edge counts as background texture.
+MIN_CRAFT_PROBABILITY = 0.08
 
 
 @dataclass(frozen=True, eq=False)
@@ -229,6 +232,7 @@ def edge_field(
     noise: float,
     longest_px: int,
     background: float = -1.0,
+    craft_probability: Optional[Array] = None,
 ) -> EdgeField:
     """Return the edges of a region, reduced to ``longest_px``.
 
@@ -244,6 +248,8 @@ def edge_field(
         Longest side of the reduced region.
     background : float
         Level of empty space; negative if the background is not empty, in which case all pixels count as lit.
+    craft_probability : (h, w) array, optional
+        Probability of the craft over the whole image: edges far from it count as background texture.
     """
     x0, y0, x1, y1 = box
     small, factor = shrink(image, x0, y0, x1, y1, longest_px)
@@ -252,6 +258,8 @@ def edge_field(
     # area averaging over factor^2 independent pixels
     sigma = max(noise / factor * gradient_noise(blur), 1e-6)
     mask = thin_edges(gx, gy, sigma)
+    if craft_probability is not None:
+        mask &= _craft_mask(craft_probability, box, image.shape, mask.shape)
     mask = remove_specks(mask, 5)
     lit, core = np.ones(mask.shape, bool), np.zeros(mask.shape, bool)
     if background >= 0:
@@ -272,6 +280,18 @@ def edge_field(
         core=core,
         empty=background >= 0,
     )
+
+
+def _craft_mask(
+    craft_probability: Array, box: Tuple[int, int, int, int], picture: Tuple[int, ...], field: Tuple[int, ...]
+) -> Array:
+    """Return a mask of the field's pixels that may show the craft, from a probability map of the whole image."""
+    near = cv2.dilate((craft_probability > MIN_CRAFT_PROBABILITY).astype(np.uint8), np.ones((3, 3), np.uint8))
+    (H, W), (h, w) = picture[:2], craft_probability.shape
+    x = ((np.arange(field[1]) + 0.5) / field[1] * (box[2] - box[0]) + box[0]) * w / W
+    y = ((np.arange(field[0]) + 0.5) / field[0] * (box[3] - box[1]) + box[1]) * h / H
+    rows, columns = np.clip(y.astype(int), 0, h - 1), np.clip(x.astype(int), 0, w - 1)
+    return np.asarray(near[rows[:, None], columns[None]] > 0)
 
 
 def _in_bin(theta: Array, k: int) -> Array:

@@ -33,6 +33,8 @@ class Observation(StageRecord):
         Black level of the camera.
     background : float
         Level of empty space; negative if the background is not empty.
+    craft_probability : (h, w) array, optional
+        Probability (0..1) that a cell shows the craft, from ``saliency_map``; None in front of empty space.
     drawn : dict
         Renderings of poses, by patch.
     undistorted : tuple, optional
@@ -46,6 +48,7 @@ class Observation(StageRecord):
         self.noise = 0.0
         self.black = 0.0
         self.background = -1.0
+        self.craft_probability: Optional[Array] = None
         # a second round starts from poses of the first, whose renderings are reused
         self.drawn: Dict[Any, Dict[Any, Any]] = {}
         self.undistorted: Optional[Tuple[Any, Array]] = None

@@ -84,6 +84,7 @@ def region_edges(target: PreparedTarget, frame: Observation, region: Region) -> 
             frame.noise,
             px,
             background=frame.background,
+            craft_probability=frame.craft_probability,
         )
         for px in (COARSE_PX, FINE_PX)
     )

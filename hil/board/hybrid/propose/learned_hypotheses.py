@@ -32,6 +32,7 @@ def learned_hypotheses(
         frame.noise,
         FIELD_PX,
         background=frame.background,
+        craft_probability=frame.craft_probability,
     )
     return [
         Hypothesis(PoseFit(q, t), Source(region, field, float(likely - proposal.log_likelihood[0])))

@@ -2,13 +2,19 @@
 
 from __future__ import annotations
 
-from typing import List, Tuple
+from typing import List, Optional, Tuple
 
 import cv2
 import numpy as np
 
 from flyaround.hil.board.hybrid.image.edge_field import gradient, gradient_noise, thin_edges
-from flyaround.hil.board.hybrid.image.line_segments import lsd_stream
+from flyaround.hil.board.hybrid.propose.saliency import (
+    CELL_PX,
+    boxes,
+    saliency_map,
+    shipped_weights,
+    straight_segments,
+)
 from flyaround.hil.board.svd.line_streams import remove_specks
 from flyaround.hil.board.svd.region_of_interest import Box, Region, cdf_box, overlap
 from flyaround.hil.board.svd.weak_gradients import WeakGradientElimination
@@ -21,18 +27,15 @@ REDUCTION = 4
 # Largest number of windows.
 MAX_WINDOWS = 6
 
-# Blur before segments are detected, and shortest segment that counts for a window [px of the reduced image].
-SEGMENT_BLUR_PX, MIN_SEGMENT_PX = 0.8, 8.0
-
-# Share of tiles with edges above which the background is not empty space.
-MAX_BUSY_SHARE = 0.25
-
-# Distance from the border of the frame within which edges reach it [px of the reduced image].
-MIN_BORDER_PX = 2
+# Shortest segment that counts for a window [px of the reduced image].
+MIN_SEGMENT_PX = 8.0
 
 # Edges closer than this form one group [px of the reduced image]; hand-tuned. Groups are proposed at three scales.
 JOIN_PX = 31
 JOIN_SCALES_PX = (13, JOIN_PX, 7)
+
+# Share of the edges on the target above which the background is empty space and the target fills the frame; hand-tuned.
+MIN_CRAFT_SHARE = 0.8
 
 
 def clusters(mask: Array, join_px: int) -> List[Tuple[int, int, int, int, int]]:
@@ -61,12 +64,12 @@ def clusters(mask: Array, join_px: int) -> List[Tuple[int, int, int, int, int]]:
 
 def propose_regions(
     small: Array, wge: WeakGradientElimination, noise_small: float
-) -> Tuple[List[Region], float]:
+) -> Tuple[List[Region], float, Optional[Array]]:
     """Return the regions of an image that may contain the target.
 
     In front of black space everything above the noise belongs to the target, so the box of the edge cluster is the best
-    region. In front of the Earth that box grows to nearly the whole frame; there, dense groups of straight segments
-    come first.
+    region. In front of the Earth that box grows to nearly the whole frame; there, regions come from the saliency
+    network and from dense groups of straight segments.
 
     Parameters
     ----------
@@ -83,15 +86,16 @@ def propose_regions(
         Regions, most likely first.
     busy : float
         Share of the frame that is not empty space.
+    craft_probability : (h', w') array, optional
+        Probability that a cell shows the target; None in front of empty space.
     """
     gx, gy = gradient(small, 1.0)
     sigma = max(noise_small * gradient_noise(1.0), 1e-6)
     mask = remove_specks(thin_edges(gx, gy, sigma), 4)
     regions: List[Region] = []
+    craft_probability: Optional[Array] = None
     grouped = {join: clusters(mask, join) for join in JOIN_SCALES_PX}
-    outside = _share_outside(grouped[JOIN_PX], int(mask.sum()))
-    # a near target covers many tiles as well, but unlike the Earth it ends within the frame
-    busy = outside if _ends_within(grouped[JOIN_PX], mask) else max(float(_busy_share(mask)), outside)
+    busy = max(float(_busy_share(mask)), _share_outside(grouped[JOIN_PX], int(mask.sum())))
 
     def add(x0: float, y0: float, x1: float, y1: float, source: str) -> None:
         f = REDUCTION
@@ -113,16 +117,28 @@ def propose_regions(
                 x0, y0, x1, y1 = min(x0, g[0]), min(y0, g[1]), max(x1, g[2]), max(y1, g[3])
         if busy < 0.2:
             add(x0, y0, x1, y1, f"clusters-{join}")
-    if busy >= MAX_BUSY_SHARE:
+    if busy >= 0.2:
         # in front of a texture: artificial objects have many straight lines close together
-        segments = lsd_stream(cv2.GaussianBlur(small, (0, 0), SEGMENT_BLUR_PX), MIN_SEGMENT_PX)
+        segments = straight_segments(small)
+        weights = shipped_weights()
+        if weights is not None:
+            craft_probability = saliency_map(small, noise_small, weights, segments, (gx, gy))
+            if _craft_share(mask, craft_probability) > MIN_CRAFT_SHARE:
+                # a near target fills the frame with its own edges
+                return regions, 0.0, None
+            for box in boxes(craft_probability, 2):
+                add(CELL_PX * box[0], CELL_PX * box[1], CELL_PX * box[2], CELL_PX * box[3], "saliency")
         for box in straight_windows(small, segments):
             add(*box, "straight")
-        regions.sort(key=lambda r: r.source != "straight")
+        regions.sort(
+            key=lambda r: (
+                ("saliency", "straight").index(r.source) if r.source in ("saliency", "straight") else 2
+            )
+        )
     cdf = cdf_box(wge.strong, REDUCTION)
     if not any(overlap(cdf[:4], o[:4]) > 0.85 for o in regions):
         regions.append(cdf)
-    return regions, busy
+    return regions, busy, craft_probability
 
 
 def straight_windows(small: Array, segments: Array) -> List[Box]:
@@ -130,6 +146,7 @@ def straight_windows(small: Array, segments: Array) -> List[Box]:
 
     A segment counts by its squared length, because coastlines and clouds break into short pieces.
     """
+    segments = segments[np.hypot(*(segments[:, 2:] - segments[:, :2]).T) >= MIN_SEGMENT_PX]
     if not len(segments):
         return []
     h, w = small.shape
@@ -173,12 +190,12 @@ def straight_windows(small: Array, segments: Array) -> List[Box]:
     return [box for _, box in windows[:MAX_WINDOWS]]
 
 
-def _ends_within(groups: List[Tuple[int, int, int, int, int]], mask: Array) -> bool:
-    """Return True if the main group of edges does not reach the border of the frame."""
-    if not groups:
-        return True
-    (x0, y0, x1, y1, _), (h, w) = groups[0], mask.shape
-    return min(x0, y0, w - 1 - x1, h - 1 - y1) > MIN_BORDER_PX
+def _craft_share(mask: Array, craft_probability: Array) -> float:
+    """Return the share of the edges on the target according to the probability map."""
+    h, w = craft_probability.shape
+    cell = cv2.resize(mask.astype(np.float32), (w, h), interpolation=cv2.INTER_AREA)
+    is_craft = cv2.dilate((craft_probability > 0.3).astype(np.uint8), np.ones((5, 5), np.uint8)) > 0
+    return float(cell[is_craft].sum() / max(float(cell.sum()), 1e-9))
 
 
 def _share_outside(groups: List[Tuple[int, int, int, int, int]], total: int) -> float:

@@ -48,7 +48,7 @@ def test_region_holds_a_dim_part_beside_a_bright_one() -> None:
     small = rng.normal(3, 1.5, (300, 480)).astype(np.float32)
     small[100:140, 200:260] += 200
     small[115:125, 260:300] += 25
-    regions, busy = propose_regions(small, eliminate_weak_gradients(small), 1.5)
+    regions, busy, _ = propose_regions(small, eliminate_weak_gradients(small), 1.5)
     assert busy < 0.05
     r = regions[0]
     assert (r.x0, r.y0, r.x1, r.y1) == pytest.approx((800, 400, 1200, 560), abs=16)

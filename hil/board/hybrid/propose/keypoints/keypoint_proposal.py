@@ -34,8 +34,8 @@ from flyaround.hil.board.svd.region_of_interest import Region
 
 Array = np.ndarray
 
-# Diameter of the bounding sphere over the diagonal of a region; the same for windows, which often hold a part only.
-SPHERE_OVER_BOX, SPHERE_OVER_PART = 1.15, 1.7
+# Diameter of the bounding sphere over the diagonal of a region; the same for sources that often detect a part only.
+SPHERE_OVER_BOX, SPHERE_OVER_PART, PART_SOURCES = 1.15, 1.7, ("saliency", "straight")
 # Poses proposed per crop; the same in the second round, and the number of rolled crops that it averages.
 POSES_PER_CROP, POSES_SECOND_ROUND, ROLLS = 16, 24, 4
 # Largest deficit of a crop's presence logit relative to the best one.
@@ -160,7 +160,7 @@ class LearnedProposer:
                 camera,
                 0.5 * (r.x0 + r.x1),
                 0.5 * (r.y0 + r.y1),
-                (SPHERE_OVER_PART if r.source == "straight" else SPHERE_OVER_BOX) * r.diagonal_px,
+                (SPHERE_OVER_PART if r.source in PART_SOURCES else SPHERE_OVER_BOX) * r.diagonal_px,
             )
             for k, r in enumerate(regions)
         }

@@ -1,4 +1,4 @@
-"""Regions that may contain the target: before clouds, the one with the craft is among the first."""
+"""The map of where a craft may be: it finds straight-edged things among clouds, and nothing among clouds alone."""
 
 from __future__ import annotations
 
@@ -6,9 +6,23 @@ import cv2
 import numpy as np
 import pytest
 
-from flyaround.hil.board.hybrid.estimator import NETWORK_REGIONS
-from flyaround.hil.board.hybrid.propose.regions import MAX_BUSY_SHARE, REDUCTION, propose_regions
+from flyaround.hil.board.hybrid.prepare import MAX_BUSY_SHARE
+from flyaround.hil.board.hybrid.propose.regions import propose_regions
+from flyaround.hil.board.hybrid.propose.saliency import (
+    CELL_PX,
+    SaliencyWeights,
+    boxes,
+    saliency_map,
+    shipped_weights,
+)
 from flyaround.hil.board.svd.weak_gradients import eliminate_weak_gradients
+
+
+@pytest.fixture(scope="module")
+def weights() -> SaliencyWeights:
+    weights = shipped_weights()
+    assert weights is not None
+    return weights
 
 
 def clouds(seed: int) -> np.ndarray:
@@ -34,16 +48,19 @@ def with_craft(picture: np.ndarray, x: int, y: int) -> np.ndarray:
 
 
 @pytest.mark.parametrize(("x", "y"), [(60, 50), (350, 190), (200, 20)])
-def test_one_of_the_first_regions_before_clouds_holds_the_craft(x: int, y: int) -> None:
-    picture = with_craft(clouds(1), x, y)
-    regions, busy = propose_regions(picture, eliminate_weak_gradients(picture), 4.0)
-    assert busy > MAX_BUSY_SHARE
+def test_one_of_the_boxes_searched_holds_the_craft(weights: SaliencyWeights, x: int, y: int) -> None:
     shares = []
-    for region in regions[:NETWORK_REGIONS]:
-        x0, y0, x1, y1 = (v / REDUCTION for v in region[:4])
+    for box in boxes(saliency_map(with_craft(clouds(1), x, y), 4.0, weights), 2):
+        x0, y0, x1, y1 = (CELL_PX * v for v in box)
         inside = max(0, min(x1, x + 70) - max(x0, x)) * max(0, min(y1, y + 80) - max(y0, y))
         shares.append(inside / ((x1 - x0) * (y1 - y0) + 70 * 80 - inside))
     assert max(shares) > 0.33
+
+
+def test_clouds_alone_are_mostly_left_out(weights: SaliencyWeights) -> None:
+    alone, craft = (saliency_map(p, 4.0, weights) for p in (clouds(2), with_craft(clouds(2), 200, 100)))
+    assert (alone > 0.5).mean() < 0.1
+    assert craft[55:85, 105:130].mean() > 3 * alone[55:85, 105:130].mean()
 
 
 def test_a_craft_that_fills_the_frame_is_not_taken_for_a_background() -> None:
@@ -54,5 +71,10 @@ def test_a_craft_that_fills_the_frame_is_not_taken_for_a_background() -> None:
         for y in range(30, 270, 24):
             cv2.rectangle(near, (x, y), (x + 20, y + 20), 25.0, -1)
     near = np.clip(cv2.GaussianBlur(near, (0, 0), 0.7) + 5 + noise, 0, 255).astype(np.float32)
-    _, busy = propose_regions(near, eliminate_weak_gradients(near), 3.0)
+    _, busy, _ = propose_regions(near, eliminate_weak_gradients(near), 3.0)
     assert busy < MAX_BUSY_SHARE
+    cloudy = with_craft(clouds(5), 200, 100)
+    regions, busy, likely = propose_regions(cloudy, eliminate_weak_gradients(cloudy), 4.0)
+    assert busy > MAX_BUSY_SHARE
+    assert likely is not None
+    assert regions[0].source == "saliency"
