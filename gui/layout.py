@@ -33,6 +33,8 @@ if TYPE_CHECKING:
 log = logging.getLogger(__name__)
 
 Form = Literal["wide", "narrow"]
+RAISE_FRAMES, FRAMED_S = 3, 1.5
+"""Frames in which a panel that a command opens is raised, until its tab exists, and the time for which it is framed."""
 NARROW = 900.0
 """Window width in screen units, at scale 1, below which panels go under the view."""
 VERSION = 1  # version of the saved layout's file
@@ -151,6 +153,8 @@ class Layout:
         self._aspect, self._bottom_open = 1.6, False
         """Aspect ratio of the camera's picture, and True if a panel is below the view."""
         self._to_raise: list[str] = []
+        self._opened, self._opened_s, self._raises = "", -FRAMED_S, 0
+        """Panel that a command opened last, the time at which it did, and the frames in which it is still raised."""
         self._was_shown: dict[str, bool] = {}
         self._dockspace = 0
         self._titled, self._untitled = window.imgui.WindowClass(), window.imgui.WindowClass()
@@ -184,6 +188,9 @@ class Layout:
             if settings:
                 self._window.imgui.load_ini_settings_from_memory(settings)
             self._build = not settings
+        if {p.name: p.place for p in self.panels}.get(console.window.front, "over") != "over":
+            # whatever hides it gives way
+            console.options.panel, console.window.enlarged = True, ""
         camera = console.session.plan.camera
         self._aspect = camera.width_px / camera.height_px
         self._bottom_open = any(console.shown.get(p.name) for p in self.panels if p.place == "bottom")
@@ -306,9 +313,7 @@ class Layout:
         imgui.set_next_window_class(self._untitled if panel.place == "centre" else self._titled)
         if over:
             imgui.push_style_var(imgui.StyleVar_.window_border_size, 1.0)
-        if console.window.front == panel.name:
-            imgui.set_next_window_focus()
-            console.window.front = ""
+        self._raise(console, panel)
         # no corner that brings back the title of the view
         for which in (imgui.Col_.button, imgui.Col_.button_active):
             imgui.push_style_color(which, imgui.ImVec4(0, 0, 0, 0))
@@ -322,6 +327,8 @@ class Layout:
         note_window(imgui, console, panel.name)
         hovered = False
         (console.help.behind.discard if visible else console.help.behind.add)(panel.name)
+        if panel.name == self._opened and (age := (imgui.get_time() - self._opened_s) / FRAMED_S) < 1.0:
+            w.frame(console.help.rects[panel.name], (*style.ACCENT[:3], 1.0 - age))
         if visible:
             panel.draw(console)
             hovered = not over and imgui.is_window_hovered(imgui.HoveredFlags_.child_windows)
@@ -331,6 +338,22 @@ class Layout:
         if not stays or escaped:
             console.do(f"panel.{panel.name}", False)
         return hovered
+
+    def _raise(self, console: Console, panel: Panel) -> None:
+        """Focus the next window if a command opened it, and scroll its tab into sight."""
+        imgui = self._window.imgui
+        if console.window.front == panel.name:
+            console.window.front = ""
+            self._opened, self._opened_s, self._raises = panel.name, imgui.get_time(), RAISE_FRAMES
+        if panel.name != self._opened or not self._raises:
+            return
+        self._raises -= 1
+        imgui.set_next_window_focus()
+        native = imgui.internal.find_window_by_name(_window_name(panel))
+        if native is not None and native.dock_node is not None and (bar := native.dock_node.tab_bar):
+            tab = imgui.internal.tab_bar_find_tab_by_id(bar, native.tab_id)
+            if tab is not None:
+                imgui.internal.tab_bar_queue_focus(bar, tab)
 
     def _enlarged(self, console: Console, panel: Panel) -> None:
         """Draw a panel over all others, keeping its dock."""

@@ -75,6 +75,14 @@ class Widgets:
                 self.imgui.same_line(start + k % columns * step)
             yield width
 
+    def frame(self, rect: Sequence[float], rgba: style.Rgba) -> None:
+        """Draw a frame just inside a rectangle: left, top, width, height."""
+        x, y, wide, tall = rect
+        draw = self.imgui.get_foreground_draw_list()
+        draw.add_rect(
+            self.vec(x + 1, y + 1), self.vec(x + wide - 1, y + tall - 1), self.color(rgba), 3.0, 2.0
+        )
+
     # --- text
 
     def section(self, title: str) -> None:

@@ -80,7 +80,4 @@ class TourPanel(Panel):
         w, imgui = self._w, self._w.imgui
         covered = console.window.enlarged or imgui.is_popup_open("", imgui.PopupFlags_.any_popup)
         if place in console.help.rects and not covered:
-            x, y, wide, tall = console.help.rects[place]
-            draw = imgui.get_foreground_draw_list()
-            low, high = w.vec(x + 1, y + 1), w.vec(x + wide - 1, y + tall - 1)
-            draw.add_rect(low, high, w.color(style.ACCENT), 3.0, 2.0)
+            w.frame(console.help.rects[place], style.ACCENT)
