@@ -28,7 +28,7 @@ from flyaround.simulator.dataset.single_frames import save_picture
 from flyaround.simulator.errors import UserError
 from flyaround.simulator.frame import Frame
 from flyaround.simulator.loop import open_frames
-from flyaround.simulator.piloting.recorder import FlightRecorder
+from flyaround.simulator.piloting.recorder import REPLAY_NAME, FlightRecorder
 from flyaround.simulator.piloting.session import FlightSession
 from flyaround.simulator.piloting.telemetry import telemetry_of
 from flyaround.simulator.runtime.files import empty_folder, write_atomic
@@ -236,6 +236,9 @@ class ConsoleLoop:
         self._layout = Layout(window, layout)
         console.help.descriptions = self._layout.descriptions()
         console.recent += [name for name in layout.recent if name not in console.recent]
+        console.flights += layout.flights
+        if request.record is not None:
+            console.flights.append(str((request.record / REPLAY_NAME).absolute()))
         console.shown.update(self._layout.first_shown())
         if request.choose:
             console.open_panel("scenarios", shown=True)

@@ -19,20 +19,7 @@ if TYPE_CHECKING:
 Kind = Literal["number", "whole", "word", "switch"]
 Value = float | int | str | bool
 SWITCH = {"on": True, "off": False}
-KEY_NAMES = {
-    "comma": ",",
-    "delete": "Del",
-    "equal": "+",
-    "keypad_add": "+",
-    "keypad_subtract": "-",
-    "left_bracket": "[",
-    "minus": "-",
-    "page_down": "PgDn",
-    "page_up": "PgUp",
-    "period": ".",
-    "right_bracket": "]",
-    "slash": "?",
-}
+KEY_NAMES = texts("keys")
 """Keys whose names for people differ from those in Dear ImGui."""
 
 
@@ -85,26 +72,30 @@ class Argument:
         UserError
             If it is invalid.
         """
+        value, allowed = self._value(text)
+        if allowed:
+            raise UserError(f"{command}: {self.name} is '{text}', allowed: {allowed}")
+        return value
+
+    def flaw(self, text: str) -> str:
+        """Return what is wrong with a typed value; empty if nothing is."""
+        return "allowed: " * bool(allowed := self._value(text)[1]) + allowed
+
+    def _value(self, text: str) -> tuple[Value, str]:
+        """Return the value of a text, and what is allowed instead if it is invalid."""
         if self.kind == "switch":
-            if text not in SWITCH:
-                raise UserError(f"{command}: {self.name} is '{text}', allowed: on, off")
-            return SWITCH[text]
+            return SWITCH.get(text, False), "" if text in SWITCH else "on, off"
         if self.kind == "word":
-            if self.choices and text not in self.choices:
-                raise UserError(
-                    f"{command}: {self.name} is '{text}', allowed: {', '.join(self.choices[:40])}"
-                )
-            return text
+            wrong = self.choices and text not in self.choices
+            return text, ", ".join(self.choices[:40]) if wrong else ""
         try:
             value = int(text) if self.kind == "whole" else float(text)
         except ValueError:
             value = math.nan
-        if not (math.isfinite(value) and self.least <= value <= self.most):
-            bounds = f" from {self.least:g} to {self.most:g}" if math.isfinite(self.most - self.least) else ""
-            raise UserError(
-                f"{command}: {self.name} is '{text}', allowed: a {'whole ' * (self.kind == 'whole')}number{bounds}"
-            )
-        return value
+        if math.isfinite(value) and self.least <= value <= self.most:
+            return value, ""
+        bounds = f" from {self.least:g} to {self.most:g}" if math.isfinite(self.most - self.least) else ""
+        return value, f"a {'whole ' * (self.kind == 'whole')}number{bounds}"
 
 
 def number(

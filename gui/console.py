@@ -9,9 +9,11 @@ from copy import deepcopy
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Literal
 
+from flyaround.gui.command_table import STATE, word_of
 from flyaround.gui.jobs.all import Jobs, running_jobs
 from flyaround.gui.jobs.scenario_opening import ScenarioOpener
 from flyaround.gui.picture.settings_history import SettingsHistory
+from flyaround.gui.picture.view_settings import exposure_text
 from flyaround.gui.scenario_draft import ScenarioDraft
 from flyaround.gui.script import CommandLog, Line, Player, Script
 from flyaround.simulator.errors import UserError
@@ -207,6 +209,8 @@ class Console:
         Previous flight and its source.
     recent : list of str, optional
         Built-in names and files of recent scenarios, newest first.
+    flights : list of str, optional
+        Absolute paths of the replays of kept flights.
     unsaved : list of FlightSession, optional
         Flights that the operator flew and that are in no file.
     saved_truth : str, optional
@@ -245,6 +249,7 @@ class Console:
     source: str = ""
     former: tuple[FlightSession, str] | None = None
     recent: list[str] = field(default_factory=list)
+    flights: list[str] = field(default_factory=list)
     unsaved: list[FlightSession] = field(default_factory=list)
     saved_truth: str = ""
     history: SettingsHistory = field(default_factory=SettingsHistory)
@@ -283,7 +288,7 @@ class Console:
     # --- commands
 
     def do(self, name: str, *arguments: Value) -> None:
-        """Run a command, as its key, its button or a script does; show an error as a message.
+        """Run a command, as its key, its button or a script does; show a refusal as a message.
 
         Parameters
         ----------
@@ -292,6 +297,11 @@ class Console:
         arguments : Value
             Values in the order of the command's declaration.
         """
+        if refusal := self.attempt(name, *arguments):
+            self.say(refusal, "caution")
+
+    def attempt(self, name: str, *arguments: Value) -> str:
+        """Run a command as `do` does; return why it was refused, or an empty text."""
         try:
             command = self.table[name]
             values = command.checked(arguments)
@@ -300,10 +310,20 @@ class Console:
             command.call(self, values)
             self._note_flown(name)
             if command.group != "settings":
-                self.history.note(name, before, self.options, self.clock_ms)
+                self.history.note(name, before, self.options, self.clock_ms, self._change(command, values))
         except (UserError, OSError) as error:
             # the flight continues, whatever happens in a command
-            self.say(str(error), "caution")
+            return str(error)
+        return ""
+
+    def _change(self, command: Command, values: Sequence[Value]) -> str:
+        """Return a change of the settings in words, with the exposure as a time."""
+        if command.name in {"picture.exposure", "picture.meter"}:
+            stops = self.options.settings.exposure_stops
+            return f"exposure {exposure_text(self.session.plan.scenario.sensor.exposure_s * 2.0**stops)}"
+        if command.arguments == (STATE,) and command.state is not None:
+            values = (command.state(self),)
+        return " ".join([command.title[:1].lower() + command.title[1:], *map(word_of, values)])
 
     def _note(self, line: Line) -> None:
         """Add a line to the log; a full disk must not prevent an abort."""

@@ -20,6 +20,7 @@ from flyaround.gui.command_table import command, switch
 from flyaround.gui.menus import MenuBar
 from flyaround.gui.panels.all import PANELS
 from flyaround.gui.status_line import StatusLine, note_window
+from flyaround.gui.texts import texts
 from flyaround.gui.transport import JobStrip, TransportStrip
 from flyaround.gui.widgets import Widgets
 from flyaround.simulator.runtime.files import write_atomic
@@ -33,7 +34,7 @@ if TYPE_CHECKING:
 log = logging.getLogger(__name__)
 
 Form = Literal["wide", "narrow"]
-RAISE_FRAMES, FRAMED_S = 3, 1.5
+RAISE_FRAMES, FRAMED_S = 2, 1.5
 """Frames in which a panel that a command opens is raised, until its tab exists, and the time for which it is framed."""
 NARROW = 900.0
 """Window width in screen units, at scale 1, below which panels go under the view."""
@@ -44,11 +45,7 @@ LOWEST, HIGHEST = 0.2, 0.5
 """Bounds of the bottom dock's share of the height, chosen for the view's aspect ratio."""
 PRESETS: dict[str, frozenset[str]] = {
     "first": frozenset(p.name for p in PANELS if p.shown),
-    "fly": frozenset({"camera", "chaser", "lvlh-map", "earth-map", "orbit-camera", "steering"}),
-    "dock": frozenset({"camera", "docking", "chaser", "lvlh-map", "orbit-camera"}),
-    "capture": frozenset({"camera", "capture", "picture", "sensor", "target", "parts", "depth"}),
-    "estimate": frozenset({"camera", "estimator", "keypoints", "parts", "picture"}),
-    "link": frozenset({"camera", "board-link", "chaser", "log"}),
+    **{name: frozenset(panels) for name, panels in texts("layouts").items()},
 }
 """Open panels of each layout."""
 
@@ -70,6 +67,8 @@ class SavedLayout(msgspec.Struct, forbid_unknown_fields=True):
         True once the tour has been closed.
     recent : list of str, optional
         Scenarios flown last.
+    flights : list of str, optional
+        Replays of kept flights.
     """
 
     version: int = VERSION
@@ -78,6 +77,7 @@ class SavedLayout(msgspec.Struct, forbid_unknown_fields=True):
     font_scale: float = 1.0
     tour_seen: bool = False
     recent: list[str] = []
+    flights: list[str] = []
 
 
 def layout_file() -> Path:
@@ -202,6 +202,7 @@ class Layout:
         over = {p.name for p in self.panels if p.place == "over"}
         self._saved.shown = {n: s for n, s in console.shown.items() if n not in over}
         self._saved.font_scale, self._saved.recent = console.window.font_scale, console.recent
+        self._saved.flights = [path for path in console.flights if Path(path).is_file()]
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
             write_atomic(path, msgspec.json.format(msgspec.json.encode(self._saved)))

@@ -7,6 +7,7 @@ from functools import cache
 from typing import TYPE_CHECKING
 
 from flyaround.gui.icons import ICONS, labelled
+from flyaround.gui.texts import texts
 from flyaround.gui.widgets import Widgets
 
 if TYPE_CHECKING:
@@ -20,59 +21,11 @@ of the menu itself have an empty title.
 """
 NO_ICON = " " * 7
 """Width of an icon, for aligning titles."""
-TEXT = """
-File
-  panel.scenarios scenario.back
-  Scenario text: panel.editor scenario.*
-  Export: picture.save film.* window.screenshot log.* panel.command-line
-  Keep the flight: timeline.keep timeline.dataset timeline.hil
-  settings.* window.quit
-Flight
-  time.pause time.step time.restart time.faster time.slower
-  Jump to: time.next-*
-  Timeline: panel.timeline timeline.*
-Vehicle
-  steer.arm steer.toggle steer.stop
-  Attitude and axes: steer.*
-  Guidance: guidance.*
-  Burns: burn.*
-  Docking: panel.docking docking.*
-  docking.abort panel.chaser panel.steering
-Camera
-  picture.meter picture.colour picture.noise sensor.reset
-  World: panel.world world.*
-  panel.picture panel.sensor panel.target panel.lights light.*
-View
-  Overlays: overlay.*
-  Maps: panel.lvlh-map map.* panel.earth-map panel.orbit-camera orbit-camera.*
-  Label images: panel.depth panel.parts panel.keypoints
-  panel.camera window.panels window.enlarge
-  Layout: layout.*
-  window.full-screen window.larger-text window.smaller-text
-Tools
-  Estimator: panel.estimator estimator.*
-  Hardware in the loop: panel.board-link hil.*
-  Capture: panel.capture capture.*
-  panel.plots overlay.times
-Help
-  panel.keys panel.palette help.panel
-  Tour: panel.tour help.*
-  panel.help panel.log window.acknowledge
-"""
-
-
-def _parsed(text: str) -> tuple[tuple[str, Entries], ...]:
-    menus: list[tuple[str, list[tuple[str, tuple[str, ...]]]]] = []
-    for line in text.strip().splitlines():
-        title, _, names = line.strip().rpartition(":")
-        if line.startswith(" "):
-            menus[-1][1].append((title, tuple(names.split())))
-        else:
-            menus.append((line, []))
-    return tuple((title, tuple(entries)) for title, entries in menus)
-
-
-MENUS = _parsed(TEXT)
+LONGEST_EM = 22  # width of an entry, in text heights
+MENUS: tuple[tuple[str, Entries], ...] = tuple(
+    (menu, tuple((title, tuple(names.split())) for title, _, names in (e.rpartition(":") for e in entries)))
+    for menu, entries in texts("menus").items()
+)
 EXPLICIT = frozenset(
     name for _, entries in MENUS for _, names in entries for name in names if "*" not in name
 )
@@ -149,7 +102,11 @@ class MenuBar:
     def _item(self, console: Console, name: str) -> None:
         command = console.table[name]
         on = command.state is not None and command.state(console)
-        label = labelled(name, command.title) if name in ICONS else f"{NO_ICON}{command.title}"
-        if self._imgui.menu_item_simple(f"{label}###{name}", command.shown, on):
+        step = console.history.next(name)
+        title = self._w.elided(
+            f"{command.title} {step or ''}".rstrip(), LONGEST_EM * self._imgui.get_font_size()
+        )
+        label = labelled(name, title) if name in ICONS else f"{NO_ICON}{title}"
+        if self._imgui.menu_item_simple(f"{label}###{name}", command.shown, on, step != ""):
             console.do(name)
         self._w.command_tip(console, name)

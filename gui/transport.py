@@ -11,6 +11,7 @@ from flyaround.gui import style
 from flyaround.gui.commands.timeline import clock
 from flyaround.gui.icons import labelled
 from flyaround.gui.jobs.all import running_jobs
+from flyaround.gui.views.earth_map import duration_text
 from flyaround.gui.widgets import Widgets
 from flyaround.simulator.piloting.clock import RATES
 
@@ -23,6 +24,7 @@ if TYPE_CHECKING:
 
 NARROW_EM = 56
 """Window width, in text heights, below which the strip shortens its texts."""
+SILENT_S = 2.0  # time after which a job that has given nothing yet tells how long it has been at work
 JOB_COLUMNS = 4
 """Columns of the line of jobs: one for each job that can be ended."""
 STEPS_S = (1, 5, 10, 30, 60, 300, 600, 1800, 3600, 7200, 21_600, 86_400)
@@ -129,16 +131,16 @@ class TransportStrip:
         imgui.push_font(w.window.text_font, 0.75 * imgui.get_style().font_size_base)
         room = 1.6 * imgui.calc_text_size("T+00:00").x
         step = next((s for s in STEPS_S if x_of(s) - x_of(0.0) > room), end_s)
-        last = imgui.calc_text_size(minutes(end_s)).x
+        last = imgui.calc_text_size(scale_text(end_s)).x
         times = {0.0: 0.0, end_s: 1.0}
         if high.x - low.x > 3 * room:
             times |= dict.fromkeys(np.arange(step, end_s - 0.6 * step, step).tolist(), 0.5)
         for t_s, share in times.items():
-            width = imgui.calc_text_size(minutes(t_s)).x
+            width = imgui.calc_text_size(scale_text(t_s)).x
             x = x_of(t_s) - share * (width + 20.0 * w.window.scale * (share == 1.0))
             if share == 1.0 or x + width < x_of(end_s) - last - 30.0:
                 y = (low.y + high.y - imgui.get_font_size()) / 2
-                imgui.get_window_draw_list().add_text(w.vec(x, y), w.color(style.QUIET), minutes(t_s))
+                imgui.get_window_draw_list().add_text(w.vec(x, y), w.color(style.QUIET), scale_text(t_s))
         imgui.pop_font()
 
     def _abort(self, console: Console, width: float) -> None:
@@ -156,11 +158,9 @@ class TransportStrip:
         )
 
 
-def minutes(t_s: float) -> str:
+def scale_text(t_s: float) -> str:
     """Return a time of the slider's scale."""
-    rest, seconds = divmod(int(t_s), 60)
-    hours, whole = divmod(rest, 60)
-    return f"T+{hours}:{whole:02d}:{seconds:02d}" if hours else f"T+{whole}:{seconds:02d}"
+    return f"T+{duration_text(int(t_s))}"
 
 
 class JobStrip:
@@ -174,27 +174,30 @@ class JobStrip:
 
     def __init__(self, window: Surface) -> None:
         self._w = Widgets(window)
-        self._columns: dict[str, int] = {}
-        """Column of each job, which it keeps until it ends."""
+        self._columns: dict[str, tuple[int, float]] = {}
+        """Column of each job, which it keeps until it ends, and the time when it began [s]."""
 
     def draw(self, console: Console) -> None:
         """Draw into the current side bar."""
         w, imgui = self._w, self._w.imgui
-        jobs = {job.end or job.text.partition(",")[0]: job for job in running_jobs(console.jobs)}
+        opening, now_s = console.opener.name if console.opener.is_busy() else "", imgui.get_time()
+        jobs = {job.end or job.text.partition(",")[0]: job for job in running_jobs(console.jobs, opening)}
         self._columns = {name: column for name, column in self._columns.items() if name in jobs}
         left, width = imgui.get_cursor_pos_x(), w.width / JOB_COLUMNS
         imgui.align_text_to_frame_padding()
         w.one_line("" if jobs else "no job runs", style.QUIET)
         for name, job in jobs.items():
-            free = set(range(len(jobs) + JOB_COLUMNS)) - set(self._columns.values())
-            column = self._columns.setdefault(name, min(free))
+            free = set(range(len(jobs) + JOB_COLUMNS)) - {column for column, _ in self._columns.values()}
+            column, began_s = self._columns.setdefault(name, (min(free), now_s))
             imgui.same_line(left + column * width)
             # the estimator's button also starts it
             title = console.table[job.end].title if job.end else ""
             title = "Stop estimating" if job.end == "estimator.run" else title
             button = w.button_width(labelled("film.stop", title)) if title else 0.0
-            w.one_line(w.elided(job.text, width - button - 1.5 * imgui.get_font_size()), style.ACCENT)
-            w.tip(job.text)
+            slow = job.silent and now_s - began_s > SILENT_S
+            text = f"{job.text}, {now_s - began_s:.0f} s so far" if slow else job.text
+            w.one_line(w.elided(text, width - button - 1.5 * imgui.get_font_size()), style.ACCENT)
+            w.tip(text)
             if job.share is not None:
                 low, high = imgui.get_item_rect_min(), imgui.get_item_rect_max()
                 end = w.vec(low.x + job.share * (high.x - low.x), high.y + 3.0)

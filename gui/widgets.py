@@ -12,7 +12,7 @@ from flyaround.gui.icons import PRIMARY, labelled
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Sequence
 
-    from flyaround.gui.command_table import Value
+    from flyaround.gui.command_table import Argument, Value
     from flyaround.gui.console import Console
     from flyaround.gui.surface import Surface
 
@@ -34,6 +34,8 @@ class Widgets:
         self.window = window
         self.imgui = window.imgui
         self.implot = window.implot
+        self._refused: dict[str, tuple[str, str]] = {}
+        """Typed texts that were refused, and the reasons, by the key of their field."""
 
     # --- sizes
 
@@ -190,6 +192,61 @@ class Widgets:
         imgui.same_line(end - width)
         imgui.set_next_item_width(width)
 
+    def typed(self, key: str, text: str, argument: Argument) -> str:
+        """Draw a field for an argument's value, which says what is wrong with its text; return the text."""
+        text = str(self.imgui.input_text(f"##{key}", text)[1])
+        self.flaw(flaw := argument.flaw(text))
+        self.tip("" if flaw else argument.description)
+        return text
+
+    def entry(self, key: str, shown: str, take: Callable[[str], str], tip: str) -> None:
+        """Draw a field for a value that Enter, or leaving the field, hands to ``take``.
+
+        What ``take`` refuses stays in the field, with the reason, until it is mended or Esc brings the value back.
+
+        Parameters
+        ----------
+        key : str
+            Identifier within the panel.
+        shown : str
+            Present value.
+        take : callable
+            Function that takes a text and returns why it refuses it, or an empty text.
+        tip : str
+            Hover text.
+        """
+        imgui = self.imgui
+        text = str(imgui.input_text(f"##{key}", self._refused.get(key, (shown, ""))[0])[1])
+        ended = imgui.is_item_deactivated_after_edit() and not imgui.is_key_pressed(imgui.Key.escape)
+        self.answer(key, text, take(text) if ended else None)
+        self.tip("" if key in self._refused else f"{tip}; Enter takes it, Esc does not")
+
+    def answer(self, key: str, text: str, refusal: str | None) -> None:
+        """Keep why a text of the last item was refused in sight until another is taken, or Esc; None is no answer."""
+        if refusal is not None:
+            self._refused[key] = text, refusal
+        if refusal == "" or self.imgui.is_key_pressed(self.imgui.Key.escape):
+            self._refused.pop(key, None)
+        self.flaw(self._refused.get(key, ("", ""))[1])
+
+    def flaw(self, text: str) -> None:
+        """Frame the last item and write what is wrong with its value below it, over what is there; unless empty."""
+        imgui = self.imgui
+        if not text or not imgui.is_item_visible():
+            return
+        low, high = imgui.get_item_rect_min(), imgui.get_item_rect_max()
+        self.frame((low.x - 1, low.y - 1, high.x - low.x + 2, high.y - low.y + 2), style.BAD)
+        wide, pad = 18 * imgui.get_font_size(), 6.0 * self.window.scale
+        size = imgui.calc_text_size(text, wrap_width=wide)
+        left = min(low.x, imgui.get_main_viewport().size.x - size.x - 2 * pad)
+        draw, end = imgui.get_foreground_draw_list(), high.y + size.y + 2 * pad
+        draw.add_rect_filled(
+            self.vec(left, high.y), self.vec(left + size.x + 2 * pad, end), self.color(style.BAD), 3.0
+        )
+        ink = self.color(style.letters_on(style.BAD))
+        place = self.vec(left + pad, high.y + pad)
+        draw.add_text(imgui.get_font(), imgui.get_font_size(), place, ink, text, wrap_width=wide)
+
     # --- controls of commands
 
     def button(
@@ -254,7 +311,7 @@ class Widgets:
             return True
         self.text("A new flight, from T+0; File, Flight before returns to this one.", style.WARN)
         width = (self.width - self.imgui.get_style().item_spacing.x) / 2
-        flies = self.filled_button(f"Fly to {what}", width, style.PRIMARY)
+        flies = self.filled_button("Fly it", width, style.PRIMARY)
         self.command_tip(console, name, what)
         self.imgui.same_line()
         stays = self.filled_button("Stay here", width, None)

@@ -64,20 +64,8 @@ def _change(console: Console, light: int, field: str, value: str) -> None:
     _replace(console, light, lambda s: (changed_light(s, field, value),))
 
 
-def _remove(console: Console, light: int) -> None:
-    _replace(console, light, lambda _: ())
-
-
 def _add(console: Console, kind: str) -> None:
     console.options.settings.lights = with_light(_lights(console), kind)
-
-
-def _reset_lights(console: Console) -> None:
-    console.options.settings.lights = None
-
-
-def _fly_lights(console: Console) -> None:
-    console.opener.open(scenario_with(console.session.plan.scenario, _lights(console)))
 
 
 LIGHT = Argument("light", "whole", "its number in the panel, from 0", least=0, most=MAX_LIGHTS)
@@ -100,7 +88,7 @@ COMMANDS = (
         word("value", "a, or a,b,c"),
     ),
     command("light.add", _add, word("kind", "on the chaser, or a luminous area", tuple(NEW_LIGHTS))),
-    command("light.remove", _remove, LIGHT),
-    command("light.reset", _reset_lights),
-    command("light.fly", _fly_lights),
+    command("light.remove", lambda console, light: _replace(console, light, lambda _: ()), LIGHT),
+    command("light.reset", lambda console: setattr(console.options.settings, "lights", None)),
+    command("light.fly", lambda c: c.opener.open(scenario_with(c.session.plan.scenario, _lights(c)))),
 )

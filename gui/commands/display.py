@@ -11,22 +11,14 @@ import numpy as np
 from flyaround.gui.command_table import command, number, setting, switch, word
 from flyaround.gui.picture.light_settings import lit
 from flyaround.gui.picture.view_settings import DETAILS, LAYERS, OVERLAYS
+from flyaround.gui.texts import texts
 from flyaround.simulator.imaging.auto_exposure import AutoExposure
 from flyaround.simulator.imaging.metering import metered_exposure_s
 
 if TYPE_CHECKING:
     from flyaround.gui.console import Console
 
-OVERLAY_KEYS = {
-    "keypoints": "F2",
-    "box": "F3",
-    "axes": "F4",
-    "wireframe": "F5",
-    "crosshair": "F6",
-    "hud": "F7",
-    "times": "F8",
-    "docking": "F10",
-}
+OVERLAY_KEYS = texts("overlay-keys")
 MOST_STOPS = 8.0  # largest change of the exposure [powers of two]
 
 
@@ -56,10 +48,6 @@ def _colour(console: Console, state: bool) -> None:  # noqa: FBT001 - a switch
     console.options.settings.bands = "rgb" if state else "mono"
 
 
-def _panels(console: Console) -> None:
-    console.options.panel = not console.options.panel
-
-
 def _quit(console: Console) -> None:
     # a second time is the answer
     if console.shown.get("quit") or not console.losses:
@@ -80,7 +68,7 @@ COMMANDS = (
             f"overlay.{name}",
             lambda console: console.options.overlays,
             name,
-            *((OVERLAY_KEYS[name].lower(),) if name in OVERLAY_KEYS else ()),
+            *filter(None, [OVERLAY_KEYS.get(name)]),
             title=title,
             text=f"draw over the view: {title.lower()}",
         )
@@ -106,7 +94,7 @@ COMMANDS = (
         )
         for name, title in LAYERS.items()
     ),
-    command("window.panels", _panels, "tab"),
+    setting("window.panels", lambda console: console.options, "panel", "tab"),
     command("window.full-screen", partial(_request, "full_screen"), "f11"),
     command("window.acknowledge", lambda console: console.acknowledge(), "f9"),
     command("window.quit", _quit, "ctrl+q"),

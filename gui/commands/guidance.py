@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from flyaround.gui.command_table import Argument, Command, command, number
+from flyaround.gui.command_table import Argument, command, number
 from flyaround.gui.commands.steering import order
 from flyaround.simulator.piloting import guidance_orders as orders
 from flyaround.simulator.piloting.orders import CancelBurns, Drift, PlanBurn
@@ -31,19 +31,8 @@ SINCE_START = "since the scenario's start"
 COMMANDS = (
     command("guidance.hold", order(orders.KeepStation)),
     command("guidance.hold-at", order(lambda *place: orders.KeepStation(place)), *PLACE),
-    *(
-        Command(
-            f"guidance.{name}",
-            f"{title} approach",
-            f"along the {axis} to a hold point, by default 10 m from the centre of mass",
-            order(kind),
-            arguments=(HOLD, SPEED),
-        )
-        for name, title, axis, kind in (
-            ("vbar", "V-bar", "velocity axis", orders.ApproachVbar),
-            ("rbar", "R-bar", "radius", orders.ApproachRbar),
-        )
-    ),
+    command("guidance.vbar", order(orders.ApproachVbar), HOLD, SPEED),
+    command("guidance.rbar", order(orders.ApproachRbar), HOLD, SPEED),
     command(
         "guidance.glideslope",
         order(orders.FlyGlideslope),

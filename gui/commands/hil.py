@@ -9,12 +9,13 @@ import msgspec
 
 from flyaround.gui.command_table import command, number, word
 from flyaround.gui.jobs.program import new_path
+from flyaround.gui.texts import texts
 from flyaround.hil.board.method_names import HYBRID
 from flyaround.hil.host.ledger.run_terms import Provenance
 from flyaround.hil.host.link_process.ipc import LinkConfig
 from flyaround.hil.host.run import RunConfig
 from flyaround.hil.host.truth_policy import check_access
-from flyaround.simulator.scenario import faults
+from flyaround.simulator.scenario.faults import CameraFault, LineFault
 
 if TYPE_CHECKING:
     from flyaround.gui.console import Console
@@ -23,25 +24,9 @@ LISTEN = "tcp://127.0.0.1:5600"
 FOLDER = Path("out") / "console"
 POSE_S, CONNECT_S = 10.0, 600.0  # longest wait for a pose, and for a board
 FAULT_S = 10.0  # duration of a fault unless given
-FAULTS: dict[str, tuple[faults.CameraFault | faults.LineFault, str]] = {
-    "stuck_pixels": (faults.StuckPixels(share=0.01), "one pixel in a hundred gives one number"),
-    "dead_pixels": (faults.DeadPixels(share=0.01), "one pixel in a hundred gives 0"),
-    "row_loss": (faults.RowLoss(rows=40), "forty rows of each picture are 0"),
-    "column_loss": (faults.ColumnLoss(columns=40), "forty columns are 0"),
-    "half_frame": (faults.HalfFrame(), "the lower half of each picture is 0"),
-    "frozen": (faults.FrozenPicture(), "the same picture again and again"),
-    "blinding": (faults.Blinding(), "a bright source in the middle"),
-    "gain_step": (faults.GainStep(factor=3.0), "three times the numbers"),
-    "repeated_number": (faults.RepeatedNumber(), "the camera's counter stands still"),
-    "delay": (faults.Delay(delay_ms=300.0), "every packet to the board 0.3 s later"),
-    "jitter": (faults.Jitter(most_ms=300.0), "pictures up to 0.3 s later"),
-    "drop": (faults.Drop(chance=0.02), "two packets in a hundred are lost"),
-    "corrupt": (faults.Corrupt(chance=0.02), "two packets in a hundred are damaged"),
-    "duplicate": (faults.Duplicate(chance=0.2), "one packet in five comes twice"),
-    "reorder": (faults.Reorder(chance=0.1), "one packet in ten comes late"),
-    "bandwidth": (faults.Bandwidth(bytes_per_s=500_000.0), "half a megabyte a second"),
-    "disconnect": (faults.Disconnect(), "the line is cut once"),
-    "clock_drift": (faults.ClockDrift(ppm=500.0), "the board's clock runs fast"),
+FAULTS: dict[str, tuple[CameraFault | LineFault, str]] = {
+    kind: (msgspec.convert({"kind": kind, **numbers}, CameraFault | LineFault), text)  # type: ignore[arg-type]
+    for kind, (text, numbers) in texts("faults").items()
 }
 
 

@@ -25,21 +25,10 @@ def script_of(console: Console) -> str:
     return console.log.text(script_header(console))
 
 
-def save_script(console: Console, path: Path) -> None:
-    """Write the log as a script.
-
-    Raises
-    ------
-    OSError
-        If it cannot be written.
-    """
-    path.parent.mkdir(parents=True, exist_ok=True)
-    write_atomic(path, script_of(console).encode())
-
-
 def _save(console: Console, path: str | None = None) -> None:
     where = output_file(path, FOLDER, "commands", ".script")
-    save_script(console, where)
+    where.parent.mkdir(parents=True, exist_ok=True)
+    write_atomic(where, script_of(console).encode())
     console.say(
         f"saved {where}; flyaround sim {console.session.plan.scenario.name} --script {where} does it again"
     )

@@ -86,6 +86,14 @@ def _open(console: Console, path: str) -> None:
         )
 
 
+def _undo(console: Console) -> None:
+    console.say(f"undone: {console.history.undo(console.options)} (Ctrl+Y does it again)")
+
+
+def _redo(console: Console) -> None:
+    console.say(f"done again: {console.history.redo(console.options)}")
+
+
 def _enlarge(console: Console, panel: str | None = None) -> None:
     window, panel_name = console.window, panel or console.help.hovered or "lvlh-map"
     if f"panel.{panel_name}" not in console.table:
@@ -94,8 +102,8 @@ def _enlarge(console: Console, panel: str | None = None) -> None:
 
 
 COMMANDS = (
-    command("settings.undo", lambda console: console.history.undo(console.options), "ctrl+z"),
-    command("settings.redo", lambda console: console.history.redo(console.options), "ctrl+y"),
+    command("settings.undo", _undo, "ctrl+z"),
+    command("settings.redo", _redo, "ctrl+y"),
     command(
         "window.text-size",
         _font_scale,

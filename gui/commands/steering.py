@@ -7,6 +7,7 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 from flyaround.gui.command_table import Argument, Command, command, number, switch, word
+from flyaround.gui.texts import texts
 from flyaround.simulator.piloting.chaser_control import ATTITUDE_MODES
 from flyaround.simulator.piloting.control_laws import NO_DEMAND, SWITCHES
 from flyaround.simulator.piloting.orders import Centre, Control, FollowGuidance, Order, Pulse, Stop, TakeOver
@@ -63,12 +64,8 @@ def _attitude(console: Console, mode: str | None = None) -> None:
     console.order(Control(attitude=next((m for m in ATTITUDE_MODES if m == mode), following)))
 
 
-def _stick_thrust(console: Console, right: float, down: float, forward: float) -> None:
-    console.hand.thrust = (right, down, forward)
-
-
-def _stick_turn(console: Console, up: float, right: float, roll: float) -> None:
-    console.hand.turn = (up, right, roll)
+def _stick(part: str, console: Console, *shares: float) -> None:
+    setattr(console.hand, part, shares)
 
 
 def _stick_lost(console: Console) -> None:
@@ -77,23 +74,6 @@ def _stick_lost(console: Console) -> None:
     stopped = ": what it pushed and turned has stopped" * pushed
     console.say(f"the gamepad is gone{stopped}", "warning" if pushed else "note")
 
-
-_HELD = (
-    ("forward", "w", "thrust forward, along the boresight"),
-    ("back", "s", "thrust back"),
-    ("left", "a", "thrust left"),
-    ("right", "d", "thrust right"),
-    ("up", "r", "thrust up in the picture"),
-    ("down", "f", "thrust down in the picture"),
-    ("pitch-up", "i up_arrow", "pitch up"),
-    ("pitch-down", "k down_arrow", "pitch down"),
-    ("yaw-left", "j left_arrow", "yaw left"),
-    ("yaw-right", "l right_arrow", "yaw right"),
-    ("roll-left", "u", "roll left"),
-    ("roll-right", "o", "roll right"),
-    ("coarse", "left_shift right_shift", "five times as strong, while held"),
-    ("fine", "left_ctrl right_ctrl", "a fifth as strong, while held"),
-)
 
 COMMANDS = (
     switch("steer.arm", _arm, lambda console: bool(console.hand.armed), "ctrl+h", "insert"),
@@ -107,7 +87,7 @@ COMMANDS = (
             held=True,
             flies=True,
         )
-        for name, keys, text in _HELD
+        for name, (keys, text) in texts("held").items()
     ),
     command("steer.stop", _stop, "x", flies=True),
     command("steer.track", _track, "t", flies=True, state=lambda console: console.session.craft.tracking),
@@ -136,7 +116,9 @@ COMMANDS = (
         flies=True,
     ),
     command("steer.pulse", order(Pulse), word("direction", "as keys", SWITCHES), flies=True),
-    command("steer.stick-thrust", _stick_thrust, *_shares("right", "down", "forward"), flies=True),
-    command("steer.stick-turn", _stick_turn, *_shares("up", "right", "roll"), flies=True),
+    command(
+        "steer.stick-thrust", partial(_stick, "thrust"), *_shares("right", "down", "forward"), flies=True
+    ),
+    command("steer.stick-turn", partial(_stick, "turn"), *_shares("up", "right", "roll"), flies=True),
     command("steer.stick-lost", _stick_lost),
 )

@@ -110,6 +110,7 @@ class Keeping:
             return False
         if replay is None:
             return True
+        self.console.flights.append(str(replay.absolute()))
         self.then(self.console, str(replay))
         return False
 

@@ -139,16 +139,19 @@ class RunningJob:
         Completed share; None if unknown.
     end : str, optional
         Command that ends it, or empty.
+    silent : bool, optional
+        True while it has given nothing yet, so that only its duration shows that it is at work.
     """
 
     text: str
     share: float | None = None
     end: str = ""
+    silent: bool = False
 
 
-def running_jobs(jobs: Jobs) -> list[RunningJob]:
-    """Return the running jobs."""
-    rows = []
+def running_jobs(jobs: Jobs, opening: str = "") -> list[RunningJob]:
+    """Return the running jobs, ``opening`` a scenario among them."""
+    rows = [RunningJob(f"opening {opening}", silent=True)] if opening else []
     if jobs.estimates.on:
         rows.append(RunningJob(f"{jobs.estimates.method} {jobs.estimates.doing}", None, "estimator.run"))
     capture = jobs.capture
@@ -156,13 +159,13 @@ def running_jobs(jobs: Jobs) -> list[RunningJob]:
         left = "" if capture.left_s is None else f", {time_text(capture.left_s)} left"
         text = f"capture {capture.done} of {capture.request.frames}{left}"
         share = min(capture.done / max(capture.request.frames, 1), 1.0)
-        rows.append(RunningJob(text, share, "capture.stop"))
+        rows.append(RunningJob(text, share, "capture.stop", silent=capture.done == 0))
     if jobs.film is not None:
         rows.append(RunningJob(f"film {jobs.film.pictures} pictures", None, "film.stop"))
     if jobs.hil.on:
         text = f"board: {jobs.hil.state}, {jobs.hil.sent} sent"
-        rows.append(RunningJob(text, None, "hil.stop"))
+        rows.append(RunningJob(text, None, "hil.stop", silent=jobs.hil.sent == 0))
     if jobs.mesh is not None:
-        rows.append(RunningJob(f"importing {jobs.mesh.name}"))
+        rows.append(RunningJob(f"importing {jobs.mesh.name}", silent=True))
     rows += [RunningJob(f"writing the flight, {k.files.share:.0%}", k.files.share) for k in jobs.keeping[:1]]
     return rows

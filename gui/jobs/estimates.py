@@ -9,14 +9,16 @@ import contextlib
 import time
 from collections import deque
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from flyaround.gui.jobs.estimator_process import EstimateRequest, EstimatorCache, estimate_picture
+from flyaround.gui.jobs.estimator_process import STEPS, EstimateRequest, EstimatorCache, estimate_picture
 from flyaround.hil.board.method_names import HYBRID
 from flyaround.hil.evaluate.pose_errors import frame_errors
 from flyaround.simulator.errors import UserError
+from flyaround.simulator.runtime.progress import ProgressLine
 from flyaround.simulator.runtime.worker_pool import JobsLostError, WorkerPool
 
 if TYPE_CHECKING:
@@ -81,7 +83,7 @@ class Estimates:
     Parameters
     ----------
     open_resource : callable, optional
-        Opens the resource of the process.
+        Opens the resource of the process, by default the cache of estimators.
     work : callable, optional
         Function of the process.
     limit_s : float, optional
@@ -93,12 +95,15 @@ class Estimates:
     def __init__(
         self,
         *,
-        open_resource: Callable[[], AbstractContextManager[Any]] = EstimatorCache,
+        open_resource: Callable[[], AbstractContextManager[Any]] | None = None,
         work: Callable[..., Answer] = estimate_picture,
         limit_s: float = LIMIT_S,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
-        self._open_resource, self._work, self._clock = open_resource, work, clock
+        self.progress = ProgressLine()
+        """Step until the first estimate of a method; empty after it."""
+        self._open_resource = open_resource or partial(EstimatorCache, self.progress)
+        self._work, self._clock = work, clock
         self._limit_s = limit_s
         self.on = False
         self.method = HYBRID
@@ -158,6 +163,8 @@ class Estimates:
     @property
     def doing(self) -> str:
         """State for people, with the time that the estimate under way has taken, or the rate, or the refusal."""
+        if self._under_way is not None and (step := self.progress.read()):
+            return f"preparing: {step}, {self.busy_s:.0f} s so far"
         if self.busy_s > SLOW_S:
             return f"{self.state} for {self.busy_s:.0f} s"
         return f"{self.state}, {self.per_s:.1f}/s" if self.on and self.per_s else self.refusal or self.state
@@ -212,6 +219,7 @@ class Estimates:
 
     def _turn(self, picture: Picture | None) -> None:
         if self._worker is None:
+            self.progress.write(STEPS[0])
             self._worker = WorkerPool(
                 self._work,
                 1,
@@ -253,6 +261,7 @@ class Estimates:
         under_way, self._under_way = self._under_way, None
         picture, method = under_way
         self._answered = True
+        self.progress.write("")
         if under_way is self._discarded:
             return
         estimate = compared(picture, method, answer, self._clock())
@@ -280,6 +289,7 @@ class Estimates:
         """Request the abandoned estimate again, if it is switched on."""
         self._under_way = self._last = None
         self._answered = False
+        self.progress.write("")
 
     def close(self) -> None:
         """End the process."""

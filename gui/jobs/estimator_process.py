@@ -21,10 +21,18 @@ if TYPE_CHECKING:
 
     from flyaround.simulator.camera.lens.camera_model import Camera
     from flyaround.simulator.runtime.arrays import ByteArray, Quat, Vec3
+    from flyaround.simulator.runtime.progress import ProgressLine
     from flyaround.simulator.scene.state import TargetRef
 
 STAGE_QUALITY = 88  # JPEG quality of a stage's picture
 KEPT_ESTIMATORS = 4
+STEPS = tuple(
+    f"{what}, {k} of 5"
+    for k, what in enumerate(
+        ("a process", "the method's program", "the target's model", "tables of the target", "first pose"), 1
+    )
+)
+"""Steps until a method's first estimate, as people read them."""
 NICENESS = 5
 """Niceness of this process, so that window and renderer have priority."""
 
@@ -99,12 +107,19 @@ class Answer:
 
 
 class EstimatorCache:
-    """Cache of estimators, each created when its method, camera and craft are first requested."""
+    """Cache of estimators, each created when its method, camera and craft are first requested.
+
+    Parameters
+    ----------
+    progress : ProgressLine
+        Line to which the steps of creating one are written.
+    """
 
     info = "ready"
 
-    def __init__(self) -> None:
+    def __init__(self, progress: ProgressLine) -> None:
         self._estimators: dict[tuple[str, Camera, TargetRef], Any] = {}
+        self._progress = progress
 
     def __enter__(self) -> Self:
         with contextlib.suppress(OSError):
@@ -122,25 +137,28 @@ class EstimatorCache:
         UserError
             If there is no such method.
         """
+        key = (request.method, request.camera, request.target)
+        if key in self._estimators:
+            return self._estimators[key]
+        self._progress.write(STEPS[1])
         from flyaround.hil.board.estimation import CameraIntrinsics  # noqa: PLC0415 - what only this process needs
         from flyaround.hil.evaluate.added_estimators import any_estimator, check_any_method  # noqa: PLC0415
         from flyaround.hil.evaluate.method_choice import MethodChoice, board_model  # noqa: PLC0415
 
-        key = (request.method, request.camera, request.target)
-        if key not in self._estimators:
-            try:
-                check_any_method(request.method)
-                estimator = any_estimator(
-                    board_model(request.target.drawn()),
-                    CameraIntrinsics.from_dict(msgspec.to_builtins(request.camera)),
-                    MethodChoice(request.method),
-                )
-            except BoardModelError as error:
-                raise UserError(f"the estimator cannot be made: {error}") from error
-            while len(self._estimators) >= KEPT_ESTIMATORS:
-                self._estimators.pop(next(iter(self._estimators)))
-            self._estimators[key] = estimator
-        return self._estimators[key]
+        try:
+            check_any_method(request.method)
+            self._progress.write(STEPS[2])
+            model = board_model(request.target.drawn())
+            self._progress.write(STEPS[3])
+            lens = CameraIntrinsics.from_dict(msgspec.to_builtins(request.camera))
+            estimator = any_estimator(model, lens, MethodChoice(request.method))
+        except BoardModelError as error:
+            raise UserError(f"the estimator cannot be made: {error}") from error
+        self._progress.write(STEPS[4])
+        while len(self._estimators) >= KEPT_ESTIMATORS:
+            self._estimators.pop(next(iter(self._estimators)))
+        self._estimators[key] = estimator
+        return estimator
 
 
 def estimate_picture(cache: EstimatorCache, request: EstimateRequest) -> Answer:

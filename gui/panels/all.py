@@ -15,7 +15,7 @@ views.lvlh_map:LvlhMap views.earth_map:EarthMap views.orbit_camera:OrbitCameraVi
 views.labels:PartsView views.labels:KeypointsView panels.picture:PicturePanel panels.picture:WorldPanel
 panels.sensor:SensorPanel panels.target:TargetPanel panels.lights:LightsPanel panels.command_line:CommandLinePanel
 panels.timeline:TimelinePanel panels.steering:SteeringPanel panels.plots:PlotsPanel panels.docking:DockingPanel
-panels.tour:TourPanel panels.scenarios:ScenarioChooser panels.editor:EditorPanel
+panels.tour:TourPanel panels.scenarios:ScenarioChooser panels.flights:FlightsPanel panels.editor:EditorPanel
 panels.log:LogPanel panels.key_list:KeyList panels.key_list:Palette panels.help:HelpPanel
 panels.quit_question:QuitQuestion
 """

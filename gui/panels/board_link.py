@@ -27,7 +27,7 @@ class BoardLinkPanel(Panel):
     _url = LISTEN
     _methods: tuple[str, ...] = ()
     _method, _fault = "", next(iter(FAULTS))
-    _seconds = FAULT_S
+    _seconds = f"{FAULT_S:g}"
 
     def draw(self, console: Console) -> None:
         """Draw into the current panel."""
@@ -115,12 +115,12 @@ class BoardLinkPanel(Panel):
         )
         w.text(FAULTS[self._fault][1], style.QUIET)
         imgui.set_next_item_width(min(8 * imgui.get_font_size(), 0.5 * w.width))
-        _, self._seconds = imgui.input_double("s##seconds", self._seconds, 0.0, 0.0, "%.3g")
-        w.command_tip(console, "hil.fault", argument="seconds")
+        self._seconds = w.typed("seconds", self._seconds, console.table["hil.fault"].arguments[1])
+        imgui.same_line()
+        w.one_line("s", style.QUIET)
         w.flow(6 * imgui.get_font_size(), first=False)
         imgui.begin_disabled(not console.jobs.hil.on)
-        seconds = min(max(self._seconds, 0.1), 3600.0)
-        w.button(console, "hil.fault", self._fault, seconds, label="Inject fault")
+        w.button(console, "hil.fault", self._fault, self._seconds, label="Inject fault")
         imgui.end_disabled()
         for kind, n in console.jobs.hil.struck.items():
             w.row(kind.replace("_", " "), (n,), "{:d}", "pictures or answers that it struck")

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from flyaround.gui import style
 from flyaround.gui.commands.capture import FLOWN, NEW, THIS
-from flyaround.gui.jobs.capture_job import MOST_FRAMES, MOST_WORKERS, time_text
+from flyaround.gui.jobs.capture_job import time_text
 from flyaround.gui.widgets import Panel
 from flyaround.simulator.dataset.formats.registry import writable
 from flyaround.simulator.scenario.load import list_recipes, list_scenarios
@@ -29,7 +29,7 @@ class CapturePanel(Panel):
         super().__init__(window)
         self._what = ""
         self._names: tuple[str, ...] = ()
-        self._frames, self._workers = 20, 1
+        self._frames, self._workers = "20", "1"
         self._folder = ""
         self._formats: set[str] = set()
 
@@ -47,7 +47,7 @@ class CapturePanel(Panel):
         w, imgui, job = self._w, self._w.imgui, console.jobs.capture
         self._names = self._names or (FLOWN, THIS, *list_scenarios(), *list_recipes())
         self._what = self._what or (FLOWN if console.session in console.unsaved else THIS)
-        self._label("What")
+        w.field("What", "", 0.7)
         self._what = w.choice(
             console,
             "capture.start",
@@ -60,15 +60,14 @@ class CapturePanel(Panel):
             w.text(
                 "with the camera, exposure, colour and lights chosen here; noise and layers as in the scenario"
             )
-        self._label("Frames")
-        _, self._frames = imgui.input_int("##frames", self._frames, 10, 100)
-        self._w.command_tip(console, "capture.start", argument="frames")
-        self._label("Folder")
+        w.field("Frames", "", 0.7)
+        frames, *_, workers = console.table["capture.start"].arguments
+        self._frames = w.typed("frames", self._frames, frames)
+        w.field("Folder", "", 0.7)
         _, self._folder = imgui.input_text_with_hint("##folder", "a new one in out/console", self._folder)
         self._w.command_tip(console, "capture.start", argument="folder")
-        self._label("Processes")
-        _, self._workers = imgui.input_int("##workers", self._workers, 1, 1)
-        self._w.command_tip(console, "capture.start", argument="workers")
+        w.field("Processes", "", 0.7)
+        self._workers = w.typed("workers", self._workers, workers)
         w.text("Beside the native layout", style.QUIET)
         formats = writable()[1:]
         for name, _ in zip(formats, w.grid(len(formats), 110), strict=True):
@@ -76,8 +75,6 @@ class CapturePanel(Panel):
             w.command_tip(console, "capture.start", argument="formats")
             if changed:
                 (self._formats.add if on else self._formats.discard)(name)
-        self._frames = min(max(self._frames, 1), MOST_FRAMES)
-        self._workers = min(max(self._workers, 1), MOST_WORKERS)
         formats_text = ",".join(sorted(self._formats)) or "native"
         arguments = (self._frames, self._what, self._folder or NEW, formats_text, self._workers)
         w.button(console, "capture.start", *arguments, width=w.width)
@@ -86,14 +83,6 @@ class CapturePanel(Panel):
             w.text(job.outcome, colour, "how the last capture ended")
             if not job.outcome.startswith("captured"):
                 w.button(console, "capture.resume", width=w.width)
-
-    def _label(self, text: str) -> None:
-        """Draw a label before the next item, which takes the rest of the line."""
-        imgui = self._w.imgui
-        imgui.align_text_to_frame_padding()
-        self._w.one_line(text, style.QUIET)
-        imgui.same_line(6 * imgui.get_font_size())
-        imgui.set_next_item_width(-1)
 
     def _under_way(self, console: Console) -> None:
         w, imgui, job = self._w, self._w.imgui, console.jobs.capture

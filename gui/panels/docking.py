@@ -6,6 +6,7 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 from flyaround.gui import style
+from flyaround.gui.texts import texts
 from flyaround.gui.views.docking_hud import DISTANCE, FIGURE_TIPS, status
 from flyaround.gui.widgets import Panel
 from flyaround.simulator.piloting.docking_figures import PRESETS, judge
@@ -14,11 +15,7 @@ if TYPE_CHECKING:
     from flyaround.gui.console import Console
     from flyaround.simulator.piloting.docking_figures import JudgedFigure
 
-STATES = {
-    "within": "within its limit",
-    "near": "near its limit: up to twice as much",
-    "outside": "outside: more than twice its limit",
-}
+STATES = texts("limits")
 HOLDS = "the autopilot rests here, so many metres before the port, until it is given go; > is the next"
 # colours of the decisions at a hold point
 DECISION_COLOURS = {"open": style.INK, "go": style.WITHIN, "no-go": style.OUTSIDE, "passed": style.QUIET}

@@ -34,7 +34,7 @@ class EstimatorPanel(Panel):
         self._network = "net:"
         self._pictures: dict[str, ByteArray] = {}
         self._pictures_of: ComparedEstimate | None = None
-        self._stage = ""
+        self._stage, self._to_stage = "", False
 
     def draw(self, console: Console) -> None:
         """Draw into the current panel."""
@@ -159,6 +159,10 @@ class EstimatorPanel(Panel):
             return
         if self._stage not in self._pictures:
             self._stage = next(reversed(self._pictures))
+        if self._to_stage:
+            # the large picture may be out of sight
+            imgui.set_scroll_here_y(0.0)
+            self._to_stage = False
         self._picture(self._stage, w.width)
         w.tip(f"what the stage {self._stage.replace('_', ' ')} made of the picture")
         w.text(f"{self._stage.replace('_', ' ')}; a click on a small one shows it here", style.QUIET)
@@ -166,7 +170,7 @@ class EstimatorPanel(Panel):
             imgui.begin_group()
             self._picture(name, width)
             if imgui.is_item_clicked():
-                self._stage = name
+                self._stage, self._to_stage = name, True
             text = name.replace("_", " ")
             w.tip(text)
             w.one_line(w.elided(text, width), style.ACCENT if name == self._stage else style.QUIET)

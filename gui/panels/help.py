@@ -5,23 +5,13 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from flyaround.gui.panels.key_list import command_rows, matches
+from flyaround.gui.texts import texts
 from flyaround.gui.widgets import Panel
 
 if TYPE_CHECKING:
     from flyaround.gui.console import Console
 
-GROUPS = {
-    "camera": ("overlay", "picture", "film"),
-    "chaser": ("steer",),
-    "log": ("log",),
-    "lvlh-map": ("map",),
-    "board-link": ("hil",),
-    "scenarios": ("scenario", "file"),
-    "editor": ("scenario",),
-    "world": ("world",),
-    "steering": ("steer", "guidance", "burn"),
-    "keys": ("help", "window"),
-}
+GROUPS = texts("help")
 """Command groups of panels whose name differs from the group's."""
 
 

@@ -78,5 +78,4 @@ class LightsPanel(Panel):
             changed, number = imgui.drag_float(f"##{name}", value, step, format="%.5g")
             new = f"{number:.6g}"
         w.tip(tip if name in CHOICES else f"{tip}\ndrag it, or Ctrl and click types it")
-        if changed:
-            console.do("light.set", k, name, new)
+        w.answer(f"{k} {name}", "", console.attempt("light.set", k, name, new) if changed else None)

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import math
 from typing import TYPE_CHECKING
 
 from flyaround.gui import style
 from flyaround.gui.commands.display import MOST_STOPS
-from flyaround.gui.picture.view_settings import DETAILS, LAYERS, OVERLAYS
+from flyaround.gui.picture.view_settings import DETAILS, LAYERS, OVERLAYS, exposure_text
 from flyaround.gui.widgets import Panel
 
 if TYPE_CHECKING:
@@ -37,8 +36,7 @@ class PicturePanel(Panel):
         )
         if imgui.is_item_clicked(imgui.MouseButton_.right):
             changed, stops = True, 0.0
-        if changed:
-            console.do("picture.exposure", min(max(round(stops, 2), -MOST_STOPS), MOST_STOPS))
+        w.answer("exposure", "", console.attempt("picture.exposure", round(stops, 2)) if changed else None)
         w.button(console, "picture.meter", width=w.width)
         w.choice(console, "picture.detail", settings.detail, DETAILS, shown="{} detail".format)
         w.switches(console, ("picture.colour", "picture.noise"))
@@ -56,12 +54,3 @@ class WorldPanel(Panel):
         """Draw into the current panel."""
         self._w.switches(console, [f"world.{name.replace('_', '-')}" for name in LAYERS])
         self._w.text("Left out of the console's pictures, not of the scenario.", style.QUIET)
-
-
-def exposure_text(seconds: float) -> str:
-    """Return an exposure in the unit that gives two or three digits."""
-    unit, factor = next(
-        ((u, f) for u, f in (("us", 1e6), ("ms", 1e3), ("s", 1.0)) if seconds * f < 1000), ("s", 1.0)
-    )
-    digits = max(0, 2 - math.floor(math.log10(seconds * factor)))
-    return f"{seconds * factor:.{digits}f} {unit}"

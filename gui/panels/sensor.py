@@ -54,23 +54,20 @@ class SensorPanel(Panel):
             "preset of the sensor, and bits of its numbers",
         )
         w.switch(console, "picture.noise")
-        if settings.sensor_changes or settings.camera or not settings.noise:
-            w.text("Seen at once; data sets of this flight take the camera, boards neither.")
-            w.button(console, "sensor.reset", width=w.width)
+        w.imgui.begin_disabled(not (settings.sensor_changes or settings.camera) and settings.noise)
+        w.button(console, "sensor.reset", width=w.width)
+        w.imgui.end_disabled()
+        w.tip("Changes are seen at once; data sets of this flight take the camera, boards take neither.")
         for term in terms_of(sensor):
             self._term(console, term)
 
     def _term(self, console: Console, term: SensorTerm) -> None:
         name, text, value = term.name, term.text, term.value
-        w, imgui = self._w, self._w.imgui
+        w = self._w
         is_changed = name in console.options.settings.sensor_changes
-        about = f"{text}: {term.effect}\nsensor.set {name} VALUE; Enter takes a new one"
+        about = f"{text}: {term.effect}\nsensor.set {name} VALUE"
         w.field(text, about, 0.45, style.WARN if is_changed else style.INK)
-        flags = imgui.InputTextFlags_.enter_returns_true
-        entered, new_value = imgui.input_double(f"##{name}", value, 0.0, 0.0, "%.5g", flags)
-        w.tip(about)
-        if entered and new_value != value:
-            console.do("sensor.set", name, new_value)
+        w.entry(name, f"{value:.5g}", lambda new: console.attempt("sensor.set", name, new), about)
 
     def _draw_histogram(self, console: Console) -> None:
         w, implot, picture = self._w, self._w.implot, console.feed.newest

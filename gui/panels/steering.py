@@ -2,28 +2,48 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from flyaround.gui import style
 from flyaround.gui.widgets import Panel
+from flyaround.simulator.errors import UserError
 from flyaround.simulator.piloting.chaser_control import ATTITUDE_MODES
+from flyaround.simulator.piloting.guidance_orders import FlyTo
 from flyaround.simulator.piloting.jumps import EVENTS
 from flyaround.simulator.piloting.planned_burns import BurnPlan
+from flyaround.simulator.runtime.arrays import vec3
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Callable
 
     from flyaround.gui.console import Console
     from flyaround.gui.surface import Surface
+    from flyaround.simulator.piloting.piloted_craft import PilotedCraft
     from flyaround.simulator.piloting.planned_burns import PlannedBurn
+    from flyaround.simulator.runtime.arrays import FloatArray
 
 MODES = "hold vbar rbar glideslope flyaround circumnavigate safe-ellipse keep-range drift"
 GUIDANCE = tuple(f"guidance.{mode}" for mode in MODES.split())
 FIRST_AFTER_S, FIRST_M_S = 60.0, 0.01
 """Defaults of an added burn: time after the last one, and its along-track delta-v."""
+WAY_POINTS = 65  # points of a straight way at which the keep-out sphere is looked for
 PLUME = "whether the exhaust, 30 deg wide to each side, meets the target's sphere within 20 m"
+
+
+def fly_to_warning(craft: PilotedCraft, place: FloatArray) -> tuple[str, style.Rgba]:
+    """Return what speaks against a straight flight to a place, and its colour; its length if nothing does."""
+    here = craft.state_lvlh()[0]
+    try:
+        FlyTo(vec3(place)).mode((here, here), craft.docking.radius_m)
+    except UserError as error:
+        return f"refused: {error}", style.BAD
+    keep_out, shares = craft.steering.keep_out, np.linspace(0.0, 1.0, WAY_POINTS)
+    if keep_out is not None and any(keep_out.violated(here + s * (place - here)) for s in shares):
+        return f"leads through the keep-out sphere of {keep_out.radius_m:g} m", style.WARN
+    return f"{np.linalg.norm(place - here):.2f} m from here", style.QUIET
 
 
 class SteeringPanel(Panel):
@@ -33,7 +53,7 @@ class SteeringPanel(Panel):
 
     def __init__(self, window: Surface) -> None:
         super().__init__(window)
-        self._point = [0.0, 0.0, 0.0]
+        self._point, self._from_here = [""] * 3, False
         self._key: tuple[BurnPlan, int] | None = None
         self._nearest_m = np.inf
 
@@ -48,8 +68,10 @@ class SteeringPanel(Panel):
         w.section("Guidance")
         colour = style.ACCENT if steering.doing else style.QUIET
         w.text(console.flown_by, colour, "what flies the chaser while nothing is pressed")
-        if steering.guided is not None:
-            w.text(steering.guided.phase(console.session.t_s), style.QUIET, "what the guidance is at")
+        # one line, also without a guidance: buttons stand below it
+        phase = "" if steering.guided is None else steering.guided.phase(console.session.t_s)
+        w.one_line(w.elided(phase, w.width), style.QUIET)
+        w.tip(phase)
         w.buttons(console, GUIDANCE, 2)
         self._to_a_point(console)
         self._burns(console)
@@ -73,20 +95,31 @@ class SteeringPanel(Panel):
             w.text("plume clear of the target", style.QUIET, PLUME)
 
     def _to_a_point(self, console: Console) -> None:
-        """Draw three numbers that can be used as a position or as a displacement."""
-        w, imgui = self._w, self._w.imgui
-        w.section("Fly to: radial, along, cross")
-        imgui.set_next_item_width(w.width)
-        self._point = imgui.input_float3("##point", self._point, "%.2f m")[1]
-        w.tip("radial, along-track and cross-track in the target's LVLH frame [m]")
-        here = console.session.craft.state_lvlh()[0]
-        place = tuple(float(v) for v in self._point)
-        by = tuple(round(float(h) + v, 3) for h, v in zip(here, place, strict=True))
-        half = (w.width - imgui.get_style().item_spacing.x) / 2
-        fly = "guidance.waypoint"
-        w.button(console, fly, *place, label="Fly there", width=half)
-        imgui.same_line()
-        w.button(console, fly, *by, label="Fly by so much", width=half, icon="by", fill=style.RAISED)
+        """Draw the components of a point, or of a way from here, a line on the flight there, and its button."""
+        w, craft = self._w, console.session.craft
+        w.section("Fly to: radial, along, cross [m]")
+        changed, self._from_here = w.imgui.checkbox("counted from here", self._from_here)
+        w.tip("the numbers are a way from where the chaser is; off: a point beside the target")
+        if changed:
+            self._point = [""] * 3
+        # a component that nobody typed stays where the chaser is
+        here = craft.state_lvlh()[0]
+        start = here if self._from_here else np.zeros(3)
+        shown = [text or f"{h:.2f}" for text, h in zip(self._point, here - start, strict=True)]
+        arguments = console.table["guidance.waypoint"].arguments[:3]
+        for k, width in enumerate(w.grid(3, 40, 3)):
+            w.imgui.set_next_item_width(width)
+            if (text := w.typed(f"point{k}", shown[k], arguments[k])) != shown[k]:
+                shown[k] = self._point[k] = text
+        flawed = any(a.flaw(text) for a, text in zip(arguments, shown, strict=True))
+        place = here if flawed else np.round(start + np.array(shown, float), 3)
+        warning, colour = ("", style.QUIET) if flawed else fly_to_warning(craft, place)
+        w.one_line(w.elided(warning, w.width), colour)
+        w.tip(warning)
+        w.imgui.begin_disabled(flawed)
+        label, fill = ("Fly there", None) if colour == style.QUIET else ("Fly there all the same", colour)
+        w.button(console, "guidance.waypoint", *place.tolist(), label=label, width=w.width, fill=fill)
+        w.imgui.end_disabled()
 
     def _burns(self, console: Console) -> None:
         """Draw a table of the planned burns, whose numbers can be edited, and a button for a new one."""
@@ -104,27 +137,25 @@ class SteeringPanel(Panel):
             w.button(console, "burn.cancel", width=w.width)
 
     def _burn_cells(self, console: Console, k: int, burn: PlannedBurn) -> tuple[Callable[[], None], ...]:
-        """Return the functions that draw time, components and the delete button of a burn; Enter applies an edit."""
+        """Return the functions that draw time, components and the delete button of a burn."""
         w, imgui = self._w, self._w.imgui
-        entered = imgui.InputTextFlags_.enter_returns_true
+        now = (burn.t_s, *(round(float(v), 6) for v in burn.delta_v_lvlh_m_s))
 
-        def replan(t_s: float, parts: Sequence[float]) -> None:
-            console.do("burn.plan", t_s, *(round(float(v), 6) for v in parts), burn.t_s)
+        def replan(which: int, text: str) -> str:
+            return console.attempt("burn.plan", *now[:which], text, *now[which + 1 :], burn.t_s)
 
         def time() -> None:
             imgui.set_next_item_width(-1)
-            changed, t_s = imgui.input_double(f"##t{k}", burn.t_s, 0.0, 0.0, "%.1f", entered)
-            w.tip("middle of the burn since the scenario's start [s]; Enter takes it")
-            if changed:
-                replan(t_s, burn.delta_v_lvlh_m_s)
+            about = "middle of the burn since the scenario's start [s]"
+            w.entry(f"t{k}", f"{burn.t_s:.1f}", lambda text: replan(0, text), about)
 
         def delta_v() -> None:
-            imgui.set_next_item_width(-1)
-            parts = [float(v) for v in burn.delta_v_lvlh_m_s]
-            changed, parts = imgui.input_float3(f"##v{k}", parts, "%.4g", entered)
-            w.tip("change of velocity: radial, along-track, cross-track [m/s]; Enter takes it")
-            if changed:
-                replan(burn.t_s, parts)
+            for axis, (name, width) in enumerate(
+                zip(("radial", "along", "cross"), w.grid(3, 30, 3), strict=True), 1
+            ):
+                imgui.set_next_item_width(width)
+                about = f"change of velocity, {name} [m/s]"
+                w.entry(f"v{k}{axis}", f"{now[axis]:.4g}", partial(replan, axis), about)
 
         def cross() -> None:
             if imgui.small_button(f"x##burn{k}"):

@@ -16,14 +16,14 @@ ONE_DRAG_MS = 800
 
 
 class SettingsHistory:
-    """The settings before each command that changed them."""
+    """The settings before each command that changed them, with words on the change."""
 
     def __init__(self) -> None:
-        self._undo: list[Options] = []
-        self._redo: list[Options] = []
+        self._undo: list[tuple[str, Options]] = []
+        self._redo: list[tuple[str, Options]] = []
         self._last: tuple[str, int] = ("", -ONE_DRAG_MS)
 
-    def note(self, command: str, before: Options, after: Options, t_ms: int) -> None:
+    def note(self, command: str, before: Options, after: Options, t_ms: int, change: str = "") -> None:
         """Record the settings before a command, if it changed them.
 
         Parameters
@@ -36,6 +36,8 @@ class SettingsHistory:
             Settings after the command.
         t_ms : int
             Real time.
+        change : str, optional
+            The change in words, by default the command's name.
         """
         if before == after:
             return
@@ -43,35 +45,45 @@ class SettingsHistory:
         self._last = (command, t_ms)
         self._redo.clear()
         if name == command and t_ms - then_ms < ONE_DRAG_MS and self._undo:
-            return
-        self._undo = [*self._undo[-MAX_STEPS + 1 :], before]
+            before = self._undo.pop()[1]
+        self._undo = [*self._undo[-MAX_STEPS + 1 :], (change or command, before)]
 
-    def undo(self, options: Options) -> None:
-        """Restore the settings before the last change.
+    def next(self, command: str) -> str | None:
+        """Return the change that ``settings.undo`` or ``settings.redo`` would act on; None of other commands."""
+        steps = {"settings.undo": self._undo, "settings.redo": self._redo}.get(command)
+        return None if steps is None else steps[-1][0] if steps else ""
+
+    def undo(self, options: Options) -> str:
+        """Restore the settings before the last change, and return that change in words.
 
         Raises
         ------
         UserError
             If there is none.
         """
-        _swap(options, self._undo, self._redo, "there is no change of settings to undo")
         self._last = ("", -ONE_DRAG_MS)
+        return _swap(options, self._undo, self._redo, "there is no change of settings to undo")
 
-    def redo(self, options: Options) -> None:
-        """Repeat the change that was undone last.
+    def redo(self, options: Options) -> str:
+        """Repeat the change that was undone last, and return it in words.
 
         Raises
         ------
         UserError
             If nothing was.
         """
-        _swap(options, self._redo, self._undo, "there is nothing to do again")
         self._last = ("", -ONE_DRAG_MS)
+        return _swap(options, self._redo, self._undo, "there is nothing to do again")
 
 
-def _swap(options: Options, source: list[Options], other: list[Options], advice: str) -> None:
-    """Restore the last settings of ``source``, and push the present ones to ``other``."""
+Steps = list[tuple[str, "Options"]]
+
+
+def _swap(options: Options, source: Steps, other: Steps, advice: str) -> str:
+    """Restore the last settings of ``source``, push the present ones to ``other``, and return the change."""
     if not source:
         raise UserError(advice)
-    other.append(deepcopy(options))
-    vars(options).update(vars(source.pop()))
+    change, settings = source.pop()
+    other.append((change, deepcopy(options)))
+    vars(options).update(vars(settings))
+    return change

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import asdict, dataclass, field, replace
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -178,3 +179,12 @@ def reduced_camera(camera: Camera, divisor: int) -> Camera:
         cx_px=(camera.cx_px + 0.5) / divisor - 0.5,
         cy_px=(camera.cy_px + 0.5) / divisor - 0.5,
     )
+
+
+def exposure_text(seconds: float) -> str:
+    """Return an exposure in the unit that gives two or three digits."""
+    unit, factor = next(
+        ((u, f) for u, f in (("us", 1e6), ("ms", 1e3), ("s", 1.0)) if seconds * f < 1000), ("s", 1.0)
+    )
+    digits = max(0, 2 - math.floor(math.log10(seconds * factor)))
+    return f"{seconds * factor:.{digits}f} {unit}"

@@ -13,9 +13,11 @@ from flyaround.gui.commands.hil import FAULTS
 from flyaround.gui.console import Console
 from flyaround.gui.jobs.all import running_jobs
 from flyaround.gui.jobs.capture_job import CaptureRequest
+from flyaround.gui.transport import JobStrip
 from flyaround.simulator.piloting.session import FlightSession
 from flyaround.simulator.scenario.load import load_scenario
 from tests.harness.flown_console import console_flying
+from tests.harness.headless_imgui import HeadlessWindow
 
 
 @pytest.fixture(scope="module")
@@ -78,6 +80,22 @@ def test_an_estimator_that_runs_is_in_the_strip_of_jobs_with_a_button_that_ends_
     assert job.text == "hybrid starting"
     console.do(job.end)
     assert running_jobs(console.jobs) == []
+
+
+def test_a_job_that_gives_nothing_yet_tells_how_long_it_is_at_work(
+    console: Console, window: HeadlessWindow, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(console.opener, "is_busy", lambda: True)
+    console.opener.name = "tango-limb"
+    strip = JobStrip(window)
+    texts = []
+    for _ in range(8):
+        window.noted.clear()
+        with window.panel("jobs", 1200.0, 60.0):
+            strip.draw(console)
+        texts.append(next(n.label for n in window.noted if n.what == "text" and n.label))
+    assert texts[0] == "opening tango-limb"
+    assert texts[-1] == "opening tango-limb, 4 s so far"
 
 
 def test_a_session_only_listens_where_it_may(console: Console) -> None:

@@ -117,7 +117,7 @@ def test_a_new_flight_begins_after_a_question_only_if_something_was_flown(panel:
         screen.turn()
 
     console.do("steer.toggle")
-    for answer in ("Stay here", "Fly to"):
+    for answer in ("Stay here", "Fly it"):
         choose()
         assert not console.opener.is_busy()
         assert any("Flight before returns" in text for text in screen.texts())

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+import numpy as np
 import pytest
 
+from flyaround.gui import style
 from flyaround.gui.console import Console
-from flyaround.gui.panels.steering import SteeringPanel
+from flyaround.gui.panels.steering import SteeringPanel, fly_to_warning
 from tests.harness.flown_console import console_flying
 from tests.harness.headless_imgui import HeadlessWindow
 
@@ -31,13 +33,62 @@ def test_a_burn_is_added_and_taken_back_by_a_button(window: HeadlessWindow, cons
     assert console.session.craft.steering.burns.burns == (second,)
 
 
-def test_fly_by_so_much_starts_from_here(window: HeadlessWindow, console: Console) -> None:
-    panel = SteeringPanel(window)
-    here = console.session.craft.state_lvlh()[0]
+def flown_to(
+    window: HeadlessWindow, console: Console, panel: SteeringPanel, label: str
+) -> tuple[object, ...]:
     done: list[tuple[object, ...]] = []
     console.do = lambda *what: done.append(what)  # type: ignore[method-assign]
-    for label in ("Fly there", "Fly by so much"):
-        window.press(label, lambda: panel.draw(console), height=1400.0)
-    assert done[0] == ("guidance.waypoint", 0.0, 0.0, 0.0)
-    assert done[1][0] == "guidance.waypoint"
-    assert done[1][1:] == pytest.approx(here, abs=1e-3)
+    window.press(label, lambda: panel.draw(console), height=1400.0)
+    return done[0]
+
+
+def test_fly_there_stays_here_unless_a_point_was_typed(window: HeadlessWindow, console: Console) -> None:
+    here = console.session.craft.state_lvlh()[0]
+    name, *place = flown_to(window, console, SteeringPanel(window), "Fly there")
+    assert name == "guidance.waypoint"
+    assert place == pytest.approx(here, abs=0.006)
+
+
+def test_a_way_from_here_begins_with_none(window: HeadlessWindow, console: Console) -> None:
+    panel = SteeringPanel(window)
+    here = console.session.craft.state_lvlh()[0]
+    window.press("counted from here", lambda: panel.draw(console), height=1400.0)
+    name, *place = flown_to(window, console, panel, "Fly there")
+    assert name == "guidance.waypoint"
+    assert place == pytest.approx(here, abs=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("place", "said"),
+    [
+        ((0.0, 0.0, 0.0), "refused: the straight line to that point comes within 0.0 m"),
+        ((0.0, -20.0, 0.0), "refused: the straight line"),
+        ((11.0, 2.0, 0.0), "leads through the keep-out sphere of 12 m"),
+        ((40.0, 30.0, 0.0), "m from here"),
+    ],
+)
+def test_a_point_in_the_keep_out_sphere_is_warned_of_before_it_is_flown_to(
+    console: Console, place: tuple[float, float, float], said: str
+) -> None:
+    warning, colour = fly_to_warning(console.session.craft, np.array(place))
+    assert said in warning
+    assert (colour == style.QUIET) == ("from here" in said)
+
+
+def test_a_guidance_moves_no_button(window: HeadlessWindow, console: Console) -> None:
+    panel = SteeringPanel(window)
+
+    def places() -> dict[str, tuple[float, float]]:
+        for _ in range(2):
+            window.noted.clear()
+            with window.panel("steering", 420.0, 1700.0):
+                panel.draw(console)
+        return {n.label: n.middle for n in window.noted if n.what == "control" and "vbar" not in n.label}
+
+    before = places()
+    console.do("guidance.vbar")
+    after = places()
+    assert {label: after[label] for label in before if label in after} == {
+        label: before[label] for label in before if label in after
+    }
+    assert len(set(before) & set(after)) > 15

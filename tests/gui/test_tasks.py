@@ -54,8 +54,9 @@ def change_scenario(at: Pointer) -> None:
 
 def move_by_five_metres(at: Pointer) -> None:
     layout(at, "Fly")
-    at.type(at.sight("##point"), "5")
-    at.press("Fly by so much")
+    at.press("counted from here")
+    at.type(at.sight("##point0"), "5")
+    at.press("Fly there")
 
 
 def dock(at: Pointer) -> None:

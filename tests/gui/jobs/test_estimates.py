@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 from flyaround.gui.jobs.estimates import ComparedEstimate, Estimates, compared
-from flyaround.gui.jobs.estimator_process import Answer, EstimateRequest, _network
+from flyaround.gui.jobs.estimator_process import Answer, EstimateRequest, EstimatorCache, _network
 from flyaround.gui.picture.feed import Picture
 from flyaround.gui.picture.view_settings import reduced_camera
 from flyaround.simulator.camera.lens.camera_model import Camera
@@ -122,6 +122,37 @@ def test_an_estimate_goes_with_its_camera_and_stays_at_another_detail(session: F
             assert estimates.newest is not None, divisor
         estimates.update(seen(load_camera("fisheye-140"), 2))
         assert estimates.newest is None
+
+
+def test_until_the_first_estimate_the_step_of_its_preparation_is_told(session: FlightSession) -> None:
+    clock = TurnedClock()
+    with contextlib.closing(Estimates(open_resource=Held, work=answers, clock=clock)) as estimates:
+        estimates.start()
+        picture = picture_of(session, 1.0)
+        estimates.update(picture)
+        estimates.progress.write("tables of the target, 4 of 5")
+        clock.pass_s(34.0)
+        assert estimates.doing == "preparing: tables of the target, 4 of 5, 34 s so far"
+        until(lambda: estimates.newest is not None, lambda: estimates.update(picture))
+        assert "preparing" not in estimates.doing
+
+
+def test_the_process_tells_each_step_once(session: FlightSession) -> None:
+    class Line:
+        def __init__(self) -> None:
+            self.texts: list[str] = []
+
+        def write(self, text: str) -> None:
+            self.texts.append(text)
+
+    scene, line = session.scene(), Line()
+    image = np.zeros((4, 4), np.uint8)
+    request = EstimateRequest(
+        method="svd-2018", camera=scene.camera, target=scene.target, image=image, t_s=0.0, stages=False
+    )
+    with EstimatorCache(line) as cache:  # type: ignore[arg-type]
+        assert cache.estimator(request) is cache.estimator(request)
+    assert [text.rpartition(", ")[2] for text in line.texts] == ["2 of 5", "3 of 5", "4 of 5", "5 of 5"]
 
 
 def test_one_picture_at_a_time_and_the_newest(session: FlightSession) -> None:

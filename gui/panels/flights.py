@@ -1,0 +1,67 @@
+"""Kept flights, the newest first: name, date, scenario and length; a click replays one."""
+
+from __future__ import annotations
+
+from datetime import datetime
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from flyaround.gui import style
+from flyaround.gui.commands.timeline import FOLDER
+from flyaround.gui.jobs.capture_job import time_text
+from flyaround.gui.widgets import Panel
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.piloting.recorder import REPLAY_NAME
+from flyaround.simulator.scenario.load import load_scenario
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+    from flyaround.gui.console import Console
+
+MOST = 60  # flights that are listed
+
+
+class FlightsPanel(Panel):
+    """Flights of *Keep flight* and ``--record``. A replay can be steered, captured, and sent to a board."""
+
+    name, title, place, shown = "flights", "Kept flights", "left", False
+
+    _rows: tuple[tuple[str, str, str], ...] = ()
+    _known: tuple[str, ...] = ()
+    _chosen = ""
+
+    def draw(self, console: Console) -> None:
+        """Draw into the current panel."""
+        w, imgui = self._w, self._w.imgui
+        if imgui.is_window_appearing() or self._known != tuple(console.flights):
+            self._known = tuple(console.flights)
+            self._rows = tuple(flight_row(path) for path in kept_flights(self._known))
+        if self._chosen and w.new_flight(console, "scenario.open", self._chosen):
+            self._chosen = ""
+        if not self._rows:
+            w.text("None yet: Keep flight, in File, writes the flight so far.", style.QUIET)
+        for path, text, problem in self._rows:
+            name = Path(path).parent.name
+            if imgui.selectable(f"{w.elided(name, w.width)}##{path}", path == console.source)[0]:
+                self._chosen = path
+            w.tip(f"{path}\nscenario.open {path}")
+            w.text(problem or text, style.WARN if problem else style.QUIET)
+
+
+def kept_flights(known: Iterable[str]) -> list[str]:
+    """Return the replays in the folder of kept flights, and the known ones elsewhere that exist, newest first."""
+    found = {str(path.absolute()) for path in FOLDER.glob(f"*/{REPLAY_NAME}")}
+    paths = [path for path in {*found, *known} if Path(path).is_file()]
+    return sorted(paths, key=lambda path: -Path(path).stat().st_mtime)[:MOST]
+
+
+def flight_row(path: str) -> tuple[str, str, str]:
+    """Return a replay's path, its date, scenario and length, and why it cannot be flown, if it cannot."""
+    try:
+        scenario = load_scenario(path)
+        when = datetime.fromtimestamp(Path(path).stat().st_mtime).astimezone()
+    except (UserError, OSError) as error:
+        return path, "", str(error)
+    name, length = scenario.name.removesuffix("-replay"), time_text(scenario.duration_s)
+    return path, f"{when:%Y-%m-%d %H:%M}   {name}   {length}", ""

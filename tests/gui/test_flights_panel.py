@@ -1,0 +1,70 @@
+"""The panel Kept flights: name, date, scenario and length of each; a click replays one, a damaged one says why not."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from flyaround.gui.console import Console
+from flyaround.gui.panels.flights import FlightsPanel, flight_row, kept_flights
+from tests.harness.flown_console import console_flying
+from tests.harness.headless_imgui import HeadlessWindow
+
+
+@pytest.fixture
+def console(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Console]:
+    monkeypatch.chdir(tmp_path)
+    made = console_flying("tango-vbar-approach")
+    for _ in range(60):
+        made.pass_time(50)
+    yield made
+    made.close()
+
+
+def keep(console: Console, *folder: str) -> str:
+    console.do("timeline.keep", *folder)
+    while console.jobs.keeping:
+        console.pass_time(0)
+    return console.flights[-1]
+
+
+def test_a_kept_flight_is_listed_with_scenario_and_length(console: Console, window: HeadlessWindow) -> None:
+    replay = keep(console)
+    panel = FlightsPanel(window)
+    done: list[tuple[object, ...]] = []
+    console.do = lambda *what: done.append(what)  # type: ignore[method-assign]
+    console.unsaved.clear()
+    window.press("tango-vbar-approach-001", lambda: panel.draw(console))
+    texts = [n.label for n in window.noted if n.what == "text"]
+    assert any(text.endswith("tango-vbar-approach   3 s") for text in texts)
+    assert done == [("scenario.open", replay)]
+
+
+def test_flights_elsewhere_are_listed_and_missing_ones_are_not(console: Console, tmp_path: Path) -> None:
+    elsewhere = keep(console, str(tmp_path / "mine"))
+    here = keep(console)
+    assert kept_flights([elsewhere, str(tmp_path / "gone" / "replay.toml")]) in (
+        [here, elsewhere],
+        [elsewhere, here],
+    )
+
+
+def test_a_damaged_flight_says_what_is_wrong(console: Console, window: HeadlessWindow) -> None:
+    replay = Path(keep(console))
+    replay.write_text("[chaser]\nkind = 7\n")
+    _, text, problem = flight_row(str(replay))
+    assert text == ""
+    assert "replay.toml" in problem
+    panel = FlightsPanel(window)
+    with window.panel("flights", 420.0, 780.0):
+        panel.draw(console)
+    assert problem in [n.label for n in window.noted]
+
+
+def test_without_flights_it_says_how_to_keep_one(console: Console, window: HeadlessWindow) -> None:
+    panel = FlightsPanel(window)
+    with window.panel("flights", 420.0, 780.0):
+        panel.draw(console)
+    assert any("Keep flight" in n.label for n in window.noted)

@@ -1,0 +1,140 @@
+"""Typed values: what is refused stays in its field with the reason, until it is mended or Esc brings the value back."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import pytest
+
+from flyaround.gui.console import Console
+from flyaround.gui.panels.capture import CapturePanel
+from flyaround.gui.panels.sensor import SensorPanel
+from flyaround.gui.panels.steering import SteeringPanel
+from flyaround.gui.widgets import Panel
+from tests.harness.flown_console import console_flying
+from tests.harness.headless_imgui import HeadlessWindow
+
+
+@pytest.fixture
+def console() -> Iterator[Console]:
+    made = console_flying("tango-vbar-approach")
+    made.do("burn.plan", 500.0, 0.0, 0.01, 0.0)
+    yield made
+    made.close()
+
+
+class Typist:
+    """Types into the fields of one panel, and sees the reasons beside them."""
+
+    def __init__(self, window: HeadlessWindow, console: Console, panel: Panel) -> None:
+        self.window, self.console, self.panel = window, console, panel
+        self.reasons: list[str] = []
+        self.shown: dict[str, str] = {}
+        draw = window.plain.get_foreground_draw_list
+        noted = self
+
+        class Seen:
+            def add_text(self, *arguments: object, **_: object) -> None:
+                noted.reasons.append(str(arguments[4]))
+
+            def __getattr__(self, name: str) -> object:
+                return getattr(draw(), name)
+
+        window.imgui.get_foreground_draw_list = Seen
+        real = window.plain.input_text
+
+        def input_text(label: str, text: str, *rest: object) -> object:
+            changed, text = real(label, text, *rest)
+            noted.shown[label] = text
+            low, high = window.plain.get_item_rect_min(), window.plain.get_item_rect_max()
+            self.places[label] = ((low.x + high.x) / 2, (low.y + high.y) / 2)
+            return changed, text
+
+        self.places: dict[str, tuple[float, float]] = {}
+        window.imgui.input_text = input_text
+        self.turn()
+
+    def turn(self) -> None:
+        self.reasons.clear()
+        with self.window.panel("typed", 420.0, 1700.0):
+            self.panel.draw(self.console)
+
+    def key(self, *names: str) -> None:
+        io, keys = self.window.plain.get_io(), self.window.plain.Key
+        for down in (True, False):
+            for name in names:
+                io.add_key_event(getattr(keys, name), down)
+            self.turn()
+
+    def type(self, field: str, text: str, *, end: str = "enter") -> None:
+        io = self.window.plain.get_io()
+        for down in (None, True, False):
+            io.add_mouse_pos_event(*self.places[field])
+            if down is not None:
+                io.add_mouse_button_event(0, down)
+            self.turn()
+        self.key("mod_ctrl", "a")
+        io.add_input_characters_utf8(text)
+        self.turn()
+        if end:
+            self.key(end)
+        self.turn()
+
+
+def burn_s(console: Console) -> float:
+    return console.session.craft.steering.burns.burns[0].t_s
+
+
+@pytest.mark.parametrize("wrong", ["abc", "-5", "1,5", "1e99"])
+def test_a_refused_text_stays_until_it_is_mended(
+    window: HeadlessWindow, console: Console, wrong: str
+) -> None:
+    typist = Typist(window, console, SteeringPanel(window))
+    typist.type("##t0", wrong)
+    assert typist.shown["##t0"] == wrong
+    assert any("allowed: a number from 0" in reason for reason in typist.reasons)
+    assert burn_s(console) == 500.0
+    assert not console.waiting, "a slip of the fingers is no caution of the flight"
+    typist.type("##t0", "700")
+    assert burn_s(console) == 700.0
+    assert typist.reasons == []
+
+
+def test_esc_brings_the_value_back(window: HeadlessWindow, console: Console) -> None:
+    typist = Typist(window, console, SteeringPanel(window))
+    typist.type("##t0", "abc")
+    typist.key("escape")
+    typist.turn()
+    assert typist.reasons == []
+    assert typist.shown["##t0"] == "500.0"
+    before = len(console.log.lines)
+    typist.type("##t0", "800", end="escape")
+    assert burn_s(console) == 500.0
+    assert len(console.log.lines) == before
+
+
+def test_leaving_a_field_takes_it(window: HeadlessWindow, console: Console) -> None:
+    typist = Typist(window, console, SteeringPanel(window))
+    typist.type("##t0", "650", end="")
+    typist.type("##v01", "0.002", end="tab")
+    assert burn_s(console) == 650.0
+    assert console.session.craft.steering.burns.burns[0].delta_v_lvlh_m_s == (0.002, 0.01, 0.0)
+
+
+def test_what_a_command_refuses_is_said_at_the_field(window: HeadlessWindow, console: Console) -> None:
+    typist = Typist(window, console, SensorPanel(window))
+    typist.type("##bits", "99")
+    assert typist.shown["##bits"] == "99"
+    assert len(typist.reasons) == 1
+    assert "bits" in typist.reasons[0]
+    assert console.options.settings.sensor_changes == {}
+
+
+@pytest.mark.parametrize(("field", "wrong"), [("##frames", "0"), ("##workers", "many"), ("##frames", "2.5")])
+def test_a_wrong_number_of_a_capture_is_said_while_it_is_typed(
+    window: HeadlessWindow, console: Console, field: str, wrong: str
+) -> None:
+    typist = Typist(window, console, CapturePanel(window))
+    typist.type(field, wrong, end="")
+    assert typist.shown[field] == wrong
+    assert typist.reasons[0].startswith("allowed: a whole number from 1 to")

@@ -1,0 +1,53 @@
+"""Undo and redo of settings say what they act on, in their message and in the menu."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import pytest
+
+from tests.harness.pointer import Pointer
+
+
+@pytest.fixture
+def at() -> Iterator[Pointer]:
+    made = Pointer(panels=False)
+    yield made
+    made.close()
+
+
+def test_the_message_says_what_was_undone(at: Pointer) -> None:
+    console = at.console
+    exposure_ms = 1e3 * console.session.plan.scenario.sensor.exposure_s
+    console.do("picture.exposure", 1.0)
+    console.clock_ms += 5000
+    console.do("picture.noise", False)
+    console.do("settings.undo")
+    assert console.messages[-1].text == "undone: noise off (Ctrl+Y does it again)"
+    console.do("settings.undo")
+    assert console.messages[-1].text == f"undone: exposure {2 * exposure_ms:.2f} ms (Ctrl+Y does it again)"
+    console.do("settings.redo")
+    assert console.messages[-1].text == f"done again: exposure {2 * exposure_ms:.2f} ms"
+
+
+def test_a_drag_is_named_by_its_end(at: Pointer) -> None:
+    console = at.console
+    for stops in (0.5, 1.0, 2.0):
+        console.do("picture.exposure", stops)
+        console.clock_ms += 30
+    exposure_ms = 4e3 * console.session.plan.scenario.sensor.exposure_s
+    assert console.history.next("settings.undo") == f"exposure {exposure_ms:.2f} ms"
+
+
+def test_the_menu_says_what_it_would_undo(at: Pointer) -> None:
+    def entries() -> list[str]:
+        at.click(at.menus["File"])
+        labels = [n.label for n in at.window.noted if n.label.endswith(("settings.undo", "settings.redo"))]
+        at.escape()
+        return labels
+
+    assert entries() == ["Undo###settings.undo", "Redo###settings.redo"]
+    at.console.do("picture.noise", False)
+    assert entries() == ["Undo noise off###settings.undo", "Redo###settings.redo"]
+    at.console.do("settings.undo")
+    assert entries() == ["Undo###settings.undo", "Redo noise off###settings.redo"]
