@@ -40,7 +40,7 @@ NARROW = 900.0
 """Window width in screen units, at scale 1, below which panels go under the view."""
 VERSION = 1  # version of the saved layout's file
 LARGEST_BYTES = 400_000
-RIGHT, LEFT, BOTTOM = 0.27, 0.3, 0.26  # shares of the window that the docks take
+RIGHT, LEFT, BOTTOM = 0.27, 0.31, 0.26  # shares of the window that the docks take
 LOWEST, HIGHEST = 0.2, 0.5
 """Bounds of the bottom dock's share of the height, chosen for the view's aspect ratio."""
 PRESETS: dict[str, frozenset[str]] = {

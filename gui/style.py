@@ -14,6 +14,8 @@ QUIET: Rgba = (0.53, 0.58, 0.64, 1.0)
 GROUND: Rgba = (0.055, 0.066, 0.082, 1.0)
 RAISED: Rgba = (0.105, 0.125, 0.152, 1.0)
 EDGE: Rgba = (0.17, 0.20, 0.24, 1.0)
+OUTLINE: Rgba = (0.26, 0.30, 0.35, 1.0)
+"""Edge of fields, boxes and buttons, told apart from the background also where they are empty."""
 PLATE: Rgba = (*GROUND[:3], 0.85)
 """Background of figures over a picture: dim text must be legible over sunlit clouds."""
 HALO: Rgba = (0.0, 0.0, 0.0, 0.8)
@@ -94,7 +96,7 @@ def apply_style(imgui: Any, scale: float) -> None:  # noqa: ANN401 - the binding
     style.child_rounding = style.popup_rounding = 5.0
     style.frame_rounding = style.grab_rounding = 3.0
     style.window_border_size = 0.0
-    style.frame_border_size = 0.0
+    style.frame_border_size = 1.0
     style.window_padding = imgui.ImVec2(12, 10)
     style.frame_padding = imgui.ImVec2(8, 4)
     style.item_spacing = imgui.ImVec2(8, 5)
@@ -111,7 +113,8 @@ def apply_style(imgui: Any, scale: float) -> None:  # noqa: ANN401 - the binding
             RAISED,
             "frame_bg button header table_header_bg tab tab_dimmed_selected title_bg_active menu_bar_bg",
         ),
-        (EDGE, "border frame_bg_hovered frame_bg_active button_hovered header_hovered header_active"),
+        (OUTLINE, "border"),
+        (EDGE, "frame_bg_hovered frame_bg_active button_hovered header_hovered header_active"),
         (EDGE, "tab_hovered tab_dimmed_selected_overline resize_grip separator scrollbar_grab"),
         (ACCENT, "check_mark slider_grab_active tab_selected_overline separator_active"),
         ((*accent, 0.45), "button_active tab_selected docking_preview plot_histogram"),

@@ -25,8 +25,7 @@ if TYPE_CHECKING:
 NARROW_EM = 56
 """Window width, in text heights, below which the strip shortens its texts."""
 SILENT_S = 2.0  # time after which a job that has given nothing yet tells how long it has been at work
-JOB_COLUMNS = 4
-"""Columns of the line of jobs: one for each job that can be ended."""
+JOB_COLUMNS = 3  # columns of the line of jobs; more jobs get narrower ones
 STEPS_S = (1, 5, 10, 30, 60, 300, 600, 1800, 3600, 7200, 21_600, 86_400)
 """Steps of the slider's scale [s]."""
 GUARD_MS = 5000
@@ -183,7 +182,8 @@ class JobStrip:
         opening, now_s = console.opener.name if console.opener.is_busy() else "", imgui.get_time()
         jobs = {job.end or job.text.partition(",")[0]: job for job in running_jobs(console.jobs, opening)}
         self._columns = {name: column for name, column in self._columns.items() if name in jobs}
-        left, width = imgui.get_cursor_pos_x(), w.width / JOB_COLUMNS
+        columns = max([JOB_COLUMNS, *(column + 1 for column, _ in self._columns.values())])
+        left, width = imgui.get_cursor_pos_x(), w.width / columns
         imgui.align_text_to_frame_padding()
         w.one_line("" if jobs else "no job runs", style.QUIET)
         for name, job in jobs.items():
@@ -195,7 +195,7 @@ class JobStrip:
             title = "Stop estimating" if job.end == "estimator.run" else title
             button = w.button_width(labelled("film.stop", title)) if title else 0.0
             slow = job.silent and now_s - began_s > SILENT_S
-            text = f"{job.text}, {now_s - began_s:.0f} s so far" if slow else job.text
+            text = f"{job.text}, {now_s - began_s:.0f} s" if slow else job.text
             w.one_line(w.elided(text, width - button - 1.5 * imgui.get_font_size()), style.ACCENT)
             w.tip(text)
             if job.share is not None:

@@ -147,7 +147,7 @@ class Widgets:
             self.tip(command.hover_text(*given))
 
     def row(
-        self, name: str, values: Sequence[float], form: str, tip: str, *, figure: int | None = None
+        self, name: str, values: Sequence[float | str], form: str, tip: str, *, figure: int | None = None
     ) -> None:
         """Draw a line of figures, which go below the name in a narrow panel.
 
@@ -155,8 +155,8 @@ class Widgets:
         ----------
         name : str
             Label of the line.
-        values : sequence of float
-            Figures in order.
+        values : sequence of float or str
+            Figures in order, or the names of their axes.
         form : str
             Format of each figure, as for ``str.format``.
         tip : str
@@ -168,7 +168,7 @@ class Widgets:
         figures = " ".join(form.format(v) for v in values)
         self.one_line(name, style.QUIET)
         self.tip(tip)
-        label = max(imgui.calc_text_size(name).x, imgui.calc_text_size("LVLH mm/s").x)
+        label = max(imgui.calc_text_size(name).x, imgui.calc_text_size("Velocity mm/s").x)
         imgui.push_font(self.window.figure_font, 0.0)
         width = imgui.calc_text_size(figures).x
         if label + 8 + width <= self.width:
@@ -283,9 +283,9 @@ class Widgets:
         """
         fill = fill or (style.PRIMARY if name in PRIMARY else style.LIT if on else None)
         text = labelled(icon or name, console.table[name].title if label is None else label)
-        # arguments may change while a button is down, so they are not part of its identity
+        # label and numbers may change while a button is down, so they are not part of its identity
         words = " ".join(a for a in arguments if isinstance(a, str))
-        if self.filled_button(f"{text}###{name} {label} {words}", width, fill):
+        if self.filled_button(f"{text}###{name} {words}", width, fill):
             console.do(name, *arguments)
         self.command_tip(console, name, *arguments)
 

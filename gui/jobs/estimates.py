@@ -164,7 +164,7 @@ class Estimates:
     def doing(self) -> str:
         """State for people, with the time that the estimate under way has taken, or the rate, or the refusal."""
         if self._under_way is not None and (step := self.progress.read()):
-            return f"preparing: {step}, {self.busy_s:.0f} s so far"
+            return f"preparing {step}, {self.busy_s:.0f} s"
         if self.busy_s > SLOW_S:
             return f"{self.state} for {self.busy_s:.0f} s"
         return f"{self.state}, {self.per_s:.1f}/s" if self.on and self.per_s else self.refusal or self.state

@@ -26,12 +26,8 @@ if TYPE_CHECKING:
 
 STAGE_QUALITY = 88  # JPEG quality of a stage's picture
 KEPT_ESTIMATORS = 4
-STEPS = tuple(
-    f"{what}, {k} of 5"
-    for k, what in enumerate(
-        ("a process", "the method's program", "the target's model", "tables of the target", "first pose"), 1
-    )
-)
+_NAMES = "its process", "its program", "the target", "a model of it", "tables", "a first pose"
+STEPS = tuple(f"{name}, {k} of {len(_NAMES)}" for k, name in enumerate(_NAMES, 1))
 """Steps until a method's first estimate, as people read them."""
 NICENESS = 5
 """Niceness of this process, so that window and renderer have priority."""
@@ -148,13 +144,15 @@ class EstimatorCache:
         try:
             check_any_method(request.method)
             self._progress.write(STEPS[2])
-            model = board_model(request.target.drawn())
+            target = request.target.drawn()
             self._progress.write(STEPS[3])
+            model = board_model(target)
+            self._progress.write(STEPS[4])
             lens = CameraIntrinsics.from_dict(msgspec.to_builtins(request.camera))
             estimator = any_estimator(model, lens, MethodChoice(request.method))
         except BoardModelError as error:
             raise UserError(f"the estimator cannot be made: {error}") from error
-        self._progress.write(STEPS[4])
+        self._progress.write(STEPS[5])
         while len(self._estimators) >= KEPT_ESTIMATORS:
             self._estimators.pop(next(iter(self._estimators)))
         self._estimators[key] = estimator

@@ -32,7 +32,7 @@ class BoardLinkPanel(Panel):
     def draw(self, console: Console) -> None:
         """Draw into the current panel."""
         w, imgui, hil = self._w, self._w.imgui, console.jobs.hil
-        state = f"{hil.state}: {hil.board_name}" if hil.board_name else hil.state
+        state = f"session: {hil.state}{', ' * bool(hil.board_name)}{hil.board_name}"
         w.one_line(w.elided(state, w.width), SEEN.get(hil.state, style.WARN))
         w.tip(f"{state}\nwhat the session is at, and the board that is connected, as it calls itself")
         # nothing moves when a session begins: the next click is on the board below

@@ -58,7 +58,8 @@ class CapturePanel(Panel):
         )
         if self._what in TITLES:
             w.text(
-                "with the camera, exposure, colour and lights chosen here; noise and layers as in the scenario"
+                "with the camera, exposure, colour and lights chosen here; noise and layers as in the scenario",
+                style.QUIET,
             )
         w.field("Frames", "", 0.7)
         frames, *_, workers = console.table["capture.start"].arguments
@@ -68,7 +69,7 @@ class CapturePanel(Panel):
         self._w.command_tip(console, "capture.start", argument="folder")
         w.field("Processes", "", 0.7)
         self._workers = w.typed("workers", self._workers, workers)
-        w.text("Beside the native layout", style.QUIET)
+        w.text("Further formats of the same set", style.QUIET)
         formats = writable()[1:]
         for name, _ in zip(formats, w.grid(len(formats), 110), strict=True):
             changed, on = imgui.checkbox(name, name in self._formats)

@@ -11,7 +11,7 @@ from flyaround.gui.widgets import Panel
 if TYPE_CHECKING:
     from flyaround.gui.console import Console
 
-SHOWN = ("LVLH m", "LVLH mm/s", "Rel. °/s", "Cam. °/s", "Off axis", "Altitude")
+SHOWN = ("Position m", "Velocity mm/s", "Target x y z °/s", "Camera x y z °/s", "Off axis", "Altitude")
 """Figures of this panel; the others are drawn over the view."""
 
 
@@ -28,10 +28,10 @@ class ChaserPanel(Panel):
             ("steer.track", "steer.centre"),
         )
         w.buttons(console, (*fly, *turn), 3)
-        w.imgui.separator()
         if picture is None:
             w.text("no picture yet", style.QUIET)
             return
+        w.row("", ("radial", "along", "cross"), "{:>8}", "axes of the target's LVLH frame")
         for k, (name, figure) in enumerate(FIGURES.items()):
             if name in SHOWN:
                 w.row(name, figure.values(picture.telemetry), figure.form, figure.tip, figure=k)

@@ -71,10 +71,12 @@ class DockingPanel(Panel):
         if not points:
             w.text("none: the approach begins inside the last one", style.QUIET)
         following = session.craft.docking.hold_points.next
+        w.imgui.push_font(w.window.figure_font, 0.0)
         for p in points:
             here = following is not None and p.name == following.name
             text = f"{'>' if here else ' '} {p.name} {p.axial_m:5g} m  {p.decision}"
             w.text(text, DECISION_COLOURS[p.decision], HOLDS)
+        w.imgui.pop_font()
         if following is not None:
             for why in session.craft.docking.not_ready(session.craft.chaser, session.flight):
                 w.text(f"not yet: {why}", style.QUIET, "why go would be refused now")

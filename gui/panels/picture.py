@@ -38,7 +38,8 @@ class PicturePanel(Panel):
             changed, stops = True, 0.0
         w.answer("exposure", "", console.attempt("picture.exposure", round(stops, 2)) if changed else None)
         w.button(console, "picture.meter", width=w.width)
-        w.choice(console, "picture.detail", settings.detail, DETAILS, shown="{} detail".format)
+        w.field("Detail", console.table["picture.detail"].hover_text(), 0.6)
+        w.choice(console, "picture.detail", settings.detail, DETAILS)
         w.switches(console, ("picture.colour", "picture.noise"))
         w.button(console, "picture.save", label="Saving ..." if console.feed.saving else None, width=w.width)
         w.section("Over the view")

@@ -29,6 +29,7 @@ MODES = "hold vbar rbar glideslope flyaround circumnavigate safe-ellipse keep-ra
 GUIDANCE = tuple(f"guidance.{mode}" for mode in MODES.split())
 FIRST_AFTER_S, FIRST_M_S = 60.0, 0.01
 """Defaults of an added burn: time after the last one, and its along-track delta-v."""
+LEAST_WAY_M = 0.05  # a nearer point is where the chaser is
 WAY_POINTS = 65  # points of a straight way at which the keep-out sphere is looked for
 PLUME = "whether the exhaust, 30 deg wide to each side, meets the target's sphere within 20 m"
 
@@ -43,7 +44,8 @@ def fly_to_warning(craft: PilotedCraft, place: FloatArray) -> tuple[str, style.R
     keep_out, shares = craft.steering.keep_out, np.linspace(0.0, 1.0, WAY_POINTS)
     if keep_out is not None and any(keep_out.violated(here + s * (place - here)) for s in shares):
         return f"leads through the keep-out sphere of {keep_out.radius_m:g} m", style.WARN
-    return f"{np.linalg.norm(place - here):.2f} m from here", style.QUIET
+    away_m = float(np.linalg.norm(place - here))
+    return "where the chaser is" if away_m < LEAST_WAY_M else f"{away_m:.2f} m from here", style.QUIET
 
 
 class SteeringPanel(Panel):
@@ -67,11 +69,10 @@ class SteeringPanel(Panel):
             w.button(console, "steer.attitude", mode, label=mode.capitalize(), on=steering.attitude == mode)
         w.section("Guidance")
         colour = style.ACCENT if steering.doing else style.QUIET
-        w.text(console.flown_by, colour, "what flies the chaser while nothing is pressed")
-        # one line, also without a guidance: buttons stand below it
-        phase = "" if steering.guided is None else steering.guided.phase(console.session.t_s)
-        w.one_line(w.elided(phase, w.width), style.QUIET)
-        w.tip(phase)
+        phase = "" if steering.guided is None else f": {steering.guided.phase(console.session.t_s)}"
+        # one line, because buttons stand below it
+        w.one_line(w.elided(console.flown_by + phase, w.width), colour)
+        w.tip(f"{console.flown_by}{phase}\nwhat flies the chaser while nothing is pressed")
         w.buttons(console, GUIDANCE, 2)
         self._to_a_point(console)
         self._burns(console)
@@ -107,7 +108,7 @@ class SteeringPanel(Panel):
         start = here if self._from_here else np.zeros(3)
         shown = [text or f"{h:.2f}" for text, h in zip(self._point, here - start, strict=True)]
         arguments = console.table["guidance.waypoint"].arguments[:3]
-        for k, width in enumerate(w.grid(3, 40, 3)):
+        for k, width in enumerate(w.grid(3, np.inf, 3)):
             w.imgui.set_next_item_width(width)
             if (text := w.typed(f"point{k}", shown[k], arguments[k])) != shown[k]:
                 shown[k] = self._point[k] = text
@@ -151,7 +152,7 @@ class SteeringPanel(Panel):
 
         def delta_v() -> None:
             for axis, (name, width) in enumerate(
-                zip(("radial", "along", "cross"), w.grid(3, 30, 3), strict=True), 1
+                zip(("radial", "along", "cross"), w.grid(3, np.inf, 3), strict=True), 1
             ):
                 imgui.set_next_item_width(width)
                 about = f"change of velocity, {name} [m/s]"

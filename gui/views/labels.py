@@ -90,7 +90,7 @@ class _LabelView(Panel):
         box = Letterbox.fit((part.shape[1], part.shape[0]), place)
         canvas.picture(self.name, self._newest, part, (box.x, box.y, box.width, box.height))
         if part.shape[1] < image.shape[1] and place[3] > 5 * canvas.line:
-            text = f"x{image.shape[1] / part.shape[1]:.1f}"
+            text = f"{image.shape[1] / part.shape[1]:.1f}x"
             at = (place[0] + 8, place[1] + place[3] - 1.2 * canvas.line)
             canvas.text(at, text, style.QUIET, "magnification of the camera's whole picture")
         left, top = box.x - columns.start * box.scale, box.y - rows.start * box.scale

@@ -95,7 +95,7 @@ def test_a_job_that_gives_nothing_yet_tells_how_long_it_is_at_work(
             strip.draw(console)
         texts.append(next(n.label for n in window.noted if n.what == "text" and n.label))
     assert texts[0] == "opening tango-limb"
-    assert texts[-1] == "opening tango-limb, 4 s so far"
+    assert texts[-1] == "opening tango-limb, 4 s"
 
 
 def test_a_session_only_listens_where_it_may(console: Console) -> None:

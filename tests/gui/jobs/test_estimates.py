@@ -132,7 +132,7 @@ def test_until_the_first_estimate_the_step_of_its_preparation_is_told(session: F
         estimates.update(picture)
         estimates.progress.write("tables of the target, 4 of 5")
         clock.pass_s(34.0)
-        assert estimates.doing == "preparing: tables of the target, 4 of 5, 34 s so far"
+        assert estimates.doing == "preparing tables of the target, 4 of 5, 34 s"
         until(lambda: estimates.newest is not None, lambda: estimates.update(picture))
         assert "preparing" not in estimates.doing
 
@@ -152,7 +152,7 @@ def test_the_process_tells_each_step_once(session: FlightSession) -> None:
     )
     with EstimatorCache(line) as cache:  # type: ignore[arg-type]
         assert cache.estimator(request) is cache.estimator(request)
-    assert [text.rpartition(", ")[2] for text in line.texts] == ["2 of 5", "3 of 5", "4 of 5", "5 of 5"]
+    assert [text.rpartition(", ")[2] for text in line.texts] == [f"{k} of 6" for k in range(2, 7)]
 
 
 def test_one_picture_at_a_time_and_the_newest(session: FlightSession) -> None:
