@@ -109,11 +109,6 @@ class Request:
     script: Path | None = None
     log: Path | None = None
 
-    @property
-    def by_itself(self) -> bool:
-        """True if it runs without an operator: it has a script, a duration or a final screenshot."""
-        return not (self.seconds is None and self.script is None and self.screenshot is None)
-
 
 def command_table() -> CommandTable:
     """Return every command of the console."""
@@ -242,7 +237,8 @@ class ConsoleLoop:
         console.shown.update(self._layout.first_shown())
         if request.choose:
             console.open_panel("scenarios", shown=True)
-        if not (self._layout.tour_seen or request.by_itself):
+        # nobody is there if it ends by itself, or is played
+        if not self._layout.tour_seen and {request.seconds, request.script, request.screenshot} == {None}:
             console.open_panel("tour", shown=True)
         self._keys = sorted(console.table.keys())
         self._held: list[str] = []

@@ -384,11 +384,6 @@ class Console:
         """Run a script's lines at their times from now on."""
         self._player = Player(script)
 
-    @property
-    def playing(self) -> bool:
-        """True while a script has lines left."""
-        return self._player is not None and not self._player.done
-
     def pass_time(self, wall_ms: int, keys: frozenset[str] = frozenset()) -> None:
         """Advance real time, running a script's commands at their exact milliseconds.
 

@@ -7,6 +7,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from flyaround.gui.texts import texts
+
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
@@ -20,20 +22,8 @@ DEAD = 0.12
 GRAIN = 0.05
 """Step of the shares, so that jitter does not fill the log."""
 LEFT_X, LEFT_Y, RIGHT_X, RIGHT_Y, LEFT_TRIGGER, RIGHT_TRIGGER = range(6)
-BUTTONS: tuple[Do | tuple[()], ...] = (
-    ("steer.stop",),  # A
-    ("docking.abort",),  # B
-    ("steer.attitude",),  # X
-    ("docking.approach",),  # Y
-    (),  # left bumper: roll
-    (),  # right bumper: roll
-    ("steer.lvlh",),  # back
-    ("time.pause",),  # start
-    ("steer.arm",),  # guide
-    ("steer.centre",),  # left stick pressed
-    ("docking.go",),  # right stick pressed
-    *(("steer.pulse", way) for way in ("forward", "right", "back", "left")),  # cross
-)
+BUTTONS: tuple[tuple[str, ...], ...] = tuple(tuple(line.split()) for line in texts("gamepad").values())
+"""Command of each button, with its arguments; empty for a bumper."""
 LEFT_BUMPER, RIGHT_BUMPER = 4, 5
 STILL = (0.0, 0.0, 0.0)  # sticks at rest
 
@@ -72,7 +62,7 @@ class Gamepad:
         before = buttons if self._last is None else self._last
         for what, was, now in zip(BUTTONS, before, buttons, strict=False):
             if what and now and not was:
-                commands.append(what)
+                commands.append((what[0], *what[1:]))
         self._last, self._thrust, self._turn = buttons, thrust, turn
         return commands
 

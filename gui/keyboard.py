@@ -96,10 +96,8 @@ class Keyboard(Keys):
 
     def still_held(self, names: Iterable[str]) -> list[str]:
         """Return the keys for which neither release nor loss of focus has been reported."""
-        return [n for n in names if self._down(n)]
-
-    def _down(self, name: str) -> bool:
-        return bool(self._glfw.get_key(self._native, self.code(name)) == self._glfw.PRESS)
+        glfw, native = self._glfw, self._native
+        return [n for n in names if glfw.get_key(native, self.code(n)) == glfw.PRESS]
 
     def code(self, name: str) -> int:
         """Return the code of a key in glfw, by its name in Dear ImGui."""

@@ -204,11 +204,6 @@ class Player:
         self._lines = list(script.lines)
         self.held: set[str] = set()
 
-    @property
-    def done(self) -> bool:
-        """True once no lines are left."""
-        return not self._lines
-
     def next_ms(self) -> int | None:
         """Return the real time of the next line."""
         return self._lines[0].t_ms if self._lines else None

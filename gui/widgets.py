@@ -49,12 +49,6 @@ class Widgets:
         """Height of a line of text [px]."""
         return float(self.imgui.get_text_line_height_with_spacing())
 
-    def columns(self, least: float, fewest: int = 1) -> tuple[int, float]:
-        """Return the number of columns of at least this width at scale 1, and their width."""
-        spacing = self.imgui.get_style().item_spacing.x
-        n = max(fewest, int((self.width + spacing) / (least * self.window.scale + spacing)))
-        return n, (self.width - (n - 1) * spacing) / n
-
     def button_width(self, label: str) -> float:
         """Return the width of a button with this label [px]."""
         return float(self.imgui.calc_text_size(label).x + 2 * self.imgui.get_style().frame_padding.x)
@@ -69,9 +63,11 @@ class Widgets:
             imgui.same_line()
 
     def grid(self, count: int, least: float, fewest: int = 1) -> Iterator[float]:
-        """Yield the width of each of ``count`` cells, arranged in columns."""
-        columns, width = self.columns(least, fewest)
-        start, step = self.imgui.get_cursor_pos_x(), width + self.imgui.get_style().item_spacing.x
+        """Yield the width of each of ``count`` cells, in columns of at least the width ``least`` at scale 1."""
+        spacing = self.imgui.get_style().item_spacing.x
+        columns = max(fewest, int((self.width + spacing) / (least * self.window.scale + spacing)))
+        width = (self.width - (columns - 1) * spacing) / columns
+        start, step = self.imgui.get_cursor_pos_x(), width + spacing
         for k in range(count):
             if k % columns:
                 self.imgui.same_line(start + k % columns * step)

@@ -65,10 +65,6 @@ def _bookmark(console: Console, note: str = "") -> None:
     console.say(f"bookmark at {clock(mark.t_s)}{': ' if mark.note else ''}{mark.note}")
 
 
-def _unbookmark(console: Console, t_s: float | None = None) -> None:
-    console.session.look_back.timeline.unbookmark(console.session.t_s if t_s is None else t_s)
-
-
 def _neighbour(step: int, console: Console) -> None:
     here = console.session.t_s
     times = [b.t_s for b in console.session.look_back.timeline.bookmarks]
@@ -164,7 +160,7 @@ COMMANDS = (
     command("timeline.bookmark", _bookmark, "ctrl+b", word("note", "a line", optional=True)),
     command(
         "timeline.unbookmark",
-        _unbookmark,
+        lambda c, t_s=None: c.session.look_back.timeline.unbookmark(c.session.t_s if t_s is None else t_s),
         number("t_s", "near this time; left out: near now", 0.0, 1e9, "s", optional=True),
     ),
     command("timeline.previous-bookmark", partial(_neighbour, -1)),

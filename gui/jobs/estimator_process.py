@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import os
-import time
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Self
 
@@ -81,8 +80,6 @@ class Answer:
         Time of each stage [ms].
     counts : dict of str to int
         Numbers that the method reports, such as hypotheses, by name.
-    making_ms : float, optional
-        Time to construct the estimator [ms]; 0 if it existed.
     network : str, optional
         Keypoint network that took part: ``own`` (trained for this craft), ``shipped`` or ``none``; empty for methods
         that have none.
@@ -97,7 +94,6 @@ class Answer:
     confidence: float
     stages_ms: dict[str, float]
     counts: dict[str, int]
-    making_ms: float = 0.0
     network: str = ""
     stages: dict[str, ByteArray] = field(default_factory=dict)
 
@@ -164,9 +160,7 @@ def estimate_picture(cache: EstimatorCache, request: EstimateRequest) -> Answer:
     from flyaround.hil.board.hybrid.debug.stage_pictures import stage_pictures  # noqa: PLC0415 - what only this process needs
     from flyaround.hil.evaluate.estimate import checked_picture  # noqa: PLC0415
 
-    start = time.perf_counter()
     estimator = cache.estimator(request)
-    making_ms = 1e3 * (time.perf_counter() - start)
     image = checked_picture(request.image, request.camera, "the picture")
     trace: dict[str, Any] | None = {"every_stage": True} if request.stages else None
     result = estimator.estimate(image, trace, request.t_s)
@@ -183,7 +177,6 @@ def estimate_picture(cache: EstimatorCache, request: EstimateRequest) -> Answer:
         confidence=float(result.confidence),
         stages_ms={k: float(v) for k, v in result.stages_ms.items()},
         counts={k: int(v) for k, v in getattr(result, "counts", {}).items()},
-        making_ms=making_ms,
         network=_network(estimator),
         stages=stages,
     )

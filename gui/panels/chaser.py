@@ -11,8 +11,10 @@ from flyaround.gui.widgets import Panel
 if TYPE_CHECKING:
     from flyaround.gui.console import Console
 
-SHOWN = ("Position m", "Velocity mm/s", "Target x y z °/s", "Camera x y z °/s", "Off axis", "Altitude")
+SHOWN = ("Position m", "Velocity mm/s", "Target °/s", "Camera °/s", "Off axis")
 """Figures of this panel; the others are drawn over the view."""
+HEADS = {"Position m": "radial along cross", "Target °/s": "x y z"}
+"""Names of the components from a figure on."""
 
 
 class ChaserPanel(Panel):
@@ -31,8 +33,11 @@ class ChaserPanel(Panel):
         if picture is None:
             w.text("no picture yet", style.QUIET)
             return
-        w.row("", ("radial", "along", "cross"), "{:>8}", "axes of the target's LVLH frame")
         for k, (name, figure) in enumerate(FIGURES.items()):
+            if name in HEADS:
+                w.coloured(style.QUIET)
+                w.row("", HEADS[name].split(), "{:>8}", figure.tip)
+                w.imgui.pop_style_color()
             if name in SHOWN:
                 w.row(name, figure.values(picture.telemetry), figure.form, figure.tip, figure=k)
         w.text(age_text(console.session, picture.telemetry.t_s), style.WARN, AGE_TIP)

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from flyaround.gui import style
 from flyaround.gui.texts import texts
@@ -16,8 +15,7 @@ MOST_LINES = 200
 """Number of recent log entries in which a step's command is searched."""
 
 
-@dataclass(frozen=True)
-class TourStep:
+class TourStep(NamedTuple):
     """A step of the tour.
 
     Parameters

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import shlex
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from flyaround.gui.picture.view_settings import OVERLAYS, Overlays
 
@@ -13,8 +12,7 @@ if TYPE_CHECKING:
     from flyaround.simulator.piloting.session import FlightSession
 
 
-@dataclass(frozen=True)
-class CommandLines:
+class CommandLines(NamedTuple):
     """Equivalent command lines, each with its purpose.
 
     Parameters

@@ -112,16 +112,12 @@ class _LabelView(Panel):
     ) -> tuple[Place, Place]:
         """Return the places of the picture and its legend, at the right, or below in a narrow view."""
         x, y, w, h = place
-        width = self._legend_width(canvas, names)
+        width = max((canvas.size(n)[0] for n in names), default=0.0) + canvas.line + 20.0
         if h < (w if w > 2.4 * width else 0.6 * w):
             width = min(width, 0.6 * w)
             return (x, y, w - width, h), (x + w - width, y, width, h)
         height = min((len(names) if rows is None else rows) * canvas.line + 12, 0.6 * h)
         return (x, y, w, h - height), (x, y + h - height, w, height)
-
-    @staticmethod
-    def _legend_width(canvas: Canvas, names: Sequence[str]) -> float:
-        return max((canvas.size(n)[0] for n in names), default=0.0) + canvas.line + 20.0
 
 
 class DepthView(_LabelView):
