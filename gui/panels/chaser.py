@@ -40,4 +40,5 @@ class ChaserPanel(Panel):
                 w.imgui.pop_style_color()
             if name in SHOWN:
                 w.row(name, figure.values(picture.telemetry), figure.form, figure.tip, figure=k)
-        w.text(age_text(console.session, picture.telemetry.t_s), style.WARN, AGE_TIP)
+        if age := age_text(console.session, picture.telemetry.t_s):
+            w.text(age, style.WARN, AGE_TIP)

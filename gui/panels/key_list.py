@@ -56,7 +56,7 @@ def command_rows(w: Widgets, console: Console, commands: Iterable[Command]) -> N
         about = partial(w.text, f"{c.help}{' (hold)' if c.held else ''}", style.QUIET)
         return partial(w.text, c.shown, style.ACCENT), partial(title, c), about
 
-    w.table("rows", (0.2, 0.3, 0.5), map(row, commands))
+    w.table("rows", (0.15, 0.3, 0.55), map(row, commands))
 
 
 class Palette(Panel):

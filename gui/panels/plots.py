@@ -76,7 +76,7 @@ class PlotsPanel(Panel):
         with w.plot(name, 110, f"{title} over the flight [s since the start]", still=False) as is_open:
             if is_open:
                 implot.setup_axes(
-                    "", "", axis.no_highlight | axis.auto_fit, axis.no_highlight | axis.auto_fit
+                    "T+ [s]", "", axis.no_highlight | axis.auto_fit, axis.no_highlight | axis.auto_fit
                 )
                 for k, column in enumerate(values.T):
                     line = w.curve(COLOURS[k % len(COLOURS)])
