@@ -25,7 +25,7 @@ FOLDER = Path("out") / "console"
 POSE_S, CONNECT_S = 10.0, 600.0  # longest wait for a pose, and for a board
 FAULT_S = 10.0  # duration of a fault unless given
 FAULTS: dict[str, tuple[CameraFault | LineFault, str]] = {
-    kind: (msgspec.convert({"kind": kind, **numbers}, CameraFault | LineFault), text)  # type: ignore[arg-type]
+    kind: (msgspec.convert({"kind": kind, **numbers}, CameraFault | LineFault), text)
     for kind, (text, numbers) in texts("faults").items()
 }
 
