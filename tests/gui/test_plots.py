@@ -90,8 +90,9 @@ def test_a_row_of_figures_is_dragged_into_a_plot(scene):
     window, turn = scene
     for _ in range(2):
         turn()
-    assert not any(text.startswith("altitude") for text in texts(window))
-    row = next(n.middle for n in window.noted if n.label.startswith("700.0"))
+    assert not any(text.startswith("off the boresight") for text in texts(window))
+    name = next(k for k, n in enumerate(window.noted) if n.label == "Off axis")
+    row = window.noted[name + 1].middle
     io = window.plain.get_io()
     io.add_mouse_pos_event(*row)
     turn()
@@ -103,7 +104,7 @@ def test_a_row_of_figures_is_dragged_into_a_plot(scene):
     io.add_mouse_button_event(0, False)
     turn()
     turn()
-    assert any(text.startswith("altitude [km]: 700") for text in texts(window))
+    assert any(text.startswith("off the boresight [°]: ") for text in texts(window))
 
 
 def test_figures_of_an_old_picture_carry_its_age(scene):
