@@ -341,7 +341,7 @@ class Layout:
         return hovered
 
     def _raise(self, console: Console, panel: Panel) -> None:
-        """Focus the next window if a command opened it, and scroll its tab into sight."""
+        """Give the next window the focus if a command opened it, and scroll its tab into sight."""
         imgui = self._window.imgui
         if console.window.front == panel.name:
             console.window.front = ""
