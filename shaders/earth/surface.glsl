@@ -113,6 +113,7 @@ struct Surface {
     color waves;   // change of the sea's reflectance with noise channel x
     float share;   // fraction of the ground under cloud; above 1 for a deck without gaps
     float thick;   // optical depth in the middle of clouds
+    float present; // HIGH: fraction of the clouds' light and shadow, which falls to 0 where the map has no cloud
     float veil;    // optical depth between clouds
     float mean;    // FAR: optical depth of uniform cloud with the same mean reflectance
     float region;  // HIGH: regional noise, 0..1, for the kind of cloud
@@ -168,7 +169,14 @@ Surface surface_at(GroundPoint g, vec4 map, vec2 land_uv, Waters waters) {
     // fraction of ground under cloud. Optical depth rises from the edge of a cloud, and with the cover.
     float cover = clamp(map.y * 1.06 - 0.04, 0.0, 1.0), cover2 = cover * cover, cover4 = cover2 * cover2;
     s.share = 0.08 + cover * (1.42 - 0.5 * cover) + 0.6 * cover4;
-    s.thick = (1.15 + 18.0 * cover4 * cover2) * min(10.0 * cover, 1.0);
+    s.thick = 1.15 + 18.0 * cover4 * cover2;
+#if HIGH
+    // deep clouds stay bright until their depth is nearly 0, and then vanish within a count of the map: fade their light
+    s.present = min(5.0 * cover, 1.0);
+#else
+    s.thick *= min(10.0 * cover, 1.0);
+    s.present = 1.0;
+#endif
     s.veil = 0.12 * cover2;
     s.mean = cover * (0.95 + cover * (0.14 + cover2 * (11.7 * cover2 * cover - 1.44)));
     s.lit = map.z;
@@ -236,7 +244,7 @@ color surface_radiance(GroundPoint g, Surface s, Waters waters, Detail detail) {
     float core = clamp(1.0 + (mass.x - 0.9) * scale, 0.0, 2.0);
     s.thick *= 0.25 + 1.6 * core * core;
 #endif
-    float cloud = cloud_reflectance(max(over, 0.0), s.thick, s.veil, g.thin);
+    float cloud = s.present * cloud_reflectance(max(over, 0.0), s.thick, s.veil, g.thin);
 #if FAR
     // wide pixels average the noise before the threshold: use the reflectance of the mean cover instead
 #if HIGH
@@ -308,7 +316,7 @@ color surface_radiance(GroundPoint g, Surface s, Waters waters, Detail detail) {
     ground = mix(ground, color(1.0), min(s.share, 1.0));
 #else
     float before = clamp(over + shading, 0.0, 1.0);
-    ground -= ground * (0.7 * cloud_reflectance(before, s.thick, s.veil, g.thin));
+    ground -= ground * (0.7 * s.present * cloud_reflectance(before, s.thick, s.veil, g.thin));
 #if HIGH
     // bright tops that the Sun reaches, and shaded valleys between them
     float whole = dot(mass.yz, g.toward) - level;

@@ -90,9 +90,7 @@ def test_the_background_follows_the_camera_smoothly(renderer, speck, view_of, na
     for turn_px in (0.002, 0.02):
         pictures = drive(0.0, turn_px)
         steps = np.abs(np.diff(pictures, axis=0))
-        # in `high`, one pixel in ten thousand may change by more: within thick masses, depth varies with their width
-        most = steps.max() if quality == "default" else np.quantile(steps, 0.9999)
-        assert most < 3 * turn_px + 0.05
+        assert steps.max() < 3 * turn_px + 0.05
         assert (steps > 3 * turn_px + 0.01).mean() < 2e-3
         there = np.abs(pictures[-1] - pictures[0]).mean()
         assert there > 0
