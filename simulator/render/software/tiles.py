@@ -44,8 +44,8 @@ MAX_GROUND_EXTENT, _MAX_FINE_EXTENT = 0.015, 0.06
 # over a side s is off by s^2 / (8 r), a quarter of a pixel for tiles of 32 px.
 MIN_POLE_DISTANCE_TILES = 16
 # Quantisation of the mipmap level, which all pixels of a smooth tile share. A tile that takes another level changes at
-# once: `high`, which blends levels, takes steps too small to be seen, at the price of more draw calls.
-_LEVEL_STEP, _LEVEL_STEP_HIGH = 0.5, 0.125
+# once: `high`, which blends levels, takes half the step, at the price of more draw calls.
+_LEVEL_STEP, _LEVEL_STEP_HIGH = 0.5, 0.25
 # Largest extent on the ground [radii], one degree, of a tile that may count as open ocean. A larger one may contain
 # bright water away from its corners.
 _MAX_OPEN_WATER_EXTENT = 0.017
