@@ -197,10 +197,11 @@ float cloud_reflectance(float over, float thick, float veil, float thin) {
 
 // Natural logarithm of the factor by which the variance of the sea's slopes is reduced; the mean variance is preserved.
 // Arguments: noise of uniform histogram, 0..1. Slicks, whose films at least halve the variance (Cox & Munk 1954), lie
-// where `films` is 0.5.
-float sea_calm(float region, float gusts, float streaks, float swell, float films) {
+// where `films` is 0.5. seen: 1 where films are wider than a pixel, 0 where only their mean is seen.
+float sea_calm(float region, float gusts, float streaks, float swell, float films, float seen) {
     float slick = (films - 0.5) * 20.0;
-    return 0.8 * region + 0.8 * gusts + 0.5 * streaks + 0.3 * swell + 0.9 * region * exp(-slick * slick) - 1.19;
+    slick = 0.0886 + seen * (exp(-slick * slick) - 0.0886);
+    return 0.8 * region + 0.8 * gusts + 0.5 * streaks + 0.3 * swell + 0.9 * region * slick - 1.19;
 }
 
 // Maps the weighted sum x of two uniform variables, with weights 1 - b and b <= 0.5, to a uniform variable (its CDF).
@@ -286,7 +287,7 @@ color surface_radiance(GroundPoint g, Surface s, Waters waters, Detail detail) {
     float gusts = textureLod(t_detail, mat2(0.62, 0.35, -0.22, 0.39) * g.plane, DETAIL_LEVEL - 0.5).x;
     float swell = textureLod(t_detail, mat2(5.1, -3.3, 16.5, 25.5) * g.plane, DETAIL_LEVEL + 4.0).x;
     float films = textureLod(t_detail, mat2(2.6, 1.9, -0.5, 0.7) * eddy, max(DETAIL_LEVEL, 3.0)).x;
-    float calm = sea_calm(s.wind, gusts, streaks, swell, films);
+    float calm = sea_calm(s.wind, gusts, streaks, swell, films, clamp(0.5 - KM_LEVEL, 0.0, 1.0)); // films are some 0.5 km wide
     // calm in the lee of land, varied by gusts
     calm += LEE * gusts * exp(min(s.shore - 0.5, 0.0) / (LEE_KM * g.sharp));
     sea += color(g.glint * exp(calm + (g.ripple + 1.0) * (1.0 - exp(calm))));
