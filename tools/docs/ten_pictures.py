@@ -72,7 +72,7 @@ def clouds(renderer: fa.Renderer) -> np.ndarray:
 
 def geostationary(renderer: fa.Renderer) -> np.ndarray:
     """Return the whole Earth from the geostationary orbit."""
-    scene = above("2026-06-20T13:30:00Z", (0.0, 0.0, 35_786.0), 24.0)
+    scene = above("2026-06-20T13:30:00Z", (0.0, 0.0, 35_786.0), 30.0)
     return exposed(radiance(renderer, scene), 0.98)
 
 
