@@ -55,7 +55,7 @@ def craft_before(
 
 
 def twilight(renderer: fa.Renderer) -> np.ndarray:
-    """Return the view of the limb through a long lens, where the Sun has set: it is 2 degrees below the horizon there."""
+    """Return the view of the limb through a long lens, with the Sun 2 degrees below the horizon there."""
     scene = above("2026-03-20T21:35:00Z", (45.0, -20.0, 420.0), 12.0, azimuth_deg=290.0, off_nadir_deg=70.3)
     return exposed(radiance(renderer, scene), 0.985)
 
