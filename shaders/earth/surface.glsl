@@ -113,6 +113,7 @@ struct Surface {
     color waves;   // change of the sea's reflectance with noise channel x
     float share;   // fraction of the ground under cloud; above 1 for a deck without gaps
     float thick;   // optical depth in the middle of clouds
+    float present; // HIGH: fraction of the clouds' light and shadow, which falls to 0 where the map has no cloud
     float veil;    // optical depth between clouds
     float mean;    // FAR: optical depth of uniform cloud with the same mean reflectance
     float region;  // HIGH: regional noise, 0..1, for the kind of cloud
@@ -168,7 +169,14 @@ Surface surface_at(GroundPoint g, vec4 map, vec2 land_uv, Waters waters) {
     // fraction of ground under cloud. Optical depth rises from the edge of a cloud, and with the cover.
     float cover = clamp(map.y * 1.06 - 0.04, 0.0, 1.0), cover2 = cover * cover, cover4 = cover2 * cover2;
     s.share = 0.08 + cover * (1.42 - 0.5 * cover) + 0.6 * cover4;
-    s.thick = (1.15 + 18.0 * cover4 * cover2) * min(10.0 * cover, 1.0);
+    s.thick = 1.15 + 18.0 * cover4 * cover2;
+#if HIGH
+    // deep clouds stay bright until their depth is nearly 0, and then vanish within a count of the map: fade their light
+    s.present = min(5.0 * cover, 1.0);
+#else
+    s.thick *= min(10.0 * cover, 1.0);
+    s.present = 1.0;
+#endif
     s.veil = 0.12 * cover2;
     s.mean = cover * (0.95 + cover * (0.14 + cover2 * (11.7 * cover2 * cover - 1.44)));
     s.lit = map.z;
@@ -189,10 +197,11 @@ float cloud_reflectance(float over, float thick, float veil, float thin) {
 
 // Natural logarithm of the factor by which the variance of the sea's slopes is reduced; the mean variance is preserved.
 // Arguments: noise of uniform histogram, 0..1. Slicks, whose films at least halve the variance (Cox & Munk 1954), lie
-// where `films` is 0.5.
-float sea_calm(float region, float gusts, float streaks, float swell, float films) {
+// where `films` is 0.5. seen: 1 where films are wider than a pixel, 0 where only their mean is seen.
+float sea_calm(float region, float gusts, float streaks, float swell, float films, float seen) {
     float slick = (films - 0.5) * 20.0;
-    return 0.8 * region + 0.8 * gusts + 0.5 * streaks + 0.3 * swell + 0.9 * region * exp(-slick * slick) - 1.19;
+    slick = 0.0886 + seen * (exp(-slick * slick) - 0.0886);
+    return 0.8 * region + 0.8 * gusts + 0.5 * streaks + 0.3 * swell + 0.9 * region * slick - 1.19;
 }
 
 // Maps the weighted sum x of two uniform variables, with weights 1 - b and b <= 0.5, to a uniform variable (its CDF).
@@ -236,7 +245,7 @@ color surface_radiance(GroundPoint g, Surface s, Waters waters, Detail detail) {
     float core = clamp(1.0 + (mass.x - 0.9) * scale, 0.0, 2.0);
     s.thick *= 0.25 + 1.6 * core * core;
 #endif
-    float cloud = cloud_reflectance(max(over, 0.0), s.thick, s.veil, g.thin);
+    float cloud = s.present * cloud_reflectance(max(over, 0.0), s.thick, s.veil, g.thin);
 #if FAR
     // wide pixels average the noise before the threshold: use the reflectance of the mean cover instead
 #if HIGH
@@ -278,7 +287,7 @@ color surface_radiance(GroundPoint g, Surface s, Waters waters, Detail detail) {
     float gusts = textureLod(t_detail, mat2(0.62, 0.35, -0.22, 0.39) * g.plane, DETAIL_LEVEL - 0.5).x;
     float swell = textureLod(t_detail, mat2(5.1, -3.3, 16.5, 25.5) * g.plane, DETAIL_LEVEL + 4.0).x;
     float films = textureLod(t_detail, mat2(2.6, 1.9, -0.5, 0.7) * eddy, max(DETAIL_LEVEL, 3.0)).x;
-    float calm = sea_calm(s.wind, gusts, streaks, swell, films);
+    float calm = sea_calm(s.wind, gusts, streaks, swell, films, clamp(0.5 - KM_LEVEL, 0.0, 1.0)); // films are some 0.5 km wide
     // calm in the lee of land, varied by gusts
     calm += LEE * gusts * exp(min(s.shore - 0.5, 0.0) / (LEE_KM * g.sharp));
     sea += color(g.glint * exp(calm + (g.ripple + 1.0) * (1.0 - exp(calm))));
@@ -308,7 +317,7 @@ color surface_radiance(GroundPoint g, Surface s, Waters waters, Detail detail) {
     ground = mix(ground, color(1.0), min(s.share, 1.0));
 #else
     float before = clamp(over + shading, 0.0, 1.0);
-    ground -= ground * (0.7 * cloud_reflectance(before, s.thick, s.veil, g.thin));
+    ground -= ground * (0.7 * s.present * cloud_reflectance(before, s.thick, s.veil, g.thin));
 #if HIGH
     // bright tops that the Sun reaches, and shaded valleys between them
     float whole = dot(mass.yz, g.toward) - level;

@@ -252,45 +252,49 @@ PICTURES: tuple[tuple[str, Picture, str], ...] = (
     ("limb", limb, "Layers of the limb through a long lens: clouds, haze, blue air, the dark"),
     ("eclipse-entry", eclipse_entry, "Tango before the limb in the last half minute of sunlight"),
     ("moon", moonrise, "The Moon over the limb"),
-    ("stars", stars, "Orion rises: stars in calibrated flux and colour, moved to the date"),
+    ("stars", stars, "Orion: stars in calibrated flux and colour, moved to the date"),
     ("seasons", seasons, "Central Europe without clouds: January, April, July, October"),
     ("ice", ice, "Clouds, snow and the sea's ice of March from 30,000 km"),
     ("earthrise", earthrise, "The Earth from 110 km above the Moon"),
 )
 PHYSICS = """
-Sand reflects 0.38 above the air, almost evenly over the Sun's height; bare relief is lit by its slopes; water is dark
-but for Fresnel's two per cent.
+Sand reflects 0.38 above the air, almost evenly over the Sun's height (Libya 4); bare relief is lit by its slopes;
+water is dark but for Fresnel's two per cent. Dry valleys are noise that rivers cut (Rinaldo et al. 1992).
 
-Low sunlight has lost its blue over the long way through air. Cloud returns light by its optical depth; in `high` it
-is groups of round puffs, deeper where they are wide, with valleys and far sides in shade.
+Low sunlight has lost its blue over the long way through air. Cloud returns light by its optical depth (Kokhanovsky &
+Nauss 2006); in `high` it is groups of round puffs with borders as ragged as measured (Lovejoy 1982), deeper where they
+are wide (Zhao & Di Girolamo 2007), with valleys and far sides in shade.
 
-Lamps of two colours keep the mean of the map's cells, 15 % of their light scattered by the air (`high`); the full
-Moon lights clouds at a 400,000th of the Sun.
+Lamps of sodium and white diodes (Small 2022) keep the mean of the map's cells, which is what VIIRS has over 50 km
+(Elvidge et al. 2017); 15 % of their light is scattered by the air. The full Moon lights clouds at a 400,000th of the
+Sun (Allen 2000). The grey band above the limb is airglow, to 100 km (Leinert et al. 1998).
 
-Slopes of waves for 6 m/s mirror the Sun. `high` changes their variance by region, gust, streak and film, with its
-mean kept, and calms the lee of coasts.
+Slopes of waves for 6 m/s mirror the Sun (Cox & Munk 1954). `high` changes their variance by region, gust, streak and
+film (Munk et al. 2000), with its mean kept, and calms the lee of coasts.
 
 Sand under clear water adds what the August map has over deep sea; red is absorbed within metres, so that banks are
 turquoise.
 
 Near the ground the path is so deep that all bands come back alike; higher up it is thin and as blue as its
-scattering.
+scattering (Bodhaine et al. 1999), with the density of the U.S. Standard Atmosphere (1976).
 
-The Sun behind the air is dimmed, reddened and flattened; the craft has the same light. Glare is the lens's, of a
-detector that clips.
+The Sun behind the air is dimmed, reddened and flattened; the craft has the same light. The arch is orange at its base
+and blue above by ozone (Hulburt 1953). Glare is the lens's, of a detector that clips.
 
-Lommel-Seeliger's law with the measured phase curve: no darkening towards the limb of a full Moon. The air in front
-adds its blue.
+Lommel-Seeliger's law with the measured phase curve (Allen 2000, Buratti et al. 1996): no darkening towards the limb of
+a full Moon. The air in front adds its blue and, by refraction, flattens the lower limb.
 
-Every star has its catalogued flux in the bands, whatever the size of a pixel; the airglow's line lies 85 to 100 km
-up.
+Every star has its catalogued flux in the bands (Hipparcos, Pickles 1998), whatever the size of a pixel: Betelgeuse is
+orange, Rigel blue.
 
-The month's reflectance over August's, from maps of 20 km; snow is white whatever grows under it.
+The month's reflectance over August's, from maps of 20 km (NASA); snow is white whatever grows under it. Where a sea
+shines in spring and summer, it mirrors the Sun.
 
-The month's extent of the ice, 0.62 bright where the pack is closed; tongues and floes by noise.
+The month's extent of the ice (NSIDC), 0.62 bright where the pack is closed (Perovich et al. 2002); tongues and floes by
+noise.
 
-Craters of all ages, worn by diffusion, numbers falling with the square of the diameter. A wall that faces away from
-the Sun is dark.
+Craters of all ages, worn by diffusion (Fassett & Thomson 2014), numbers falling with the square of the diameter (Minton
+et al. 2019). A wall that faces away from the Sun is dark.
 """
 """One paragraph for each picture."""
 

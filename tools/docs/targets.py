@@ -69,7 +69,8 @@ cells):
   film outside: 0.40 of all sunlight), silver 0.26 (aluminised FEP 0.16 when new; both Fortescue et al. 2011, table
   11.3).
 - Cells and lenses (dark under polished glass): Fresnel reflection of cover glass with a quarter wave of magnesium
-  fluoride, and of the cell with one of titanium oxide (indices are ours): blue, violet at a slant, white at grazing.
+  fluoride, and of the cell with one of titanium oxide (Macleod 2010, section 2.6; indices are ours): blue, violet at a
+  slant, white at grazing.
 - Cells in a lattice: no two alike in tilt (0.2 deg) and film; two busbars, and fingers, to their share of a pixel.
 - Backs of panels: reflectance that differs by some hundredths over decimetres, joints every 0.4 m. `high` also wears
   paint and metal of the built-in craft, by name: uneven gloss, fasteners beside joints, tape around rods (ours).

@@ -55,8 +55,8 @@ def craft_before(
 
 
 def twilight(renderer: fa.Renderer) -> np.ndarray:
-    """Return the view of the limb just after sunset, through a long lens."""
-    scene = above("2026-03-20T20:45:00Z", (45.0, -20.0, 420.0), 12.0, azimuth_deg=285.0, off_nadir_deg=70.3)
+    """Return the view of the limb through a long lens, with the Sun 2 degrees below the horizon there."""
+    scene = above("2026-03-20T21:35:00Z", (45.0, -20.0, 420.0), 12.0, azimuth_deg=290.0, off_nadir_deg=70.3)
     return exposed(radiance(renderer, scene), 0.985)
 
 
@@ -72,7 +72,7 @@ def clouds(renderer: fa.Renderer) -> np.ndarray:
 
 def geostationary(renderer: fa.Renderer) -> np.ndarray:
     """Return the whole Earth from the geostationary orbit."""
-    scene = above("2026-06-20T13:30:00Z", (0.0, 0.0, 35_786.0), 24.0)
+    scene = above("2026-06-20T13:30:00Z", (0.0, 0.0, 35_786.0), 30.0)
     return exposed(radiance(renderer, scene), 0.98)
 
 

@@ -213,6 +213,25 @@ def test_thickness_of_the_air_is_the_height_of_its_glow(draw):
     assert 70 < tops[1] <= 101
 
 
+def test_twilight_is_orange_at_its_base_and_blue_above(draw):
+    # the Sun is 2 degrees below the horizon of the limb
+    camera = Camera(width_px=16, height_px=160, fx_px=1200.0, fy_px=1200.0, cx_px=7.5, cy_px=79.5)
+    look = {"camera": camera, "off_nadir_deg": 64.5, "azimuth_deg": 270.0, "bands": "rgb"}
+    air = Environment(clouds=False, stars=False, planets=False, moon=False)
+    column = draw("2026-03-20T19:59:00Z", (0.0, 0.0, 700.0), air, **look)[:, 8].astype(float)
+    ray = np.radians(64.5) + np.arctan((79.5 - np.arange(160)) / 1200.0)
+    height_km = 7078.137 * np.sin(ray) - 6378.137
+    light = column / sun_irradiance_w_m2("rgb", 1.496e11)
+    (base, ozone, thin) = (light[np.abs(height_km - h).argmin()] for h in (8.0, 33.0, 65.0))
+    # thin air scatters as its Rayleigh depths are, 0.2312 and 0.0502 (Bodhaine et al. 1999)
+    assert thin[2] / thin[0] == pytest.approx(0.2312 / 0.0502, rel=0.03)
+    # ozone absorbs red and green along the beam (Hulburt 1953, J. Opt. Soc. Am. 43, 113)
+    assert ozone[2] / ozone[0] > 1.1 * 0.2312 / 0.0502
+    # dense air has scattered the blue out of the beam, and half of the green
+    assert base[2] < 0.2 * base[0]
+    assert base[1] < 0.5 * base[0]
+
+
 def test_the_edges_of_the_sea_ice_enclose_the_extent_of_the_month():
     coast = decode_map(COAST, cv2.IMREAD_GRAYSCALE, (WIDTH * 2, HEIGHT * 2))
     # shelves of ice are sea in Natural Earth; the day map shows them white, and they are drawn as land

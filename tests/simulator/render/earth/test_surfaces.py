@@ -92,12 +92,13 @@ def test_air_adds_little_to_a_glint(renderer):
     assert shares[0] > shares[2]  # reddened
 
 
+@pytest.mark.parametrize("seen", [0.0, 0.5, 1.0])
 @pytest.mark.parametrize("level", [0, 2])
-def test_gusts_and_swell_keep_the_sea_s_mean_slope(level):
+def test_gusts_and_swell_keep_the_sea_s_mean_slope(level, seen):
     detail = detail_texture()[:: 2**level, :: 2**level] / 255
     puffs, regions = detail[..., 0].ravel(), detail[..., 3].ravel()
     rng = np.random.default_rng(3)
-    calm = glsl("sea_calm")(rng.permutation(regions), *(rng.permutation(puffs) for _ in range(4)))
+    calm = glsl("sea_calm")(rng.permutation(regions), *(rng.permutation(puffs) for _ in range(4)), seen)
     # the variance is Cox & Munk's (1954) times exp(-calm)
     assert np.exp(-calm).mean() == pytest.approx(1.0, abs=0.01)
     assert 0.2 < calm.std() < 0.5
