@@ -9,6 +9,7 @@ import numpy as np
 
 from flyaround.simulator.compare.comparison import summary
 from flyaround.simulator.compare.image_statistics import (
+    EDGE_BLUR_PX,
     FIGURES,
     MAX_GRADIENT_DN,
     binary_edges,
@@ -62,10 +63,10 @@ def write_comparison(folder: Path, pairs: Sequence[Pair], title: str) -> dict[st
 
 ABOUT = (
     "For each reference, our picture of the same view where its pose was known or found, else of the same kind of "
-    f"view: histogram, Sobel gradient (times {SOBEL_GAIN:g}) and its histogram, unfiltered. Histograms are shares of the pixels "
-    "on a logarithmic axis; grey is the reference, blue ours. Binary edges: gradient of the picture blurred by 1.5 "
-    "pixels above twice its root mean square; before the Earth ours also under 25 km of air (as in the Milan thesis) "
-    "and under none, with the threshold of the first."
+    f"view: histogram, Sobel gradient (times {SOBEL_GAIN:g}) and its histogram, unfiltered. Histograms are shares of "
+    "the pixels on a logarithmic axis; grey is the reference, blue ours. Binary edges: gradient of the picture blurred "
+    f"by {EDGE_BLUR_PX:g} pixels above twice its root mean square; before the Earth ours also under 25 km of air (as "
+    "in the Milan thesis) and under none, with the threshold of the first."
 )
 
 

@@ -237,6 +237,7 @@ def _unique(quads: Array) -> Array:
     out: List[Array] = []
     for q in quads:
         centre = q.mean(axis=0)
+        # 3 px: noise of the corners of one tetrad; chosen by eye
         if all(np.abs(centre - o.mean(axis=0)).max() > 3.0 for o in out):
             out.append(q)
     return np.array(out).reshape(-1, 4, 2)
