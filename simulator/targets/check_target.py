@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -265,7 +266,7 @@ def check_mass(mass: MassProperties, source: str) -> None:
 
 
 def _check_unique(kind: str, names: Sequence[str], source: str) -> None:
-    duplicate = next((n for k, n in enumerate(names) if n in names[:k]), None)
+    duplicate = next((name for name, count in Counter(names).items() if count > 1), None)
     if duplicate is not None:
         raise UserError(f"{source}: two {kind}s are called {duplicate!r}; give each its own name")
 
