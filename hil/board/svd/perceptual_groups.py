@@ -265,8 +265,8 @@ def same_direction(a: Array, b: Array) -> Array:
 
 
 def _axis(a: Array, b: Array) -> Array:
-    is_common = same_direction(a, b)
-    return 0.5 * (is_common[:2] + is_common[2:])
+    ends = same_direction(a, b)
+    return 0.5 * (ends[:2] + ends[2:])
 
 
 def _cross(a: Array, b: Array) -> Array:

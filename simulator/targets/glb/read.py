@@ -46,7 +46,7 @@ def load_glb(path: str | Path) -> Target:
     Raises
     ------
     UserError
-        If it is not a target file, is damaged, or does not match its own hash.
+        If it cannot be read, is not a target file, is damaged, or does not match its own hash.
     """
     path = Path(path)
     try:
