@@ -21,7 +21,7 @@ _CHECK_STEP_S = 60.0
 """Spans over which velocity changes are compared with gravity; a shorter burn counts with its mean over a span [s].
 Simpson's rule integrates the gravity of a low orbit over it to 1e-5 m/s."""
 _THRUST_M_S2 = 2e-3
-"""Mean acceleration in excess of the force model that counts as a burn [m s-2]. Chosen by eye: above the Earth's gravity
+"""Mean acceleration in excess of the force model that counts as a burn [m s-2]. Chosen by eye: above the gravity
 anomalies in low orbit, below the acceleration of a space station's reboost."""
 
 
