@@ -21,7 +21,15 @@ from flyaround.simulator.piloting.control_laws import (
     TURN,
 )
 from flyaround.simulator.piloting.docking_figures import IDSS, judge_contact
-from flyaround.simulator.piloting.guidance_orders import FlyGlideslope, FlyTo, KeepRange, KeepStation
+from flyaround.simulator.piloting.guidance_orders import (
+    ApproachVbar,
+    Circumnavigate,
+    FlyAround,
+    FlyGlideslope,
+    FlyTo,
+    KeepRange,
+    KeepStation,
+)
 from flyaround.simulator.piloting.orders import (
     Approach,
     CancelBurns,
@@ -420,7 +428,15 @@ REFUSED = (
     KeepStation((0.5, 0.0, 0.0)),
     FlyGlideslope(end_m=5000.0),
     KeepRange(near_m=1000.0, far_m=2000.0),
+    KeepStation((float("nan"), 20.0, 0.0)),
+    ApproachVbar(hold_m=float("nan")),
+    ApproachVbar(speed_m_s=0.0),
+    FlyAround(period_s=-900.0),
+    FlyTo((5.0, 20.0, 0.0), float("inf")),
+    Circumnavigate(float("inf")),
     PlanBurn(burn_of(0.0, 0.0, 1.0, 0.0)),
+    PlanBurn(burn_of(float("nan"), 0.0, 1.0, 0.0)),
+    PlanBurn(burn_of(60.0, float("nan"), 1.0, 0.0)),
     PlanBurn(burn_of(2e6, 0.0, 1.0, 0.0), 60.0),
     Pulse("sideways"),
     Go(),
