@@ -36,6 +36,7 @@ from flyaround.simulator.piloting.orders import (
     Centre,
     FollowGuidance,
     Go,
+    PilotCommand,
     PlanBurn,
     Pulse,
     Stop,
@@ -460,6 +461,18 @@ def test_a_refused_order_changes_nothing(session, order, flown_by):
         session.order(order)
     assert session.look_back.active
     assert not session.look_back.changed
+
+
+@pytest.mark.parametrize("dt_s", [float("nan"), float("inf"), -1.0])
+def test_a_step_without_end_is_refused(session, dt_s):
+    before = session.t_s
+    with pytest.raises(UserError, match="a step of"):
+        session.step(PilotCommand(orders=(KeepStation(),)), dt_s)
+    assert session.t_s == before
+    assert session.craft.steered is None
+    session.clock.rate = float("nan")
+    with pytest.raises(UserError, match="rate nan"):
+        session.step(PilotCommand(), 1.0)
 
 
 def test_a_moved_burn_replaces_the_planned_one(session):
