@@ -154,7 +154,8 @@ class BoardAgent:
     Raises
     ------
     LinkError
-        If the URL, the model, the method or the kernels cannot be used; the message is one sentence.
+        If the URL, the model, the method or the kernels cannot be used, or the window or a time is not positive; the
+        message is one sentence.
     """
 
     def __init__(
@@ -174,6 +175,11 @@ class BoardAgent:
         takes_colour: bool = False,
     ) -> None:
         parse_url(url)
+        limits = {"window": window, "watchdog_s": watchdog_s, "silence_s": silence_s}
+        for name, value in limits.items():
+            # the negated test also refuses NaN, a limit that nothing exceeds
+            if not value > 0:
+                raise LinkError(f"the board's {name} is {value}: give more than 0")
         compiled = make_estimator is None
         if make_estimator is None:
             if model_path is None:

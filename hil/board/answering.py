@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import logging
-import math
 from dataclasses import dataclass
 from typing import Any, Callable, Dict, Iterable, Optional, Protocol, Tuple
+
+import numpy as np
 
 from flyaround.hil.board.encoding import linear_picture
 from flyaround.hil.link.clock import now_ns
@@ -90,7 +91,7 @@ class FrameContext:
 def estimated_pose(
     estimator: BoardEstimator, image: Image, context: FrameContext, encoding: str = "linear"
 ) -> PoseMessage:
-    """Return the answer to an image, a decline if the estimator fails.
+    """Return the answer to an image, a decline if the estimator raises or its result cannot be sent.
 
     Parameters
     ----------
@@ -110,8 +111,8 @@ def estimated_pose(
             context.frame_id,
             bool(result.accepted),
             str(result.reason),
-            _numbers(result.q_camera_from_target_wxyz),
-            _numbers(result.t_camera_from_target_m),
+            _numbers(result.q_camera_from_target_wxyz, 4, "quaternion"),
+            _numbers(result.t_camera_from_target_m, 3, "position"),
             float(result.confidence),
             tuple((name, float(ms)) for name, ms in result.stages_ms.items()),
             context.receive_ns,
@@ -144,12 +145,21 @@ def _estimate(estimator: BoardEstimator, image: Image, context: FrameContext) ->
 
 
 def _upper_triangle(covariance: Any) -> Optional[Tuple[float, ...]]:  # noqa: ANN401 - (6, 6) numbers, or None
-    """Return the 21 elements of the upper triangle; None if the covariance is missing or unusable."""
+    """Return the 21 elements of the upper triangle; None if there is no covariance, or one that cannot be sent."""
     if covariance is None:
         return None
-    triangle = tuple(float(covariance[i][k]) for i in range(6) for k in range(i, 6))
-    return triangle if all(math.isfinite(x) and abs(x) < MAX_COVARIANCE for x in triangle) else None
+    triangle = _array(covariance, (6, 6), "covariance")[np.triu_indices(6)]
+    return tuple(triangle.tolist()) if np.all(np.abs(triangle) < MAX_COVARIANCE) else None
 
 
-def _numbers(values: Any) -> Any:  # noqa: ANN401 - any sequence of numbers, or None
-    return None if values is None else tuple(float(x) for x in values)
+def _numbers(values: Any, count: int, name: str) -> Optional[Tuple[float, ...]]:  # noqa: ANN401 - numbers, or None
+    # OpenCV's translations are columns
+    return None if values is None else tuple(_array(np.ravel(values), (count,), name).tolist())
+
+
+def _array(values: Any, shape: Tuple[int, ...], name: str) -> np.ndarray:  # noqa: ANN401 - any sequence of numbers
+    """Return an estimator's numbers as an array; raise ValueError if their shape is another."""
+    array = np.asarray(values, float)
+    if array.shape != shape:
+        raise ValueError(f"the {name} has shape {array.shape}, not {shape}")
+    return array

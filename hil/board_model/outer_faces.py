@@ -72,6 +72,7 @@ def visible_area(triangles_m: FloatArray) -> FloatArray:
     points = (a + u[:, None] * (b - a) + v[:, None] * (c - a)).astype(np.float32)
     n_visible, n_views = np.zeros(len(triangles_m)), np.zeros(len(triangles_m))
     for d in sphere_directions(DIRECTIONS):
+        # any axis that is not nearly parallel
         x = np.cross([0.0, 0.0, 1.0] if abs(d[2]) < 0.8 else [1.0, 0.0, 0.0], d)
         x /= np.linalg.norm(x)
         front = np.flatnonzero((normal @ d > 0.02)[owner])  # edge-on faces have no area to be seen
@@ -189,6 +190,7 @@ def _distinctiveness(
         return np.ones(len(candidates))
     distance, nearest = cKDTree(np.concatenate(points)).query(triangles_m[candidates].mean(axis=1))
     is_other = (distance > within_m) | (np.concatenate(owners)[nearest] != material[candidates])
+    # three times the tolerance: a part of its own, not another surface of the same one; chosen by eye
     return np.where(distance > 3.0 * within_m, PROTRUSION_WEIGHT, is_other.astype(float))
 
 

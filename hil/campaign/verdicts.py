@@ -140,5 +140,6 @@ def format_value(value: float | str, unit: str = "", *, digits: int = 4) -> str:
     """Format a number with its unit, large ones with all digits; return a word unchanged."""
     if isinstance(value, str):
         return value
+    # from ten million on, the exponent reads better than the digits
     number = f"{value:.0f}" if 10**digits <= abs(value) < 1e7 else f"{value:.{digits}g}"
     return f"{number} {unit}".rstrip()

@@ -21,7 +21,8 @@ if TYPE_CHECKING:
     from flyaround.simulator.runtime.arrays import ByteArray
 
 # Period of the fringes [screen px], and number of their phase shifts. A shorter period locates more precisely, and is
-# blurred sooner; N shifts cancel the harmonics of a nonlinear screen up to order N - 2 (Surrel 1996, Appl. Opt. 35, 51)
+# blurred sooner. N even shifts cancel the harmonics of a nonlinear screen up to order N - 2; that of order N - 1 is
+# sampled as the fundamental.
 PERIOD_PX = 48
 SHIFTS = 8
 

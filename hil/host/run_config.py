@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
+from flyaround.simulator.runtime.untrusted_files import refuse_not_finite
+
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable
     from pathlib import Path
@@ -56,6 +58,11 @@ class RunConfig:
         Send the direction to the Sun in the camera frame with each frame, to boards that accept it.
     new_line_faults : callable, optional
         Called before each frame; returns faults of the line that begin then, if the link supports adding them.
+
+    Raises
+    ------
+    UserError
+        If a time is not finite.
     """
 
     link: LinkConfig
@@ -72,3 +79,6 @@ class RunConfig:
     provenance: Provenance | None = None
     send_sun: bool = False
     new_line_faults: Callable[[], Iterable[LineFault]] = tuple
+
+    def __post_init__(self) -> None:
+        refuse_not_finite(vars(self), "the run")

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
+from flyaround.simulator.runtime.untrusted_files import refuse_not_finite
 from flyaround.simulator.world.guidance.keep_out import KeepOut
 from flyaround.simulator.world.guidance.thruster_control import path_impulse, retreat_impulse
 from flyaround.simulator.world.relative.clohessy_wiltshire import transition_matrix
@@ -40,6 +41,11 @@ class ApproachRules:
         Largest sigma of the target's attitude on arrival.
     arrived_for_s : float, optional
         Time for which these conditions must hold.
+
+    Raises
+    ------
+    UserError
+        If a number is not finite.
     """
 
     hold_after_s: float = 5.0
@@ -49,6 +55,10 @@ class ApproachRules:
     arrived_speed_m_s: float = 0.01
     arrived_sigma_rad: float = 0.0175
     arrived_for_s: float = 10.0
+
+    def __post_init__(self) -> None:
+        # a limit of NaN is never exceeded: the chaser would not abort
+        refuse_not_finite(asdict(self), "the rules of an approach")
 
 
 @dataclass(frozen=True, eq=False)

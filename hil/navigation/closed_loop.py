@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import asdict, dataclass, field, replace
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
@@ -13,6 +13,7 @@ from flyaround.hil.navigation.measurement import PoseMeasurement, Snapshot
 from flyaround.hil.navigation.navigation_filter import FilterSettings, NavigationFilter, Status
 from flyaround.hil.navigation.relative_estimate import MotionModel, RelativeEstimate, ThrustInterval
 from flyaround.simulator.errors import UserError
+from flyaround.simulator.runtime.untrusted_files import refuse_not_finite
 from flyaround.simulator.world.frames.rotation import rotvec_between
 from flyaround.simulator.world.relative.thrusted_step import ThrustHold, relative_step
 
@@ -59,6 +60,11 @@ class ClosedLoopConfig:
         Settings of the guidance.
     filter : FilterSettings, optional
         Settings of the filter.
+
+    Raises
+    ------
+    UserError
+        If a number is not finite, or ``frame_every`` is less than 1.
     """
 
     seed: int = 0
@@ -71,6 +77,11 @@ class ClosedLoopConfig:
     inertia_known: bool = True
     rules: ApproachRules = field(default_factory=ApproachRules)
     filter: FilterSettings = field(default_factory=FilterSettings)
+
+    def __post_init__(self) -> None:
+        refuse_not_finite(asdict(self), "a closed loop")
+        if self.frame_every < 1:
+            raise UserError(f"a closed loop: frame_every is {self.frame_every}, allowed: at least 1")
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
@@ -22,6 +22,7 @@ from flyaround.hil.navigation.relative_estimate import (
     skew,
     target_origin_offset_m,
 )
+from flyaround.simulator.runtime.untrusted_files import refuse_not_finite
 from flyaround.simulator.world.frames.rotation import (
     matrix_from_quat,
     quat_conjugate,
@@ -64,6 +65,11 @@ class FilterSettings:
         Correlation of the pose errors.
     scale : ScaleSettings, optional
         Scale of the pose errors.
+
+    Raises
+    ------
+    UserError
+        If a number is not finite.
     """
 
     gate: float = 0.9999
@@ -75,6 +81,9 @@ class FilterSettings:
     history_s: float = 20.0
     memory: ErrorCorrelation = field(default_factory=ErrorCorrelation)
     scale: ScaleSettings = field(default_factory=ScaleSettings)
+
+    def __post_init__(self) -> None:
+        refuse_not_finite(asdict(self), "the filter's settings")
 
 
 @dataclass(frozen=True, eq=False)

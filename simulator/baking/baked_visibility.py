@@ -25,7 +25,7 @@ ORIGIN_OFFSET, DECAL_HEIGHT = 1e-4, 3e-3
 such as a panel under cells or blankets."""
 _COVERED_SHARE = 0.4  # a node is covered if a decal hides more than this share of its directions
 _PROBE_STEP = 4  # every fourth direction is tested for a decal
-_MAX_THREADS = 8
+_MAX_THREADS = 8  # chosen by eye
 
 _T = TypeVar("_T")
 

@@ -35,7 +35,10 @@ def encode(light: ArrayLike, encoding: Encoding) -> FloatArray:
     linear = np.asarray(light, float)
     if encoding == "srgb":
         return np.where(
-            linear <= 0.0031308, 12.92 * linear, 1.055 * np.maximum(linear, 0.0) ** (1 / 2.4) - 0.055
+            # IEC 61966-2-1:1999
+            linear <= 0.0031308,
+            12.92 * linear,
+            1.055 * np.maximum(linear, 0.0) ** (1 / 2.4) - 0.055,
         )
     return linear ** (1 / GAMMA) if encoding == "gamma" else linear
 
@@ -44,6 +47,7 @@ def decode(value: ArrayLike, encoding: Encoding) -> FloatArray:
     """Decode numbers to light, both 1 at full scale; the inverse of `encode`."""
     encoded = np.asarray(value, float)
     if encoding == "srgb":
+        # IEC 61966-2-1:1999
         return np.where(encoded <= 0.04045, encoded / 12.92, ((encoded + 0.055) / 1.055) ** 2.4)
     return encoded**GAMMA if encoding == "gamma" else encoded
 

@@ -45,7 +45,7 @@ _MAP_MONTH = 8  # month of the fine map
 ANCHORS: dict[int, float] = {1: 15.0, 3: 74.0, 5: 135.0, 7: 196.0, 8: 227.0, 10: 288.0}
 """Day of the year in the middle of each month that has a map."""
 _STRIP_ROWS = 16  # rows computed together; with their neighbours they fit a processor's cache
-_YEAR_DAYS = 365.25
+_YEAR_DAYS = 365.25  # a Julian year
 _MIN_REFLECTANCE = 0.004  # added to both reflectances, because a ratio of smaller ones is only noise
 
 

@@ -9,6 +9,7 @@ import numpy as np
 
 from flyaround.simulator.compare.comparison import summary
 from flyaround.simulator.compare.image_statistics import (
+    EDGE_BLUR_PX,
     FIGURES,
     MAX_GRADIENT_DN,
     binary_edges,
@@ -30,15 +31,15 @@ if TYPE_CHECKING:
     from flyaround.simulator.compare.image_statistics import ImageStatistics
     from flyaround.simulator.runtime.arrays import ByteArray, FloatArray
 
-SOBEL_GAIN = 4.0  # scale of the gradient images: 64 DN per pixel is white
+SOBEL_GAIN = 4.0  # scale of the gradient images, chosen by eye: 64 DN per pixel is white
 
 # Maximum width of an image on the page [px], and quality of its JPEG: larger ones show more, and make the page slower
 # to load.
 DISPLAY_WIDTH_PX = 960
 JPEG_QUALITY = 85
-PLOT = (320, 200)  # width and height of a histogram [px]
-DECADES = 5  # range of the logarithmic axis, down from 1
-STYLE = "table{width:auto}"
+PLOT = (320, 200)  # width and height of a histogram [px], a third of an image's, chosen by eye
+DECADES = 5  # range of the logarithmic axis, down from 1: ten pixels of a million
+STYLE = "table{width:auto}"  # the summary is narrower than the page
 
 
 def write_comparison(folder: Path, pairs: Sequence[Pair], title: str) -> dict[str, Any]:
@@ -62,10 +63,10 @@ def write_comparison(folder: Path, pairs: Sequence[Pair], title: str) -> dict[st
 
 ABOUT = (
     "For each reference, our picture of the same view where its pose was known or found, else of the same kind of "
-    "view: histogram, Sobel gradient (times four) and its histogram, unfiltered. Histograms are shares of the pixels "
-    "on a logarithmic axis; grey is the reference, blue ours. Binary edges: gradient of the picture blurred by 1.5 "
-    "pixels above twice its root mean square; before the Earth ours also under 25 km of air (as in the Milan thesis) "
-    "and under none, with the threshold of the first."
+    f"view: histogram, Sobel gradient (times {SOBEL_GAIN:g}) and its histogram, unfiltered. Histograms are shares of "
+    "the pixels on a logarithmic axis; grey is the reference, blue ours. Binary edges: gradient of the picture blurred "
+    f"by {EDGE_BLUR_PX:g} pixels above twice its root mean square; before the Earth ours also under 25 km of air (as "
+    "in the Milan thesis) and under none, with the threshold of the first."
 )
 
 
@@ -102,7 +103,9 @@ def _pair(folder: Path, k: int, pair: Pair) -> list[Markup]:
         pictures = (
             _figure(folder, f"{k:03d}_{side}", image, f"{side}, unfiltered"),
             _histogram(look.histogram, 256.0, colour, brightness),
-            _figure(folder, f"{k:03d}_{side}_sobel", _gradient_picture(image), "Sobel, times four"),
+            _figure(
+                folder, f"{k:03d}_{side}_sobel", _gradient_picture(image), f"Sobel, times {SOBEL_GAIN:g}"
+            ),
             _histogram(look.gradient_histogram, MAX_GRADIENT_DN, colour, gradients),
         )
         rows.append(gallery(pictures, columns=4))

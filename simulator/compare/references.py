@@ -33,6 +33,9 @@ SKIPPED = (
 # Longest side of a reference image [px]; larger ones are reduced.
 MAX_SIDE_PX = 2048
 
+# Shortest side of a reference image [px], that of a camera file's.
+MIN_SIDE_PX = 16
+
 
 @dataclass(frozen=True, eq=False)
 class Reference:
@@ -43,7 +46,7 @@ class Reference:
     path : Path
         Image file.
     image : (H, W) uint8 array
-        Linear, shrunk to at most 2048 pixels a side.
+        Linear, shrunk to at most `MAX_SIDE_PX` a side.
     camera : Camera
         Assumed camera, at that size.
     pose : Pose or None
@@ -74,7 +77,7 @@ def read_references(folder: Path, camera: Camera, count: int, labels: Path | Non
     Raises
     ------
     UserError
-        If the folder or the list cannot be read, or the folder has no image.
+        If the folder, the list or an image cannot be read, the folder has no image, or one is too narrow.
     """
     if not folder.is_dir():
         raise UserError(f"there is no folder {folder}; name the folder of pictures with --reference")
@@ -102,6 +105,11 @@ def _read(path: Path, camera: Camera, pose: Pose | None) -> Reference:
         image = np.rint(255 * decode(np.arange(256) / 255, camera.pixel_encoding)).astype(np.uint8)[image]
         camera = replace(camera, encoding="linear")
     shrink = min(MAX_SIDE_PX / max(image.shape), 1.0)
+    if shrink * min(image.shape) < MIN_SIDE_PX:
+        raise UserError(
+            f"{path} is {image.shape[1]} x {image.shape[0]} pixels: of one that fits into {MAX_SIDE_PX} pixels, the "
+            f"shorter side must have {MIN_SIDE_PX}; take it out of the folder"
+        )
     if shrink < 1:
         image = cv2.resize(image, None, fx=shrink, fy=shrink, interpolation=cv2.INTER_AREA)
     return Reference(

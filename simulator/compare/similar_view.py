@@ -112,11 +112,11 @@ def find_similar_view(
             radiance = renderer.render(scene, target).radiance
             scene = matched_exposure(scene, radiance, reference.image)
             preview = np.clip(expose_scene(scene, radiance) * 255, 0, 255).astype(np.uint8)
-            is_distinct = (
+            distance = (
                 histogram_distance_dn(_histogram(preview), _histogram(small_reference), 256) / HISTOGRAM_DN
             )
             likeness = None if pose is None else _likeness(scene, target, preview, small_reference)
-            score = is_distinct + 1 - (MIN_POSE_LIKENESS if likeness is None else likeness)
+            score = distance + 1 - (MIN_POSE_LIKENESS if likeness is None else likeness)
             ranked.append((score, scene, likeness))
     _, scene, likeness = min(ranked, key=lambda r: r[0])
     scene = replace(

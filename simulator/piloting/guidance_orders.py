@@ -6,12 +6,15 @@ from abc import abstractmethod
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
+import msgspec
 import numpy as np
 
 from flyaround.simulator.errors import UserError
 from flyaround.simulator.piloting.guidance_modes import begin_mode
 from flyaround.simulator.piloting.orders import Order
 from flyaround.simulator.runtime.arrays import Vec3, vec3
+from flyaround.simulator.runtime.untrusted_files import refuse_not_finite
+from flyaround.simulator.runtime.validation_errors import convert_document
 from flyaround.simulator.world.guidance.free_flight import NaturalCircumnavigation, RangeKeeping, SafeEllipse
 from flyaround.simulator.world.guidance.paths import (
     ForcedFlyaround,
@@ -29,7 +32,9 @@ if TYPE_CHECKING:
     from flyaround.simulator.world.guidance.chaser import Chaser
 
 MIN_CLEARANCE_RADII = 1.5
-"""Smallest distance of a guidance mode from the centre of mass, in radii of the target."""
+"""Smallest distance of a guidance mode from the centre of mass, in radii of the target; chosen by eye."""
+
+# Defaults of the pilot's orders, who may give others; chosen by eye.
 
 HOLD_DISTANCE_M = 10.0
 """Default distance of a hold point from the centre of mass [m]; farther from a large target."""
@@ -43,7 +48,7 @@ FLYAROUND_PERIOD_S = 900.0
 RANGE_AMPLITUDE_M = 5.0
 """Default amplitude of range keeping to both sides [m]."""
 
-# Minimum difference between the bounds of range keeping [m].
+# Minimum difference between the bounds of range keeping [m]: room to turn round in; chosen by eye.
 MIN_SWING_M = 4.0
 
 
@@ -54,10 +59,20 @@ class GuidanceOrder(Order):
     title: ClassVar[str]
 
     def carry_out(self, craft: PilotedCraft) -> News:
-        """Take over, and start the mode."""
+        """Take over, and start the mode.
+
+        Raises
+        ------
+        UserError
+            If it leads into the target, or a number is not finite or out of range.
+        """
         craft.take_over()
         state, flight = craft.state_lvlh(), craft.flight
         mode = self.mode(state, craft.docking.radius_m)
+        # building the mode checks no bounds; converting its document does
+        document, source = msgspec.to_builtins(mode), f"guidance: {self.title}"
+        refuse_not_finite(document, source)
+        convert_document(document, type(mode), source)
         craft.steering.guide(begin_mode(self.title, mode, state, flight.n_rad_s, craft.t_s, flight.orbit))
         return "note", f"guidance: {self.title}"
 
@@ -68,7 +83,7 @@ class GuidanceOrder(Order):
         Raises
         ------
         UserError
-            If it leads into the target, or has no valid parameters.
+            If it leads into the target.
         """
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Literal
 
@@ -215,8 +216,12 @@ class FlightSession:
         Raises
         ------
         UserError
-            If an order is refused, or the flight cannot continue.
+            If the span is negative or not finite, an order is refused, or the flight cannot continue.
         """
+        if not 0 <= dt_s * self.clock.rate < math.inf:
+            raise UserError(
+                f"a step of {dt_s} s at the rate {self.clock.rate}: give 0 or more, and finite numbers"
+            )
         news = tuple(answer for order in command.orders if (answer := self.order(order)) is not None)
         steering = self.craft.steering
         steering.hold(command)

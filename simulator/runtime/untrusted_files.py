@@ -21,6 +21,7 @@ import numpy as np
 from flyaround.simulator.errors import UserError
 
 MAX_DEPTH = 64  # brackets that may be open at once
+MAX_INTEGER = 10**300  # from 1.8e308 on float() overflows
 
 # Tables of bytes that open and close a JSON value.
 _OPENING, _CLOSING = (np.isin(np.arange(256), list(kind)) for kind in (b"[{", b"]}"))
@@ -208,12 +209,12 @@ def refuse_deep(data: bytes, source: str, skip: re.Pattern[bytes] = JSON_TEXT) -
 
 
 def refuse_not_finite(value: Any, source: str, key: str = "") -> None:  # noqa: ANN401 - a document is anything
-    """Raise if a TOML or JSON document holds NaN or infinity, which pass the bounds of a typed file.
+    """Raise if a TOML or JSON document holds NaN or infinity, which pass the bounds of a typed file, or a huge integer.
 
     Raises
     ------
     UserError
-        If a value is not finite; the message names its key.
+        If a number is not finite, or no float holds it; the message names its key.
     """
     if isinstance(value, dict):
         for name, inner in value.items():
@@ -223,3 +224,5 @@ def refuse_not_finite(value: Any, source: str, key: str = "") -> None:  # noqa: 
             refuse_not_finite(inner, source, f"{key}[{k}]")
     elif isinstance(value, float) and not math.isfinite(value):
         raise UserError(f"{source}: key {key} is {value}, allowed: a finite number")
+    elif isinstance(value, int) and abs(value) > MAX_INTEGER:
+        raise UserError(f"{source}: key {key} has {len(str(value))} digits, allowed: a number up to 1e300")

@@ -39,7 +39,7 @@ FLATTENING = 1 / 298.257223563
 """Flattening of the Earth's ellipsoid, WGS 84."""
 
 MU_SUN_M3_S2 = 1.32712440018e20
-"""Gravitational parameter of the Sun, IERS Conventions (2010), table 1.1 (TDB-compatible)."""
+"""Gravitational parameter of the Sun, JPL DE405 (Standish 1998), TDB-compatible."""
 
 MU_MOON_M3_S2 = 4.902800066e12
 """Gravitational parameter of the Moon, JPL DE430 (Folkner et al. 2014)."""
@@ -48,4 +48,4 @@ MOON_RADIUS_M = 1_737_400.0
 """Mean radius of the Moon, IAU Working Group on Cartographic Coordinates (Archinal et al. 2011)."""
 
 SOLAR_PRESSURE_PA = 1361.0 / LIGHT_M_S
-"""Pressure of sunlight on a black surface at 1 au: total solar irradiance of Kopp & Lean (2011) over c."""
+"""Pressure of sunlight on a black surface at 1 au: nominal solar irradiance, IAU 2015 Resolution B3, over c."""

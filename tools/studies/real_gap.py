@@ -1,7 +1,7 @@
 """Differences between images of a real mock-up and renderings, with one cause replaced at a time.
 
     python -m tools.studies.real_gap FOLDER -o OUT                      # FOLDER: images and test.json in SPEED's format
-    python -m tools.studies.real_gap FOLDER -o OUT --page docs/validation/real.md
+    python -m tools.studies.real_gap FOLDER -o OUT --page docs/lab/2026-11-real-pictures.md
 
 Each image gets a rendered twin: the craft at its pose under light fitted to the image, with the mock-up's surfaces and
 the recipe's lens and noise. Then one property of the twin is replaced by another, or by that of the image:

@@ -12,6 +12,10 @@ from flyaround.hil.board.encoding import ENCODINGS
 from flyaround.hil.board.errors import BoardModelError
 
 Array = np.ndarray
+
+# Largest width and height of an image [px]: 16 bits, as in the link's HELLO_ACK.
+MAX_SIDE_PX = 65_535
+
 _COEFFICIENT_COUNTS: Dict[str, Tuple[int, ...]] = {
     "none": (0,),
     "brown_conrady": (4, 5, 8),
@@ -59,8 +63,10 @@ class CameraIntrinsics:
         numbers = [self.fx_px, self.fy_px, self.cx_px, self.cy_px, *self.distortion]
         if not np.all(np.isfinite(numbers)) or self.fx_px <= 0 or self.fy_px <= 0:
             raise BoardModelError("camera: focal lengths must be positive and every number finite")
-        if self.width_px < 1 or self.height_px < 1:
-            raise BoardModelError("camera: width and height must be at least one pixel")
+        if not 1 <= min(self.width_px, self.height_px) <= max(self.width_px, self.height_px) <= MAX_SIDE_PX:
+            raise BoardModelError(
+                f"camera: {self.width_px} x {self.height_px} pixels, allowed: 1 to {MAX_SIDE_PX} each"
+            )
         if self.encoding not in ENCODINGS:
             raise BoardModelError(f"camera: unknown encoding {self.encoding!r}")
         counts = _COEFFICIENT_COUNTS.get(self.distortion_model)
@@ -84,8 +90,8 @@ class CameraIntrinsics:
         try:
             distortion = data.get("distortion") or {}
             return CameraIntrinsics(
-                int(data["width_px"]),
-                int(data["height_px"]),
+                _whole(data["width_px"]),
+                _whole(data["height_px"]),
                 float(data["fx_px"]),
                 float(data["fy_px"]),
                 float(data["cx_px"]),
@@ -134,6 +140,13 @@ class CameraIntrinsics:
         z = np.maximum(points_camera_m[..., 2], 1e-3)
         x, y = self.distort(points_camera_m[..., 0] / z, points_camera_m[..., 1] / z)
         return np.stack([self.fx_px * x + self.cx_px, self.fy_px * y + self.cy_px], axis=-1)
+
+
+def _whole(value: Any) -> int:  # noqa: ANN401 - parsed JSON
+    number = int(value)
+    if number != value:
+        raise ValueError(f"{value!r} is not a whole number of pixels")
+    return number
 
 
 def undistorted_rays(camera: CameraIntrinsics, pixels: Array) -> Array:

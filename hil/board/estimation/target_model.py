@@ -127,7 +127,7 @@ class BoardModel:
                     _points(e["a_m"]).reshape(3),
                     _points(e["b_m"]).reshape(3),
                     _points(e.get("normals", [])),
-                    float(e.get("radius_m", 0.0)),
+                    _not_negative(e.get("radius_m", 0.0)),
                 )
                 for e in data["wireframe"]
             )
@@ -143,8 +143,8 @@ class BoardModel:
                 wireframe=edges,
                 vertices_m=vertices,
                 triangles=triangles,
-                symmetry_wxyz=np.asarray(data.get("symmetry_wxyz", []), float).reshape(-1, 4),
-                mass_kg=float(data.get("mass_kg", 0.0)),
+                symmetry_wxyz=_rotations(data.get("symmetry_wxyz", [])),
+                mass_kg=_not_negative(data.get("mass_kg", 0.0)),
                 outlines=None if data.get("outlines") is None else Outlines.from_dict(data["outlines"]),
                 faces=None if data.get("faces") is None else Faces.from_dict(data["faces"]),
                 network=None
@@ -181,3 +181,18 @@ def _points(value: Any) -> Array:  # noqa: ANN401 - parsed JSON
     if not np.all(np.isfinite(points)):
         raise ValueError("coordinates must be finite")
     return points
+
+
+def _not_negative(value: Any) -> float:  # noqa: ANN401 - parsed JSON
+    number = float(value)
+    if not 0 <= number < np.inf:
+        raise ValueError(f"a radius or mass of {number}: 0 or more is needed")
+    return number
+
+
+def _rotations(value: Any) -> Array:  # noqa: ANN401 - parsed JSON
+    quaternions = np.asarray(value, float).reshape(-1, 4)
+    # a thousandth allows for rounding in the file
+    if not np.all(np.abs(np.linalg.norm(quaternions, axis=1) - 1) < 1e-3):
+        raise ValueError("a symmetry is not a unit quaternion")
+    return quaternions

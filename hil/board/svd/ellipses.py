@@ -316,6 +316,7 @@ def _unit_section(Q: Array, normal: Array) -> Array:
     """
     c = np.linalg.solve(Q, normal)
     c = c / max(float(np.linalg.norm(c)), 1e-12)
+    # any axis that is not nearly parallel
     d = np.cross(normal, [1.0, 0.0, 0.0] if abs(normal[0]) < 0.9 else [0.0, 1.0, 0.0])
     r2 = -float(c @ Q @ c) / float(d @ Q @ d) * float(d @ d)
     return np.asarray(c / np.sqrt(max(r2, 1e-18)))
@@ -324,6 +325,7 @@ def _unit_section(Q: Array, normal: Array) -> Array:
 def _rotation_between(a: Array, b: Array) -> Array:
     """Return the quaternion of the shortest rotation from unit vector ``a`` to ``b``."""
     v, w = np.cross(a, b), 1.0 + float(a @ b)
+    # opposite vectors: half a turn about any perpendicular axis
     if w < 1e-9:
         v = np.cross(a, [1.0, 0.0, 0.0] if abs(a[0]) < 0.9 else [0.0, 1.0, 0.0])
         w = 0.0

@@ -92,6 +92,7 @@ def sobel_edges(image: Array, threshold: Optional[float] = None) -> Array:
     """Return thinned Sobel edges with a squared magnitude above ``threshold``, default `sobel_threshold`."""
     gx, gy = _sobel(image)
     b = gx * gx + gy * gy
+    # `sobel_threshold` is twice the RMS, so four times the mean square
     return thin(b > (4.0 * float(b.mean()) if threshold is None else threshold), b, gx, gy)
 
 

@@ -30,6 +30,14 @@ PARALLEL_OVERLAP = 0.4
 # Largest width of a rod relative to its length, and to the region's diagonal. Wider pairs are sides of a face.
 ROD_WIDTH, ROD_WIDTH_OF_REGION = 0.4, 0.08
 
+# Largest angle between parallel lines, and smallest between lines that form a corner. Reach of a corner, and gap of an
+# open tetrad, relative to the region's diagonal. Chosen by eye.
+PARALLEL_RAD, CORNER_RAD = np.radians(8.0), np.radians(12.0)
+CORNER_REACH, TETRAD_GAP = 0.08, 0.25
+
+# Largest number of triads, from which tetrads are made; chosen by eye.
+MAX_TRIADS = 48
+
 # Smallest area of a triad [px2]: smaller ones are pieces of one thick line.
 MIN_TRIAD_PX2 = 40.0
 
@@ -61,7 +69,7 @@ class Lines:
         return Lines(ends, d / np.maximum(length, 1e-9)[:, None], length)
 
 
-def parallel_pairs(lines: Lines, angle_rad: float = np.radians(8.0)) -> Array:
+def parallel_pairs(lines: Lines, angle_rad: float = PARALLEL_RAD) -> Array:
     """Return pairs (P, 2) of nearly parallel lines that overlap along their direction."""
     n = len(lines.length)
     cross = np.abs(_cross(lines.direction[:, None], lines.direction[None]))
@@ -109,8 +117,8 @@ class Corners:
     point: Array
 
 
-def proximity_pairs(lines: Lines, reach_px: float, least_angle_rad: float = np.radians(12.0)) -> Corners:
-    """Return the intersections within ``reach_px`` of one end of both lines."""
+def proximity_pairs(lines: Lines, reach_px: float, least_angle_rad: float = CORNER_RAD) -> Corners:
+    """Return the intersections within ``reach_px`` of one end of both lines, of at least ``least_angle_rad``."""
     n = len(lines.length)
     i, j = np.triu_indices(n, 1)
     det = _cross(lines.direction[i], lines.direction[j])
@@ -123,6 +131,7 @@ def proximity_pairs(lines: Lines, reach_px: float, least_angle_rad: float = np.r
     di = np.linalg.norm(lines.ends[i] - p[:, None], axis=2)
     dj = np.linalg.norm(lines.ends[j] - p[:, None], axis=2)
     ei, ej = di.argmin(axis=1), dj.argmin(axis=1)
+    # lines may be cut short by up to half of their length, or by the rounding of the Hough transform
     near = (di.min(axis=1) < np.minimum(reach_px, 0.5 * lines.length[i] + 3)) & (
         dj.min(axis=1) < np.minimum(reach_px, 0.5 * lines.length[j] + 3)
     )
@@ -145,7 +154,7 @@ class Chains:
     closed: Array
 
 
-def image_triads(lines: Lines, corners: Corners, limit: int = 48) -> Chains:
+def image_triads(lines: Lines, corners: Corners, limit: int = MAX_TRIADS) -> Chains:
     """Return chains of three lines bent to the same side at both ends of the middle one, largest first."""
     corners_by_end: Dict[Tuple[int, int], List[Tuple[int, int, Array]]] = {}
     for (i, j), (ei, ej), p in zip(  # noqa: B905 - Python 3.9 has no strict=
@@ -165,18 +174,18 @@ def image_triads(lines: Lines, corners: Corners, limit: int = 48) -> Chains:
                 side_j = _cross(pb - pa, far_j - pa)
                 if side_i * side_j <= 0:
                     continue
-                joined = 0
+                is_closed = False
                 for k, _, p in corners_by_end.get((i, 1 - ei), []):
                     for k2, _, p2 in corners_by_end.get((j, 1 - ej), []):
                         if k == k2:
-                            far_i, far_j, joined = p, p2, 1
+                            far_i, far_j, is_closed = p, p2, True
                 quad = np.array([far_i, pa, pb, far_j])
                 area = _area(quad)
                 if area < MIN_TRIAD_PX2:
                     continue
                 points.append(quad)
-                closed.append(joined)
-                size.append(area * (1 + joined))
+                closed.append(is_closed)
+                size.append(area * (1 + is_closed))
     if not points:
         return Chains(np.zeros((0, 4, 2)), np.zeros(0, bool))
     order = np.argsort(-np.array(size))[:limit]
@@ -204,7 +213,7 @@ class PointGroups:
 def image_point_groups(segments: Array, diagonal_px: float) -> PointGroups:
     """Return the groups among merged segments (N, 4)."""
     lines = Lines.from_segments(segments)
-    corners = proximity_pairs(lines, 0.08 * diagonal_px)
+    corners = proximity_pairs(lines, CORNER_REACH * diagonal_px)
     chains = image_triads(lines, corners)
     parallel = parallel_pairs(lines)
     rods = antennas(lines, parallel, diagonal_px)
@@ -214,7 +223,7 @@ def image_point_groups(segments: Array, diagonal_px: float) -> PointGroups:
     ]
     by_kind = {
         "closed_tetrad": _unique(chains.points[chains.closed]),
-        "open_tetrad": _open_tetrads(chains, lines, 0.25 * diagonal_px),
+        "open_tetrad": _open_tetrads(chains, lines, TETRAD_GAP * diagonal_px),
         "open_triad": chains.points[~chains.closed],
         "proximity_pair": np.array(pairs).reshape(-1, 3, 2),
         "parallel_pair": np.array(
@@ -237,6 +246,7 @@ def _unique(quads: Array) -> Array:
     out: List[Array] = []
     for q in quads:
         centre = q.mean(axis=0)
+        # 3 px: noise of the corners of one tetrad; chosen by eye
         if all(np.abs(centre - o.mean(axis=0)).max() > 3.0 for o in out):
             out.append(q)
     return np.array(out).reshape(-1, 4, 2)
@@ -264,8 +274,8 @@ def same_direction(a: Array, b: Array) -> Array:
 
 
 def _axis(a: Array, b: Array) -> Array:
-    is_common = same_direction(a, b)
-    return 0.5 * (is_common[:2] + is_common[2:])
+    ends = same_direction(a, b)
+    return 0.5 * (ends[:2] + ends[2:])
 
 
 def _cross(a: Array, b: Array) -> Array:

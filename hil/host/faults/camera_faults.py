@@ -136,6 +136,7 @@ def _apply_fault(
         distance = np.hypot(columns - fault.x * width, rows - fault.y * height) / max(
             fault.radius * width, 1e-9
         )
+        # glare falls off steeply, so that the rest of the image stays readable; the power is chosen by eye
         light = white * np.minimum(1.0, np.maximum(distance, 1e-9) ** -4)
         light = light if image.ndim == 2 else light[..., None]
         return np.minimum(white, np.rint(image + light)).astype(image.dtype)

@@ -11,6 +11,7 @@ import msgspec
 import numpy as np
 
 from flyaround.hil.link.session import SILENCE_S
+from flyaround.simulator.runtime.untrusted_files import refuse_not_finite
 from flyaround.simulator.scenario.faults import NO_FAULTS, Faults
 
 if TYPE_CHECKING:
@@ -60,6 +61,11 @@ class LinkConfig:
         Offset between this machine's clocks, read once per run.
     key : bytes, optional
         Key that boards and truth loggers must prove to know; None disables authentication.
+
+    Raises
+    ------
+    UserError
+        If a time is not finite.
     """
 
     url: str
@@ -75,6 +81,9 @@ class LinkConfig:
     adds_faults: bool = False
     utc_minus_monotonic_ns: int = 0
     key: bytes | None = field(default=None, repr=False)
+
+    def __post_init__(self) -> None:
+        refuse_not_finite(vars(self), "the link")
 
 
 @dataclass(frozen=True)

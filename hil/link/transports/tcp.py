@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import errno
+import math
 import os
 import select
 import socket
@@ -133,8 +134,10 @@ def connect_tcp(host: str, port: int, timeout_s: float) -> TcpTransport:
     Raises
     ------
     LinkError
-        If nobody listens within ``timeout_s``.
+        If nobody listens within ``timeout_s``, or that is negative or not finite.
     """
+    if not 0 <= timeout_s < math.inf:
+        raise LinkError(f"the time to connect is {timeout_s} s: give 0 or more")
     deadline = time.monotonic() + timeout_s
     while True:
         left_s = deadline - time.monotonic()

@@ -16,10 +16,12 @@ if TYPE_CHECKING:
 SERIAL_SHAPE = "serial:///dev/ttyUSB0?baud=921600"
 SHAPES = f"tcp://127.0.0.1:5600 or {SERIAL_SHAPE}"
 OPTIONS = {"tcp": (), "serial": ("baud", "rtscts")}
+DEFAULT_BAUD = 115200  # the usual setting of a board's console
+MAX_BAUD = 2**31 - 1  # what the driver's field holds
 
 
 def parse_url(url: str) -> Tuple[str, str, int]:
-    """Return scheme, host or device, and port or baud rate of a link URL.
+    """Return scheme, host or device, and port or baud rate (115200 unless given) of a link URL.
 
     Valid forms are ``tcp://127.0.0.1:5600`` and ``serial:///dev/ttyUSB0?baud=921600&rtscts=1``.
 
@@ -44,8 +46,8 @@ def parse_url(url: str) -> Tuple[str, str, int]:
                 raise LinkError(
                     f"link URL {url!r} has a host, {parts.netloc!r}: a device has three slashes, as in {SERIAL_SHAPE}"
                 )
-            baud = options.get("baud", 115200)
-            if not parts.path.strip("/") or baud <= 0:
+            baud = options.get("baud", DEFAULT_BAUD)
+            if not parts.path.strip("/") or not 0 < baud <= MAX_BAUD:
                 raise LinkError(f"link URL {url!r} lacks a device or baud rate: write {SERIAL_SHAPE}")
             return "serial", parts.path, baud
     except ValueError as error:

@@ -15,7 +15,6 @@ from msgspec import UNSET, UnsetType
 
 from flyaround.simulator.camera.encoding import Encoding
 from flyaround.simulator.camera.lens.distortion import (
-    COEFFICIENT_COUNTS,
     Distortion,
     DistortionModel,
     LensDomain,
@@ -315,19 +314,9 @@ def _border_xy(camera: Camera) -> FloatArray:
 
 
 def camera_problem(camera: Camera) -> str | None:
-    """Describe the first invalid parameter of a camera's lens, with value and allowed range; None if all are valid."""
-    distortion = camera.distortion
-    counts = COEFFICIENT_COUNTS[distortion.model]
-    if len(distortion.coefficients) not in counts:
-        allowed = " or ".join(str(n) for n in counts)
-        return (
-            f"distortion.coefficients has {len(distortion.coefficients)} numbers, "
-            f"model {distortion.model} takes {allowed}"
-        )
-    if not np.isfinite(distortion.coefficients).all():
-        return f"distortion.coefficients is {list(distortion.coefficients)}, finite numbers are needed"
+    """Describe what is wrong with a camera's lens over its image; None if it can be used."""
     try:
-        lens_domain(distortion, _border_xy(camera))
+        lens_domain(camera.distortion, _border_xy(camera))
     except ValueError as error:
-        return f"{'fx_px' if distortion.is_none else 'distortion.coefficients'}: {error}"
+        return f"{'fx_px' if camera.distortion.is_none else 'distortion.coefficients'}: {error}"
     return None

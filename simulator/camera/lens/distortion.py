@@ -32,19 +32,40 @@ COEFFICIENT_COUNTS: dict[str, tuple[int, ...]] = {
     "kannala_brandt": (4,),
 }
 MARGIN = 1.05
-"""Radius up to which the polynomial is used if it is one to one, over the radius of the image's farthest corner."""
+"""Radius up to which the polynomial is used if it is one to one, over the radius of the image's farthest corner: room
+for motion blur and for the points of edges that cross the border. Chosen by eye."""
 MAX_ANGLE_RAD = np.deg2rad(85.0)
 """Largest angle from the axis. Beyond it camera z, the depth of labels, is ill-conditioned."""
 _TABLE = 4096  # number of angles in the look-up table of the inverse
-_NEWTON_STEPS = 12  # largest number of Newton steps for the inverse
+_NEWTON_STEPS = 12  # largest number of Newton steps for the inverse; from the table's guess a few suffice
 
 
 @dataclass(frozen=True)
 class Distortion:
-    """Lens distortion; ``coefficients`` in OpenCV's order for the model."""
+    """Lens distortion; ``coefficients`` in OpenCV's order for the model.
+
+    Raises
+    ------
+    ValueError
+        If the model is unknown, or the coefficients are too few, too many or not finite.
+    """
 
     model: DistortionModel = "none"
     coefficients: tuple[float, ...] = ()
+
+    def __post_init__(self) -> None:
+        counts = COEFFICIENT_COUNTS.get(self.model)
+        if counts is None:
+            raise ValueError(f"distortion.model is {self.model!r}, allowed: {', '.join(COEFFICIENT_COUNTS)}")
+        if len(self.coefficients) not in counts:
+            allowed = " or ".join(str(n) for n in counts)
+            raise ValueError(
+                f"distortion.coefficients has {len(self.coefficients)} numbers, model {self.model} takes {allowed}"
+            )
+        if not np.isfinite(self.coefficients).all():
+            raise ValueError(
+                f"distortion.coefficients is {list(self.coefficients)}, finite numbers are needed"
+            )
 
     @property
     def is_none(self) -> bool:

@@ -60,6 +60,10 @@ class CameraFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_onl
         UserError
             If the lens is impossible, for example folds back inside the image; ``source`` names the file.
         """
+        try:
+            distortion = Distortion(self.distortion.model, self.distortion.coefficients)
+        except ValueError as error:
+            raise UserError(f"{source}: key {error}") from error
         camera = Camera(
             width_px=self.width_px,
             height_px=self.height_px,
@@ -67,7 +71,7 @@ class CameraFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_onl
             fy_px=self.fy_px,
             cx_px=self.cx_px,
             cy_px=self.cy_px,
-            distortion=Distortion(self.distortion.model, self.distortion.coefficients),
+            distortion=distortion,
             encoding=self.encoding,
         )
         problem = camera_problem(camera)

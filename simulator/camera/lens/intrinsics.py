@@ -82,7 +82,9 @@ class LensFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=
             notes=self.notes,
         )
         # building the struct checks no bounds; converting its document does
-        return convert_document(msgspec.to_builtins(camera), CameraFile, source)
+        return convert_document(
+            msgspec.to_builtins(camera), CameraFile, f"{source}: the camera of these numbers"
+        )
 
     def _pitch_um(
         self,

@@ -73,6 +73,7 @@ def _check_places(truth: ImportedTruth, target: Target | None) -> list[str]:
         if in_lens(truth.camera, vertices @ matrix_from_quat(q).T + t).all():
             vertices_px = project_with_opencv(truth.camera, vertices, q, t)
             box = np.concatenate([vertices_px.min(axis=0), vertices_px.max(axis=0)])
+            # beyond 1000 px, rounding of the pose grows with the box
             if np.abs(box - truth.box_amodal_px).max() > PIXEL_TOLERANCE_PX * max(
                 1.0, np.abs(box).max() / 1e3
             ):

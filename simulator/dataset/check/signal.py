@@ -87,6 +87,7 @@ def _step(truth: Truth, signal: NDArray[np.float64]) -> float:
 
 def _possible_states(truth: Truth, signal: NDArray[np.float64], step: float) -> tuple[str, ...]:
     """Return the possible states of a patch (h, w) or (h, w, 3) of the signal, known to half a ``step``."""
+    # half a step is rounded up; the hundredth allows for rounding
     at_full = signal >= 1 - 0.51 * step
     if at_full.all():
         return ("saturated", "below_noise")  # a signal half a step below full scale is rounded to full scale

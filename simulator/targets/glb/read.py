@@ -6,6 +6,7 @@ Mesh data are in the model frame: the rotation of the root node, which is for vi
 from __future__ import annotations
 
 import json
+import math
 import struct
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -45,7 +46,7 @@ def load_glb(path: str | Path) -> Target:
     Raises
     ------
     UserError
-        If it is not a target file, is damaged, or does not match its own hash.
+        If it cannot be read, is not a target file, is damaged, or does not match its own hash.
     """
     path = Path(path)
     try:
@@ -258,9 +259,17 @@ def parse_json(data: bytes) -> object:
         if count > MAX_VALUES:
             raise ValueError(f"it has {count:,} values, and {MAX_VALUES:,} are the most that is read")
     try:
-        return json.loads(data, parse_constant=_refuse_constant)
+        return json.loads(data, parse_constant=_refuse_constant, parse_float=_finite)
     except RecursionError as error:
         raise ValueError("its brackets nest too deep") from error
+
+
+def _finite(text: str) -> float:
+    """Return a number; raise for one like 1e999, which Python's reader takes for infinity."""
+    value = float(text)
+    if math.isinf(value):
+        raise ValueError(f"{text[:40]} is too large for a number")
+    return value
 
 
 def _refuse_constant(text: str) -> None:

@@ -146,12 +146,13 @@ def check_inertia(inertia_kg_m2: FloatArray) -> None:
     Raises
     ------
     ValueError
-        If it is not symmetric, not positive definite, or breaks the triangle inequality.
+        If it is not finite, not symmetric within 1e-9 of its largest element, not positive definite, or breaks the
+        triangle inequality.
     """
-    # NaN is not close to itself
-    if inertia_kg_m2.shape != (3, 3) or not np.allclose(
-        inertia_kg_m2, inertia_kg_m2.T, rtol=1e-9, atol=1e-12
-    ):
+    if not np.isfinite(inertia_kg_m2).all():
+        raise ValueError("the inertia is not finite")
+    rounding = 1e-9 * float(np.abs(inertia_kg_m2).max(initial=0.0))
+    if inertia_kg_m2.shape != (3, 3) or np.abs(inertia_kg_m2 - inertia_kg_m2.T).max() > rounding:
         raise ValueError("the inertia must be a symmetric 3x3 matrix")
     low, middle, high = np.linalg.eigvalsh(inertia_kg_m2)
     if low <= 0:

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from flyaround.simulator.world.time.instant import Instant
 
 _J2000 = 2451545.0  # Julian date of the epoch J2000.0
-_YEAR_DAYS = 365.25
+_YEAR_DAYS = 365.25  # a Julian year
 _FIELD_RADIUS_M = 6_371_200.0  # reference radius of IGRF
 _DIPOLE_2025_T = np.array([-1410.3, 4545.5, -29350.0]) * 1e-9  # IGRF-14 coefficients g11, h11, g10 at 2025.0
 _SECULAR_VARIATION_T_YEAR = np.array([10.0, -21.5, 12.6]) * 1e-9  # their secular variation, per year

@@ -190,6 +190,7 @@ def _refuse_impossible(piece: Piece, body: Body) -> None:
     segment, r, v = piece.segment, piece.states[:, :3], piece.states[:, 3:]
     radii, circular = np.linalg.norm(r, axis=1), np.sqrt(body.mu_m3_s2 / np.linalg.norm(r, axis=1))
     start = f"{segment.where}, line {segment.rows[0][0]}"
+    # read as km the orbit is beyond the body, as metres it is within reach
     if body.radius_m < float(np.median(radii)) / 1e3 < body.reach_m < float(np.median(radii)):
         raise UserError(
             f"{start}: the values look like metres, and CCSDS has km and km/s: divide them by 1000"

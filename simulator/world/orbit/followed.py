@@ -18,10 +18,11 @@ if TYPE_CHECKING:
     from flyaround.simulator.world.orbit.forces import ForceModel
 
 _CHECK_STEP_S = 60.0
-"""Spans over which velocity changes are compared with gravity; a shorter burn counts with its mean over a span [s]."""
+"""Spans over which velocity changes are compared with gravity; a shorter burn counts with its mean over a span [s].
+Simpson's rule integrates the gravity of a low orbit over it to 1e-5 m/s."""
 _THRUST_M_S2 = 2e-3
-"""Mean acceleration in excess of the force model that counts as a burn [m s-2]. It is ten times the Earth's gravity
-anomalies in low orbit, and less than the acceleration of a space station's reboost."""
+"""Mean acceleration in excess of the force model that counts as a burn [m s-2]. Chosen by eye: above the gravity
+anomalies in low orbit, below the acceleration of a space station's reboost."""
 
 
 class Ephemeris(Protocol):
@@ -181,7 +182,10 @@ def follow(
 
 
 def refuse_thrust(target: FollowedCraft, duration_s: float, forces: ForceModel) -> None:
-    """Raise UserError if an ephemeris contains a burn: a velocity change that the forces do not explain."""
+    """Raise UserError if an ephemeris contains a burn: a mean acceleration that the forces do not explain.
+
+    A burn of less than 0.12 m/s within a minute is not noticed.
+    """
     edges = np.linspace(0.0, min(duration_s, target.end_s), max(int(duration_s / _CHECK_STEP_S) + 1, 2))
     for a, b in pairwise(edges.tolist()):
         times = (a, (a + b) / 2, b)
@@ -201,10 +205,8 @@ def refuse_thrust(target: FollowedCraft, duration_s: float, forces: ForceModel) 
         excess = float(np.linalg.norm(velocity_change, axis=1).min())
         if excess > _THRUST_M_S2 * (b - a):
             raise UserError(
-                f"{target.ephemeris.where} changes the target's velocity by {excess:.3g} m/s beside gravity "
-                f"between {a:.0f} "
-                f"and {b:.0f} s, and a chaser in free flight or under thrusters is not flown beside a burning target: "
-                'give orbit.motion = "propagate" with [[burns]], the chaser its own file by mode "oem", or the forces '
-                "that "
-                "the file was made with"
+                f"{target.ephemeris.where} changes the target's velocity by {excess:.3g} m/s beside gravity between "
+                f"{a:.0f} and {b:.0f} s, and a chaser in free flight or under thrusters is not flown beside a burning "
+                'target: give orbit.motion = "propagate" with [[burns]], the chaser its own file by mode "oem", or '
+                "the forces that the file was made with"
             )

@@ -326,7 +326,7 @@ def attraction_difference(r_m: list[float], p_m: list[float], mu_m3_s2: float) -
 
     References
     ----------
-    Battin (1999), Mathematics and Methods of Astrodynamics, sec. 8.4, eq. 8.61-8.62.
+    Battin (1999), Mathematics and Methods of Astrodynamics: f(q) of Encke's method.
     """
     x, y, z = r_m
     px, py, pz = p_m

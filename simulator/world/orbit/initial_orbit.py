@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from flyaround.simulator.runtime.arrays import FloatArray
 
 _MIN_SINE = 1e-3
-"""Smallest |r x v| over r times the escape speed; below it the orbit is a fall towards the body."""
+"""Smallest |r x v| over r times the escape speed. The perigee of an orbit below it is within 2e-6 r of the centre."""
 
 
 class ElementsOrbit(Section, tag_field="kind", tag="elements", frozen=True, kw_only=True):

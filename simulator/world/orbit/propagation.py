@@ -132,6 +132,7 @@ def elements_from_state(
     e = float(np.linalg.norm(ecc))
     a = 1 / (2 / rn - float(v @ v) / mu_m3_s2)
     inclination = float(np.arctan2(np.hypot(h[0], h[1]), h[2]))
+    # below this tilt and eccentricity, node and perigee are rounding errors
     equatorial = np.hypot(h[0], h[1]) < 1e-11 * np.linalg.norm(h)
     node = np.array([1.0, 0.0, 0.0]) if equatorial else np.array([-h[1], h[0], 0.0])
     node = node / np.linalg.norm(node)

@@ -34,6 +34,15 @@ def _release():
     Stuck.released.set()
 
 
+@pytest.mark.parametrize(
+    "limit", [{"watchdog_s": float("nan")}, {"silence_s": float("nan")}, {"silence_s": 0.0}, {"window": 0}]
+)
+def test_a_limit_that_nothing_exceeds_is_refused(limit):
+    (name,) = limit
+    with pytest.raises(LinkError, match=f"{name} is"):
+        BoardAgent("tcp://127.0.0.1:9", make_estimator=Instant, **limit)
+
+
 # --- the watchdog ------------------------------------------------------------------------------
 
 

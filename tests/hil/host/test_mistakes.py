@@ -15,6 +15,7 @@ from flyaround.hil.host.ledger.summary import LedgerSummary
 from flyaround.hil.host.link_process.host_link import HostLink
 from flyaround.hil.host.link_process.ipc import FrameJob, LinkConfig
 from flyaround.hil.host.report import write_report
+from flyaround.hil.host.run_config import RunConfig
 from flyaround.hil.link.packets.messages import (
     Credit,
     FrameChunk,
@@ -148,3 +149,17 @@ def test_no_cell_of_text_is_a_formula(text, tmp_path):
         (cells,) = csv.DictReader(file)
     assert cells["reason"] == f"'{text}"
     assert read_ledger(tmp_path)[0].reason == text
+
+
+@pytest.mark.parametrize(
+    ("make", "key"),
+    [
+        (lambda: replace(LINK, silence_s=float("nan")), "silence_s"),
+        (lambda: replace(LINK, timeout_s=float("inf")), "timeout_s"),
+        (lambda: RunConfig(link=LINK, latency_s=float("nan")), "latency_s"),
+        (lambda: RunConfig(link=LINK, deadline_s=float("nan")), "deadline_s"),
+    ],
+)
+def test_times_of_a_run_that_are_not_finite_are_refused(make, key):
+    with pytest.raises(UserError, match=f"{key} is"):
+        make()

@@ -1,5 +1,6 @@
 """What one transport alone has: URLs, ports that are taken, a peer that does not read."""
 
+import math
 import os
 import socket
 import sys
@@ -88,6 +89,7 @@ def test_a_slow_peer_is_waited_for_as_long_as_the_session_says():
         ("serial://", "lacks a device"),
         ("serial:///dev/ttyS0?baud=fast", "bad number"),
         ("serial:///dev/ttyS0?baud=0", "lacks a device or baud rate"),
+        ("serial:///dev/ttyS0?baud=99999999999", "lacks a device or baud rate"),
     ],
 )
 def test_bad_urls_are_one_sentence(url, sentence):
@@ -156,3 +158,9 @@ def test_a_serial_line_is_written_at_its_own_rate():
     assert all(share < 1.1 for share in shares)
     # half a second each: a busy machine adds tens of milliseconds to it
     assert max(shares) > 0.8
+
+
+@pytest.mark.parametrize("timeout_s", [math.nan, math.inf, -1.0])
+def test_a_time_to_connect_that_never_ends_is_refused(timeout_s):
+    with pytest.raises(LinkError, match="the time to connect is"):
+        connect("tcp://127.0.0.1:9", timeout_s)

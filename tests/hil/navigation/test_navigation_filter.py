@@ -5,6 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from flyaround.hil.navigation.approach import ApproachRules
+from flyaround.hil.navigation.closed_loop import ClosedLoopConfig
 from flyaround.hil.navigation.consistency import chi_square_quantile, fisher_quantile, nees, nees_band
 from flyaround.hil.navigation.error_scale import ScaleSettings
 from flyaround.hil.navigation.measurement import ErrorCorrelation, PoseNoise, Snapshot
@@ -12,6 +14,7 @@ from flyaround.hil.navigation.navigation_filter import FilterSettings, Navigatio
 from flyaround.hil.navigation.pose_sources import PoseErrors
 from flyaround.hil.navigation.prediction_error import forecast_errors
 from flyaround.hil.navigation.relative_estimate import MotionModel, RelativeEstimate, ThrustInterval
+from flyaround.simulator.errors import UserError
 from flyaround.simulator.world.attitude.rigid_body import propagate_attitude
 from flyaround.simulator.world.frames.lvlh import Lvlh
 from flyaround.simulator.world.frames.rotation import (
@@ -328,3 +331,17 @@ def test_a_pose_of_a_snapshot_is_its_label():
     q, t = shot.pose()
     centre = matrix_from_quat(q) @ COM + t
     np.testing.assert_allclose(centre, [0.0, 0.0, np.linalg.norm(shot.position_eci_m)], atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("make", "key"),
+    [
+        (lambda: ApproachRules(abort_after_s=float("nan")), "abort_after_s"),
+        (lambda: FilterSettings(memory=ErrorCorrelation(turn_rad=float("inf"))), "memory.turn_rad"),
+        (lambda: ClosedLoopConfig(thrust_sigma=float("nan")), "thrust_sigma"),
+        (lambda: ClosedLoopConfig(frame_every=0), "frame_every"),
+    ],
+)
+def test_settings_that_mean_nothing_are_refused(make, key):
+    with pytest.raises(UserError, match=key):
+        make()

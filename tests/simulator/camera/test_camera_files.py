@@ -204,7 +204,10 @@ def test_any_consistent_pair_determines_the_intrinsics(keys, fx, fy):
             '{"width_px": 1920, "height_px": 1200, "focal_length_mm": 10, "pixel_pitch_um": 0.005}',
             "pixel_pitch_um.*at least 0.1",
         ),
-        ('{"width_px": 1920, "height_px": 1200, "aperture_angle_deg": 0.001}', "fx_px.*at most"),
+        (
+            '{"width_px": 1920, "height_px": 1200, "aperture_angle_deg": 0.001}',
+            "camera of these numbers: key fx_px.*at most",
+        ),
         ('{"width_px": 1920, "height_px": 1200, "aperture_angle_deg": 5e-324}', "at least 0.0001"),
         ('{"Nu": 1920, "Nv": 1200, "cameraMatrix": [[0, 0, 960], [0, 0, 600], [0, 0, 1]]}', "singular"),
         ('{"Nu": 1920, "Nv": 1200, "cameraMatrix": [[NaN, 0, 960], [0, 2000, 600], [0, 0, 1]]}', "finite"),

@@ -3,6 +3,7 @@
 import json
 from dataclasses import replace
 
+import cv2
 import numpy as np
 import pytest
 from typer.testing import CliRunner
@@ -126,6 +127,13 @@ def test_speed_labels_are_read_and_wrong_ones_refused(tmp_path):
     good.write_text(json.dumps([{"filename": "a.jpg"}]))
     with pytest.raises(UserError, match="r_Vo2To_vbs_true"):
         read_speed_labels(good)
+
+
+@pytest.mark.parametrize("shape", [(1, 10_000), (10_000, 70), (15, 15)])
+def test_a_picture_as_narrow_as_a_line_is_refused(shape, tmp_path):
+    cv2.imwrite(str(tmp_path / "line.png"), np.zeros(shape, np.uint8))
+    with pytest.raises(UserError, match=r"line.png is \d+ x \d+ pixels"):
+        read_references(tmp_path, load_camera("speed"), 1)
 
 
 def test_a_folder_without_pictures_is_refused(tmp_path):

@@ -21,13 +21,22 @@ from flyaround.simulator.piloting.control_laws import (
     TURN,
 )
 from flyaround.simulator.piloting.docking_figures import IDSS, judge_contact
-from flyaround.simulator.piloting.guidance_orders import FlyGlideslope, FlyTo, KeepRange, KeepStation
+from flyaround.simulator.piloting.guidance_orders import (
+    ApproachVbar,
+    Circumnavigate,
+    FlyAround,
+    FlyGlideslope,
+    FlyTo,
+    KeepRange,
+    KeepStation,
+)
 from flyaround.simulator.piloting.orders import (
     Approach,
     CancelBurns,
     Centre,
     FollowGuidance,
     Go,
+    PilotCommand,
     PlanBurn,
     Pulse,
     Stop,
@@ -420,7 +429,15 @@ REFUSED = (
     KeepStation((0.5, 0.0, 0.0)),
     FlyGlideslope(end_m=5000.0),
     KeepRange(near_m=1000.0, far_m=2000.0),
+    KeepStation((float("nan"), 20.0, 0.0)),
+    ApproachVbar(hold_m=float("nan")),
+    ApproachVbar(speed_m_s=0.0),
+    FlyAround(period_s=-900.0),
+    FlyTo((5.0, 20.0, 0.0), float("inf")),
+    Circumnavigate(float("inf")),
     PlanBurn(burn_of(0.0, 0.0, 1.0, 0.0)),
+    PlanBurn(burn_of(float("nan"), 0.0, 1.0, 0.0)),
+    PlanBurn(burn_of(60.0, float("nan"), 1.0, 0.0)),
     PlanBurn(burn_of(2e6, 0.0, 1.0, 0.0), 60.0),
     Pulse("sideways"),
     Go(),
@@ -444,6 +461,18 @@ def test_a_refused_order_changes_nothing(session, order, flown_by):
         session.order(order)
     assert session.look_back.active
     assert not session.look_back.changed
+
+
+@pytest.mark.parametrize("dt_s", [float("nan"), float("inf"), -1.0])
+def test_a_step_without_end_is_refused(session, dt_s):
+    before = session.t_s
+    with pytest.raises(UserError, match="a step of"):
+        session.step(PilotCommand(orders=(KeepStation(),)), dt_s)
+    assert session.t_s == before
+    assert session.craft.steered is None
+    session.clock.rate = float("nan")
+    with pytest.raises(UserError, match="rate nan"):
+        session.step(PilotCommand(), 1.0)
 
 
 def test_a_moved_burn_replaces_the_planned_one(session):

@@ -5,7 +5,7 @@ import pytest
 from gltf_model import Gltf
 
 from flyaround.simulator.errors import UserError
-from flyaround.simulator.targets.check_target import check_grain
+from flyaround.simulator.targets.check_target import check_materials
 from flyaround.simulator.targets.glb.read import load_glb
 from flyaround.simulator.targets.glb.write import write_glb
 from flyaround.simulator.targets.importing.add import ImportOptions, import_mesh
@@ -65,7 +65,7 @@ def test_brushing_without_a_direction_is_told(tmp_path):
     assert target.materials[0].anisotropy == 0
     assert any("brushing" in line for line in lines)
     with pytest.raises(UserError, match="in no direction"):
-        check_grain([Material(name="steel", anisotropy=0.5, base_color=(1, 1, 1))], "here")
+        check_materials([Material(name="steel", anisotropy=0.5, base_color=(1, 1, 1))], "here")
 
 
 def test_metal_from_a_lathe_is_recognised():

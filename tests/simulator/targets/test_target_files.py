@@ -20,7 +20,7 @@ from flyaround.hil.board_model.records import BoardModelRecord
 from flyaround.hil.board_model.write import write_board_model
 from flyaround.simulator.errors import UserError
 from flyaround.simulator.targets.check_target import check_mass, check_part
-from flyaround.simulator.targets.glb.read import load_glb
+from flyaround.simulator.targets.glb.read import load_glb, parse_json
 from flyaround.simulator.targets.glb.write import write_glb
 from flyaround.simulator.targets.library import load_target
 from flyaround.simulator.targets.model import MassProperties, Part
@@ -243,6 +243,43 @@ def nan_keypoint(document, blob):
     return blob
 
 
+def frame_without_axis(document, blob):
+    frame = {"origin_m": [0.0, 0.0, 0.0], "axis": [0.0, 0.0, 0.0]}
+    document["scenes"][0]["extras"]["flyaround"]["frames"] = {"docking": frame}
+    return blob
+
+
+def symmetry_of_length_2(document, blob):
+    document["scenes"][0]["extras"]["flyaround"]["symmetry_wxyz"] = [[2.0, 0.0, 0.0, 0.0]]
+    return blob
+
+
+def edge_without_normal(document, blob):
+    document["scenes"][0]["extras"]["flyaround"]["wireframe"][0]["normals"] = [[0.0, 0.0, 0.0]]
+    return blob
+
+
+def twin_materials(document, blob):
+    document["materials"][1]["name"] = document["materials"][0]["name"]
+    return blob
+
+
+def twin_parts(document, blob):
+    first, second, *_ = (node for node in document["nodes"] if "mesh" in node)
+    second["name"] = first["name"]
+    return blob
+
+
+def rougher_than_rough(document, blob):
+    document["materials"][0]["pbrMetallicRoughness"]["roughnessFactor"] = 7.0
+    return blob
+
+
+def brighter_than_white(document, blob):
+    document["materials"][0]["pbrMetallicRoughness"]["baseColorFactor"] = [5.0, 5.0, 5.0, 1.0]
+    return blob
+
+
 def missing_accessor(document, blob):
     document["accessors"] = document["accessors"][:3]
     return blob
@@ -263,9 +300,16 @@ DAMAGE: dict[Callable[[dict[str, Any], bytes], bytes], str] = {
     index_out_of_range: "part 'plate_white': a triangle uses vertex 4000000",
     no_extras: "has no `flyaround` extras",
     another_version: r"version",
-    heavy_on_one_axis: "no body has principal moments",
+    heavy_on_one_axis: "no rigid body has principal moments",
     twin_keypoints: "two keypoints are called 'panel_nx_ny'",
     nan_keypoint: "no readable JSON",
+    frame_without_axis: "frame 'docking': its axis is not a unit vector",
+    symmetry_of_length_2: "a symmetry is not a unit quaternion",
+    edge_without_normal: "edge '.*': its normals are not unit vectors",
+    twin_materials: "two materials are called",
+    twin_parts: "two parts are called",
+    rougher_than_rough: "material '.*': roughness is 7, allowed: 0 to 1",
+    brighter_than_white: "material '.*': base_color is 5, allowed: 0 to 1",
     missing_accessor: "breaks the rules of glTF 2.0",
     short_binary: "breaks the rules of glTF 2.0",
 }
@@ -294,8 +338,27 @@ def test_a_vertex_of_a_negative_index_is_named(tango):
 def test_an_inertia_that_is_not_finite_is_not_called_asymmetric(tango):
     inertia = np.array(tango.mass.inertia_kg_m2, float)
     inertia[1, 1] = np.nan
-    with pytest.raises(UserError, match="inertia matrix is not finite"):
+    with pytest.raises(UserError, match="inertia is not finite"):
         check_mass(replace(tango.mass, inertia_kg_m2=inertia), "here")
+
+
+def test_a_number_too_large_is_refused():
+    with pytest.raises(ValueError, match="1e999 is too large"):
+        parse_json(b'{"axis": [1e999, -3e-999, 1e308]}')
+
+
+def test_rounding_does_not_make_an_inertia_asymmetric(tango):
+    inertia = np.diag([1.0, 1.0, 1.0])
+    inertia[0, 1], inertia[1, 0] = 1e-17, -1e-17
+    check_mass(replace(tango.mass, inertia_kg_m2=inertia), "here")
+    inertia[0, 1] = 1e-6
+    with pytest.raises(UserError, match="here: the inertia must be a symmetric 3x3 matrix"):
+        check_mass(replace(tango.mass, inertia_kg_m2=inertia), "here")
+
+
+def test_an_inertia_of_two_axes_is_refused(tango):
+    with pytest.raises(UserError, match="3x3"):
+        check_mass(replace(tango.mass, inertia_kg_m2=np.eye(2)), "here")
 
 
 @pytest.mark.parametrize(("side_m", "is_refused"), [(0.9e-7, True), (1.1e-7, False)])

@@ -50,7 +50,7 @@ MATERIALS = (
     Material(name="aluminium", base_color=(0.06, 0.06, 0.06), roughness=0.4),
     Material(name="instrument-black", base_color=(0.02, 0.02, 0.02), roughness=0.35),
 )
-"""Greys fitted to images: docs/validation/real.md."""
+"""Greys fitted to images: docs/lab/2026-11-real-pictures.md."""
 _SURFACES = {
     "panel_interconnects": "panel-substrate",
     "body_bottom_sheet": "foil-bottom",

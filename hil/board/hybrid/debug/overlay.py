@@ -48,6 +48,7 @@ def draw_wireframe(
             X = along + r * across
             visible = ~hidden(occ, C, X, np.full(EDGE_STEPS, 0.006 + 1.5 * e.radius_m))
             P = X @ R.T + t
+            # projection fails at the camera; closer points are not drawn
             visible &= P[:, 2] > 0.1
             uv = np.clip(((camera.pixels(P) - corner) + 0.5) * scale - 0.5, -30000, 30000)
             for k in range(EDGE_STEPS - 1):

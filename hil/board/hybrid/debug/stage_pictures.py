@@ -214,6 +214,7 @@ def camera_in_map(model: BoardModel, camera: CameraIntrinsics, q: Any, t: Any) -
     forward = np.cross(
         camera_position,
         [0.0, 0.0, 1.0]
+        # any axis that is not nearly parallel
         if abs(camera_position[2]) < 0.9 * np.linalg.norm(camera_position)
         else [1.0, 0.0, 0.0],
     )

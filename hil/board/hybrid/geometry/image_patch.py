@@ -93,6 +93,7 @@ class ImagePatch:
 
     def blurred(self, sigma_px: float) -> Array:
         """Return the region (h, w) after a Gaussian blur, cached; no blur is applied up to 0.2 px."""
+        # such a kernel leaves a pixel all but 2e-5 of its weight
         if sigma_px <= 0.2:
             return self.gray
         if sigma_px not in self._blurred:

@@ -253,6 +253,7 @@ def edge_field(
     """
     x0, y0, x1, y1 = box
     small, factor = shrink(image, x0, y0, x1, y1, longest_px)
+    # reduction averages noise and blurs by itself; levels chosen by eye
     blur = 1.0 if factor >= 3 else (1.3 if factor >= 1.8 else 1.7)
     gx, gy = gradient(small, blur)
     # area averaging over factor^2 independent pixels
@@ -298,6 +299,7 @@ def _in_bin(theta: Array, k: int) -> Array:
     """Return True for orientations (N,) near the ``k``-th bin."""
     step = np.pi / ORIENTATION_BINS
     angle = np.abs(np.mod(theta - k * step + np.pi / 2, np.pi) - np.pi / 2)
+    # neighbouring bins overlap: an edge between two counts in both
     return np.asarray(angle < 1.2 * step)
 
 

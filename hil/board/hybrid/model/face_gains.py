@@ -134,6 +134,7 @@ def _saturated_excess(picture: Array, part: Array, patch: ImagePatch) -> float:
     """Return a saturated face's excess over full scale, estimated from the blur that it spreads over its border."""
     optics = OPTICS_PX / patch.factor
     base, part_share = blurred(picture, optics), blurred(part, optics)
+    # pixels with less than 2 % of the face or of its surroundings tell little of the blur
     ring = (part_share > 0.02) & (part_share < 0.98)
     if int(ring.sum()) < 10:
         return 0.0

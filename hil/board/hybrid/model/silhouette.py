@@ -25,7 +25,7 @@ def silhouette(
     factor: float,
     size: Tuple[int, int],
 ) -> Array:
-    """Return the mask (h, w) of the model on a region of the image.
+    """Return the mask (h, w) of the model on a region of the image; the model is in front of the camera.
 
     Parameters
     ----------
@@ -50,6 +50,7 @@ def silhouette(
     front = np.einsum("ij,ij->i", -R.T @ t - occ.v0, occ.n) > 0
     corners = np.stack([occ.v0, occ.v0 + occ.e1, occ.v0 + occ.e2], axis=1)[front] @ R.T + t
     uv = (camera.pixels(corners) - origin + 0.5) / factor - 0.5
+    # in eighths of a pixel; OpenCV's fixed-point numbers would overflow far outside the mask
     for triangle in np.rint(np.clip(uv, -4000, 4000) * 8).astype(np.int32):
         cv2.fillConvexPoly(shape, triangle, 1, cv2.LINE_8, 3)
     return shape > 0

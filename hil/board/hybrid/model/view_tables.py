@@ -76,6 +76,7 @@ class ViewTable:
 def look_at(direction: Array) -> Array:
     """Return the rotation, camera from target, of a camera in ``direction`` that looks at the target."""
     z = -direction
+    # any axis that is not nearly parallel
     helper = np.array([1.0, 0, 0]) if abs(z[0]) < 0.8 else np.array([0, 1.0, 0])
     x = np.cross(helper, z)
     x /= np.linalg.norm(x)

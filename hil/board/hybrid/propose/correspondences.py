@@ -73,6 +73,7 @@ def pose_hypotheses(
     f = 0.5 * (camera.fx_px + camera.fy_px)
     centre = np.einsum("nij,j->ni", quat.matrix(q), centre_m) + t
     z = centre[:, 2]
+    # bounds chosen by eye: the camera is outside the craft, which fits the region in size and place
     ok = np.isfinite(z) & (z > 1.3 * radius_m)
     q, t, centre, z = q[ok], t[ok], centre[ok], z[ok]
     size = 2 * f * radius_m / z

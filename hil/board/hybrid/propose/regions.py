@@ -37,6 +37,10 @@ JOIN_SCALES_PX = (13, JOIN_PX, 7)
 # Share of the edges on the target above which the background is empty space and the target fills the frame; hand-tuned.
 MIN_CRAFT_SHARE = 0.8
 
+# Intersection over union above which two regions are one; largest gap between parts of one craft, over the main part's
+# diagonal; share of tiles with edges from which the background is textured. Chosen by eye.
+SAME_REGION, MAX_GAP, BUSY_SHARE = 0.85, 0.6, 0.2
+
 
 def clusters(mask: Array, join_px: int) -> List[Tuple[int, int, int, int, int]]:
     """Return boxes (x0, y0, x1, y1, edge pixels) of the groups of edges closer than ``join_px``, largest first."""
@@ -100,7 +104,7 @@ def propose_regions(
     def add(x0: float, y0: float, x1: float, y1: float, source: str) -> None:
         f = REDUCTION
         r = Region(x0 * f, y0 * f, (x1 + 1) * f - 1, (y1 + 1) * f - 1, source)
-        if min(x1 - x0, y1 - y0) < 3 or any(overlap(r[:4], o[:4]) > 0.85 for o in regions):
+        if min(x1 - x0, y1 - y0) < 3 or any(overlap(r[:4], o[:4]) > SAME_REGION for o in regions):
             return
         regions.append(r)
 
@@ -113,11 +117,11 @@ def propose_regions(
         diagonal = np.hypot(x1 - x0, y1 - y0)
         for g in groups[1:]:
             gap = max(g[0] - x1, x0 - g[2], g[1] - y1, y0 - g[3], 0)
-            if gap < 0.6 * diagonal and g[4] >= 4:
+            if gap < MAX_GAP * diagonal and g[4] >= 4:
                 x0, y0, x1, y1 = min(x0, g[0]), min(y0, g[1]), max(x1, g[2]), max(y1, g[3])
-        if busy < 0.2:
+        if busy < BUSY_SHARE:
             add(x0, y0, x1, y1, f"clusters-{join}")
-    if busy >= 0.2:
+    if busy >= BUSY_SHARE:
         # in front of a texture: artificial objects have many straight lines close together
         segments = straight_segments(small)
         weights = shipped_weights()
@@ -136,7 +140,7 @@ def propose_regions(
             )
         )
     cdf = cdf_box(wge.strong, REDUCTION)
-    if not any(overlap(cdf[:4], o[:4]) > 0.85 for o in regions):
+    if not any(overlap(cdf[:4], o[:4]) > SAME_REGION for o in regions):
         regions.append(cdf)
     return regions, busy, craft_probability
 
@@ -194,6 +198,7 @@ def _craft_share(mask: Array, craft_probability: Array) -> float:
     """Return the share of the edges on the target according to the probability map."""
     h, w = craft_probability.shape
     cell = cv2.resize(mask.astype(np.float32), (w, h), interpolation=cv2.INTER_AREA)
+    # the probability above which `saliency.boxes` scores a pixel for the craft
     is_craft = cv2.dilate((craft_probability > 0.3).astype(np.uint8), np.ones((5, 5), np.uint8)) > 0
     return float(cell[is_craft].sum() / max(float(cell.sum()), 1e-9))
 
@@ -203,7 +208,7 @@ def _share_outside(groups: List[Tuple[int, int, int, int, int]], total: int) -> 
     if len(groups) < 2 or total < 200:
         return 0.0
     x0, y0, x1, y1, count = groups[0]
-    max_gap = 0.6 * float(np.hypot(x1 - x0, y1 - y0))
+    max_gap = MAX_GAP * float(np.hypot(x1 - x0, y1 - y0))
     for g in groups[1:]:
         if max(g[0] - x1, x0 - g[2], g[1] - y1, y0 - g[3], 0) < max_gap:
             count += g[4]
@@ -217,4 +222,5 @@ def _busy_share(mask: Array) -> float:
     if not th or not tw:
         return 0.0
     tiles = cv2.resize(mask[: th * 16, : tw * 16].astype(np.float32), (tw, th), interpolation=cv2.INTER_AREA)
+    # two edge pixels in a tile may be noise
     return float((tiles > 3.0 / 256.0).mean())

@@ -209,6 +209,7 @@ def boxes(probability: Array, most: int = 4) -> List[Box]:
     candidates.sort(key=lambda f: -f[0])
     distinct: List[Box] = []
     for _, box in candidates:
+        # boxes that overlap more show the same object; chosen by eye
         if all(overlap(box, other) < 0.6 for other in distinct):
             distinct.append(box)
         if len(distinct) >= most:

@@ -70,6 +70,7 @@ def align_to_field(
         d = field.distance.reshape(-1)[flat]
         e = field.nearest.reshape(-1, 2)[flat]
         r = np.einsum("bmi,bmi->bm", e - uv, pr.normals)
+        # points less than 0.1 m before the camera project too unsteadily
         w = weight * inside * (d < reach) * (pr.points_camera_m[..., 2] > 0.1)
         w = geman_mcclure(w, r, 0.4 * reach)
         J = jacobian(pr, camera, t) / field.factor
@@ -189,6 +190,7 @@ def fine_align(
             shape = silhouette(quat.matrix(q)[0], t[0], target.occ, camera, origin, f, (w, h))
             inward = inward_sign(shape, uv, n)
         offset, strength = search_normals(gradients, uv, n, inward, reach)
+        # 4 sigma of the gradient noise: one of 16,000 noise samples
         is_edge = strength > 4.0
         r = np.where(is_edge, offset, 0.0)
         spread = max(0.35, 1.4826 * float(np.median(np.abs(r[is_edge]))) if is_edge.any() else 1.0)

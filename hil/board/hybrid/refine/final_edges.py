@@ -84,6 +84,7 @@ def region_gradients(frame: Observation, region: Region, *, empty: bool) -> Grad
     h, w = frame.image.shape
     x0, y0, x1, y1 = region.grown(MARGIN, w, h)
     small, factor = shrink(frame.image, x0, y0, x1, y1, LONGEST_PX)
+    # reduction blurs by itself; chosen by eye
     blur = 1.0 if factor > 1.5 else 1.5
     gx, gy = gradient(small, blur)
     return Gradients(gx, gy, frame.noise / factor * gradient_noise(blur), x0, y0, factor, empty)

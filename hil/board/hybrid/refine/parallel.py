@@ -131,6 +131,7 @@ def refine_in_parallel(
             (hypotheses if moved else finished).append(stepped)
     out = []
     for h in (*hypotheses, *finished):
+        # 1 mm keeps the logarithm finite
         diverged = abs(np.log(max(h.t[2], 1e-3) / max(h.origin.t[2], 1e-3))) > MAX_LOG_RANGE_CHANGE
         out.append(h.without_view(0.5 * h.score if diverged else h.score))
     return sorted(out, key=lambda h: -h.score)

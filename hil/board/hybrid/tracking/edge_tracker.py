@@ -37,6 +37,9 @@ STRENGTH_BONUS_PX = 0.04
 # Minimum strength of an edge [sigma of the noise].
 MIN_STRENGTH_SIGMA = 4.5
 
+# Weight above which a sample counts as tracked; chosen by eye.
+MIN_WEIGHT = 0.2
+
 # Gauss-Newton iterations at each reduction.
 ITERATIONS = 6
 
@@ -197,10 +200,10 @@ def _one_scale(
         fit_q,
         fit_t,
         np.linalg.pinv(H) * max(rms, 0.15) ** 2 * COVARIANCE_INFLATION,
-        float((weight > 0.2).mean()),
+        float((weight > MIN_WEIGHT).mean()),
         float((np.isfinite(candidate).any(axis=1) & (np.abs(r) < 1.0 * factor) & (weight > 0)).mean()),
         rms,
-        int((weight > 0.2).sum()),
+        int((weight > MIN_WEIGHT).sum()),
         new_polarity,
     )
 

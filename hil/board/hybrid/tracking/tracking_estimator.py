@@ -206,6 +206,7 @@ class TrackingEstimator(Estimator):
     def _align_on_edges(self, frame: Observation, state: TrackState) -> Optional[TrackFit]:
         """Return the predicted pose aligned on edges; None if it is too uncertain or the target too near."""
         craft, reach = self.craft, self._reach(state)
+        # nearer, edges lie beside or behind the camera; chosen by eye
         if reach is None or state.t[2] < 1.2 * craft.radius_m:
             return None
         frame.mark("predict")

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import math
 import re
 from dataclasses import dataclass
 from functools import cached_property
@@ -12,11 +11,10 @@ from typing import Any, Literal
 from flyaround.simulator.camera.lens.formats.xml_text import parse_xml
 from flyaround.simulator.camera.lens.formats.yaml_text import NUMBER, parse_yaml, scalar
 from flyaround.simulator.errors import UserError
-from flyaround.simulator.runtime.untrusted_files import decode_text, refuse_deep
+from flyaround.simulator.runtime.untrusted_files import decode_text, refuse_deep, refuse_not_finite
 
 Syntax = Literal["json", "yaml", "xml", "ini", "colmap"]
 _LINK = re.compile(r"[_\- ]")
-MAX_NUMBER = 10**300  # largest integer; from 1.8e308 on float() overflows
 _BINARY = (
     (b"v/1\x01", "an OpenEXR picture"),
     (b"\x89PNG", "a PNG picture"),
@@ -89,7 +87,7 @@ def parse_document(content: bytes, source: str) -> Document:
     if "\0" in text:
         raise UserError(f"{source} is not text: give a camera file, for example JSON or YAML")
     document = _parse_text(text, content, source)
-    _refuse_not_finite(document.table, source, "")
+    refuse_not_finite(document.table, source)
     return document
 
 
@@ -157,16 +155,3 @@ def _parse_ini(lines: list[str], source: str) -> dict[str, Any]:
     return {"camera_name": camera} | {
         key: scalar(values[0]) if len(values) == 1 else " ".join(values) for key, values in words.items()
     }
-
-
-def _refuse_not_finite(value: Any, source: str, key: str) -> None:  # noqa: ANN401 - a value of JSON is anything
-    if isinstance(value, dict):
-        for k, v in value.items():
-            _refuse_not_finite(v, source, f"{key}.{k}" if key else str(k))
-    elif isinstance(value, list):
-        for v in value:
-            _refuse_not_finite(v, source, key)
-    elif isinstance(value, float) and not math.isfinite(value):
-        raise UserError(f"{source}: key {key} is {value}, a finite number is needed")
-    elif isinstance(value, int) and abs(value) > MAX_NUMBER:
-        raise UserError(f"{source}: key {key} has {len(str(value))} digits, a number up to 1e300 is needed")

@@ -44,7 +44,7 @@ _NERF_FRAME = """
     semantic_path timestamp time camera_id file_path mask_path sharpness
 """
 _LENGTH_TOLERANCE = 2e-3  # relative tolerance between a focal length and an angle, which files round
-CORNER_TO_CENTRE_PX = -0.5
+CORNER_TO_CENTRE_PX = -0.5  # COLMAP's and NeRF's pixel (0, 0) is a corner, ours the centre of the first pixel
 
 
 def is_colmap(document: Document) -> bool:

@@ -34,6 +34,8 @@ CUT_POSITIONS = (0.15, 0.3, 0.4, 0.5, 0.6, 0.7, 0.85)
 """Positions of a cut along a piece, as shares of its length."""
 SIDE_PX = 48
 VIEWS = sphere_directions(14)[:7]
+"""Largest number of cells along the grid that measures how much of its hull a piece fills, and directions of the views:
+half of the sphere, because a silhouette from behind is the same."""
 HULL_DIRECTIONS = (64, 40, 26, 14, 10)
 """Directions of a hull's vertices; the largest set within the triangle budget is used."""
 ENCLOSED_SHARE, ENCLOSED_DISTANCE = 0.97, 0.008

@@ -1,1 +1,1 @@
-"""Readers of mesh files: glTF (with Draco), OBJ, STL. Nothing is repaired or proposed here."""
+"""Readers of mesh files: glTF (with Draco), OBJ, STL, and others by trimesh. Nothing is repaired or proposed here."""

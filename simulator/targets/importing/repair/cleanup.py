@@ -15,6 +15,7 @@ from flyaround.simulator.geometry.topology import (
     used_vertices,
     weld,
 )
+from flyaround.simulator.targets.check_target import MIN_AREA_M2
 
 if TYPE_CHECKING:
     from flyaround.simulator.geometry.topology import EdgeTable
@@ -87,7 +88,8 @@ def drop_slivers(body: MeshBody, extent: float, counts: RepairCounts) -> MeshBod
     corners = body.positions_m[body.triangles]
     longest = np.linalg.norm(corners - np.roll(corners, -1, axis=1), axis=2).max(axis=1)
     twice_area = np.linalg.norm(body.face_vectors, axis=1)
-    is_thin = twice_area <= np.maximum(MIN_FACE_HEIGHT * extent * longest, 2e-14)
+    # twice the smallest area that `check_target` accepts: float32 may still shrink it
+    is_thin = twice_area <= np.maximum(MIN_FACE_HEIGHT * extent * longest, 4 * MIN_AREA_M2)
     counts.zero_area += int(is_thin.sum())
     body = body.submesh(~is_thin)
     is_copy = _copies(body.triangles)

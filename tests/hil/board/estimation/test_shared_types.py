@@ -28,6 +28,11 @@ def test_quaternions_and_matrices_are_inverse():
         {"wireframe": []},
         {"wireframe": [{"name": "x", "a_m": [0, 0], "b_m": [0, 0, 1]}]},
         {"occluders": {"vertices_m": [[0, 0, 0]], "triangles": [[0, 1, 2]]}},
+        {"wireframe": [{"name": "x", "a_m": [0, 0, 0], "b_m": [0, 0, 1], "radius_m": float("nan")}]},
+        {"wireframe": [{"name": "x", "a_m": [0, 0, 0], "b_m": [0, 0, 1], "radius_m": -1}]},
+        {"mass_kg": float("inf")},
+        {"symmetry_wxyz": [[0, 0, 0, 0]]},
+        {"symmetry_wxyz": [[float("nan"), 0, 0, 0]]},
     ],
 )
 def test_a_bad_model_is_refused_with_a_reason(tmp_path, change):
@@ -37,6 +42,14 @@ def test_a_bad_model_is_refused_with_a_reason(tmp_path, change):
         BoardModel.read(path)
     with pytest.raises(BoardModelError, match="cannot be read"):
         BoardModel.read(tmp_path / "missing.json")
+
+
+@pytest.mark.parametrize("width_px", [0, -1, 640.5, float("nan"), "640", 10**9, None])
+def test_a_camera_of_no_whole_size_is_refused(width_px):
+    camera = {"width_px": width_px, "height_px": 480, "fx_px": 500, "fy_px": 500, "cx_px": 320, "cy_px": 240}
+    with pytest.raises(BoardModelError, match="camera"):
+        CameraIntrinsics.from_dict(camera)
+    assert CameraIntrinsics.from_dict({**camera, "width_px": 640.0}).width_px == 640
 
 
 @pytest.mark.parametrize(

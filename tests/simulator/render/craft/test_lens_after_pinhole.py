@@ -21,7 +21,7 @@ def drawn(draw_kit):
     pinhole = replace(
         draw_kit.camera, width_px=800, height_px=760, fx_px=2600.0, fy_px=2600.0, cx_px=399.3, cy_px=380.4
     )
-    lens = replace(pinhole, distortion=Distortion("brown-conrady", (-0.22, 0.5, -0.0007, 0.0)))
+    lens = replace(pinhole, distortion=Distortion("brown_conrady", (-0.22, 0.5, -0.0007, 0.0)))
     target = draw_kit.target([draw_kit.plate("p", "white", (0.05, 0.1, 0), 0.45)], [draw_kit.white()])
 
     def draw(order, z_m):

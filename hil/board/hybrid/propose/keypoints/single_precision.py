@@ -16,6 +16,7 @@ GRAPH, INITIALIZER, DATA_TYPE, RAW_DATA = 7, 5, 2, 9
 # TensorProto.DataType of half and single precision.
 FLOAT16, FLOAT = 10, 1
 
+# Wire types of Protocol Buffers: an integer of variable length, and bytes after their number.
 VARINT, BYTES = 0, 2
 
 
