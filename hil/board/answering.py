@@ -152,7 +152,7 @@ def _upper_triangle(covariance: Any) -> Optional[Tuple[float, ...]]:  # noqa: AN
     return tuple(triangle.tolist()) if np.all(np.abs(triangle) < MAX_COVARIANCE) else None
 
 
-def _numbers(values: Any, count: int, name: str) -> Optional[Tuple[float, ...]]:  # noqa: ANN401 - numbers, or None
+def _numbers(values: Any, count: int, name: str) -> Any:  # noqa: ANN401 - a tuple of ``count`` numbers, or None
     # OpenCV's translations are columns
     return None if values is None else tuple(_array(np.ravel(values), (count,), name).tolist())
 

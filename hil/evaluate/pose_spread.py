@@ -19,7 +19,7 @@ WRONG_SIGMAS = 5.0
 # Ratio of a normal distribution's standard deviation to its median absolute deviation.
 MAD_TO_SIGMA = 1.4826
 
-# Minimum number of poses for a spread, and smallest standard deviation reported.
+# Minimum number of poses for a spread, chosen by eye, and smallest standard deviation reported.
 MIN_POSES, MIN_SIGMA = 10, 1e-6
 
 
@@ -51,7 +51,7 @@ class PoseSpread(msgspec.Struct, frozen=True, kw_only=True):
 
 
 def pose_spread(records: Sequence[FrameScore]) -> PoseSpread | None:
-    """Return the spread of a set of frames; None for fewer than ten accepted poses."""
+    """Return the spread of a set of frames; None for fewer than ten accepted poses, or if all are wrong."""
     feasible = [r for r in records if r.feasible]
     accepted = [r for r in feasible if r.accepted]
     if len(accepted) < MIN_POSES:
@@ -62,6 +62,8 @@ def pose_spread(records: Sequence[FrameScore]) -> PoseSpread | None:
     parts = np.concatenate([shift, turn], axis=1)
     robust = MAD_TO_SIGMA * np.median(np.abs(parts), axis=0)
     right = np.all(np.abs(parts) <= WRONG_SIGMAS * np.maximum(robust, MIN_SIGMA), axis=1)
+    if not right.any():
+        return None
     rms = np.maximum(np.sqrt(np.mean(parts[right] ** 2, axis=0)), MIN_SIGMA)
     return PoseSpread(
         across_share=float(np.hypot(rms[0], rms[1]) / np.sqrt(2)),

@@ -16,6 +16,8 @@ if TYPE_CHECKING:
     from flyaround.simulator.piloting.docking_port import DockingPort
     from flyaround.simulator.runtime.arrays import FloatArray
 
+# The numbers below were chosen by eye: slow enough to look at, within `DockingLimits` and the chaser's thrust.
+
 SWITCH_PAIRS: tuple[tuple[Switch, Switch], ...] = (("right", "left"), ("down", "up"), ("forward", "back"))
 """Switches of the positive and negative direction along each camera axis."""
 
@@ -93,6 +95,7 @@ class Autopilot:
         elif max_step > COARSE_THRESHOLD_M_S:
             gain = COARSE_GAIN
         step *= gain
+        # more than half a step, so that a pulse never makes the error larger
         dead_band = max(0.6 * step, DEAD_BAND_M_S + DEAD_BAND_PER_M * max(f.axial_m, 0.0))
         closed = [
             positive if x > 0 else negative

@@ -49,6 +49,11 @@ class WorkerPool(Generic[T]):
         Restart processes that use no processor time for this long while a result is due; None waits for ever.
     clock : callable, optional
         Monotonic time [s].
+
+    Raises
+    ------
+    ValueError
+        If there is no process.
     """
 
     def __init__(

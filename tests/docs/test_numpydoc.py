@@ -1,8 +1,8 @@
 """Docstrings by numpydoc's rules: parameters in the signature's order with their types, and imperative summaries.
 
 Checks of numpydoc's validation on every docstring of the product: PR02, PR03, PR04, SS05, and, where there is a
-Parameters section, PR01. An Attributes section that stands for it is complete, too. A public function that raises says
-so in a Raises section.
+Parameters section, PR01. An Attributes section that stands for it is complete, too. A public function or class that
+raises says so in a Raises section.
 """
 
 import ast
@@ -117,6 +117,19 @@ def failures(path):
             and raises(node)
         ):
             yield f"{where}: no Raises section"
+        made_by = [
+            f
+            for f in (node.body if isinstance(node, ast.ClassDef) else [])
+            if is_init(f) or (isinstance(f, ast.FunctionDef) and f.name == "__post_init__")
+        ]
+        if (
+            any(map(raises, made_by))
+            and not node.name.startswith("_")
+            and not path.relative_to(ROOT).as_posix().startswith(WITHOUT_RAISES)
+            and ast.get_docstring(node)
+            and all(section(ast.get_docstring(n) or "", "Raises") is None for n in (node, *made_by))
+        ):
+            yield f"{where}: no Raises section for what its construction raises"
         body = section(ast.get_docstring(node) or "", "Parameters")
         listed = section(ast.get_docstring(node) or "", "Attributes")
         if (

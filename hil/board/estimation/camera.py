@@ -47,6 +47,12 @@ class CameraIntrinsics:
         Coefficients in OpenCV's order.
     encoding : str, optional
         Transfer function of the delivered images, inverted before estimation.
+
+    Raises
+    ------
+    BoardModelError
+        If a number is not finite or out of range, the encoding or distortion model is unknown, or the model takes
+        another number of coefficients.
     """
 
     width_px: int

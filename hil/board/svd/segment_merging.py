@@ -16,8 +16,14 @@ Array = np.ndarray
 # an edge in pieces.
 ANGLE_RAD = np.radians(4.0)
 
+# Offset and gap of merged segments, relative to the region's diagonal, and least offset [px]; chosen by eye.
+OFFSET_SHARE, GAP_SHARE, MIN_OFFSET_PX = 0.01, 0.1, 2.0
 
-def merge_segments(segments: Array, diagonal_px: float, keep: int = 60) -> Array:
+# Longest segments that are looked at, and largest number returned. They bound the time.
+MAX_SEGMENTS, MAX_MERGED = 400, 60
+
+
+def merge_segments(segments: Array, diagonal_px: float, keep: int = MAX_MERGED) -> Array:
     """Merge segments of similar direction, offset and position; longest first.
 
     Parameters
@@ -25,7 +31,7 @@ def merge_segments(segments: Array, diagonal_px: float, keep: int = 60) -> Array
     segments : (N, 4) array
         End points x0 y0 x1 y1.
     diagonal_px : float
-        Diagonal of the region, which scales the tolerances of offset (1 %) and gap (10 %).
+        Diagonal of the region, which scales the tolerances of offset and gap.
     keep : int, optional
         Maximum number of segments returned.
 
@@ -36,10 +42,10 @@ def merge_segments(segments: Array, diagonal_px: float, keep: int = 60) -> Array
     """
     s = np.asarray(segments, float).reshape(-1, 4)
     length = np.hypot(s[:, 2] - s[:, 0], s[:, 3] - s[:, 1])
-    order = np.argsort(-length)[:400]
+    order = np.argsort(-length)[:MAX_SEGMENTS]
     s, length = s[order], length[order]
     s, length = s[length > 1e-6], length[length > 1e-6]
-    offset_px, gap_px = max(2.0, 0.01 * diagonal_px), 0.1 * diagonal_px
+    offset_px, gap_px = max(MIN_OFFSET_PX, OFFSET_SHARE * diagonal_px), GAP_SHARE * diagonal_px
     free = np.ones(len(s), bool)
     out: List[Array] = []
     for i in range(len(s)):
@@ -48,10 +54,10 @@ def merge_segments(segments: Array, diagonal_px: float, keep: int = 60) -> Array
         current = s[i]
         members = np.zeros(len(s), bool)
         members[i] = True
-        for _ in range(2):
+        for attempt in range(2):
             near = free & _joinable(current, s, offset_px, gap_px)
             near[i] = True
-            if np.array_equal(near, members) and _ > 0:
+            if attempt > 0 and np.array_equal(near, members):
                 break
             members = near
             current = fit_line(s[members], length[members])

@@ -106,6 +106,11 @@ class LoopedPictures:
         Pixel value without light.
     scenes : sequence of SceneState, optional
         Scene of each image; empty if unknown.
+
+    Raises
+    ------
+    UserError
+        If there is no picture.
     """
 
     def __init__(

@@ -116,6 +116,11 @@ class TruthEndpoint:
         Address for boards, for the error message to a board that connects here by mistake.
     key : bytes, optional
         Key that a logger must prove to know within ``PROOF_NS``; None disables authentication.
+
+    Raises
+    ------
+    LinkError
+        If the address is not of TCP, or not available.
     """
 
     def __init__(self, url: str, board_url: str, key: bytes | None = None) -> None:

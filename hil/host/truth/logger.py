@@ -32,6 +32,11 @@ class TruthLogger:
         JSON-lines file to write; an existing one is overwritten.
     key : bytes, optional
         Pre-shared key; None disables authentication.
+
+    Raises
+    ------
+    UserError
+        If the address is invalid.
     """
 
     def __init__(self, url: str, path: Path, key: bytes | None = None) -> None:

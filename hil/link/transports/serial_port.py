@@ -38,6 +38,11 @@ class SerialTransport(StreamTransport):
 
     Packets may be lost or damaged, but not reordered. A serial line has no connection, so a lost peer shows only as
     silence or BYE. Without RTS/CTS there is no flow control: a receiver that does not read loses bytes.
+
+    Raises
+    ------
+    LinkError
+        If pyserial is missing, or the port cannot be opened at this rate.
     """
 
     # a damaged byte costs one chunk; the overhead is 20 bytes in 2048; slower lines use smaller chunks

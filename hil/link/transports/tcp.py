@@ -160,7 +160,13 @@ def connect_tcp(host: str, port: int, timeout_s: float) -> TcpTransport:
 
 
 class TcpListener:
-    """Listening TCP socket."""
+    """Listening TCP socket.
+
+    Raises
+    ------
+    LinkError
+        If the address or port is not available.
+    """
 
     def __init__(self, host: str, port: int) -> None:
         sock = None

@@ -53,7 +53,13 @@ FOLDERS = {"": "train", "train": "train", "validation": "val", "test": "test"}
 
 
 class BopWriter:
-    """Writer of data sets in the BOP format: one scene per split, and a model for each rendered shape."""
+    """Writer of data sets in the BOP format: one scene per split, and a model for each rendered shape.
+
+    Raises
+    ------
+    UserError
+        If the data set's target is not the one of that name here.
+    """
 
     def __init__(self, output: FormatOutput, card: DatasetCard) -> None:
         self._output, self._card = output, card

@@ -48,6 +48,11 @@ class UniformBlock:
         Binding point, one per block of the renderer.
     fields : tuple of Field
         Members in order. A ``mat4`` is set by a (4, 4) matrix that acts on columns.
+
+    Raises
+    ------
+    ValueError
+        If an array is of a type that std140 pads.
     """
 
     def __init__(self, context: moderngl.Context, name: str, binding: int, fields: tuple[Field, ...]) -> None:

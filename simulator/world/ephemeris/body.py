@@ -69,6 +69,11 @@ class BodyAir:
         Lower and upper edge [m].
     thickness_m : float, optional
         Height of the top [m].
+
+    Raises
+    ------
+    ValueError
+        If a height, density or coefficient is out of range, or the heights of the density do not increase.
     """
 
     rayleigh_m_um4: float

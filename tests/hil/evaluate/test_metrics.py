@@ -16,6 +16,7 @@ from flyaround.hil.evaluate.metrics import (
     wilson_interval,
 )
 from flyaround.hil.evaluate.pose_errors import FrameScore, frame_errors, frame_record
+from flyaround.hil.evaluate.pose_spread import pose_spread
 
 
 def about_z(deg):
@@ -170,3 +171,23 @@ def test_errors_drawn_from_a_covariance_are_chi_square_over_it():
     flat = np.array([[6.0, 8, 5, 6, 6, 7], [4.0, 8, 5, 5, 2, 5]])  # its eigenvalues round to above zero
     for missing in (None, np.zeros((6, 6)), np.full((6, 6), np.nan), flat.T @ flat):
         assert frame_record(q, t, q, t, accepted=True, covariance=missing).nees is None
+
+
+def test_poses_that_are_all_wrong_have_no_spread():
+    scores = []
+    for k in range(12):
+        errors = [0.01 * np.sin(k + axis) for axis in range(6)]
+        errors[k % 6] = 50.0
+        scores.append(
+            FrameScore(
+                range_m=10.0,
+                E_T_m=1.0,
+                e_t=0.1,
+                E_R_deg=1.0,
+                accepted=True,
+                feasible=True,
+                shift_camera_m=tuple(errors[:3]),
+                turn_camera_deg=tuple(errors[3:]),
+            )
+        )
+    assert pose_spread(scores) is None

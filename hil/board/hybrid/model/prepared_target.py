@@ -18,6 +18,11 @@ from flyaround.hil.board.hybrid.model.visibility import occluders, sample_edges
 
 Array = np.ndarray
 
+# Samples of an edge as long as the radius; distances of the view tables [radii], one for short and one for long range,
+# because perspective changes the shape at short range. Chosen by eye.
+SAMPLES_PER_RADIUS = 30.0
+TABLE_RADII = (4.5, 14.0)
+
 
 @dataclass(frozen=True, eq=False)
 class PreparedTarget:
@@ -64,10 +69,9 @@ class PreparedTarget:
         if model.faces is not None:
             model = replace(model, faces=NativeFaces.from_faces(model.faces))
         radius = model.radius_m
-        spacing = radius / 30.0
+        spacing = radius / SAMPLES_PER_RADIUS
         samples, occ = sample_edges(model, spacing), occluders(model)
-        # perspective changes the shape at short range: one table near, one far
-        tables = tuple(build_views(model, samples, occ, d * radius) for d in (4.5, 14.0))
+        tables = tuple(build_views(model, samples, occ, d * radius) for d in TABLE_RADII)
         curved = is_round(model)
         if model.outlines is not None and curved:
             tables = tuple(with_outlines(view, model.outlines, model.centre_m) for view in tables)

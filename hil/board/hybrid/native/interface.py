@@ -99,7 +99,13 @@ class ArrayPointer:
 
 
 class Structure(ctypes.Structure):
-    """Structure of the header, constructed from all fields by name; it keeps the arrays that it points to alive."""
+    """Structure of the header, constructed from all fields by name; it keeps the arrays that it points to alive.
+
+    Raises
+    ------
+    TypeError
+        If a field is missing, or is not in the header.
+    """
 
     pointers: Dict[str, Any] = {}  # noqa: RUF012 - filled where a structure is declared
 

@@ -10,10 +10,10 @@ from flyaround.hil.board.hybrid.image.observation import Observation
 from flyaround.hil.board.hybrid.model.prepared_target import PreparedTarget
 from flyaround.hil.board.hybrid.propose.keypoints.keypoint_proposal import LearnedProposal
 
-# Longest side of the edge field [px], and margin around the crop [share of the diagonal].
+# Longest side of the edge field [px], and margin around the crop [share of the diagonal]; chosen by eye.
 FIELD_PX, FIELD_MARGIN = 200, 0.05
 
-# Minimum side of a region [px].
+# Minimum side of a region [px]: the estimator declines smaller targets anyway.
 MIN_SIDE_PX = 24.0
 
 

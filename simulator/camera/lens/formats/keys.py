@@ -35,6 +35,11 @@ class Keys:
         Name of the format in messages, for example "ROS calibration".
     path : str
         Key of the table within the file, with its dot.
+
+    Raises
+    ------
+    UserError
+        If it is no table, or two of its keys say the same.
     """
 
     def __init__(self, table: Any, source: str, form: str, path: str = "") -> None:  # noqa: ANN401 - any value
