@@ -1,7 +1,7 @@
 """Train the keypoint network's trunk together with the heads of all built-in craft.
 
     python -m tools.train.keypoint_trunk draw VIEWS --workers 2
-    python -m tools.train.keypoint_trunk fit VIEWS STATE --minutes 180 --assistants 1
+    python -m tools.train.keypoint_trunk fit VIEWS STATE --minutes 180 --assistants 1 --captured SET ...
     python -m tools.train.keypoint_trunk write STATE
 
 ``draw`` and ``fit`` continue where they were interrupted. ``fit`` starts from the shipped weights, or with ``--anew``
@@ -41,6 +41,7 @@ from flyaround.hil.train.keypoints.trunk_file import fold, from_onnx, to_onnx, u
 from flyaround.hil.train.keypoints.view_files import Drawing, earths_of, render_views
 from flyaround.simulator.runtime.files import write_atomic
 from flyaround.simulator.targets.library import load_target
+from tools.train.captured import read_crops
 
 if TYPE_CHECKING:
     from multiprocessing.queues import Queue
@@ -65,24 +66,33 @@ VIEWS = {
 PAINTS = {"tango": ("tango", "tango-mockup")}
 
 # Samples of a batch; of other craft than Tango; of one other craft; share of a new training with easy samples.
-BATCH, OTHERS, PER_CRAFT, EASY_SHARE = 64, 40, 8, 0.2
+BATCH, OTHERS, PER_CRAFT, EASY_SHARE = 64, 32, 8, 0.2
+
+# Share of a craft's samples that are taken from labelled images, where there are any.
+CAPTURED_SHARE = 0.5
 
 # Shares of samples of Tango, for which laboratory images exist, and of other craft.
 LABORATORY = replace(HARD, earth_share=0.75)
 ORBIT = replace(LABORATORY, orbit_share=0.65)
 
 # Maximum learning rate of a training that starts from the shipped weights.
-RATE_AGAIN = 8e-4
+RATE_AGAIN = 7e-4
 
 CHECKPOINT_S = 120.0
 
 
 def drawing(folder: Path, name: str) -> Drawing:
     """Return the drawing of a craft's views."""
-    return Drawing(folder / name, PAINTS.get(name, (name,)), VIEWS[name], 30117)
+    return Drawing(folder / name, PAINTS.get(name, (name,)), VIEWS[name], 30118)
 
 
-def make_batches(folder: Path, seed: int, easy: Any, queue: Queue[Samples]) -> None:  # noqa: ANN401 - a shared flag
+def make_batches(
+    folder: Path,
+    captured: list[Path],
+    seed: int,
+    easy: Any,  # noqa: ANN401 - a shared flag
+    queue: Queue[Samples],
+) -> None:
     """Put batches into a queue until the process is killed."""
     cv2.setNumThreads(1)
     rng = np.random.default_rng(seed)
@@ -92,6 +102,7 @@ def make_batches(folder: Path, seed: int, easy: Any, queue: Queue[Samples]) -> N
         points = (keypoints_m(model) - model.centre_m) / model.radius_m
         views[name] = load_views(drawing(folder, name), points)
         earths[name] = image_pyramid(earths_of(drawing(folder, name)))
+    crops = read_crops(captured)
     others = [name for name in VIEWS if name != "tango"]
     while True:
         few = rng.choice(others, OTHERS // PER_CRAFT, replace=False)
@@ -99,8 +110,13 @@ def make_batches(folder: Path, seed: int, easy: Any, queue: Queue[Samples]) -> N
         parts = []
         for name, size in sizes.items():
             mix = EASY if easy.value else LABORATORY if name.startswith("tango") else ORBIT
-            which = rng.integers(len(views[name].lit), size=size)
+            n_captured = int(CAPTURED_SHARE * size) if name in crops and not easy.value else 0
+            which = rng.integers(len(views[name].lit), size=size - n_captured)
             parts.append(sample(views[name], earths[name], which, rng, mix))
+            if n_captured:
+                parts.append(
+                    crops[name].sample(rng.integers(len(crops[name].pictures), size=n_captured), rng)
+                )
         keys = ("inputs", "points", "present", "log_size")
         queue.put(
             (list(sizes.items()), Batch(*(np.concatenate([getattr(p, k) for p in parts]) for k in keys)))
@@ -191,7 +207,9 @@ class KeypointNetworks(nn.Module):  # type: ignore[misc]
             head.load_state_dict(state_of(shipped.head))
 
 
-def train(folder: Path, state: Path, minutes: float, assistants: int, *, anew: bool) -> None:
+def train(
+    folder: Path, captured: list[Path], state: Path, minutes: float, assistants: int, *, anew: bool
+) -> None:
     """Train until the total training time reaches ``minutes``."""
     torch.set_num_threads(1)
     torch.manual_seed(0)
@@ -201,7 +219,7 @@ def train(folder: Path, state: Path, minutes: float, assistants: int, *, anew: b
     kept = torch.load(state, weights_only=True) if state.exists() else None
     if kept is not None:
         steps, spent = kept["steps"], kept["spent_s"]
-    context.Process(target=make_batches, args=(folder, steps, easy, queue), daemon=True).start()
+    context.Process(target=make_batches, args=(folder, captured, steps, easy, queue), daemon=True).start()
     both = KeypointNetworks()
     if kept is None and not anew:
         both.load_shipped(queue.get()[1])
@@ -312,6 +330,9 @@ def main() -> None:
     fitted.add_argument("state", type=Path)
     fitted.add_argument("--minutes", type=float, default=180.0)
     fitted.add_argument("--assistants", type=int, default=1)
+    fitted.add_argument(
+        "--captured", type=Path, nargs="*", default=[], help="packed data sets (tools.train.captured)"
+    )
     fitted.add_argument("--anew", action="store_true", help="start from random weights")
     written = commands.add_parser("write", help="write the weights into the package")
     written.add_argument("state", type=Path)
@@ -321,7 +342,7 @@ def main() -> None:
             say = lambda done, of, name=name: print(f"{name}: {done} of {of}", flush=True)  # noqa: E731 - a line
             render_views(drawing(given.views, name), given.workers, say)
     elif given.command == "fit":
-        train(given.views, given.state, given.minutes, given.assistants, anew=given.anew)
+        train(given.views, given.captured, given.state, given.minutes, given.assistants, anew=given.anew)
     else:
         write(given.state)
 
