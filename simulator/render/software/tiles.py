@@ -44,8 +44,8 @@ MAX_GROUND_EXTENT, _MAX_FINE_EXTENT = 0.015, 0.06
 # over a side s is off by s^2 / (8 r), a quarter of a pixel for tiles of 32 px.
 MIN_POLE_DISTANCE_TILES = 16
 # Quantisation of the mipmap level, which all pixels of a smooth tile share. A tile that takes another level changes at
-# once: `high`, which blends levels, takes half the step, at the price of more draw calls.
-_LEVEL_STEP, _LEVEL_STEP_HIGH = 0.5, 0.25
+# once: with steps of 0.5 by up to 0.3 of white in broken cloud, with these unseen, at the price of more draw calls.
+_LEVEL_STEP = 0.25
 # Largest extent on the ground [radii], one degree, of a tile that may count as open ocean. A larger one may contain
 # bright water away from its corners.
 _MAX_OPEN_WATER_EXTENT = 0.017
@@ -170,17 +170,11 @@ class SortedTilesPass(EarthTilesPass):
         if earth.rect is not None:
             target_px = None if target is None else target.tiles_px
             moon = r[VIEW].moon_globe if r[VIEW].moon_share > 0 else None
-            step = _LEVEL_STEP_HIGH if scene.quality == "high" else _LEVEL_STEP
-            r[EARTH_TILES] = earth_tiles(earth, scene.camera, target_px, ice_day(scene), moon, step)
+            r[EARTH_TILES] = earth_tiles(earth, scene.camera, target_px, ice_day(scene), moon)
 
 
 def earth_tiles(
-    earth: GlobeView,
-    camera: Camera,
-    target_px: FloatArray | None,
-    day: str,
-    moon: FloatArray | None,
-    level_step: float = _LEVEL_STEP,
+    earth: GlobeView, camera: Camera, target_px: FloatArray | None, day: str, moon: FloatArray | None
 ) -> ScreenTiles:
     """Divide the image into tiles and group them by kind.
 
@@ -196,8 +190,6 @@ def earth_tiles(
         ISO 8601 day of the sea ice.
     moon : array or None
         Unit vector to the Moon, ``None`` if it gives no light.
-    level_step : float, optional
-        Quantisation of the tiles' mipmap levels.
     """
     rays = _CornerRays(earth, camera)
     size, columns, rows = rays.size_px, len(rays.x_px) - 1, len(rays.y_px) - 1
@@ -212,7 +204,7 @@ def earth_tiles(
     # encode the kind of a tile as one number
     ground = unlit * 128 + ~unlit * (bright_water * 16 + icy * 8)
     kind = covered * 2 + air * 32 + ~air * (ground + night) + (smooth | fine) * 4
-    log2_footprint = np.log2(np.fmax(rays.footprint_km, 1e-6)) / level_step
+    log2_footprint = np.log2(np.fmax(rays.footprint_km, 1e-6)) / _LEVEL_STEP
     level = np.where(smooth, np.round(log2_footprint[:-1, :-1]), 0).astype(int)
     is_whole = touched & ~fine
     codes, centers = (kind + level * 256)[is_whole], rays.centers_px(*is_whole.nonzero())
@@ -224,14 +216,14 @@ def earth_tiles(
         corner_steps = [log2_footprint[1:, :-1][halved] - levels, log2_footprint[:-1, 1:][halved] - levels]
         for row_fraction, column_fraction in itertools.product((0.25, 0.75), repeat=2):
             level = levels + row_fraction * corner_steps[0] + column_fraction * corner_steps[1]
-            level = np.where(level > FAR_LEVEL / level_step, np.round(level), np.floor(level)).astype(int)
+            level = np.where(level > FAR_LEVEL / _LEVEL_STEP, np.round(level), np.floor(level)).astype(int)
             codes = np.append(codes, kind[halved] + 64 + level * 256)
             offset = np.array([column_fraction - 0.5, row_fraction - 0.5], np.float32) * np.float32(size)
             centers = np.concatenate([centers, halved_centers + offset])
     return ScreenTiles(
         size,
         (size * columns, size * rows),
-        {_decode_kind(k, level_step): centers[codes == k] for k in map(int, np.unique(codes))},
+        {_decode_kind(k): centers[codes == k] for k in map(int, np.unique(codes))},
         rays.centers_px(*(~(touched & (smooth | fine))).nonzero()),
         bool(np.min(sun) < _MOONLIT_MU),
         halved,
@@ -252,7 +244,7 @@ def _covered_tiles(shape: tuple[int, int], size_px: int, target_px: FloatArray |
     return covered
 
 
-def _decode_kind(code: int, level_step: float) -> TileKind:
+def _decode_kind(code: int) -> TileKind:
     return TileKind(
         smooth=bool(code & 4),
         covered=bool(code & 2),
@@ -260,7 +252,7 @@ def _decode_kind(code: int, level_step: float) -> TileKind:
         unlit=bool(code & 128),
         icy=bool(code & 8),
         bright_water=bool(code & 16),
-        level=(code >> 8) * level_step,
+        level=(code >> 8) * _LEVEL_STEP,
         air=bool(code & 32),
         fine=bool(code & 64),
     )
