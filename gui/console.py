@@ -515,12 +515,8 @@ class Console:
 
     def say(self, text: str, level: Level = "note") -> None:
         """Show the operator a message; an immediate repetition, and an empty text, are dropped."""
-        if (
-            not text
-            or self.messages
-            and self.messages[-1].text == text
-            and not self.messages[-1].acknowledged
-        ):
+        newest = self.messages[-1] if self.messages else None
+        if not text or (newest is not None and newest.text == text and not newest.acknowledged):
             return
         self.messages = [*self.messages[-KEPT_MESSAGES:], Message(self.clock_ms, level, text)]
         log.log(logging.INFO if level == "note" else logging.WARNING, "%s", text)
