@@ -53,7 +53,7 @@ def acts_on_chaser(name: str) -> bool:
 
 @dataclass
 class Message:
-    """A message; cautions and warnings stay until they are acknowledged."""
+    """A message; cautions and warnings stay until they are acknowledged, or until their cause ends."""
 
     t_ms: int
     level: Level
@@ -70,12 +70,14 @@ class HandControl:
     ----------
     armed : bool
         True while keys, mouse and gamepad act on the chaser. Commands, buttons, scripts and the abort key always do.
+    flown : bool
+        True once a command of the hand has moved the chaser.
     thrust, turn : tuple of float
         Translation and rotation demanded by stick or mouse, each axis from -1 to 1.
     """
 
     def __init__(self) -> None:
-        self.armed = False
+        self.armed = self.flown = False
         self._held: set[str] = set()
         self._spent: set[str] = set()
         self.centre_sticks()
@@ -451,7 +453,7 @@ class Console:
         self.jobs.update(self.session, self.feed.newest, self.clock_ms)
 
     def _advance(self, t_ms: int) -> None:
-        jumped = self.session.clock.jump
+        jumped, before = self.session.clock.jump, self.session.state
         try:
             state = self.session.step(self.hand.command(), (t_ms - self.clock_ms) / 1000)
         except UserError as error:
@@ -459,11 +461,15 @@ class Console:
             self.session.clock.paused = True
             self.say(f"the flight is paused: {error}", "warning")
         else:
+            pulsed = not state.doing and state.propellant != before.propellant
+            pushed = pulsed or self.session.craft.steering.takes_over
+            self.hand.flown |= pushed and state.t_s > before.t_s
             for level, text in state.news:
                 self.say(text, level)
             if jumped and not self.session.clock.jump:
                 self.say(f"the jump has ended at T+{state.t_s:.1f} s, at 1x")
         self.clock_ms = t_ms
+        self.acknowledge([m for m in self.waiting if self.session.is_over(m.text)])
 
     def _take_opened(self) -> None:
         """Start the flight of a scenario that was opened, if any."""
@@ -526,9 +532,9 @@ class Console:
         """Unacknowledged cautions and warnings, the newest last."""
         return [m for m in self.messages if m.level != "note" and not m.acknowledged]
 
-    def acknowledge(self) -> None:
-        """Acknowledge all cautions and warnings."""
-        for message in self.waiting:
+    def acknowledge(self, messages: Sequence[Message] | None = None) -> None:
+        """Acknowledge cautions and warnings: those whose cause has ended, or by default all."""
+        for message in self.waiting if messages is None else messages:
             message.acknowledged, message.acknowledged_ms = True, self.clock_ms
 
     @property
