@@ -360,11 +360,8 @@ class Console:
 
     def _note_flown(self, name: str) -> None:
         """Count the flight as the operator's own after a command that was not refused."""
-        if (
-            acts_on_chaser(name)
-            and self.session.look_back.recorder is None
-            and self.session not in self.unsaved
-        ):
+        own = acts_on_chaser(name) and self.session not in self.unsaved
+        if own and self.session.look_back.recorder is None:
             self.unsaved.append(self.session)
 
     def do_line(self, line: str) -> None:

@@ -45,12 +45,9 @@ class FlyOnQuestion(Panel):
         """Draw into the current window."""
         w, session, waits = self._w, console.session, console.asked
         minutes, seconds = divmod(round(session.look_back.timeline.end_s - session.t_s), 60)
-        flown = f"{minutes} min {seconds} s"
-        now = duration_text(int(session.t_s))
+        now, flown = duration_text(int(session.t_s)), f"{minutes} min {seconds} s"
         w.text(f"Fly on from T+{now}? The {flown} flown after it are dropped.", style.WARN)
-        w.text(
-            "Timeline, Swap future brings them back, until the next time that a part is dropped.", style.QUIET
-        )
+        w.text("Timeline, Swap future brings back the part dropped last.", style.QUIET)
         stays = waits is None or not session.look_back.active
         if w.filled_button("Fly on", w.width / 2 - 4, style.GUARDED):
             console.do("timeline.fly-on")
