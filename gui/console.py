@@ -40,13 +40,20 @@ STEERING = frozenset(f"steer.{switch}" for switch in SWITCHES)
 """Names of the commands whose keys thrust or rotate."""
 FLOWN = frozenset({"steer", "guidance", "burn", "docking"})
 """Groups of commands that make a flight the operator's own."""
+NO_FLYING = frozenset({"steer.arm", "steer.stick-lost"})
+"""Commands of those groups that do not act on the chaser."""
 LONGEST_TICK_MS = 250
 """Longest step of real time; a stalled window does not catch up."""
 
 
+def acts_on_chaser(name: str) -> bool:
+    """Return True for the name of a command that flies the chaser."""
+    return name.partition(".")[0] in FLOWN and name not in NO_FLYING
+
+
 @dataclass
 class Message:
-    """A message; cautions and warnings stay until they are acknowledged."""
+    """A message; cautions and warnings stay until they are acknowledged, or until their cause ends."""
 
     t_ms: int
     level: Level
@@ -63,12 +70,14 @@ class HandControl:
     ----------
     armed : bool
         True while keys, mouse and gamepad act on the chaser. Commands, buttons, scripts and the abort key always do.
+    flown : bool
+        True once a command of the hand has moved the chaser.
     thrust, turn : tuple of float
         Translation and rotation demanded by stick or mouse, each axis from -1 to 1.
     """
 
     def __init__(self) -> None:
-        self.armed = False
+        self.armed = self.flown = False
         self._held: set[str] = set()
         self._spent: set[str] = set()
         self.centre_sticks()
@@ -221,6 +230,8 @@ class Console:
         Held commands that are running, by name.
     hand : HandControl, optional
         Manual control of the chaser.
+    asked : tuple or None, optional
+        Command, with its arguments, that waits for the answer whether the flight after the time shown is dropped.
 
     Attributes
     ----------
@@ -255,6 +266,7 @@ class Console:
     history: SettingsHistory = field(default_factory=SettingsHistory)
     held: frozenset[str] = frozenset()
     hand: HandControl = field(default_factory=HandControl)
+    asked: tuple[Command, tuple[Value, ...]] | None = None
     _player: Player | None = None
 
     def __post_init__(self) -> None:
@@ -297,14 +309,18 @@ class Console:
         arguments : Value
             Values in the order of the command's declaration.
         """
-        if refusal := self.attempt(name, *arguments):
-            self.say(refusal, "caution")
+        self.say(self.attempt(name, *arguments), "caution")
 
-    def attempt(self, name: str, *arguments: Value) -> str:
-        """Run a command as `do` does; return why it was refused, or an empty text."""
+    def attempt(self, name: str, *arguments: Value, asks: bool = True) -> str:
+        """Run a command as `do` does; return why it was refused, or an empty text.
+
+        While an earlier time is shown, a command that flies on from it first asks, unless ``asks`` is False.
+        """
         try:
             command = self.table[name]
             values = command.checked(arguments)
+            if asks and self._asks(command, values):
+                return ""
             self._note(Line(self.clock_ms, "do", name, values))
             before = deepcopy(self.options)
             command.call(self, values)
@@ -332,10 +348,20 @@ class Console:
         except OSError as error:
             self.say(f"the log's file takes no more lines: {error.strerror}", "warning")
 
+    def _asks(self, command: Command, values: tuple[Value, ...]) -> bool:
+        """Ask before a command drops the flight after the time shown; return True if the command must wait."""
+        released = command.name.startswith("steer.stick-") and not any(values)
+        flies = acts_on_chaser(command.name) or command.name.startswith("time.next-")
+        if released or not (flies and self.session.look_back.active):
+            return False
+        self.asked = command, values
+        self.open_panel("fly-on", shown=True)
+        return True
+
     def _note_flown(self, name: str) -> None:
         """Count the flight as the operator's own after a command that was not refused."""
-        flown = name.partition(".")[0] in FLOWN and name != "steer.arm"
-        if flown and self.session.look_back.recorder is None and self.session not in self.unsaved:
+        own = acts_on_chaser(name) and self.session not in self.unsaved
+        if own and self.session.look_back.recorder is None:
             self.unsaved.append(self.session)
 
     def do_line(self, line: str) -> None:
@@ -368,6 +394,8 @@ class Console:
 
     def hold(self, names: frozenset[str]) -> None:
         """Set the commands held from now on by keys and script."""
+        names -= {name for name in names - self.held if self._asks(self.table[name], ())}
+        # a script has given its answers
         names |= frozenset(self._player.held if self._player else ())
         for name in sorted(names - self.held):
             self._note(Line(self.clock_ms, "hold", name))
@@ -409,7 +437,7 @@ class Console:
             lines = self._player.due(self.clock_ms)
             self.hold(keys)
             for line in lines:
-                self.do(line.name, *line.arguments)
+                self.say(self.attempt(line.name, *line.arguments, asks=False), "caution")
             if self.opener.is_busy():
                 return
         self._advance(end)
@@ -422,7 +450,7 @@ class Console:
         self.jobs.update(self.session, self.feed.newest, self.clock_ms)
 
     def _advance(self, t_ms: int) -> None:
-        jumped = self.session.clock.jump
+        jumped, before = self.session.clock.jump, self.session.state
         try:
             state = self.session.step(self.hand.command(), (t_ms - self.clock_ms) / 1000)
         except UserError as error:
@@ -430,11 +458,15 @@ class Console:
             self.session.clock.paused = True
             self.say(f"the flight is paused: {error}", "warning")
         else:
+            pulsed = not state.doing and state.propellant != before.propellant
+            pushed = pulsed or self.session.craft.steering.takes_over
+            self.hand.flown |= pushed and state.t_s > before.t_s
             for level, text in state.news:
                 self.say(text, level)
             if jumped and not self.session.clock.jump:
                 self.say(f"the jump has ended at T+{state.t_s:.1f} s, at 1x")
         self.clock_ms = t_ms
+        self.acknowledge([m for m in self.waiting if self.session.is_over(m.text)])
 
     def _take_opened(self) -> None:
         """Start the flight of a scenario that was opened, if any."""
@@ -485,8 +517,9 @@ class Console:
     # --- messages
 
     def say(self, text: str, level: Level = "note") -> None:
-        """Show the operator a message; an immediate repetition is dropped."""
-        if self.messages and self.messages[-1].text == text and not self.messages[-1].acknowledged:
+        """Show the operator a message; an immediate repetition, and an empty text, are dropped."""
+        newest = self.messages[-1] if self.messages else None
+        if not text or (newest is not None and newest.text == text and not newest.acknowledged):
             return
         self.messages = [*self.messages[-KEPT_MESSAGES:], Message(self.clock_ms, level, text)]
         log.log(logging.INFO if level == "note" else logging.WARNING, "%s", text)
@@ -496,9 +529,9 @@ class Console:
         """Unacknowledged cautions and warnings, the newest last."""
         return [m for m in self.messages if m.level != "note" and not m.acknowledged]
 
-    def acknowledge(self) -> None:
-        """Acknowledge all cautions and warnings."""
-        for message in self.waiting:
+    def acknowledge(self, messages: Sequence[Message] | None = None) -> None:
+        """Acknowledge cautions and warnings: those whose cause has ended, or by default all."""
+        for message in self.waiting if messages is None else messages:
             message.acknowledged, message.acknowledged_ms = True, self.clock_ms
 
     @property

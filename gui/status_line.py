@@ -41,6 +41,9 @@ class StatusLine:
             rates = rates_text(console)
             free = w.width - imgui.calc_text_size(rates).x - 44 * self._w.window.scale
             text, colour = message_text(console)
+            # panels are drawn later, and say it again for the next frame
+            if flaw := w.window.flaw:
+                text, colour, w.window.flaw = flaw, style.BAD, ""
             if free > 40:
                 w.one_line(w.elided(text, free), colour)
                 if imgui.is_item_clicked():

@@ -94,6 +94,7 @@ class Surface(ABC):
         self.captured: ByteArray | None = None
         self.text_font, self.figure_font = self._load_fonts()
         self.font_scale = 1.0
+        self.flaw = ""  # what is wrong with a typed value, for the message line
         self._textures: dict[str, tuple[moderngl.Texture, object, tuple[int, int] | None]] = {}
 
     def _load_fonts(self) -> tuple[Any, Any]:

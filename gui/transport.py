@@ -146,6 +146,9 @@ class TransportStrip:
         """Abort by two clicks, of which the first opens the guard for five seconds; the key needs one press."""
         w = self._w
         opened = console.clock_ms - self._opened_ms < GUARD_MS
+        if not opened and self._opened_ms > -GUARD_MS:
+            self._opened_ms = -GUARD_MS
+            console.say("not aborted: the second click did not come within five seconds", "caution")
         fill = style.BAD if opened else style.GUARDED
         label = "ABORT? again" if opened else labelled("docking.abort", "ABORT")
         if w.filled_button(f"{label}###abort", width, fill):

@@ -34,8 +34,12 @@ class Widgets:
         self.window = window
         self.imgui = window.imgui
         self.implot = window.implot
-        self._refused: dict[str, tuple[str, str]] = {}
-        """Typed texts that were refused, and the reasons, by the key of their field."""
+        self._refused: dict[object, tuple[str, str]] = {}
+        """Typed texts that were refused, and the reasons, by field and owner."""
+        self._good: dict[str, str] = {}
+        """Last right text of each field, by its key."""
+        self._drawn: dict[object, int] = {}
+        """Number of the last frame in which a field was drawn."""
 
     # --- sizes
 
@@ -70,7 +74,9 @@ class Widgets:
         start, step = self.imgui.get_cursor_pos_x(), width + spacing
         for k in range(count):
             if k % columns:
-                self.imgui.same_line(start + k % columns * step)
+                self.imgui.same_line()
+                # not an offset of the line, which a table's column would add again
+                self.imgui.set_cursor_pos_x(start + k % columns * step)
             yield width
 
     def frame(self, rect: Sequence[float], rgba: style.Rgba) -> None:
@@ -191,14 +197,18 @@ class Widgets:
     def typed(self, key: str, text: str, argument: Argument) -> str:
         """Draw a field for an argument's value, which says what is wrong with its text; return the text."""
         text = str(self.imgui.input_text(f"##{key}", text)[1])
+        if self._given_up(key) and argument.flaw(text):
+            text = self._good.get(key, "")
         self.flaw(flaw := argument.flaw(text))
-        self.tip("" if flaw else argument.description)
+        if not flaw:
+            self._good[key] = text
+        self.tip(flaw or argument.description)
         return text
 
-    def entry(self, key: str, shown: str, take: Callable[[str], str], tip: str) -> None:
+    def entry(self, key: str, shown: str, take: Callable[[str], str], tip: str, of: object = None) -> None:
         """Draw a field for a value that Enter, or leaving the field, hands to ``take``.
 
-        What ``take`` refuses stays in the field, with the reason, until it is mended or Esc brings the value back.
+        What ``take`` refuses stays in the field until it is mended, Esc brings the value back, or the panel is hidden.
 
         Parameters
         ----------
@@ -210,38 +220,36 @@ class Widgets:
             Function that takes a text and returns why it refuses it, or an empty text.
         tip : str
             Hover text.
+        of : object, optional
+            Owner of the value, if the field may become another one's.
         """
         imgui = self.imgui
-        text = str(imgui.input_text(f"##{key}", self._refused.get(key, (shown, ""))[0])[1])
+        text = str(imgui.input_text(f"##{key}", self._refused.get((key, of), (shown, ""))[0])[1])
         ended = imgui.is_item_deactivated_after_edit() and not imgui.is_key_pressed(imgui.Key.escape)
-        self.answer(key, text, take(text) if ended else None)
-        self.tip("" if key in self._refused else f"{tip}; Enter takes it, Esc does not")
+        flaw = self.answer((key, of), text, take(text) if ended else None)
+        self.tip(flaw or f"{tip}; Enter takes it, Esc does not")
 
-    def answer(self, key: str, text: str, refusal: str | None) -> None:
-        """Keep why a text of the last item was refused in sight until another is taken, or Esc; None is no answer."""
-        if refusal is not None:
-            self._refused[key] = text, refusal
-        if refusal == "" or self.imgui.is_key_pressed(self.imgui.Key.escape):
+    def answer(self, key: object, text: str, refusal: str | None) -> str:
+        """Keep and return why a text of the last item was refused, until another is taken; None is no answer."""
+        if self._given_up(key) or refusal == "":
             self._refused.pop(key, None)
-        self.flaw(self._refused.get(key, ("", ""))[1])
+        elif refusal is not None:
+            self._refused[key] = text, refusal
+        self.flaw(flaw := self._refused.get(key, ("", ""))[1])
+        return flaw
+
+    def _given_up(self, key: object) -> bool:
+        """Return True on Esc, and if the field was out of sight since it was last drawn."""
+        now = self.imgui.get_frame_count()
+        before, self._drawn[key] = self._drawn.get(key, now), now
+        return now > before + 1 or self.imgui.is_key_pressed(self.imgui.Key.escape)
 
     def flaw(self, text: str) -> None:
-        """Frame the last item and write what is wrong with its value below it, over what is there; unless empty."""
-        imgui = self.imgui
-        if not text or not imgui.is_item_visible():
-            return
-        low, high = imgui.get_item_rect_min(), imgui.get_item_rect_max()
-        self.frame((low.x - 1, low.y - 1, high.x - low.x + 2, high.y - low.y + 2), style.BAD)
-        wide, pad = 18 * imgui.get_font_size(), 6.0 * self.window.scale
-        size = imgui.calc_text_size(text, wrap_width=wide)
-        left = min(low.x, imgui.get_main_viewport().size.x - size.x - 2 * pad)
-        draw, end = imgui.get_foreground_draw_list(), high.y + size.y + 2 * pad
-        draw.add_rect_filled(
-            self.vec(left, high.y), self.vec(left + size.x + 2 * pad, end), self.color(style.BAD), 3.0
-        )
-        ink = self.color(style.letters_on(style.BAD))
-        place = self.vec(left + pad, high.y + pad)
-        draw.add_text(imgui.get_font(), imgui.get_font_size(), place, ink, text, wrap_width=wide)
+        """Frame the last item, and say in the message line what is wrong with its value; unless empty."""
+        if text and self.imgui.is_item_visible():
+            low, high = self.imgui.get_item_rect_min(), self.imgui.get_item_rect_max()
+            self.frame((low.x - 1, low.y - 1, high.x - low.x + 2, high.y - low.y + 2), style.BAD)
+            self.window.flaw = text
 
     # --- controls of commands
 

@@ -87,8 +87,8 @@ class EstimatorPanel(Panel):
         w.text(*(("accepted", style.GOOD) if answer.accepted else declined), tip)
         w.row("Confidence", (answer.confidence,), "{:.3f}", "0 to 1; hybrid accepts from 0.9 on")
         if e.E_R_deg is not None and e.E_T_m is not None:
-            w.row("Attitude", (e.E_R_deg,), "{:.3f}°", "error of the attitude against the truth [°]")
-            w.row("Position", (1e3 * e.E_T_m,), "{:.1f} mm", "error of the position against the truth")
+            w.row("Attitude error", (e.E_R_deg,), "{:.3f}°", "error of the attitude against the truth [°]")
+            w.row("Position error", (1e3 * e.E_T_m,), "{:.1f} mm", "error of the position against the truth")
             share = 100 * e.E_T_m / max(e.range_m, 1e-9)
             w.row("of range", (share,), "{:.2f} %", "position error over the range")
         w.row("Took", (e.took_ms,), "{:.0f} ms", "all stages; making the estimator is not counted")

@@ -17,8 +17,6 @@ from flyaround.simulator.piloting.planned_burns import BurnPlan
 from flyaround.simulator.runtime.arrays import vec3
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-
     from flyaround.gui.console import Console
     from flyaround.gui.surface import Surface
     from flyaround.simulator.piloting.piloted_craft import PilotedCraft
@@ -125,45 +123,37 @@ class SteeringPanel(Panel):
     def _burns(self, console: Console) -> None:
         """Draw a table of the planned burns, whose numbers can be edited, and a button for a new one."""
         w, session = self._w, console.session
-        w.section("Planned burns [m/s]")
+        w.section("Burns: radial, along, cross [m/s]")
         burns = session.craft.steering.burns.burns
         at_s = max([session.t_s, *(b.end_s for b in burns)]) + FIRST_AFTER_S
         first = (round(at_s, 1), 0.0, FIRST_M_S, 0.0)
         # above the table, whose growth must not move it
         w.button(console, "burn.plan", *first, label="Add a burn", width=w.width)
-        rows = [self._burn_cells(console, k, burn) for k, burn in enumerate(burns)]
-        w.table("burns", (0.27, 0.63, 0.1), rows, ("T+ [s]", "radial, along, cross", ""))
+        for k, burn in enumerate(burns):
+            self._burn(console, k, burn)
         if burns:
             self._forecast(console)
             w.button(console, "burn.cancel", width=w.width)
 
-    def _burn_cells(self, console: Console, k: int, burn: PlannedBurn) -> tuple[Callable[[], None], ...]:
-        """Return the functions that draw time, components and the delete button of a burn."""
+    def _burn(self, console: Console, k: int, burn: PlannedBurn) -> None:
+        """Draw the delete button and the time of a burn, and below them its components in three equal fields."""
         w, imgui = self._w, self._w.imgui
         now = (burn.t_s, *(round(float(v), 6) for v in burn.delta_v_lvlh_m_s))
 
         def replan(which: int, text: str) -> str:
             return console.attempt("burn.plan", *now[:which], text, *now[which + 1 :], burn.t_s)
 
-        def time() -> None:
-            imgui.set_next_item_width(-1)
-            about = "middle of the burn since the scenario's start [s]"
-            w.entry(f"t{k}", f"{burn.t_s:.1f}", lambda text: replan(0, text), about)
-
-        def delta_v() -> None:
-            for axis, (name, width) in enumerate(
-                zip(("radial", "along", "cross"), w.grid(3, np.inf, 3), strict=True), 1
-            ):
-                imgui.set_next_item_width(width)
-                about = f"change of velocity, {name} [m/s]"
-                w.entry(f"v{k}{axis}", f"{now[axis]:.4g}", partial(replan, axis), about)
-
-        def cross() -> None:
-            if imgui.small_button(f"x##burn{k}"):
-                console.do("burn.cancel", burn.t_s)
-            w.command_tip(console, "burn.cancel", burn.t_s)
-
-        return time, delta_v, cross
+        if imgui.small_button(f"x##burn{k}"):
+            console.do("burn.cancel", burn.t_s)
+        w.command_tip(console, "burn.cancel", burn.t_s)
+        imgui.same_line()
+        about = "middle of the burn since the scenario's start [s]"
+        w.field(f"Burn {k + 1} at T+ [s]", about, 0.5)
+        w.entry(f"t{k}", f"{burn.t_s:.1f}", partial(replan, 0), about, burn.t_s)
+        for axis, width in enumerate(w.grid(3, np.inf, 3), 1):
+            imgui.set_next_item_width(width)
+            about = f"change of velocity, {('radial', 'along', 'cross')[axis - 1]} [m/s]"
+            w.entry(f"v{k}{axis}", f"{now[axis]:.4g}", partial(replan, axis), about, burn.t_s)
 
     def _forecast(self, console: Console) -> None:
         """Draw the delta-v of all burns, and the closest approach of their path to the target."""

@@ -40,6 +40,7 @@ STEPS = tuple(
     TourStep(title, text, frozenset(commands.split()), place)
     for title, text, place, commands in texts("tour").values()
 )
+FLY = STEPS[list(texts("tour")).index("fly")]
 
 
 class TourPanel(Panel):
@@ -53,6 +54,8 @@ class TourPanel(Panel):
         done_by = {line.name for line in console.log.lines[-MOST_LINES:]}
         posed = any(e.E_R_deg is not None for e in console.jobs.estimates.history)
         done_by -= set() if posed else {"estimator.run"}
+        # a key that is pressed while time stands flies nothing
+        done_by -= set() if console.hand.flown else FLY.commands
         step = console.help.tour_step
         if step < len(STEPS) and STEPS[step].commands & done_by:
             console.help.tour_step = step = step + 1

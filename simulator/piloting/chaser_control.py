@@ -49,8 +49,11 @@ COAST_STEP_S = 20.0
 ABORT_M_S2 = 0.25
 """Acceleration of an abort [m s-2]."""
 
+PLUME_CAUTION = "the plume strikes the target: push sideways, or from farther away"
 PLUME_CAUTION_INTERVAL_S = 300.0
-"""Minimum time between two cautions about plume impingement [s]."""
+"""Minimum time between two cautions about plume impingement, unless it was clear between them [s]."""
+PLUME_CLEAR_S = 10.0
+"""Time without plume impingement after which its caution is over [s]; longer than between two pulses of a key."""
 
 # LVLH components (radial, along-track, cross-track) of thrust right, down, forward: up is radial, forward is
 # along-track
@@ -91,7 +94,7 @@ class Steering:
         self.braking = False
         self.guarded = False
         self.plume = False
-        self._plume_told_s = -np.inf
+        self._plume_told_s = self._plume_s = -np.inf
         self.guided: ActiveGuidance | None = None
         self.aborting = False
         self.autopilot = False
@@ -252,10 +255,16 @@ class Steering:
         return command
 
     def _watch_plume(self, t_s: float, strikes: bool) -> None:  # noqa: FBT001 - result of a check
-        if strikes and t_s >= self._plume_told_s + PLUME_CAUTION_INTERVAL_S:
+        again = t_s >= self._plume_told_s + PLUME_CAUTION_INTERVAL_S or self.plume_clear(t_s)
+        if strikes and again:
             self._plume_told_s = t_s
-            self.news.append(("caution", "the plume strikes the target: push sideways, or from farther away"))
+            self.news.append(("caution", PLUME_CAUTION))
+        self._plume_s = t_s if strikes else self._plume_s
         self.plume = strikes
+
+    def plume_clear(self, t_s: float) -> bool:
+        """Return True if the plume has been clear of the target for `PLUME_CLEAR_S`, or if time was set back."""
+        return not 0.0 <= t_s - self._plume_s < PLUME_CLEAR_S
 
     # --- pushes
 

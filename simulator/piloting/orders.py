@@ -181,6 +181,14 @@ class Drift(Order):
         return "note", "guidance: none, the chaser drifts"
 
 
+WOULD_TAKE_BACK = "would take it back"  # part of the caution that a guidance undoes a planned burn
+
+
+def planned_text(burn: PlannedBurn) -> str:
+    """Return the answer to the plan of a burn."""
+    return f"a burn of {burn.size_m_s:.3g} m/s is planned at T+{burn.t_s:.1f} s"
+
+
 @dataclass(frozen=True)
 class PlanBurn(Order):
     """Plan a burn; one at the same time is replaced.
@@ -202,9 +210,9 @@ class PlanBurn(Order):
         steering = craft.steering
         others = steering.burns if self.replaces_s is None else steering.burns.without(self.replaces_s)
         steering.burns = others.with_burn(self.burn, craft.t_s)
-        text = f"a burn of {self.burn.size_m_s:.3g} m/s is planned at T+{self.burn.t_s:.1f} s"
+        text = planned_text(self.burn)
         if steering.doing:
-            return "caution", f"{text}, and {steering.doing} would take it back: Free drift ends that"
+            return "caution", f"{text}, and {steering.doing} {WOULD_TAKE_BACK}: Free drift ends that"
         return "note", text
 
 

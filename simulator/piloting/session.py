@@ -9,10 +9,11 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from flyaround.simulator.errors import UserError
+from flyaround.simulator.piloting.chaser_control import PLUME_CAUTION
 from flyaround.simulator.piloting.clock import FlightClock
 from flyaround.simulator.piloting.jumps import event_ahead_s
 from flyaround.simulator.piloting.look_back import LookBack
-from flyaround.simulator.piloting.orders import Abort
+from flyaround.simulator.piloting.orders import WOULD_TAKE_BACK, Abort, planned_text
 from flyaround.simulator.piloting.piloted_craft import PilotedCraft
 from flyaround.simulator.scenario.plan import plan_flight
 
@@ -187,6 +188,14 @@ class FlightSession:
             guarded=steering.guarded,
             plume=steering.plume,
         )
+
+    def is_over(self, caution: str) -> bool:
+        """Return True if the cause of a caution has ended: a clear plume, or a burn that nothing takes back."""
+        steering = self.craft.steering
+        if caution == PLUME_CAUTION:
+            return steering.plume_clear(self.t_s)
+        named = [b for b in steering.burns.burns if planned_text(b) in caution]
+        return WOULD_TAKE_BACK in caution and not (named and steering.doing)
 
     def scene(self) -> SceneState:
         """Return the present scene, for the scenario's own camera.

@@ -67,8 +67,8 @@ def test_seven_menus_hold_every_command_once(screen: Pointer) -> None:
         for name in commands_of(screen.console.table, entry)
     ]
     assert len(MENUS) == 7
-    # the question before quitting, and its answer
-    assert sorted([*held, "panel.quit", "window.close"]) == sorted(offered)
+    # questions before something is lost, and an answer
+    assert sorted([*held, "panel.fly-on", "panel.quit", "window.close"]) == sorted(offered)
 
 
 def test_abort_takes_two_clicks_and_its_guard_closes_by_itself(screen: Pointer) -> None:

@@ -34,13 +34,27 @@ def test_a_step_is_done_when_its_command_was(tour):
     assert turn() == 1
     console.do("steer.arm")
     assert turn() == 1
-    console.hold(frozenset({"steer.forward"}))
-    console.hold(frozenset())
+    console.pass_time(100, frozenset({"steer.forward"}))
+    console.pass_time(100)
+    assert turn() == 1, "nothing flies while time stands"
+    console.do("time.pause")
+    console.pass_time(100, frozenset({"steer.forward"}))
+    console.pass_time(100)
     console.do("steer.stop")
     assert (turn(), turn()) == (2, 3)
     for _ in STEPS:
         console.do("help.tour-next")
     assert turn() == len(STEPS)
+
+
+def test_a_pulse_counts_as_flying_by_hand(tour):
+    console, turn = tour
+    console.help.tour_step = 1
+    console.do("steer.pulse", "forward")
+    assert turn() == 1
+    for _ in range(5):
+        console.pass_time(100)
+    assert turn() == 2
 
 
 def test_the_estimate_is_done_by_a_pose_and_not_by_the_button(tour):

@@ -30,17 +30,7 @@ class Typist:
         self.window, self.console, self.panel = window, console, panel
         self.reasons: list[str] = []
         self.shown: dict[str, str] = {}
-        draw = window.plain.get_foreground_draw_list
         noted = self
-
-        class Seen:
-            def add_text(self, *arguments: object, **_: object) -> None:
-                noted.reasons.append(str(arguments[4]))
-
-            def __getattr__(self, name: str) -> object:
-                return getattr(draw(), name)
-
-        window.imgui.get_foreground_draw_list = Seen
         real = window.plain.input_text
 
         def input_text(label: str, text: str, *rest: object) -> object:
@@ -55,9 +45,10 @@ class Typist:
         self.turn()
 
     def turn(self) -> None:
-        self.reasons.clear()
+        self.window.flaw = ""
         with self.window.panel("typed", 420.0, 1700.0):
             self.panel.draw(self.console)
+        self.reasons = [self.window.flaw] if self.window.flaw else []
 
     def key(self, *names: str) -> None:
         io, keys = self.window.plain.get_io(), self.window.plain.Key
@@ -119,6 +110,56 @@ def test_leaving_a_field_takes_it(window: HeadlessWindow, console: Console) -> N
     typist.type("##v01", "0.002", end="tab")
     assert burn_s(console) == 650.0
     assert console.session.craft.steering.burns.burns[0].delta_v_lvlh_m_s == (0.002, 0.01, 0.0)
+
+
+def test_a_refused_text_belongs_to_its_burn(window: HeadlessWindow, console: Console) -> None:
+    console.do("burn.plan", 600.0, 0.0, 0.01, 0.0)
+    typist = Typist(window, console, SteeringPanel(window))
+    typist.type("##v01", "abc")
+    console.do("burn.cancel", 500.0)
+    typist.turn()
+    assert typist.shown["##v01"] == "0"
+    assert typist.reasons == []
+
+
+def test_esc_and_a_change_of_layout_end_a_refusal(window: HeadlessWindow, console: Console) -> None:
+    typist = Typist(window, console, SteeringPanel(window))
+
+    def hide() -> None:
+        for _ in range(2):
+            with window.panel("other", 420.0, 1700.0):
+                pass
+
+    for field, end in (("##t0", hide), ("##point1", hide), ("##point1", lambda: typist.key("escape"))):
+        before = typist.shown[field]
+        typist.type(field, "abc")
+        assert typist.shown[field] == "abc"
+        end()
+        typist.turn()
+        typist.turn()
+        assert typist.shown[field] == before
+        assert typist.reasons == []
+
+
+def test_the_components_of_a_burn_are_three_equal_fields(window: HeadlessWindow, console: Console) -> None:
+    panel = SteeringPanel(window)
+    fields: dict[str, tuple[float, float]] = {}
+    real = window.plain.input_text
+
+    def input_text(label: str, text: str) -> object:
+        given = real(label, text)
+        fields[label] = (window.plain.get_item_rect_min().x, window.plain.get_item_rect_max().x)
+        return given
+
+    window.imgui.input_text = input_text
+    for _ in range(2):
+        with window.panel("narrow", 254.0, 1700.0):
+            panel.draw(console)
+    spans = [fields[f"##v0{axis}"] for axis in (1, 2, 3)]
+    assert max(b - a for a, b in spans) - min(b - a for a, b in spans) < 1.0
+    assert all(b - a > window.plain.calc_text_size("-0.00123").x for a, b in spans)
+    assert all(0 < a < b < 254.0 for a, b in spans)
+    assert spans[0][1] < spans[1][0] < spans[1][1] < spans[2][0]
 
 
 def test_what_a_command_refuses_is_said_at_the_field(window: HeadlessWindow, console: Console) -> None:

@@ -88,6 +88,7 @@ class HeadlessWindow:
     size: tuple[int, int] = (1280, 800)
     scale: float = 1.0
     software: bool = False
+    flaw: str = ""
     noted: list[Noted] = field(default_factory=list)
 
     def __post_init__(self) -> None:
