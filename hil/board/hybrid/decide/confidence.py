@@ -52,7 +52,7 @@ COVARIANCE_FACTOR, COVARIANCE_SIZE_PX, COVARIANCE_POWER = 0.32, 400.0, 1.2
 
 # Standard deviations added under lamps, because a mock-up differs from its model: rotation [rad], and position over
 # range (tools/studies/confidence_fit.py).
-LAMPS_SIGMA_RAD, LAMPS_SIGMA_SHARE = 0.014, 0.010
+LAMPS_SIGMA_RAD, LAMPS_SIGMA_SHARE = 0.0175, 0.0125
 
 # Standard deviations added for uncalibrated craft, whose surfaces and roll angles are less well determined.
 UNCALIBRATED_SIGMA_RAD, UNCALIBRATED_SIGMA_SHARE = 0.010, 0.005
