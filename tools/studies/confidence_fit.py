@@ -68,6 +68,7 @@ def collected(folder: Path, target: str | None) -> list[dict[str, Any]]:
             "turn_deg": float(turn_deg),
             "off_m": float(off_m),
             "size_px": float(evidence.size_px),
+            "saturated": float(evidence.saturated),
             "accepted": bool(result.accepted),
             "range_m": float(np.linalg.norm(truth.t_camera_from_target_m)),
             "error": _error(truth, result),

@@ -11,7 +11,7 @@ from __future__ import annotations
 import argparse
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import Any
 
 import cv2
 import msgspec
@@ -33,8 +33,7 @@ from flyaround.simulator.labels.imported import read_label_record
 from flyaround.simulator.targets.library import load_target
 from flyaround.simulator.world.frames.rotation import matrix_from_quat
 
-if TYPE_CHECKING:
-    from flyaround.simulator.runtime.arrays import FloatArray
+Array = np.ndarray[Any, Any]
 
 # Side of a crop [px], and diameter of the target's bounding sphere in it: 1.3 times that in the network's input.
 CROP_PX, SPHERE_PX = 384, 120.0
@@ -67,12 +66,12 @@ class CapturedCrops:
         Keypoints relative to the centre of the crop [px].
     """
 
-    pictures: FloatArray
-    noise: FloatArray
-    image_px: FloatArray
-    points: FloatArray
+    pictures: Array
+    noise: Array
+    image_px: Array
+    points: Array
 
-    def sample(self, which: FloatArray, rng: np.random.Generator) -> Batch:
+    def sample(self, which: Array, rng: np.random.Generator) -> Batch:
         """Return a batch with one sample of each of the given crops."""
         size = len(which)
         sigmas = np.array(CROP_SIGMAS)[rng.choice(len(CROP_SIGMAS), size, p=PASS_SHARES)]
@@ -106,7 +105,7 @@ class CapturedCrops:
         )
 
 
-def _changed(picture: FloatArray, noise: float, rng: np.random.Generator) -> tuple[FloatArray, float]:
+def _changed(picture: Array, noise: float, rng: np.random.Generator) -> tuple[Array, float]:
     """Return a picture with another exposure, transfer function, compression and noise, and its noise."""
     top = max(float(picture.max()), 1.0)
     if rng.random() < OVEREXPOSED_SHARE:

@@ -41,7 +41,7 @@ MIN_MARGIN, MIN_IMAGE_MARGIN = 0.015, 0.005
 # UNCALIBRATED_MARGIN of the score, because half turns of round bodies differ by 4 % of it, and their logit is reduced,
 # as is the logit of a craft without a network.
 CALIBRATED_CRAFT = ("tango", "tango-mockup")
-UNCALIBRATED_MARGIN, UNCALIBRATED_PENALTY, NO_NETWORK_PENALTY = 0.1, 3.0, 2.0
+UNCALIBRATED_MARGIN, UNCALIBRATED_PENALTY, NO_NETWORK_PENALTY = 0.1, 2.0, 3.0
 
 # Explained share of the craft's area below which the reason of a declined pose is the unexplained image.
 MIN_EXPLAINED_AREA = 0.3
