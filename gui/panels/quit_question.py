@@ -47,9 +47,12 @@ class FlyOnQuestion(Panel):
         minutes, seconds = divmod(round(session.look_back.timeline.end_s - session.t_s), 60)
         now, flown = duration_text(int(session.t_s)), f"{minutes} min {seconds} s"
         w.text(f"Fly on from T+{now}? The {flown} flown after it are dropped.", style.WARN)
+        w.tip("a command that flies on from the past drops the flight after it")
         w.text("Timeline, Swap future brings back the part dropped last.", style.QUIET)
         stays = waits is None or not session.look_back.active
-        if w.filled_button("Fly on", w.width / 2 - 4, style.GUARDED):
+        goes = w.filled_button("Fly on", w.width / 2 - 4, style.GUARDED)
+        w.tip("fly on from the time shown, and do what was asked for")
+        if goes:
             console.do("timeline.fly-on")
             # a key must be pressed again
             if waits is not None and not waits[0].held:
