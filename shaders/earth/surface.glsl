@@ -180,11 +180,6 @@ Surface surface_at(GroundPoint g, vec4 map, vec2 land_uv, Waters waters) {
     s.veil = 0.12 * cover2;
     s.mean = cover * (0.95 + cover * (0.14 + cover2 * (11.7 * cover2 * cover - 1.44)));
     s.lit = map.z;
-#if NIGHT
-    // coarser levels hold means of square roots, which are too low; fitted to the Earth's cities
-    float wide = max(MAP_LEVEL, 0.0);
-    s.lit *= exp2(wide * (0.06 + 0.025 * wide));
-#endif
     return s;
 }
 

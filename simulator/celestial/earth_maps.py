@@ -27,6 +27,8 @@ if TYPE_CHECKING:
 # Size of the day map [px].
 WIDTH, HEIGHT = 8064, 4032
 DAY, CLOUDS = "day_2004-08_8064x4032.jpg", "clouds_8064x4032.jpg"
+# Channel of the first map that holds the square root of the city lights.
+LIGHTS_CHANNEL = 2
 NIGHT, COAST = "night_8064x4032.jpg", "coast_sdf_8640x4320.png"
 TERRAIN = "terrain_detail_1024.png"
 TERRAIN_SLOPE_MAX = 0.9  # full scale of its slope channels, plus and minus
@@ -190,7 +192,8 @@ def _pack_panchromatic() -> ByteArray:
     squares = np.round(np.arange(256) ** 2 / 255).astype(np.uint8)
 
     def night() -> None:
-        cv2.insertChannel(cv2.LUT(decode_map(NIGHT, cv2.IMREAD_GRAYSCALE), squares), out, 2)
+        lights = cv2.LUT(decode_map(NIGHT, cv2.IMREAD_GRAYSCALE), squares)
+        cv2.insertChannel(lights, out, LIGHTS_CHANNEL)
 
     with ThreadPoolExecutor(helper_threads()) as pool:
         # decode everything first: strips would compete with the decoders for Python's lock

@@ -12,7 +12,7 @@ from flyaround.simulator.celestial.air_tables import COSINES, GROUND_SAMPLES, RA
 from flyaround.simulator.celestial.city_lights import night_texture
 from flyaround.simulator.celestial.detail_noise import detail_texture
 from flyaround.simulator.celestial.earth_albedo import albedo_of_day
-from flyaround.simulator.celestial.earth_maps import packed_maps
+from flyaround.simulator.celestial.earth_maps import LIGHTS_CHANNEL, packed_maps
 from flyaround.simulator.celestial.ocean_colour import ocean_colour
 from flyaround.simulator.celestial.seasons import Season, ground_slopes, month_gains, season
 from flyaround.simulator.render.gl.mipmaps import mipmap_chain
@@ -79,7 +79,7 @@ def prefetch_earth_maps(bands_name: Bands, environment: Environment, epoch_utc: 
     # longest tasks first: the detail texture alone takes as long as the maps
     pools = [ThreadPoolExecutor(1) for _ in range(min(helper_threads(), 2))]
     with_maps, other_pools = pools[0], pools[-1]
-    maps = with_maps.submit(lambda: [mipmap_chain(image, globe=True) for image in packed_maps(bands)])
+    maps = with_maps.submit(_map_chains, bands)
     albedo = with_maps.submit(albedo_of_day, epoch_utc, clouds=environment.clouds, ice=environment.sea_ice)
     months = with_maps.submit(_months, sorted({dates.before, dates.after}), bands)
     # last, because few scenes need it
@@ -164,6 +164,15 @@ def _completed(value: _T) -> Future[_T]:
     future: Future[_T] = Future()
     future.set_result(value)
     return future
+
+
+def _map_chains(bands: int) -> list[MipmapChain]:
+    """Return the maps with their levels; the first map's lights are square roots."""
+    first, *others = packed_maps(bands)
+    return [
+        mipmap_chain(first, globe=True, root_channel=LIGHTS_CHANNEL),
+        *(mipmap_chain(image, globe=True) for image in others),
+    ]
 
 
 def _months(months: list[int], bands: int) -> dict[int, MipmapChain]:

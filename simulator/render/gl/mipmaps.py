@@ -36,7 +36,7 @@ class MipmapChain:
     smaller: ByteArray
 
 
-def mipmap_chain(image: ByteArray, *, globe: bool) -> MipmapChain:
+def mipmap_chain(image: ByteArray, *, globe: bool, root_channel: int | None = None) -> MipmapChain:
     """Return the image with its levels, cached if the image came from `cached_array`. Needs no OpenGL.
 
     Parameters
@@ -46,12 +46,16 @@ def mipmap_chain(image: ByteArray, *, globe: bool) -> MipmapChain:
     globe : bool
         True for an equirectangular map of a globe, row 0 at the north pole. Towards the poles, the smaller levels
         average columns, so that a texel is as wide as high on the ground: a driver chooses a level by one footprint.
+    root_channel : int, optional
+        Channel of square roots, whose squares are averaged.
     """
     name = entry_of(image)
     if name is None:
-        return MipmapChain(image, _smaller(image, globe=globe))
-    key = entry_name(f"{name}-levels", (_smaller,), globe)
-    return MipmapChain(image, cached_array(key, lambda: _smaller(image, globe=globe)))
+        return MipmapChain(image, _smaller(image, globe=globe, root_channel=root_channel))
+    key = entry_name(f"{name}-levels", (_smaller,), [globe, root_channel])
+    return MipmapChain(
+        image, cached_array(key, lambda: _smaller(image, globe=globe, root_channel=root_channel))
+    )
 
 
 def texture_of_levels(context: moderngl.Context, levels: Sequence[ByteArray]) -> moderngl.Texture:
@@ -65,7 +69,7 @@ def texture_of_levels(context: moderngl.Context, levels: Sequence[ByteArray]) ->
 
 
 def mipmapped_texture(context: moderngl.Context, levels: MipmapChain) -> moderngl.Texture:
-    """Return a texture with all its levels; without direct calls of OpenGL the driver generates them.
+    """Return a texture with all its levels.
 
     Free it with `release_mipmapped`: moderngl does not delete textures that it did not create.
     """
@@ -76,6 +80,11 @@ def mipmapped_texture(context: moderngl.Context, levels: MipmapChain) -> moderng
     if library is None or components not in _FORMATS:
         texture = context.texture((width, height), components, image, alignment=1)
         texture.build_mipmaps()
+        offset = 0
+        for level, (w, h) in enumerate(_sizes(width, height), 1):
+            end = offset + w * h * components
+            texture.write(levels.smaller[offset:end].tobytes(), level=level, alignment=1)
+            offset = end
         return texture
     name = ctypes.c_uint()
     library.glGenTextures(1, ctypes.byref(name))
@@ -177,11 +186,15 @@ def _sizes(width: int, height: int) -> list[tuple[int, int]]:
     return sizes
 
 
-def _smaller(image: ByteArray, *, globe: bool) -> ByteArray:
+def _smaller(image: ByteArray, *, globe: bool, root_channel: int | None) -> ByteArray:
     """Return the levels from the second on, concatenated."""
     levels, level = [], np.asarray(image)
+    squares = None if root_channel is None else np.float32(level[..., root_channel]) ** 2
     for size in _sizes(image.shape[1], image.shape[0]):
         level = np.asarray(cv2.resize(level, size, interpolation=cv2.INTER_AREA), np.uint8)
+        if squares is not None:
+            squares = np.asarray(cv2.resize(squares, size, interpolation=cv2.INTER_AREA), np.float32)
+            level[..., root_channel] = np.rint(np.sqrt(squares))
         levels.append((_equalize_texels(level) if globe else level).ravel())
     return np.concatenate(levels)
 

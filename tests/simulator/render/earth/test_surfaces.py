@@ -131,8 +131,7 @@ def test_cities_send_as_much_light_whatever_a_pixel_is_wide(renderer, city):
         renderer.render(replace(scene, camera=camera(400.0, size)), load_target("tango")).radiance.mean()
         for size in (64, 16)
     )
-    # 6 to 20 % more by pixels of 25 km, most for Cairo: not explained
-    assert far == pytest.approx(near, rel=0.22)
+    assert far == pytest.approx(near, rel=0.1)
 
 
 @pytest.mark.parametrize("quality", ["default", "high"])
