@@ -189,7 +189,7 @@ def _sizes(width: int, height: int) -> list[tuple[int, int]]:
 def _smaller(image: ByteArray, *, globe: bool, root_channel: int | None) -> ByteArray:
     """Return the levels from the second on, concatenated."""
     levels, level = [], np.asarray(image)
-    squares = None if root_channel is None else np.float32(level[..., root_channel]) ** 2
+    squares = None if root_channel is None else level[..., root_channel].astype(np.float32) ** 2
     for size in _sizes(image.shape[1], image.shape[0]):
         level = np.asarray(cv2.resize(level, size, interpolation=cv2.INTER_AREA), np.uint8)
         if squares is not None:
