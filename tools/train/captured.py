@@ -82,27 +82,39 @@ class CapturedCrops:
         noise = np.empty(size)
         points = np.empty((size, *self.points.shape[1:]), np.float32)
         for i, k in enumerate(which):
-            scale = INPUT_FILL * INPUT_PX * float(np.exp(crop[i, 2])) / SPHERE_PX
-            c, s = scale * np.cos(turn[i]), scale * np.sin(turn[i])
-            A = np.array([[c, -s], [s, c]])
-            centre = 0.5 * (INPUT_PX - 1) + 0.5 * INPUT_PX * crop[i, :2]
-            M = np.column_stack([A, centre - A @ np.full(2, 0.5 * (CROP_PX - 1))])
-            picture = self.pictures[k].astype(np.float32)
-            # the mean of the area of each pixel of the input, as the board takes
-            soft = cv2.GaussianBlur(picture, (0, 0), 0.5 * float(np.sqrt(max(1 / scale**2 - 0.5, 0.05))))
-            flags = cv2.INTER_LINEAR
-            picture = cv2.warpAffine(
-                soft, M, (INPUT_PX, INPUT_PX), flags=flags, borderMode=cv2.BORDER_REPLICATE
-            )
-            noise[i] = self.noise[k] / max(float(self.image_px[k]) / scale, 1.0)
+            picture, noise[i], points[i] = self.input_of(int(k), crop[i], turn[i])
             out[i], noise[i] = _changed(picture, noise[i], rng)
-            points[i] = (self.points[k] @ A.T + centre - 0.5 * (INPUT_PX - 1)) / (0.5 * INPUT_PX)
         return Batch(
             channels(out, noise).astype(np.float16),
             points,
             np.ones(size, np.float32),
             crop[:, 2].astype(np.float32),
         )
+
+    def input_of(self, k: int, crop: Array, turn: float) -> tuple[Array, float, Array]:
+        """Return a crop resampled to the network's input, its noise, and its keypoints (K, 2) [half sides].
+
+        Parameters
+        ----------
+        k : int
+            Index of the crop.
+        crop : (3,) array
+            Shift of the target [half sides], and logarithm of its size.
+        turn : float
+            Turn about the line of sight [rad].
+        """
+        scale = INPUT_FILL * INPUT_PX * float(np.exp(crop[2])) / SPHERE_PX
+        c, s = scale * np.cos(turn), scale * np.sin(turn)
+        A = np.array([[c, -s], [s, c]])
+        centre = 0.5 * (INPUT_PX - 1) + 0.5 * INPUT_PX * crop[:2]
+        M = np.column_stack([A, centre - A @ np.full(2, 0.5 * (CROP_PX - 1))])
+        picture = self.pictures[k].astype(np.float32)
+        # the mean of the area of each pixel of the input, as the board takes
+        soft = cv2.GaussianBlur(picture, (0, 0), 0.5 * float(np.sqrt(max(1 / scale**2 - 0.5, 0.05))))
+        size, border = (INPUT_PX, INPUT_PX), cv2.BORDER_REPLICATE
+        picture = cv2.warpAffine(soft, M, size, flags=cv2.INTER_LINEAR, borderMode=border)
+        points = (self.points[k] @ A.T + centre - 0.5 * (INPUT_PX - 1)) / (0.5 * INPUT_PX)
+        return picture, self.noise[k] / max(float(self.image_px[k]) / scale, 1.0), points
 
 
 def _changed(picture: Array, noise: float, rng: np.random.Generator) -> tuple[Array, float]:

@@ -31,6 +31,11 @@ LEARNING_RATE, WEIGHT_DECAY, WARM_UP_STEPS, MAX_GRADIENT = 2e-3, 0.02, 300, 5.0
 AVERAGE_DECAY = 0.998
 
 
+def bin_centres() -> Tensor:
+    """Return the centres (BINS,) of the bins [half sides]."""
+    return (torch.arange(BINS) + 0.5) * BIN_WIDTH - HALF_RANGE
+
+
 def target_distributions(points: Tensor) -> tuple[Tensor, Tensor]:
     """Return the target distributions (B, K, 2, BINS), and a mask (B, K, 2) that is 1 for keypoints within the bins.
 
@@ -39,8 +44,7 @@ def target_distributions(points: Tensor) -> tuple[Tensor, Tensor]:
     points : (B, K, 2) tensor
         Keypoints relative to the centre of the input [half sides].
     """
-    centres = (torch.arange(BINS) + 0.5) * BIN_WIDTH - HALF_RANGE
-    offset = (points[..., None] - centres) / (TARGET_SIGMA_BINS * BIN_WIDTH)
+    offset = (points[..., None] - bin_centres()) / (TARGET_SIGMA_BINS * BIN_WIDTH)
     shape = torch.exp(-0.5 * offset * offset)
     return shape / shape.sum(-1, keepdim=True).clamp_min(1e-6), (points.abs() < HALF_RANGE).float()
 

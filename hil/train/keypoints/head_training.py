@@ -18,9 +18,6 @@ from flyaround.hil.board.hybrid.propose.keypoints.head import SHAPES, KeypointHe
 from flyaround.hil.board.hybrid.propose.keypoints.network import trunk_bytes, trunk_sha256
 from flyaround.hil.board.hybrid.propose.keypoints.network_input import INPUT_PX
 from flyaround.hil.board.hybrid.propose.keypoints.network_output import (
-    BIN_WIDTH,
-    BINS,
-    HALF_RANGE,
     keypoints_m,
 )
 from flyaround.hil.evaluate.method_choice import board_model
@@ -242,7 +239,7 @@ class _HeadTraining:
         """Return the median keypoint error [px], the share below 10 px, and the share of targets detected."""
         self._head.load_state_dict(self.mean)
         rng = np.random.default_rng([self._seed, 2])
-        centres = ((torch.arange(BINS) + 0.5) * BIN_WIDTH - HALF_RANGE).numpy()
+        centres = fit.bin_centres().numpy()
         errors, noticed = [], []
         for first in range(0, self._n_held_out, BATCH):
             which = np.arange(first, min(first + BATCH, self._n_held_out))

@@ -38,26 +38,8 @@ PIXELS_PER_INPUT_PIXEL = 65.0
 # Width and height of an image [px of the SPEED camera].
 FRAME_PX = (1920.0, 1200.0)
 
-# Error of the logarithm of the exposure: standard deviation, and maximum of a grossly wrong exposure.
-EXPOSURE_SIGMA, MAX_EXPOSURE_ERROR = 0.4, 2 * float(np.log(2.0))
-
-# Range of the logarithm of the measured noise over the true one.
-NOISE_LOG_ERROR = (-0.1, 0.5)
-
-# Shares of the laboratory samples with each effect. A larger share trains the network for that effect, at the cost of
-# clean samples. Chosen by hand; no study compares them.
-TEXTURE_SHARE = 0.3
-CABLE_SHARE = 0.3
-DEFORMED_SHARE = 0.3
-STRAY_LIGHT_SHARE = 0.25
-OCCLUDED_SHARE = 0.2
-JPEG_SHARE = 0.2
-HOT_PIXEL_SHARE = 0.4
-GLOW_SHARE = 0.6
-SHADOW_SHARE = 0.08
-
-# Share of the surfaces that mirror a lamp.
-MIRROR_SHARE = 0.06
+# Maximum error of the logarithm of a grossly wrong exposure.
+MAX_EXPOSURE_ERROR = 2 * float(np.log(2.0))
 
 # Standard deviation of the deformation [px], and its correlation length [px].
 DEFORMATION_PX, DEFORMATION_SCALE_PX = 1.2, 20.0
@@ -88,6 +70,31 @@ class SampleMix:
         Share of orbit samples with a grossly wrong exposure.
     noise : tuple of float, optional
         Range of the noise per pixel [full scale].
+    noise_log_error : tuple of float
+        Range of the logarithm of the measured noise over the true one.
+    exposure_sigma : float
+        Standard deviation of the logarithm of the exposure of the other orbit samples.
+    level_sigma : float
+        Standard deviation of the logarithm of the signal to which a laboratory sample's surface is exposed.
+    level_ranks : tuple of float
+        Range of the quantile of the surface's signal that is exposed to this level.
+    lamps : tuple of float
+        Shares of the lights that are on in a laboratory sample; at least one is.
+    ambient : tuple of float
+        Ambient light in a laboratory sample, relative to the brightest surface.
+    surface_spreads : tuple of float
+        Range of the standard deviation of the logarithm of a laboratory sample's surface brightnesses.
+    surface_slopes : tuple of float
+        Range of the standard deviation of their slopes across the view, which are also those of a lamp's beam.
+    mirror_share : float
+        Share of a laboratory sample's surfaces that mirror a lamp.
+    texture_share, cable_share, deformed_share, stray_light_share, occluded_share, jpeg_share : float
+        Shares of the laboratory samples with a texture on the target, cables or bars across the image, a deformed
+        target, stray light, a part of the target occluded, and JPEG compression.
+    hot_pixel_share, glow_share, blur_share : float
+        Shares of the laboratory samples with hot pixels, glow about bright surfaces, and blur.
+    shadow_share : float
+        Share of samples with a shadow across the image.
     """
 
     crop_sigmas: tuple[tuple[float, float], ...] = ((0.28, 0.42), (0.12, 0.2), (0.04, 0.08))
@@ -96,6 +103,25 @@ class SampleMix:
     earth_share: float = 0.65
     misexposed_share: float = 0.3
     noise: tuple[float, float] = (0.002, 0.075)
+    noise_log_error: tuple[float, float] = (-0.1, 0.5)
+    exposure_sigma: float = 0.4
+    level_sigma: float = 0.7
+    level_ranks: tuple[float, float] = (0.5, 0.995)
+    lamps: tuple[float, ...] = (0.3, 0.6, 1.0)
+    ambient: tuple[float, ...] = (0.0, 0.01, 0.04)
+    surface_spreads: tuple[float, float] = (0.05, 0.7)
+    surface_slopes: tuple[float, float] = (0.0, 1.2)
+    mirror_share: float = 0.06
+    texture_share: float = 0.3
+    cable_share: float = 0.3
+    deformed_share: float = 0.3
+    stray_light_share: float = 0.25
+    occluded_share: float = 0.2
+    jpeg_share: float = 0.2
+    hot_pixel_share: float = 0.4
+    glow_share: float = 0.6
+    blur_share: float = 0.5
+    shadow_share: float = 0.08
 
 
 # Full range of conditions, and an easier curriculum for the start: from random weights, attitudes are then learned much
@@ -210,17 +236,17 @@ def sample(
     points = np.empty((size, len(views.keypoints), 2), np.float32)
     for i, k in enumerate(view_indices):
         M = _affine(turn[i], crop[i])
-        signal = _orbit_signal(views, k, rng) if is_orbit[i] else _laboratory_signal(views, k, rng)
+        signal = _orbit_signal(views, k, rng) if is_orbit[i] else _laboratory_signal(views, k, rng, mix)
         picture, cover = _warp(signal, views.cover[k], M, float(np.exp(crop[i, 2])))
         compose = _orbit_picture if is_orbit[i] else _laboratory_picture
         picture = compose(picture, cover, earths, reduction[i], bool(present[i]), noise[i], rng, mix)
         picture += rng.standard_normal(picture.shape, np.float32) * input_noise[i]
-        if not is_orbit[i] and rng.random() < JPEG_SHARE:
+        if not is_orbit[i] and rng.random() < mix.jpeg_share:
             picture = _compress(picture, rng)
         pictures[i] = _replicate_border(picture, reduction[i], crop[i], rng)
         points[i] = _keypoint_pixels(views, k) @ M[:, :2].T + M[:, 2]
     points = (points - 0.5 * (INPUT_PX - 1)) / (0.5 * INPUT_PX)
-    noise_error = np.exp(rng.uniform(*NOISE_LOG_ERROR, size)).astype(np.float32)
+    noise_error = np.exp(rng.uniform(*mix.noise_log_error, size)).astype(np.float32)
     inputs = channels(pictures, input_noise * noise_error)
     return Batch(
         inputs.astype(np.float16),
@@ -277,17 +303,17 @@ def _orbit_signal(views: LitViews, k: int, rng: Generator) -> Float32Array:
     return _mix_lights(views, k, weights)
 
 
-def _laboratory_signal(views: LitViews, k: int, rng: Generator) -> Float32Array:
+def _laboratory_signal(views: LitViews, k: int, rng: Generator, mix: SampleMix) -> Float32Array:
     """Return the target under several lamps, with other surfaces than in the model, a random share saturated."""
     lights = views.lit.shape[1]
-    weights = np.exp(rng.normal(0, 1.5, lights)) * (rng.random(lights) < rng.choice([0.3, 0.6, 1.0]))
+    weights = np.exp(rng.normal(0, 1.5, lights)) * (rng.random(lights) < rng.choice(mix.lamps))
     if not weights.any():
         weights[rng.integers(lights)] = 1.0
     signal = _mix_lights(views, k, weights)
     # other surface brightnesses and specular reflections of a lamp; each surface with its own fall-off
-    spread, tilt = rng.uniform(0.05, 0.7), rng.uniform(0.0, 1.2)
+    spread, tilt = rng.uniform(*mix.surface_spreads), rng.uniform(*mix.surface_slopes)
     log_gain = rng.normal(0, spread, MAX_LABEL)
-    mirror = rng.random(MAX_LABEL) < MIRROR_SHARE
+    mirror = rng.random(MAX_LABEL) < mix.mirror_share
     log_gain[mirror] += rng.uniform(0.5, 3.0, int(mirror.sum()))
     a, b = (
         rng.normal(0, tilt, MAX_LABEL).astype(np.float32) + np.float32(rng.normal(0, 0.5)) for _ in range(2)
@@ -295,14 +321,14 @@ def _laboratory_signal(views: LitViews, k: int, rng: Generator) -> Float32Array:
     label = views.label[k]
     field = log_gain.astype(np.float32)[label] + a[label] * _X + b[label] * _Y
     # ambient light: shadows are not quite black, equal for all surfaces
-    floor = np.float32(rng.choice([0.0, 0.01, 0.04]) * float(signal.max()))
+    floor = np.float32(rng.choice(mix.ambient) * float(signal.max()))
     signal = (signal + floor * (label > 0)) * np.exp(np.clip(field, -3, 3))
     surface = signal[views.cover[k] > 128]
     if not len(surface):
         return signal
     # normalise a quantile of the visible surface to a random level: from little light to half of the target saturated
-    level = float(np.exp(rng.normal(np.log(0.7), 0.7)))
-    rank = int(rng.uniform(0.5, 0.995) * (len(surface) - 1))
+    level = float(np.exp(rng.normal(np.log(0.7), mix.level_sigma)))
+    rank = int(rng.uniform(*mix.level_ranks) * (len(surface) - 1))
     return signal * np.float32(level / max(float(np.partition(surface, rank)[rank]), 1e-4))
 
 
@@ -321,10 +347,10 @@ def _orbit_picture(
         np.exp(
             rng.uniform(-MAX_EXPOSURE_ERROR, MAX_EXPOSURE_ERROR)
             if misexposed
-            else rng.normal(0, EXPOSURE_SIGMA)
+            else rng.normal(0, mix.exposure_sigma)
         )
     )
-    picture = _add_shadow(signal, rng) * gain
+    picture = _add_shadow(signal, rng, mix.shadow_share) * gain
     if not present or rng.random() < mix.earth_share:
         earth = _window(earths, reduction / 4, rng)
         picture = picture + (1 - cover) * earth * np.float32(gain * rng.uniform(0.6, 1.4))
@@ -341,15 +367,15 @@ def _laboratory_picture(
     present: bool,  # noqa: FBT001 - positional in a private call
     _noise: float,
     rng: Generator,
-    _mix: SampleMix,
+    mix: SampleMix,
 ) -> Float32Array:
-    picture = np.minimum(_add_shadow(signal, rng), np.float32(MAX_SIGNAL))
-    if rng.random() < TEXTURE_SHARE:
+    picture = np.minimum(_add_shadow(signal, rng, mix.shadow_share), np.float32(MAX_SIGNAL))
+    if rng.random() < mix.texture_share:
         texture = _window(earths, reduction / 4 * rng.uniform(0.25, 1.0), rng)
         texture = (texture - texture.mean()) / max(float(texture.std()), 1e-3)
         strength = np.float32(rng.uniform(0.1, 0.7))
         picture = picture * np.exp(strength * np.clip(texture, -2.5, 2.5) * cover)
-    if rng.random() < CABLE_SHARE:
+    if rng.random() < mix.cable_share:
         _draw_cables(picture, rng)
     if not present or rng.random() < LAB_EARTH_SHARE:
         background = _window(earths, reduction / 4 * rng.uniform(0.5, 2.0), rng)
@@ -357,24 +383,24 @@ def _laboratory_picture(
             np.exp(rng.uniform(-2.5, 0.8))
         )
         picture = picture + (1 - cover) * background
-    for _ in range(rng.integers(4) if rng.random() < HOT_PIXEL_SHARE else 0):
+    for _ in range(rng.integers(4) if rng.random() < mix.hot_pixel_share else 0):
         cv2.circle(picture, rng.integers(INPUT_PX, size=2).tolist(), 1, float(rng.uniform(0.1, 0.8)), -1)
-    if rng.random() < OCCLUDED_SHARE:
+    if rng.random() < mix.occluded_share:
         # an occluding object of any brightness
         x, y = rng.integers(INPUT_PX, size=2)
         w, h = rng.integers(8, 48, size=2)
         picture[y : y + h, x : x + w] = rng.choice([0.0, rng.uniform(0, 1.2)])
-    if rng.random() < DEFORMED_SHARE:
+    if rng.random() < mix.deformed_share:
         picture = _deform(picture, rng)
-    if rng.random() < GLOW_SHARE:
+    if rng.random() < mix.glow_share:
         small = cv2.resize(picture, (INPUT_PX // 4, INPUT_PX // 4), interpolation=cv2.INTER_AREA)
         glow = cv2.GaussianBlur(small, (0, 0), float(rng.uniform(0.8, 4.5)))
         wide = cv2.resize(glow, (INPUT_PX, INPUT_PX), interpolation=cv2.INTER_LINEAR)
         picture = picture + np.float32(rng.uniform(0.0, 0.12)) * wide
-    if rng.random() < 0.5:
+    if rng.random() < mix.blur_share:
         picture = cv2.GaussianBlur(picture, (0, 0), float(rng.uniform(0.4, 1.8)))
     picture = np.clip(picture, 0.0, 1.0) ** np.float32(np.exp(rng.normal(0, 0.2)))
-    if rng.random() < STRAY_LIGHT_SHARE:
+    if rng.random() < mix.stray_light_share:
         a = rng.uniform(0, 2 * np.pi)
         ramp = np.clip(0.5 + 0.5 * (np.float32(np.cos(a)) * _U + np.float32(np.sin(a)) * _V), 0, 1)
         picture = picture + np.float32(rng.uniform(0.0, 0.2)) * ramp ** np.float32(rng.uniform(0.5, 4.0))
@@ -418,9 +444,9 @@ def _deform(picture: Float32Array, rng: Generator) -> Float32Array:
     )
 
 
-def _add_shadow(signal: Float32Array, rng: Generator) -> Float32Array:
+def _add_shadow(signal: Float32Array, rng: Generator, share: float) -> Float32Array:
     """Return the signal, sometimes with a straight shadow edge over a part of it."""
-    if rng.random() > SHADOW_SHARE:
+    if rng.random() > share:
         return signal
     angle, edge = rng.uniform(0, 2 * np.pi), rng.uniform(-0.25, 0.25)
     dark = np.float32(np.cos(angle)) * _U + np.float32(np.sin(angle)) * _V > edge

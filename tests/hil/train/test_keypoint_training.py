@@ -26,9 +26,10 @@ pytest.importorskip("onnx", reason="the extra 'train'")
 from flyaround.hil.train.fitting import Budget  # noqa: E402 - needs PyTorch
 from flyaround.hil.train.keypoints import fit, head_training  # noqa: E402
 from flyaround.hil.train.keypoints.head_training import train_head  # noqa: E402
-from flyaround.hil.train.keypoints.samples import HARD, image_pyramid, sample  # noqa: E402
+from flyaround.hil.train.keypoints.samples import HARD, Batch, image_pyramid, sample  # noqa: E402
 from flyaround.hil.train.keypoints.trunk_file import fold, from_onnx, to_onnx, unfold  # noqa: E402
 from flyaround.hil.train.keypoints.view_files import Drawing, earths_of, render_views  # noqa: E402
+from tools.studies.randomisation import VARIANTS  # noqa: E402
 
 CRAFT = "cubesat-1u"
 
@@ -52,6 +53,21 @@ def test_keypoints_lie_where_the_craft_is(drawing: Drawing) -> None:
     spread = np.linalg.norm(batch.points - batch.points.mean(axis=1, keepdims=True), axis=-1)
     assert spread.max() < 2.2
     assert 0 < batch.present.sum() <= 20
+
+
+@pytest.mark.parametrize("name", VARIANTS)
+def test_a_left_out_randomisation_changes_pictures_and_keeps_labels(drawing: Drawing, name: str) -> None:
+    model = head_training.board_model(head_training.load_target(CRAFT))
+    points = (head_training.keypoints_m(model) - model.centre_m) / model.radius_m
+    views, earths = head_training.load_views(drawing, points), image_pyramid(earths_of(drawing))
+
+    def first(variant: str) -> Batch:
+        return sample(views, earths, np.arange(20), np.random.default_rng(1), VARIANTS[variant])
+
+    left_out, everything = first(name), first("everything")
+    assert np.array_equal(left_out.points[0], everything.points[0])
+    assert np.array_equal(left_out.present, everything.present)
+    assert np.array_equal(left_out.inputs, everything.inputs) == (name == "everything")
 
 
 def test_the_wanted_distribution_has_its_mean_at_the_keypoint() -> None:
