@@ -39,7 +39,7 @@ from flyaround.hil.train.keypoints.samples import Batch, SampleMix, image_pyrami
 from flyaround.hil.train.keypoints.trunk_file import from_onnx, unfold
 from flyaround.hil.train.keypoints.view_files import earths_of
 from flyaround.simulator.dataset.card import read_card
-from flyaround.simulator.dataset.formats.native import frame_paths, is_frame_complete
+from flyaround.simulator.dataset.formats.native import frame_paths
 from flyaround.simulator.labels.imported import read_label_record
 from flyaround.simulator.targets.library import load_target
 from flyaround.simulator.world.frames.rotation import matrix_from_quat
@@ -166,10 +166,9 @@ def true_attitudes(folder: Path) -> tuple[Array, Array]:
     model = board_model(load_target(card.target.name))
     rotations, focal = [], []
     for k in range(card.n_frames):
-        if not is_frame_complete(folder, k):
-            continue
-        truth = read_label_record(frame_paths(folder, k).truth)
-        if not truth.feasible:
+        # the images may be gone once their crops are packed
+        path = frame_paths(folder, k).truth
+        if not path.exists() or not (truth := read_label_record(path)).feasible:
             continue
         R = matrix_from_quat(np.asarray(truth.q_camera_from_target_wxyz, float))
         centre = R @ model.centre_m + np.asarray(truth.t_camera_from_target_m, float)
@@ -222,7 +221,7 @@ def compare(out: Path, folders: list[Path]) -> None:
     torch.set_num_threads(1)
     recipes: dict[str, list[Path]] = {}
     for folder in folders:
-        recipes.setdefault(read_card(folder).scenario.name, []).append(folder)
+        recipes.setdefault(read_card(folder).scenario_name, []).append(folder)
     for recipe, sets in recipes.items():
         judged = {}
         for name in VARIANTS:

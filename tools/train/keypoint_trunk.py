@@ -66,7 +66,7 @@ VIEWS = {
 PAINTS = {"tango": ("tango", "tango-mockup")}
 
 # Samples of a batch; of other craft than Tango; of one other craft; share of a new training with easy samples.
-BATCH, OTHERS, PER_CRAFT, EASY_SHARE = 64, 32, 8, 0.2
+BATCH, OTHERS, PER_CRAFT, EASY_SHARE = 64, 40, 8, 0.2
 
 # Share of a craft's samples that are taken from labelled images, where there are any.
 CAPTURED_SHARE = 0.5

@@ -3,7 +3,8 @@
 *Orbit* samples show the target in sunlight, in front of the Earth or of space. *Laboratory* samples show it under
 lamps, with randomised surfaces, background and camera errors, so that the network does not depend on the rendering
 (domain randomisation; after Park & D'Amico 2024, Robust multi-task learning and online refinement for spacecraft pose
-estimation across domain gap). Ranges without a source were chosen by hand (docs/lab/2026-11-keypoint-network.md).
+estimation across domain gap). Ranges without a source were chosen by hand; `tools.studies.randomisation` compares trainings without each of
+them (docs/lab/2026-11-keypoint-network.md).
 """
 
 from __future__ import annotations
@@ -107,7 +108,7 @@ class SampleMix:
     exposure_sigma: float = 0.4
     level_sigma: float = 0.7
     level_ranks: tuple[float, float] = (0.5, 0.995)
-    lamps: tuple[float, ...] = (0.3, 0.6, 1.0)
+    lamps: tuple[float, ...] = (0.0, 0.3, 0.6, 1.0)
     ambient: tuple[float, ...] = (0.0, 0.01, 0.04)
     surface_spreads: tuple[float, float] = (0.05, 0.7)
     surface_slopes: tuple[float, float] = (0.0, 1.2)
