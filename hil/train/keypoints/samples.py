@@ -3,8 +3,8 @@
 *Orbit* samples show the target in sunlight, in front of the Earth or of space. *Laboratory* samples show it under
 lamps, with randomised surfaces, background and camera errors, so that the network does not depend on the rendering
 (domain randomisation; after Park & D'Amico 2024, Robust multi-task learning and online refinement for spacecraft pose
-estimation across domain gap). Ranges without a source were chosen by hand; `tools.studies.randomisation` compares trainings without each of
-them (docs/lab/2026-11-keypoint-network.md).
+estimation across domain gap). Ranges without a source were chosen by hand; `tools.studies.randomisation` compares
+trainings without each of them (docs/lab/2026-11-keypoint-network.md).
 """
 
 from __future__ import annotations
