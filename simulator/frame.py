@@ -8,10 +8,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from flyaround.simulator.errors import UserError
 from flyaround.simulator.imaging.exposure import integrate
 from flyaround.simulator.imaging.image_formation import digitise_scene, expose_scene, prefetch_scene_noise
 from flyaround.simulator.labels.labelling import label_picture
 from flyaround.simulator.labels.request import LabelRequest
+from flyaround.simulator.scene.limits import imaging_problem
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -106,7 +108,15 @@ def take_frame(
         Model of the scene's craft, before any variation.
     labels : bool or LabelRequest, optional
         True for truth and mask, or a request for further layers.
+
+    Raises
+    ------
+    UserError
+        If a number of the lens, optics or sensor is out of range, or does not fit the others.
     """
+    problem = imaging_problem(scene)
+    if problem is not None:
+        raise UserError(f"the scene cannot be drawn: {problem}")
     target = scene.target.drawn(target)
     start = time.perf_counter()
     noise = prefetch_scene_noise(scene)

@@ -85,7 +85,19 @@ def scene_problem(scene: SceneState) -> str | None:
         factors = [x for s in variation.surfaces.values() for x in (s.reflectance, s.roughness)]
         if not np.abs(variation.stretch).max() <= MAX_STRETCH or not all(0 <= x <= 100 for x in factors):
             return f"scene.target.variation: its stretch is at most {MAX_STRETCH:g}, its factors 0 to 100"
-    lens = camera_problem(c)
+    imaging = imaging_problem(scene)
+    if imaging is not None:
+        return imaging
+    try:
+        Instant.from_utc(scene.epoch_utc)
+    except ValueError as error:
+        return f"scene.epoch_utc: {error}"
+    return None
+
+
+def imaging_problem(scene: SceneState) -> str | None:
+    """Return the first field of a scene's lens, optics and sensor that is out of range or does not fit the others."""
+    lens = camera_problem(scene.camera)
     if lens is not None:
         return f"scene.camera.{lens}"
     part = (
@@ -101,10 +113,6 @@ def scene_problem(scene: SceneState) -> str | None:
         return (
             f"scene.sensor.detector.colour_filter is {detector.colour_filter!r}, which needs scene.bands rgb"
         )
-    try:
-        Instant.from_utc(scene.epoch_utc)
-    except ValueError as error:
-        return f"scene.epoch_utc: {error}"
     return None
 
 
