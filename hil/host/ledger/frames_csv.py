@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from flyaround.hil.host.frame_record import ACCEPTED, DECLINED, DROPPED, DURATIONS, FrameRecord
 from flyaround.simulator.errors import UserError
-from flyaround.simulator.runtime.table_text import table_text, text_of_table
+from flyaround.simulator.runtime.table_text import table_bytes, table_text, text_of_table
 from flyaround.simulator.runtime.untrusted_files import read_regular
 
 if TYPE_CHECKING:
@@ -101,9 +101,7 @@ class LedgerWriter:
         # a single write of a whole line, so that readers never see half a row
         if self._broken:
             return
-        text = io.StringIO()
-        csv.writer(text, lineterminator="\n").writerow(cells)
-        line = memoryview(text.getvalue().encode())
+        line = memoryview(table_bytes(cells))
         try:
             # usually one write suffices; after a short one, the next raises the reason
             remaining = line
