@@ -6,14 +6,12 @@ import math
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, TypeAlias
 
-import msgspec
 import numpy as np
 
 from flyaround.hil.host.closed_loop_run import read_steps
 from flyaround.hil.host.frame_record import ACCEPTED
 from flyaround.hil.host.ledger.frames_csv import FRAMES_CSV, read_ledger
-from flyaround.hil.host.ledger.summary import SUMMARY_JSON, LedgerSummary
-from flyaround.simulator.runtime.untrusted_files import read_regular
+from flyaround.hil.host.ledger.summary import LedgerSummary, read_summary
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -21,8 +19,6 @@ if TYPE_CHECKING:
 
     from flyaround.hil.host.frame_record import FrameRecord
 
-# Maximum size of an accepted summary [bytes].
-MAX_BYTES = 1 << 28
 Value: TypeAlias = "float | str | None"
 
 
@@ -50,12 +46,11 @@ class RunRecord:
 
         Raises
         ------
-        OSError, UserError, msgspec.DecodeError
+        UserError
             If a file is missing or damaged.
         """
-        summary = msgspec.json.decode(read_regular(folder / SUMMARY_JSON, MAX_BYTES), type=LedgerSummary)
         rows = tuple(read_ledger(folder)) if (folder / FRAMES_CSV).exists() else ()
-        return RunRecord(summary, rows, read_steps(folder))
+        return RunRecord(read_summary(folder), rows, read_steps(folder))
 
 
 @dataclass(frozen=True)
