@@ -5,14 +5,14 @@ from __future__ import annotations
 import json
 import shutil
 import time
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import msgspec
 
 from flyaround.hil.demo.method_comparison import N_COMPARED, compare_methods
-from flyaround.hil.demo.page import DemoResults, write_page
+from flyaround.hil.demo.page import DemoResults, LoopResults, write_page
 from flyaround.hil.host.flight_run import FlightOptions, FlightRun
 from flyaround.hil.host.link_process.ipc import LinkConfig
 from flyaround.hil.host.local_board import run_with_board_process
@@ -31,7 +31,6 @@ if TYPE_CHECKING:
     from contextlib import AbstractContextManager
 
     from flyaround.hil.host.frame_record import FrameRecord
-    from flyaround.hil.host.ledger.summary import LedgerSummary
     from flyaround.simulator.frame import Frame
     from flyaround.simulator.scenario.plan import Plan
 
@@ -102,11 +101,8 @@ def run_demo(
             plan=plan,
             captured=capture_summary,
             checked=checked,
-            summary=loop.summary,
-            rows=loop.rows,
+            loop=loop,
             compared=answers,
-            loop_frames=loop.frames,
-            truth_records=loop.truth_records,
             run_s=time.monotonic() - started,
         )
     )
@@ -126,16 +122,6 @@ def run_demo(
     return page
 
 
-@dataclass(frozen=True, eq=False)
-class Loop:
-    """Result of the loop with the board."""
-
-    summary: LedgerSummary
-    rows: tuple[FrameRecord, ...]
-    frames: dict[int, Frame]
-    truth_records: int
-
-
 class _FrameStore:
     """Recorder that keeps the frames, with images and truth, in memory for the page."""
 
@@ -152,7 +138,9 @@ class _FrameStore:
         pass
 
 
-def _run_loop(plan: Plan, folder: Path, board_command: Sequence[str], progress_bar: ProgressBar) -> Loop:
+def _run_loop(
+    plan: Plan, folder: Path, board_command: Sequence[str], progress_bar: ProgressBar
+) -> LoopResults:
     """Run the loop, with the truth on an endpoint of its own and the board in a process of its own."""
     folder.mkdir()
     rows: list[FrameRecord] = []
@@ -185,4 +173,4 @@ def _run_loop(plan: Plan, folder: Path, board_command: Sequence[str], progress_b
         raise UserError(
             f"the ledger in {folder} has {len(rows)} rows for {plan.n_frames} frames; see {log_path}"
         )
-    return Loop(summary, tuple(rows), recorder.frames, received)
+    return LoopResults(summary, tuple(rows), recorder.frames, received)

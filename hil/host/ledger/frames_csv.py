@@ -6,6 +6,7 @@ import contextlib
 import csv
 import io
 import json
+from dataclasses import fields
 from typing import TYPE_CHECKING, Any
 
 from flyaround.hil.host.frame_record import ACCEPTED, DECLINED, DROPPED, DURATIONS, FrameRecord
@@ -28,17 +29,7 @@ _VECTORS = {
     "truth_q_wxyz": ("truth_q_w", "truth_q_x", "truth_q_y", "truth_q_z"),
     "truth_t_m": ("truth_t_x_m", "truth_t_y_m", "truth_t_z_m"),
 }
-_TIMES = (
-    "exposure_start_utc",
-    "exposure_end_utc",
-    "drawn_utc",
-    "handed_over_utc",
-    "sent_utc",
-    "received_on_board_utc",
-    "begun_utc",
-    "answered_utc",
-    "received_utc",
-)
+_TIMES = tuple(f.name for f in fields(FrameRecord) if f.name.endswith("_utc") and f.name != "epoch_utc")
 _DELAYS = ("handover_error_ms", "staleness_ms")
 _ANSWERS = ("late", "deadline_met")
 _ANSWER_CELLS = {None: "", False: "0", True: "1"}

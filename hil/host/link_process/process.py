@@ -18,8 +18,6 @@ from flyaround.hil.host.link_process.ipc import (
     AddLineFault,
     BoardDown,
     Close,
-    Closed,
-    Failed,
     FrameJob,
     FrameSlots,
     LinkConfig,
@@ -40,6 +38,7 @@ from flyaround.hil.link.packets.messages import (
 )
 from flyaround.hil.link.session import Link
 from flyaround.hil.link.transports.url import listen
+from flyaround.simulator.errors import UserError
 
 if TYPE_CHECKING:
     from flyaround.hil.host.frame_record import FrameRecord
@@ -323,7 +322,7 @@ class LinkServer:
         if self._truth is not None:
             self._truth.close(None if died else self._reason)
         with contextlib.suppress(OSError):  # the run may be gone
-            self._pipe.send(Closed(self._board.counts))
+            self._pipe.send(self._board.counts)
 
 
 def _with_hand_over(job: FrameJob, at_ns: int) -> FrameJob:
@@ -343,7 +342,7 @@ def main() -> None:
         server = LinkServer(pipe, int(sys.argv[2]), config)
     except LinkError as error:
         with contextlib.suppress(BrokenPipeError, ConnectionResetError):
-            pipe.send(Failed(str(error)))
+            pipe.send(UserError(str(error)))
         return
     if config.mode == "realtime":
         _raise_priority()
