@@ -47,7 +47,7 @@ def run_with_board_process(
         File for the output of a board that failed.
     on_listening : callable
         Called with the host's URL and that of the truth endpoint, before the board is started.
-    **run
+    run : object
         Further arguments of `FlightRun.run`.
     """
     with contextlib.ExitStack() as stack:

@@ -197,7 +197,7 @@ class FixedLayout:
 
     Parameters
     ----------
-    **fields
+    fields : str or WireField
         Fields by the name of the message's attribute; a code of `struct` stands for an integer.
     """
 
