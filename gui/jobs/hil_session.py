@@ -16,7 +16,7 @@ from flyaround.gui.jobs.hil_stream import Event, SceneRequest, SessionNote, stre
 from flyaround.gui.jobs.program import ChildProgram
 from flyaround.hil.host.frame_record import FrameRecord
 from flyaround.hil.host.ledger.summary import LedgerSummary
-from flyaround.hil.host.link_process.ipc import Close, Failed, Listening
+from flyaround.hil.host.link_process.ipc import Close, Listening
 from flyaround.simulator.errors import UserError
 
 if TYPE_CHECKING:
@@ -63,7 +63,7 @@ class HilSession:
         self._sent_t_s: float | None = None
         self._stop_s: float | None = None
         self._summary: LedgerSummary | None = None
-        self._failed: Failed | None = None
+        self._failed: UserError | None = None
         self.url = self.board_name = ""
         self.rows: deque[FrameRecord] = deque(maxlen=KEPT_ROWS)
         self._arrived_s: deque[float] = deque(maxlen=KEPT_ROWS)
@@ -228,7 +228,7 @@ class HilSession:
                 notes.append(SessionNote(text, warning and self._stop_s is None))
             case LedgerSummary():
                 self._summary = event
-            case Failed():
+            case UserError():
                 self._failed = event
 
     def _add(self, row: FrameRecord) -> None:
@@ -255,7 +255,7 @@ class HilSession:
         was_asked = self._stop_s is not None
         self._forget_process()
         if self._failed is not None:
-            return SessionNote(f"the session with the board ended: {self._failed.sentence}", warning=True)
+            return SessionNote(f"the session with the board ended: {self._failed}", warning=True)
         if (s := self._summary) is None:
             return SessionNote(
                 f"the session with the board ended unexpectedly (exit code {exit_code})", warning=True

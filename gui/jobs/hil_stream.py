@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING, Any, get_args
 from flyaround.hil.host.faults.camera_faults import with_camera_faults
 from flyaround.hil.host.frame_record import FrameRecord
 from flyaround.hil.host.ledger.summary import LedgerSummary
-from flyaround.hil.host.link_process.ipc import Close, Failed, Listening
+from flyaround.hil.host.link_process.ipc import Close, Listening
 from flyaround.hil.host.run import RunConfig, run_host
 from flyaround.simulator.errors import UserError
 from flyaround.simulator.frame import Frame
@@ -49,7 +49,7 @@ class SessionNote:
     warning: bool = False
 
 
-Event = SceneRequest | Listening | SessionNote | FrameRecord | LedgerSummary | Failed
+Event = SceneRequest | Listening | SessionNote | FrameRecord | LedgerSummary | UserError
 """Messages from the process; those of the host's modules are sent unchanged."""
 
 
@@ -62,7 +62,7 @@ def stream(pipe: Connection, config: RunConfig, device_index: int | None) -> Non
     logging.getLogger("flyaround.hil.host").setLevel(logging.INFO)
     newest = _NewestScene(pipe)
     config = replace(config, new_line_faults=newest.take_line_faults)
-    ends: list[LedgerSummary | Failed] = []
+    ends: list[LedgerSummary | UserError] = []
     try:
         run_host(
             newest.frames(device_index),
@@ -74,9 +74,9 @@ def stream(pipe: Connection, config: RunConfig, device_index: int | None) -> Non
     except (KeyboardInterrupt, BrokenPipeError):
         pass
     except UserError as error:
-        ends.append(Failed(str(error)))
+        ends.append(UserError(str(error)))
     except Exception as error:  # noqa: BLE001 - every failure is reported to the console
-        ends.append(Failed(f"the session failed ({type(error).__name__}: {error})"))
+        ends.append(UserError(f"the session failed ({type(error).__name__}: {error})"))
     with contextlib.suppress(OSError, KeyboardInterrupt):
         for end in ends:
             pipe.send(end)

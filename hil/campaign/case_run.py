@@ -18,7 +18,6 @@ import msgspec
 
 from flyaround.hil.board.agent import describe_board
 from flyaround.hil.board.errors import BoardModelError
-from flyaround.hil.campaign.own_board import SILENCE_TIMEOUT_S, run_with_board_process
 from flyaround.hil.campaign.quantities import QUANTITIES, RunRecord, Value
 from flyaround.hil.host.closed_loop_run import (
     fly_without_pictures,
@@ -30,8 +29,9 @@ from flyaround.hil.host.flight_run import FlightOptions, FlightRun
 from flyaround.hil.host.frame_record import FrameRecord
 from flyaround.hil.host.ledger.frames_csv import FRAMES_CSV, LedgerWriter, read_ledger
 from flyaround.hil.host.ledger.run_terms import Provenance, read_terms, terms_without_board, write_terms
-from flyaround.hil.host.ledger.summary import SUMMARY_JSON, LedgerSummary
+from flyaround.hil.host.ledger.summary import SUMMARY_JSON, LedgerSummary, read_summary
 from flyaround.hil.host.link_process.ipc import Board, LinkConfig, LinkTotals
+from flyaround.hil.host.local_board import SILENCE_TIMEOUT_S, run_with_board_process
 from flyaround.hil.host.pose_link import PoseLink
 from flyaround.hil.host.report import TRACE_JSON, write_report
 from flyaround.hil.host.run import RunConfig
@@ -297,7 +297,7 @@ def _drop_wall_clock(part: Path) -> None:
     terms = read_terms(part)
     if terms is not None:
         write_terms(part, msgspec.structs.replace(terms, started_utc="", url=""))
-    summary = msgspec.json.decode(read_regular(part / SUMMARY_JSON, MAX_BYTES), type=LedgerSummary)
+    summary = read_summary(part)
     times = {name: None for name in LedgerSummary.__struct_fields__ if "_ms_" in name or name.endswith("_ms")}
     write_document(
         part / SUMMARY_JSON,

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import csv
 import hashlib
-import io
 from collections import Counter
 from dataclasses import asdict
 from functools import partial
@@ -29,6 +27,7 @@ from flyaround.hil.navigation.closed_loop import check_closed_loop
 from flyaround.simulator.errors import UserError
 from flyaround.simulator.runtime.files import empty_folder, write_atomic, write_document
 from flyaround.simulator.runtime.folder_lock import lock_name, only_writer
+from flyaround.simulator.runtime.table_text import table_bytes
 from flyaround.simulator.runtime.untrusted_files import read_regular
 from flyaround.simulator.scenario.load import load_scenario
 from flyaround.simulator.scenario.plan import plan_flight
@@ -304,11 +303,10 @@ def _open_folder(folder: Path, settings: MapSettings) -> bool:
 
 def _write_cells(folder: Path, outcome: DelayMapOutcome) -> None:
     """Write ``cells.csv``: the cells of the map and the refined latencies."""
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    names = CellResult.__struct_fields__
-    writer.writerow([*names, "share", "where"])
-    for where, results in (("map", outcome.cells), ("between", outcome.refined)):
-        for r in results:
-            writer.writerow([*(f"{getattr(r, name):.6g}" for name in names), f"{r.share:.6g}", where])
-    write_atomic(folder / CELLS_CSV, text.getvalue().encode())
+    names = (*CellResult.__struct_fields__, "share")
+    rows = (
+        [*(f"{getattr(r, name):.6g}" for name in names), where]
+        for where, results in (("map", outcome.cells), ("between", outcome.refined))
+        for r in results
+    )
+    write_atomic(folder / CELLS_CSV, table_bytes((*names, "where"), rows=rows))

@@ -13,15 +13,25 @@ from flyaround.simulator.reports.plots import INK, figure_with_axes, png
 from flyaround.simulator.runtime.files import write_atomic
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Callable, Sequence
     from pathlib import Path
 
     from matplotlib.axes import Axes
 
-    from flyaround.hil.campaign.map_results import CellResult, DelayMapOutcome
+    from flyaround.hil.campaign.map_results import CellResult, CheckedCell, DelayMapOutcome
 
 PAGE, PICTURE = "index.html", "delay_map.png"
 ERRORS = "No images were rendered: poses are the truth with the measured errors of the estimator hybrid."
+
+
+CHECK_COLUMNS: dict[str, Callable[[CheckedCell], str]] = {
+    "latency": lambda c: f"{c.drawn.latency_s:g} s",
+    "jitter": lambda c: f"{c.drawn.jitter_s:g} s",
+    "lost": lambda c: f"{c.drawn.drops:.0%}",
+    "without images": lambda c: _share(c.without_pictures),
+    "rendered, with a board": lambda c: _share(c.drawn),
+    "intervals overlap": lambda c: "yes" if c.agree else "NO",
+}
 
 
 def write_delay_map_page(folder: Path, outcome: DelayMapOutcome) -> None:
@@ -78,25 +88,8 @@ def write_delay_map_page(folder: Path, outcome: DelayMapOutcome) -> None:
             "Cells verified with rendered frames and a board's poses",
             note("Wilson's 95 % intervals. Delays and losses act on the flight's clock, in lockstep."),
             table(
-                (
-                    "latency",
-                    "jitter",
-                    "lost",
-                    "without images",
-                    "rendered, with a board",
-                    "intervals overlap",
-                ),
-                [
-                    (
-                        f"{c.drawn.latency_s:g} s",
-                        f"{c.drawn.jitter_s:g} s",
-                        f"{c.drawn.drops:.0%}",
-                        _share(c.without_pictures),
-                        _share(c.drawn),
-                        "yes" if c.agree else "NO",
-                    )
-                    for c in outcome.checked
-                ],
+                tuple(CHECK_COLUMNS),
+                [[value(c) for value in CHECK_COLUMNS.values()] for c in outcome.checked],
             ),
         )
     files = ("cells.csv", "flights.csv", "delay_map.json", PICTURE)

@@ -10,10 +10,10 @@ from dataclasses import dataclass
 from functools import cache
 from typing import TYPE_CHECKING
 
-from flyaround.hil.campaign.own_board import SILENCE_TIMEOUT_S, run_with_board_process
 from flyaround.hil.host.closed_loop_run import figures, fly_without_pictures, frame_every
 from flyaround.hil.host.flight_run import FlightOptions, FlightRun
 from flyaround.hil.host.link_process.ipc import LinkConfig
+from flyaround.hil.host.local_board import SILENCE_TIMEOUT_S, run_with_board_process
 from flyaround.hil.host.pose_link import PoseLink
 from flyaround.hil.host.run import RunConfig
 from flyaround.hil.navigation.closed_loop import ClosedLoopConfig

@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, TypeAlias
 
-import msgspec
 import numpy as np
 
 from flyaround.hil.host.closed_loop_run import read_steps
 from flyaround.hil.host.frame_record import ACCEPTED
 from flyaround.hil.host.ledger.frames_csv import FRAMES_CSV, read_ledger
-from flyaround.hil.host.ledger.summary import SUMMARY_JSON, LedgerSummary
-from flyaround.simulator.runtime.untrusted_files import read_regular
+from flyaround.hil.host.ledger.summary import LedgerSummary, read_summary
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -21,8 +19,6 @@ if TYPE_CHECKING:
 
     from flyaround.hil.host.frame_record import FrameRecord
 
-# Maximum size of an accepted summary [bytes].
-MAX_BYTES = 1 << 28
 Value: TypeAlias = "float | str | None"
 
 
@@ -50,15 +46,14 @@ class RunRecord:
 
         Raises
         ------
-        OSError, UserError, msgspec.DecodeError
+        UserError
             If a file is missing or damaged.
         """
-        summary = msgspec.json.decode(read_regular(folder / SUMMARY_JSON, MAX_BYTES), type=LedgerSummary)
         rows = tuple(read_ledger(folder)) if (folder / FRAMES_CSV).exists() else ()
-        return RunRecord(summary, rows, read_steps(folder))
+        return RunRecord(read_summary(folder), rows, read_steps(folder))
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class Quantity:
     """Number or word derived from a run.
 
@@ -99,8 +94,8 @@ class Quantity:
         return " and ".join(phrases[need] for need in sorted(self.needs))
 
 
-def _summary(name: str, unit: str, meaning: str, needs: str = "", words: tuple[str, ...] = ()) -> Quantity:
-    """Return the quantity of a key of the summary, or of a table in it (``link.late_poses``)."""
+def _summary(name: str) -> Callable[[RunRecord], Value]:
+    """Return the value of a key of the summary, or of a table in it (``link.late_poses``)."""
 
     def value(record: RunRecord) -> Value:
         item: object = record.summary
@@ -110,13 +105,13 @@ def _summary(name: str, unit: str, meaning: str, needs: str = "", words: tuple[s
             return item
         return float(item) if isinstance(item, int | float) and math.isfinite(item) else None
 
-    return Quantity(unit=unit, meaning=meaning, value_of=value, needs=frozenset(needs.split()), words=words)
+    return value
 
 
-def _count(
-    part: Callable[[LedgerSummary], int | None], total: Callable[[LedgerSummary], int]
-) -> Callable[..., Value]:
-    """Return a count, without a value if nothing could have been counted."""
+def _if_any(
+    total: Callable[[LedgerSummary], int], part: Callable[[LedgerSummary], float | None]
+) -> Callable[[RunRecord], Value]:
+    """Return a count or share, without a value if nothing could have been counted."""
 
     def value(record: RunRecord) -> Value:
         counted = part(record.summary) if total(record.summary) else None
@@ -125,8 +120,8 @@ def _count(
     return value
 
 
-def _share(part: Callable[[LedgerSummary], int]) -> Callable[[RunRecord], Value]:
-    return lambda r: part(r.summary) / r.summary.sent if r.summary.sent else None
+def _if_sent(part: Callable[[LedgerSummary], float | None]) -> Callable[[RunRecord], Value]:
+    return _if_any(lambda s: s.sent, part)
 
 
 def _percentile_over_sent(column: str, q: float) -> Callable[[RunRecord], Value]:
@@ -168,17 +163,14 @@ def _step_numbers(record: RunRecord, column: str) -> np.ndarray:
     return np.array([float(cell) for cell in record.steps.get(column, []) if cell])
 
 
-def _largest_step(column: str) -> Callable[[RunRecord], Value]:
+def _of_steps(reduce: Callable[[np.ndarray], float], column: str) -> Callable[[RunRecord], Value]:
+    """Return a statistic of a column of the loop's steps."""
+
     def value(record: RunRecord) -> Value:
         numbers = _step_numbers(record, column)
-        return float(numbers.max()) if len(numbers) else None
+        return float(reduce(numbers)) if len(numbers) else None
 
     return value
-
-
-def _mean_nees(record: RunRecord) -> Value:
-    numbers = _step_numbers(record, "nees")
-    return float(numbers.mean()) if len(numbers) else None
 
 
 def _hold_s(record: RunRecord) -> Value:
@@ -189,146 +181,130 @@ def _hold_s(record: RunRecord) -> Value:
     return float((times[1] - times[0]) * phases.count("hold"))
 
 
-_LOOP, _FRAMES, _TIMES = frozenset({"closed_loop"}), frozenset({"frames"}), frozenset({"times"})
+_BY_NEED: dict[str, dict[str, Quantity]] = {
+    "closed_loop": {
+        "outcome": Quantity(
+            "",
+            "how the approach ended",
+            _summary("closed_loop.outcome"),
+            words=("arrived", "aborted", "failed"),
+        ),
+        **{
+            name: Quantity(unit, meaning, _summary(f"closed_loop.{name}"))
+            for name, unit, meaning in (
+                ("final_error_m", "m", "distance from the hold point at the end"),
+                (
+                    "final_error_deg",
+                    "deg",
+                    "error of pointing, or of the estimated attitude, whichever is larger",
+                ),
+                ("min_range_m", "m", "least distance from the target"),
+                (
+                    "keep_out_violations",
+                    "",
+                    "control periods inside the keep-out sphere but outside the corridor",
+                ),
+                ("delta_v_m_s", "m/s", "velocity change spent"),
+                ("duration_s", "s", "duration of the approach"),
+            )
+        },
+        "pose_age_s": Quantity(
+            "s", "largest age of the newest pose in the estimate", _of_steps(np.max, "pose_age_s")
+        ),
+        "position_sigma_m": Quantity(
+            "m", "largest 1-sigma of the estimated position", _of_steps(np.max, "position_sigma_m")
+        ),
+        "nees": Quantity(
+            "", "mean normalised estimation error squared, 12 states", _of_steps(np.mean, "nees")
+        ),
+        "hold_s": Quantity("s", "time in phase hold", _hold_s),
+    },
+    "": {
+        "ended": Quantity(
+            "",
+            "how the run ended",
+            _summary("ended"),
+            words=("completed", "board_lost", "no_board", "interrupted", "failed"),
+        ),
+    },
+    "frames": {
+        "unaccounted": Quantity("", "frames without exactly one outcome", _unaccounted),
+        "sent": Quantity("", "frames offered to a board", _summary("sent")),
+        "accepted_share": Quantity(
+            "",
+            "share of poses that the board accepted, correct or not",
+            _if_sent(lambda s: s.accepted / s.sent),
+        ),
+        "dropped_share": Quantity(
+            "", "share of frames without an answer", _if_sent(lambda s: s.dropped_total / s.sent)
+        ),
+        "dropped": Quantity("", "frames without an answer", _if_sent(lambda s: s.dropped_total)),
+        "accepted_wrong": Quantity(
+            "",
+            "accepted poses with an error above 5 deg or 5 % of the range, if the truth is known",
+            _if_any(lambda s: s.accepted_known or 0, lambda s: s.accepted_wrong),
+        ),
+        **{
+            f"{statistic}_{error}": Quantity(unit, f"{statistic} {meaning} of accepted poses", value(error))
+            for statistic, value in (
+                ("median", lambda e: _summary(f"median_{e}")),
+                ("largest", _largest_error),
+            )
+            for error, unit, meaning in (
+                ("E_T_m", "m", "position error"),
+                ("E_R_deg", "deg", "attitude error"),
+            )
+        },
+    },
+    "times": {
+        **{
+            f"{column}_{name}": Quantity(
+                "ms",
+                f"{meaning}, over frames sent to the board; infinite for a frame without it",
+                _percentile_over_sent(column, q),
+            )
+            for column, meaning, names in (
+                ("e2e_ms", "time from sending a frame to receiving its pose", "p50 p95 p99 max"),
+                ("staleness_ms", "age of the image when its pose was used", "p50 p95 p99 max"),
+                ("board_total_ms", "time on the board", "p50 p99"),
+            )
+            for name, q in (("p50", 50.0), ("p95", 95.0), ("p99", 99.0), ("max", 100.0))
+            if name in names.split()
+        },
+        **{
+            f"{name}_{q}": Quantity(
+                "ms", f"{meaning}, over frames handed over by the camera", _summary(f"{name}_{q}")
+            )
+            for name, meaning, endings in (
+                ("handover_error_ms", "error of the camera's latency", "p50 p99 p999 max"),
+                ("send_lag_ms", "delay of sending", "p50 p99"),
+            )
+            for q in endings.split()
+        },
+        "deadline_misses": Quantity(
+            "", "frames without an answer by the deadline", _if_sent(lambda s: s.deadline_misses)
+        ),
+        "late": Quantity("", "frames not rendered in time", _summary("late")),
+        **{
+            name: Quantity(unit, meaning, _summary(f"link.{name}"))
+            for name, unit, meaning in (
+                (
+                    "clock_offset_bound_ms",
+                    "ms",
+                    "bound of the board's clock offset, from its answers to clock requests",
+                ),
+                ("clock_drift_ppm", "ppm", "drift of the board's clock, from its answers to clock requests"),
+                ("packets_corrupt", "", "corrupt packets received from the board"),
+            )
+        },
+        "late_poses": Quantity(
+            "", "poses received too late to be used", _if_any(_poses_received, lambda s: s.link.late_poses)
+        ),
+    },
+}
 
 QUANTITIES: dict[str, Quantity] = {
-    "outcome": _summary(
-        "closed_loop.outcome", "", "how the approach ended", "closed_loop", ("arrived", "aborted", "failed")
-    ),
-    "final_error_m": _summary(
-        "closed_loop.final_error_m", "m", "distance from the hold point at the end", "closed_loop"
-    ),
-    "final_error_deg": _summary(
-        "closed_loop.final_error_deg",
-        "deg",
-        "error of pointing, or of the estimated attitude, whichever is larger",
-        "closed_loop",
-    ),
-    "min_range_m": _summary("closed_loop.min_range_m", "m", "least distance from the target", "closed_loop"),
-    "keep_out_violations": _summary(
-        "closed_loop.keep_out_violations",
-        "",
-        "control periods inside the keep-out sphere but outside the corridor",
-        "closed_loop",
-    ),
-    "delta_v_m_s": _summary("closed_loop.delta_v_m_s", "m/s", "velocity change spent", "closed_loop"),
-    "duration_s": _summary("closed_loop.duration_s", "s", "duration of the approach", "closed_loop"),
-    "pose_age_s": Quantity(
-        unit="s",
-        meaning="largest age of the newest pose in the estimate",
-        value_of=_largest_step("pose_age_s"),
-        needs=_LOOP,
-    ),
-    "position_sigma_m": Quantity(
-        unit="m",
-        meaning="largest 1-sigma of the estimated position",
-        value_of=_largest_step("position_sigma_m"),
-        needs=_LOOP,
-    ),
-    "nees": Quantity(
-        unit="",
-        meaning="mean normalised estimation error squared, 12 states",
-        value_of=_mean_nees,
-        needs=_LOOP,
-    ),
-    "hold_s": Quantity(unit="s", meaning="time in phase hold", value_of=_hold_s, needs=_LOOP),
-    "ended": _summary(
-        "ended", "", "how the run ended", "", ("completed", "board_lost", "no_board", "interrupted", "failed")
-    ),
-    "unaccounted": Quantity(
-        unit="", meaning="frames without exactly one outcome", value_of=_unaccounted, needs=_FRAMES
-    ),
-    "sent": _summary("sent", "", "frames offered to a board", "frames"),
-    "accepted_share": Quantity(
-        unit="",
-        meaning="share of poses that the board accepted, correct or not",
-        value_of=_share(lambda s: s.accepted),
-        needs=_FRAMES,
-    ),
-    "dropped_share": Quantity(
-        unit="",
-        meaning="share of frames without an answer",
-        value_of=_share(lambda s: s.dropped_total),
-        needs=_FRAMES,
-    ),
-    "dropped": Quantity(
-        unit="",
-        meaning="frames without an answer",
-        value_of=_count(lambda s: s.dropped_total, lambda s: s.sent),
-        needs=_FRAMES,
-    ),
-    "accepted_wrong": Quantity(
-        unit="",
-        meaning="accepted poses with an error above 5 deg or 5 % of the range, if the truth is known",
-        value_of=_count(lambda s: s.accepted_wrong, lambda s: s.accepted_known or 0),
-        needs=_FRAMES,
-    ),
-    "median_E_T_m": _summary("median_E_T_m", "m", "median position error of accepted poses", "frames"),
-    "median_E_R_deg": _summary("median_E_R_deg", "deg", "median attitude error of accepted poses", "frames"),
-    "largest_E_T_m": Quantity(
-        unit="m",
-        meaning="largest position error of accepted poses",
-        value_of=_largest_error("E_T_m"),
-        needs=_FRAMES,
-    ),
-    "largest_E_R_deg": Quantity(
-        unit="deg",
-        meaning="largest attitude error of accepted poses",
-        value_of=_largest_error("E_R_deg"),
-        needs=_FRAMES,
-    ),
-    **{
-        f"{column}_{name}": Quantity(
-            unit="ms",
-            meaning=f"{meaning}, over frames sent to the board; infinite for a frame without it",
-            value_of=_percentile_over_sent(column, q),
-            needs=_TIMES,
-        )
-        for column, meaning, names in (
-            ("e2e_ms", "time from sending a frame to receiving its pose", "p50 p95 p99 max"),
-            ("staleness_ms", "age of the image when its pose was used", "p50 p95 p99 max"),
-            ("board_total_ms", "time on the board", "p50 p99"),
-        )
-        for name, q in (("p50", 50.0), ("p95", 95.0), ("p99", 99.0), ("max", 100.0))
-        if name in names.split()
-    },
-    **{
-        name: _summary(name, "ms", f"{meaning}, over frames handed over by the camera", "times")
-        for name, meaning in (
-            *(
-                (f"handover_error_ms_{q}", "error of the camera's latency")
-                for q in ("p50", "p99", "p999", "max")
-            ),
-            *((f"send_lag_ms_{q}", "delay of sending") for q in ("p50", "p99")),
-        )
-    },
-    "deadline_misses": Quantity(
-        unit="",
-        meaning="frames without an answer by the deadline",
-        value_of=_count(lambda s: s.deadline_misses, lambda s: s.sent),
-        needs=_TIMES,
-    ),
-    "late": _summary("late", "", "frames not rendered in time", "times"),
-    "clock_offset_bound_ms": _summary(
-        "link.clock_offset_bound_ms",
-        "ms",
-        "bound of the board's clock offset, from its answers to clock requests",
-        "times",
-    ),
-    "clock_drift_ppm": _summary(
-        "link.clock_drift_ppm",
-        "ppm",
-        "drift of the board's clock, from its answers to clock requests",
-        "times",
-    ),
-    "packets_corrupt": _summary(
-        "link.packets_corrupt", "", "corrupt packets received from the board", "times"
-    ),
-    "late_poses": Quantity(
-        unit="",
-        meaning="poses received too late to be used",
-        value_of=_count(lambda s: s.link.late_poses, _poses_received),
-        needs=_TIMES,
-    ),
+    name: replace(quantity, needs=frozenset(need.split()))
+    for need, group in _BY_NEED.items()
+    for name, quantity in group.items()
 }
-"""Quantities by the name in a campaign file."""

@@ -3,24 +3,21 @@
 from __future__ import annotations
 
 import json
-import os
 import shutil
-import socket
-import subprocess
 import time
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import msgspec
 
 from flyaround.hil.demo.method_comparison import N_COMPARED, compare_methods
-from flyaround.hil.demo.page import DemoResults, write_page
-from flyaround.hil.host.ledger.run_terms import Provenance
+from flyaround.hil.demo.page import DemoResults, LoopResults, write_page
+from flyaround.hil.host.flight_run import FlightOptions, FlightRun
 from flyaround.hil.host.link_process.ipc import LinkConfig
-from flyaround.hil.host.plan_frames import frames_of_plan
+from flyaround.hil.host.local_board import run_with_board_process
 from flyaround.hil.host.report import write_report
-from flyaround.hil.host.run import RunConfig, run_host
+from flyaround.hil.host.run import RunConfig
 from flyaround.hil.host.truth.logger import TruthLogger
 from flyaround.simulator.dataset.capture import capture
 from flyaround.simulator.dataset.check.verify import check_dataset
@@ -34,7 +31,6 @@ if TYPE_CHECKING:
     from contextlib import AbstractContextManager
 
     from flyaround.hil.host.frame_record import FrameRecord
-    from flyaround.hil.host.ledger.summary import LedgerSummary
     from flyaround.simulator.frame import Frame
     from flyaround.simulator.scenario.plan import Plan
 
@@ -47,9 +43,6 @@ SCENARIO = "tango-flyaround"
 N_IMAGES = 20
 N_LOOP_FRAMES = 30
 MARKER = "demo.json"
-
-# Time-out for the board to end after its host's goodbye [s].
-BOARD_EXIT_S = 20.0
 
 
 def run_demo(
@@ -108,11 +101,8 @@ def run_demo(
             plan=plan,
             captured=capture_summary,
             checked=checked,
-            summary=loop.summary,
-            rows=loop.rows,
+            loop=loop,
             compared=answers,
-            loop_frames=loop.frames,
-            truth_records=loop.truth_records,
             run_s=time.monotonic() - started,
         )
     )
@@ -132,79 +122,55 @@ def run_demo(
     return page
 
 
-@dataclass(frozen=True, eq=False)
-class Loop:
-    """Result of the loop with the board."""
-
-    summary: LedgerSummary
-    rows: tuple[FrameRecord, ...]
-    frames: dict[int, Frame]
-    truth_records: int
-
-
 class _FrameStore:
-    """Sink that keeps the frames for the page."""
+    """Recorder that keeps the frames, with images and truth, in memory for the page."""
 
     def __init__(self) -> None:
         self.frames: dict[int, Frame] = {}
 
-    def write(self, frame: Frame) -> None:
+    def frame(self, frame: Frame) -> None:
         self.frames[frame.number] = frame
 
+    def row(self, frame: Frame, row: FrameRecord) -> None:
+        pass
 
-def _run_loop(plan: Plan, folder: Path, board_command: Sequence[str], progress_bar: ProgressBar) -> Loop:
-    """Send thirty frames to a board in its own process, with the truth to a logger on a separate endpoint."""
+    def close(self) -> None:
+        pass
+
+
+def _run_loop(
+    plan: Plan, folder: Path, board_command: Sequence[str], progress_bar: ProgressBar
+) -> LoopResults:
+    """Run the loop, with the truth on an endpoint of its own and the board in a process of its own."""
     folder.mkdir()
-    port = _free_port_pair()
-    url, truth_url = f"tcp://127.0.0.1:{port}", f"tcp://127.0.0.1:{port + 1}"
     rows: list[FrameRecord] = []
-    recorder = _FrameStore()
-    command = [*board_command, url, "--target", plan.target.name]
-    config = RunConfig(
-        link=LinkConfig(url=url, truth_url=truth_url, mode="lockstep", truth="separate", timeout_s=60.0),
-        log_dir=folder,
-        target_name=plan.target.name,
-        target_sha256=plan.target.sha256,
-        provenance=Provenance.from_plan(plan),
-    )
-    log_path = folder / "board.log"
-    with log_path.open("wb") as log, progress_bar("30 frames to the board") as progress:
-        # one thread, as on a board: BLAS threads on small matrices compete with the renderer
-        environment = os.environ | {"OPENBLAS_NUM_THREADS": "1"}
-        board = subprocess.Popen(command, stdout=log, stderr=subprocess.STDOUT, env=environment)
-        logger = TruthLogger(truth_url, folder / "truth.jsonl")
-        logger.start()
+    loggers: list[TruthLogger] = []
+    recorder, log_path = _FrameStore(), folder / "board.log"
+    link = LinkConfig(url="tcp://127.0.0.1:0", mode="lockstep", truth="separate", timeout_s=60.0)
+    flight = FlightRun(plan, RunConfig(link=link, log_dir=folder), FlightOptions())
+
+    def log_truth(_url: str, truth_url: str | None) -> None:
+        loggers.append(TruthLogger(str(truth_url), folder / "truth.jsonl"))
+        loggers[0].start()
+
+    with progress_bar("30 frames to the board") as progress:
 
         def on_row(row: FrameRecord) -> None:
             rows.append(row)
             progress(len(rows), plan.n_frames)
 
-        try:
-            summary = run_host(frames_of_plan(plan, sinks=[recorder]), config, on_row=on_row)
-            board.wait(timeout=BOARD_EXIT_S)
-        finally:
-            board.kill()
-            board.wait()
-            received = logger.stop()
+        summary = run_with_board_process(
+            flight,
+            board_command,
+            ("--target", plan.target.name),
+            log_path,
+            on_listening=log_truth,
+            recorders=(recorder,),
+            on_row=on_row,
+        )
+    received = loggers[0].stop()
     if len(rows) != plan.n_frames:
         raise UserError(
             f"the ledger in {folder} has {len(rows)} rows for {plan.n_frames} frames; see {log_path}"
         )
-    return Loop(summary, tuple(rows), recorder.frames, received)
-
-
-def _free_port_pair() -> int:
-    """Return a free port whose successor, used by the truth endpoint, is free as well."""
-    for _ in range(50):
-        with socket.socket() as a:
-            a.bind(("127.0.0.1", 0))
-            port = int(a.getsockname()[1])
-            if port >= 65535:
-                continue
-            with socket.socket() as b:
-                try:
-                    b.bind(("127.0.0.1", port + 1))
-                except OSError:
-                    continue
-                return port
-    raise UserError("no two consecutive TCP ports are free on 127.0.0.1; close some programs and try again")
+    return LoopResults(summary, tuple(rows), recorder.frames, received)

@@ -44,6 +44,16 @@ N_ANSWERS = 6
 INSET_SHARE = 0.55
 
 
+@dataclass(frozen=True, eq=False)
+class LoopResults:
+    """Result of the loop with the board."""
+
+    summary: LedgerSummary
+    rows: tuple[FrameRecord, ...]
+    frames: dict[int, Frame]
+    truth_records: int
+
+
 @dataclass(frozen=True, eq=False, kw_only=True)
 class DemoResults:
     """Results of the demo's stages."""
@@ -52,11 +62,8 @@ class DemoResults:
     plan: Plan
     captured: CaptureSummary
     checked: CheckReport
-    summary: LedgerSummary
-    rows: tuple[FrameRecord, ...]
+    loop: LoopResults
     compared: tuple[MethodAnswer, ...]
-    loop_frames: dict[int, Frame]
-    truth_records: int
     run_s: float
 
 
@@ -74,7 +81,7 @@ def write_page(results: DemoResults) -> Path:
     tile_folder = results.folder / TILE_FOLDER
     tile_folder.mkdir(exist_ok=True)
     images = [_image(results, tile_folder, k) for k in range(results.checked.n_frames)]
-    shown_rows = results.rows[:: max(len(results.rows) // N_ANSWERS, 1)][:N_ANSWERS]
+    shown_rows = results.loop.rows[:: max(len(results.loop.rows) // N_ANSWERS, 1)][:N_ANSWERS]
     answers = [_answer(results, tile_folder, row) for row in shown_rows]
     return _page(results, images, answers).write(results.folder / "index.html")
 
@@ -126,7 +133,7 @@ def with_inset(image: ByteArray, truth: Truth) -> ByteArray:
 
 def _answer(results: DemoResults, tile_folder: Path, row: FrameRecord) -> Markup:
     """Return a frame as the board received it, with the returned pose overlaid."""
-    frame = results.loop_frames[row.frame_id]
+    frame = results.loop.frames[row.frame_id]
     truth = frame.truth
     if truth is None:
         raise RuntimeError("a frame of the demo has no truth")
@@ -158,7 +165,7 @@ def _write_small(path: Path, image: ByteArray, size: tuple[int, int]) -> None:
 
 
 def _page(results: DemoResults, images: Sequence[Markup], answers: Sequence[Markup]) -> Page:
-    card, s = read_card(results.folder / "dataset"), results.summary
+    card, s = read_card(results.folder / "dataset"), results.loop.summary
     scenario = results.plan.scenario
     page = Page(f"Flyaround: {scenario.title}", scenario.title, width_px=1500, dark=True, style=STYLE)
     page.add(note(scenario.description))
@@ -187,7 +194,7 @@ def _page(results: DemoResults, images: Sequence[Markup], answers: Sequence[Mark
     page.add(
         note(
             f"The ledger accounts for every frame: {s.sent} sent = {s.accepted} accepted + {s.declined} declined + "
-            f"{s.dropped_total} dropped. {results.truth_records} truth records arrived on their own endpoint; "
+            f"{s.dropped_total} dropped. {results.loop.truth_records} truth records arrived on their own endpoint; "
             "the board received none."
         )
     )
@@ -199,8 +206,8 @@ def _page(results: DemoResults, images: Sequence[Markup], answers: Sequence[Mark
         gallery(answers, columns=3),
     )
     page.section("Three methods on the same frames", comparison_section(results.compared))
-    page.section("Pose errors", _plot(plot_errors(results.rows), "rotation and translation errors"))
-    page.section("Latency", _plot(plot_latency(results.rows), "latency by stage and its distribution"))
+    page.section("Pose errors", _plot(plot_errors(results.loop.rows), "rotation and translation errors"))
+    page.section("Latency", _plot(plot_latency(results.loop.rows), "latency by stage and its distribution"))
     files = (
         link("hil/report.html", "Full report of the loop"),
         link("hil/frames.csv", "frames.csv"),

@@ -229,37 +229,22 @@ def _methods_table(methods: Sequence[MethodMetrics]) -> Markup:
     return table(head, [(name, *(value(m) for m in methods)) for name, value in lines])
 
 
-GROUP_COLUMNS = (
-    "",
-    "frames",
-    "feasible",
-    "accepted",
-    "coarse",
-    "fine",
-    "available",
-    "median E_R",
-    "median E_T",
-    "mean E_T",
+GROUP_COLUMNS: tuple[tuple[str, Callable[[Summary], Content]], ...] = (
+    ("frames", lambda s: str(s.n)),
+    ("feasible", lambda s: str(s.n_feasible)),
+    ("accepted", lambda s: str(s.n_accepted)),
+    ("coarse", lambda s: _share(s.coarse_success, s.coarse_success_wilson)),
+    ("fine", lambda s: _share(s.fine_success, s.fine_success_wilson)),
+    ("available", lambda s: _share(s.availability, s.availability_wilson)),
+    ("median E_R", lambda s: _number(s.median_E_R_deg, "deg")),
+    ("median E_T", lambda s: _number(s.median_E_T_m, "mm", 1e3)),
+    ("mean E_T", lambda s: _number(s.mean_E_T_m, "mm", 1e3)),
 )
 
 
 def _groups_table(groups: Sequence[tuple[str, Summary]]) -> Markup:
-    rows = [
-        (
-            name,
-            s.n,
-            s.n_feasible,
-            s.n_accepted,
-            _share(s.coarse_success, s.coarse_success_wilson),
-            _share(s.fine_success, s.fine_success_wilson),
-            _share(s.availability, s.availability_wilson),
-            _number(s.median_E_R_deg, "deg"),
-            _number(s.median_E_T_m, "mm", 1e3),
-            _number(s.mean_E_T_m, "mm", 1e3),
-        )
-        for name, s in groups
-    ]
-    return table(GROUP_COLUMNS, rows)
+    head = ("", *(column for column, _ in GROUP_COLUMNS))
+    return table(head, [(name, *(value(s) for _, value in GROUP_COLUMNS)) for name, s in groups])
 
 
 def _bin_name(low: float, high: float | None) -> str:

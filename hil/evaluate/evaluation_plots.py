@@ -145,21 +145,13 @@ def _along_axes(by_method: dict[str, list[EvaluatedFrame]]) -> Figure | None:
         if not records:
             continue
         x = np.array([r.range_m for r in records])
-        shift = 1e3 * np.array([r.shift_camera_m for r in records])
-        turn = np.array([r.turn_camera_deg for r in records])
         for a in range(3):
-            for ax, values, top in (
-                (
-                    axes[a],
-                    shift[:, a],
-                    _half_height([1e3 * (r.shift_camera_m or (0.0,) * 3)[a] for r in right]),
-                ),
-                (
-                    axes[3 + a],
-                    turn[:, a],
-                    _half_height([(r.turn_camera_deg or (0.0,) * 3)[a] for r in right]),
-                ),
+            for ax, field, factor in (
+                (axes[a], "shift_camera_m", 1e3),
+                (axes[3 + a], "turn_camera_deg", 1.0),
             ):
+                values = factor * np.array([getattr(r, field)[a] for r in records])
+                top = _half_height([factor * (getattr(r, field) or (0.0,) * 3)[a] for r in right])
                 colour = COLOURS[k % len(COLOURS)]
                 inside = np.abs(values) <= top
                 ax.scatter(x[inside], values[inside], s=size, color=colour, lw=0, alpha=0.45)

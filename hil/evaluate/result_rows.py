@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-import csv
-import io
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import msgspec
 
 from flyaround.hil.board.method_names import name_in_file
 from flyaround.hil.evaluate.pose_errors import FrameScore
 from flyaround.simulator.errors import UserError
-from flyaround.simulator.runtime.table_text import table_text
+from flyaround.simulator.runtime.table_text import table_bytes, table_text
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -117,19 +115,15 @@ def _decode(lines: Iterable[bytes], path: Path) -> list[EvaluatedFrame]:
 
 def frames_csv(rows: Iterable[EvaluatedFrame]) -> bytes:
     """Return all rows as CSV."""
-    text = io.StringIO()
     axes = [f"shift_{a}_m" for a in "xyz"] + [f"turn_{a}_deg" for a in "xyz"]
     plain = [n for n in FrameScore.__struct_fields__ if n not in ("shift_camera_m", "turn_camera_deg")]
     names = ["frame", "method", *plain, *axes, "reason", "failure", "confidence", "total_ms"]
-    writer = csv.DictWriter(text, fieldnames=names, lineterminator="\n")
-    writer.writeheader()
-    for row in rows:
-        values: dict[str, Any] = {name: getattr(row.record, name) for name in plain}
-        both = (*(row.record.shift_camera_m or [""] * 3), *(row.record.turn_camera_deg or [""] * 3))
-        values |= dict(zip(axes, both, strict=True))
-        values |= {
-            name: getattr(row, name) for name in ("frame", "method", "reason", "failure", "confidence")
-        }
-        values = {k: table_text(v) if isinstance(v, str) else v for k, v in values.items()}
-        writer.writerow(values | {"total_ms": round(row.total_ms, 3)})
-    return text.getvalue().encode()
+
+    def cells(row: EvaluatedFrame) -> list[object]:
+        score = row.record
+        both = (*(score.shift_camera_m or [""] * 3), *(score.turn_camera_deg or [""] * 3))
+        start = (row.frame, row.method, *(getattr(score, name) for name in plain), *both)
+        values = (*start, row.reason, row.failure, row.confidence, round(row.total_ms, 3))
+        return [table_text(v) if isinstance(v, str) else v for v in values]
+
+    return table_bytes(names, rows=map(cells, rows))

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
 from dataclasses import astuple, dataclass, fields
 from typing import TYPE_CHECKING
 
@@ -16,6 +14,7 @@ from flyaround.hil.navigation.relative_estimate import MotionModel
 from flyaround.simulator.errors import UserError
 from flyaround.simulator.reports.plots import BLUE, VERMILION, figure_with_axes, png
 from flyaround.simulator.runtime.files import write_atomic
+from flyaround.simulator.runtime.table_text import table_bytes
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -108,12 +107,13 @@ def write_forecasts(folder: Path, results: Forecasts, title: str) -> None:
     UserError
         If the files cannot be written.
     """
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(["model", *(field.name for field in fields(ForecastError))])
-    for model, errors in (("rigid_body", results.rigid_body), ("constant_rate", results.constant_rate)):
-        writer.writerows([model, *(f"{value:.6g}" for value in astuple(error))] for error in errors)
-    write_atomic(folder / FORECAST_CSV, text.getvalue().encode())
+    head = ["model", *(field.name for field in fields(ForecastError))]
+    rows = (
+        [model, *(f"{value:.6g}" for value in astuple(error))]
+        for model in ("rigid_body", "constant_rate")
+        for error in getattr(results, model)
+    )
+    write_atomic(folder / FORECAST_CSV, table_bytes(head, rows=rows))
     write_atomic(folder / FORECAST_PNG, png(forecast_figure([(title, results)])))
 
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from flyaround.hil.host.frame_record import ACCEPTED, FrameRecord
 from flyaround.hil.host.ledger.summary import ClosedLoopFigures, LedgerSummary, summarise
-from flyaround.hil.host.pose_link import LinkedPoses, PoseLink, PoseQueue
+from flyaround.hil.host.pose_link import PoseLink
 from flyaround.hil.navigation.closed_loop import (
     ClosedLoop,
     ClosedLoopConfig,
@@ -22,20 +22,21 @@ from flyaround.hil.navigation.closed_loop import (
     fly_closed_loop,
 )
 from flyaround.hil.navigation.measurement import PoseNoise
-from flyaround.hil.navigation.pose_sources import NoisyPoses, TruePoses
+from flyaround.hil.navigation.pose_sources import PoseErrors, PoseQueue, SimulatedPoses
 from flyaround.simulator.errors import UserError
 from flyaround.simulator.frame import Frame
 from flyaround.simulator.loop import FrameRequest, open_frames
 from flyaround.simulator.runtime.arrays import quat, vec3
 from flyaround.simulator.runtime.files import write_atomic
+from flyaround.simulator.runtime.table_text import table_bytes
 from flyaround.simulator.runtime.untrusted_files import read_regular
 from flyaround.simulator.world.guidance.manual_control import ChaserState
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Sequence
+    from collections.abc import Iterable, Iterator
 
     from flyaround.hil.navigation.closed_loop import LoopStep
-    from flyaround.hil.navigation.measurement import PoseMeasurement, Snapshot
+    from flyaround.hil.navigation.measurement import Snapshot
     from flyaround.simulator.scenario.plan import Plan
     from flyaround.simulator.scene.state import SceneState
 
@@ -62,7 +63,7 @@ MAX_BYTES = 1 << 28
 PoseFrom = Literal["board", "truth", "noisy"]
 
 
-class BoardPoses:
+class BoardPoses(PoseQueue):
     """Queue of the board's accepted poses as measurements for the navigation filter.
 
     The link carries no covariance, so the one of ``noise`` is used.
@@ -77,9 +78,9 @@ class BoardPoses:
     """
 
     def __init__(self, noise: PoseNoise, link: PoseLink | None) -> None:
+        super().__init__((lambda _number, _t_s: -np.inf) if link is None else link.delay_s)
         self._noise = noise
         self._snapshots: dict[int, Snapshot] = {}
-        self._queue = PoseQueue(link)
 
     def note(self, frame: int, snapshot: Snapshot) -> None:
         """Store the time and camera attitude of an image until its pose arrives."""
@@ -92,11 +93,7 @@ class BoardPoses:
             return
         q, t = np.array(row.q_wxyz), np.array(row.t_m)
         pose = self._noise.measured(snapshot.t_s, q / np.linalg.norm(q), t, snapshot.q_camera_from_eci_wxyz)
-        self._queue.put(row.frame_id, pose)
-
-    def available(self, t_s: float) -> Sequence[PoseMeasurement]:
-        """Return the poses available by ``t_s``."""
-        return self._queue.available(t_s)
+        self.put(row.frame_id, pose)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -210,11 +207,10 @@ def fly_without_pictures(
     """
     check_closed_loop(plan.flight, f"scenario {plan.scenario_name}")
     noise = PoseNoise()
-    source = TruePoses(noise, 0.0) if pose == "truth" else NoisyPoses(noise, 0.0, config.seed)
+    errors = PoseErrors(noise, np.random.default_rng([config.seed, 0]))
+    poses = SimulatedPoses(noise.true_pose if pose == "truth" else errors.draw, (link or PoseLink()).delay_s)
     mass = plan.target.mass
-    return fly_closed_loop(
-        plan.flight, mass.com_m, mass.inertia_kg_m2, LinkedPoses(source, link or PoseLink()), config
-    )
+    return fly_closed_loop(plan.flight, mass.com_m, mass.inertia_kg_m2, poses, config)
 
 
 def summary_without_pictures(result: ClosedLoopResult, pose: PoseFrom, seed: int) -> LedgerSummary:
@@ -272,12 +268,8 @@ def write_steps(folder: Path, steps: Iterable[LoopStep]) -> None:
     UserError
         If the file cannot be written.
     """
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(COLUMNS)
-    writer.writerows(_cells(step) for step in steps)
     folder.mkdir(parents=True, exist_ok=True)
-    write_atomic(folder / STEPS_CSV, text.getvalue().encode())
+    write_atomic(folder / STEPS_CSV, table_bytes(COLUMNS, rows=map(_cells, steps)))
 
 
 def read_steps(folder: Path) -> dict[str, list[str]]:

@@ -11,9 +11,8 @@ from flyaround.simulator.frame import Frame
 from flyaround.simulator.loop import FrameRequest, open_frames, run_frames
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator
+    from collections.abc import Iterator
 
-    from flyaround.simulator.loop import Sink
     from flyaround.simulator.scenario.plan import Plan
 
 # Frames that each process may render ahead of the link, so that it stays busy while the board computes.
@@ -29,7 +28,6 @@ def frames_of_plan(
     device_index: int | None = None,
     workers: int = 1,
     warm_up: bool = False,
-    sinks: Iterable[Sink[Frame]] = (),
 ) -> Iterator[Frame]:
     """Render the frames of a plan in ``workers`` processes and yield them in order, for `run_host` to send.
 
@@ -47,8 +45,6 @@ def frames_of_plan(
     warm_up : bool, optional
         True to render some frames of the flight in advance and discard them. Shaders are compiled and buffers
         allocated when a view first needs them; in a real-time run this would delay frames.
-    sinks : iterable of Sink, optional
-        Sinks that receive each frame before the board does.
     """
     with open_frames(
         Frame.image_and_truth,
@@ -60,7 +56,7 @@ def frames_of_plan(
         if warm_up:
             for _ in producer.frames(_moments(plan, workers)):
                 pass
-        yield from run_frames(plan, producer, sinks)
+        yield from run_frames(plan, producer)
 
 
 def _moments(plan: Plan, workers: int) -> Iterator[FrameRequest]:

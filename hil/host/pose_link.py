@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import deque
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -12,10 +11,6 @@ from flyaround.simulator.errors import UserError
 from flyaround.simulator.scenario.faults import Delay, Drop, Jitter
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from flyaround.hil.navigation.measurement import PoseMeasurement, Snapshot
-    from flyaround.hil.navigation.pose_sources import PoseSource
     from flyaround.simulator.scenario.faults import Faults, LineFault
 
 # Default latency from mid-exposure to a pose [s]: that of ``hybrid`` on a 1920 x 1200 image and a slow core.
@@ -80,61 +75,3 @@ class PoseLink:
             elif uniform < fault.chance:
                 return None
         return delay_s
-
-
-class PoseQueue:
-    """Poses in transit over a link that preserves their order.
-
-    Parameters
-    ----------
-    link : PoseLink or None
-        Delay of the poses; None for immediate delivery.
-    """
-
-    def __init__(self, link: PoseLink | None) -> None:
-        self._link = link
-        self._waiting: deque[tuple[float, PoseMeasurement]] = deque()
-        self._last_s = -np.inf
-
-    def put(self, number: int, pose: PoseMeasurement) -> None:
-        """Add the pose of an image, by the image's number."""
-        if self._link is None:
-            self._waiting.append((-np.inf, pose))
-            return
-        delay_s = self._link.delay_s(number, pose.t_s)
-        if delay_s is not None:
-            self._last_s = max(self._last_s, pose.t_s + delay_s)
-            self._waiting.append((self._last_s, pose))
-
-    def available(self, t_s: float) -> Sequence[PoseMeasurement]:
-        """Return the poses available by ``t_s`` that were not returned before."""
-        ready = []
-        while self._waiting and self._waiting[0][0] <= t_s + 1e-9:
-            ready.append(self._waiting.popleft()[1])
-        return ready
-
-
-class LinkedPoses:
-    """Source of poses that delays those of an immediate source by a link.
-
-    Parameters
-    ----------
-    source : PoseSource
-        Source that answers immediately.
-    link : PoseLink
-        Delay and loss of the poses.
-    """
-
-    def __init__(self, source: PoseSource, link: PoseLink) -> None:
-        self._source, self._queue, self._number = source, PoseQueue(link), 0
-
-    def expose(self, snapshot: Snapshot) -> None:
-        """Expose an image at this moment."""
-        self._source.expose(snapshot)
-        for pose in self._source.available(snapshot.t_s):
-            self._queue.put(self._number, pose)
-        self._number += 1
-
-    def available(self, t_s: float) -> Sequence[PoseMeasurement]:
-        """Return the poses available by ``t_s``."""
-        return self._queue.available(t_s)

@@ -8,19 +8,16 @@ from typing import TYPE_CHECKING, Any
 
 import msgspec
 
-from flyaround.hil.board.method_names import name_in_file
 from flyaround.hil.host.closed_loop_plots import plot_closed_loop
 from flyaround.hil.host.closed_loop_run import STEPS_CSV, read_steps
 from flyaround.hil.host.ledger.frames_csv import FRAMES_CSV, read_ledger
 from flyaround.hil.host.ledger.run_terms import RunTerms, read_terms
-from flyaround.hil.host.ledger.summary import SUMMARY_JSON, LedgerSummary, percentile, summarise
+from flyaround.hil.host.ledger.summary import SUMMARY_JSON, LedgerSummary, percentile, read_summary, summarise
 from flyaround.hil.host.link_process.ipc import LinkTotals
 from flyaround.hil.host.recording.chrome_trace import write_trace
 from flyaround.hil.host.report_plots import draw_plots
-from flyaround.simulator.errors import UserError
 from flyaround.simulator.reports.markup import Markup, element, markup
 from flyaround.simulator.reports.page import Page, key_figures, link, note, plot, table
-from flyaround.simulator.runtime.untrusted_files import read_regular
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -30,8 +27,6 @@ if TYPE_CHECKING:
 
 REPORT_HTML = "report.html"
 TRACE_JSON = "trace.json"
-# Maximum size of an accepted summary.json [bytes], thousands of times the usual size.
-MAX_BYTES = 1 << 24
 
 # Maximum number of rows in the table of impossible times.
 MAX_TIME_FAULTS = 20
@@ -81,11 +76,10 @@ def write_report(folder: Path) -> Path:
 
 
 def _summary(folder: Path, rows: Sequence[FrameRecord]) -> LedgerSummary:
-    path = folder / SUMMARY_JSON
-    if not path.exists():
+    if not (folder / SUMMARY_JSON).exists():
         # the run was killed before writing it
         return summarise(rows, **_terms(folder, rows))
-    summary = _read(path)
+    summary = read_summary(folder)
     if summary.accepted_wrong is not None:
         return summary
     # an older version wrote it without these counts
@@ -153,19 +147,6 @@ def _named_faults(terms: RunTerms) -> str:
     faults = terms.faults
     kinds = [fault.name for fault in (*faults.camera, *faults.line)]
     return f"{', '.join(kinds)}; seed {faults.seed}" if kinds else "none"
-
-
-def _read(path: Path) -> LedgerSummary:
-    try:
-        summary = msgspec.json.decode(read_regular(path, MAX_BYTES), type=LedgerSummary)
-    except OSError as error:
-        raise UserError(f"{path} cannot be read ({error.strerror}): make it readable") from error
-    except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
-        raise UserError(f"{path} is not a ledger summary of this version: {error}") from error
-    if summary.board is None:
-        return summary
-    board = msgspec.structs.replace(summary.board, method=name_in_file(summary.board.method, path))
-    return msgspec.structs.replace(summary, board=board)
 
 
 def _text(value: float | None, unit: str, digits: int = 3) -> str:

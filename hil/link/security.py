@@ -27,7 +27,7 @@ from typing import Callable, Optional, Tuple
 from flyaround.hil.link.errors import LinkClosed, LinkError, PacketError, RepeatedPacket, UnsealedPacket
 from flyaround.hil.link.packets.messages import ErrorCode, ErrorMessage, decode_message
 from flyaround.hil.link.packets.packet import Packet, PacketType
-from flyaround.hil.link.transports.base import Transport
+from flyaround.hil.link.transports.base import Transport, WrappedTransport
 
 # Sizes of nonces and proofs, and of the authentication code of each packet [bytes]: SHA-256's output, and half of it,
 # the shortest truncation that RFC 2104, section 5, recommends.
@@ -206,13 +206,15 @@ class HostHandshake:
     _of_seal: bytes = b""
 
 
-class HostTransport:
-    """Line on which a board must prove that it has the key before other messages are accepted."""
+class HostTransport(WrappedTransport):
+    """Line on which a board must prove that it has the key before other messages are accepted.
+
+    Faults of a line act below it, on sealed packets.
+    """
 
     def __init__(self, line: Transport, key: bytes) -> None:
-        self._line = line
+        super().__init__(line)
         self._handshake = HostHandshake(key)
-        self.name, self.chunk_bytes = line.name, line.chunk_bytes
 
     def send_packet(self, packet: Packet) -> None:
         """Send a sealed packet. Before the proof only errors and goodbyes are sent, unsealed.
@@ -228,10 +230,6 @@ class HostTransport:
         elif packet.type not in _IN_CLEAR:
             raise LinkClosed(f"{self.name} has not proved that it has the key")
         self._line.send_packet(packet)
-
-    def send_damaged(self, packet: Packet, at: int, flip: int) -> None:
-        """Send a damaged packet; faults act below the seal, see `flyaround.hil.host.faults`."""
-        self._line.send_damaged(packet, at, flip)
 
     def recv_packet(self, timeout_s: float) -> Optional[Packet]:
         """Return the next packet of this session; None after ``timeout_s``.
@@ -260,35 +258,19 @@ class HostTransport:
                     )
                 raise LinkClosed("it did not prove that it has the host's key: start it with --key FILE")
 
-    def set_silence_limit(self, silence_s: float) -> None:
-        """Set the silence after which the other side is considered lost."""
-        self._line.set_silence_limit(silence_s)
 
-    def fileno(self) -> int:
-        """Return the file descriptor to wait on."""
-        return self._line.fileno()
-
-    def close(self) -> None:
-        """Close the line."""
-        self._line.close()
-
-
-class BoardTransport:
+class BoardTransport(WrappedTransport):
     """Line to a host that has proved that it has the key."""
 
     def __init__(self, line: Transport, seal: Seal, proof: Packet) -> None:
-        self._line, self._seal, self._proof = line, seal, proof
-        self.name, self.chunk_bytes = line.name, line.chunk_bytes
+        super().__init__(line)
+        self._seal, self._proof = seal, proof
 
     def send_packet(self, packet: Packet) -> None:
         """Send a sealed packet. The proof is repeated before HELLO, because a lossy line may have lost it."""
         if packet.type is PacketType.HELLO:
             self._line.send_packet(self._proof)
         self._line.send_packet(self._seal.seal(packet))
-
-    def send_damaged(self, packet: Packet, at: int, flip: int) -> None:
-        """Send a damaged packet; faults act below the seal, see `flyaround.hil.host.faults`."""
-        self._line.send_damaged(packet, at, flip)
 
     def recv_packet(self, timeout_s: float) -> Optional[Packet]:
         """Return the next packet of this session; None after ``timeout_s``."""
@@ -300,18 +282,6 @@ class BoardTransport:
             # a slow host answers each of the repeated requests
             if packet.type is not PacketType.AUTH_CHALLENGE:
                 return self._seal.open(packet)
-
-    def set_silence_limit(self, silence_s: float) -> None:
-        """Set the silence after which the other side is considered lost."""
-        self._line.set_silence_limit(silence_s)
-
-    def fileno(self) -> int:
-        """Return the file descriptor to wait on."""
-        return self._line.fileno()
-
-    def close(self) -> None:
-        """Close the line."""
-        self._line.close()
 
 
 def prove_to_host(line: Transport, key: bytes, timeout_s: float = ANSWER_TIMEOUT_S) -> BoardTransport:

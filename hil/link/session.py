@@ -40,30 +40,14 @@ logger = logging.getLogger(__name__)
 
 # Packet types accepted by each side, by the state of its session; other payloads are not parsed
 HOST_BEFORE_HELLO: FrozenSet[PacketType] = frozenset({PacketType.HELLO})
-HOST_IN_SESSION: FrozenSet[PacketType] = frozenset(
-    {
-        PacketType.HELLO,
-        PacketType.TIME_SYNC_REQUEST,
-        PacketType.TIME_SYNC_REPLY,
-        PacketType.POSE,
-        PacketType.CREDIT,
-        PacketType.BYE,
-        PacketType.ERROR,
-    }
+_BOTH_IN_SESSION = frozenset(
+    {PacketType.TIME_SYNC_REQUEST, PacketType.TIME_SYNC_REPLY, PacketType.BYE, PacketType.ERROR}
 )
+HOST_IN_SESSION = _BOTH_IN_SESSION | {PacketType.HELLO, PacketType.POSE, PacketType.CREDIT}
 BOARD_BEFORE_TERMS: FrozenSet[PacketType] = frozenset(
     {PacketType.HELLO_ACK, PacketType.BYE, PacketType.ERROR}
 )
-BOARD_IN_SESSION: FrozenSet[PacketType] = frozenset(
-    {
-        PacketType.TIME_SYNC_REQUEST,
-        PacketType.TIME_SYNC_REPLY,
-        PacketType.FRAME_HEADER,
-        PacketType.FRAME_CHUNK,
-        PacketType.BYE,
-        PacketType.ERROR,
-    }
-)
+BOARD_IN_SESSION = _BOTH_IN_SESSION | {PacketType.FRAME_HEADER, PacketType.FRAME_CHUNK}
 
 SILENCE_S = 1.5
 """Silence after which a side that used to send regularly is considered lost [s]."""

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike
 
-    from flyaround.hil.navigation.pose_sources import PoseSource
+    from flyaround.hil.navigation.pose_sources import SimulatedPoses
     from flyaround.simulator.runtime.arrays import FloatArray
     from flyaround.simulator.world.flight.flight import Flight
     from flyaround.simulator.world.frames.lvlh import Lvlh
@@ -54,8 +54,6 @@ class ClosedLoopConfig:
         Density of the unmodelled white acceleration [m s-2 Hz-1/2].
     rate_noise : float, optional
         Density of the target's white angular acceleration [rad s-2 Hz-1/2].
-    inertia_known : bool, optional
-        True if the filter propagates the target as a rigid body.
     rules : ApproachRules, optional
         Settings of the guidance.
     filter : FilterSettings, optional
@@ -74,7 +72,6 @@ class ClosedLoopConfig:
     thrust_sigma: float = 0.02
     acceleration_noise: float = 3e-7
     rate_noise: float = 2e-8
-    inertia_known: bool = True
     rules: ApproachRules = field(default_factory=ApproachRules)
     filter: FilterSettings = field(default_factory=FilterSettings)
 
@@ -193,13 +190,13 @@ def fly_closed_loop(
     flight: Flight,
     com_target_m: ArrayLike,
     inertia_kg_m2: ArrayLike,
-    poses: PoseSource,
+    poses: SimulatedPoses,
     config: ClosedLoopConfig = ClosedLoopConfig(),
 ) -> ClosedLoopResult:
     """Fly an approach on pose measurements: in each period the newest estimate determines the thrust.
 
     The chaser knows both absolute orbits, its own attitude, which follows the command exactly, and the target's centre
-    of mass and, with ``inertia_known``, its inertia. An image shows the state after the decision that precedes it.
+    of mass and inertia. An image shows the state after the decision that precedes it.
 
     Parameters
     ----------
@@ -209,7 +206,7 @@ def fly_closed_loop(
         Centre of mass of the target, model frame.
     inertia_kg_m2 : (3, 3) array
         Inertia of the target, model axes.
-    poses : PoseSource
+    poses : SimulatedPoses
         Source of poses.
     config : ClosedLoopConfig, optional
         Settings of the loop.
@@ -261,7 +258,7 @@ class ClosedLoop:
         self._end, _ = flight.guidance.state_lvlh(END_S, flight.n_rad_s)
         motion = MotionModel(
             n_rad_s=flight.n_rad_s,
-            inertia_kg_m2=np.asarray(inertia_kg_m2, float) if config.inertia_known else None,
+            inertia_kg_m2=np.asarray(inertia_kg_m2, float),
             acceleration_noise=config.acceleration_noise,
             rate_noise=config.rate_noise,
             thrust_sigma=config.thrust_sigma,

@@ -186,6 +186,10 @@ class PoseNoise:
             correlated_share=self.correlated_share,
         )
 
+    def true_pose(self, snapshot: Snapshot) -> PoseMeasurement:
+        """Return the exact pose of a snapshot, of which the filter nevertheless assumes this accuracy."""
+        return self.measured(snapshot.t_s, *snapshot.pose(), snapshot.q_camera_from_eci_wxyz)
+
     @staticmethod
     def _axes(q_camera_from_target_wxyz: FloatArray) -> FloatArray:
         """Return the matrix (6, 6) that converts errors from camera axes, rotations to target axes."""

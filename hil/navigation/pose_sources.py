@@ -3,29 +3,19 @@
 from __future__ import annotations
 
 from collections import deque
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from flyaround.simulator.world.frames.rotation import quat_from_rotvec, quat_multiply, rotvec_between
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Callable, Sequence
 
     from numpy.random import Generator
 
     from flyaround.hil.navigation.measurement import PoseMeasurement, PoseNoise, Snapshot
     from flyaround.simulator.runtime.arrays import FloatArray
-
-
-class PoseSource(Protocol):
-    """Source of poses: exposes on request, and answers with a delay."""
-
-    def expose(self, snapshot: Snapshot) -> None:
-        """Expose an image at this moment."""
-
-    def available(self, t_s: float) -> Sequence[PoseMeasurement]:
-        """Return the poses available by ``t_s`` that were not returned before."""
 
 
 class PoseErrors:
@@ -62,7 +52,7 @@ class PoseErrors:
         self._previous = q, t
         if not is_accepted:
             return None
-        pose = self._noise.measured(snapshot.t_s, q, t, snapshot.q_camera_from_eci_wxyz)
+        pose = self._noise.true_pose(snapshot)
         new = pose.new_errors()
         error = pose.correlated_errors() @ self._bias + np.linalg.cholesky(new @ new.T) @ new_noise
         if is_wrong:
@@ -75,57 +65,58 @@ class PoseErrors:
         )
 
 
-class LatePoses:
-    """Queue of poses that become available a constant delay after exposure."""
-
-    def __init__(self, latency_s: float) -> None:
-        self._latency_s = latency_s
-        self._waiting: deque[PoseMeasurement] = deque()
-
-    def wait(self, pose: PoseMeasurement) -> None:
-        """Store a pose until its delay has passed."""
-        self._waiting.append(pose)
-
-    def available(self, t_s: float) -> Sequence[PoseMeasurement]:
-        """Return the poses whose delay has passed."""
-        ready = []
-        while self._waiting and self._waiting[0].t_s + self._latency_s <= t_s + 1e-9:
-            ready.append(self._waiting.popleft())
-        return ready
-
-
-class NoisyPoses(LatePoses):
-    """Truth with the errors of an estimator, after a constant delay.
+class PoseQueue:
+    """Poses in transit from the estimator to the filter, which arrive in the order of their exposures.
 
     Parameters
     ----------
-    noise : PoseNoise
-        Noise model of the poses.
-    latency_s : float
-        Time from mid-exposure to the answer.
-    seed : int
-        Seed of the errors.
+    delay_s : callable
+        Returns the time from exposure to arrival, or None for a lost pose, by the number of the image and the time of
+        its exposure.
     """
 
-    def __init__(self, noise: PoseNoise, latency_s: float, seed: int) -> None:
-        super().__init__(latency_s)
-        self._errors = PoseErrors(noise, np.random.default_rng([seed, 0]))
+    def __init__(self, delay_s: Callable[[int, float], float | None]) -> None:
+        self._delay_s = delay_s
+        self._waiting: deque[tuple[float, PoseMeasurement]] = deque()
+        self._last_s = -np.inf
+
+    def put(self, number: int, pose: PoseMeasurement) -> None:
+        """Add the pose of an image, by the image's number."""
+        delay_s = self._delay_s(number, pose.t_s)
+        if delay_s is not None:
+            self._last_s = max(self._last_s, pose.t_s + delay_s)
+            self._waiting.append((self._last_s, pose))
+
+    def available(self, t_s: float) -> Sequence[PoseMeasurement]:
+        """Return the poses available by ``t_s`` that were not returned before."""
+        ready = []
+        while self._waiting and self._waiting[0][0] <= t_s + 1e-9:
+            ready.append(self._waiting.popleft()[1])
+        return ready
+
+
+class SimulatedPoses(PoseQueue):
+    """Poses without images, derived from the truth.
+
+    Parameters
+    ----------
+    draw : callable
+        Returns the pose of a snapshot, or None if no pose is accepted: `PoseNoise.true_pose` or `PoseErrors.draw`.
+    delay_s : callable
+        See `PoseQueue`.
+    """
+
+    def __init__(
+        self,
+        draw: Callable[[Snapshot], PoseMeasurement | None],
+        delay_s: Callable[[int, float], float | None],
+    ) -> None:
+        super().__init__(delay_s)
+        self._draw, self._number = draw, 0
 
     def expose(self, snapshot: Snapshot) -> None:
-        """Draw the errors of this moment's pose."""
-        pose = self._errors.draw(snapshot)
+        """Expose an image at this moment."""
+        pose = self._draw(snapshot)
         if pose is not None:
-            self.wait(pose)
-
-
-class TruePoses(LatePoses):
-    """Exact truth after a constant delay; the filter nevertheless assumes the accuracy of ``noise``."""
-
-    def __init__(self, noise: PoseNoise, latency_s: float) -> None:
-        super().__init__(latency_s)
-        self._noise = noise
-
-    def expose(self, snapshot: Snapshot) -> None:
-        """Record the pose of this moment."""
-        q, t = snapshot.pose()
-        self.wait(self._noise.measured(snapshot.t_s, q, t, snapshot.q_camera_from_eci_wxyz))
+            self.put(self._number, pose)
+        self._number += 1

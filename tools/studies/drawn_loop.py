@@ -28,7 +28,7 @@ from flyaround.hil.host.closed_loop_run import scene_at_snapshot
 from flyaround.hil.host.pose_link import LATENCY_S
 from flyaround.hil.navigation.closed_loop import ClosedLoop, ClosedLoopConfig, ClosedLoopResult
 from flyaround.hil.navigation.measurement import PoseNoise, Snapshot
-from flyaround.hil.navigation.pose_sources import LatePoses, TruePoses
+from flyaround.hil.navigation.pose_sources import PoseQueue, SimulatedPoses
 from flyaround.simulator.frame import Frame
 from flyaround.simulator.loop import FrameRequest, open_frames
 from flyaround.simulator.runtime.files import write_atomic
@@ -44,7 +44,7 @@ if TYPE_CHECKING:
 SCENARIOS = ("tango-vbar-closed-loop", "tango-vbar-closed-loop-tumble")
 
 
-class DrawnPoses(LatePoses):
+class DrawnPoses(PoseQueue):
     """A pose source that renders an image and runs the estimator on it; every answer is recorded.
 
     Parameters
@@ -58,7 +58,7 @@ class DrawnPoses(LatePoses):
     """
 
     def __init__(self, plan: Plan, draw: FrameProducer[Frame], estimator: Estimator) -> None:
-        super().__init__(LATENCY_S)
+        super().__init__(lambda _number, _t_s: LATENCY_S)
         self._plan, self._draw, self._estimator = plan, draw, estimator
         self.looks: list[Snapshot] = []
         self.answers: list[tuple[bool, np.ndarray, np.ndarray, np.ndarray]] = []
@@ -78,7 +78,7 @@ class DrawnPoses(LatePoses):
             (bool(result.accepted), q, t, np.full((6, 6), np.nan) if covariance is None else covariance)
         )
         if result.accepted:
-            self.wait(PoseNoise().measured(snapshot.t_s, q, t, snapshot.q_camera_from_eci_wxyz))
+            self.put(0, PoseNoise().measured(snapshot.t_s, q, t, snapshot.q_camera_from_eci_wxyz))
 
 
 def planned(scenario: str, seed: int, *, any_view: bool, any_light: bool = False) -> Plan:
@@ -115,7 +115,7 @@ def fly(plan: Plan, draw: FrameProducer[Frame], pose: str) -> tuple[ClosedLoopRe
     """Simulate one flight; with ``pose`` "truth" the loop uses the true poses, and the estimator only records."""
     intrinsics = CameraIntrinsics.from_dict(msgspec.to_builtins(plan.camera))
     drawn = DrawnPoses(plan, draw, make_estimator(board_model(plan.target), intrinsics))
-    true = TruePoses(PoseNoise(), LATENCY_S)
+    true = SimulatedPoses(PoseNoise().true_pose, lambda _number, _t_s: LATENCY_S)
     mass = plan.target.mass
     flown_on = true.available if pose == "truth" else drawn.available
     loop = ClosedLoop(plan.flight, mass.com_m, mass.inertia_kg_m2, flown_on, ClosedLoopConfig(seed=plan.seed))

@@ -62,7 +62,6 @@ def prepare(setup: SearchSetup, frame: Observation) -> PreparedImage:
         reduced,
         [r for r in regions if r.diagonal_px >= MIN_DIAGONAL_PX],
         regime,
-        smoothed,
     )
 
 

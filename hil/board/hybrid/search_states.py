@@ -70,8 +70,6 @@ class PreparedImage:
         Regions that may contain the target, most likely first.
     regime : Regime
         Light regime.
-    smoothed : bool
-        True if the noise was smoothed by a filter or by compression.
     """
 
     setup: SearchSetup
@@ -79,7 +77,6 @@ class PreparedImage:
     reduced: Array
     regions: List[Region]
     regime: Regime
-    smoothed: bool
 
 
 @dataclass(frozen=True, eq=False)

@@ -22,15 +22,6 @@ CUBIC_STEPS, DEPTH_STEPS = 3, 3
 # Points closer to collinear than this have no pose: sine of the angle at the first one.
 COLLINEAR = 1e-9
 
-_FLAGS = {
-    "epnp": "SOLVEPNP_EPNP",
-    "sqpnp": "SOLVEPNP_SQPNP",
-    "ap3p": "SOLVEPNP_AP3P",
-    "iterative": "SOLVEPNP_ITERATIVE",
-    "ippe": "SOLVEPNP_IPPE",
-}
-
-
 Solver = Callable[[Array, Array], Tuple[List[Array], List[Array]]]
 
 
@@ -46,7 +37,7 @@ def point_solver(solver: str) -> Solver:
         One of epnp, sqpnp, ap3p, p3p, iterative and ippe.
     """
     eye = np.eye(3)
-    flag = cv2.SOLVEPNP_P3P if solver == "p3p" else getattr(cv2, _FLAGS[solver])
+    flag = getattr(cv2, f"SOLVEPNP_{solver.upper()}")
 
     def solve(object_m: Array, rays: Array) -> Tuple[List[Array], List[Array]]:
         obj, img = np.ascontiguousarray(object_m, float), np.ascontiguousarray(rays, float)
@@ -184,15 +175,8 @@ def _cofactors(A: Array) -> Array:
 
 def _planes(A: Array) -> Tuple[Array, Array]:
     """Return the normals (N, 3) of the two planes of a degenerate quadratic form."""
-    trace = A[:, 0, 0] + A[:, 1, 1] + A[:, 2, 2]
-    minors = (
-        A[:, 0, 0] * A[:, 1, 1]
-        - A[:, 0, 1] ** 2
-        + A[:, 0, 0] * A[:, 2, 2]
-        - A[:, 0, 2] ** 2
-        + A[:, 1, 1] * A[:, 2, 2]
-        - A[:, 1, 2] ** 2
-    )
+    trace = np.trace(A, axis1=1, axis2=2)
+    minors = np.trace(_cofactors(A), axis1=1, axis2=2)
     root = np.sqrt(np.maximum(trace * trace / 4 - minors, 0.0))
     large = trace / 2 + np.where(trace < 0, -root, root)
     small = minors / large

@@ -15,9 +15,6 @@ from flyaround.hil.host.link_process.in_flight import FramesInFlight
 from flyaround.hil.host.link_process.ipc import BoardDown, BoardUp, Terms
 from flyaround.hil.host.link_process.pending import PendingLinks
 from flyaround.hil.link.clock import now_ns
-from flyaround.hil.link.packets.messages import ErrorCode
-from flyaround.hil.link.security import HostTransport
-from flyaround.hil.link.session import Link, refuse
 from flyaround.hil.link.transports.url import listen
 
 if TYPE_CHECKING:
@@ -52,13 +49,14 @@ class AnswerPort:
         self, terms: AnswerTerms, report: Callable[[FrameRecord], None], note: Callable[[str], None]
     ) -> None:
         self._listener = listen(terms.link.url)
-        self._key = terms.link.key
         self._report, self._note = report, note
         self._requests: dict[int, int] = {}
         self._in_flight = FramesInFlight(self._report_outcome, terms.link.timeout_s)
         self._board = BoardSession(terms.link, self._report_event, self._in_flight)
         self._board.terms = Terms(terms.ack, 0, 0)
-        self._pending = PendingLinks(lambda reason: note(f"a connection was closed: {reason}"))
+        self._pending = PendingLinks(
+            lambda reason: note(f"a connection was closed: {reason}"), BUSY, terms.link.key
+        )
 
     @property
     def url(self) -> str:
@@ -88,12 +86,8 @@ class AnswerPort:
         self._board.sync_clock()
         if self._board.link is not None and (self._board.unread or self._board.link.transport in ready):
             self._board.listen()
-        greeting = None if self._board.link is not None else self._pending.receive_hello(ready)
-        if self._listener in ready:
-            greeting = self._accept() or greeting
-        if greeting is not None and self._board.begin(*greeting):
-            self._pending.refuse_all(BUSY)
-            self._board.listen()
+        arrived = self._listener.accept(0.0) if self._listener in ready else None
+        self._pending.admit(self._board, ready, arrived)
 
     def sent(self, record: FrameRecord, number: int) -> None:
         """Register an image that was sent on the stream.
@@ -125,18 +119,6 @@ class AnswerPort:
         self._board.end(STOPPED, goodbye=True)
         self._listener.close()
         return connected
-
-    def _accept(self) -> Any:  # noqa: ANN401 - a link and its HELLO, or None
-        transport = self._listener.accept(0.0)
-        if transport is None:
-            return None
-        if self._key is not None:
-            transport = HostTransport(transport, self._key)
-        if self._board.link is not None:
-            refuse(Link(transport), ErrorCode.BUSY, BUSY)
-            return None
-        self._pending.add(transport)
-        return self._pending.receive_hello([transport])
 
     def _report_outcome(self, record: FrameRecord) -> None:
         self._report(replace(record, frame_id=self._requests.pop(record.frame_id)))

@@ -19,7 +19,6 @@ from flyaround.hil.host.camera_endpoint.answer_port import AnswerPort
 from flyaround.hil.host.camera_endpoint.gvcp import GvcpCommand, GvcpRequest, RefusedError, Status
 from flyaround.hil.host.camera_endpoint.interface import open_socket
 from flyaround.hil.host.camera_endpoint.messages import (
-    CameraFailed,
     ImageResult,
     Note,
     Opened,
@@ -68,7 +67,7 @@ def serve_endpoint(pipe: Connection, config: EndpointConfig) -> None:
     try:
         endpoint = CameraEndpoint(pipe, config)
     except UserError as error:
-        pipe.send(CameraFailed(str(error)))
+        pipe.send(UserError(str(error)))
         return
     try:
         pipe.send(Opened(endpoint.answers_url))

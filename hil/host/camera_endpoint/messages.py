@@ -66,13 +66,6 @@ class Opened:
 
 
 @dataclass(frozen=True)
-class CameraFailed:
-    """Failure of the endpoint to listen; one sentence."""
-
-    sentence: str
-
-
-@dataclass(frozen=True)
 class Note:
     """Note for the user."""
 

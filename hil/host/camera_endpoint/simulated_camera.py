@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING
 
 from flyaround.hil.host.camera_endpoint.endpoint import serve_endpoint
 from flyaround.hil.host.camera_endpoint.messages import (
-    CameraFailed,
     ImageRequest,
     ImageResult,
     Note,
@@ -96,8 +95,8 @@ def run_camera(
                 on_note(message.sentence)
             elif isinstance(message, Opened) and on_opened is not None:
                 on_opened(message.answers_url)
-            elif isinstance(message, CameraFailed):
-                raise UserError(message.sentence)
+            elif isinstance(message, UserError):
+                raise message
     except (EOFError, BrokenPipeError, ConnectionResetError):
         raise UserError(_PROCESS_ENDED) from None
     finally:

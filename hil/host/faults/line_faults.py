@@ -6,7 +6,6 @@ Two threads, one for each direction, pass packets between the link and the real 
 from __future__ import annotations
 
 import contextlib
-import select
 import socket
 import struct
 import threading
@@ -17,11 +16,10 @@ import numpy as np
 
 from flyaround.hil.link.clock import now_ns
 from flyaround.hil.link.errors import LinkClosed, PacketError
-from flyaround.hil.link.framing.length_prefix import LengthFraming
 from flyaround.hil.link.packets.frame_messages import FrameHeader, PoseMessage
 from flyaround.hil.link.packets.messages import ABOUT_A_FRAME, TimeSyncReply, decode_message, frame_id_of
 from flyaround.hil.link.packets.packet import HEADER, Packet, PacketType
-from flyaround.hil.link.transports.base import StreamTransport
+from flyaround.hil.link.transports.tcp import SocketTransport
 from flyaround.simulator.scenario.faults import (
     Bandwidth,
     ClockDrift,
@@ -81,51 +79,6 @@ class FaultJournal:
             return tuple(self._by_frame.pop(frame_id, ()))
 
 
-class SocketTransport(StreamTransport):
-    """One end of a pair of local sockets."""
-
-    def __init__(self, name: str, sock: socket.socket) -> None:
-        super().__init__(name, LengthFraming())
-        self._sock = sock
-        sock.setblocking(False)
-
-    def fileno(self) -> int:
-        """Return the file descriptor of the socket."""
-        return self._sock.fileno()
-
-    def close(self) -> None:
-        """Close the socket. Closing twice is allowed."""
-        if not self._closed:
-            self._closed = True
-            with contextlib.suppress(OSError):
-                self._sock.shutdown(socket.SHUT_RDWR)
-            self._sock.close()
-
-    def _write(self, data: bytes) -> None:
-        view = memoryview(data)
-        try:
-            while view:
-                try:
-                    view = view[self._sock.send(view) :]
-                except BlockingIOError:
-                    select.select([], [self._sock], [], 1.0)
-        except (OSError, ValueError) as error:
-            raise LinkClosed(f"{self.name} is closed") from error
-
-    def _read(self, timeout_s: float) -> bytes:
-        try:
-            if not select.select([self._sock], [], [], timeout_s)[0]:
-                return b""
-            data = self._sock.recv(1 << 20)
-        except BlockingIOError:
-            return b""
-        except (OSError, ValueError) as error:
-            raise LinkClosed(f"{self.name} is closed") from error
-        if not data:
-            raise LinkClosed(f"{self.name} closed the connection")
-        return data
-
-
 class NearEnd(SocketTransport):
     """The link's end of a line with faults; closing it passes on what was sent before."""
 
@@ -140,7 +93,7 @@ class NearEnd(SocketTransport):
 def with_line_faults(line: Transport, faults: Faults, journal: FaultJournal) -> Transport:
     """Return the near end of a line with these faults; closing either end closes both."""
     near_socket, far_socket = socket.socketpair()
-    near, far = NearEnd(line.name, near_socket), SocketTransport(line.name, far_socket)
+    near, far = NearEnd(near_socket, line.name), SocketTransport(far_socket, line.name)
     near.chunk_bytes = line.chunk_bytes
     for fault in faults.line:
         if isinstance(fault, Bandwidth):  # a slow line sends smaller pieces, like a serial one

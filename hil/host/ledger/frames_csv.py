@@ -6,11 +6,12 @@ import contextlib
 import csv
 import io
 import json
+from dataclasses import fields
 from typing import TYPE_CHECKING, Any
 
 from flyaround.hil.host.frame_record import ACCEPTED, DECLINED, DROPPED, DURATIONS, FrameRecord
 from flyaround.simulator.errors import UserError
-from flyaround.simulator.runtime.table_text import table_text, text_of_table
+from flyaround.simulator.runtime.table_text import table_bytes, table_text, text_of_table
 from flyaround.simulator.runtime.untrusted_files import read_regular
 
 if TYPE_CHECKING:
@@ -28,17 +29,7 @@ _VECTORS = {
     "truth_q_wxyz": ("truth_q_w", "truth_q_x", "truth_q_y", "truth_q_z"),
     "truth_t_m": ("truth_t_x_m", "truth_t_y_m", "truth_t_z_m"),
 }
-_TIMES = (
-    "exposure_start_utc",
-    "exposure_end_utc",
-    "drawn_utc",
-    "handed_over_utc",
-    "sent_utc",
-    "received_on_board_utc",
-    "begun_utc",
-    "answered_utc",
-    "received_utc",
-)
+_TIMES = tuple(f.name for f in fields(FrameRecord) if f.name.endswith("_utc") and f.name != "epoch_utc")
 _DELAYS = ("handover_error_ms", "staleness_ms")
 _ANSWERS = ("late", "deadline_met")
 _ANSWER_CELLS = {None: "", False: "0", True: "1"}
@@ -101,9 +92,7 @@ class LedgerWriter:
         # a single write of a whole line, so that readers never see half a row
         if self._broken:
             return
-        text = io.StringIO()
-        csv.writer(text, lineterminator="\n").writerow(cells)
-        line = memoryview(text.getvalue().encode())
+        line = memoryview(table_bytes(cells))
         try:
             # usually one write suffices; after a short one, the next raises the reason
             remaining = line

@@ -11,17 +11,24 @@ from typing import TYPE_CHECKING, Any, Literal
 import msgspec
 import numpy as np
 
+from flyaround.hil.board.method_names import name_in_file
 from flyaround.hil.host.frame_record import ACCEPTED, DECLINED, DROPPED
 from flyaround.hil.host.link_process.ipc import Board, Count, LinkTotals
 from flyaround.hil.link.packets.packet import PROTOCOL_VERSION
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.runtime.untrusted_files import read_regular
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
+    from pathlib import Path
 
     from flyaround.hil.host.frame_record import FrameRecord
     from flyaround.simulator.runtime.arrays import FloatArray
 
 SUMMARY_JSON = "summary.json"
+
+# Maximum size of an accepted summary.json [bytes], thousands of times the usual size.
+MAX_BYTES = 1 << 24
 
 
 class StageTimes(msgspec.Struct, frozen=True, kw_only=True):
@@ -155,6 +162,27 @@ def _processor() -> str:
 def percentile(values: Sequence[float] | FloatArray, q: float) -> float | None:
     """Return percentile ``q`` by linear interpolation; None without values."""
     return float(np.percentile(np.asarray(values), q)) if len(values) else None
+
+
+def read_summary(folder: Path) -> LedgerSummary:
+    """Read the summary of a ledger's folder.
+
+    Raises
+    ------
+    UserError
+        If it cannot be read, or was not written by this version.
+    """
+    path = folder / SUMMARY_JSON
+    try:
+        summary = msgspec.json.decode(read_regular(path, MAX_BYTES), type=LedgerSummary)
+    except OSError as error:
+        raise UserError(f"{path} cannot be read ({error.strerror}): make it readable") from error
+    except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
+        raise UserError(f"{path} is not a ledger summary of this version: {error}") from error
+    if summary.board is None:
+        return summary
+    board = msgspec.structs.replace(summary.board, method=name_in_file(summary.board.method, path))
+    return msgspec.structs.replace(summary, board=board)
 
 
 class LedgerTally:

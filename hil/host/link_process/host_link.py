@@ -23,8 +23,6 @@ from flyaround.hil.host.link_process.ipc import (
     BoardGreeted,
     BoardUp,
     Close,
-    Closed,
-    Failed,
     FrameJob,
     FrameSlots,
     LinkConfig,
@@ -268,9 +266,9 @@ class HostLink:
             logger.warning("board gone: %s", event.reason)
         elif isinstance(event, Listening):
             self._listening = event
-        elif isinstance(event, Closed):
-            self.counts = event.counts
+        elif isinstance(event, LinkTotals):  # the last message
+            self.counts = event
             self.closed = True
-        elif isinstance(event, Failed):
+        elif isinstance(event, UserError):
             self.closed = True
-            raise UserError(event.sentence)
+            raise event

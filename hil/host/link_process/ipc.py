@@ -164,13 +164,6 @@ class Listening:
 
 
 @dataclass(frozen=True)
-class Failed:
-    """Failure of the link process; one sentence for the user."""
-
-    sentence: str
-
-
-@dataclass(frozen=True)
 class BoardGreeted:
     """Admission of a board after its HELLO; its estimator may not be ready yet."""
 
@@ -230,13 +223,6 @@ class LinkTotals(msgspec.Struct, frozen=True, kw_only=True):
     clock_offset_bound_ms: float | None = None
     clock_drift_ppm: float | None = None
     clock_drift_ppm_sigma: float | None = None
-
-
-@dataclass(frozen=True)
-class Closed:
-    """Last message of the link process."""
-
-    counts: LinkTotals
 
 
 class FrameSlots:

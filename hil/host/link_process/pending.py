@@ -7,11 +7,13 @@ from typing import TYPE_CHECKING, Any
 from flyaround.hil.link.clock import now_ns
 from flyaround.hil.link.errors import LinkClosed, PacketError, ProtocolMistake, VersionMismatch
 from flyaround.hil.link.packets.messages import ErrorCode, Hello
+from flyaround.hil.link.security import HostTransport
 from flyaround.hil.link.session import HOST_BEFORE_HELLO, Link, refuse
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Collection
 
+    from flyaround.hil.host.link_process.board_session import BoardSession
     from flyaround.hil.link.transports.base import Transport
 
 # Time-out for a connection's HELLO [ns].
@@ -29,10 +31,14 @@ class PendingLinks:
     ----------
     on_close : callable
         Called with the reason for each connection that was closed.
+    busy : str, optional
+        Reason for refusing a board while another one is connected.
+    key : bytes, optional
+        Pre-shared key that boards must prove to have; None disables authentication.
     """
 
-    def __init__(self, on_close: Callable[[str], None]) -> None:
-        self._on_close = on_close
+    def __init__(self, on_close: Callable[[str], None], busy: str = "", key: bytes | None = None) -> None:
+        self._on_close, self._busy, self._key = on_close, busy, key
         self._links: list[tuple[Link, int]] = []  # each with its time-out for HELLO
 
     def __len__(self) -> int:
@@ -57,6 +63,31 @@ class PendingLinks:
                 "it sent no HELLO while others connected: send HELLO at once",
             )
         self._links.append((Link(transport, accepts=HOST_BEFORE_HELLO), now_ns() + HELLO_TIMEOUT_NS))
+
+    def admit(self, board: BoardSession, ready: Collection[Any], arrived: Transport | None) -> None:
+        """Begin the session of the first board that says HELLO, and refuse others.
+
+        Parameters
+        ----------
+        board : BoardSession
+            Session, with or without a board.
+        ready : collection
+            Connections with input.
+        arrived : Transport or None
+            New connection.
+        """
+        if arrived is not None:
+            if self._key is not None:
+                arrived = HostTransport(arrived, self._key)
+            if board.link is not None:
+                refuse(Link(arrived), ErrorCode.BUSY, self._busy)
+                return
+            self.add(arrived)
+            ready = [*ready, arrived]
+        greeting = None if board.link is not None else self.receive_hello(ready)
+        if greeting is not None and board.begin(*greeting):
+            self.refuse_all(self._busy)
+            board.listen()
 
     def receive_hello(self, ready: Collection[Any]) -> tuple[Link, Hello] | None:
         """Return the first of the ``ready`` connections that sends HELLO, with the message. It is no longer pending."""

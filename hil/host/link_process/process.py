@@ -18,8 +18,6 @@ from flyaround.hil.host.link_process.ipc import (
     AddLineFault,
     BoardDown,
     Close,
-    Closed,
-    Failed,
     FrameJob,
     FrameSlots,
     LinkConfig,
@@ -33,21 +31,18 @@ from flyaround.hil.link.clock import now_ns
 from flyaround.hil.link.errors import LinkClosed, LinkError
 from flyaround.hil.link.packets.images import chunk_count, chunks, encode_image
 from flyaround.hil.link.packets.messages import (
-    ErrorCode,
     FrameHeader,
     HelloAck,
     Transfer,
     TruthMessage,
 )
-from flyaround.hil.link.security import HostTransport
-from flyaround.hil.link.session import Link, refuse
+from flyaround.hil.link.session import Link
 from flyaround.hil.link.transports.url import listen
+from flyaround.simulator.errors import UserError
 
 if TYPE_CHECKING:
-    from collections.abc import Collection
-
     from flyaround.hil.host.frame_record import FrameRecord
-    from flyaround.hil.link.transports.base import Listener
+    from flyaround.hil.link.transports.base import Listener, Transport
 
 # The kernel's poll rounds waits to whole milliseconds, so the last part is a busy wait [ns]
 SPIN_NS = 1_500_000
@@ -74,7 +69,7 @@ class LinkServer:
             raise
         self._serial = config.url.startswith("serial")
         self._slots: FrameSlots | None = None
-        self._pending = PendingLinks(lambda reason: self._pipe.send(BoardDown(reason)))
+        self._pending = PendingLinks(lambda reason: self._pipe.send(BoardDown(reason)), BUSY, config.key)
         self._waiting: deque[FrameJob] = deque()
         self._newest: FrameJob | None = None  # real time: handed over, waits for the board
         self._journal = FaultJournal()
@@ -108,9 +103,7 @@ class LinkServer:
             self._board.check_silence()
             if self._pipe in ready:
                 self._take_commands()
-            self._receive_pending(ready)
-            if self._listener in ready:
-                self._accept()
+            self._pending.admit(self._board, ready, self._accept() if self._listener in ready else None)
             if self._truth is not None:
                 if self._truth in ready:
                     self._truth.accept()
@@ -315,29 +308,11 @@ class LinkServer:
 
     # --- the board's side -------------------------------------------------------------------
 
-    def _accept(self) -> None:
+    def _accept(self) -> Transport | None:
         transport = self._listener.accept(0.0)
-        if transport is None:
-            return
-        if self._config.faults.line or self._config.adds_faults:
+        if transport is not None and (self._config.faults.line or self._config.adds_faults):
             transport = with_line_faults(transport, self._config.faults, self._journal)
-        if self._config.key is not None:
-            transport = HostTransport(transport, self._config.key)
-        if self._board.link is not None:
-            refuse(Link(transport), ErrorCode.BUSY, BUSY)
-            return
-        self._pending.add(transport)
-        self._receive_pending([transport])
-
-    def _receive_pending(self, ready: Collection[Any]) -> None:
-        if self._board.link is not None:
-            return
-        greeting = self._pending.receive_hello(ready)
-        if greeting is None:
-            return
-        if self._board.begin(*greeting):
-            self._pending.refuse_all(BUSY)
-            self._board.listen()
+        return transport
 
     def _shut(self) -> None:
         died = self._reason is RUN_DIED
@@ -347,7 +322,7 @@ class LinkServer:
         if self._truth is not None:
             self._truth.close(None if died else self._reason)
         with contextlib.suppress(OSError):  # the run may be gone
-            self._pipe.send(Closed(self._board.counts))
+            self._pipe.send(self._board.counts)
 
 
 def _with_hand_over(job: FrameJob, at_ns: int) -> FrameJob:
@@ -367,7 +342,7 @@ def main() -> None:
         server = LinkServer(pipe, int(sys.argv[2]), config)
     except LinkError as error:
         with contextlib.suppress(BrokenPipeError, ConnectionResetError):
-            pipe.send(Failed(str(error)))
+            pipe.send(UserError(str(error)))
         return
     if config.mode == "realtime":
         _raise_priority()

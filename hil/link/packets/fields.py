@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import json
 import re
-from typing import TYPE_CHECKING, Any, Dict, Tuple, Type, TypeVar
+import struct
+from functools import partial
+from typing import TYPE_CHECKING, Any, Callable, Dict, NamedTuple, Tuple, Type, TypeVar, Union
 
 from flyaround.hil.link.errors import PacketError
 from flyaround.hil.link.packets.packet import PROTOCOL_VERSION
 
 if TYPE_CHECKING:
-    import struct
     from enum import IntEnum
 
 E = TypeVar("E", bound="IntEnum")
@@ -157,3 +158,65 @@ def known_value(kind: Type[E], value: int, name: str) -> E:
         return kind(value)
     except ValueError as error:
         raise PacketError(f"{name} {value} is unknown to link protocol {PROTOCOL_VERSION}") from error
+
+
+class WireField(NamedTuple):
+    """Field of a fixed layout: its code in `struct`, and the conversions to and from that type.
+
+    Parameters
+    ----------
+    code : str
+        Code of the type in `struct`.
+    pack : callable
+        Converts an attribute of the message.
+    unpack : callable
+        Converts a value of the payload; raises PacketError if the protocol does not allow it.
+    """
+
+    code: str
+    pack: Callable[[Any], Any] = int
+    unpack: Callable[[Any], Any] = int
+
+
+HASH = WireField(f"{HASH_BYTES}s", pack_hash, unpack_hash)
+REAL = WireField("d", float, float)
+
+
+def wire_text(size: int) -> WireField:
+    """Return the field of a text of at most ``size`` bytes."""
+    return WireField(f"{size}s", partial(pack_text, size=size), unpack_text)
+
+
+def wire_enum(kind: Type[IntEnum], code: str, name: str) -> WireField:
+    """Return the field of an enumeration, named ``name`` in messages about unknown values."""
+    return WireField(code, int, partial(known_value, kind, name=name))
+
+
+class FixedLayout:
+    """Fixed-size part of a payload: the fields in their order on the wire, little-endian.
+
+    Parameters
+    ----------
+    fields : str or WireField
+        Fields by the name of the message's attribute; a code of `struct` stands for an integer.
+    """
+
+    def __init__(self, **fields: Union[str, WireField]) -> None:
+        self._fields = {n: WireField(f) if isinstance(f, str) else f for n, f in fields.items()}
+        self._struct = struct.Struct("<" + "".join(f.code for f in self._fields.values()))
+        self.size = self._struct.size
+
+    def pack(self, values: Dict[str, Any]) -> bytes:
+        """Return the bytes of these values by name; others are ignored."""
+        return self._struct.pack(*(f.pack(values[name]) for name, f in self._fields.items()))
+
+    def unpack(self, data: bytes, name: str, *, tail: bool = False) -> Dict[str, Any]:
+        """Return the values by name.
+
+        Raises
+        ------
+        PacketError
+            See `unpack_fixed`, or if a value is impossible.
+        """
+        values = unpack_fixed(self._struct, data, name, tail=tail)
+        return {n: f.unpack(v) for (n, f), v in zip(self._fields.items(), values)}  # noqa: B905 - Python 3.9

@@ -11,12 +11,16 @@ from flyaround.hil.link.errors import PacketError
 from flyaround.hil.link.packets.enums import Encoding, FieldTag, PixelFormat, Transfer
 from flyaround.hil.link.packets.fields import (
     MAX_TRUTH_JSON_BYTES,
-    known_value,
+    REAL,
+    FixedLayout,
+    WireField,
     pack_json,
     pack_text,
     unpack_fixed,
     unpack_json,
     unpack_text,
+    wire_enum,
+    wire_text,
 )
 from flyaround.hil.link.packets.packet import PacketType
 from flyaround.hil.link.packets.typed_fields import (
@@ -40,6 +44,9 @@ QUATERNION_TOLERANCE = 1e-3
 # Bounds beyond the Moon, and longer than a week; squares and sums of smaller values stay finite
 MAX_POSITION_M = 1e9
 MAX_STAGE_MS = 1e9
+
+# Region of the detector: x, y, width, height [px].
+ROI = struct.Struct("<HHHH")
 
 Quat = Tuple[float, float, float, float]
 Vec3 = Tuple[float, float, float]
@@ -94,7 +101,26 @@ class FrameHeader:
     """
 
     TYPE: ClassVar[PacketType] = PacketType.FRAME_HEADER
-    LAYOUT: ClassVar[struct.Struct] = struct.Struct("<IHHIBBBBIIHHHHQddQQQ40s")
+    LAYOUT: ClassVar[FixedLayout] = FixedLayout(
+        frame_id="I",
+        width_px="H",
+        height_px="H",
+        pixel_format=wire_enum(PixelFormat, "I", "pixel format"),
+        bits="B",
+        encoding=wire_enum(Encoding, "B", "image encoding"),
+        binning_x="B",
+        binning_y="B",
+        total_bytes="I",
+        chunk_count="I",
+        roi_px=WireField("8s", lambda roi_px: ROI.pack(*roi_px), ROI.unpack),
+        camera_frame="Q",
+        exposure_s=REAL,
+        t_s=REAL,
+        exposure_start_ns="Q",
+        exposure_end_ns="Q",
+        host_send_ns="Q",
+        epoch_utc=wire_text(40),
+    )
 
     frame_id: int
     width_px: int
@@ -119,28 +145,9 @@ class FrameHeader:
 
     def encode(self) -> bytes:
         """Return the payload bytes."""
-        fixed = self.LAYOUT.pack(
-            self.frame_id,
-            self.width_px,
-            self.height_px,
-            self.pixel_format,
-            self.bits,
-            self.encoding,
-            self.binning_x,
-            self.binning_y,
-            self.total_bytes,
-            self.chunk_count,
-            *self.roi_px,
-            self.camera_frame,
-            self.exposure_s,
-            self.t_s,
-            self.exposure_start_ns,
-            self.exposure_end_ns,
-            self.host_send_ns,
-            pack_text(self.epoch_utc, 40),
-        )
         sun, transfer = pack_direction(self.sun_camera), pack_transfer(self.transfer)
-        return fixed + pack_fields(((FieldTag.SUN_CAMERA, sun), (FieldTag.TRANSFER, transfer)))
+        fields = pack_fields(((FieldTag.SUN_CAMERA, sun), (FieldTag.TRANSFER, transfer)))
+        return self.LAYOUT.pack(vars(self)) + fields
 
     @classmethod
     def decode(cls, data: bytes) -> FrameHeader:
@@ -151,35 +158,14 @@ class FrameHeader:
         PacketError
             If the payload has another length or impossible values.
         """
-        values = unpack_fixed(cls.LAYOUT, data, "FRAME_HEADER", tail=True)
+        values = cls.LAYOUT.unpack(data, "FRAME_HEADER", tail=True)
         fields = unpack_fields(data[cls.LAYOUT.size :], FRAME_FIELDS, "FRAME_HEADER")
-        frame_id, width, height, pixel_format, bits, encoding, binning_x, binning_y, total, count = values[
-            :10
-        ]
-        camera_frame, exposure, t_s, start_ns, end_ns, sent_ns, epoch = values[14:]
-        if not math.isfinite(exposure) or not math.isfinite(t_s):
-            raise PacketError(f"frame {frame_id}: a FRAME_HEADER holds times that are not finite")
+        if not math.isfinite(values["exposure_s"]) or not math.isfinite(values["t_s"]):
+            raise PacketError(f"frame {values['frame_id']}: a FRAME_HEADER holds times that are not finite")
         return cls(
-            frame_id,
-            width,
-            height,
-            bits,
-            known_value(Encoding, encoding, "image encoding"),
-            total,
-            count,
-            exposure,
-            t_s,
-            sent_ns,
-            unpack_text(epoch),
-            known_value(PixelFormat, pixel_format, "pixel format"),
-            binning_x,
-            binning_y,
-            values[10:14],
-            camera_frame,
-            start_ns,
-            end_ns,
-            unpack_direction(fields.get(FieldTag.SUN_CAMERA)),
-            unpack_transfer(fields.get(FieldTag.TRANSFER)),
+            **values,
+            sun_camera=unpack_direction(fields.get(FieldTag.SUN_CAMERA)),
+            transfer=unpack_transfer(fields.get(FieldTag.TRANSFER)),
         )
 
 

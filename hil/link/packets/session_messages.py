@@ -18,15 +18,18 @@ from flyaround.hil.link.packets.enums import (
     format_mask,
 )
 from flyaround.hil.link.packets.fields import (
+    HASH,
     MAX_CAMERA_JSON_BYTES,
+    FixedLayout,
+    WireField,
     known_value,
-    pack_hash,
     pack_json,
     pack_text,
     unpack_fixed,
-    unpack_hash,
     unpack_json,
     unpack_text,
+    wire_enum,
+    wire_text,
 )
 from flyaround.hil.link.packets.packet import PROTOCOL_VERSION, PacketType
 
@@ -59,8 +62,17 @@ class Hello:
     """
 
     TYPE: ClassVar[PacketType] = PacketType.HELLO
-    LAYOUT: ClassVar[struct.Struct] = struct.Struct("<HHHH64s32s32s64s")
     BOARD_BYTES: ClassVar[int] = 64
+    LAYOUT: ClassVar[FixedLayout] = FixedLayout(
+        protocol="H",
+        encodings="H",
+        window="H",
+        pixel_formats="H",
+        model_name=wire_text(64),
+        model_sha256=HASH,
+        method=wire_text(32),
+        board=wire_text(BOARD_BYTES),
+    )
 
     encodings: int = 1
     window: int = 1
@@ -73,31 +85,16 @@ class Hello:
 
     def encode(self) -> bytes:
         """Return the payload bytes."""
-        return self.LAYOUT.pack(
-            PROTOCOL_VERSION,
-            self.encodings | (TAKES_FIELDS if self.takes_fields else 0),
-            self.window,
-            self.pixel_formats,
-            pack_text(self.model_name, 64),
-            pack_hash(self.model_sha256),
-            pack_text(self.method, 32),
-            pack_text(self.board, self.BOARD_BYTES),
-        )
+        encodings = self.encodings | (TAKES_FIELDS if self.takes_fields else 0)
+        return self.LAYOUT.pack({**vars(self), "protocol": PROTOCOL_VERSION, "encodings": encodings})
 
     @classmethod
     def decode(cls, data: bytes) -> Hello:
         """Return the message of a payload."""
-        _, encodings, window, formats, name, digest, method, board = unpack_fixed(cls.LAYOUT, data, "HELLO")
-        return cls(
-            encodings & ~TAKES_FIELDS,
-            window,
-            unpack_text(name),
-            unpack_hash(digest),
-            unpack_text(method),
-            unpack_text(board),
-            formats,
-            bool(encodings & TAKES_FIELDS),
-        )
+        values = cls.LAYOUT.unpack(data, "HELLO")
+        del values["protocol"]
+        encodings = values.pop("encodings")
+        return cls(encodings & ~TAKES_FIELDS, takes_fields=bool(encodings & TAKES_FIELDS), **values)
 
 
 @dataclass(frozen=True)
@@ -135,7 +132,21 @@ class HelloAck:
     """
 
     TYPE: ClassVar[PacketType] = PacketType.HELLO_ACK
-    LAYOUT: ClassVar[struct.Struct] = struct.Struct("<HHIBBBBHHI64s32sI")
+    LAYOUT: ClassVar[FixedLayout] = FixedLayout(
+        width_px="H",
+        height_px="H",
+        pixel_format=wire_enum(PixelFormat, "I", "pixel format"),
+        bits="B",
+        encoding=wire_enum(Encoding, "B", "image encoding"),
+        mode=wire_enum(Mode, "B", "mode"),
+        truth=wire_enum(TruthPolicy, "B", "truth policy"),
+        window="H",
+        takes_fields=WireField("H", int, lambda flags: bool(flags & 1)),
+        chunk_bytes="I",
+        target_name=wire_text(64),
+        target_sha256=HASH,
+        camera_bytes="I",
+    )
 
     camera: Dict[str, Any]
     width_px: int
@@ -154,22 +165,7 @@ class HelloAck:
     def encode(self) -> bytes:
         """Return the payload bytes."""
         camera = pack_json(self.camera)
-        fixed = self.LAYOUT.pack(
-            self.width_px,
-            self.height_px,
-            self.pixel_format,
-            self.bits,
-            self.encoding,
-            self.mode,
-            self.truth,
-            self.window,
-            self.takes_fields,
-            self.chunk_bytes,
-            pack_text(self.target_name, 64),
-            pack_hash(self.target_sha256),
-            len(camera),
-        )
-        return fixed + camera
+        return self.LAYOUT.pack({**vars(self), "camera_bytes": len(camera)}) + camera
 
     @classmethod
     def decode(cls, data: bytes) -> HelloAck:
@@ -180,27 +176,11 @@ class HelloAck:
         PacketError
             If the payload has another length or impossible values.
         """
-        values = unpack_fixed(cls.LAYOUT, data, "HELLO_ACK", tail=True)
-        width, height, pixel_format, bits, encoding, mode, truth, window, flags = values[:9]
-        chunk, name, digest, size = values[9:]
-        camera = data[cls.LAYOUT.size :]
+        values, camera = cls.LAYOUT.unpack(data, "HELLO_ACK", tail=True), data[cls.LAYOUT.size :]
+        size = values.pop("camera_bytes")
         if len(camera) != size:
             raise PacketError(f"a HELLO_ACK carries {len(camera)} bytes of camera, expected {size}")
-        return cls(
-            unpack_json(camera, MAX_CAMERA_JSON_BYTES),
-            width,
-            height,
-            bits,
-            known_value(Encoding, encoding, "image encoding"),
-            known_value(Mode, mode, "mode"),
-            known_value(TruthPolicy, truth, "truth policy"),
-            window,
-            chunk,
-            unpack_text(name),
-            unpack_hash(digest),
-            known_value(PixelFormat, pixel_format, "pixel format"),
-            bool(flags & 1),
-        )
+        return cls(unpack_json(camera, MAX_CAMERA_JSON_BYTES), **values)
 
 
 @dataclass(frozen=True)

@@ -85,6 +85,44 @@ class Listener(Protocol):
         """Stop listening."""
 
 
+class WrappedTransport:
+    """Transport that hands everything to another one; subclasses change a part of it.
+
+    Parameters
+    ----------
+    line : Transport
+        Transport that does the work.
+    """
+
+    def __init__(self, line: Transport) -> None:
+        self._line = line
+        self.name, self.chunk_bytes = line.name, line.chunk_bytes
+
+    def send_packet(self, packet: Packet) -> None:
+        """Send a packet."""
+        self._line.send_packet(packet)
+
+    def send_damaged(self, packet: Packet, at: int, flip: int) -> None:
+        """Send a packet with some bits of one byte flipped."""
+        self._line.send_damaged(packet, at, flip)
+
+    def recv_packet(self, timeout_s: float) -> Optional[Packet]:
+        """Return the next packet, or None after ``timeout_s``."""
+        return self._line.recv_packet(timeout_s)
+
+    def set_silence_limit(self, silence_s: float) -> None:
+        """Set the silence after which the other side is considered lost."""
+        self._line.set_silence_limit(silence_s)
+
+    def fileno(self) -> int:
+        """Return the file descriptor to wait on."""
+        return self._line.fileno()
+
+    def close(self) -> None:
+        """Close the line."""
+        self._line.close()
+
+
 class StreamTransport(ABC):
     """Framing and deadlines common to byte streams.
 

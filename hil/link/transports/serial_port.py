@@ -8,7 +8,7 @@ from typing import Optional
 
 from flyaround.hil.link.errors import LinkClosed, LinkError
 from flyaround.hil.link.framing.cobs import CobsFraming
-from flyaround.hil.link.transports.base import StreamTransport
+from flyaround.hil.link.transports.base import StreamTransport, WrappedTransport
 
 try:
     import serial
@@ -106,18 +106,8 @@ class SerialTransport(StreamTransport):
             raise LinkClosed(f"{self.name} cannot be read ({error}): is it still plugged in?") from error
 
 
-class _SharedPort:
+class _SharedPort(WrappedTransport):
     """Listener's port as used by one session; closing the session keeps the port open."""
-
-    def __init__(self, port: SerialTransport) -> None:
-        self._port = port
-        self.name = port.name
-        self.chunk_bytes = port.chunk_bytes
-        self.send_packet = port.send_packet
-        self.send_damaged = port.send_damaged
-        self.recv_packet = port.recv_packet
-        self.set_silence_limit = port.set_silence_limit
-        self.fileno = port.fileno
 
     def close(self) -> None:
         """Leave the port open for the next session."""

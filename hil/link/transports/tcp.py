@@ -47,32 +47,32 @@ def keep_alive(sock: socket.socket) -> None:
             sock.setsockopt(socket.IPPROTO_TCP, getattr(socket, name), value)
 
 
-class TcpTransport(StreamTransport):
-    """One TCP connection."""
+class SocketTransport(StreamTransport):
+    """One stream socket.
+
+    Parameters
+    ----------
+    sock : socket
+        Connected socket.
+    name : str
+        Name of the line in messages.
+    send_stall_s : float
+        Longest time in which the peer may accept no byte [s].
+    send_packet_s : float
+        Longest time to send one packet [s].
+    """
 
     def __init__(
         self,
         sock: socket.socket,
         name: str,
-        send_stall_s: float = SEND_STALL_S,
-        send_packet_s: float = SEND_PACKET_S,
+        send_stall_s: float = MAX_TIMEOUT_S,
+        send_packet_s: float = MAX_TIMEOUT_S,
     ) -> None:
         super().__init__(name, LengthFraming())
         sock.setblocking(False)
-        sock.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-        keep_alive(sock)
         self._sock = sock
         self._send_stall_s, self._send_packet_s = send_stall_s, send_packet_s
-        self.set_silence_limit(0.0)
-
-    def set_silence_limit(self, silence_s: float) -> None:
-        """Set the silence after which a peer is considered lost, if longer than the default."""
-        silence_s = min(silence_s, MAX_TIMEOUT_S)
-        self._send_stall_s = max(self._send_stall_s, silence_s)
-        self._send_packet_s = max(self._send_packet_s, silence_s)
-        if hasattr(socket, "TCP_USER_TIMEOUT"):  # not available on macOS
-            unacknowledged_ms = max(UNACKNOWLEDGED_MS, int(silence_s * 1e3))
-            self._sock.setsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT, unacknowledged_ms)
 
     def fileno(self) -> int:
         """Return the file descriptor of the socket."""
@@ -126,6 +126,31 @@ class TcpTransport(StreamTransport):
         if not data:
             raise LinkClosed(f"{self.name} closed the connection")
         return data
+
+
+class TcpTransport(SocketTransport):
+    """One TCP connection."""
+
+    def __init__(
+        self,
+        sock: socket.socket,
+        name: str,
+        send_stall_s: float = SEND_STALL_S,
+        send_packet_s: float = SEND_PACKET_S,
+    ) -> None:
+        super().__init__(sock, name, send_stall_s, send_packet_s)
+        sock.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        keep_alive(sock)
+        self.set_silence_limit(0.0)
+
+    def set_silence_limit(self, silence_s: float) -> None:
+        """Set the silence after which a peer is considered lost, if longer than the default."""
+        silence_s = min(silence_s, MAX_TIMEOUT_S)
+        self._send_stall_s = max(self._send_stall_s, silence_s)
+        self._send_packet_s = max(self._send_packet_s, silence_s)
+        if hasattr(socket, "TCP_USER_TIMEOUT"):  # not available on macOS
+            unacknowledged_ms = max(UNACKNOWLEDGED_MS, int(silence_s * 1e3))
+            self._sock.setsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT, unacknowledged_ms)
 
 
 def connect_tcp(host: str, port: int, timeout_s: float) -> TcpTransport:

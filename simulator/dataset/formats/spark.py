@@ -10,8 +10,6 @@ Rathinam et al. (2022), SPARK 2022: Dataset for Spacecraft Detection and Traject
 
 from __future__ import annotations
 
-import csv
-import io
 from typing import TYPE_CHECKING
 
 from flyaround.simulator.dataset.formats.base import (
@@ -30,6 +28,7 @@ from flyaround.simulator.dataset.formats.posed_pictures import (
 )
 from flyaround.simulator.dataset.formats.speed_writer import json_bytes, speed_camera
 from flyaround.simulator.errors import UserError
+from flyaround.simulator.runtime.table_text import table_bytes
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -64,11 +63,7 @@ class SparkWriter:
     def finish(self) -> None:
         """Write the lists and the camera."""
         for split, rows in self._rows.items():
-            text = io.StringIO()
-            table = csv.writer(text, lineterminator="\n")
-            table.writerow(("sequence", *COLUMNS))
-            table.writerows(rows)
-            self._output.write(f"{split}.csv", text.getvalue().encode())
+            self._output.write(f"{split}.csv", table_bytes(("sequence", *COLUMNS), rows=rows))
         self._output.write("camera.json", json_bytes(speed_camera(self._card.camera)))
 
 

@@ -12,8 +12,6 @@ authors, github.com/pedropro/UrsoNet.
 
 from __future__ import annotations
 
-import csv
-import io
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -29,6 +27,7 @@ from flyaround.simulator.dataset.formats.posed_pictures import (
 )
 from flyaround.simulator.dataset.formats.speed_writer import json_bytes, speed_camera
 from flyaround.simulator.errors import UserError
+from flyaround.simulator.runtime.table_text import table_bytes
 from flyaround.simulator.runtime.untrusted_files import decode_text, read_regular, refuse_link_out
 from flyaround.simulator.world.frames.rotation import matrix_from_quat, quat_from_matrix
 
@@ -74,11 +73,8 @@ class UrsoWriter:
         """Write the CSV files and the camera, which is an addition: the authors' loader has it in its code."""
         for split, rows in self._rows.items():
             self._output.write(f"{split}_images.csv", "".join(f"{name}\n" for name, _ in rows).encode())
-            text = io.StringIO()
-            table = csv.writer(text, lineterminator="\n")
-            table.writerow(COLUMNS)
-            table.writerows(row for _, row in rows)
-            self._output.write(f"{split}_poses_gt.csv", text.getvalue().encode())
+            poses = table_bytes(COLUMNS, rows=(row for _, row in rows))
+            self._output.write(f"{split}_poses_gt.csv", poses)
         self._output.write("camera.json", json_bytes(speed_camera(self._card.camera)))
 
 

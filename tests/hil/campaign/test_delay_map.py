@@ -14,9 +14,9 @@ from flyaround.__main__ import run
 from flyaround.hil.campaign.delay_map import map_delays, settings_for
 from flyaround.hil.campaign.map_results import CellResult, HalfLatency
 from flyaround.hil.evaluate.metrics import wilson_interval
-from flyaround.hil.host.pose_link import LinkedPoses, PoseLink
+from flyaround.hil.host.pose_link import PoseLink
 from flyaround.hil.navigation.measurement import PoseNoise
-from flyaround.hil.navigation.pose_sources import TruePoses
+from flyaround.hil.navigation.pose_sources import SimulatedPoses
 from flyaround.simulator.errors import UserError
 from flyaround.simulator.runtime.folder_lock import only_writer
 from flyaround.simulator.scenario.faults import Delay, Drop, Faults, Jitter
@@ -68,7 +68,7 @@ def test_a_link_delays_keeps_order_and_loses_by_the_flights_clock():
         seed=4,
     )
     link = PoseLink.without_pictures(faults)
-    poses = LinkedPoses(TruePoses(PoseNoise(), 0.0), link)
+    poses = SimulatedPoses(PoseNoise().true_pose, link.delay_s)
     came: dict[float, float] = {}
     for t in np.arange(0.0, 80.0, 0.1):
         if abs(t - round(t)) < 1e-6 and t < 60.0:

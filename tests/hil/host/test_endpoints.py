@@ -3,6 +3,7 @@
 import contextlib
 import os
 import resource
+import select
 import socket
 import time
 from contextlib import contextmanager
@@ -10,7 +11,10 @@ from contextlib import contextmanager
 import pytest
 from hil_loop import Loop, adds_up, frames, good_pose, greeted, serve_by_hand
 
+from flyaround.hil.host.camera_endpoint.answer_port import BUSY, AnswerPort
+from flyaround.hil.host.camera_endpoint.messages import AnswerTerms
 from flyaround.hil.host.link_process import pending
+from flyaround.hil.host.link_process.ipc import LinkConfig
 from flyaround.hil.host.link_process.pending import MAX_PENDING, PendingLinks
 from flyaround.hil.host.truth import endpoint as truth_endpoint
 from flyaround.hil.host.truth.endpoint import MAX_CLIENTS, TruthEndpoint
@@ -25,6 +29,7 @@ from flyaround.hil.link.packets.messages import (
     FrameChunk,
     FrameHeader,
     Hello,
+    HelloAck,
     PoseMessage,
     TimeSyncRequest,
     TruthMessage,
@@ -199,6 +204,26 @@ def pending_links():
 def ready(links):
     time.sleep(0.02)
     return links.transports
+
+
+def test_two_boards_that_greet_a_camera_at_once_both_have_an_answer():
+    link = LinkConfig(url="tcp://127.0.0.1:0", mode="realtime", truth="off", timeout_s=5.0)
+    port = AnswerPort(AnswerTerms(link, HelloAck({}, 64, 64)), lambda _row: None, lambda _sentence: None)
+
+    def step():
+        time.sleep(0.05)
+        port.step(select.select(port.sources, [], [], 5.0)[0])
+
+    first = Link(connect(port.url, 5.0))
+    step()
+    second = Link(connect(port.url, 5.0))
+    for board in (first, second):
+        board.send(Hello())
+    step()
+    assert isinstance(first.recv(5.0), HelloAck)
+    assert second.recv(5.0) == ErrorMessage(ErrorCode.BUSY, BUSY)
+    for end in (port, first, second):
+        end.close()
 
 
 def test_the_first_to_say_hello_is_the_board_whoever_came_before():

@@ -93,7 +93,7 @@ def test_few_poses_have_no_spread_and_other_files_are_refused(tmp_path):
 def test_the_filter_is_better_than_the_coarse_poses_that_it_runs_on():
     """Poses as a small network's, 7 degrees and 5 % off: fused over a flight, with their errors told."""
     from flyaround.hil.navigation.closed_loop import ClosedLoopConfig, fly_closed_loop
-    from flyaround.hil.navigation.pose_sources import NoisyPoses
+    from flyaround.hil.navigation.pose_sources import SimulatedPoses
     from flyaround.simulator.scenario.load import load_scenario
     from flyaround.simulator.scenario.plan import plan_flight
 
@@ -105,7 +105,7 @@ def test_the_filter_is_better_than_the_coarse_poses_that_it_runs_on():
         plan.flight,
         plan.target.mass.com_m,
         plan.target.mass.inertia_kg_m2,
-        NoisyPoses(noise, 0.3, seed=1),
+        SimulatedPoses(PoseErrors(noise, np.random.default_rng([1, 0])).draw, lambda *_: 0.3),
         ClosedLoopConfig(seed=1),
     )
     known = [step.error for step in result.steps if step.error is not None]

@@ -9,7 +9,7 @@ import pytest
 from flyaround.hil.navigation.closed_loop import ClosedLoopConfig, fly_closed_loop
 from flyaround.hil.navigation.consistency import nees_band
 from flyaround.hil.navigation.measurement import PoseNoise
-from flyaround.hil.navigation.pose_sources import NoisyPoses, TruePoses
+from flyaround.hil.navigation.pose_sources import PoseErrors, SimulatedPoses
 from flyaround.simulator.errors import UserError
 from flyaround.simulator.scenario.flight import fly
 from flyaround.simulator.scenario.load import load_scenario
@@ -28,7 +28,8 @@ def flown(name):
 
 def run(name, seed, noise):
     flight, target = flown(name)
-    poses = TruePoses(PoseNoise(), LATENCY_S) if noise is None else NoisyPoses(noise, LATENCY_S, seed)
+    draw = PoseErrors(noise, np.random.default_rng([seed, 0])).draw if noise else PoseNoise().true_pose
+    poses = SimulatedPoses(draw, lambda *_: LATENCY_S)
     return fly_closed_loop(
         flight, target.mass.com_m, target.mass.inertia_kg_m2, poses, ClosedLoopConfig(seed=seed)
     )
@@ -75,8 +76,9 @@ def test_it_aborts_where_no_pose_ever_comes():
 def test_a_flight_without_a_path_is_refused():
     target = load_target("tango")
     flight = fly(load_scenario("tango-tumble-3-18m"), target, 10.0)
+    poses = SimulatedPoses(PoseNoise().true_pose, lambda *_: 0.0)
     with pytest.raises(UserError, match="no path for a closed loop"):
-        fly_closed_loop(flight, target.mass.com_m, target.mass.inertia_kg_m2, TruePoses(PoseNoise(), 0.0))
+        fly_closed_loop(flight, target.mass.com_m, target.mass.inertia_kg_m2, poses)
 
 
 @pytest.mark.slow

@@ -9,7 +9,7 @@ import pytest
 from flyaround.hil.host.closed_loop_run import STEPS_CSV, figures, write_steps
 from flyaround.hil.navigation.closed_loop import ClosedLoopConfig, fly_closed_loop
 from flyaround.hil.navigation.measurement import PoseMeasurement, PoseNoise
-from flyaround.hil.navigation.pose_sources import NoisyPoses
+from flyaround.hil.navigation.pose_sources import PoseErrors, SimulatedPoses
 from flyaround.simulator.scenario.flight import fly
 from flyaround.simulator.scenario.load import load_scenario
 from flyaround.simulator.targets.library import load_target
@@ -20,23 +20,23 @@ CONTRADICT = "poses contradict the estimate"
 NONE = "no usable pose for 5 s"
 
 
-class FaultyPoses(NoisyPoses):
+class FaultyPoses(SimulatedPoses):
     """Noisy poses with a fault between two times."""
 
     def __init__(self, start_s, end_s):
-        super().__init__(PoseNoise(), LATENCY_S, 1)
+        super().__init__(PoseErrors(PoseNoise(), np.random.default_rng([1, 0])).draw, lambda *_: LATENCY_S)
         self.between = start_s, end_s
         self.before: PoseMeasurement | None = None
         self.rng = np.random.default_rng(7)
 
-    def wait(self, pose):
+    def put(self, number, pose):
         if self.between[0] <= pose.t_s < self.between[1]:
             changed = self.changed(pose)
             if changed is not None:
-                super().wait(changed)
+                super().put(number, changed)
             return
         self.before = pose
-        super().wait(pose)
+        super().put(number, pose)
 
     def changed(self, pose):
         return None

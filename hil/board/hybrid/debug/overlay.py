@@ -10,15 +10,16 @@ import numpy as np
 from flyaround.hil.board.estimation import quaternion as quat
 from flyaround.hil.board.estimation.camera import CameraIntrinsics
 from flyaround.hil.board.estimation.target_model import BoardModel
-from flyaround.hil.board.hybrid.model.visibility import hidden, occluders
+from flyaround.hil.board.hybrid.model.visibility import occluders, sample_edges, visible_samples
+from flyaround.hil.board.hybrid.native.library import is_available
 
 Array = np.ndarray
 
 # Colours of Okabe and Ito in OpenCV's order, BGR.
 ORANGE, BLUE, GREEN, RED = (0, 159, 230), (233, 180, 86), (115, 158, 0), (0, 94, 213)
 
-# Number of points along an edge that are tested for occlusion.
-EDGE_STEPS = 24
+# Pieces of an edge that are tested for occlusion, over a length of the model's radius.
+SAMPLES_PER_RADIUS = 30.0
 
 
 def draw_wireframe(
@@ -35,26 +36,21 @@ def draw_wireframe(
     """Draw the visible parts of the model's edges on a BGR canvas with the given ``corner`` and ``scale``."""
     R, t = quat.matrix(quat.normalise(np.asarray(q_wxyz, float))), np.asarray(t_m, float)
     C = -R.T @ t
-    occ = occluders(model)
-    s = np.linspace(0, 1, EDGE_STEPS)[:, None]
-    for e in model.wireframe:
-        along = e.a_m + s * (e.b_m - e.a_m)
-        if len(e.normals) and not ((C - along) @ e.normals.T > 0).any():
-            continue
-        # a round member is drawn by its outline, where the line of sight grazes it
-        across = np.cross(e.b_m - e.a_m, along - C)
-        across = across / np.maximum(np.linalg.norm(across, axis=1, keepdims=True), 1e-9)
-        for r in (-e.radius_m, e.radius_m) if e.radius_m > 0 else (0.0,):
-            X = along + r * across
-            visible = ~hidden(occ, C, X, np.full(EDGE_STEPS, 0.006 + 1.5 * e.radius_m))
-            P = X @ R.T + t
-            # projection fails at the camera; closer points are not drawn
-            visible &= P[:, 2] > 0.1
-            uv = np.clip(((camera.pixels(P) - corner) + 0.5) * scale - 0.5, -30000, 30000)
-            for k in range(EDGE_STEPS - 1):
-                if visible[k] and visible[k + 1]:
-                    a, b = (np.rint(p * 16).astype(int).tolist() for p in (uv[k], uv[k + 1]))
-                    cv2.line(canvas, a, b, colour, weight, cv2.LINE_AA, 4)
+    spacing = model.radius_m / SAMPLES_PER_RADIUS
+    samples = sample_edges(model, spacing)
+    visible = np.ones(len(samples), bool)
+    if is_available():  # the published methods work without the native library
+        visible, _ = visible_samples(samples, occluders(model), C)
+    points, tangents = samples.outline(np.arange(len(samples))[None], C[None])
+    # each sample stands for a piece of its edge
+    length = np.array([np.linalg.norm(e.b_m - e.a_m) for e in model.wireframe])
+    half = (0.5 * length / np.maximum(1, np.rint(length / spacing)))[samples.edge, None] * tangents[0]
+    P = np.stack([points[0] - half, points[0] + half], axis=1) @ R.T + t
+    uv = np.clip(((camera.pixels(P) - corner) + 0.5) * scale - 0.5, -30000, 30000)
+    # projection fails at the camera; closer points are not drawn
+    for piece in uv[visible & (P[..., 2] > 0.1).all(axis=1)]:
+        a, b = np.rint(piece * 16).astype(int).tolist()
+        cv2.line(canvas, a, b, colour, weight, cv2.LINE_AA, 4)
 
 
 def grey(values: Array, top: float) -> Array:
@@ -78,3 +74,15 @@ def label(canvas: Array, text: str) -> None:
     for dx, dy in ((-2, 0), (2, 0), (0, -2), (0, 2), (-1, -1), (1, -1), (-1, 1), (1, 1), (0, 0)):
         colour = (255, 255, 255) if dx == dy == 0 else (0, 0, 0)
         cv2.putText(canvas, text, (12 + dx, 26 + dy), cv2.FONT_HERSHEY_SIMPLEX, 0.6, colour, 1, cv2.LINE_AA)
+
+
+def fitted(picture: Array, text: str, width: int, height: int) -> Array:
+    """Return a BGR picture scaled to fit a canvas, in its middle, with a label."""
+    scale = min(width / picture.shape[1], height / picture.shape[0])
+    w, h = (max(1, round(side * scale)) for side in picture.shape[1::-1])
+    canvas = np.zeros((height, width, 3), np.uint8)
+    x, y = (width - w) // 2, (height - h) // 2
+    flags = cv2.INTER_AREA if scale < 1 else cv2.INTER_NEAREST
+    canvas[y : y + h, x : x + w] = cv2.resize(picture, (w, h), interpolation=flags)
+    label(canvas, text)
+    return canvas

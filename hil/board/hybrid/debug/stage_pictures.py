@@ -20,6 +20,7 @@ from flyaround.hil.board.hybrid.debug.overlay import (
     RED,
     draw_segments,
     draw_wireframe,
+    fitted,
     grey,
     label,
 )
@@ -131,12 +132,12 @@ def _gradients(image: Array, top: float, wge: WeakGradientElimination) -> Dict[s
     """Return pictures of weak gradient elimination: gradient, histogram, strong gradients, filtered image."""
     out: Dict[str, Array] = {}
     strong = wge.strong.astype(np.uint8)
-    out["gradient"] = _whole_frame(grey(np.sqrt(wge.magnitude), 1.0), "image gradient (square root)")
+    out["gradient"] = fitted(grey(np.sqrt(wge.magnitude), 1.0), "image gradient (square root)", WIDTH, HEIGHT)
     out["histogram"] = histogram(wge)
-    out["thresholded"] = _whole_frame(grey(strong, 1.0), "thresholded gradient")
+    out["thresholded"] = fitted(grey(strong, 1.0), "thresholded gradient", WIDTH, HEIGHT)
     keep = cv2.dilate(strong, np.ones((5, 5), np.uint8))
     keep = cv2.resize(keep, image.shape[::-1], interpolation=cv2.INTER_NEAREST)
-    out["filtered"] = _whole_frame(grey(np.where(keep > 0, image, 0), top), "filtered image")
+    out["filtered"] = fitted(grey(np.where(keep > 0, image, 0), top), "filtered image", WIDTH, HEIGHT)
     return out
 
 
@@ -148,7 +149,7 @@ def _regions(image: Array, top: float, regions: Any, grown: Any) -> Array:  # no
         cv2.rectangle(canvas, a, b, GREEN if k == 0 else ORANGE, 4 if k == 0 else 2)
     if grown is not None:
         cv2.rectangle(canvas, (int(grown.x0), int(grown.y0)), (int(grown.x1), int(grown.y1)), BLUE, 2)
-    return _whole_frame(canvas, "regions of interest")
+    return fitted(canvas, "regions of interest", WIDTH, HEIGHT)
 
 
 def _group_picture(groups: Dict[str, Array], background: Array, corner: Array, scale: float) -> Array:
@@ -249,18 +250,6 @@ def camera_in_map(model: BoardModel, camera: CameraIntrinsics, q: Any, t: Any) -
         cv2.line(canvas, a, b, colour, 2, cv2.LINE_AA, 4)
     text = f"camera in map coordinates: {camera_position[0]:+.2f} {camera_position[1]:+.2f} {camera_position[2]:+.2f} m"
     cv2.putText(canvas, text, (12, 26), cv2.FONT_HERSHEY_SIMPLEX, 0.6, (40, 40, 40), 1, cv2.LINE_AA)
-    return canvas
-
-
-def _whole_frame(picture: Array, text: str) -> Array:
-    """Return a picture of the whole image, scaled to fit."""
-    h, w = picture.shape[:2]
-    scale = min(WIDTH / w, HEIGHT / h)
-    size = (max(1, round(w * scale)), max(1, round(h * scale)))
-    flags = cv2.INTER_AREA if scale < 1 else cv2.INTER_NEAREST
-    canvas = np.zeros((HEIGHT, WIDTH, 3), np.uint8)
-    canvas[: size[1], : size[0]] = cv2.resize(picture, size, interpolation=flags)
-    label(canvas, text)
     return canvas
 
 

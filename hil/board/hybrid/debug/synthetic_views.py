@@ -10,7 +10,7 @@ import numpy as np
 from flyaround.hil.board.estimation import quaternion as quat
 from flyaround.hil.board.estimation.camera import CameraIntrinsics
 from flyaround.hil.board.estimation.target_model import BoardModel
-from flyaround.hil.board.hybrid.debug.overlay import ORANGE, draw_wireframe, grey, label
+from flyaround.hil.board.hybrid.debug.overlay import ORANGE, draw_wireframe, fitted, grey, label
 from flyaround.hil.board.hybrid.propose.keypoints.image_crop import crop_image, network_inputs
 from flyaround.hil.board.hybrid.propose.keypoints.keypoint_proposal import LearnedProposal
 from flyaround.hil.board.hybrid.propose.keypoints.network_input import INPUT_FILL
@@ -82,9 +82,7 @@ def synthetic_view_picture(views: SyntheticViews, size: Tuple[int, int]) -> Arra
         panels.insert(3, (_compass(views.sun, panels[0][0].shape), "the Sun, seen from the camera"))
     tiles = []
     for picture, text in panels:
-        tile = _fit(picture, size[0] // 3, size[1] // 2)
-        label(tile, text)
-        tiles.append(tile)
+        tiles.append(fitted(picture, text, size[0] // 3, size[1] // 2))
     return _grid(tiles, 3, size)
 
 
@@ -107,15 +105,6 @@ def _compass(sun: Optional[Array], shape: Tuple[int, ...]) -> Array:
     z = -np.sqrt(np.maximum(1 - x * x - y * y, 0))
     s = np.zeros(3) if sun is None else sun
     return grey(np.where(inside, 0.12 + 0.88 * np.clip(x * s[0] + y * s[1] + z * s[2], 0, 1), 0), 1.0)
-
-
-def _fit(picture: Array, width: int, height: int) -> Array:
-    scale = min(width / picture.shape[1], height / picture.shape[0])
-    wh = (max(1, round(picture.shape[1] * scale)), max(1, round(picture.shape[0] * scale)))
-    canvas = np.zeros((height, width, 3), np.uint8)
-    x, y = (width - wh[0]) // 2, (height - wh[1]) // 2
-    canvas[y : y + wh[1], x : x + wh[0]] = cv2.resize(picture, wh, interpolation=cv2.INTER_AREA)
-    return canvas
 
 
 def _grid(tiles: List[Array], columns: int, size: Tuple[int, int]) -> Array:

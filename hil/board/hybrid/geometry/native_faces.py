@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, fields
+from functools import lru_cache
 
 import numpy as np
 
@@ -12,35 +12,9 @@ from flyaround.hil.board.hybrid.native.interface import STRUCTURES, Structure, c
 Array = np.ndarray
 
 
-@dataclass(frozen=True, eq=False)
-class NativeFaces(Faces):
-    """Faces with the C structure that the native library reads, built once.
-
-    Attributes
-    ----------
-    native : Structure
-        C structure of the arrays.
-    """
-
-    native: Structure = field(init=False, repr=False)
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "native", _structure(self))
-
-    @staticmethod
-    def from_faces(faces: Faces) -> NativeFaces:
-        """Return the faces with their C structure."""
-        if isinstance(faces, NativeFaces):
-            return faces
-        return NativeFaces(**{f.name: getattr(faces, f.name) for f in fields(Faces)})
-
-
+@lru_cache(maxsize=16)  # a target has one for each of its levels of brightness groups
 def native_faces(faces: Faces) -> Structure:
-    """Return the C structure of faces; it is built at each call unless ``faces`` is a ``NativeFaces``."""
-    return NativeFaces.from_faces(faces).native
-
-
-def _structure(faces: Faces) -> Structure:
+    """Return the C structure of faces for the native library, built once while in use."""
     return STRUCTURES["faces"](
         corners=contiguous(faces.corners, "float64"),
         normals=contiguous(faces.normals, "float64"),

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-from typing import Any, Tuple
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Tuple
 
 import numpy as np
 
 from flyaround.hil.board.estimation.camera import CameraIntrinsics
 from flyaround.hil.board.estimation.vectors import cross
-from flyaround.hil.board.hybrid.native.interface import STRUCTURES, contiguous
+from flyaround.hil.board.hybrid.native.interface import STRUCTURES, Structure, contiguous
 
 Array = np.ndarray
 
@@ -32,11 +33,6 @@ class EdgeSamples:
         Number of adjacent faces; samples without any are visible from everywhere.
     edge : (S,) array
         Index of the wireframe edge.
-
-    Attributes
-    ----------
-    native : Structure
-        C structure of the samples for the native library.
     """
 
     points_m: Array
@@ -45,11 +41,12 @@ class EdgeSamples:
     normals: Array
     faces: Array
     edge: Array
-    native: Any = field(init=False, repr=False)
 
-    def __post_init__(self) -> None:
+    @cached_property
+    def native(self) -> Structure:
+        """C structure of the samples for the native library."""
         n = len(self.points_m)
-        native = STRUCTURES["samples"](
+        return STRUCTURES["samples"](
             points=contiguous(self.points_m, "float64", (n, 3)),
             tangents=contiguous(self.tangents, "float64", (n, 3)),
             radius=contiguous(self.radius_m, "float64", (n,)),
@@ -57,7 +54,6 @@ class EdgeSamples:
             faces=contiguous(self.faces, "int64", (n,)),
             n=n,
         )
-        object.__setattr__(self, "native", native)
 
     def __len__(self) -> int:
         return len(self.points_m)
@@ -83,15 +79,16 @@ class OccludingTriangles:
     e1: Array
     e2: Array
     n: Array
-    native: Any = field(init=False, repr=False)
 
-    def __post_init__(self) -> None:
+    @cached_property
+    def native(self) -> Structure:
+        """C structure of the triangles for the native library."""
         shape = len(self.v0), 3
         arrays = {
             name: contiguous(a, "float64", shape)
             for name, a in (("v0", self.v0), ("e1", self.e1), ("e2", self.e2), ("n", self.n))
         }
-        object.__setattr__(self, "native", STRUCTURES["occluders"](**arrays, triangles=len(self.v0)))
+        return STRUCTURES["occluders"](**arrays, triangles=len(self.v0))
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,7 +10,6 @@ import numpy as np
 from flyaround.hil.board.estimation.camera import CameraIntrinsics
 from flyaround.hil.board.estimation.faces import CURVED_NORMAL_STEPS, Faces
 from flyaround.hil.board.estimation.target_model import BoardModel
-from flyaround.hil.board.hybrid.geometry.native_faces import NativeFaces
 from flyaround.hil.board.hybrid.geometry.wireframe import EdgeSamples, OccludingTriangles
 from flyaround.hil.board.hybrid.model.shadow_map import ShadowMapTable
 from flyaround.hil.board.hybrid.model.view_tables import ViewTable, build_views, is_round, with_outlines
@@ -66,8 +65,6 @@ class PreparedTarget:
     @staticmethod
     def prepare(model: BoardModel, camera: CameraIntrinsics) -> PreparedTarget:
         """Compute the tables."""
-        if model.faces is not None:
-            model = replace(model, faces=NativeFaces.from_faces(model.faces))
         radius = model.radius_m
         spacing = radius / SAMPLES_PER_RADIUS
         samples, occ = sample_edges(model, spacing), occluders(model)

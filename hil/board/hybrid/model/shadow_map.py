@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any, Dict, List, Optional, Tuple
+from functools import cached_property
+from typing import TYPE_CHECKING, Dict, List, Optional, Tuple
 
 import numpy as np
 
@@ -14,7 +15,7 @@ from flyaround.hil.board.hybrid.geometry.native_faces import native_faces
 from flyaround.hil.board.hybrid.geometry.shading import Shading
 from flyaround.hil.board.hybrid.model.image_formation import pinhole_view
 from flyaround.hil.board.hybrid.model.rasteriser import fill_faces, order_faces
-from flyaround.hil.board.hybrid.native.interface import STRUCTURES, contiguous
+from flyaround.hil.board.hybrid.native.interface import STRUCTURES, Structure, contiguous
 from flyaround.hil.board.hybrid.native.library import library
 
 if TYPE_CHECKING:
@@ -59,11 +60,6 @@ class ShadowMap:
         Height of the visible surface along ``direction``, float32 [m]; very low where there is none.
     visible_face : (n, n) array
         Index of the visible face plus 1.
-
-    Attributes
-    ----------
-    native : Structure
-        C structure of the map for the native library.
     """
 
     direction: Array
@@ -72,13 +68,14 @@ class ShadowMap:
     pitch_m: float
     height: Array
     visible_face: Array
-    native: Any = field(init=False, repr=False)
 
-    def __post_init__(self) -> None:
+    @cached_property
+    def native(self) -> Structure:
+        """C structure of the map for the native library."""
         n = len(self.height)
         kind = "uint16" if self.visible_face.dtype == np.uint16 else "int32"
         visible_face = contiguous(self.visible_face, kind, (n, n))
-        native = STRUCTURES["sun"](
+        return STRUCTURES["sun"](
             axes=np.vstack([self.axes, self.direction]),
             at=np.array([*self.origin, self.pitch_m]),
             height=contiguous(self.height, "float32", (n, n)),
@@ -86,7 +83,6 @@ class ShadowMap:
             side=n,
             bytes=visible_face.itemsize,
         )
-        object.__setattr__(self, "native", native)
 
     @staticmethod
     def from_faces(faces: Faces, direction: Array, n: int) -> ShadowMap:
@@ -154,11 +150,6 @@ class ShadowMapTable:
         Height of the visible surface along each direction, float32 [m].
     rendered_maps : dict, optional
         Cache of ``sunlight``.
-
-    Attributes
-    ----------
-    native : Structure
-        C structure of the maps for the native library.
     """
 
     directions: Array
@@ -166,12 +157,13 @@ class ShadowMapTable:
     origin: Array
     pitch_m: Array
     height: Array
-    native: Any = field(init=False, repr=False)
     rendered_maps: Dict[Tuple[int, int], ShadowMap] = field(default_factory=dict)
 
-    def __post_init__(self) -> None:
+    @cached_property
+    def native(self) -> Structure:
+        """C structure of the table for the native library."""
         count, side = self.height.shape[:2]
-        native = STRUCTURES["sun_table"](
+        return STRUCTURES["sun_table"](
             frames=contiguous(self.frames, "float64", (3, count, 3)),
             origin=contiguous(self.origin, "float64", (count, 2)),
             pitch=contiguous(self.pitch_m, "float64", (count,)),
@@ -179,7 +171,6 @@ class ShadowMapTable:
             directions=count,
             side=side,
         )
-        object.__setattr__(self, "native", native)
 
     @staticmethod
     def from_faces(faces: Faces, number: int = N_DIRECTIONS) -> ShadowMapTable:

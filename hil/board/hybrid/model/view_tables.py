@@ -97,8 +97,6 @@ def build_views(
     xy = np.zeros((views, SHAPE_SAMPLES, 2), np.float32)
     angle = np.zeros((views, SHAPE_SAMPLES), np.float32)
     box = np.zeros((views, N_ROLLS, 4), np.float32)
-    turns = np.arange(N_ROLLS) * 2 * np.pi / N_ROLLS
-    c, s = np.cos(turns), np.sin(turns)
     for v in range(views):
         C = centre + distance_m * directions[v]
         visible, _ = visible_samples(samples, occ, C)
@@ -115,10 +113,16 @@ def build_views(
         pick = np.resize(pick, SHAPE_SAMPLES)
         xy[v] = p[pick]
         angle[v] = pr.angle[0][pick]
-        px = p[:, 0][:, None] * c - p[:, 1][:, None] * s
-        py = p[:, 0][:, None] * s + p[:, 1][:, None] * c
-        box[v] = np.stack([px.min(axis=0), py.min(axis=0), px.max(axis=0), py.max(axis=0)], axis=-1)
+        box[v] = _rolled_boxes(p)
     return ViewTable(directions, R, track, weight, xy, angle, box, distance_m)
+
+
+def _rolled_boxes(points: Array) -> Array:
+    """Return the boxes (N_ROLLS, 4) of points (N, 2) that are rolled about the line of sight: x0, y0, x1, y1."""
+    turns = np.arange(N_ROLLS) * 2 * np.pi / N_ROLLS
+    c, s = np.cos(turns), np.sin(turns)
+    x, y = points[:, :1] * c - points[:, 1:] * s, points[:, :1] * s + points[:, 1:] * c
+    return np.stack([x.min(axis=0), y.min(axis=0), x.max(axis=0), y.max(axis=0)], axis=-1)
 
 
 def _spread(ids: Array, count: int, rng: np.random.Generator) -> Array:
@@ -147,16 +151,11 @@ def with_outlines(table: ViewTable, outlines: Outlines, centre_m: Array) -> View
     """Return the table with half of each template on the occluding contour, and boxes that include it."""
     rng = np.random.default_rng(0)
     xy, angle, box = table.shape_xy.copy(), table.shape_angle.copy(), table.box.copy()
-    turns = np.arange(N_ROLLS) * 2 * np.pi / N_ROLLS
-    c, s = np.cos(turns), np.sin(turns)
     n_contour = int(CONTOUR_SHARE * SHAPE_SAMPLES)
     for v, direction in enumerate(table.directions):
         C = centre_m + table.distance_m * direction
         p, a = _visible_contour(outlines, table.R_camera_from_target[v], C, table.distance_m)
-        px = p[:, :1] * c - p[:, 1:] * s
-        py = p[:, :1] * s + p[:, 1:] * c
-        low = np.stack([px.min(axis=0), py.min(axis=0)], axis=-1)
-        high = np.stack([px.max(axis=0), py.max(axis=0)], axis=-1)
+        low, high = np.split(_rolled_boxes(p), 2, axis=-1)
         box[v] = np.concatenate([np.minimum(box[v, :, :2], low), np.maximum(box[v, :, 2:], high)], axis=-1)
         # evenly spaced contour points replace every second wireframe sample
         stretch = len(p) / n_contour

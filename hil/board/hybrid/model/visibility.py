@@ -7,7 +7,6 @@ from typing import Tuple
 import numpy as np
 
 from flyaround.hil.board.estimation.target_model import BoardModel
-from flyaround.hil.board.estimation.vectors import cross
 from flyaround.hil.board.hybrid.geometry.wireframe import EdgeSamples, OccludingTriangles
 from flyaround.hil.board.hybrid.native.interface import contiguous
 from flyaround.hil.board.hybrid.native.library import library
@@ -53,33 +52,6 @@ def occluders(model: BoardModel) -> OccludingTriangles:
     n = np.cross(e1, e2)
     keep = np.linalg.norm(n, axis=1) > 1e-12
     return OccludingTriangles(tri[keep, 0], e1[keep], e2[keep], n[keep])
-
-
-def hidden(occ: OccludingTriangles, C_m: Array, X_m: Array, skin_m: Array) -> Array:
-    """Return True for points (S, 3) that are hidden from the camera centre (3,).
-
-    Moeller and Trumbore's test (1997); with a common ray origin its triple products become three matrix products.
-    """
-    if not len(occ.v0):
-        return np.zeros(len(X_m), bool)
-    T = C_m - occ.v0
-    # a closed mesh occludes with its front faces, so back faces need no test
-    front = np.einsum("ij,ij->i", T, occ.n) > 0
-    T, e1, e2, n = T[front], occ.e1[front], occ.e2[front], occ.n[front]
-    if not len(T):
-        return np.zeros(len(X_m), bool)
-    D = (X_m - C_m).astype(np.float32)
-    q = cross(T, e1)
-    A = np.concatenate([-n, cross(e2, T), q]).astype(np.float32)
-    B = D @ A.T
-    m = len(T)
-    det, u, v = B[:, :m], B[:, m : 2 * m], B[:, 2 * m :]
-    # front faces only: the ray runs against the normal, det = -D.n > 0
-    depth = np.einsum("ij,ij->i", e2, q).astype(np.float32)
-    length = np.linalg.norm(D, axis=1)
-    limit = (1.0 - skin_m / np.maximum(length, 1e-6)).astype(np.float32)
-    hit = (det > 1e-12) & (u >= 0) & (v >= 0) & (u + v <= det) & (depth[None, :] < det * limit[:, None])
-    return np.asarray(hit.any(axis=1))
 
 
 def visible_samples(samples: EdgeSamples, occ: OccludingTriangles, C_m: Array) -> Tuple[Array, Array]:

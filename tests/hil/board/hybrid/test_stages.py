@@ -21,7 +21,7 @@ from flyaround.hil.board.hybrid.image.edge_field import edge_field, gradient_noi
 from flyaround.hil.board.hybrid.image.noise import noise_sigma
 from flyaround.hil.board.hybrid.model.prepared_target import PreparedTarget
 from flyaround.hil.board.hybrid.model.view_tables import build_views
-from flyaround.hil.board.hybrid.model.visibility import hidden, occluders, sample_edges, visible_samples
+from flyaround.hil.board.hybrid.model.visibility import occluders, sample_edges, visible_samples
 from flyaround.hil.board.hybrid.propose.plane_poses import plane_poses
 from flyaround.hil.board.hybrid.propose.regions import propose_regions, straight_windows
 from flyaround.hil.board.hybrid.refine.edges import align_to_field
@@ -104,10 +104,6 @@ def test_a_box_shows_three_faces_and_nine_edges() -> None:
     visible, outline = visible_samples(samples, occ, np.array([2.0, 1.8, 1.5]))
     assert len(set(samples.edge[visible])) == 9
     assert len(set(samples.edge[visible & outline])) == 6
-    behind = hidden(
-        occ, np.array([3.0, 0, 0]), np.array([[-3.0, 0, 0], [2.0, 0, 0], [-3, 2, 0]]), np.zeros(3)
-    )
-    assert behind.tolist() == [True, False, False]
 
 
 def test_the_outline_of_a_rod_lies_a_radius_from_its_axis() -> None:

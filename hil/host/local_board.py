@@ -6,10 +6,10 @@ import contextlib
 import os
 import subprocess
 import tempfile
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Callable, Iterator, Sequence
     from pathlib import Path
 
     from flyaround.hil.host.flight_run import FlightRun
@@ -25,7 +25,13 @@ MAX_BYTES = 1 << 20
 
 
 def run_with_board_process(
-    flight: FlightRun, command: tuple[str, ...], options: tuple[str, ...], log: Path | None = None
+    flight: FlightRun,
+    command: Sequence[str],
+    options: Sequence[str],
+    log: Path | None = None,
+    *,
+    on_listening: Callable[[str, str | None], None] = lambda _url, _truth_url: None,
+    **run: Any,  # noqa: ANN401 - those of FlightRun.run
 ) -> LedgerSummary:
     """Run a flight with a board process on this machine.
 
@@ -39,17 +45,22 @@ def run_with_board_process(
         Command line after the host's address.
     log : Path, optional
         File for the output of a board that failed.
+    on_listening : callable
+        Called with the host's URL and that of the truth endpoint, before the board is started.
+    run : object
+        Further arguments of `FlightRun.run`.
     """
     with contextlib.ExitStack() as stack:
 
-        def start(url: str, _truth_url: str | None) -> None:
+        def start(url: str, truth_url: str | None) -> None:
+            on_listening(url, truth_url)
             stack.enter_context(_board((*command, url, "--silence", f"{SILENCE_TIMEOUT_S:g}", *options), log))
 
-        return flight.run(on_listening=start)
+        return flight.run(on_listening=start, **run)
 
 
 @contextlib.contextmanager
-def _board(command: tuple[str, ...], log: Path | None) -> Iterator[None]:
+def _board(command: Sequence[str], log: Path | None) -> Iterator[None]:
     # one thread, as on a board: BLAS threads on small matrices compete with the renderer
     environment = os.environ | {"OPENBLAS_NUM_THREADS": "1"}
     with tempfile.TemporaryFile() as output:
