@@ -51,6 +51,9 @@ MARKER = "demo.json"
 # Time-out for the board to end after its host's goodbye [s].
 BOARD_EXIT_S = 20.0
 
+# Largest TCP port, and tries to find two free ones in a row: on a machine without many connections the first succeeds.
+MAX_PORT, MAX_TRIES = 65535, 50
+
 
 def run_demo(
     folder: Path,
@@ -88,7 +91,7 @@ def run_demo(
     scenario = load_scenario(SCENARIO)
     plan = plan_flight(scenario, n=N_IMAGES)
     say(f"{scenario.title}: {scenario.duration_s:.0f} s of simulated time")
-    with progress_bar("capture 20 images") as progress:
+    with progress_bar(f"capture {N_IMAGES} images") as progress:
         capture_summary = capture(plan, folder / "dataset", formats=("native", "speed"), progress=progress)
     with progress_bar("check every label") as progress:
         checked = check_dataset(folder / "dataset", progress)
@@ -153,7 +156,7 @@ class _FrameStore:
 
 
 def _run_loop(plan: Plan, folder: Path, board_command: Sequence[str], progress_bar: ProgressBar) -> Loop:
-    """Send thirty frames to a board in its own process, with the truth to a logger on a separate endpoint."""
+    """Send the frames of a plan to a board in its own process, with the truth to a logger on a separate endpoint."""
     folder.mkdir()
     port = _free_port_pair()
     url, truth_url = f"tcp://127.0.0.1:{port}", f"tcp://127.0.0.1:{port + 1}"
@@ -168,7 +171,7 @@ def _run_loop(plan: Plan, folder: Path, board_command: Sequence[str], progress_b
         provenance=Provenance.from_plan(plan),
     )
     log_path = folder / "board.log"
-    with log_path.open("wb") as log, progress_bar("30 frames to the board") as progress:
+    with log_path.open("wb") as log, progress_bar(f"{plan.n_frames} frames to the board") as progress:
         # one thread, as on a board: BLAS threads on small matrices compete with the renderer
         environment = os.environ | {"OPENBLAS_NUM_THREADS": "1"}
         board = subprocess.Popen(command, stdout=log, stderr=subprocess.STDOUT, env=environment)
@@ -195,11 +198,11 @@ def _run_loop(plan: Plan, folder: Path, board_command: Sequence[str], progress_b
 
 def _free_port_pair() -> int:
     """Return a free port whose successor, used by the truth endpoint, is free as well."""
-    for _ in range(50):
+    for _ in range(MAX_TRIES):
         with socket.socket() as a:
             a.bind(("127.0.0.1", 0))
             port = int(a.getsockname()[1])
-            if port >= 65535:
+            if port >= MAX_PORT:
                 continue
             with socket.socket() as b:
                 try:

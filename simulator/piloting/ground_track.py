@@ -29,6 +29,9 @@ SAMPLES_PER_ORBIT = 181
 SEARCH_ORBITS = 1.7
 """Orbits searched for eclipses; one of them is drawn."""
 
+# Steps per orbit between which the light is compared: some 40 s in low orbit; a shorter shadow may be missed.
+STEPS_PER_ORBIT = 150
+
 # Tolerance of the time of an eclipse [s].
 _TIME_TOLERANCE_S = 0.05
 _FULL_SUN = 1.0 - 1e-9  # visible share of the Sun that counts as full sunlight
@@ -146,7 +149,7 @@ def _sunlight(flight: Flight, t_s: float, span_s: float) -> Callable[[FloatArray
 
 def _shadow(sunlit: Callable[[float], float], span_s: float) -> tuple[float | None, float | None]:
     """Return the times from now at which the next shadow begins and ends."""
-    times = np.linspace(0.0, span_s, int(SEARCH_ORBITS * 150))
+    times = np.linspace(0.0, span_s, int(SEARCH_ORBITS * STEPS_PER_ORBIT))
     is_sunlit = np.array([sunlit(float(t)) >= _FULL_SUN for t in times])
     crossings: dict[bool, float | None] = {False: None, True: None}
     for k in np.flatnonzero(is_sunlit[1:] != is_sunlit[:-1]):

@@ -160,7 +160,7 @@ def _json(data: bytes) -> Iterator[Entry]:
                 frame = row.get("image_id", row["id"] if name == "images" else None)
                 yield Entry(f"{name} {row['id']}", row, frame)
         else:
-            yield Entry(str(name), value, int(name) if name.isdigit() else None)  # BOP
+            yield Entry(str(name), value, int(name) if name.isdecimal() else None)  # BOP
 
 
 def _without_repeats(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
