@@ -57,6 +57,11 @@ def draw_truth(
         Model of the target.
     wireframe : bool, optional
         True to draw the visible parts of the edges.
+
+    Returns
+    -------
+    (H, W, 3) array
+        RGB, 8 bits.
     """
     pose, camera = truth.scene.camera_from_target, truth.camera
     canvas = screen_rgb(image, truth.scene.sensor, camera.pixel_encoding)

@@ -2,7 +2,8 @@
 
 Checks of numpydoc's validation on every docstring of the product: PR02, PR03, PR04, SS05, and, where there is a
 Parameters section, PR01. An Attributes section that stands for it is complete, too. A public function or class that
-raises says so in a Raises section.
+raises says so in a Raises section. RT01 holds for the names of `flyaround` and `flyaround.plugins`: functions, and
+methods of their classes.
 """
 
 import ast
@@ -173,6 +174,51 @@ def failures(path):
         listed = [name for name in known if name in order]
         if [name for name in order if name in known] != listed:
             yield f"{where}: PR03 order of the signature is {listed}"
+
+
+def module_file(module):
+    path = ROOT / module.replace(".", "/")
+    return path / "__init__.py" if path.is_dir() else path.with_suffix(".py")
+
+
+def definition(module, name):
+    """Return the function or class of that name, followed through imports; the last one, after overloads."""
+    body = ast.parse(module_file(module).read_text(encoding="utf-8")).body
+    found = [node for node in body if getattr(node, "name", "") == name]
+    if found:
+        return found[-1]
+    for node in body:
+        if isinstance(node, ast.ImportFrom) and any(name in (a.name, a.asname) for a in node.names):
+            return definition(node.module, name)
+    raise LookupError(f"{module} has no {name}")
+
+
+def public_names():
+    for name in ("flyaround", "flyaround.plugins"):
+        for node in ast.walk(ast.parse(module_file(name).read_text(encoding="utf-8"))):
+            if isinstance(node, ast.ImportFrom) and node.module.startswith(
+                ("flyaround.hil", "flyaround.simulator")
+            ):
+                yield from ((node.module, alias.name) for alias in node.names)
+
+
+def returns(function):
+    """Return True for a function, no property, that returns a value and is no generator."""
+    decorators = " ".join(map(ast.unparse, function.decorator_list))
+    is_silent = function.returns is not None and ast.unparse(function.returns) in {"None", "NoReturn"}
+    is_generator = any(isinstance(node, ast.Yield | ast.YieldFrom) for node in ast.walk(function))
+    return "property" not in decorators and not is_silent and not is_generator
+
+
+@pytest.mark.parametrize(("module", "name"), sorted(set(public_names())))
+def test_public_functions_say_what_they_return(module, name):
+    node = definition(module, name)
+    functions = [node] if isinstance(node, ast.FunctionDef) else node.body
+    functions = [f for f in functions if isinstance(f, ast.FunctionDef) and not f.name.startswith("_")]
+    without = [
+        f.name for f in functions if returns(f) and section(ast.get_docstring(f) or "", "Returns") is None
+    ]
+    assert without == []
 
 
 @pytest.mark.parametrize("path", FILES, ids=lambda path: path.relative_to(ROOT).as_posix())

@@ -41,7 +41,8 @@ _TABLE = 4096  # number of angles in the look-up table of the inverse
 # them.
 _CONVERGED, _ACCEPTED = 1e-13, 1e-9
 _BORDER = 1.0001  # factor on the domain's radius, for the rounding of points on its border
-_NEAR_AXIS = 1e-8  # squared radius below which the derivative is its series' first term: the difference cancels
+# Squared radius below which the derivative is its series' first term, because the difference cancels.
+_NEAR_AXIS = 1e-8
 _INSIDE_FOLD = 0.999  # factor on the radius at which a lens folds back, to stay on the near side
 _NEWTON_STEPS = 12  # largest number of Newton steps for the inverse; from the table's guess a few suffice
 

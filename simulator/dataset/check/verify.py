@@ -123,6 +123,11 @@ def check_dataset(
     whole_exports : bool, optional
         True to compare the contents of all frames in the exports instead of a sample.
 
+    Returns
+    -------
+    CheckReport
+        Faults by frame, and what could not be checked.
+
     Raises
     ------
     UserError
