@@ -177,9 +177,9 @@ def scatter(image: Float32Array, optics: Optics) -> Float32Array:
 
     References
     ----------
-    King (1971), The profile of a star image, PASP 83, 199: wings of the power -2 over four decades of brightness.
-    Peterson (2004), Analytic expressions for in-field scattered light distributions, Proc. SPIE 5178, 184: surfaces
-    scatter as a power of the angle, -1.5 to -3. ISO 9358: veiling glare of 0.01 to 0.03 in good lenses.
+    King (1971), The profile of a star image, PASP 83, 199 (wings of measured images). Peterson (2004), Analytic
+    expressions for in-field scattered light distributions, Proc. SPIE 5178, 184 (powers of the angle). ISO 9358 defines
+    how veiling glare is measured.
     """
     return image if optics.scatter_share <= 0 else scattering_pyramid(optics.scatter_share).blur(image, 1.0)
 

@@ -87,7 +87,7 @@ def propagate_attitude(
 
     References
     ----------
-    Wertz (1978), Spacecraft Attitude Determination and Control, eq. 16-2 and 16-49.
+    Wertz (1978), Spacecraft Attitude Determination and Control, chapter 16 (kinematics and Euler's equations).
     """
     check_span(duration_s)
     J = np.asarray(inertia_kg_m2, float)

@@ -143,7 +143,7 @@ class Body(ABC):
     lowest_m : float
         Perigee altitude below which an orbit is probably a mistake.
     reach_m : float
-        Radius of its sphere of influence, which limits orbits (Vallado 2013, sec. 12.2).
+        Radius of its sphere of influence, which limits orbits (Vallado 2013, patched conics).
     albedo : float
         Mean reflectance, used without a map.
     sun_distance_m : float, optional

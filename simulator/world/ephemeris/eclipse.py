@@ -122,7 +122,7 @@ def sun_fraction_past_sphere(r_m: ArrayLike, r_sun_m: ArrayLike, radius_m: float
 
     References
     ----------
-    Montenbruck & Gill (2000), Satellite Orbits, sec. 3.4.2.
+    Montenbruck & Gill (2000), Satellite Orbits (shadow function).
     """
     # by components: for a single position this is faster than NumPy's cross product and norms
     x, y, z = (np.asarray(r_m, float)[..., k] for k in range(3))

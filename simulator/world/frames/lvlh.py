@@ -62,7 +62,7 @@ def lvlh_frame(r_eci_m: FloatArray, v_eci_m_s: FloatArray, a_eci_m_s2: FloatArra
 
     References
     ----------
-    Alfriend et al. (2010), Spacecraft Formation Flying, sec. 4.1.
+    Alfriend et al. (2010), Spacecraft Formation Flying, chapter 4.
     """
     r, v = r_eci_m.tolist(), v_eci_m_s.tolist()
     h = cross_product(r, v)
