@@ -177,10 +177,13 @@ def refuse_repeated_keys(data: bytes, source: str) -> None:
     Raises
     ------
     UserError
-        If a key is repeated.
+        If a key is repeated, or the data are not JSON or nested too deeply.
     """
+    refuse_deep(data, source)
     try:
         json.loads(data.removeprefix(codecs.BOM_UTF8), object_pairs_hook=_without_repeats)
+    except json.JSONDecodeError as error:
+        raise UserError(f"{source} is not JSON: {error}") from error
     except ValueError as error:
         raise UserError(f"{source}: {error}; remove one") from error
 
