@@ -78,6 +78,11 @@ def run_demo(
     progress_bar : ProgressBar
         Opens a progress bar with a title; yields ``update(done, total)``.
 
+    Returns
+    -------
+    Path
+        Path of ``index.html``.
+
     Raises
     ------
     UserError

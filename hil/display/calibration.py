@@ -224,6 +224,11 @@ def calibrate(grabs: Mapping[str, FloatArray], screen_px: tuple[int, int]) -> Di
     screen_px : tuple of int
         Width and height of the screen.
 
+    Returns
+    -------
+    DisplayCalibration
+        Map from screen to camera pixels, and response of the screen.
+
     Raises
     ------
     UserError

@@ -51,6 +51,11 @@ class Predistorter:
         white : float
             Pixel value that is shown as white.
 
+        Returns
+        -------
+        (H, W) array
+            Screen levels, uint8.
+
         Raises
         ------
         UserError

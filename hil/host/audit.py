@@ -75,6 +75,11 @@ def audit_pictures(
         Name and pixels of each image.
     place : CodePlace, optional
         Position of the time code in the run.
+
+    Returns
+    -------
+    PictureAudit
+        Agreeing, wrong, repeated and missing frames.
     """
     place = CodePlace() if place is None else place
     by_frame = {row.frame_id: row for row in rows}
@@ -130,7 +135,8 @@ def pictures_of(source: Path) -> Iterator[tuple[str, NDArray[Any]]]:
     # a file of a few bytes ends in struct.error
     except (OSError, McapError, ValueError, struct.error) as error:
         raise UserError(
-            f"{source} cannot be read ({str(error) or type(error).__name__}): name a folder of PNG files, or a file written with --mcap"
+            f"{source} cannot be read ({str(error) or type(error).__name__}): name a folder of PNG files, or a file "
+            "written with --mcap"
         ) from error
 
 

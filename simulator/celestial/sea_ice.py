@@ -111,6 +111,11 @@ def near_ice(z: FloatArray, longitude: FloatArray, epoch_utc: str) -> NDArray[np
         [rad], of the same shape. NaN gives True.
     epoch_utc : str
         Time, UTC.
+
+    Returns
+    -------
+    array of bool
+        Mask of the input's shape.
     """
     is_tested = np.abs(z) < _POLAR_SINE  # False for NaN
     row = (90 - np.degrees(np.arcsin(np.where(is_tested, z, 0)))).astype(int)

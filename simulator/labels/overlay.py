@@ -128,6 +128,11 @@ def draw_axes(canvas: ByteArray, camera: Camera, pose: Pose, length_m: float) ->
         Camera-from-target pose.
     length_m : float
         Length of each arrow.
+
+    Returns
+    -------
+    (H, W, 3) array
+        RGB copy, 8 bits.
     """
     picture = canvas.copy()
     width = max(1, round(camera.width_px / _ARROW_WIDTHS))

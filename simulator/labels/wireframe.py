@@ -103,6 +103,11 @@ def view_edges(
         Target model.
     mesh : TriangleMesh
         All triangles of ``target``.
+
+    Returns
+    -------
+    tuple of ProjectedEdge
+        Ends [px] and visible intervals of each edge.
     """
     arrays = _edge_arrays(target)
     in_camera = camera_from_target.apply(arrays.ends_m)

@@ -54,7 +54,7 @@ class GroundTrack:
     sunlit : (n,) array
         Share of the Sun's disc visible from the target.
     enters_s : float or None
-        Start of the next eclipse; None if there is none within an orbit and a half.
+        Start of the next eclipse; None if there is none within `SEARCH_ORBITS`.
     leaves_s : float or None
         End of the next eclipse, or None.
     """
@@ -79,6 +79,11 @@ def ground_track(flight: Flight, t_s: float) -> GroundTrack:
         Flight of the target.
     t_s : float
         Time within it.
+
+    Returns
+    -------
+    GroundTrack
+        Latitudes and longitudes [deg], and times of shadow [s].
     """
     r, v = flight.orbit(t_s)
     body, mu = flight.body, flight.body.mu_m3_s2
@@ -195,6 +200,11 @@ def subsolar_deg(r_sun_eci_m: FloatArray, R_fixed_from_eci: FloatArray) -> tuple
         Position of the Sun from the body's centre.
     R_fixed_from_eci : (3, 3) array
         Rotation from ECI to body-fixed axes.
+
+    Returns
+    -------
+    tuple of float
+        Latitude and longitude [deg].
     """
     x, y, z = R_fixed_from_eci @ r_sun_eci_m
     return math.degrees(math.atan2(z, math.hypot(x, y))), math.degrees(math.atan2(y, x))

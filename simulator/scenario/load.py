@@ -221,6 +221,11 @@ def parse_scenario(content: bytes, source: str, stem: str, folder: Path) -> Scen
     folder : Path
         Folder of the files that it names.
 
+    Returns
+    -------
+    Scenario
+        Checked scenario.
+
     Raises
     ------
     UserError

@@ -46,6 +46,11 @@ class TargetRef:
         base : Target, optional
             Model of that name, or the craft itself; by default it is loaded by name.
 
+        Returns
+        -------
+        Target
+            Target with the variation, or the given one.
+
         Raises
         ------
         UserError

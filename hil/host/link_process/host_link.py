@@ -72,6 +72,11 @@ def choose_pixel_format(bits: int, channels: tuple[int, ...], wish: PixelFormatN
     wish : PixelFormatName
         Requested format, or ``auto``.
 
+    Returns
+    -------
+    PixelFormat
+        Format that holds the images whole.
+
     Raises
     ------
     UserError

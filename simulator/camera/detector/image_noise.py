@@ -113,6 +113,11 @@ def start_noise(
         Seed of the random numbers.
     frame_index : int
         Number of the frame; with ``seed`` the key of its random numbers.
+
+    Returns
+    -------
+    callable
+        Function without arguments that returns the `ImageNoise`.
     """
     if sensor.detector is not None or int(np.prod(shape)) < MIN_THREADED_VALUES:
         return lambda: draw_noise(shape, sensor, seed, frame_index)

@@ -76,6 +76,11 @@ def veiling_glare(
     sun_irradiance_w_m2 : array
         Irradiance of the visible part, per band.
 
+    Returns
+    -------
+    (H, W) or (H, W, n) array, or None
+        Radiance [W m-2 sr-1]; None without glare.
+
     References
     ----------
     Vos (1984), Disability glare: the law of the inverse square of the angle (Stiles-Holladay), here for a lens.
@@ -154,6 +159,11 @@ def glow(image: Float32Array, optics: Optics) -> Float32Array:
         Linear light, dark beyond its border.
     optics : Optics
         The optics.
+
+    Returns
+    -------
+    array
+        Image of the same shape and sum of light, but for what leaves its border.
     """
     if optics.glow_share <= 0:
         return image

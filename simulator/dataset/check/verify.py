@@ -299,6 +299,11 @@ def check_frame(
         Target model; None if it is not available.
     layers : Layers, optional
         Label layers of the frame by name, as drawn or read.
+
+    Returns
+    -------
+    list of str
+        Faults; empty if there are none.
     """
     layers = layers or {}
     problems: list[str] = []

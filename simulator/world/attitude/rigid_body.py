@@ -80,6 +80,11 @@ def propagate_attitude(
     torque : Torque, optional
         Torque on the body, body axes [N m], as a function of time [s] and ``R_eci_from_body``; by default none.
 
+    Returns
+    -------
+    RigidBodyTrack
+        Attitude and rate [rad s-1] over the span.
+
     Raises
     ------
     ValueError

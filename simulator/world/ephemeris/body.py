@@ -319,6 +319,11 @@ def bodies_at(instant: Instant, central: Body) -> tuple[BodyState, ...]:
         Time of the states.
     central : Body
         Body that the target orbits.
+
+    Returns
+    -------
+    tuple of BodyState
+        Geocentric positions [m] and orientations.
     """
     return tuple(
         BodyState(

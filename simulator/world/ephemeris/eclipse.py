@@ -39,6 +39,11 @@ def sun_fraction_past_bodies(
         (3,) position of the spacecraft from the Earth's centre [m].
     r_sun_eci_m : array_like
         (3,) position of the Sun from the Earth's centre [m].
+
+    Returns
+    -------
+    float
+        Visible fraction, 0 to 1.
     """
     r, sun = (np.asarray(x, float) for x in (r_eci_m, r_sun_eci_m))
     return max(float(add_shares([sun_fraction_past_body(state, r, sun) for state in bodies])), 0.0)

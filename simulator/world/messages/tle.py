@@ -60,6 +60,11 @@ def sgp4_state(satellite: Satrec, epoch: Instant, description: str) -> tuple[Flo
     description : str
         Their name in messages.
 
+    Returns
+    -------
+    tuple of array
+        Position (3,) [m] and velocity (3,) [m s-1].
+
     Raises
     ------
     UserError

@@ -98,6 +98,11 @@ class ForceModel(Protocol):
             Position of the chaser relative to the target [m].
         w_eci_m_s : (3,) array
             Velocity of the chaser relative to the target [m s-1].
+
+        Returns
+        -------
+        tuple of array
+            Acceleration (3,) of the target, and difference (3,) [m s-2].
         """
         ...
 

@@ -245,6 +245,11 @@ def propagate(
     along : Solution, optional
         Prescribed states of the target. Only the chaser's relative state is integrated then.
 
+    Returns
+    -------
+    OrbitTrack
+        States over the span, GCRS [m], [m s-1].
+
     Raises
     ------
     UserError

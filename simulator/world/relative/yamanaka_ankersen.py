@@ -69,6 +69,11 @@ def elliptic_transition_matrix(orbit: Elements, t_s: float, mu_m3_s2: float = MU
     mu_m3_s2 : float, optional
         Gravitational parameter.
 
+    Returns
+    -------
+    (6, 6) array
+        Matrix in SI units.
+
     References
     ----------
     Yamanaka & Ankersen (2002), New state transition matrix for relative motion on an arbitrary elliptical
