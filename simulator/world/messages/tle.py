@@ -210,7 +210,7 @@ def check_line(line: str, number: int) -> None:
     is_plain = line.isascii() and len(line) == _LINE_LENGTH
     if not is_plain or not line.startswith(f"{number} ") or not line[-1].isdigit():
         raise UserError(
-            f"line {number} of the two-line elements is {line!r}, allowed: {_LINE_LENGTH} characters, ASCII alone, that "
+            f"line {number} of the two-line elements is {line!r}, allowed: {_LINE_LENGTH} characters, all ASCII, that "
             f"start with {number} and end with a checksum"
         )
     checksum = sum(int(c) if c.isdigit() else c == "-" for c in line[:-1]) % 10
