@@ -102,6 +102,11 @@ def draw_code(
     white_dn : int
         Digital number of white; black is 0.
 
+    Returns
+    -------
+    array
+        Copy of the image's shape and type.
+
     Raises
     ------
     ValueError

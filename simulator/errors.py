@@ -34,6 +34,11 @@ def write_error(path: Path, error: OSError, remedy: str = "choose a folder you m
         Error of the operating system.
     remedy : str, optional
         Advice for any error but a full disk.
+
+    Returns
+    -------
+    UserError
+        Error with the path and the reason.
     """
     if error.errno in _FULL:
         return UserError(
@@ -53,6 +58,11 @@ def missing_extra(what: str, extra: str, error: ImportError) -> UserError:
         Name in pyproject.toml.
     error : ImportError
         Error of the import.
+
+    Returns
+    -------
+    UserError
+        Error with the command that installs the extra.
     """
     if isinstance(error, ModuleNotFoundError):
         name = (error.name or str(error)).partition(".")[0]

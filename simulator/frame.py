@@ -81,15 +81,33 @@ class Frame:
         return self.stage_ms.get("render", 0.0) + self.stage_ms.get("sensor", 0.0)
 
     def without_radiance(self) -> Frame:
-        """Return the frame without radiance and depth, for a window."""
+        """Return the frame without radiance and depth, for a window.
+
+        Returns
+        -------
+        Frame
+            Copy; arrays that it keeps are shared.
+        """
         return replace(self, radiance=NO_RADIANCE, depth_m=None)
 
     def image_and_truth(self) -> Frame:
-        """Return the frame without radiance, mask and layers, for a board."""
+        """Return the frame without radiance, mask and layers, for a board.
+
+        Returns
+        -------
+        Frame
+            Copy; the image is shared.
+        """
         return replace(self, radiance=NO_RADIANCE, depth_m=None, mask=None, layers={})
 
     def without_image(self) -> Frame:
-        """Return the frame without pixels: scene, truth and ledger."""
+        """Return the frame without pixels: scene, truth and ledger.
+
+        Returns
+        -------
+        Frame
+            Copy with an empty image.
+        """
         return replace(self.image_and_truth(), image=_NO_IMAGE)
 
 
@@ -108,6 +126,11 @@ def take_frame(
         Model of the scene's craft, before any variation.
     labels : bool or LabelRequest, optional
         True for truth and mask, or a request for further layers.
+
+    Returns
+    -------
+    Frame
+        Image [DN], radiance [W m-2 sr-1], and the requested labels.
 
     Raises
     ------

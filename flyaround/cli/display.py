@@ -16,7 +16,7 @@ import typer
 from flyaround.cli.scenario_argument import load_flown
 from flyaround.cli.terminal import say
 from flyaround.hil.corner_code import CodePlace, read_code
-from flyaround.hil.display.calibration import calibrate, read_calibration, write_calibration
+from flyaround.hil.display.calibration import SCREEN_PX, calibrate, read_calibration, write_calibration
 from flyaround.hil.display.patterns import calibration_patterns
 from flyaround.hil.display.predistort import Predistorter
 from flyaround.hil.display.screen_sink import ScreenSink
@@ -127,7 +127,7 @@ def display_calibrate(
 ) -> None:
     """Calibrate the screen from images of the patterns: pixel map between camera and screen, and brightness."""
     parts = screen.lower().split("x")
-    if len(parts) != 2 or not all(p.isdigit() and 64 <= int(p) <= 16384 for p in parts):
+    if len(parts) != 2 or not all(p.isdecimal() and SCREEN_PX[0] <= int(p) <= SCREEN_PX[1] for p in parts):
         raise UserError(
             f"--screen is {screen}, expected WIDTHxHEIGHT of the monitor in pixels, e.g. 1920x1200"
         )

@@ -86,6 +86,11 @@ def describe_board(model_name: str, model_sha256: str, method: str, *, compiled:
         Name of the estimator.
     compiled : bool
         True for a built-in estimator: the versions of OpenCV and of the compiled kernels are then included.
+
+    Returns
+    -------
+    Hello
+        Message with the board's formats, model and method.
     """
     runs_on = f" {platform.machine()} Python {platform.python_version()}"
     if compiled:
@@ -306,6 +311,11 @@ def run_board(
         Name of the estimator.
     options : object
         Further parameters of `BoardAgent`.
+
+    Returns
+    -------
+    BoardSummary
+        Counts of the session, and how it ended.
 
     Raises
     ------

@@ -57,6 +57,11 @@ class BoardEstimator(Protocol):
         the time of mid-exposure [s]. One with a true attribute ``takes_sun`` also receives ``sun_camera``, the unit
         vector to the Sun in the camera frame, if the host sends it. A result may have an attribute ``covariance``,
         (6, 6), of the rotation [rad] and translation [m] errors in camera axes.
+
+        Returns
+        -------
+        Estimate
+            Pose of the target in the camera frame, or the reason why there is none.
         """
 
 

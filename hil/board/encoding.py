@@ -36,6 +36,11 @@ def light_of(image: Array, encoding: str) -> Array:
     encoding : str
         One of ``ENCODINGS``.
 
+    Returns
+    -------
+    array
+        Light of the image's shape.
+
     Raises
     ------
     ValueError

@@ -49,6 +49,11 @@ def name_in_file(method: str, path: object) -> str:
         Name in the file.
     path : path-like
         The file, for the warning.
+
+    Returns
+    -------
+    str
+        Current name; the given one if it was never renamed.
     """
     if method in RENAMED:
         _warn(method, str(path))

@@ -59,6 +59,11 @@ def make_estimator(
     streams : sequence of str, optional
         Feature streams of a published method, of ``STREAMS``; default: the method's own.
 
+    Returns
+    -------
+    Estimator
+        Estimator of one camera.
+
     Raises
     ------
     BoardModelError

@@ -106,6 +106,11 @@ def make_agent(
     custom : tuple of EstimatorFactory and str, optional
         Another estimator than the built-in ones: its factory, and the name and hash of its model.
 
+    Returns
+    -------
+    BoardAgent
+        Agent that has not connected yet.
+
     Raises
     ------
     LinkError

@@ -31,6 +31,11 @@ def serve_sessions(agent: BoardAgent, *, reconnect: bool, start: List[str]) -> B
     start : list of str
         Arguments that start this program again, after the interpreter's name.
 
+    Returns
+    -------
+    BoardSummary
+        Counts of the last session, and how it ended.
+
     Raises
     ------
     NoSessionError

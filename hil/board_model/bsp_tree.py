@@ -20,6 +20,16 @@ from flyaround.simulator.runtime.arrays import BoolArray, FloatArray, IntArray
 # [m].
 PLANE_TOLERANCE_M, FRONT_TOLERANCE_M = 2e-5, -2e-4
 
+# Cost of a plane per large face cut, per small face cut, per face by which one side has more, and gain per face that
+# lies in it. A cut adds a face for good, a small face only moves; chosen by hand for few faces of the built-in craft.
+CUT_COST, SMALL_CUT_COST, IMBALANCE_COST, COPLANAR_GAIN = 4.0, 0.6, 0.3, 2.0
+
+# Distance beyond which a small face counts as cut when planes are compared [m]; it is not cut.
+SMALL_TOLERANCE_M = 1e-3
+
+# Least length of the diagonals' cross product of a face, twice its area: smaller pieces of a cut are slivers [m2].
+MIN_TWICE_AREA_M2 = 1e-9
+
 # Largest number of planes tried at a node, and depth of the tree; remaining faces count as small ones.
 MAX_PLANES, MAX_DEPTH = 200, 250
 
@@ -126,13 +136,13 @@ def _best_plane(large: FloatArray, small: FloatArray) -> tuple[int, FloatArray, 
         s = large @ n - d
         front, behind = (s > PLANE_TOLERANCE_M).any(axis=1), (s < -PLANE_TOLERANCE_M).any(axis=1)
         small_distance = small @ n - d
-        # small parts are judged to a millimetre: they are counted to choose a plane, not cut by it here
-        small_cut = ((small_distance > 1e-3).any(axis=1) & (small_distance < -1e-3).any(axis=1)).sum()
+        small_front = (small_distance > SMALL_TOLERANCE_M).any(axis=1)
+        small_cut = (small_front & (small_distance < -SMALL_TOLERANCE_M).any(axis=1)).sum()
         cost = (
-            4.0 * (front & behind).sum()
-            + 0.6 * small_cut
-            + 0.3 * abs(int(front.sum()) - int(behind.sum()))
-            - 2.0 * (~front & ~behind).sum()
+            CUT_COST * (front & behind).sum()
+            + SMALL_CUT_COST * small_cut
+            + IMBALANCE_COST * abs(int(front.sum()) - int(behind.sum()))
+            - COPLANAR_GAIN * (~front & ~behind).sum()
         )
         if best is None or cost < best[0]:
             best = (float(cost), k, n, d)
@@ -158,6 +168,6 @@ def _clip(face: FloatArray, s: FloatArray) -> list[FloatArray]:
         if len(piece) < 3:
             continue
         corners = np.array(piece if len(piece) == 4 else [*piece, piece[-1]])
-        if np.linalg.norm(np.cross(corners[2] - corners[0], corners[3] - corners[1])) > 1e-9:
+        if np.linalg.norm(np.cross(corners[2] - corners[0], corners[3] - corners[1])) > MIN_TWICE_AREA_M2:
             out.append(corners)
     return out

@@ -43,6 +43,15 @@ MAX_MATCH_PX = 1.6
 CREASE_COSINE = float(np.cos(np.deg2rad(20.0)))
 """Cosine of the angle between corner normals beyond which two faces form a sharp edge."""
 
+EDGE_STEP_PX = 0.7
+"""Largest distance between points along an edge [px], half a pixel's diagonal: rounding leaves no gap."""
+
+CANDIDATES = 12
+"""Mesh points near a contour pixel among which the outermost is taken: some eight lie within MAX_MATCH_PX."""
+
+TANGENT_PX = 3
+"""Pixels to each side from which a contour's tangent follows; between neighbours it has eight directions only."""
+
 # Structuring element of the morphological operations: 8-neighbourhood.
 KERNEL = np.ones((3, 3), np.uint8)
 
@@ -165,8 +174,8 @@ def _view(
     axes = _camera(direction)
     focal = FILL_SHARE * SIZE_PX / 2 * np.sqrt(RANGE_RADII**2 - 1)
     pixels = _project(ends.reshape(-1, 3), eye, axes, focal).reshape(-1, 2, 2)
-    # points along the edges, ends included, at most 0.7 pixels apart, so that rounding leaves no gap
-    steps = np.ceil(np.hypot(*(pixels[:, 1] - pixels[:, 0]).T) / 0.7).astype(int) + 1
+    # points along the edges, ends included
+    steps = np.ceil(np.hypot(*(pixels[:, 1] - pixels[:, 0]).T) / EDGE_STEP_PX).astype(int) + 1
     owner = np.repeat(np.arange(len(edge)), steps)
     share = (np.arange(len(owner)) - np.repeat(np.cumsum(steps) - steps, steps)) / (steps[owner] - 1 + 1e-9)
     xy = pixels[owner, 0] + share[:, None] * (pixels[owner, 1] - pixels[owner, 0])
@@ -177,7 +186,7 @@ def _view(
     outline = np.flatnonzero(border[y, x])
     owner, share, xy = owner[outline], share[outline], xy[outline]
     # the outermost mesh point near each contour pixel
-    neighbours = cKDTree(xy).query(places, k=min(12, len(xy)))
+    neighbours = cKDTree(xy).query(places, k=min(CANDIDATES, len(xy)))
     distance, near = (np.asarray(x).reshape(count, -1) for x in neighbours)
     depth = np.einsum("ijk,ik->ij", xy[near] - places[:, None], inward)
     limit = np.maximum(MAX_MATCH_PX, distance[:, :1] + 1e-9)
@@ -226,7 +235,7 @@ def _sample_outline(filled: ByteArray, count: int) -> tuple[FloatArray, FloatArr
         places.append(loop[k])
         start += size
         # OpenCV traces outer contours with the inside on the left in image axes: rotate the tangent by 90 degrees
-        tangent = np.roll(loop, -3, axis=0)[k] - np.roll(loop, 3, axis=0)[k]
+        tangent = np.roll(loop, -TANGENT_PX, axis=0)[k] - np.roll(loop, TANGENT_PX, axis=0)[k]
         inwards.append(np.stack([tangent[:, 1], -tangent[:, 0]], axis=1))
     inward = np.concatenate(inwards)[:count]
     return np.concatenate(places)[:count], inward / np.maximum(

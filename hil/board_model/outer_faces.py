@@ -19,6 +19,24 @@ if TYPE_CHECKING:
 # Least visible area of a triangle, and of a part that a coarser level of detail omits [m2].
 MIN_TRIANGLE_M2, MIN_PART_M2 = 2e-6, 2.5e-3
 
+# Increments of the additive recurrence by the plastic number, 1 / g and 1 / g^2: M. Roberts (2018), The unreasonable
+# effectiveness of quasirandom sequences.
+RECURRENCE = (0.7548776662466927, 0.5698402909980532)
+
+# Cosine of 88.9 degrees: faces seen under a larger angle are edge-on and have no area to be seen.
+MIN_FACING_COSINE = 0.02
+
+# Side of a depth cell and tolerance of its depth [sample spacings]: a cell holds three points of a face seen head-on,
+# so that none is empty; the tolerance admits the rise of a slanted face over part of a cell.
+CELL_PITCHES, DEPTH_PITCHES = 1.8, 0.4
+
+# Distance beyond which a triangle is a part of its own [MIN_DISTANCE_SHARE]; nearer, it may be another surface of the
+# same part. Chosen by eye.
+PROTRUDING = 3.0
+
+# Rounding of corners by which triangles are neighbours [m], the plane tolerance of the tree.
+CORNER_ROUNDING_M = 2e-5
+
 # Number of view directions, and spacing of the surface sample points [share of the target's size]. More directions find
 # faces in narrow gaps.
 DIRECTIONS, SAMPLE_SPACING = 32, 0.0022
@@ -63,9 +81,8 @@ def visible_area(triangles_m: FloatArray) -> FloatArray:
     pitch = SAMPLE_SPACING * float(np.ptp(triangles_m.reshape(-1, 3), axis=0).max())
     count = np.maximum(3, np.ceil(0.5 * double_area / pitch**2)).astype(int)
     owner = np.repeat(np.arange(len(triangles_m)), count)
-    # additive recurrence of the plastic number: low-discrepancy sampling
     k = np.arange(len(owner))
-    u, v = (k * 0.7548776662466927) % 1, (k * 0.5698402909980532) % 1
+    u, v = ((k * step) % 1 for step in RECURRENCE)
     fold = u + v > 1
     u[fold], v[fold] = 1 - u[fold], 1 - v[fold]
     a, b, c = (triangles_m[owner, i] for i in range(3))
@@ -75,16 +92,14 @@ def visible_area(triangles_m: FloatArray) -> FloatArray:
         # any axis that is not nearly parallel
         x = np.cross([0.0, 0.0, 1.0] if abs(d[2]) < 0.8 else [1.0, 0.0, 0.0], d)
         x /= np.linalg.norm(x)
-        front = np.flatnonzero((normal @ d > 0.02)[owner])  # edge-on faces have no area to be seen
+        front = np.flatnonzero((normal @ d > MIN_FACING_COSINE)[owner])
         p = points[front] @ np.stack([x, np.cross(d, x), -d]).T.astype(np.float32)
-        # cells hold three points of a face seen head-on, so that none is empty
-        cell = ((p[:, :2] - p[:, :2].min(axis=0)) / (1.8 * pitch)).astype(int)
+        cell = ((p[:, :2] - p[:, :2].min(axis=0)) / (CELL_PITCHES * pitch)).astype(int)
         flat = cell[:, 1] * (int(cell[:, 0].max()) + 1) + cell[:, 0]
         depth = np.full(int(flat.max()) + 1, np.inf, np.float32)
         far_first = np.argsort(-p[:, 2])
         depth[flat[far_first]] = p[far_first, 2]
-        # a tolerance of less than half a cell, over which a slanted face rises
-        visible = owner[front[p[:, 2] <= depth[flat] + 0.4 * pitch]]
+        visible = owner[front[p[:, 2] <= depth[flat] + DEPTH_PITCHES * pitch]]
         n_visible += np.bincount(visible, minlength=len(triangles_m))
         n_views += np.bincount(owner[front], minlength=len(triangles_m))
     # an occasional empty cell makes inner faces appear visible
@@ -190,8 +205,7 @@ def _distinctiveness(
         return np.ones(len(candidates))
     distance, nearest = cKDTree(np.concatenate(points)).query(triangles_m[candidates].mean(axis=1))
     is_other = (distance > within_m) | (np.concatenate(owners)[nearest] != material[candidates])
-    # three times the tolerance: a part of its own, not another surface of the same one; chosen by eye
-    return np.where(distance > 3.0 * within_m, PROTRUSION_WEIGHT, is_other.astype(float))
+    return np.where(distance > PROTRUDING * within_m, PROTRUSION_WEIGHT, is_other.astype(float))
 
 
 def merge_triangle_pairs(triangles_m: FloatArray, material: Sequence[str]) -> tuple[FloatArray, list[str]]:
@@ -202,7 +216,7 @@ def merge_triangle_pairs(triangles_m: FloatArray, material: Sequence[str]) -> tu
     normal = face_vectors(triangles_m)
     twice_area = np.linalg.norm(normal, axis=1)
     normal = normal / np.maximum(twice_area, 1e-30)[:, None]
-    key = np.round(triangles_m / 2e-5).astype(np.int64)
+    key = np.round(triangles_m / CORNER_ROUNDING_M).astype(np.int64)
     faces_by_edge: dict[tuple[bytes, bytes], list[tuple[int, int]]] = {}
     for i in range(len(triangles_m)):
         for a in range(3):

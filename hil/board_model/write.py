@@ -41,6 +41,9 @@ POSITION_STEPS = 8192
 # faces for little gain in order.
 MIN_SPLITTING_AREA = 1.2e-3
 
+# Steps along the largest coordinate of the faces' corners, within 16 bits with a sign.
+FACE_STEPS = 32_000
+
 # Decimals of the planes in the file.
 PLANE_DIGITS = 6
 
@@ -147,7 +150,7 @@ def make_faces(levels: Sequence[Sequence[Part]]) -> FacesRecord | None:
     names = sorted(set(parent))
     tree = build_tree(corners, area > MIN_SPLITTING_AREA * size**2)
     places = np.array(tree.corners_m)
-    step = float(np.abs(places).max()) / 32000
+    step = float(np.abs(places).max()) / FACE_STEPS
     n = PLANE_DIGITS
     places_packed = zlib.compress(np.rint(places / step).astype("<i2").tobytes(), 9)
     return FacesRecord(

@@ -120,6 +120,11 @@ def run_campaign(
     say : callable, optional
         Called with a message about runs to repeat, and the reason.
 
+    Returns
+    -------
+    CampaignOutcome
+        Every run with its verdict.
+
     Raises
     ------
     UserError

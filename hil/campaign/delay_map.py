@@ -78,6 +78,11 @@ def map_delays(
     progress : callable, optional
         Called with a label of the flights, the number done and the total.
 
+    Returns
+    -------
+    DelayMapOutcome
+        Success of every cell with its interval.
+
     Raises
     ------
     UserError

@@ -68,6 +68,11 @@ def run_demo(
     progress_bar : ProgressBar
         Opens a progress bar with a title; yields ``update(done, total)``.
 
+    Returns
+    -------
+    Path
+        Path of ``index.html``.
+
     Raises
     ------
     UserError
@@ -81,7 +86,7 @@ def run_demo(
     scenario = load_scenario(SCENARIO)
     plan = plan_flight(scenario, n=N_IMAGES)
     say(f"{scenario.title}: {scenario.duration_s:.0f} s of simulated time")
-    with progress_bar("capture 20 images") as progress:
+    with progress_bar(f"capture {N_IMAGES} images") as progress:
         capture_summary = capture(plan, folder / "dataset", formats=("native", "speed"), progress=progress)
     with progress_bar("check every label") as progress:
         checked = check_dataset(folder / "dataset", progress)
@@ -153,7 +158,7 @@ def _run_loop(
         loggers.append(TruthLogger(str(truth_url), folder / "truth.jsonl"))
         loggers[0].start()
 
-    with progress_bar("30 frames to the board") as progress:
+    with progress_bar(f"{plan.n_frames} frames to the board") as progress:
 
         def on_row(row: FrameRecord) -> None:
             rows.append(row)

@@ -35,13 +35,23 @@ if TYPE_CHECKING:
     from flyaround.simulator.scenario.plan import Plan
 
 # Size of the images on the page, width and height.
-THUMBNAIL_PX = (480, 300)
+THUMBNAIL_PX, ANSWER_PX = (480, 300), (960, 600)
 
 # Number of answers shown.
 N_ANSWERS = 6
 
-# Side of the enlarged crop as a share of the image's height.
-INSET_SHARE = 0.55
+# Side of the enlarged crop as a share of the image's height, and half of the part that it shows relative to the
+# target's box, which leaves a margin of a tenth.
+INSET_SHARE, BOX_FACTOR = 0.55, 0.55
+
+# Half of that part as a share of the image's height above which the target is large enough without an inset.
+LARGE_SHARE = 0.25
+
+# Place of the target, as a share of the width, beyond which the inset is at the left.
+RIGHT_SHARE = 0.6
+
+# Frame of the inset: its width [px] and grey, RGB.
+BORDER_PX, BORDER_RGB = 5, (110, 120, 130)
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,23 +120,23 @@ def _image(results: DemoResults, tile_folder: Path, k: int) -> Markup:
 
 
 def with_inset(image: ByteArray, truth: Truth) -> ByteArray:
-    """Return the whole image, with an enlarged crop of the target in the corner farthest from it."""
+    """Return the image with an enlarged crop of the target in an upper corner; unchanged if the target is large."""
     if truth.box_amodal_px is None:
         return image
     height, width = image.shape[:2]
     x0, y0, x1, y1 = truth.box_amodal_px
-    half = 0.55 * max(x1 - x0, y1 - y0)
-    if half > 0.25 * height:  # large enough without an inset
+    half = max(BOX_FACTOR * max(x1 - x0, y1 - y0), 1.0)
+    if half > LARGE_SHARE * height:
         return image
     centre = np.array([x0 + x1, y0 + y1]) / 2
     low = np.clip(centre - half, 0, np.array([width, height]) - 2 * half).astype(int)
-    side = round(INSET_SHARE * height)
+    side = min(round(INSET_SHARE * height), width)
     cut = image[low[1] : low[1] + int(2 * half), low[0] : low[0] + int(2 * half)]
     inset = cv2.resize(cut, (side, side), interpolation=cv2.INTER_CUBIC)
-    cv2.rectangle(inset, (0, 0), (side - 1, side - 1), (110, 120, 130), 5)
+    cv2.rectangle(inset, (0, 0), (side - 1, side - 1), BORDER_RGB, BORDER_PX)
     out = image.copy()
     # in the corner that the craft leaves free
-    left = slice(0, side) if centre[0] > 0.6 * width else slice(width - side, width)
+    left = slice(0, side) if centre[0] > RIGHT_SHARE * width else slice(width - side, width)
     out[:side, left] = inset
     return out
 
@@ -141,7 +151,7 @@ def _answer(results: DemoResults, tile_folder: Path, row: FrameRecord) -> Markup
     if row.q_wxyz is not None and row.t_m is not None:
         canvas = draw_pose(canvas, truth, results.plan.target, row.q_wxyz, row.t_m)
     source = f"{TILE_FOLDER}/answer_{row.frame_id:02d}.jpg"
-    _write_small(tile_folder.parent / source, with_inset(canvas, truth), (960, 600))
+    _write_small(tile_folder.parent / source, with_inset(canvas, truth), ANSWER_PX)
     notes = [f"frame {row.frame_id}: {row.outcome}"]
     if row.E_R_deg is not None:
         notes.append(f"{row.E_R_deg:.2f} deg, {1e3 * (row.E_T_m or 0):.0f} mm")

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 import matplotlib as mpl
 import numpy as np
 
+from flyaround.hil.evaluate.pose_errors import COARSE_DEG
 from flyaround.simulator.reports.plots import (
     DARK_GRID,
     DARK_INK,
@@ -28,10 +29,16 @@ if TYPE_CHECKING:
 
 WIDTH_INCHES = 13  # inches
 
+# Points of the plotted path: a smooth curve at the plot's size.
+PATH_POINTS = 181
+
+# Least error on the logarithmic axis [m, deg], below that of any estimator: a perfect pose has no logarithm.
+MIN_ERROR = 1e-4
+
 
 def plot_trajectory(plan: Plan) -> Figure:
     """Plot the chaser's LVLH trajectory in side and top view, and the range."""
-    times = np.linspace(0, plan.scenario.duration_s, 181)
+    times = np.linspace(0, plan.scenario.duration_s, PATH_POINTS)
     states = [plan.flight.state(float(t)) for t in times]
     p = np.array([s.position_lvlh_m for s in states])
     positions = np.array([plan.flight.state(t).position_lvlh_m for t in plan.times_s])
@@ -58,7 +65,7 @@ def plot_errors(rows: Sequence[FrameRecord]) -> Figure:
     """Plot rotation and translation error of every answered frame, distinguishing accepted and declined ones."""
     figure, axes = figure_with_axes(1, 2, 3.8, width=WIDTH_INCHES, dark=True)
     for ax, field, label, limit in (
-        (axes[0], "E_R_deg", "rotation error [deg]", 5.0),
+        (axes[0], "E_R_deg", "rotation error [deg]", COARSE_DEG),
         (axes[1], "E_T_m", "translation error [m]", None),
     ):
         for outcome, colour, marker in (("accepted", GREEN, "o"), ("declined", VERMILION, "x")):
@@ -69,9 +76,11 @@ def plot_errors(rows: Sequence[FrameRecord]) -> Figure:
             ]
             if points:
                 t, e = np.array(points).T
-                ax.semilogy(t, np.maximum(e, 1e-4), marker, color=colour, label=f"{outcome} ({len(points)})")
+                ax.semilogy(
+                    t, np.maximum(e, MIN_ERROR), marker, color=colour, label=f"{outcome} ({len(points)})"
+                )
         if limit is not None:
-            ax.axhline(limit, color=ORANGE, lw=1, ls="--", label="coarse success: 5 deg")
+            ax.axhline(limit, color=ORANGE, lw=1, ls="--", label=f"coarse success: {limit:g} deg")
         ax.set(xlabel="simulated time [s]", ylabel=label)
         _legend(ax)
     return figure

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from math import isfinite
 from typing import TYPE_CHECKING
 
 import cv2
@@ -14,7 +15,7 @@ from flyaround.hil.corner_code import BLOCK_COLUMNS, BLOCK_ROWS, CodePlace
 from flyaround.hil.display.patterns import LEVELS, PERIOD_PX, SHIFTS, half_period_bits
 from flyaround.simulator.errors import UserError
 from flyaround.simulator.runtime.files import write_atomic
-from flyaround.simulator.runtime.untrusted_files import without_mark
+from flyaround.simulator.runtime.untrusted_files import read_regular, without_mark
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -23,6 +24,13 @@ if TYPE_CHECKING:
     from flyaround.simulator.runtime.arrays import BoolArray, FloatArray
 
 SCHEMA, VERSION = "flyaround.display", 1
+
+# Limit of a calibration file, which has some 5 kB.
+MAX_BYTES = 1 << 20
+
+# Sides of a screen and of a camera image [px]: a Gray code has several bits on the smallest, OpenCV's maps hold the
+# largest.
+SCREEN_PX = (64, 16384)
 
 # Degrees of the Chebyshev polynomials of the distortion, and of the brightness over the screen. A higher degree
 # follows a sharper change, and amplifies noise at the border.
@@ -42,6 +50,19 @@ OUTLIER_SIGMAS = 4.0
 # Percentile of white over the screen that is white after shading correction: brighter pixels can be dimmed to it, but
 # darker ones cannot be brightened.
 DARKEST_PERCENTILE = 1.0
+
+# Modulation and white are compared with this percentile of the image, beyond single hot pixels and reflections.
+WHITE_PERCENTILE = 99.0
+
+# Pixels of the camera per coefficient of a fit, below which the screen counts as not found.
+PIXELS_PER_COEFFICIENT = 10
+
+# Reprojection error of RANSAC [px], above what a lens bends, and factor over the median residual beyond which a point
+# is none of the screen's: the lens bends by as much as the median, reflections are far outside of it.
+RANSAC_PX, REFLECTION_FACTOR = 20.0, 50.0
+
+# Number of fits: each leaves out what the one before showed to be outliers.
+FITS = 3
 
 # Cell size of the frame code in the camera's image [px].
 CODE_CELL_PX = 8
@@ -82,6 +103,11 @@ class DisplayCalibration(msgspec.Struct, frozen=True, kw_only=True):
         Name of the format.
     version : int, optional
         Version of the format.
+
+    Raises
+    ------
+    ValueError
+        If a number is not finite, a table has another shape, or a size, a level or a brightness is impossible.
     """
 
     screen_px: tuple[int, int]
@@ -99,6 +125,34 @@ class DisplayCalibration(msgspec.Struct, frozen=True, kw_only=True):
     geometry_rms_px: float
     schema: str = SCHEMA
     version: int = VERSION
+
+    def __post_init__(self) -> None:
+        """Check that the numbers describe a screen and a camera."""
+        for name in ("screen_px", "camera_px"):
+            if not all(SCREEN_PX[0] <= side <= SCREEN_PX[1] for side in getattr(self, name)):
+                raise ValueError(
+                    f"{name} is {getattr(self, name)}, allowed: sides of {SCREEN_PX[0]} to {SCREEN_PX[1]}"
+                )
+        if len(self.levels) < 2 or not all(
+            a < b for a, b in zip(self.levels[:-1], self.levels[1:], strict=True)
+        ):
+            raise ValueError("levels must increase")
+        shapes = {
+            "homography": (9,),
+            "bend": (2, GEOMETRY_DEGREE + 1, GEOMETRY_DEGREE + 1),
+            "shading": (SHADING_DEGREE + 1, SHADING_DEGREE + 1),
+            "response": (len(self.levels),),
+        }
+        for name, shape in shapes.items():
+            table = getattr(self, name)
+            if not _has_shape(table, shape) or not np.isfinite(np.array(table)).all():
+                raise ValueError(f"{name} must have finite numbers of shape {shape}")
+        if not (isfinite(self.black_dn) and 0 < self.white_dn < np.inf):
+            raise ValueError(
+                f"white_dn is {self.white_dn:g} above {self.black_dn:g}, it must be finite and positive"
+            )
+        if self.code_cell_px < 1 or min(self.code_left_px, self.code_top_px) < 0:
+            raise ValueError("code_cell_px must be at least 1, code_left_px and code_top_px not negative")
 
     @property
     def code_place(self) -> CodePlace:
@@ -126,6 +180,13 @@ class DisplayCalibration(msgspec.Struct, frozen=True, kw_only=True):
         return np.asarray(np.interp(light, np.maximum.accumulate(response), fine))
 
 
+def _has_shape(table: object, shape: tuple[int, ...]) -> bool:
+    """Return True if nested lists have the lengths of ``shape``."""
+    if not shape:
+        return not isinstance(table, list)
+    return isinstance(table, list) and len(table) == shape[0] and all(_has_shape(t, shape[1:]) for t in table)
+
+
 def write_calibration(calibration: DisplayCalibration, path: Path) -> None:
     """Write a calibration as JSON."""
     write_atomic(path, msgspec.json.format(msgspec.json.encode(calibration), indent=1))
@@ -140,7 +201,8 @@ def read_calibration(path: Path) -> DisplayCalibration:
         If the file is not a calibration of this version.
     """
     try:
-        calibration = msgspec.json.decode(without_mark(path.read_bytes(), str(path)), type=DisplayCalibration)
+        data = without_mark(read_regular(path, MAX_BYTES), str(path))
+        calibration = msgspec.json.decode(data, type=DisplayCalibration)
     except (OSError, msgspec.MsgspecError) as error:
         raise UserError(
             f"{path} is not a calibration written by flyaround hil display-calibrate: {error}"
@@ -162,10 +224,15 @@ def calibrate(grabs: Mapping[str, FloatArray], screen_px: tuple[int, int]) -> Di
     screen_px : tuple of int
         Width and height of the screen.
 
+    Returns
+    -------
+    DisplayCalibration
+        Map from screen to camera pixels, and response of the screen.
+
     Raises
     ------
     UserError
-        If an image is missing, or the screen cannot be found in them.
+        If an image is missing or has another size, or the screen cannot be found in them.
     """
     patterns = [f"level_{level:03}" for level in LEVELS]
     patterns += [f"{axis}_phase_{k}" for axis in "xy" for k in range(SHIFTS)]
@@ -173,13 +240,19 @@ def calibrate(grabs: Mapping[str, FloatArray], screen_px: tuple[int, int]) -> Di
     if missing:
         raise UserError(f"no picture of {missing[0]}: grab every pattern that hil display --patterns shows")
     dark, bright = grabs["level_000"], grabs["level_255"]
+    other = next((name for name, grab in grabs.items() if grab.shape != dark.shape), None)
+    if other is not None:
+        sizes = [
+            f"{name} is {grabs[name].shape[1]} x {grabs[name].shape[0]} pixels"
+            for name in (other, "level_000")
+        ]
+        raise UserError(f"{', '.join(sizes)}: grab every pattern with the same camera settings")
     swing = bright - dark
     phases = {
         axis: _decode(grabs, axis, size, dark, swing) for axis, size in zip("xy", screen_px, strict=True)
     }
     valid = np.isfinite(phases["x"]) & np.isfinite(phases["y"])
-    # ten pixels for each coefficient of the polynomials
-    if np.count_nonzero(valid) < (GEOMETRY_DEGREE + 1) ** 2 * 10:
+    if np.count_nonzero(valid) < (GEOMETRY_DEGREE + 1) ** 2 * PIXELS_PER_COEFFICIENT:
         raise UserError(
             "the screen is not found in the pictures: let it fill most of the camera's view, in focus, at an exposure "
             "at which white is not saturated"
@@ -234,7 +307,9 @@ def _decode(
     period = np.where(near_start, (half + 1) // 2, np.where(near_end, (half + 1) // 2 - 1, half // 2))
     position = (period + phase / (2 * np.pi)) * PERIOD_PX
     modulation = np.hypot(sine, cosine) * 2 / SHIFTS
-    is_lit = (swing > MIN_MODULATION * np.percentile(swing, 99)) & (modulation > MIN_MODULATION * swing)
+    is_lit = (swing > MIN_MODULATION * np.percentile(swing, WHITE_PERCENTILE)) & (
+        modulation > MIN_MODULATION * swing
+    )
     inside = (position > -1) & (position < size_px)
     return np.where(is_lit & inside, position, np.nan)
 
@@ -243,18 +318,18 @@ def _fit_map(
     screen: FloatArray, camera: FloatArray, screen_px: tuple[int, int]
 ) -> tuple[FloatArray, list[FloatArray], float, FloatArray]:
     """Fit homography and distortion from screen to camera; return them with their RMS [px] and the inliers."""
-    homography, _ = cv2.findHomography(screen, camera, cv2.RANSAC, 20.0)
+    homography, _ = cv2.findHomography(screen, camera, cv2.RANSAC, RANSAC_PX)
     if homography is None:
         raise UserError("the pictures of the fringes do not show a flat screen")
     flat = np.asarray(homography, float)
     points = np.column_stack((screen, np.ones(len(screen)))) @ flat.T
     left_over = camera - points[:, :2] / points[:, 2:]
     unit = _unit(screen, screen_px)
-    # the lens bends by as much as the median; reflections of the screen are far outside of it
-    inliers = np.hypot(*left_over.T) < 50 * max(1.0, float(np.median(np.hypot(*left_over.T))))
+    residual = np.hypot(*left_over.T)
+    inliers = residual < REFLECTION_FACTOR * max(1.0, float(np.median(residual)))
     bend: list[FloatArray] = []
     rms = 0.0
-    for _ in range(3):
+    for _ in range(FITS):
         bend = [_fit_surface(unit[inliers], left_over[inliers, i], GEOMETRY_DEGREE) for i in range(2)]
         error = np.column_stack(
             [left_over[:, i] - chebyshev.chebval2d(unit[:, 0], unit[:, 1], bend[i]) for i in range(2)]

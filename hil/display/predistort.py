@@ -16,6 +16,10 @@ if TYPE_CHECKING:
     from flyaround.simulator.runtime.arrays import ByteArray
 
 
+# Steps of the table from brightness to screen levels: finer than 12 bits of a camera.
+LIGHT_STEPS = 4096
+
+
 class Predistorter:
     """Mapping of frames to a screen by a calibration; its tables are computed once.
 
@@ -34,7 +38,7 @@ class Predistorter:
         self._camera_y = camera[:, 1].reshape(height, width)
         light = np.maximum(calibration.screen_light_dn(points), calibration.white_dn)
         self._gain = (calibration.white_dn / light).reshape(height, width).astype(np.float32)
-        self._levels = calibration.levels_for(np.linspace(0.0, 1.0, 4097)).astype(np.float32)
+        self._levels = calibration.levels_for(np.linspace(0.0, 1.0, LIGHT_STEPS + 1)).astype(np.float32)
         self.calibration = calibration
 
     def screen_image(self, image: NDArray[Any], white: float) -> ByteArray:
@@ -46,6 +50,11 @@ class Predistorter:
             Frame of the camera's size, linear in brightness.
         white : float
             Pixel value that is shown as white.
+
+        Returns
+        -------
+        (H, W) array
+            Screen levels, uint8.
 
         Raises
         ------

@@ -66,6 +66,11 @@ def evaluate_dataset(
     progress : callable
         Receives the number of answers so far, and the total.
 
+    Returns
+    -------
+    Metrics
+        Content of ``metrics.json``.
+
     Raises
     ------
     UserError

@@ -36,13 +36,22 @@ HALO = [withStroke(linewidth=4, foreground="white")]
 
 AXES = ("x, right", "y, down", "z, forward")
 
+# Bins of range, and frames that a bin needs for its percentiles: with fewer, a line follows single frames.
+RANGE_BINS, MIN_IN_BIN = 12, 3
+
+# Least error on logarithmic axes [m, deg], below that of any estimator: a perfect pose has no logarithm.
+MIN_ERROR = 1e-4
+
+# Share of the longest bar below which a stage's name does not fit into its own bar.
+LABELLED_SHARE = 0.06
+
 # Mean errors printed in the Milan thesis, on its own images.
 THESIS_E_T_M, THESIS_E_R_DEG = 0.2506, 0.0528
 
 CAPTIONS = {
-    "range": "Best pose of every feasible frame. Filled: accepted; hollow: declined. Lines: medians in 3 m bins. "
+    "range": "Best pose of every feasible frame. Filled: accepted; hollow: declined. Lines: medians in bins of range. "
     "Frames without a pose are omitted from these figures.",
-    "axes": "Estimate minus truth, accepted frames, along the camera's axes; median and central 90 % in 3 m bins; "
+    "axes": "Estimate minus truth, accepted frames, along the camera's axes; median and central 90 % in bins of range; "
     "triangles: beyond the axis.",
     "histograms": "Feasible frames with a pose, in logarithmic bins; the dark part is accepted. Values beyond the "
     "scale are in the first or last bin.",
@@ -80,7 +89,7 @@ def _against_range(by_method: dict[str, list[EvaluatedFrame]]) -> Figure | None:
         for k, (method, rows) in enumerate(by_method.items()):
             posed = _with_pose(rows)
             x = np.array([r.record.range_m for r in posed])
-            y = np.maximum([getattr(r.record, field) for r in posed], 1e-4)
+            y = np.maximum([getattr(r.record, field) for r in posed], MIN_ERROR)
             accepted = np.array([r.record.accepted for r in posed], bool)
             colour = COLOURS[k % len(COLOURS)]
             ax.scatter(x[accepted], y[accepted], s=size, color=colour, lw=0, alpha=0.6)
@@ -123,11 +132,13 @@ def _mark(ax: Axes, value: float, text: str, style: str) -> None:
 def _binned_percentiles(
     x: np.ndarray, y: np.ndarray, percent: Sequence[float]
 ) -> tuple[list[float], np.ndarray]:
-    """Return the centre of each 3 m bin with enough frames, and the percentiles (P, bins) of y in it."""
+    """Return the median x of each bin with enough frames, and the percentiles (P, bins) of y in it."""
     mids, values = [], []
-    for low in np.arange(3 * np.floor(x.min(initial=0) / 3), x.max(initial=0) + 3, 3.0):
-        part = (x >= low) & (x < low + 3)
-        if part.sum() >= 3:
+    edges = np.linspace(x.min(), x.max(), RANGE_BINS + 1) if len(x) else np.zeros(1)
+    number = np.clip(np.searchsorted(edges, x, side="right") - 1, 0, RANGE_BINS - 1)
+    for k in range(RANGE_BINS):
+        part = number == k
+        if part.sum() >= MIN_IN_BIN:
             mids.append(float(np.median(x[part])))
             values.append(np.percentile(y[part], percent))
     return mids, np.array(values).reshape(-1, len(percent)).T
@@ -232,9 +243,7 @@ def decision_figure(by_method: dict[str, list[EvaluatedFrame]]) -> Figure | None
         x, y = (np.array([getattr(b, name) for b in bins]) for name in ("confidence", "right"))
         error_bars = np.array([[b.right - b.low, b.high - b.right] for b in bins]).T
         right.errorbar(x, y, np.maximum(error_bars, 0), fmt="o", color=colour, lw=1.2, capsize=2)
-    left.set(
-        xlabel="wrong, of accepted [%]", ylabel="accepted, of feasible [%]", xlim=(0, 10), ylim=(40, 101)
-    )
+    left.set(xlabel="wrong, of accepted [%]", ylabel="accepted, of feasible [%]", xlim=(0, 10), ylim=(0, 101))
     left.legend(frameon=False, fontsize=9)
     right.plot((0, 1), (0, 1), "--", color=DIM, lw=1)
     right.set(xlabel="confidence", ylabel="share that is coarse", ylim=(-0.02, 1.02))
@@ -258,7 +267,7 @@ def _stages(by_method: dict[str, list[EvaluatedFrame]]) -> Figure | None:
         left = 0.0
         for name, ms in stages.items():
             ax.barh(row, ms, left=left, color=colours[name], height=0.6, lw=0)
-            if ms > 0.06 * widest:  # the bar is wide enough for its number
+            if ms > LABELLED_SHARE * widest:
                 ax.text(
                     left + ms / 2,
                     row,

@@ -37,6 +37,14 @@ MIN_BOX_SHARE, MAX_BOX_RATIO = 0.5, 8.0
 # higher share blames the image for faults of the search.
 MIN_EDGE_SHARE = 0.35
 
+# Margin of the edge field around the box: a constant [px] for the gradient's filters, and a share of the box's width
+# plus height for edges beside the mask.
+MARGIN_PX, MARGIN_SHARE = 8.0, 0.1
+
+# Smallest side of the edge field [px], the width of the gradient's filters, and samples of the model's edges below
+# which a share says nothing.
+MIN_FIELD_PX, MIN_SAMPLES = 16, 8
+
 # Longest side of the edge field [px], that of the estimator's fine field.
 EDGE_FIELD_PX = 360
 
@@ -114,14 +122,13 @@ def _edge_share(
 ) -> float:
     """Return the share of the visible model edges with an image edge at the true pose."""
     h, w = image.shape
-    m = 8.0 + 0.1 * (box[2] - box[0] + box[3] - box[1])
+    m = MARGIN_PX + MARGIN_SHARE * (box[2] - box[0] + box[3] - box[1])
     x0, y0 = max(0, int(box[0] - m)), max(0, int(box[1] - m))
     x1, y1 = min(w, int(box[2] + m)), min(h, int(box[3] + m))
-    if min(x1 - x0, y1 - y0) < 16:  # too small for the gradient's filters
+    if min(x1 - x0, y1 - y0) < MIN_FIELD_PX:
         return 0.0
     R = matrix_from_quat(q)
-    # a share of so few samples says nothing
-    if visible_samples(craft.samples, craft.occ, -R.T @ t)[0].sum() < 8:
+    if visible_samples(craft.samples, craft.occ, -R.T @ t)[0].sum() < MIN_SAMPLES:
         return 0.0
     field = edge_field(image, (x0, y0, x1, y1), noise, EDGE_FIELD_PX)
     return support(craft, q, t, field).drawn

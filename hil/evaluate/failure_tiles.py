@@ -20,6 +20,14 @@ TRUE_COLOUR, ESTIMATE_COLOUR = (115, 158, 0), (0, 159, 230)
 # Size of a tile [px].
 WIDTH, HEIGHT = 360, 260
 
+# Half the width of a tile's part of the image relative to the target's box, which leaves a margin of a quarter on each
+# side, and its minimum [px], for a target of a few pixels.
+BOX_FACTOR, MIN_HALF_PX = 0.75, 60.0
+
+# Percentile of the image that is shown as white, above single hot pixels; blur before a reduction [tile px], against
+# aliasing.
+WHITE_PERCENTILE, BLUR_PX = 99.8, 0.4
+
 # Grey level outside the image, distinguishable from black space.
 OUTSIDE_LEVEL = 70
 
@@ -38,18 +46,18 @@ def failure_tile(
     """Return a tile (HEIGHT, WIDTH, 3), BGR, around the target: truth green, estimate orange or an arrow towards it."""
     h, w = image.shape[:2]
     box = box_px or (0.0, 0.0, w - 1.0, h - 1.0)
-    half = max(0.75 * (box[2] - box[0]), 0.75 * (box[3] - box[1]) * WIDTH / HEIGHT, 60.0)
+    half = max(BOX_FACTOR * (box[2] - box[0]), BOX_FACTOR * (box[3] - box[1]) * WIDTH / HEIGHT, MIN_HALF_PX)
     u, v = 0.5 * (box[0] + box[2]), 0.5 * (box[1] + box[3])
     scale = WIDTH / (2 * half)
     corner = (u - half, v - half * HEIGHT / WIDTH)
     M = np.array(
         [[scale, 0, 0.5 * scale - 0.5 - scale * corner[0]], [0, scale, 0.5 * scale - 0.5 - scale * corner[1]]]
     )
-    top = 255.0 / max(float(np.percentile(image, 99.8)), 1.0)
+    top = 255.0 / max(float(np.percentile(image, WHITE_PERCENTILE)), 1.0)
     flat = np.clip(image.astype(np.float32) * top, 0, 255).astype(np.uint8)
     flags = cv2.INTER_AREA if scale < 1 else cv2.INTER_LINEAR
     if scale < 1:
-        flat = cv2.GaussianBlur(flat, (0, 0), 0.4 / scale)
+        flat = cv2.GaussianBlur(flat, (0, 0), BLUR_PX / scale)
     cut = cv2.warpAffine(flat, M, (WIDTH, HEIGHT), flags=flags, borderValue=OUTSIDE_LEVEL)
     tile = np.asarray(cv2.cvtColor(cut, cv2.COLOR_GRAY2BGR), np.uint8)
     draw_wireframe(tile, model, camera, *true, TRUE_COLOUR, corner, scale)

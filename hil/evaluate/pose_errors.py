@@ -90,6 +90,11 @@ def frame_errors(
     t_est_m : (3,) array
         Estimated target position, camera frame [m].
 
+    Returns
+    -------
+    tuple of float
+        ``E_T`` [m], ``e_t`` [1] and ``E_R`` [deg].
+
     Raises
     ------
     ValueError
@@ -136,6 +141,11 @@ def frame_record(
         Class of the frame for reports.
     covariance : (6, 6) array, optional
         Covariance of rotation [rad] and translation [m], camera axes, from the estimator.
+
+    Returns
+    -------
+    FrameScore
+        Errors in metres and degrees, and whether the pose is coarse or fine.
 
     Raises
     ------

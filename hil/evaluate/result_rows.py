@@ -10,10 +10,14 @@ from flyaround.hil.board.method_names import name_in_file
 from flyaround.hil.evaluate.pose_errors import FrameScore
 from flyaround.simulator.errors import UserError
 from flyaround.simulator.runtime.table_text import table_bytes, table_text
+from flyaround.simulator.runtime.untrusted_files import read_regular
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
     from pathlib import Path
+
+# Limit of the rows of an evaluation [bytes], a thousand times those of 1,000 frames.
+MAX_BYTES = 1 << 30
 
 
 class EvaluatedFrame(msgspec.Struct, frozen=True, kw_only=True):
@@ -81,9 +85,9 @@ def read_rows(path: Path, header: RunHeader) -> list[EvaluatedFrame]:
     Raises
     ------
     UserError
-        If they belong to another data set, model or choice of methods.
+        If they belong to another data set, model or choice of methods, or the file is longer than `MAX_BYTES`.
     """
-    lines = path.read_bytes().split(b"\n")
+    lines = read_regular(path, MAX_BYTES).split(b"\n")
     try:
         former = msgspec.json.decode(lines[0], type=RunHeader)
         former = msgspec.structs.replace(former, methods=tuple(name_in_file(m, path) for m in former.methods))
@@ -98,8 +102,14 @@ def read_rows(path: Path, header: RunHeader) -> list[EvaluatedFrame]:
 
 
 def existing_rows(path: Path) -> list[EvaluatedFrame]:
-    """Return the rows of any evaluation; none if the file does not exist."""
-    return _decode(path.read_bytes().split(b"\n")[1:-1], path) if path.is_file() else []
+    """Return the rows of any evaluation; none if the file does not exist.
+
+    Raises
+    ------
+    UserError
+        If the file is longer than `MAX_BYTES`.
+    """
+    return _decode(read_regular(path, MAX_BYTES).split(b"\n")[1:-1], path) if path.is_file() else []
 
 
 def _decode(lines: Iterable[bytes], path: Path) -> list[EvaluatedFrame]:

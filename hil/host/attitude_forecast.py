@@ -61,6 +61,11 @@ def fly_forecasts(
     progress : callable, optional
         Called with the number of finished flights and their total.
 
+    Returns
+    -------
+    Forecasts
+        Errors of predictions by rigid-body dynamics, and by a constant rate.
+
     Raises
     ------
     UserError

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import struct
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
@@ -74,6 +75,11 @@ def audit_pictures(
         Name and pixels of each image.
     place : CodePlace, optional
         Position of the time code in the run.
+
+    Returns
+    -------
+    PictureAudit
+        Agreeing, wrong, repeated and missing frames.
     """
     place = CodePlace() if place is None else place
     by_frame = {row.frame_id: row for row in rows}
@@ -126,9 +132,11 @@ def pictures_of(source: Path) -> Iterator[tuple[str, NDArray[Any]]]:
             reader = make_reader(file, decoder_factories=[DecoderFactory()])
             for _, _, message, image in reader.iter_decoded_messages(topics=[IMAGES_TOPIC]):
                 yield f"picture at {message.log_time} ns", _pixels(image)
-    except (OSError, McapError, ValueError) as error:
+    # a file of a few bytes ends in struct.error
+    except (OSError, McapError, ValueError, struct.error) as error:
         raise UserError(
-            f"{source} cannot be read ({error}): name a folder of PNG files, or a file written with --mcap"
+            f"{source} cannot be read ({str(error) or type(error).__name__}): name a folder of PNG files, or a file "
+            "written with --mcap"
         ) from error
 
 

@@ -33,6 +33,9 @@ logger = logging.getLogger(__name__)
 # Real time: delay from the first image being ready to the first exposure [ns].
 FIRST_EXPOSURE_DELAY_NS = 20_000_000
 
+# Time for which one call waits for the board's messages [s]: a lost board is noticed after it at the latest.
+POLL_S = 0.1
+
 # Reason in the goodbye message, by the end of the run.
 GOODBYES: dict[Ended, str] = {
     "completed": "the run is over",
@@ -93,7 +96,7 @@ class BoardSink:
             self.is_lost = True
             return
         while not self.link.has_room:
-            self.link.pump(0.1)
+            self.link.pump(POLL_S)
         self._submit(frame, None)
         self.wait_for_outcomes()
 
@@ -113,7 +116,7 @@ class BoardSink:
         self._last_t_s = scene.t_s
         self._collect(0.0)
         while not self.link.has_room:
-            self._collect(0.1)
+            self._collect(POLL_S)
         self._submit(frame, self._origin_ns + t_ns)
         if self.config.decide_every_s is not None:
             # reserve the lead time for rendering the next frame

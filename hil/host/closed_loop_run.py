@@ -200,6 +200,11 @@ def fly_without_pictures(
     link : PoseLink, optional
         Delay from an image to its pose; by default the latency of `PoseLink`.
 
+    Returns
+    -------
+    ClosedLoopResult
+        Outcome, and one decision per control period.
+
     Raises
     ------
     UserError
@@ -242,6 +247,11 @@ def frame_every(every_s: float | None, plan: Plan) -> int:
         Time between images; None for one image per control period.
     plan : Plan
         Plan of the flight.
+
+    Returns
+    -------
+    int
+        Control periods from one image to the next, at least 1.
 
     Raises
     ------

@@ -138,6 +138,11 @@ class FlightRun:
             Called with the URLs for boards and for truth loggers once the ports are open.
         on_end : callable, optional
             Called with the summary after the ledger is closed.
+
+        Returns
+        -------
+        LedgerSummary
+            Counts, latencies [ms] and errors of the run.
         """
         options, loop, log_dir = self._options, self._loop, self._config.log_dir
         if loop is not None:

@@ -58,6 +58,11 @@ def run_host(
         Called with the summary after the ledger is closed, even if the run is interrupted or fails; Ctrl-C waits for
         it.
 
+    Returns
+    -------
+    LedgerSummary
+        Counts, latencies [ms] and errors of the run.
+
     Raises
     ------
     UserError

@@ -56,6 +56,11 @@ def serial_advice(
         Pixel format on the line.
     every_s : float or None
         Frame interval in real time; None if the host waits for each pose.
+
+    Returns
+    -------
+    str or None
+        Sentence with the time of a frame on the line.
     """
     scheme, _, baud = parse_url(link.url)
     if scheme != "serial":

@@ -26,6 +26,10 @@ MIN_LINE_S, MIN_LINE_POINTS = 5.0, 5
 BIN_NS = 1_000_000_000
 # Ratio of the standard deviation to the median absolute deviation, normal distribution
 MAD_TO_SIGMA = 1.4826
+# Variance of least squares over that of the median of slopes, evenly spaced normal errors (Sen 1968)
+SEN_EFFICIENCY = 3 / np.pi
+# Least scatter of offsets, relative to the shortest round trip, whose asymmetry may change: chosen by hand
+MIN_SCATTER = 1 / 8
 
 
 def now_ns() -> int:
@@ -150,12 +154,12 @@ def fit_line(samples: List[ClockSample]) -> Optional[ClockLine]:
     middle = float(times_ns.mean())
     residual = offset - slope * (times_ns - middle)
     centre = float(np.median(residual))
-    # at least an eighth of the shortest round trip, whose asymmetry may change
-    scatter = max(MAD_TO_SIGMA * float(np.median(np.abs(residual - centre))), float(trips.min()) / 8)
-    sigma = scatter / float(np.sqrt(np.sum((times_ns - middle) ** 2)))
-    # the median of slopes is 0.95 times as efficient as least squares
+    scatter = max(
+        MAD_TO_SIGMA * float(np.median(np.abs(residual - centre))), MIN_SCATTER * float(trips.min())
+    )
+    sigma = scatter / float(np.sqrt(SEN_EFFICIENCY * np.sum((times_ns - middle) ** 2)))
     return ClockLine(
-        samples[0].at_ns + round(middle), samples[0].offset_ns + centre, 1e6 * slope, 1e6 * sigma / 0.95
+        samples[0].at_ns + round(middle), samples[0].offset_ns + centre, 1e6 * slope, 1e6 * sigma
     )
 
 

@@ -225,6 +225,11 @@ def answer_hello(
     pixel_formats : sequence of PixelFormat, optional
         Formats that hold the host's images, in order of preference; by default that of ``terms``.
 
+    Returns
+    -------
+    HelloAck
+        Terms of the session.
+
     Raises
     ------
     LinkError

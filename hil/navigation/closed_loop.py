@@ -211,6 +211,11 @@ def fly_closed_loop(
     config : ClosedLoopConfig, optional
         Settings of the loop.
 
+    Returns
+    -------
+    ClosedLoopResult
+        Outcome, and one decision per control period.
+
     Raises
     ------
     UserError

@@ -48,6 +48,11 @@ class PoseMeasurement:
         ----------
         factors : (6,) array or float, optional
             Scale factors of the errors.
+
+        Returns
+        -------
+        (6, 6) array
+            Input matrix.
         """
         return np.asarray(np.sqrt(1.0 - self.correlated_share) * self.errors * factors)
 

@@ -66,6 +66,11 @@ def forecast_errors(
         Prediction horizons, increasing.
     end_s : float
         End of the truth; later predictions are omitted.
+
+    Returns
+    -------
+    list of ForecastError
+        Errors [deg] with their times and horizons [s].
     """
     samples: dict[float, list[tuple[float, float]]] = {horizon: [] for horizon in horizons_s}
     for estimate in estimates:

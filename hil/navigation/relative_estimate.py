@@ -195,6 +195,11 @@ class MotionModel:
         thrust : sequence of ThrustInterval, optional
             Commanded thrust; the chaser coasts in between.
 
+        Returns
+        -------
+        RelativeEstimate
+            Estimate with its grown covariance.
+
         Raises
         ------
         ValueError

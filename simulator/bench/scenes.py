@@ -217,6 +217,11 @@ def labels_cost(
         At least two; the optical flow of each leads to the next one.
     n_frames : int
         Number of frames to time.
+
+    Returns
+    -------
+    tuple of float
+        Time [ms], and ratio.
     """
     added_ms, ratios = [], []
     for k in range(n_frames + 1):

@@ -60,6 +60,11 @@ def start_once(cache_folder: str, early: str = "", late: str = "") -> tuple[floa
     late : str, optional
         Python code to run after the renderer is imported.
 
+    Returns
+    -------
+    tuple of float
+        Time [ms], and memory [MB], None where it is not known.
+
     Raises
     ------
     RuntimeError

@@ -193,6 +193,11 @@ def crop_and_bin(
     source : str
         Name of the scenario, for messages.
 
+    Returns
+    -------
+    Camera
+        Intrinsics of the smaller image.
+
     Raises
     ------
     UserError
@@ -232,6 +237,11 @@ def sensor_region(sensor: Sensor, roi_px: tuple[int, int, int, int] | None, binn
         x0, y0, width, height in pixels of the whole image, or None for the whole image.
     binning : int
         Width and height of a bin.
+
+    Returns
+    -------
+    Sensor
+        Sensor of the smaller image.
     """
     x0, y0 = (roi_px or (0, 0))[:2]
     detector = sensor.detector

@@ -81,9 +81,11 @@ def make_craters(largest_px: float, texel_km: float) -> ByteArray:
     share = (np.arange(count) + rng.random(count)) / count
     diameters = np.minimum(_MIN_DIAMETER_PX / np.sqrt(1 - share), largest_px)
     age = rng.random(count)  # as a share of the lifetime, which grows with the diameter
-    # large craters have not reached equilibrium
+    # large craters have not reached equilibrium: the ground is as old as 0.6 of their lifetime; chosen by eye
     age *= np.where(diameters * texel_km < _PERSISTENT_KM, 1.0, 0.6)
+    # fewer old craters than uniform ages have; chosen by eye
     age **= 1.25
+    # rolling ground below and above the craters, in texels of height; chosen by eye, as brightness below
     rough = _rough(rng)
     height, bright = 0.7 * rough, np.zeros((SIZE, SIZE))
     for k in np.argsort(-age * diameters):
@@ -116,6 +118,7 @@ def fresh_profile(r: FloatArray, diameter_km: float) -> FloatArray:
     depth = 0.196 * diameter_km**1.01 if simple else 1.044 * diameter_km**0.301
     rim = 0.036 * diameter_km**1.014 if simple else 0.236 * diameter_km**0.399
     depth, rim = 2 * depth / diameter_km, 2 * rim / diameter_km
+    # a paraboloid, or walls from 0.74 radii outwards around a flat floor with a central peak
     bowl = np.maximum(depth * (r**2 if simple else 2.2 * r**2 - 1.2) - depth + rim, rim - depth)
     peak = 0.0 if simple else 0.3 * depth * np.exp(-((r / 0.16) ** 2))
     return np.asarray(np.where(r < 1, bowl + peak, rim * np.maximum(r, 1) ** -3.0))
@@ -126,6 +129,7 @@ def eroded_profiles(diameter_km: float) -> FloatArray:
     """Return (STATES, N) heights over the radius in evenly spaced erosion stages; node k is at ``k _NODE_SPACING``."""
     r = np.arange(0, _PROFILE_RADII + _NODE_SPACING / 2, _NODE_SPACING)
     last = _EROSION_SIMPLE if diameter_km < _COMPLEX_KM else _EROSION_COMPLEX
+    # explicit steps are stable up to a number of 0.25 in two dimensions
     steps = int(np.ceil(last / (0.2 * _NODE_SPACING**2 * (_STATES - 1))))
     gain = last / ((_STATES - 1) * steps) / _NODE_SPACING**2
     h, out = fresh_profile(r, diameter_km), []
@@ -165,7 +169,7 @@ def _stamp(
     span = np.arange(2 * extent + 1)
     x, y = (x0 + span - centre[0]) / radius, (y0 + span - centre[1]) / radius
     turn = np.arctan2(y[:, None], x[None, :])
-    # real craters are not circular
+    # real craters are not circular: modes of a few per cent, weaker towards fine ones
     swell = sum(
         0.09 / k * np.cos(k * (turn - phase)) for k, phase in zip((2, 3, 5, 7, 11), phases, strict=True)
     )
@@ -178,11 +182,13 @@ def _stamp(
     nodes = np.arange(profiles.shape[1]) * _NODE_SPACING
     rows, columns = np.ix_((y0 + span) % SIZE, (x0 + span) % SIZE)
     region = height[rows, columns]
+    # whole up to 0.9 radii, nothing from 1.5 on, where ejecta are thin
     erased = np.clip((1.5 - r) / 0.6, 0, 1)
     # blend towards the local plane of the old ground
     level = (region * erased).sum() / erased.sum()
     plane = level + sum(d * (region * erased * d).sum() / (erased * d * d).sum() for d in (x, y[:, None]))
     height[rows, columns] = region + erased * 0.9 * (plane - region) + radius * np.interp(r, nodes, profile)
+    # bright ejecta over 1.5 radii, and rays in a few directions; chosen by eye
     young = max(1 - age / _BRIGHT_SHARE, 0.0)
     light = 0.3 * young**2 * np.exp(-((r / 1.5) ** 2))
     if rayed:
@@ -197,7 +203,7 @@ def _stamp(
 
 
 def _rough(rng: np.random.Generator) -> FloatArray:
-    """Return rolling ground between the craters, periodic."""
+    """Return rolling ground between the craters, periodic, from a third of the tile down, of unit deviation."""
     f = np.hypot(np.fft.fftfreq(SIZE)[:, None], np.fft.rfftfreq(SIZE)[None, :])
     f[0, 0] = 1
     field = np.fft.irfft2(

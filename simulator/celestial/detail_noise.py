@@ -26,6 +26,12 @@ _BROAD_WEIGHT, _FINE_WEIGHT = 0.55, 0.45
 _DIFFUSION = 1.5  # texels over which light spreads within a cloud (0.3 km: Davis et al. 1997)
 _UNWOODED_SHARE = 0.66  # share of the land without woods
 
+# Frequencies below are in cycles per tile, displacements in texels; weights are relative, because the histogram is made
+# flat. Those without a source are chosen by eye.
+
+# Weights of the two fields in the land detail, and in each of patches, fields and dark woods beside creases.
+_LAND_WEIGHTS, _GROUND_WEIGHTS = (0.26, 0.42), (0.6, 1.1, 1.6)
+
 # Clouds of `high`; weights and heights chosen by eye.
 _GROUP_KM = 7.0  # scale below which groups of clouds are smooth, and puffs take over
 _PUFFS = (75, 150, 300, 600)  # puffs along the tile's side: 6 to 0.8 km apart
@@ -53,7 +59,8 @@ def make_detail() -> ByteArray:
     broad_cloud, broad_land = _field(rng, _BROAD)
     fine_cloud, fine_land = _field(rng, _FINE)
     cloud = _equalise(_BROAD_WEIGHT * _upsample(broad_cloud) + _FINE_WEIGHT * np.tile(fine_cloud, (2, 2)))
-    land = 0.26 * (_upsample(broad_land) - 0.5) + 0.42 * (np.tile(fine_land, (2, 2)) - 0.5)
+    broad, fine = _LAND_WEIGHTS
+    land = broad * (_upsample(broad_land) - 0.5) + fine * (np.tile(fine_land, (2, 2)) - 0.5)
     return _packed(cloud, land, _DIFFUSION)
 
 
@@ -69,6 +76,7 @@ def make_cumulus() -> ByteArray:
     borders' fractal dimension is that of clouds, 1.35 (Lovejoy 1982, Science 216, 185).
     """
     rng, f = np.random.default_rng([_SEED, SIZE]), _frequencies(SIZE)
+    # -1.65 in amplitude, steeper below the scale of groups
     groups = f**-1.65 / (1 + (f * _GROUP_KM * SIZE / PERIOD_KM) ** 2) ** 0.6
     layers = [_advect(rng, f, _spectral_noise(rng, f, groups, 5.0), 5.0, 20.0)]
     domes = (_domes(rng, count) * np.float32((_PUFFS[0] / count) ** _PUFF_HEIGHT) for count in _PUFFS)
@@ -122,7 +130,7 @@ def _field(rng: np.random.Generator, size: int) -> tuple[Float32Array, Float32Ar
     soft = _spectral_noise(rng, f, _liquid_water(f, scale), 3.0 * scale)
     soft = _advect(rng, f, soft / soft.std(), 3.0 * scale, 14.0)
     soft = _advect(rng, f, soft, 12.0 * scale, 3.0)
-    # turrets: domes of three sizes on the crests
+    # turrets: domes of three sizes on the crests, each of a radius of 0.87 spacings
     domes = np.zeros((size, size), np.float32)
     for count, weight in ((19, 1.0), (43, 0.8), (97, 0.6)):
         distance = np.float32(1.15) * _worley_noise(rng, size, count * scale)
@@ -140,7 +148,8 @@ def _field(rng: np.random.Generator, size: int) -> tuple[Float32Array, Float32Ar
     field_rng = np.random.default_rng([_SEED, size])
     fields = _voronoi_noise(field_rng, size, 110 * scale) - 0.5
     woods = _equalise(_spectral_noise(field_rng, f, f**-1.6, 8.0 * scale)) > _UNWOODED_SHARE
-    mixed = creases / creases.std() + 0.6 * patches / patches.std() + 1.1 * fields - 1.6 * woods
+    patch, field, wood = _GROUND_WEIGHTS
+    mixed = creases / creases.std() + patch * patches / patches.std() + field * fields - wood * woods
     land = _blur(_equalise(np.asarray(mixed, np.float32)))
     return cloud, land
 
@@ -212,6 +221,7 @@ def _worley_noise(rng: np.random.Generator, size: int, count: int) -> Float32Arr
 
 def _domes(rng: np.random.Generator, count: int) -> Float32Array:
     """Return paraboloids of random height, periodic, one in each Voronoi cell of ``count^2`` jittered points."""
+    # at half a spacing a dome has dropped by 0.4 of the largest height
     distance, height = _voronoi_cells(rng, SIZE, count)
     return np.asarray(height - 1.6 * (distance * np.float32(count / SIZE)) ** 2, np.float32)
 

@@ -46,6 +46,11 @@ def near_bright_water(z: FloatArray, longitude: FloatArray) -> BoolArray:
         Sine of the latitude.
     longitude : array
         [rad], of the same shape. NaN gives False.
+
+    Returns
+    -------
+    array of bool
+        Mask of the input's shape.
     """
     finite = np.isfinite(z) & np.isfinite(longitude)
     row = np.clip(180 - 2 * np.degrees(np.arcsin(np.clip(np.where(finite, z, 0), -1, 1))), 0, 359).astype(int)

@@ -90,6 +90,7 @@ def _make_sea_ice(day: int) -> ByteArray:
         )
         edge = edge[np.round(meridian).astype(int) % WIDTH].astype(np.float32)
         depth_deg = latitude[:, None] - edge + _TONGUES_DEG * tongues
+        # 15 % of cover at the edge, by which the ice's extent is defined
         pack = np.clip(depth_deg / EDGE_DEG + 0.15, 0, 1) * (_PACK_CONCENTRATION - _LEADS * leads)
         near = np.round(pack * 255).astype(np.uint8)
         if pole == 0:
@@ -110,6 +111,11 @@ def near_ice(z: FloatArray, longitude: FloatArray, epoch_utc: str) -> NDArray[np
         [rad], of the same shape. NaN gives True.
     epoch_utc : str
         Time, UTC.
+
+    Returns
+    -------
+    array of bool
+        Mask of the input's shape.
     """
     is_tested = np.abs(z) < _POLAR_SINE  # False for NaN
     row = (90 - np.degrees(np.arcsin(np.where(is_tested, z, 0)))).astype(int)
@@ -150,7 +156,7 @@ def _make_ice_noise(pole: int) -> Float32Array:
     rng = np.random.default_rng([_SEED, pole])
     f = np.hypot(np.fft.fftfreq(size)[:, None], np.fft.rfftfreq(size)[None, :]) * size / span_deg
     spectrum = np.fft.rfft2(rng.standard_normal((3, size, size)).astype(np.float32))
-    # cycles per degree: tongues of 100 to 1000 km, weaker towards fine scales
+    # cycles per degree: tongues of 100 to 1000 km, weaker towards fine scales; leads of 300 km; chosen by eye
     tongue = np.where(f > 0.06, (f + 0.15) ** -1.75, 0)
     shapes = tongue, np.exp(-(((f - 0.35) / 0.3) ** 2)), tongue
     fields = [np.fft.irfft2(s * shape, (size, size)) for s, shape in zip(spectrum, shapes, strict=True)]

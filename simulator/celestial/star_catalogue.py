@@ -95,6 +95,11 @@ def stars(epoch_utc: str, bands: Bands, *, by_photons: bool = False) -> StarFiel
         Spectral bands of the image.
     by_photons : bool, optional
         True for a detector that counts photons, of which a red star has more per joule than a blue one.
+
+    Returns
+    -------
+    StarField
+        Directions, GCRS, and irradiances per band [W m-2].
     """
     epoch = datetime.fromisoformat(epoch_utc)
     return _stars_of_year(round((epoch - _CATALOGUE_EPOCH).days / 365.25), bands, by_photons)
@@ -160,6 +165,11 @@ def star_irradiance_w_m2(
         Spectral bands of the image.
     v_minus_i : array, optional
         Cousins colour, needed for M stars; by default the one that usually goes with ``b_minus_v``.
+
+    Returns
+    -------
+    (K, n) array
+        Irradiance [W m-2].
     """
     bv = np.nan_to_num(np.asarray(b_minus_v, float), nan=_SUN_B_MINUS_V)
     vi = typical_v_minus_i(bv)

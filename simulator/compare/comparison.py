@@ -118,6 +118,11 @@ def compare_pictures(
         Preset for our images; by default, one as noisy as the reference.
     progress : callable, optional
         Called with the number of finished images, and the total.
+
+    Returns
+    -------
+    list of Pair
+        Measures of each reference and of our image.
     """
     pairs = []
     for k, reference in enumerate(references):

@@ -74,6 +74,11 @@ def read_references(folder: Path, camera: Camera, count: int, labels: Path | Non
     labels : Path, optional
         List of ``filename q_vbs2tango r_Vo2To_vbs_true`` in SPEED's or SPEED+'s format.
 
+    Returns
+    -------
+    list of Reference
+        Images, reduced to `MAX_SIDE_PX`, with camera and pose where they are known.
+
     Raises
     ------
     UserError

@@ -52,6 +52,13 @@ ORBIT_M = 7e6
 # RGB colours distinguishable by colour-blind readers (Okabe and Ito).
 EDGE_RGB, POINT_RGB = (86, 180, 233), (230, 159, 0)
 
+# Percentile of the craft's pixels that is shown as the second number, share of full scale: highlights above it are cut
+# off last.
+WHITE_PERCENTILE, WHITE_LEVEL = 98.0, 0.85
+
+# Any exposure, because `develop` scales the radiance, and mean distance of the Moon [m], which is not drawn.
+EXPOSURE_S, MOON_M = 0.01, 3.8e8
+
 PIECES = 60  # pieces of an edge, each visible or hidden
 
 SURFACE_TOLERANCE = 0.006
@@ -115,7 +122,7 @@ def view_scene(
         seed=0,
         camera=camera,
         sensor=Sensor(),
-        exposure_s=0.01,
+        exposure_s=EXPOSURE_S,
         environment=NOTHING,
         quality="high",
         bands="rgb",
@@ -131,7 +138,7 @@ def view_scene(
         r_target_eci_m=vec3(target_position + t),
         v_target_eci_m_s=(0.0, 0.0, 0.0),
         r_sun_eci_m=vec3(target_position + t + sun),
-        bodies=earth_and_moon((0.0, 3.8e8, 0.0)),
+        bodies=earth_and_moon((0.0, MOON_M, 0.0)),
         sun_visible_fraction=1.0,
     )
 
@@ -169,8 +176,8 @@ def develop(radiance: FloatArray) -> ByteArray:
     balanced = radiance / np.asarray(sun_irradiance_w_m2("rgb", AU_M))
     grey = balanced.max(axis=2)
     bright = grey[grey > 0]
-    white = float(np.percentile(bright, 98)) if bright.size else 1.0
-    return np.rint(255 * np.clip(0.85 * balanced / white, 0, 1) ** (1 / GAMMA)).astype(np.uint8)
+    white = float(np.percentile(bright, WHITE_PERCENTILE)) if bright.size else 1.0
+    return np.rint(255 * np.clip(WHITE_LEVEL * balanced / white, 0, 1) ** (1 / GAMMA)).astype(np.uint8)
 
 
 def draw_labels(drawn: TargetView, target: Target) -> ByteArray:

@@ -130,6 +130,11 @@ def capture(
     tell : callable, optional
         Called before anything is drawn, with one sentence per format that lists the omitted labels.
 
+    Returns
+    -------
+    CaptureSummary
+        Numbers of written and quarantined frames, with the reasons.
+
     Raises
     ------
     UserError

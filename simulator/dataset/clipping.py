@@ -103,6 +103,11 @@ def summarise_clipping(frames: Sequence[Clipping], document: dict[str, Any]) -> 
         Clipping of each frame.
     document : dict
         Their scenario or recipe, for the advice.
+
+    Returns
+    -------
+    ClippingSummary or None
+        Saturated shares of the target's pixels, number of dark frames, and a remedy.
     """
     with_target = [f for f in frames if f.target_px]
     if not with_target:

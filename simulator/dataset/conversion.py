@@ -85,6 +85,11 @@ def open_source(
     camera : str, optional
         Camera to use instead of that of a foreign data set.
 
+    Returns
+    -------
+    ImportSource
+        Frames with target and camera.
+
     Raises
     ------
     UserError

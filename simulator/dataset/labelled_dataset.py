@@ -62,6 +62,11 @@ class LabelledDataset(Sequence[LabelledFrame]):
             ``q_camera_from_target_wxyz`` (4,), ``t_camera_from_target_m`` (3,), ``camera_matrix`` (3, 3),
             ``keypoints_px`` (K, 2), NaN behind the camera, ``keypoints_visible`` (K,) bool, and ``number``.
 
+        Returns
+        -------
+        torch.utils.data.Dataset
+            Data set with one item per frame.
+
         Raises
         ------
         UserError
@@ -83,6 +88,11 @@ def open_dataset(folder: str | Path, split: str | None = None) -> LabelledDatase
         Data set.
     split : str, optional
         Train, validation or test; by default all frames.
+
+    Returns
+    -------
+    LabelledDataset
+        Sequence of the frames that are complete, in order.
 
     Raises
     ------

@@ -76,6 +76,11 @@ def write_overlays(
     progress : callable, optional
         Called with the number done, and the total.
 
+    Returns
+    -------
+    int
+        Number of written images.
+
     Raises
     ------
     UserError
@@ -109,6 +114,11 @@ def overlay(frame: LabelledFrame, target: Target, marks: tuple[str, ...]) -> Byt
         Model that the data set names.
     marks : tuple of str
         Names out of `MARKS`.
+
+    Returns
+    -------
+    (H, W, 3) array
+        RGB, 8 bits.
     """
     truth, camera, pose = frame.truth, frame.camera, frame.pose
     if isinstance(truth, Truth):

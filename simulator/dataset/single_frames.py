@@ -56,6 +56,11 @@ def render_scene(
     prefetched : mapping, optional
         Maps that are being decoded, see `flyaround.simulator.loop.open_frames`.
 
+    Returns
+    -------
+    Frame
+        Image, radiance, truth and the requested layers.
+
     Raises
     ------
     UserError
@@ -128,6 +133,11 @@ def _is_truth(path: Path) -> bool:
 
 def save_picture(frame: Frame, path: str | Path) -> Path:
     """Write the image in the format of its suffix, truth (``.json``) and layers next to it; return the truth's path.
+
+    Returns
+    -------
+    Path
+        Path of the truth record.
 
     Raises
     ------

@@ -71,6 +71,11 @@ class ConvexShell:
         ----------
         viewpoint : (4,) array
             Homogeneous viewpoint, target frame: a point (x, y, z, 1) [m] or, at infinity, a direction (x, y, z, 0).
+
+        Returns
+        -------
+        (P, 4) array or None
+            Planes (nx, ny, nz, d).
         """
         signed_distances = self.planes @ viewpoint
         if signed_distances.max() <= (MIN_DISTANCE_M if viewpoint[3] else 0.0):
@@ -111,6 +116,11 @@ class Boxes:
             Corners of the items [m].
         size_m : float
             Approximate size of a box.
+
+        Returns
+        -------
+        Boxes
+            Groups with their bounds [m].
         """
         low, high = corners_m.min(axis=1), corners_m.max(axis=1)
         cell = np.floor((low + high) / (2 * size_m)).astype(np.int64)
@@ -156,6 +166,11 @@ def convex_bodies(corners: Sequence[FloatArray], radius_m: float) -> list[Convex
         Triangles of each part [m].
     radius_m : float
         Radius of the craft's bounding sphere.
+
+    Returns
+    -------
+    list of ConvexShell
+        Bodies in the parts' frame [m].
     """
     areas = [float(np.linalg.norm(face_vectors(c) / 2, axis=1).sum()) for c in corners]
     shells: list[ConvexShell] = []
@@ -180,6 +195,11 @@ def largest_shells(bodies: Sequence[ConvexShell], radius_m: float) -> tuple[Conv
         Convex bodies.
     radius_m : float
         Radius of the craft's bounding sphere.
+
+    Returns
+    -------
+    tuple of ConvexShell
+        Bodies in the target frame [m].
     """
     shells: list[ConvexShell] = []
     for shell in bodies:

@@ -77,6 +77,11 @@ class TriangleMesh:
         place : (4,) array
             Homogeneous coordinates of the viewpoint, outside all shells: (x, y, z, 1) [m], or (x, y, z, 0) for a
             direction at infinity.
+
+        Returns
+        -------
+        (K,) array of int
+            Indices of triangles.
         """
         unit = place / np.linalg.norm(place[:3])
         return np.flatnonzero(unit @ self._planes >= -GRAZING)

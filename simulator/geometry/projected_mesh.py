@@ -94,6 +94,11 @@ class ProjectedMesh:
             End points.
         near : (E, 2) array
             Nearness of the ends.
+
+        Returns
+        -------
+        list of tuple
+            Pairs of start and end, 0 to 1, for each edge.
         """
         if len(ends) == 0:
             return []
@@ -140,6 +145,11 @@ def project_to_pinhole(mesh: TriangleMesh, R: FloatArray, t: FloatArray) -> Proj
         Rotation from the mesh's frame to the camera frame.
     t : (3,) array
         Translation from the mesh's frame to the camera frame [m].
+
+    Returns
+    -------
+    ProjectedMesh
+        Triangles in the plane z = 1.
     """
     ends = R[2] @ mesh.box_m + t[2]
     corners = mesh.corners_m

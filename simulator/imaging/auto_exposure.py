@@ -47,6 +47,11 @@ class AutoExposure(Section, frozen=True, kw_only=True):
             Radiance to expose for.
         full_scale_j_m2_sr : float
             Radiance times exposure at full scale.
+
+        Returns
+        -------
+        float
+            Exposure within the bounds [s].
         """
         if radiance_w_m2_sr <= 0:
             return self.longest_s

@@ -199,6 +199,11 @@ def expose_scene(scene: SceneState, radiance_w_m2_sr: Float32Array) -> Float32Ar
         Scene at mid-exposure.
     radiance_w_m2_sr : (H, W) or (H, W, 3) array
         [W m-2 sr-1], row 0 at the top.
+
+    Returns
+    -------
+    (H, W) or (H, W, n) array
+        Signal, 1 at full scale.
     """
     conditions = ViewingConditions(
         camera=scene.camera,
@@ -234,6 +239,11 @@ def digitise_scene(
         Replaces the scene's, for example by its noiseless twin.
     noise : callable, optional
         Result of `prefetch_scene_noise` for the scene's own sensor.
+
+    Returns
+    -------
+    (H, W) or (H, W, n) array
+        Digital numbers.
     """
     sensor, encoding = sensor or scene.sensor, scene.camera.pixel_encoding
     balance = sunlight_balance(scene.bands)

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from flyaround.simulator.scene.state import SceneState
     from flyaround.simulator.targets.model import Target
 
+SPECULAR_SHARE = 0.7  # of a metal's light, which mostly does not reach the camera: chosen by eye
 N_POINTS = 600  # surface points that are metered
 BACKGROUND_GRID = (16, 12)  # columns and rows of metered background
 
@@ -48,10 +49,8 @@ def meter_points(target: Target) -> MeterPoints:
     for part in target.parts:
         material = base[part.material]
         corners.append(part.positions_m[part.triangles].astype(float))
-        # most light from a metal is specular and does not reach the camera
-        diffuse = float(reflectance("mono", np.asarray(material.base_color))[0]) * (
-            1 - 0.7 * material.metallic
-        )
+        diffuse = float(reflectance("mono", np.asarray(material.base_color))[0])
+        diffuse *= 1 - SPECULAR_SHARE * material.metallic
         albedo.append(np.full(len(part.triangles), diffuse))
     c, a = np.concatenate(corners), np.concatenate(albedo)
     normal = face_vectors(c)

@@ -45,6 +45,11 @@ def row_bands(scene: SceneState, target: Target) -> tuple[RowBand, ...]:
         Scene at mid-exposure.
     target : Target
         Target of the scene.
+
+    Returns
+    -------
+    tuple of RowBand
+        Bands from the top down.
     """
     height = scene.camera.height_px
     if not scene.shutter.is_rolling:

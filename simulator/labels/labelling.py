@@ -99,6 +99,11 @@ def label_picture(
         Noise-free signal, 1 at full scale.
     image : array
         Digital numbers of the image.
+
+    Returns
+    -------
+    Labels
+        Truth record, mask and requested layers.
     """
     mono = mono_signal(signal)
     clean = clean_twin(scene, signal) if "clean" in request.layers else None

@@ -31,6 +31,9 @@ AXIS_LENGTH_M = 0.5
 
 # Coordinate beyond which a line is not drawn [px]: OpenCV's line drawing overflows.
 _MAX_COORDINATE_PX = 1e5
+# Width of an image [px] per pixel of an arrow's and of a line's width, so that they look alike at every size; tip of an
+# arrow over its length.
+_ARROW_WIDTHS, _LINE_WIDTHS, _TIP_SHARE = 640, 1900, 0.15
 
 
 def screen_rgb(image: NDArray[np.unsignedinteger], sensor: Sensor, encoding: Encoding) -> ByteArray:
@@ -54,6 +57,11 @@ def draw_truth(
         Model of the target.
     wireframe : bool, optional
         True to draw the visible parts of the edges.
+
+    Returns
+    -------
+    (H, W, 3) array
+        RGB, 8 bits.
     """
     pose, camera = truth.scene.camera_from_target, truth.camera
     canvas = screen_rgb(image, truth.scene.sensor, camera.pixel_encoding)
@@ -120,9 +128,14 @@ def draw_axes(canvas: ByteArray, camera: Camera, pose: Pose, length_m: float) ->
         Camera-from-target pose.
     length_m : float
         Length of each arrow.
+
+    Returns
+    -------
+    (H, W, 3) array
+        RGB copy, 8 bits.
     """
     picture = canvas.copy()
-    width = max(1, round(camera.width_px / 640))
+    width = max(1, round(camera.width_px / _ARROW_WIDTHS))
     for axis, colour in zip(np.eye(3) * length_m, AXES, strict=True):
         ends_m = pose.apply(np.stack([np.zeros(3), axis]))
         if ends_m[:, 2].min() <= 0:
@@ -131,7 +144,7 @@ def draw_axes(canvas: ByteArray, camera: Camera, pose: Pose, length_m: float) ->
         if not np.all(np.isfinite(ends)) or np.abs(ends).max() > _MAX_COORDINATE_PX:
             continue
         a, b = ((round(float(x)), round(float(y))) for x, y in ends)
-        cv2.arrowedLine(picture, a, b, colour, width, cv2.LINE_AA, tipLength=0.15)
+        cv2.arrowedLine(picture, a, b, colour, width, cv2.LINE_AA, tipLength=_TIP_SHARE)
     return picture
 
 
@@ -145,7 +158,7 @@ def draw_pose(
 
 def _line_width(camera: Camera) -> int:
     """Return the width of lines [px]."""
-    return max(1, round(camera.width_px / 1900))
+    return max(1, round(camera.width_px / _LINE_WIDTHS))
 
 
 def _line(canvas: ByteArray, ends: NDArray[np.float64], colour: tuple[int, int, int], width: int) -> None:

@@ -117,6 +117,11 @@ def classes_from_file(document: dict[str, Any], source: str, parts: Sequence[str
     parts : sequence of str
         Names of the target's parts.
 
+    Returns
+    -------
+    dict
+        Class by the name of a part.
+
     Raises
     ------
     UserError

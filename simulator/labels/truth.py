@@ -133,6 +133,11 @@ def truth_document(truth: Truth) -> dict[str, Any]:
 def read_truth(path: str | Path) -> Truth:
     """Read and validate a truth record.
 
+    Returns
+    -------
+    Truth
+        Validated record.
+
     Raises
     ------
     UserError

@@ -45,6 +45,11 @@ def occluded_from_camera(mesh: TriangleMesh, points_m: ArrayLike, camera_from_ta
         (K, 3) points on the surface, in front of the camera, target frame [m].
     camera_from_target : Pose
         Pose of the target in the camera frame.
+
+    Returns
+    -------
+    (K,) array of bool
+        True where the point is hidden.
     """
     points = camera_from_target.apply(points_m)
     distance = np.linalg.norm(points, axis=1)
@@ -65,6 +70,11 @@ def hidden_from_direction(mesh: TriangleMesh, points_m: ArrayLike, direction: Ar
         (K, 3) points on the surface, target frame [m].
     direction : array_like
         (3,) unit vector towards the source, target frame.
+
+    Returns
+    -------
+    (K,) array of bool
+        True where the point is hidden.
     """
     to_source = vec3(np.asarray(direction, float))
     points = np.asarray(points_m, float) @ view_basis(to_source).T

@@ -36,6 +36,8 @@ ROD_RADIUS_FACTOR = 1.2
 END_ON_SINE = 0.1
 """Sine of the angle between a rod and the line of sight below which the rod is seen end-on."""
 
+MAX_NEARER_SHARE = 0.9  # largest shift of an edge towards the camera, over its distance: it stays in front
+
 
 @dataclass(frozen=True, eq=False)
 class ProjectedEdge:
@@ -101,6 +103,11 @@ def view_edges(
         Target model.
     mesh : TriangleMesh
         All triangles of ``target``.
+
+    Returns
+    -------
+    tuple of ProjectedEdge
+        Ends [px] and visible intervals of each edge.
     """
     arrays = _edge_arrays(target)
     in_camera = camera_from_target.apply(arrays.ends_m)
@@ -115,7 +122,10 @@ def view_edges(
     distance = np.linalg.norm(in_camera, axis=2)
     surface_offset_m = arrays.radius_m[in_front, None] / np.maximum(_sine_to_sight(in_camera), END_ON_SINE)
     nearer = inverse / (
-        1 - np.minimum((SURFACE_TOLERANCE_M + ROD_RADIUS_FACTOR * surface_offset_m) / distance, 0.9)
+        1
+        - np.minimum(
+            (SURFACE_TOLERANCE_M + ROD_RADIUS_FACTOR * surface_offset_m) / distance, MAX_NEARER_SHARE
+        )
     )
     facing = np.flatnonzero(arrays.facing(np.asarray(camera_from_target.inverse().t_m))[in_front])
     intervals: list[tuple[tuple[float, float], ...]] = [()] * len(in_front)

@@ -170,6 +170,13 @@ class Docking:
             State after the step, without contact forces.
         flight : Flight
             Flight with the attitude of the target.
+
+        Returns
+        -------
+        ChaserState
+            State after the step, bounced off or docked.
+        tuple of News
+            Messages for the operator.
         """
         if not self.is_near(after):
             self._armed = True

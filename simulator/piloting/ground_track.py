@@ -29,6 +29,9 @@ SAMPLES_PER_ORBIT = 181
 SEARCH_ORBITS = 1.7
 """Orbits searched for eclipses; one of them is drawn."""
 
+# Steps per orbit between which the light is compared: some 40 s in low orbit; a shorter shadow may be missed.
+STEPS_PER_ORBIT = 150
+
 # Tolerance of the time of an eclipse [s].
 _TIME_TOLERANCE_S = 0.05
 _FULL_SUN = 1.0 - 1e-9  # visible share of the Sun that counts as full sunlight
@@ -51,7 +54,7 @@ class GroundTrack:
     sunlit : (n,) array
         Share of the Sun's disc visible from the target.
     enters_s : float or None
-        Start of the next eclipse; None if there is none within an orbit and a half.
+        Start of the next eclipse; None if there is none within `SEARCH_ORBITS`.
     leaves_s : float or None
         End of the next eclipse, or None.
     """
@@ -76,6 +79,11 @@ def ground_track(flight: Flight, t_s: float) -> GroundTrack:
         Flight of the target.
     t_s : float
         Time within it.
+
+    Returns
+    -------
+    GroundTrack
+        Latitudes and longitudes [deg], and times of shadow [s].
     """
     r, v = flight.orbit(t_s)
     body, mu = flight.body, flight.body.mu_m3_s2
@@ -146,7 +154,7 @@ def _sunlight(flight: Flight, t_s: float, span_s: float) -> Callable[[FloatArray
 
 def _shadow(sunlit: Callable[[float], float], span_s: float) -> tuple[float | None, float | None]:
     """Return the times from now at which the next shadow begins and ends."""
-    times = np.linspace(0.0, span_s, int(SEARCH_ORBITS * 150))
+    times = np.linspace(0.0, span_s, int(SEARCH_ORBITS * STEPS_PER_ORBIT))
     is_sunlit = np.array([sunlit(float(t)) >= _FULL_SUN for t in times])
     crossings: dict[bool, float | None] = {False: None, True: None}
     for k in np.flatnonzero(is_sunlit[1:] != is_sunlit[:-1]):
@@ -192,6 +200,11 @@ def subsolar_deg(r_sun_eci_m: FloatArray, R_fixed_from_eci: FloatArray) -> tuple
         Position of the Sun from the body's centre.
     R_fixed_from_eci : (3, 3) array
         Rotation from ECI to body-fixed axes.
+
+    Returns
+    -------
+    tuple of float
+        Latitude and longitude [deg].
     """
     x, y, z = R_fixed_from_eci @ r_sun_eci_m
     return math.degrees(math.atan2(z, math.hypot(x, y))), math.degrees(math.atan2(y, x))

@@ -48,6 +48,9 @@ FLYAROUND_PERIOD_S = 900.0
 RANGE_AMPLITUDE_M = 5.0
 """Default amplitude of range keeping to both sides [m]."""
 
+# Closing speed of a glideslope per metre of distance [s-1], and at its end [m s-1]: as slow as docking ports allow.
+GLIDE_PER_S, GLIDE_END_M_S = 0.01, 0.01
+
 # Minimum difference between the bounds of range keeping [m]: room to turn round in; chosen by eye.
 MIN_SWING_M = 4.0
 
@@ -159,8 +162,8 @@ class FlyGlideslope(GuidanceOrder):
         return Glideslope(
             start_lvlh_m=vec3(p),
             end_lvlh_m=vec3(p * (end_m / distance)),
-            start_m_s=max(0.01 * (distance - end_m), 0.0101),
-            end_m_s=0.01,
+            start_m_s=max(GLIDE_PER_S * (distance - end_m), 1.01 * GLIDE_END_M_S),
+            end_m_s=GLIDE_END_M_S,
         )
 
 

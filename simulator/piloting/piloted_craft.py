@@ -113,6 +113,11 @@ class PilotedCraft:
             Span after the last burn [s].
         samples : int
             Points per leg between burns.
+
+        Returns
+        -------
+        PredictedPath
+            Positions in LVLH [m] over time [s].
         """
         burns = self.steering.burns if plan is None else plan
         return predicted_path(self.flight.orbit, self.chaser, burns, after_s, samples)

@@ -157,7 +157,13 @@ class FlightSession:
     def of(
         scenario: Scenario, *, seed: int | None = None, recorder: FlightRecorder | None = None
     ) -> FlightSession:
-        """Return a session on a scenario."""
+        """Return a session on a scenario.
+
+        Returns
+        -------
+        FlightSession
+            Session at the scenario's start.
+        """
         return FlightSession(plan_flight(scenario, n=1, seed=seed), recorder)
 
     @property
@@ -190,7 +196,13 @@ class FlightSession:
         )
 
     def is_over(self, caution: str) -> bool:
-        """Return True if the cause of a caution has ended: a clear plume, or a burn that nothing takes back."""
+        """Return True if the cause of a caution has ended: a clear plume, or a burn that nothing takes back.
+
+        Returns
+        -------
+        bool
+            True if the caution may go.
+        """
         steering = self.craft.steering
         if caution == PLUME_CAUTION:
             return steering.plume_clear(self.t_s)
@@ -201,6 +213,11 @@ class FlightSession:
         """Return the present scene, for the scenario's own camera.
 
         The frame number is the simulated time in hundredths of a second, so that the noise depends on the time only.
+
+        Returns
+        -------
+        SceneState
+            Scene at the session's time.
         """
         return self.plan.scene_of(self.craft.world, round(self.t_s * 100))
 
@@ -255,6 +272,11 @@ class FlightSession:
 
     def order(self, order: Order) -> News | None:
         """Carry out one order now; return the answer to the pilot.
+
+        Returns
+        -------
+        News or None
+            Answer to the pilot; None if there is nothing to say.
 
         Raises
         ------
@@ -337,6 +359,11 @@ class FlightSession:
 
     def jump_to_event(self, event: Event) -> float:
         """Jump to the next event in the sky; return its time [s].
+
+        Returns
+        -------
+        float
+            Simulated time of the event [s].
 
         Raises
         ------

@@ -77,6 +77,11 @@ def telemetry_of(world: WorldState, scene: SceneState) -> Telemetry:
         State of the world.
     scene : SceneState
         Scene of the image.
+
+    Returns
+    -------
+    Telemetry
+        Figures in SI units; angles in degrees where their names say so.
     """
     p, v = np.array(world.position_lvlh_m), np.array(world.velocity_lvlh_m_s)
     distance = float(np.linalg.norm(p))

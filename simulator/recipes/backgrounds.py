@@ -75,6 +75,11 @@ def draw_view(library: Background, camera: Camera, number: int) -> DrawnView:
     number : int
         Number of the view.
 
+    Returns
+    -------
+    DrawnView
+        Place and attitude of the camera.
+
     Raises
     ------
     UserError

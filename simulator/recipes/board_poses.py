@@ -18,6 +18,15 @@ if TYPE_CHECKING:
 
 _CANDIDATES = 80  # candidate directions for each pose
 _DISTANCE_STEPS, _DISTANCE_RATIO = 12, 1.15  # number of distances to try, and the ratio of successive ones
+# Tilts as a share of the largest: small ones do not separate the focal length from the distance (Zhang 2000).
+_TILT_SHARES = (0.3, 1.0)
+_MAX_ROLL_DEG = 20.0  # as boards are held by hand
+_SPAN_SHARES = (
+    0.55,
+    0.8,
+)  # of the image: a smaller board has coarse corners, a larger one always has the same place
+# Distances among which the first is found, in widths of the board: from beyond a fish-eye's to beyond a long lens's.
+_DISTANCES = np.geomspace(0.3, 60.0, 100)
 MARGIN_PX = 6.0  # minimum distance of the board from the image's edge
 
 
@@ -58,11 +67,11 @@ def board_pose(
     # facing the camera: the board's z axis points at the camera, its y axis up in the image
     facing = np.diag([1.0, -1.0, -1.0])
     towards_cell = np.array([k % 3, k // 3 % 3]) - 1.0
-    axis_turn, tilt = rng.uniform(0, 2 * np.pi), np.radians(rng.uniform(0.3, 1.0) * facing_deg)
-    roll = np.radians(rng.uniform(-20, 20))
+    axis_turn, tilt = rng.uniform(0, 2 * np.pi), np.radians(rng.uniform(*_TILT_SHARES) * facing_deg)
+    roll = np.radians(rng.uniform(-_MAX_ROLL_DEG, _MAX_ROLL_DEG))
     tilt_rotation = _rotation(tilt * np.array([np.cos(axis_turn), np.sin(axis_turn), 0.0]))
     orientation = tilt_rotation @ _rotation(np.array([0.0, 0.0, roll])) @ facing
-    share = rng.uniform(0.55, 0.8)
+    share = rng.uniform(*_SPAN_SHARES)
     near = _distance_for_span(camera, rim @ orientation.T, share * size)
     rays = camera.rays(rng.uniform(0, 1, (_CANDIDATES, 2)) * (size - 1))
     # a board near the corner of a wide-angle image may not fit: if so, move it farther away
@@ -102,8 +111,8 @@ def _farthest_place(
 
 
 def _distance_for_span(camera: Camera, corners_m: FloatArray, span_px: FloatArray) -> float:
-    """Return the smallest distance on the optical axis at which rotated corners span less than ``span_px``."""
-    distances = np.geomspace(0.3, 60.0, 100) * float(np.ptp(corners_m, axis=0).max())
+    """Return the first of `_DISTANCES` at which corners on the optical axis span less than ``span_px``, or the last."""
+    distances = _DISTANCES * float(np.ptp(corners_m, axis=0).max())
     for distance in distances:
         if corners_m[:, 2].min() + distance <= 0:
             continue

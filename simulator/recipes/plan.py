@@ -257,6 +257,11 @@ def plan_recipe(
     environment : Environment, optional
         Replaces the recipe's layers of the world.
 
+    Returns
+    -------
+    RecipePlan
+        Plan whose scenes are drawn when they are asked for.
+
     Raises
     ------
     UserError

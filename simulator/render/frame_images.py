@@ -113,6 +113,11 @@ class FrameImages:
         ----------
         quads : bool, optional
             True if it was drawn with four pixels per texel.
+
+        Returns
+        -------
+        (H, W) or (H, W, 3) array
+            Radiance [W m-2 sr-1].
         """
         width, height = self.size
         flush(self._context)

@@ -158,6 +158,11 @@ class Renderer:
             ``craft`` returns premultiplied radiance and coverage in the ``window`` that the target may touch; the layer
             ``sky`` times one minus that coverage completes the image.
 
+        Returns
+        -------
+        Rendered
+            Radiance (H, W, bands) [W m-2 sr-1], and coverage and depth [m] if requested.
+
         Raises
         ------
         UserError
@@ -223,11 +228,23 @@ class Renderer:
         return surfaces
 
     def surfaces(self, scene: SceneState, target: Target, *, layers: bool = False) -> Surfaces:
-        """Draw the target's surface at each pixel's centre; see `start_surfaces`."""
+        """Draw the target's surface at each pixel's centre; see `start_surfaces`.
+
+        Returns
+        -------
+        Surfaces
+            Depth [m], normals and parts by pixel.
+        """
         return self.start_surfaces(scene, target, layers=layers)()
 
     def silhouette_inside(self, scene: SceneState, target: Target) -> float:
-        """Return the fraction of the area of the target's silhouette that is inside the image."""
+        """Return the fraction of the area of the target's silhouette that is inside the image.
+
+        Returns
+        -------
+        float
+            Fraction of 0 to 1; 0 if the target is behind the camera.
+        """
         self.device.prepare(scene)
         return self._passes.labels.silhouette_inside(scene, target)
 

@@ -39,6 +39,11 @@ def element(name: str, /, *content: Content, **attributes: str | float | bool | 
     attributes : str, float or bool or None
         Attributes by name, with ``class_`` for ``class`` and ``text_anchor`` for ``text-anchor``; ``None`` and
         ``False`` are omitted, ``True`` has no value.
+
+    Returns
+    -------
+    Markup
+        Element with escaped text and attributes.
     """
     attribute_text = "".join(
         f" {key.rstrip('_').replace('_', '-')}" + ("" if value is True else f'="{html.escape(str(value))}"')

@@ -62,6 +62,11 @@ def entry_name(name: str, makers: Sequence[Callable[..., object]], *inputs: obje
         Arguments of the maker: numbers, texts, bytes, arrays, dataclasses, and tuples or lists of these. Computed
         floats should be rounded, because processors differ in their last bits.
 
+    Returns
+    -------
+    str
+        Name with 20 hexadecimal digits.
+
     Raises
     ------
     TypeError

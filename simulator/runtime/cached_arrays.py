@@ -49,6 +49,11 @@ def cached_array(key: str, make: Callable[[], NDArray[_T]]) -> NDArray[_T]:
         File name without suffix; it must change whenever the output of ``make`` would.
     make : callable
         Makes the array.
+
+    Returns
+    -------
+    array
+        Stored or new array.
     """
     return cached_arrays((key,), lambda: (make(),))[0]
 

@@ -110,6 +110,11 @@ def empty_folder(path: Path, *, option: str = "-o", resume: bool | None = None, 
     advice : str, optional
         Further remedy for a folder that is not empty.
 
+    Returns
+    -------
+    Path
+        The folder, which exists.
+
     Raises
     ------
     UserError

@@ -19,6 +19,11 @@ def limits_problem(*, drawing: bool) -> str | None:
     ----------
     drawing : bool
         True if the command draws.
+
+    Returns
+    -------
+    str or None
+        Sentence with the limit and what is needed.
     """
     try:
         import resource  # noqa: PLC0415 - Unix only

@@ -47,6 +47,11 @@ def within(bounds: tuple[float, float], per_unit: float = 1) -> Meta:
         Lowest and highest value.
     per_unit : float, optional
         Units of the key per unit of the field.
+
+    Returns
+    -------
+    msgspec.Meta
+        Constraint for an annotated key.
     """
     low, high = (x if per_unit == 1 else float(f"{x * per_unit:.12g}") for x in bounds)
     return Meta(ge=low, le=high)

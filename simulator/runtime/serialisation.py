@@ -33,6 +33,11 @@ def pack(tree: object, *kinds: type) -> ByteArray:
     kinds : type
         Types of the dataclasses in the tree, the root's first.
 
+    Returns
+    -------
+    (n,) array
+        Bytes, uint8.
+
     Raises
     ------
     TypeError
@@ -59,6 +64,11 @@ def unpack(packed: ByteArray, of: type[_T], *inner: type) -> _T:
         Type of the tree's root, the first type given to `pack`.
     inner : type
         Further types given to `pack`, in the same order.
+
+    Returns
+    -------
+    object
+        Tree of the type ``of``.
 
     Raises
     ------

@@ -39,6 +39,11 @@ def read_toml(path: Path, name: str, advice: str) -> bytes:
     advice : str
         Remedy if it cannot be read.
 
+    Returns
+    -------
+    bytes
+        Content of the file.
+
     Raises
     ------
     UserError

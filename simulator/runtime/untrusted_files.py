@@ -53,6 +53,11 @@ def read_regular(path: Path, max_bytes: int) -> bytes:
     max_bytes : int
         Size limit; a longer file is refused before it is read.
 
+    Returns
+    -------
+    bytes
+        Content of the file.
+
     Raises
     ------
     OSError
@@ -103,6 +108,11 @@ def find_beside(owner: Path, name: str, what: str, root: Path | None = None) -> 
         Kind of file, for messages.
     root : Path, optional
         Folder that must not be left; by default that of ``owner``.
+
+    Returns
+    -------
+    Path
+        Path of the existing file.
 
     Raises
     ------

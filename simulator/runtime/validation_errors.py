@@ -27,6 +27,11 @@ def convert_document(raw: dict[str, Any], kind: type[_T], source: str) -> _T:
     source : str
         Name of the file in messages.
 
+    Returns
+    -------
+    object
+        Content of the given type.
+
     Raises
     ------
     UserError
@@ -49,6 +54,11 @@ def explain(message: str, raw: dict[str, Any], root: type[msgspec.Struct]) -> st
         The file's content, to quote the value from.
     root : type
         Type of the file, to describe what is allowed.
+
+    Returns
+    -------
+    str
+        Sentence with the key, its value and what is allowed.
     """
     match = _PATH.fullmatch(message)
     what, path = (match["what"], match["path"] or "") if match else (message, "")

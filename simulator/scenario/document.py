@@ -194,6 +194,11 @@ def with_image_options(document: D, encoding: Encoding | None, *, auto_exposure:
         New encoding, or None to keep it.
     auto_exposure : bool
         True to use automatic exposure.
+
+    Returns
+    -------
+    Scenario or Recipe
+        Document of the same type.
     """
     output, sensor = document.output, document.sensor
     if encoding is not None:

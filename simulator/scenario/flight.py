@@ -55,6 +55,11 @@ def fly(scenario: Scenario, target: Target, duration_s: float | None = None) -> 
         Target with the inertia, unless the scenario overrides it.
     duration_s : float, optional
         Replaces the scenario's, for example in an open-ended session.
+
+    Returns
+    -------
+    Flight
+        States of both craft over the scenario's duration.
     """
     orbit, chaser = orbit_at_epoch(scenario), scenario.chaser
     r, v = orbit.state()

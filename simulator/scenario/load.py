@@ -50,18 +50,35 @@ _NOT_INHERITED = ("base", "name", "members")
 
 
 def list_scenarios() -> tuple[str, ...]:
-    """Return the names of the built-in scenarios."""
+    """Return the names of the built-in scenarios.
+
+    Returns
+    -------
+    tuple of str
+        Names that `load_scenario` accepts.
+    """
     return _built_in_names("scenario")
 
 
 def list_recipes() -> tuple[str, ...]:
-    """Return the names of the built-in recipes, then of those that other packages add."""
+    """Return the names of the built-in recipes, then of those that other packages add.
+
+    Returns
+    -------
+    tuple of str
+        Names that `load_recipe` accepts.
+    """
     built_in = _built_in_names("recipe")
     return (*built_in, *(name for name in plugins("recipe") if name not in built_in))
 
 
 def load_scenario(name_or_path: str | Path) -> Scenario:
     """Load a scenario by its built-in name or from a TOML file.
+
+    Returns
+    -------
+    Scenario
+        Checked scenario.
 
     Raises
     ------
@@ -73,6 +90,11 @@ def load_scenario(name_or_path: str | Path) -> Scenario:
 
 def load_recipe(name_or_path: str | Path) -> Recipe:
     """Load a recipe by its built-in name or from a TOML file, with the sections of its base.
+
+    Returns
+    -------
+    Recipe
+        Checked recipe.
 
     Raises
     ------
@@ -100,6 +122,11 @@ def load_vary(path: str | Path, own: Vary | None = None) -> Vary:
         File to read.
     own : Vary, optional
         Ranges of the recipe, used for keys that are missing in the file.
+
+    Returns
+    -------
+    Vary
+        Checked ranges.
 
     Raises
     ------
@@ -193,6 +220,11 @@ def parse_scenario(content: bytes, source: str, stem: str, folder: Path) -> Scen
         Default name of the scenario.
     folder : Path
         Folder of the files that it names.
+
+    Returns
+    -------
+    Scenario
+        Checked scenario.
 
     Raises
     ------

@@ -174,19 +174,36 @@ class Plan(DocumentPlan):
         return len(self.times_s)
 
     def planned_scene(self, k: int) -> SceneState:
-        """Return the scene of frame k before it is varied."""
+        """Return the scene of frame k before it is varied.
+
+        Returns
+        -------
+        SceneState
+            Scene at mid-exposure.
+        """
         t = self.times_s[k]
         exposure = None if self.exposures is None else self.exposures.exposure_s(t)
         return self._scene(self.flight.state(t), k, exposure)
 
     def next_scene(self, k: int) -> SceneState | None:
-        """Return the scene after frame k's, or None after the last."""
+        """Return the scene after frame k's, or None after the last.
+
+        Returns
+        -------
+        SceneState or None
+            Scene at mid-exposure.
+        """
         return self.scene(k + 1) if k + 1 < self.n_frames else None
 
     def scene_of(self, world: WorldState, k: int) -> SceneState:
         """Return the scene of a world state as frame k of this plan, for piloted flights.
 
         A piloted flight has no known future, so its automatic exposure is the meter's, without lag.
+
+        Returns
+        -------
+        SceneState
+            Scene at the time of the world state.
         """
         scene = self._scene(world, k, None)
         auto = self.scenario.auto_exposure
@@ -215,12 +232,23 @@ class Plan(DocumentPlan):
         )
 
     def shifted(self, times_s: tuple[float, ...]) -> Plan:
-        """Return the same flight with other frame times."""
+        """Return the same flight with other frame times.
+
+        Returns
+        -------
+        Plan
+            Plan with as many frames as times.
+        """
         return replace(self, times_s=times_s, every_s=None)
 
 
 def varied_plan(plan: P, vary: Vary) -> P:
     """Return a plan with frames varied within these ranges instead of a recipe's own.
+
+    Returns
+    -------
+    Plan
+        Plan of the same kind as the given one.
 
     Raises
     ------
@@ -258,6 +286,11 @@ def plan_flight(
     quality: Quality | None = None,
 ) -> Plan:
     """Propagate a scenario and choose its frames: ``n`` evenly in time, one ``every_s``, or at ``times``.
+
+    Returns
+    -------
+    Plan
+        Flight of both craft, and its frames.
 
     Raises
     ------

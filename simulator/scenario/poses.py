@@ -133,6 +133,11 @@ def scene_at(
     index : int, optional
         Number of the image, the key of its noise; by default ``frame``.
 
+    Returns
+    -------
+    SceneState
+        Scene at mid-exposure.
+
     Raises
     ------
     UserError

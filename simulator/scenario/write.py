@@ -25,6 +25,11 @@ def replay_scenario(scenario: Scenario, recording_file: str, duration_s: float |
         Path relative to the TOML file.
     duration_s : float, optional
         Duration of the recording if it differs from the scenario's.
+
+    Returns
+    -------
+    str
+        TOML text.
     """
     chaser = Replay(file=recording_file, minimum_start_range_m=scenario.chaser.minimum_start_range_m)
     replay = msgspec.structs.replace(

@@ -80,6 +80,11 @@ def build_scene(
         Lamp on the chaser, if any.
     lights : sequence of AreaLight, optional
         Area lights.
+
+    Returns
+    -------
+    SceneState
+        Frozen scene in SI units.
     """
     q_ce = np.array(world.q_camera_from_eci_wxyz)
     R_camera_from_eci = matrix_from_quat(q_ce)

@@ -78,7 +78,13 @@ class Environment(msgspec.Struct, frozen=True, kw_only=True):
     aerosol_optical_depth: Annotated[float, Meta(ge=0, le=1)] = 0.05
 
     def draws(self, body: Body) -> bool:
-        """Return True if the switch of a body is on."""
+        """Return True if the switch of a body is on.
+
+        Returns
+        -------
+        bool
+            True if the body is drawn.
+        """
         return bool(getattr(self, body.layer))
 
 

@@ -28,8 +28,21 @@ if TYPE_CHECKING:
     from flyaround.simulator.scene.state import SceneState
     from flyaround.simulator.world.ephemeris.body import BodyState
 
-# Maximum distance of the target [m].
+# Range of the target's distance [m]: nearer, single precision does not resolve its depth; farther, it is below a pixel
+# of any lens.
 MAX_TARGET_DISTANCE_M = 1e6
+TARGET_DISTANCE_M = (0.01, MAX_TARGET_DISTANCE_M)
+# Geocentric distances [m]: of craft, from below the Earth's surface at the poles to far beyond the Sun; of other
+# bodies, from a minor planet's reach; of the Sun, about 1 au; of the Moon, about its 3.6e8 to 4.1e8.
+CRAFT_M, BODY_M, SUN_M, MOON_M = (6.0e6, 1e12), (1e6, 1e12), (1e11, 2e11), (1e8, 1e9)
+AIR_KM, AEROSOL_DEPTH = (
+    (5.0, 200.0),
+    (0.0, 1.0),
+)  # as thin as the lowest layer, up to thermosphere; clear to dust storm
+# Length of a quaternion: written with 7 digits or more.
+UNIT = (1 - 1e-6, 1 + 1e-6)
+# Largest factor on reflectance and roughness of a varied target, far beyond any material.
+MAX_FACTOR = 100.0
 MAX_STRETCH = 0.2  # largest stretch of a target along an axis, as a share
 MAX_SPEED_M_S, MAX_RATE_RAD_S = 1e6, 1e4  # far beyond any craft
 
@@ -57,22 +70,22 @@ def scene_problem(scene: SceneState) -> str | None:
         ("scene.seed", scene.seed, 0, 2**63 - 1),
         ("scene.frame_index", scene.frame_index, 0, 2**31 - 1),
         ("scene.sun_visible_fraction", scene.sun_visible_fraction, 0.0, 1.0),
-        ("|scene.t_camera_from_target_m|", _norm(scene.t_camera_from_target_m), 0.01, MAX_TARGET_DISTANCE_M),
-        ("|scene.r_camera_eci_m|", _norm(scene.r_camera_eci_m), 6.0e6, 1e12),
-        ("|scene.r_target_eci_m|", _norm(scene.r_target_eci_m), 6.0e6, 1e12),
-        ("|scene.r_sun_eci_m|", _norm(scene.r_sun_eci_m), 1e11, 2e11),
-        ("|scene.r_moon_eci_m|", _norm(moon.r_eci_m), 1e8, 1e9),
+        ("|scene.t_camera_from_target_m|", _norm(scene.t_camera_from_target_m), *TARGET_DISTANCE_M),
+        ("|scene.r_camera_eci_m|", _norm(scene.r_camera_eci_m), *CRAFT_M),
+        ("|scene.r_target_eci_m|", _norm(scene.r_target_eci_m), *CRAFT_M),
+        ("|scene.r_sun_eci_m|", _norm(scene.r_sun_eci_m), *SUN_M),
+        ("|scene.r_moon_eci_m|", _norm(moon.r_eci_m), *MOON_M),
         ("|scene.v_camera_eci_m_s|", _norm(scene.v_camera_eci_m_s), 0.0, MAX_SPEED_M_S),
         ("|scene.v_target_eci_m_s|", _norm(scene.v_target_eci_m_s), 0.0, MAX_SPEED_M_S),
         ("|scene.v_target_camera_m_s|", _norm(scene.v_target_camera_m_s), 0.0, MAX_SPEED_M_S),
         ("|scene.omega_camera_rad_s|", _norm(scene.omega_camera_rad_s), 0.0, MAX_RATE_RAD_S),
         ("|scene.omega_target_rad_s|", _norm(scene.omega_target_rad_s), 0.0, MAX_RATE_RAD_S),
-        ("scene.environment.atmosphere_thickness_km", scene.environment.atmosphere_thickness_km, 5.0, 200.0),
-        ("scene.environment.aerosol_optical_depth", scene.environment.aerosol_optical_depth, 0.0, 1.0),
-        ("|scene.q_camera_from_target_wxyz|", _norm(scene.q_camera_from_target_wxyz), 1 - 1e-6, 1 + 1e-6),
-        ("|scene.q_camera_from_eci_wxyz|", _norm(scene.q_camera_from_eci_wxyz), 1 - 1e-6, 1 + 1e-6),
-        ("|scene.q_itrs_from_eci_wxyz|", _norm(earth.q_fixed_from_eci_wxyz), 1 - 1e-6, 1 + 1e-6),
-        ("|scene.q_moon_from_eci_wxyz|", _norm(moon.q_fixed_from_eci_wxyz), 1 - 1e-6, 1 + 1e-6),
+        ("scene.environment.atmosphere_thickness_km", scene.environment.atmosphere_thickness_km, *AIR_KM),
+        ("scene.environment.aerosol_optical_depth", scene.environment.aerosol_optical_depth, *AEROSOL_DEPTH),
+        ("|scene.q_camera_from_target_wxyz|", _norm(scene.q_camera_from_target_wxyz), *UNIT),
+        ("|scene.q_camera_from_eci_wxyz|", _norm(scene.q_camera_from_eci_wxyz), *UNIT),
+        ("|scene.q_itrs_from_eci_wxyz|", _norm(earth.q_fixed_from_eci_wxyz), *UNIT),
+        ("|scene.q_moon_from_eci_wxyz|", _norm(moon.q_fixed_from_eci_wxyz), *UNIT),
         *(r for k, b in enumerate(other_bodies) for r in _body_ranges(f"scene.bodies[{k}]", b)),
     )
     for name, value, low, high in ranges:
@@ -83,8 +96,10 @@ def scene_problem(scene: SceneState) -> str | None:
     variation = scene.target.variation
     if not isinstance(variation, UnsetType):
         factors = [x for s in variation.surfaces.values() for x in (s.reflectance, s.roughness)]
-        if not np.abs(variation.stretch).max() <= MAX_STRETCH or not all(0 <= x <= 100 for x in factors):
-            return f"scene.target.variation: its stretch is at most {MAX_STRETCH:g}, its factors 0 to 100"
+        if not np.abs(variation.stretch).max() <= MAX_STRETCH or not all(
+            0 <= x <= MAX_FACTOR for x in factors
+        ):
+            return f"scene.target.variation: its stretch is at most {MAX_STRETCH:g}, its factors 0 to {MAX_FACTOR:g}"
     imaging = imaging_problem(scene)
     if imaging is not None:
         return imaging
@@ -118,8 +133,8 @@ def imaging_problem(scene: SceneState) -> str | None:
 
 def _body_ranges(source: str, state: BodyState) -> tuple[tuple[str, float, float, float], ...]:
     return (
-        (f"|{source}.r_eci_m|", _norm(state.r_eci_m), 1e6, 1e12),
-        (f"|{source}.q_fixed_from_eci_wxyz|", _norm(state.q_fixed_from_eci_wxyz), 1 - 1e-6, 1 + 1e-6),
+        (f"|{source}.r_eci_m|", _norm(state.r_eci_m), *BODY_M),
+        (f"|{source}.q_fixed_from_eci_wxyz|", _norm(state.q_fixed_from_eci_wxyz), *UNIT),
     )
 
 

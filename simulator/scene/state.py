@@ -46,6 +46,11 @@ class TargetRef:
         base : Target, optional
             Model of that name, or the craft itself; by default it is loaded by name.
 
+        Returns
+        -------
+        Target
+            Target with the variation, or the given one.
+
         Raises
         ------
         UserError
@@ -161,7 +166,13 @@ class SceneState(BodyStates):
     sample: Sample | UnsetType = UNSET
 
     def with_body(self, name: str, **changes: Vec3 | Quat) -> SceneState:
-        """Return the scene with changed fields of one body's `BodyState`."""
+        """Return the scene with changed fields of one body's `BodyState`.
+
+        Returns
+        -------
+        SceneState
+            Copy of the scene.
+        """
         new_state = replace(self.body(name), **changes)  # type: ignore[arg-type]
         return replace(self, bodies=tuple(new_state if b.name == name else b for b in self.bodies))
 

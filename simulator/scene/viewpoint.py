@@ -84,6 +84,11 @@ def scene_above(
         Quality preset.
     environment : Environment, optional
         Layers of the world.
+
+    Returns
+    -------
+    SceneState
+        Scene at the given time.
     """
     now = Instant.from_utc(epoch_utc)
     earth, moon = bodies = bodies_at(now, EARTH)

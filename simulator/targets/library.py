@@ -30,7 +30,13 @@ _CACHE_SIZE = 4  # targets cached per process, megabytes each
 
 
 def list_targets() -> tuple[str, ...]:
-    """Return the names of all targets: built-in, the user's, then those of other packages."""
+    """Return the names of all targets: built-in, the user's, then those of other packages.
+
+    Returns
+    -------
+    tuple of str
+        Names that `load_target` accepts.
+    """
     built_in = built_in_targets()
     users = [n for n in user_targets() if n not in built_in]
     return (*built_in, *users, *(n for n in plugins("target") if n not in {*built_in, *users}))
@@ -53,6 +59,11 @@ def load_target(name_or_path: str | Path, detail: Detail = "full") -> Target:
         Name from `list_targets`, optionally with a level (``tango@low``), or path of a target file.
     detail : Detail, optional
         Level of a built-in target whose name states none; files have one level only.
+
+    Returns
+    -------
+    Target
+        Checked target.
 
     Raises
     ------

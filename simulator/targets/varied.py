@@ -90,6 +90,11 @@ def target_as_drawn(name: str, sha256: str, variation: CraftVariation | None, ba
     base : Target or None
         The model; by default it is loaded by name and hash.
 
+    Returns
+    -------
+    Target
+        Target with the variation, or the given one.
+
     Raises
     ------
     UserError

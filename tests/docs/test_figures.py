@@ -21,6 +21,17 @@ def test_a_contradiction_between_two_pages_is_found() -> None:
     assert (a.figures, b.figures) == ({("12", "ms")}, {("15", "ms")})
 
 
+def test_every_measured_row_names_the_command_that_made_it() -> None:
+    rows = [s for s in all_statements() if s.page.parts[0] == "validation" and s.text.startswith("|")]
+    assert len(rows) > 100
+    assert [f"{s.page}: {s.text}" for s in rows if not s.source] == []
+
+
+def test_the_source_is_the_last_command_before_a_figure() -> None:
+    text = "Made by `flyaround bench`: 12 ms.\n\n```\nmake bench\n```\n\n| row | 15 ms |\n"
+    assert [s.source for s in statements(Path("a.md"), text)] == ["flyaround bench", "make bench"]
+
+
 def test_code_and_other_subjects_are_left_alone() -> None:
     assert not statements(Path("a.md"), "```\nsleep for 12 ms\n```\n")
     one = statements(Path("a.md"), "The estimator takes 12 ms a frame on one core of the laptop.")

@@ -88,6 +88,11 @@ class CameraIntrinsics:
     def from_dict(data: Dict[str, Any]) -> CameraIntrinsics:
         """Make a camera from the project's camera JSON object.
 
+        Returns
+        -------
+        CameraIntrinsics
+            Camera with the given pinhole matrix and lens [px].
+
         Raises
         ------
         BoardModelError
@@ -122,7 +127,13 @@ class CameraIntrinsics:
         return replace(self, distortion_model="none", distortion=())
 
     def distort(self, x: Array, y: Array) -> Tuple[Array, Array]:
-        """Apply the lens distortion to normalised image coordinates (those of a pinhole at z = 1)."""
+        """Apply the lens distortion to normalised image coordinates (those of a pinhole at z = 1).
+
+        Returns
+        -------
+        tuple of array
+            Distorted coordinates x and y at z = 1, each of the input's shape.
+        """
         if self.distortion_model == "none":
             return x, y
         k = np.zeros(8)
@@ -142,7 +153,13 @@ class CameraIntrinsics:
         return x * scale, y * scale
 
     def pixels(self, points_camera_m: Array) -> Array:
-        """Project points (..., 3) in the camera frame [m] to pixels (..., 2). Depths are clamped to at least 1 mm."""
+        """Project points (..., 3) in the camera frame [m] to pixels (..., 2). Depths are clamped to at least 1 mm.
+
+        Returns
+        -------
+        (..., 2) array
+            Columns and rows [px]; (0, 0) is the centre of the first pixel.
+        """
         z = np.maximum(points_camera_m[..., 2], 1e-3)
         x, y = self.distort(points_camera_m[..., 0] / z, points_camera_m[..., 1] / z)
         return np.stack([self.fx_px * x + self.cx_px, self.fy_px * y + self.cy_px], axis=-1)

@@ -57,6 +57,11 @@ class Estimator:
             Time of mid-exposure [s]; used by tracking methods.
         sun_camera : sequence of float, optional
             Unit vector to the Sun in the camera frame; None if it is unknown.
+
+        Returns
+        -------
+        PoseResult
+            Pose in the camera frame [m], decision, reason and times [ms].
         """
         reason = unusable(image, self.camera)
         if reason:

@@ -96,6 +96,11 @@ class BoardModel:
     def read(path: Union[str, Path]) -> BoardModel:
         """Read a board model file.
 
+        Returns
+        -------
+        BoardModel
+            Model in the target frame [m].
+
         Raises
         ------
         BoardModelError
@@ -112,6 +117,11 @@ class BoardModel:
     @staticmethod
     def from_dict(data: Dict[str, Any]) -> BoardModel:
         """Make a model from the parsed JSON object.
+
+        Returns
+        -------
+        BoardModel
+            Model in the target frame [m].
 
         Raises
         ------

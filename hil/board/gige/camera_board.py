@@ -88,6 +88,11 @@ def run_camera_board(
     hello : Hello
         HELLO message of this board for the host.
 
+    Returns
+    -------
+    BoardSummary
+        Counts of the pictures, and how it ended.
+
     Raises
     ------
     LinkError

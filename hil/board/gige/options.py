@@ -85,6 +85,11 @@ def camera_board_options(values: Dict[str, Any]) -> CameraBoardOptions:
     values : dict of str to object
         Option values by `AgentOption.name`, of both tables.
 
+    Returns
+    -------
+    CameraBoardOptions
+        Checked options.
+
     Raises
     ------
     LinkError

@@ -120,6 +120,11 @@ class NetworkFile:
         ----------
         training : dict of str to object
             Description of the training, stored as information only.
+
+        Returns
+        -------
+        bytes
+            Content of an ``.npz`` file.
         """
         sheet = {
             "schema": SCHEMA,

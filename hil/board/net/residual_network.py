@@ -81,6 +81,11 @@ class Architecture:
             Weights ``NAME`` and ``NAME_bias`` of each layer, float32, with batch normalisation folded in.
         picture : (h, w) array
             Standardised image, float32.
+
+        Returns
+        -------
+        tuple of array
+            Place (3,) and logits (K,).
         """
 
         def convolved(name: str, x: Array, stride: int = 1) -> Array:

@@ -39,6 +39,29 @@ FIT_REACH_PX = (4.0, 2.5)
 # Edge points that an ellipse needs, more than twice its five parameters.
 MIN_FITTED_POINTS = 12
 
+# Share of an outline that edges must cover: a round body hides half of its far rim.
+MIN_COVERED = 0.5
+
+# Smallest minor axis [px]: below it both sides of the outline lie in one band of FIT_REACH_PX.
+MIN_WIDTH_PX = 4
+
+# Steps of the ratio of the axes up to 1, and pairs that vote at once, which bounds the memory.
+RATIO_STEPS, BATCH_PAIRS = 32, 1000
+
+# Ellipses count as one if centres and major axes differ by less than this share of the axis and this scatter [px].
+SAME_SHARE, SAME_CENTRE_PX, SAME_AXIS_PX = 0.1, 3, 2
+
+# Edges of a ring: fewer are a polygon, more than any model of a board has are a loop. Its neighbours turn by at most 36
+# degrees, whose cosine is 0.81.
+RING_EDGES, MIN_RING_COSINE = (10, 400), 0.7
+
+# Distance at which ends of edges are one vertex, which differs by the rounding of the file [m], and the spread of a
+# ring's radius relative to its mean: a regular polygon has none but rounding.
+JOINED_M, MAX_RING_SPREAD = 1e-4, 0.02
+
+# Points of an outline from which the cone of its rays is fitted, seven for each of its five parameters.
+CONE_POINTS = 36
+
 # Ellipses kept per image, circles per model, and roll angles tried about a circle's axis. The number of poses to test
 # is proportional to their product.
 MAX_ELLIPSES, MAX_CIRCLES, N_ROLLS = 4, 8, 24
@@ -98,7 +121,7 @@ def hough_ellipses(mask: Array, origin: Tuple[float, float], diagonal_px: float)
     the edges near it by least squares.
     """
     ys, xs = np.nonzero(mask)
-    if len(xs) < 20:
+    if len(xs) < MIN_FITTED_POINTS:
         return ()
     points = np.stack([xs, ys], axis=-1).astype(float)
     rng = np.random.default_rng(len(xs))
@@ -121,7 +144,7 @@ def hough_ellipses(mask: Array, origin: Tuple[float, float], diagonal_px: float)
             float(centre[0]), float(centre[1]), float(a[k]), float(b[k]), float(np.arctan2(d[1], d[0])), 0.0
         )
         fit = _refit(start, points, distance)
-        if fit is None or fit.share < 0.5 or any(_same_ellipse(fit, other) for other in ellipses):
+        if fit is None or fit.share < MIN_COVERED or any(_same_ellipse(fit, other) for other in ellipses):
             continue
         ellipses.append(fit)
     ellipses.sort(key=lambda e: -e.share * e.a)
@@ -135,8 +158,8 @@ def _minor_axes(sample: Array, i: Array, j: Array) -> Tuple[Array, Array, Array]
     """Return semi-minor axes and votes of each pair of points as ends of a major axis."""
     half = 0.5 * np.linalg.norm(sample[i] - sample[j], axis=1)
     best_b, best_votes = np.zeros(len(i)), np.zeros(len(i))
-    for low in range(0, len(i), 1000):
-        part = slice(low, low + 1000)
+    for low in range(0, len(i), BATCH_PAIRS):
+        part = slice(low, low + BATCH_PAIRS)
         centre = 0.5 * (sample[i[part]] + sample[j[part]])
         a = half[part][:, None]
         d = np.linalg.norm(sample[None] - centre[:, None], axis=2)
@@ -145,12 +168,12 @@ def _minor_axes(sample: Array, i: Array, j: Array) -> Tuple[Array, Array, Array]
         cos2 = np.clip(cos * cos, 0, 1)
         b2 = a * a * d * d * (1 - cos2) / np.maximum(a * a - d * d * cos2, 1e-9)
         is_plausible = (d < a) & (b2 > (AXIS_RATIOS[0] * a) ** 2) & (b2 <= (AXIS_RATIOS[1] * a) ** 2)
-        bins = np.clip(np.sqrt(np.maximum(b2, 0)) / a * 32, 0, 32).astype(int)
-        counts = np.zeros((len(a), 34))
+        bins = np.clip(np.sqrt(np.maximum(b2, 0)) / a * RATIO_STEPS, 0, RATIO_STEPS).astype(int)
+        counts = np.zeros((len(a), RATIO_STEPS + 1))
         row = np.repeat(np.arange(len(a)), len(sample))
         np.add.at(counts, (row, bins.ravel()), is_plausible.ravel().astype(float))
         best = counts.argmax(axis=1)
-        best_b[part] = (best + 0.5) / 32 * a[:, 0]
+        best_b[part] = (best + 0.5) / RATIO_STEPS * a[:, 0]
         best_votes[part] = counts[np.arange(len(a)), best]
     return half, best_b, best_votes
 
@@ -161,7 +184,7 @@ def _refit(e: EllipseFit, points: Array, distance: Array) -> Optional[EllipseFit
         if near.sum() < MIN_FITTED_POINTS:
             return None
         (u, v), (width, height), angle = cv2.fitEllipseDirect(points[near].astype(np.float32))
-        if not np.all(np.isfinite([u, v, width, height])) or min(width, height) < 4:
+        if not np.all(np.isfinite([u, v, width, height])) or min(width, height) < MIN_WIDTH_PX:
             return None
         turn = np.radians(angle) + (0.0 if width >= height else np.pi / 2)
         e = EllipseFit(u, v, 0.5 * max(width, height), 0.5 * min(width, height), float(turn), 0.0)
@@ -186,8 +209,11 @@ def _band(e: EllipseFit, points: Array, reach: float) -> Array:
 
 
 def _same_ellipse(a: EllipseFit, b: EllipseFit) -> bool:
-    """Return True if centres and major axes differ by less than a tenth of the axis, or by a few pixels of noise."""
-    return bool(np.hypot(a.u - b.u, a.v - b.v) < 0.1 * a.a + 3 and abs(a.a - b.a) < 0.1 * a.a + 2)
+    """Return True if centres and major axes differ by less than a tenth of the axis and a few pixels of scatter."""
+    share = SAME_SHARE * a.a
+    return bool(
+        np.hypot(a.u - b.u, a.v - b.v) < share + SAME_CENTRE_PX and abs(a.a - b.a) < share + SAME_AXIS_PX
+    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -208,14 +234,13 @@ def model_circles(model: BoardModel) -> Tuple[Circle, ...]:
         if not free[k]:
             continue
         ring = _ring_from(ends, k)
-        if len(ring) < 10:
+        if len(ring) < RING_EDGES[0]:
             continue
         free[ring] = False
         p = ends[ring].reshape(-1, 3)
         centre = p.mean(axis=0)
         r = np.linalg.norm(p - centre, axis=1)
-        # a regular polygon has no spread; this admits coordinates rounded in the file
-        if r.std() < 0.02 * r.mean():
+        if r.std() < MAX_RING_SPREAD * r.mean():
             axis = np.linalg.svd(p - centre)[2][2]
             out.append(Circle(centre, axis, float(r.mean())))
     out.sort(key=lambda c: -c.radius_m)
@@ -226,10 +251,9 @@ def _ring_from(ends: Array, start: int) -> List[int]:
     """Return the chain of edges from ``start`` until the ring closes; empty if it does not."""
     ring, point = [start], ends[start, 1]
     heading = ends[start, 1] - ends[start, 0]
-    for _ in range(400):
-        # metres: edges of a ring share vertices, but for rounding
-        near = np.linalg.norm(ends - point, axis=2) < 1e-4
-        best, best_cos, best_end = -1, 0.7, 0  # neighbours turn by less than 45 degrees: eight edges or more
+    for _ in range(RING_EDGES[1]):
+        near = np.linalg.norm(ends - point, axis=2) < JOINED_M
+        best, best_cos, best_end = -1, MIN_RING_COSINE, 0
         for m in np.flatnonzero(near.any(axis=1)):
             if m == ring[-1]:
                 continue
@@ -263,7 +287,7 @@ def circle_poses(
     q_out: List[Array] = []
     t_out: List[Array] = []
     for e in ellipses:
-        rays = undistorted_rays(camera, e.points(36))
+        rays = undistorted_rays(camera, e.points(CONE_POINTS))
         for normal, centre in circle_views(rays):
             for c in circles:
                 for sign in (1.0, -1.0):

@@ -26,6 +26,10 @@ Array = np.ndarray
 WGE_LENGTH, WGE_GAP = 0.15, 0.03
 SH_LENGTH, SH_GAP = 0.05, 0.01
 
+# Votes of a line relative to its minimum length, for edges with gaps, and for the shortest lines: a dozen pixels in a
+# row are rare among noise. Chosen by hand, as the paper gives none.
+VOTES_OF_LENGTH, MIN_VOTES = 0.6, 12
+
 # Blur before both gradients [px]. The published sigma is not given; noise of 5 % of full scale requires this.
 BLUR_PX = 1.5
 
@@ -38,6 +42,12 @@ SEARCH_MARGIN = 0.25
 # Number of Harris corners, Harris's sensitivity parameter (usually 0.04 to 0.06), and minimum response
 # relative to the strongest corner. The minimum matters only if fewer than HARRIS_CORNERS exceed it.
 HARRIS_CORNERS, HARRIS_K, HARRIS_MIN = 60, 0.04, 0.01
+
+# Window of Harris's sums, and reach of the search for its peaks [px]: a corner blurred by BLUR_PX, and the next one.
+HARRIS_WINDOW_PX, HARRIS_PEAK_PX = 5, 9
+
+# The LSD stream: blur [px], and minimum length [share of the diagonal], as of S&H's lines.
+LSD_BLUR_PX, LSD_LENGTH = 1.0, 0.04
 
 # OpenCV's LSD works on the image reduced by 0.8 and divides its coordinates by this scale. Pixel centres are half a
 # pixel from the corners that scaling maps onto each other: (x' + 0.5) / 0.8 - 0.5 = x' / 0.8 + 0.125 [px].
@@ -119,7 +129,7 @@ def wge_edges(image: Array, strong: Array) -> Array:
 
 def hough(mask: Array, min_length_px: float, max_gap_px: float) -> Array:
     """Return segments (N, 4) x0 y0 x1 y1 of the probabilistic Hough transform, 1 px and 0.5 deg."""
-    votes = int(max(12, 0.6 * min_length_px))
+    votes = int(max(MIN_VOTES, VOTES_OF_LENGTH * min_length_px))
     lines = cv2.HoughLinesP(
         mask.astype(np.uint8) * 255,
         1.0,
@@ -173,11 +183,12 @@ def lsd_lines(image: Array, shortest_px: float) -> Array:
 def harris_corners(image: Array, origin: Tuple[float, float]) -> Array:
     """Return corners (C, 2) of Harris and Stephens (1988), sub-pixel by a parabola through the response."""
     blurred = cv2.GaussianBlur(image, (0, 0), BLUR_PX)
-    response = cv2.cornerHarris(blurred, 5, 3, HARRIS_K)
+    response = cv2.cornerHarris(blurred, HARRIS_WINDOW_PX, 3, HARRIS_K)
     top = float(response.max())
     if top <= 0:
         return np.zeros((0, 2))
-    peak = (response == cv2.dilate(response, np.ones((9, 9), np.uint8))) & (response > HARRIS_MIN * top)
+    around = np.ones((HARRIS_PEAK_PX, HARRIS_PEAK_PX), np.uint8)
+    peak = (response == cv2.dilate(response, around)) & (response > HARRIS_MIN * top)
     peak[:2], peak[-2:], peak[:, :2], peak[:, -2:] = False, False, False, False
     ys, xs = np.nonzero(peak)
     order = np.argsort(-response[ys, xs])[:HARRIS_CORNERS]
@@ -223,7 +234,7 @@ def find_streams(
     if "sh" in config.streams:
         streams["sh"] = hough(sobel, SH_LENGTH * diagonal, SH_GAP * diagonal) + shift
     if "lsd" in config.streams:
-        streams["lsd"] = lsd_lines(cv2.GaussianBlur(crop, (0, 0), 1.0), 0.04 * diagonal) + shift
+        streams["lsd"] = lsd_lines(cv2.GaussianBlur(crop, (0, 0), LSD_BLUR_PX), LSD_LENGTH * diagonal) + shift
     grown = grown_region(region, _concatenate(streams), config.roi_growth, image.shape)
     streams = {name: lines[_inside(lines, grown)] for name, lines in streams.items()}
     merged = {

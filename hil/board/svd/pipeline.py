@@ -42,8 +42,14 @@ BLUR_PX, SMALLEST_PX = 1.5, 24.0
 # and the error of the next distinct pose is larger by at least this factor.
 MIN_INLIERS, ERROR_RATIO = 0.5, 1.15
 
+# Excess of the next distinct pose's error that gives full confidence, chosen by hand.
+FULL_LEAD = 0.6
+
 # Minimum number of matched corners for acceptance, because four points fit any planar figure.
 MIN_CORNERS = 7
+
+# Corners within this distance are one [px]: the ends of merged lines scatter by as much.
+SAME_CORNER_PX = 2.0
 
 # Distance from the image border within which line ends are ignored, because the border cuts lines [px].
 MIN_BORDER_PX = 2.5
@@ -189,7 +195,7 @@ class PublishedEstimator(Estimator):
             return self._declined(frame, "no target found")
         best = min(refined, key=lambda f: f.error)
         rival = min((f.error for f in refined if differs(f.q, f.t, best.q, best.t)), default=1.0)
-        lead = (rival / max(best.error, 1e-6) - 1.0) / 0.6
+        lead = (rival / max(best.error, 1e-6) - 1.0) / FULL_LEAD
         reason = ""
         if best.inliers < MIN_INLIERS or best.met < MIN_CORNERS:
             reason = "too few of the picture's corners are matched"
@@ -216,7 +222,7 @@ def image_corners(groups: PointGroups, streams: Streams, shape: Tuple[int, ...])
     points = np.concatenate([np.zeros((0, 2)), *parts])
     last = np.array([shape[1] - 1.0, shape[0] - 1.0])
     points = points[((points >= MIN_BORDER_PX) & (points <= last - MIN_BORDER_PX)).all(axis=1)]
-    is_equal = np.abs(points[:, None] - points[None]).max(axis=2) <= 2.0
+    is_equal = np.abs(points[:, None] - points[None]).max(axis=2) <= SAME_CORNER_PX
     isolated = np.zeros(len(points), bool)
     for k in range(len(points)):
         isolated[k] = not (is_equal[k] & isolated).any()

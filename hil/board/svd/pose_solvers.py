@@ -30,11 +30,10 @@ def point_solver(solver: str) -> Solver:
 
     It maps object points (N, 3) and rays (N, 2) at z = 1 to rotation vectors and translations, which may be non-finite.
 
-
     Parameters
     ----------
     solver : str
-        One of epnp, sqpnp, ap3p, p3p, iterative and ippe.
+        One of ``settings.SOLVERS``.
     """
     eye = np.eye(3)
     flag = getattr(cv2, f"SOLVEPNP_{solver.upper()}")

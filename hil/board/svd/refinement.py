@@ -25,6 +25,30 @@ Array = np.ndarray
 # close together to be separated in an image.
 MIN_LENGTH = 0.25
 
+# Range below which the camera is all but inside the craft [radii]: the perspective of its front has no limit.
+MIN_RANGE_RADII = 1.2
+
+# Diameter of the sphere around the craft, and largest offset of its centre from that of the region [region's
+# diagonals]. The region holds a part of the craft at worst, and the sphere is larger than its silhouette.
+SPHERE_OF_REGION, OFFSET_OF_REGION = (0.75, 2.5), 0.75
+
+# Margin of the corner map around the region, in which plausible poses place corners, and truncation of its distances
+# [region's diagonals].
+MAP_MARGIN, TRUNCATION = 0.25, 0.05
+
+# Gauss-Newton steps, and the first ones, whose gate is the truncation; that of later ones is half of it.
+STEPS, COARSE_STEPS = 10, 4
+
+# Scale of the weights 1 / (1 + (d / scale)^2) of Cauchy's estimator [truncations]: a corner at the gate of the later
+# steps counts a quarter.
+WEIGHT_SCALE = 0.3
+
+# Largest rotation of a step [rad], within which the pinhole's derivatives hold, and damping [share of the diagonal].
+MAX_STEP_RAD, DAMPING = 0.2, 1e-3
+
+# Least residual that the covariance assumes [px]: corners at whole pixels are uniform within one, 1 / sqrt(12).
+MIN_RMS_PX = 0.3
+
 # Number of poses compared at once, limited by the processor's cache.
 BATCH_POSES = 250
 
@@ -116,7 +140,7 @@ class CornerMap:
 
 def corner_map(points: Array, region: Region) -> CornerMap:
     """Return the map of corners (N, 2), N >= 1, over a region enlarged by a quarter of its diagonal."""
-    margin, cap_px = 0.25 * region.diagonal_px, 0.05 * region.diagonal_px
+    margin, cap_px = MAP_MARGIN * region.diagonal_px, TRUNCATION * region.diagonal_px
     low = np.floor(np.array([region.x0, region.y0]) - margin)
     high = np.array([region.x1, region.y1]) + margin
     # distances are needed within the box only; those of a 5 x 5 mask are at most 2 % too short
@@ -148,14 +172,13 @@ def plausible(q: Array, t: Array, model: BoardModel, camera: CameraIntrinsics, r
     """Return a mask (N,) of poses in front of the camera whose craft roughly covers the region."""
     centre = np.einsum("nij,j->ni", quat.matrix(q), model.centre_m) + t
     z = centre[:, 2]
-    # nearer than this the camera is all but inside the craft, and the perspective of its front has no limit
-    ok = np.isfinite(centre).all(axis=1) & (z > 1.2 * model.radius_m)
+    ok = np.isfinite(centre).all(axis=1) & (z > MIN_RANGE_RADII * model.radius_m)
     z = np.where(ok, z, 1.0)
     size = (camera.fx_px + camera.fy_px) * model.radius_m / z
     pixels = camera.pixels(np.where(ok[:, None], centre, 1.0))
-    # the region holds a part of the craft at worst, and the sphere around the craft is larger than its silhouette
-    reach = 0.75 * region.diagonal_px
-    ok &= (size > 0.75 * region.diagonal_px) & (size < 2.5 * region.diagonal_px)
+    least, largest = SPHERE_OF_REGION
+    reach = OFFSET_OF_REGION * region.diagonal_px
+    ok &= (size > least * region.diagonal_px) & (size < largest * region.diagonal_px)
     ok &= np.abs(pixels[:, 0] - 0.5 * (region.x0 + region.x1)) < reach
     ok &= np.abs(pixels[:, 1] - 0.5 * (region.y0 + region.y1)) < reach
     return np.asarray(ok)
@@ -167,7 +190,6 @@ def reprojection(
     """Return the mean truncated distance of image corners to visible model corners [px], and the inlier share.
 
     An inlier is an image corner within half the truncation distance.
-
 
     Notes
     -----
@@ -224,13 +246,13 @@ def _mutual_nearest(distance: Array, nearest: Array, is_visible: Array) -> Array
 def refine_on_corners(
     q: Array, t: Array, corners: ModelCorners, camera: CameraIntrinsics, image: CornerMap, radius_m: float
 ) -> Tuple[Array, Array, Array]:
-    """Refine poses by ten Gauss-Newton steps on nearest corners with a shrinking gate.
+    """Refine poses by Gauss-Newton steps on nearest corners, first with a wide gate, then with a narrow one.
 
     Return q (B, 4), t (B, 3) and covariance (B, 6, 6).
     """
     H = np.tile(np.eye(6), (len(q), 1, 1))
     rms = np.ones(len(q))
-    for k in range(10):
+    for k in range(STEPS):
         R = quat.matrix(q)
         visible = visible_corners(corners, R, t)
         arm = np.einsum("bij,cj->bci", R, corners.points_m)
@@ -238,9 +260,11 @@ def refine_on_corners(
         z = np.maximum(P[..., 2], 1e-2)
         pixels = camera.pixels(P)
         d, nearest = image.lookup(pixels)
-        gate = image.cap_px * (1.0 if k < 4 else 0.5)
+        gate = image.cap_px * (1.0 if k < COARSE_STEPS else 0.5)
         r = image.points[nearest] - pixels
-        w = (_mutual_nearest(r, nearest, visible) & (d < gate)) / (1 + (d / (0.3 * image.cap_px)) ** 2)
+        w = (_mutual_nearest(r, nearest, visible) & (d < gate)) / (
+            1 + (d / (WEIGHT_SCALE * image.cap_px)) ** 2
+        )
         # d(pixel)/d(point) of the pinhole; the lens changes it by less than the gate
         gu = np.stack([camera.fx_px / z, np.zeros_like(z), -camera.fx_px * P[..., 0] / z**2], axis=-1)
         gv = np.stack([np.zeros_like(z), camera.fy_px / z, -camera.fy_px * P[..., 1] / z**2], axis=-1)
@@ -250,13 +274,13 @@ def refine_on_corners(
         residual = np.concatenate([r[..., 0], r[..., 1]], axis=1)
         weight = np.concatenate([w, w], axis=1)
         depth = float(np.median(t[:, 2]))
-        step, H = gauss_newton_step(J, residual, weight, parameter_scale(depth, radius_m), 1e-3)
+        step, H = gauss_newton_step(J, residual, weight, parameter_scale(depth, radius_m), DAMPING)
         step = np.nan_to_num(step)
         size = np.linalg.norm(step[:, :3], axis=1, keepdims=True)
-        q, t = apply_step(q, t, step / np.maximum(1.0, size / 0.2))
-        t[:, 2] = np.maximum(t[:, 2], 1.2 * radius_m)
+        q, t = apply_step(q, t, step / np.maximum(1.0, size / MAX_STEP_RAD))
+        t[:, 2] = np.maximum(t[:, 2], MIN_RANGE_RADII * radius_m)
         rms = np.sqrt((weight * residual**2).sum(axis=1) / np.maximum(weight.sum(axis=1), 1e-9))
-    return q, t, np.linalg.pinv(H) * np.maximum(rms, 0.3)[:, None, None] ** 2
+    return q, t, np.linalg.pinv(H) * np.maximum(rms, MIN_RMS_PX)[:, None, None] ** 2
 
 
 def gauss_newton_step(J: Array, r: Array, w: Array, scale: Array, damping: float) -> Tuple[Array, Array]:

@@ -13,6 +13,9 @@ import numpy as np
 
 Array = np.ndarray
 
+# Interval of the marginal distributions that the region spans: Sharma, Ventura & D'Amico (2018).
+CDF_INTERVAL = (0.025, 0.975)
+
 MIN_MARGIN_PX = 6.0  # keeps the blurred outline of a small craft inside its grown box
 
 Box = Tuple[float, float, float, float]
@@ -24,11 +27,11 @@ class Region(NamedTuple):
     Parameters
     ----------
     x0 : float
-        Left edge of the box: that of pixel column 0 is -0.5.
+        Left edge of the box: that of pixel column 0 is at -0.5.
     y0 : float
         Upper edge of the box.
     x1 : float
-        Right edge of the box: that of pixel column 0 is 0.5.
+        Right edge of the box: that of pixel column 0 is at 0.5.
     y1 : float
         Lower edge of the box.
     source : str
@@ -87,8 +90,8 @@ def cdf_box(strong: Array, reduction: int = 1) -> Region:
     reduction : int
         Image pixels per pixel of ``strong``, along each axis.
     """
-    x0, x1 = marginal_interval(strong.sum(axis=0), 0.025, 0.975)
-    y0, y1 = marginal_interval(strong.sum(axis=1), 0.025, 0.975)
+    x0, x1 = marginal_interval(strong.sum(axis=0), *CDF_INTERVAL)
+    y0, y1 = marginal_interval(strong.sum(axis=1), *CDF_INTERVAL)
     f = reduction
     return Region(x0 * f - 0.5, y0 * f - 0.5, (x1 + 1) * f - 0.5, (y1 + 1) * f - 0.5, "wge-cdf")
 

@@ -31,6 +31,11 @@ class PublishedConfig:
         Streams that are merged separately before all are merged.
     top : int
         Number of poses that are refined.
+
+    Raises
+    ------
+    ValueError
+        If a stream or the solver is unknown, a share is negative or not finite, or ``top`` is not positive.
     """
 
     name: str
@@ -41,6 +46,20 @@ class PublishedConfig:
     least_component: float = 0.0
     merge_each: Tuple[str, ...] = ("sh",)
     top: int = 5
+
+    def __post_init__(self) -> None:
+        """Check the names and the shares."""
+        unknown = [name for name in (*self.streams, *self.merge_each) if name not in STREAMS]
+        if unknown or self.solver not in SOLVERS:
+            raise ValueError(
+                f"{self.name}: unknown stream or solver {(unknown or [self.solver])[0]!r}, allowed: "
+                f"{', '.join(STREAMS)}; {', '.join(SOLVERS)}"
+            )
+        if (
+            not all(0 <= share < float("inf") for share in (self.roi_growth, self.least_component))
+            or self.top < 1
+        ):
+            raise ValueError(f"{self.name}: shares must be finite and not negative, top at least 1")
 
 
 SVD_2018 = PublishedConfig("svd-2018")

@@ -25,6 +25,9 @@ JOIN_M = 0.02
 # Shortest side of a chain relative to its longest: with a shorter one it is nearly a corner.
 MIN_SIDE_RATIO = 0.15
 
+# Largest number of parallel pairs, and of edges among which they are searched, longest first: bounds the hypotheses.
+MAX_PARALLEL_PAIRS, MAX_PARALLEL_EDGES = 120, 40
+
 # Cosine of 2.6 degrees, within which edges or planes count as parallel.
 PARALLEL_COSINE = 0.999
 
@@ -124,10 +127,10 @@ def _model_corners(ends: Array) -> Array:
     return np.array(out).reshape(-1, 3, 3)
 
 
-def _model_parallel(ends: Array, max_pairs: int = 120) -> Array:
+def _model_parallel(ends: Array) -> Array:
     """Return overlapping parallel edges (N, 4, 3), longest first, in both senses and both orders."""
     length = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
-    order = np.argsort(-length, kind="stable")[:40]
+    order = np.argsort(-length, kind="stable")[:MAX_PARALLEL_EDGES]
     out: List[Array] = []
     for x, i in enumerate(order):
         d = (ends[i, 1] - ends[i, 0]) / max(length[i], 1e-9)
@@ -138,7 +141,7 @@ def _model_parallel(ends: Array, max_pairs: int = 120) -> Array:
             s = np.sort((ends[j] - ends[i, 0]) @ d)
             if min(s[1], length[i]) - max(s[0], 0.0) > PARALLEL_OVERLAP * length[j]:
                 out.append(same_direction(ends[i], ends[j]))
-    pairs = np.array(out[:max_pairs]).reshape(-1, 4, 3)
+    pairs = np.array(out[:MAX_PARALLEL_PAIRS]).reshape(-1, 4, 3)
     swapped = pairs[:, [2, 3, 0, 1]]
     both = np.concatenate([pairs, swapped])
     return np.concatenate([both, both[:, [1, 0, 3, 2]]])

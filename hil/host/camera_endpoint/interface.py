@@ -37,6 +37,11 @@ def find_interface(name: str, address: str | None = None) -> Interface:
     address : str, optional
         One of its addresses other than the first (on ``lo``, any that begins with 127).
 
+    Returns
+    -------
+    Interface
+        Name, address, mask and MTU of the interface.
+
     Raises
     ------
     UserError

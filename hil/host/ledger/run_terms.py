@@ -93,6 +93,11 @@ class Provenance(msgspec.Struct, frozen=True, kw_only=True):
             Contents of the scenario file.
         command : sequence of str, optional
             Words of the command line.
+
+        Returns
+        -------
+        Provenance
+            Scenario, seed, target and versions.
         """
         return Provenance(
             scenario=ScenarioRecord.from_scenario(plan.scenario, source),

@@ -50,6 +50,8 @@ START_TIMEOUT_S = 60.0
 CLOSE_TIMEOUT_S = 15.0
 # Time-out for the last message of a link process after Close, or of an interrupted run [s]
 QUICK_TIMEOUT_S = 2.0
+# Time for which one call waits for the process's messages [s]; it ends the wait early
+POLL_S = 0.2
 # Time for a board to prepare its estimator after HELLO [s], slightly more than the link process allows
 READY_TIMEOUT_S = 65.0
 
@@ -67,6 +69,11 @@ def choose_pixel_format(bits: int, channels: tuple[int, ...], wish: PixelFormatN
         Shape of the images beyond rows and columns: empty, or (3,).
     wish : PixelFormatName
         Requested format, or ``auto``.
+
+    Returns
+    -------
+    PixelFormat
+        Format that holds the images whole.
 
     Raises
     ------
@@ -125,7 +132,7 @@ class HostLink:
             self._send_message(config)
             deadline = time.monotonic() + START_TIMEOUT_S
             while self._listening is None and time.monotonic() < deadline:
-                self.pump(0.2)
+                self.pump(POLL_S)
             if self._listening is None:
                 raise UserError(f"the link process did not open {config.url}: run again with -v to see why")
         except BaseException:
@@ -220,7 +227,7 @@ class HostLink:
                     self._send_message(Close(reason))
                     deadline = time.monotonic() + timeout_s
                     while not self.closed and time.monotonic() < deadline:
-                        self.pump(0.2)
+                        self.pump(POLL_S)
         finally:
             self._kill()
 

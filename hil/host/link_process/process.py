@@ -46,6 +46,8 @@ if TYPE_CHECKING:
 
 # The kernel's poll rounds waits to whole milliseconds, so the last part is a busy wait [ns]
 SPIN_NS = 1_500_000
+# Pause before more is sent to a logger whose buffer was full [ns], in which a local network carries a record
+TRUTH_RETRY_NS = 20_000_000
 BUSY = "another board is connected to this host: stop it first"
 
 RUN_DIED = "the host's run was killed or died, without a goodbye"
@@ -138,7 +140,7 @@ class LinkServer:
         if self._board.link is not None:
             times.append(self._board.next_sync_ns)
         if self._truth is not None and self._truth.lagging:
-            times.append(now_ns() + 20_000_000)
+            times.append(now_ns() + TRUTH_RETRY_NS)
         left_s = (min(times) - now_ns()) * 1e-9 if times else 1.0
         return min(1.0, max(0.0, left_s))
 

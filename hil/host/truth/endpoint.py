@@ -30,6 +30,9 @@ PROOF_NS = 10_000_000_000
 # Time-out for sending the queues and the goodbye at the end, for all loggers together [s].
 CLOSE_S = 2.0
 
+# Bytes taken from a logger at once, more than its proof of the key has, and pause between tries to empty a queue [s].
+RECEIVE_BYTES, FLUSH_S = 4096, 0.005
+
 
 class _Client:
     def __init__(self, sock: socket.socket) -> None:
@@ -69,7 +72,7 @@ class _Client:
             If the client disconnected, or its proof of the key is wrong.
         """
         try:
-            data = self.sock.recv(4096)
+            data = self.sock.recv(RECEIVE_BYTES)
         except BlockingIOError:
             return False
         self.peer_closed = self.peer_closed or not data
@@ -199,7 +202,7 @@ class TruthEndpoint:
             self._queue(Bye(reason))
         deadline = time.monotonic() + CLOSE_S
         while self.lagging and time.monotonic() < deadline:
-            time.sleep(0.005)
+            time.sleep(FLUSH_S)
             self.flush()
         for client in list(self._clients):
             self._drop(client)

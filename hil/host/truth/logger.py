@@ -18,6 +18,12 @@ from flyaround.simulator.errors import UserError
 
 logger = logging.getLogger(__name__)
 
+# Pause between tries to connect, and wait for a packet before the thread looks whether it is to stop [s].
+RETRY_S, POLL_S = 0.05, 0.2
+
+# Time for the thread to end after that [s]: a packet that has begun to arrive is read to its end.
+JOIN_S = 5.0
+
 
 class TruthLogger:
     """Logger of truth packets in a thread, until the host says goodbye or ``stop`` is called.
@@ -66,7 +72,7 @@ class TruthLogger:
         if self._connected.is_set():
             self._thread.join(linger_s)
         self._stop.set()
-        self._thread.join(5.0)
+        self._thread.join(JOIN_S)
         return self._received
 
     def _run(self) -> None:
@@ -75,7 +81,7 @@ class TruthLogger:
             try:
                 transport = connect_tcp(self._host, self._port, 0.0)
             except LinkError:
-                time.sleep(0.05)
+                time.sleep(RETRY_S)
         if transport is None:
             return
         if self._key is not None:
@@ -90,7 +96,7 @@ class TruthLogger:
             with self._path.open("a", encoding="utf-8") as file:
                 while not self._stop.is_set():
                     try:
-                        packet = transport.recv_packet(0.2)
+                        packet = transport.recv_packet(POLL_S)
                         message = None if packet is None else decode_message(packet)
                     except PacketError:
                         continue

@@ -26,8 +26,8 @@ JOINT_SAMPLING_MIN_E = 2.0
 FULL_WELL_MARGIN_SIGMAS = 6.0
 """Margin of the expected charge below the full well, in shot noise, within which a pixel may overflow."""
 ELECTRONS_PER_M = 80e6
-"""Electrons that a minimum-ionising particle frees in silicon [e m-1]: Janesick (2001), Scientific charge-coupled
-devices."""
+"""Electrons that a minimum-ionising particle frees in silicon [e m-1]: some 80 a micrometre, Damerell (2009), Physics
+and technology of silicon detectors, Rutherford Appleton Laboratory."""
 _TESTED_ROWS = 8  # blooming tests at every eighth row if any charge still moves
 _PARTICLE_KEY = 0x636F73  # key of the random numbers of particles
 _TRACK_STEP_PX = 0.1  # spacing of the points of a particle's track

@@ -152,6 +152,11 @@ def poisson(mean_e: Float32Array, source: np.random.SFC64) -> Float32Array:
         Mean number [e], not negative.
     source : SFC64
         Bit generator to draw from.
+
+    Returns
+    -------
+    array
+        Electrons of the input's shape, float32.
     """
     is_small = mean_e < EXACT_POISSON_MAX_E
     if is_small.all():

@@ -34,6 +34,7 @@ MIN_SHIFT = 4
 """Smallest fixed-point resolution, as a power of two: 16 steps per digital number. Below it, floats are used."""
 MIN_THREADED_VALUES = 1 << 17
 """Smallest field that is worth a thread."""
+MAX_DEVIATE = 4.3  # standard deviations, above the largest that `normal_tables` give
 _ADDITIVE_KEY, _SPECKLE_KEY = 0, 1  # keys of the random numbers of both kinds of noise
 _STRIP_VALUES = 1 << 17  # OpenCV uses several threads from twice as many values on
 
@@ -73,11 +74,11 @@ class Arithmetic:
 
 
 def choose_arithmetic(sensor: Sensor) -> Arithmetic:
-    """Choose the format for a sensor: as many steps per digital number as fit int16 with 4.3 sigma of headroom."""
+    """Choose the format for a sensor: steps per digital number that fit int16 with the largest deviate."""
     full = 2**sensor.bits - 1
     sigma_dn = full * float(np.sqrt(sensor.gaussian_variance))
-    brightest = full * (1 + np.sqrt(3 * sensor.speckle_variance)) + 4.3 * sigma_dn + 1
-    shift = int(np.log2(32767 / brightest))
+    brightest = full * (1 + np.sqrt(3 * sensor.speckle_variance)) + MAX_DEVIATE * sigma_dn + 1
+    shift = int(np.log2(np.iinfo(np.int16).max / brightest))
     return Arithmetic(full, 2**shift if shift >= MIN_SHIFT else 1, sigma_dn)
 
 
@@ -112,6 +113,11 @@ def start_noise(
         Seed of the random numbers.
     frame_index : int
         Number of the frame; with ``seed`` the key of its random numbers.
+
+    Returns
+    -------
+    callable
+        Function without arguments that returns the `ImageNoise`.
     """
     if sensor.detector is not None or int(np.prod(shape)) < MIN_THREADED_VALUES:
         return lambda: draw_noise(shape, sensor, seed, frame_index)

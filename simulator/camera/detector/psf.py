@@ -83,6 +83,11 @@ def optics_mtf(
         The sensor, for its pixel pitches.
     disc_px : float, optional
         Diameter of the defocus disc [px along x]; it is round on the detector.
+
+    Returns
+    -------
+    array
+        Contrast, 1 at frequency 0.
     """
     f = np.hypot(frequency_x, frequency_y)
     transfer = np.exp(-2 * (np.pi * f) ** 2 * gaussian_variance_px2(optics, sensor))
@@ -259,6 +264,11 @@ def blur(
         Diameter of the defocus disc.
     gain : float or array
         Scalar, or (n,) per band.
+
+    Returns
+    -------
+    array
+        Blurred image of the same shape, float32.
     """
     pyramid = psf_pyramid(optics, sensor, disc_px)
     kernel = psf_kernel(optics, sensor, disc_px)

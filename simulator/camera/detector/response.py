@@ -126,6 +126,11 @@ def white_balance(sensor: Sensor, optics: Optics, sunlight: ArrayLike) -> FloatA
     sunlight : array_like
         (n,) inverse of the Sun's irradiance in each band, up to a common factor.
 
+    Returns
+    -------
+    (n,) array
+        Factors, at least 1.
+
     Raises
     ------
     ValueError

@@ -23,7 +23,7 @@ _WIDTH_RATIO = (
     3.0  # of the tail's two Gaussians, half of the light each, which together approximate a power law
 )
 _SCATTER_TAPS = 2  # reach of the kernel on each side [samples]
-_SCATTER_POWER = 2.5  # exponent of the distance in the wings of the PSF
+_SCATTER_POWER = 2.5  # exponent of the distance in the wings of the PSF, chosen among those of optics, 2 to 3
 
 
 @lru_cache(maxsize=4)
@@ -75,6 +75,11 @@ def veiling_glare(
         Unit vector, camera frame.
     sun_irradiance_w_m2 : array
         Irradiance of the visible part, per band.
+
+    Returns
+    -------
+    (H, W) or (H, W, n) array, or None
+        Radiance [W m-2 sr-1]; None without glare.
 
     References
     ----------
@@ -154,6 +159,11 @@ def glow(image: Float32Array, optics: Optics) -> Float32Array:
         Linear light, dark beyond its border.
     optics : Optics
         The optics.
+
+    Returns
+    -------
+    array
+        Image of the same shape and sum of light, but for what leaves its border.
     """
     if optics.glow_share <= 0:
         return image
@@ -177,9 +187,9 @@ def scatter(image: Float32Array, optics: Optics) -> Float32Array:
 
     References
     ----------
-    King (1971), The profile of a star image, PASP 83, 199: wings of the power -2 over four decades of brightness.
-    Peterson (2004), Analytic expressions for in-field scattered light distributions, Proc. SPIE 5178, 184: surfaces
-    scatter as a power of the angle, -1.5 to -3. ISO 9358: veiling glare of 0.01 to 0.03 in good lenses.
+    King (1971), The profile of a star image, PASP 83, 199 (wings of measured images). Peterson (2004), Analytic
+    expressions for in-field scattered light distributions, Proc. SPIE 5178, 184 (powers of the angle). ISO 9358 defines
+    how veiling glare is measured.
     """
     return image if optics.scatter_share <= 0 else scattering_pyramid(optics.scatter_share).blur(image, 1.0)
 

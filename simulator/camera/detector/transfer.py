@@ -65,6 +65,11 @@ def encode_numbers(
         Sensor of the camera.
     encoding : str
         Encoding of the delivered image; with ``linear``, ``numbers`` are returned unchanged.
+
+    Returns
+    -------
+    array
+        Encoded numbers of the delivered depth.
     """
     if encoding == "linear":
         return numbers
@@ -88,6 +93,13 @@ def decode_numbers(
         Sensor of the camera.
     encoding : str
         Encoding of the image; with ``linear``, ``image`` and ``sensor`` are returned unchanged.
+
+    Returns
+    -------
+    array
+        Linear digital numbers.
+    Sensor
+        Sensor whose scale they have.
     """
     if encoding == "linear":
         return image, sensor

@@ -168,17 +168,35 @@ class Camera:
         return image_xy if self.distortion.is_none else self.domain.undistort(image_xy)
 
     def rays(self, pixels_px: ArrayLike) -> FloatArray:
-        """Return the unit vectors (..., 3) in the camera frame through pixel positions (..., 2)."""
+        """Return the unit vectors (..., 3) in the camera frame through pixel positions (..., 2).
+
+        Returns
+        -------
+        (..., 3) array
+            Unit vectors, camera frame; NaN outside the lens's domain.
+        """
         xy = self.unproject(pixels_px)
         ray = np.concatenate([xy, np.ones((*xy.shape[:-1], 1))], axis=-1)
         return np.asarray(ray / np.linalg.norm(ray, axis=-1, keepdims=True))
 
     def pixel_solid_angle_sr(self, pixels_px: ArrayLike) -> FloatArray:
-        """Return the solid angle (...) of one pixel at pixel positions (..., 2) [sr]."""
+        """Return the solid angle (...) of one pixel at pixel positions (..., 2) [sr].
+
+        Returns
+        -------
+        (...) array
+            Solid angles [sr].
+        """
         return self.ray_solid_angle_sr(self.unproject(pixels_px))
 
     def ray_solid_angle_sr(self, xy: FloatArray) -> FloatArray:
-        """Return the solid angle (...) of one pixel at undistorted rays (..., 2) of (x / z, y / z) [sr]."""
+        """Return the solid angle (...) of one pixel at undistorted rays (..., 2) of (x / z, y / z) [sr].
+
+        Returns
+        -------
+        (...) array
+            Solid angles [sr].
+        """
         area = 1 / (self.fx_px * self.fy_px * (1 + (xy**2).sum(axis=-1)) ** 1.5)
         if self.distortion.is_none:
             return np.asarray(area)
@@ -193,6 +211,11 @@ class Camera:
             Number of points per edge.
         margin_px : float, optional
             Distance of the points outside the image.
+
+        Returns
+        -------
+        (4 count, 2) array
+            Columns and rows [px].
         """
         x = np.linspace(-0.5 - margin_px, self.width_px - 0.5 + margin_px, count)
         y = np.linspace(-0.5 - margin_px, self.height_px - 0.5 + margin_px, count)
@@ -206,11 +229,23 @@ class Camera:
         )
 
     def half_angle_rad(self) -> float:
-        """Return the largest angle from the boresight that the image shows [rad]."""
+        """Return the largest angle from the boresight that the image shows [rad].
+
+        Returns
+        -------
+        float
+            Angle [rad].
+        """
         return _half_angle_rad(self)
 
     def pixel_angle_rad(self) -> float:
-        """Return the largest angle that one pixel of the image spans [rad]; for a pinhole 1 / f, at its centre."""
+        """Return the largest angle that one pixel of the image spans [rad]; for a pinhole 1 / f, at its centre.
+
+        Returns
+        -------
+        float
+            Angle [rad].
+        """
         if self.distortion.is_none:
             return 1 / min(self.fx_px, self.fy_px)
         return _pixel_angle_rad(self)
@@ -225,6 +260,11 @@ class Camera:
         ----------
         bounds_px : tuple of float, optional
             x0, y0, x1, y1 of the part of the image that is requested.
+
+        Returns
+        -------
+        float
+            Curvature [px rad-2]; 0 for a pinhole.
         """
         if self.distortion.is_none:
             return 0.0
@@ -237,7 +277,13 @@ class Camera:
         return float(bending.max(initial=0.0))
 
     def contains(self, pixels_px: ArrayLike) -> np.typing.NDArray[np.bool_]:
-        """Return a mask (...) of pixel positions (..., 2) inside the image; its edges are at -0.5 and size - 0.5."""
+        """Return a mask (...) of pixel positions (..., 2) inside the image; its edges are at -0.5 and size - 0.5.
+
+        Returns
+        -------
+        (...) array of bool
+            True inside the image.
+        """
         p = np.asarray(pixels_px, float)
         with np.errstate(invalid="ignore"):
             is_inside = (
@@ -252,6 +298,11 @@ class Camera:
         """Return a camera with the same field of view and another number of pixels.
 
         With the scale s, a principal point c becomes ``(c + 0.5) s - 0.5``.
+
+        Returns
+        -------
+        Camera
+            Camera with scaled intrinsics and the same lens.
         """
         s = width_px / self.width_px
         return replace(

@@ -37,6 +37,13 @@ for motion blur and for the points of edges that cross the border. Chosen by eye
 MAX_ANGLE_RAD = np.deg2rad(85.0)
 """Largest angle from the axis. Beyond it camera z, the depth of labels, is ill-conditioned."""
 _TABLE = 4096  # number of angles in the look-up table of the inverse
+# Residual of the inverse at which it stops, and above which a point has none; a wide-angle polynomial ends between
+# them.
+_CONVERGED, _ACCEPTED = 1e-13, 1e-9
+_BORDER = 1.0001  # factor on the domain's radius, for the rounding of points on its border
+# Squared radius below which the derivative is its series' first term, because the difference cancels.
+_NEAR_AXIS = 1e-8
+_INSIDE_FOLD = 0.999  # factor on the radius at which a lens folds back, to stay on the near side
 _NEWTON_STEPS = 12  # largest number of Newton steps for the inverse; from the table's guess a few suffice
 
 
@@ -126,8 +133,7 @@ def _radial(distortion: Distortion, s: FloatArray) -> tuple[FloatArray, FloatArr
     d_series = 1 + t * (3 * k1 + t * (5 * k2 + t * (7 * k3 + t * 9 * k4)))
     scale = angle * series / r
     d_scale = (d_series / (1 + s) - scale) / (2 * np.maximum(s, 1e-24))
-    # near the axis the difference suffers from cancellation, so use the first term of its series
-    d_scale = np.where(s < 1e-8, k1 - 1 / 3, d_scale)
+    d_scale = np.where(s < _NEAR_AXIS, k1 - 1 / 3, d_scale)
     return scale, d_scale
 
 
@@ -163,7 +169,7 @@ class LensDomain:
             return distort(self.distortion, xy / excess) * excess
 
     def undistort(self, image_xy: FloatArray) -> FloatArray:
-        """Return undistorted coordinates (..., 2), to 1e-13; NaN outside the domain."""
+        """Return undistorted coordinates (..., 2), whose distorted ones agree to 1e-9; NaN outside the domain."""
         image_xy = np.asarray(image_xy, float)
         if self.distortion.is_none:
             return image_xy.copy()
@@ -173,7 +179,7 @@ class LensDomain:
             xy = image_xy * np.where(r > 0, guess / np.where(r > 0, r, 1), 1.0)[..., None]
             for _ in range(_NEWTON_STEPS):
                 residual = distort(self.distortion, xy) - image_xy
-                if np.nanmax(np.abs(residual), initial=0.0) < 1e-13:
+                if np.nanmax(np.abs(residual), initial=0.0) < _CONVERGED:
                     break
                 J = jacobian(self.distortion, xy)
                 a, b, c, d = J[..., 0, 0], J[..., 0, 1], J[..., 1, 0], J[..., 1, 1]
@@ -185,9 +191,8 @@ class LensDomain:
                     -1,
                 )
                 xy = xy - step / (a * d - b * c)[..., None]
-            is_invalid = np.abs(distort(self.distortion, xy) - image_xy).max(axis=-1) > 1e-9
-            # rounding of points on the border
-            is_invalid |= ~(np.hypot(xy[..., 0], xy[..., 1]) <= self.limit * 1.0001)
+            is_invalid = np.abs(distort(self.distortion, xy) - image_xy).max(axis=-1) > _ACCEPTED
+            is_invalid |= ~(np.hypot(xy[..., 0], xy[..., 1]) <= self.limit * _BORDER)
         xy[is_invalid] = np.nan
         return xy
 
@@ -232,7 +237,7 @@ def lens_domain(distortion: Distortion, border_xy: FloatArray, *, strict: bool =
     full_domain = LensDomain(distortion, float(radius[end - 1]), radius[:end], image_radius[:end])
     rays = full_domain.undistort(border_xy)
     if not strict and not np.isfinite(rays).all():
-        return LensDomain(distortion, 0.999 * float(radius[end - 1]), radius[:end], image_radius[:end])
+        return LensDomain(distortion, _INSIDE_FOLD * float(radius[end - 1]), radius[:end], image_radius[:end])
     if not np.isfinite(rays).all():
         if corner < image_radius[end - 1]:
             raise ValueError("the distortion folds back inside the image: its tangential terms are too large")

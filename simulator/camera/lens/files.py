@@ -24,13 +24,24 @@ MAX_BYTES = 4_000_000  # largest camera file: a calibration may include its poin
 
 
 def list_cameras() -> tuple[str, ...]:
-    """Return the names of the built-in cameras."""
+    """Return the names of the built-in cameras.
+
+    Returns
+    -------
+    tuple of str
+        Names that `load_camera` accepts.
+    """
     folder = files("flyaround.assets").joinpath("cameras")
     return tuple(sorted(f.name.removesuffix(".json") for f in folder.iterdir() if f.name.endswith(".json")))
 
 
 def load_camera(name_or_path: str | Path) -> Camera:
     """Load a camera by the name of a built-in one or from a camera file.
+
+    Returns
+    -------
+    Camera
+        Intrinsics, lens and encoding of the images.
 
     Raises
     ------

@@ -123,7 +123,7 @@ def check_manifest(
     files: dict[int, set[str]] = {k: set() for k in frames}
     for path in (folder / "images").iterdir():
         number = path.name.partition(".")[0]
-        if number.isdigit() and int(number) in files:
+        if number.isdecimal() and int(number) in files:
             files[int(number)].add(f"images/{path.name}")
 
     def faults(k: int) -> list[str]:

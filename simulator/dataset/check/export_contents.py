@@ -160,7 +160,7 @@ def _json(data: bytes) -> Iterator[Entry]:
                 frame = row.get("image_id", row["id"] if name == "images" else None)
                 yield Entry(f"{name} {row['id']}", row, frame)
         else:
-            yield Entry(str(name), value, int(name) if name.isdigit() else None)  # BOP
+            yield Entry(str(name), value, int(name) if name.isdecimal() else None)  # BOP
 
 
 def _without_repeats(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
@@ -177,10 +177,13 @@ def refuse_repeated_keys(data: bytes, source: str) -> None:
     Raises
     ------
     UserError
-        If a key is repeated.
+        If a key is repeated, or the data are not JSON or nested too deeply.
     """
+    refuse_deep(data, source)
     try:
         json.loads(data.removeprefix(codecs.BOM_UTF8), object_pairs_hook=_without_repeats)
+    except json.JSONDecodeError as error:
+        raise UserError(f"{source} is not JSON: {error}") from error
     except ValueError as error:
         raise UserError(f"{source}: {error}; remove one") from error
 

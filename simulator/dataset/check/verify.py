@@ -123,6 +123,11 @@ def check_dataset(
     whole_exports : bool, optional
         True to compare the contents of all frames in the exports instead of a sample.
 
+    Returns
+    -------
+    CheckReport
+        Faults by frame, and what could not be checked.
+
     Raises
     ------
     UserError
@@ -294,6 +299,11 @@ def check_frame(
         Target model; None if it is not available.
     layers : Layers, optional
         Label layers of the frame by name, as drawn or read.
+
+    Returns
+    -------
+    list of str
+        Faults; empty if there are none.
     """
     layers = layers or {}
     problems: list[str] = []

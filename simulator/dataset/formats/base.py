@@ -131,7 +131,13 @@ class DatasetFormat:
     deep_images: bool = False
 
     def sentence(self, card: DatasetCard) -> str:
-        """Return a sentence on the contents that the format keeps of a data set, and those that it omits."""
+        """Return a sentence on the contents that the format keeps of a data set, and those that it omits.
+
+        Returns
+        -------
+        str
+            Sentence for the user.
+        """
         omission = f", without {self.lacks}" if self.lacks else ""
         bits = card.image_bits or 8
         scaling = f"; its {scale_sentence(bits)}" if bits > 8 and not self.deep_images else ""
@@ -141,6 +147,11 @@ class DatasetFormat:
 
     def open_writer(self, output: FormatOutput, card: DatasetCard) -> FormatWriter:
         """Open the writer of a data set.
+
+        Returns
+        -------
+        FormatWriter
+            Writer to which each frame is given in order.
 
         Raises
         ------

@@ -97,6 +97,11 @@ class LabelledFrame:
     def layer(self, name: str) -> NDArray[Any]:
         """Return a label layer: depth (H, W) float32 [m], normals (H, W, 3), flow (H, W, 2), parts, amodal, clean.
 
+        Returns
+        -------
+        (H, W) or (H, W, 3) or (H, W, 2) array
+            Values of the layer, one per pixel of the image; those of ``amodal`` reach beyond it.
+
         Raises
         ------
         KeyError
@@ -116,7 +121,13 @@ class LabelledFrame:
         return image.astype(np.uint16) if name == "parts" else image
 
     def layer_bytes(self, name: str) -> bytes:
-        """Return the file of a layer."""
+        """Return the file of a layer.
+
+        Returns
+        -------
+        bytes
+            Content of the PNG or EXR file.
+        """
         return self.read(f"{name}.{layer_ending(name)}")
 
 

@@ -122,6 +122,13 @@ def read_foreign(place: Path, name: str | None = None) -> tuple[PosedPictures, s
     name : str, optional
         Name of the format; by default it is detected.
 
+    Returns
+    -------
+    PosedPictures
+        Images with poses.
+    str
+        Name of the format.
+
     Raises
     ------
     UserError

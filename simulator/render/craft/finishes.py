@@ -107,6 +107,7 @@ _MAX_CELL_REFLECTANCE = 0.1  # a darker body under a full clear coat is a coated
 _N_COVER_GLASS, _N_GLASS_FILM, _N_CELL_FILM, _N_WAFER = 1.5, 1.38, 2.1, 3.8
 """Refractive indices of cover glass, magnesium fluoride, titanium oxide and silicon or gallium arsenide."""
 _DESIGN_NM = 600.0  # wavelength at which the films are a quarter wave thick
+_MIN_GLASS_COAT = 0.9  # a partial coat is varnish
 _FIT_COSINE = 0.5  # cosine at which the coating's reflectance is fitted
 
 
@@ -117,8 +118,7 @@ def is_foil(material: Material) -> bool:
 
 def has_films(material: Material) -> bool:
     """Return True for a cell or a lens: a dark body under polished glass."""
-    # a partial coat is varnish
-    polished = material.clearcoat > 0.9 and material.clearcoat_roughness < _MAX_GLASS_ROUGHNESS
+    polished = material.clearcoat > _MIN_GLASS_COAT and material.clearcoat_roughness < _MAX_GLASS_ROUGHNESS
     return polished and max(material.base_color) < _MAX_CELL_REFLECTANCE and material.metallic == 0
 
 

@@ -34,6 +34,9 @@ if TYPE_CHECKING:
     from flyaround.simulator.scene.illumination.irradiance import IrradianceField
     from flyaround.simulator.targets.model import Material
 
+# Reflectance of dielectrics at normal incidence (refractive index 1.5), and divisor of the rest: the cosine-weighted
+# mean of (1 - cos)^5, Schlick's (1994) approximation, is 1 / 21.
+DIELECTRIC_F0, SCHLICK_POWERS = 0.04, 21
 _NEIGHBOURS = 5  # baked directions from which the Sun's direction is interpolated
 _SKY_SAMPLES = 64  # sampled directions over the Earth's disc
 
@@ -152,10 +155,10 @@ def _mean_reflectance(materials: Sequence[Material], bands: Bands) -> FloatArray
     """Return the reflectance (M, n) of each material per band, averaged over the hemisphere, gloss included."""
     base = np.asarray([reflectance(bands, np.asarray(m.base_color)) for m in materials], float)
     metallic, coat = (np.array([[getattr(m, name)] for m in materials]) for name in ("metallic", "clearcoat"))
-    f0 = 0.04 + (base - 0.04) * metallic
-    gloss = f0 + (1 - f0) / 21  # cosine-weighted mean of Schlick's (1994) approximation
+    f0 = DIELECTRIC_F0 + (base - DIELECTRIC_F0) * metallic
+    gloss = f0 + (1 - f0) / SCHLICK_POWERS
     base_layer = gloss + (1 - gloss) * base * (1 - metallic)
-    film = coat * (0.04 + 0.96 / 21)
+    film = coat * (DIELECTRIC_F0 + (1 - DIELECTRIC_F0) / SCHLICK_POWERS)
     return np.asarray(film + (1 - film) * base_layer)
 
 

@@ -18,6 +18,7 @@ TOLERANCE_PX = 0.02
 MAX_TRIANGLES = 250_000
 """Limit on the triangles after cutting. Only a large craft around the camera would need more."""
 _OUTLINE_PX = 0.1  # the same tolerance for outlines, which only select the pixels to draw
+_MAX_HALF_SINE = 0.99  # of the angle between two corners of an outline: near 1 the tangent diverges
 _TRIANGLES_PER_SQUARE = 5.0  # triangles of a cut mesh per square of the longest edge
 
 
@@ -75,7 +76,7 @@ def bent_outlines(camera: Camera, hulls_m: FloatArray, parts: IntArray) -> tuple
     rays = hulls_m / np.linalg.norm(hulls_m, axis=0)
     start = rays[:, np.concatenate(corners)]
     end = rays[:, np.concatenate([np.roll(outline, -1) for outline in corners])]
-    half_sine = np.minimum(0.5 * np.linalg.norm(start - end, axis=0), 0.99)
+    half_sine = np.minimum(0.5 * np.linalg.norm(start - end, axis=0), _MAX_HALF_SINE)
     angle = 2 * half_sine / np.sqrt(1 - half_sine**2)
     count = np.ceil(angle * np.sqrt(camera.bending_px_rad2() / (8 * _OUTLINE_PX))).astype(np.int64) + 1
     ends = np.cumsum(count)

@@ -34,6 +34,9 @@ PATCHES: dict[Quality, int] = {"draft": 4, "default": 8, "high": 16}
 TILE_PX = 512
 """Side of one patch's map."""
 _SPHERE_MARGIN = 1.03  # radius of the map's view over that of the craft, for the filter's reach
+_MIN_NEAR_SHARE = (
+    0.02  # nearest depth over the distance, for a patch inside the sphere: 24 bits of depth still suffice
+)
 _MAX_HALF_ANGLE_SINE = 0.9  # of a map's field of view; the map of a nearer light shows only part of the craft
 _GRAZING_OFFSET_TEXELS, _MIN_OFFSET_TEXELS = 1.5, 0.15
 """Offset of a shaded point from its face against self-shadowing [texels]: at grazing incidence, and at normal."""
@@ -57,7 +60,7 @@ def patch_view(patch_m: FloatArray, center_m: FloatArray, radius_m: float) -> tu
     distance = max(float(np.linalg.norm(to_center)), 1e-3)
     sine = min(_SPHERE_MARGIN * radius_m / distance, _MAX_HALF_ANGLE_SINE)
     tangent = sine / math.sqrt(1 - sine * sine)
-    near = max(distance - _SPHERE_MARGIN * radius_m, 0.02 * distance)
+    near = max(distance - _SPHERE_MARGIN * radius_m, _MIN_NEAR_SHARE * distance)
     far = distance + _SPHERE_MARGIN * radius_m
     view = np.eye(4)
     view[:3, :3] = orthonormal_basis(to_center / distance)

@@ -47,6 +47,9 @@ if TYPE_CHECKING:
     from flyaround.simulator.scene.state import SceneState
     from flyaround.simulator.targets.model import Material, Target
 
+# Roughness below which a highlight would be narrower than the Sun's disc.
+MIN_ROUGHNESS = 0.03
+
 
 @dataclass(frozen=True, eq=False)
 class PlacedTarget:
@@ -176,9 +179,9 @@ def material_values(materials: tuple[Material, ...], bands: Bands, *, worn: bool
         foil = FOIL_ROUGHNESS_HIGH if worn else FOIL_ROUGHNESS
         rough = material.roughness * (foil if is_foil(material) else 1.0)
         surface[k] = [
-            max(rough, 0.03),  # below this a highlight would be narrower than the Sun's disc
+            max(rough, MIN_ROUGHNESS),
             material.clearcoat + float(has_films(material)),
-            max(material.clearcoat_roughness, 0.03),
+            max(material.clearcoat_roughness, MIN_ROUGHNESS),
             material.crinkle or -((worn and wear_of(material)) or mottle_of(material)),
         ]
         if material.anisotropy > 0:

@@ -23,6 +23,8 @@ TILE_PX = 8
 """Side of the screen tiles in which the target's pixels are shaded."""
 MIN_NEAR_M = 0.01
 """Smallest distance of the near plane; nothing comes closer than the lens allows."""
+DEPTH_MARGIN = 1.001
+"""Factor on the radius between near and far plane, against the rounding of depths."""
 PATTERNS: dict[str, tuple[tuple[SamplePattern, float], ...]] = {
     "draft": ((rotated(2), np.inf),),
     "default": ((SEVEN, 16e6), (rotated(2), np.inf)),
@@ -141,7 +143,8 @@ def fit_viewport(
     """
     R, t = camera_from_target[:3, :3], camera_from_target[:3, 3]
     z = float(R[2] @ mesh.center_m + t[2])
-    near, far = max(z - mesh.radius_m * 1.001, MIN_NEAR_M), z + mesh.radius_m * 1.001
+    radius_m = mesh.radius_m * DEPTH_MARGIN
+    near, far = max(z - radius_m, MIN_NEAR_M), z + radius_m
     if far <= MIN_NEAR_M:
         return None
     width, height = camera.width_px, camera.height_px

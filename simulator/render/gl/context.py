@@ -52,6 +52,11 @@ def create_context(device_index: int | None = None) -> moderngl.Context:
     device_index : int, optional
         Index of the EGL device; ``None`` leaves the choice to EGL.
 
+    Returns
+    -------
+    moderngl.Context
+        Context that is current in this thread.
+
     Raises
     ------
     UserError

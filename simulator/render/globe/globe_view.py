@@ -22,6 +22,15 @@ if TYPE_CHECKING:
     from flyaround.simulator.runtime.arrays import FloatArray
     from flyaround.simulator.scene.illumination.atmosphere import Atmosphere
 
+# Distance of the nadir from the image [rad], and cosine of the steepest ray, within which the whole range of azimuths
+# is taken, because near the nadir the azimuth changes fast.
+_NEAR_NADIR_RAD, _STEEP_COSINE = 0.1, 0.5
+# Margins of ground and sky in units of the air's thickness, because the limb may lie between the rays of the grid.
+_GROUND_MARGIN, _SKY_MARGIN = 0.05, 0.3
+# Altitude in thicknesses to which a camera inside the air is moved: its tables hold no rays that start inside.
+_OUTSIDE_AIR = 1.01
+# Margin over the apparent radius of a distant globe, for a lens that stretches it, and least cosine of its direction.
+_STRETCH, _MIN_COSINE = 1.5, 0.2
 _GRID = 33  # sampled rays per side of the image, to find what is in view
 
 
@@ -97,9 +106,8 @@ def globe_view(view: View, camera: Camera, air: Atmosphere | None) -> GlobeView:
     # without air, keep a margin for the half pixel at the limb
     thickness = air.thickness_m / equator_m if air is not None else 2e-3
     top2 = (1 + thickness) ** 2
-    # a camera inside the air is moved to its top, because the tables hold no rays that start inside
     radius = float(np.linalg.norm(camera_position))
-    camera_position = camera_position * max(1.0, (1 + 1.01 * thickness) / radius)
+    camera_position = camera_position * max(1.0, (1 + _OUTSIDE_AIR * thickness) / radius)
     rays = directions(
         camera, _grid_positions(camera.width_px), _grid_positions(camera.height_px), globe_from_camera
     )
@@ -114,11 +122,10 @@ def globe_view(view: View, camera: Camera, air: Atmosphere | None) -> GlobeView:
     cosine = rays @ zenith
     horizontal = np.sqrt(np.maximum((1 - cosine**2) * (1 - mu_sun**2), 1e-12))
     azimuth = np.minimum(np.maximum((rays @ sun - cosine * mu_sun) / horizontal, -1), 1)
-    # near the nadir the azimuth changes fast, so take its whole range if the nadir is in or near the image
     boresight = globe_from_camera[:, 2] / np.linalg.norm(globe_from_camera[:, 2])
     half_angle = math.acos(_clip_cosine((rays @ boresight).min()))
-    # "near": within 0.1 rad of the image, or steeper than 60 degrees anywhere
-    if math.acos(_clip_cosine(-zenith @ boresight)) < half_angle + 0.1 or np.any(cosine > 0.5):
+    is_near_nadir = math.acos(_clip_cosine(-zenith @ boresight)) < half_angle + _NEAR_NADIR_RAD
+    if is_near_nadir or np.any(cosine > _STEEP_COSINE):
         columns = (-1.0, 1.0)
     else:
         columns = (float(azimuth.min()), float(azimuth.max()))
@@ -129,9 +136,8 @@ def globe_view(view: View, camera: Camera, air: Atmosphere | None) -> GlobeView:
         disc_in_view = disc[in_view]
         ground = np.sqrt(np.minimum(np.maximum(disc_in_view, 0), 1))
         sky = np.sqrt(np.minimum(np.maximum(disc_in_view / (1 - top2), 0), 1))
-        # margins in units of the air's thickness, because the limb may lie between the rays of the grid
-        has_ground = bool((disc_in_view > -0.05 * (top2 - 1)).any())
-        has_sky = bool((perigee2[along_camera < 0] > 1 - 0.3 * (top2 - 1)).any())
+        has_ground = bool((disc_in_view > -_GROUND_MARGIN * (top2 - 1)).any())
+        has_sky = bool((perigee2[along_camera < 0] > 1 - _SKY_MARGIN * (top2 - 1)).any())
     return GlobeView(
         globe_from_camera,
         camera_position,
@@ -182,7 +188,9 @@ def _globe_rect(
         # conservative bound: radius in the image of the sphere that contains globe and air
         radius = np.sqrt(top2) * view.globe.radius_m
         pixel = camera.project(center)
-        size = max(camera.fx_px, camera.fy_px) * radius / max(center[2], distance * 0.2) * 1.5 + 4
+        size = (
+            max(camera.fx_px, camera.fy_px) * radius / max(center[2], distance * _MIN_COSINE) * _STRETCH + 4
+        )
         x0, y0, x1, y1 = pixel[0] - size, pixel[1] - size, pixel[0] + size, pixel[1] + size
         nearest2 = perigee2[along_camera < 0].min(initial=np.inf)
         if nearest2 > 4 * top2 and (x0 > width or y0 > height or x1 < 0 or y1 < 0):

@@ -28,6 +28,12 @@ if TYPE_CHECKING:
 
 EARTH_GEOMETRIC_ALBEDO = 0.367  # Allen's Astrophysical Quantities (2000), table 12.4
 
+# Margin of the camera's half angle [rad], because it is that of sampled pixels, and angle beyond which the whole image
+# is taken [rad]: near 90 degrees projections diverge.
+_HALF_ANGLE_MARGIN_RAD, _MAX_ANGLE_RAD = 0.01, 1.5
+# Points of the projected rim, and factor on its angle: chords of 64 points lie inside the circle by 0.1 %.
+_RIM_POINTS, _RIM_FACTOR = 64, 1.02
+
 # Distance from the axis of the Earth's shadow within which the penumbra may touch the Moon [m]. At apogee the penumbra
 # reaches 8300 km from the axis, R_E + d (R_S + R_E) / D, and the Moon 1737 km further; the rest is margin for the air.
 _SHADOW_REACH_M = 1.4e7
@@ -171,17 +177,16 @@ def disc_rect(camera: Camera, center_camera: FloatArray, sine: float) -> PixelRe
     """
     whole_image = PixelRect(0, 0, camera.width_px, camera.height_px)
     radius, angle_from_boresight = np.arcsin(min(sine, 1.0)), np.arccos(np.clip(center_camera[2], -1, 1))
-    # a hundredth of a radian more, because the half angle is that of sampled pixels
-    if angle_from_boresight > radius + camera.half_angle_rad() + 0.01:
+    if angle_from_boresight > radius + camera.half_angle_rad() + _HALF_ANGLE_MARGIN_RAD:
         return None
-    # project points of a circle slightly outside the rim: chords of 64 points lie inside by 0.1 %
-    rim_angle = 1.02 * radius + 1e-5
-    if angle_from_boresight + rim_angle > 1.5:  # near 90 degrees projections diverge
+    # a circle slightly outside the rim, of some size if the sphere is a point
+    rim_angle = _RIM_FACTOR * radius + 1e-5
+    if angle_from_boresight + rim_angle > _MAX_ANGLE_RAD:
         return whole_image
     side = np.cross(center_camera, [0.0, 0.0, 1.0] if abs(center_camera[2]) < 0.9 else [1.0, 0.0, 0.0])
     side /= np.linalg.norm(side)
     up = np.cross(center_camera, side)
-    angle = np.arange(64) / 64 * 2 * np.pi
+    angle = np.arange(_RIM_POINTS) / _RIM_POINTS * 2 * np.pi
     rim = center_camera + np.tan(rim_angle) * (np.cos(angle)[:, None] * side + np.sin(angle)[:, None] * up)
     pixels: ArrayLike = camera.project(rim)
     low, high = np.floor(np.min(pixels, axis=0)) - 1, np.ceil(np.max(pixels, axis=0)) + 2

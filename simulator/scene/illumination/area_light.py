@@ -129,6 +129,11 @@ class CameraFrameLight:
             Unit normals there, camera frame.
         count : int, optional
             Number of patches.
+
+        Returns
+        -------
+        (K,) array
+            Factors [sr].
         """
         d = self.points_m(count)[None] - np.asarray(positions_m, float)[:, None]
         square = np.maximum((d * d).sum(axis=2), 1e-4)

@@ -120,6 +120,11 @@ def field_of_samples(
         Irradiance of other light, from `moon_plate_irradiance`.
     disc : int, optional
         Number of samples, first in order, that are on the disc; the others surround it.
+
+    Returns
+    -------
+    IrradianceField
+        Irradiance by the direction of a face.
     """
     solid_angles = np.broadcast_to(solid_angle_sr, len(directions))[:, None]
     falling = np.maximum(_NORMALS @ directions.T, 0) @ (radiance * solid_angles)
@@ -180,6 +185,11 @@ def globe_shine(
         Radius of the globe, here a sphere.
     additional_w_m2 : array, optional
         Irradiance of other light, see `field_of_samples`.
+
+    Returns
+    -------
+    IrradianceField
+        Irradiance by the direction of a face [W m-2].
     """
     distance = float(np.linalg.norm(r_target_globe_m))
     sine = min(radius_m / distance, 1.0)

@@ -72,6 +72,11 @@ class Lamp(Section, frozen=True, kw_only=True):
             Unit normals there, camera frame.
         bands : Bands
             Spectral bands of the image.
+
+        Returns
+        -------
+        (K, n) array
+            Irradiance per band [W m-2].
         """
         to_lamp = np.asarray(self.offset_m) - positions_m
         distance = np.linalg.norm(to_lamp, axis=1)

@@ -45,6 +45,11 @@ def moonlight_share(r_moon_m: FloatArray, sun: FloatArray) -> float:
         Vector to the Moon from the lit point.
     sun : (3,) array
         Unit vector to the Sun, same frame.
+
+    Returns
+    -------
+    float
+        Share of the Sun's irradiance, 0 to 1.
     """
     distance = float(np.linalg.norm(r_moon_m))
     phase = math.acos(min(max(float(-r_moon_m @ sun) / distance, -1.0), 1.0))

@@ -75,6 +75,11 @@ def planets(epoch_utc: str, observer_eci_m: FloatArray) -> PlanetLight:
         Time, UTC.
     observer_eci_m : (3,) array
         Position from the Earth's centre.
+
+    Returns
+    -------
+    PlanetLight
+        Directions, magnitudes and colours.
     """
     almanac = _almanac(epoch_utc[: len("2026-01-01T00:00")])
     relative = almanac.geocentric_m - np.asarray(observer_eci_m, float)

@@ -68,6 +68,11 @@ def sunlight_past_earth(r_m: FloatArray, r_sun_m: FloatArray, bands: Bands) -> F
         Position of the Sun, in the same space [m].
     bands : Bands
         Spectral bands of the image.
+
+    Returns
+    -------
+    (n,) array
+        Share per band, 0 to 1.
     """
     air = earth_atmosphere(bands)
     to_sun = np.asarray(r_sun_m, float) - r_m

@@ -43,6 +43,11 @@ GLTF_ERRORS = (LookupError, TypeError, AttributeError, ValueError, ArithmeticErr
 def load_glb(path: str | Path) -> Target:
     """Read a target file.
 
+    Returns
+    -------
+    Target
+        Checked target.
+
     Raises
     ------
     UserError

@@ -80,6 +80,11 @@ def propagate_attitude(
     torque : Torque, optional
         Torque on the body, body axes [N m], as a function of time [s] and ``R_eci_from_body``; by default none.
 
+    Returns
+    -------
+    RigidBodyTrack
+        Attitude and rate [rad s-1] over the span.
+
     Raises
     ------
     ValueError
@@ -87,7 +92,7 @@ def propagate_attitude(
 
     References
     ----------
-    Wertz (1978), Spacecraft Attitude Determination and Control, eq. 16-2 and 16-49.
+    Wertz (1978), Spacecraft Attitude Determination and Control, chapter 16 (kinematics and Euler's equations).
     """
     check_span(duration_s)
     J = np.asarray(inertia_kg_m2, float)

@@ -153,6 +153,11 @@ class Attitude(Section, frozen=True, kw_only=True):
         context : PointingContext
             Orbit of the target and the directions that it may point at.
 
+        Returns
+        -------
+        AttitudeTrack
+            Attitude and rate [rad s-1] over the flight.
+
         Raises
         ------
         UserError

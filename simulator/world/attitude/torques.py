@@ -107,7 +107,7 @@ def gravity_gradient_torque(
 
     References
     ----------
-    Wertz (1978), Spacecraft Attitude Determination and Control, eq. 17-33.
+    Wertz (1978), Spacecraft Attitude Determination and Control (gravity gradient).
     """
     r = length(r_eci_m)
     if not 0 < r < math.inf:
@@ -133,7 +133,7 @@ def magnetic_field_t(r_itrs_m: FloatArray, julian_year: float) -> FloatArray:
     References
     ----------
     IAGA (2024), International Geomagnetic Reference Field, 14th generation: g11, h11, g10 at 2025.0 and their secular
-    variation. Wertz (1978), Spacecraft Attitude Determination and Control, eq. H-16.
+    variation. Wertz (1978), Spacecraft Attitude Determination and Control, appendix on the magnetic field.
     """
     moment = _DIPOLE_2025_T + _SECULAR_VARIATION_T_YEAR * (julian_year - 2025.0)
     r = float(np.linalg.norm(r_itrs_m))

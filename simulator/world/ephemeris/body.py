@@ -143,7 +143,7 @@ class Body(ABC):
     lowest_m : float
         Perigee altitude below which an orbit is probably a mistake.
     reach_m : float
-        Radius of its sphere of influence, which limits orbits (Vallado 2013, sec. 12.2).
+        Radius of its sphere of influence, which limits orbits (Vallado 2013, patched conics).
     albedo : float
         Mean reflectance, used without a map.
     sun_distance_m : float, optional
@@ -187,14 +187,32 @@ class Body(ABC):
 
     @abstractmethod
     def geocentric_state(self, now: Instant) -> tuple[FloatArray, FloatArray]:
-        """Return the geometric position [m] and velocity [m s-1] of its centre from the Earth's, GCRS, each (3,)."""
+        """Return the geometric position [m] and velocity [m s-1] of its centre from the Earth's, GCRS, each (3,).
+
+        Returns
+        -------
+        tuple of array
+            Position (3,) [m] and velocity (3,) [m s-1].
+        """
 
     @abstractmethod
     def q_fixed_from_eci(self, now: Instant) -> FloatArray:
-        """Return the orientation of its body-fixed axes (z to the pole, x to longitude 0) as a unit quaternion."""
+        """Return the orientation of its body-fixed axes (z to the pole, x to longitude 0) as a unit quaternion.
+
+        Returns
+        -------
+        (4,) array
+            Quaternion, Hamilton, scalar first.
+        """
 
     def apparent_m(self, now: Instant) -> FloatArray:
-        """Return the apparent position (3,) from the Earth's centre, corrected for light time, GCRS axes [m]."""
+        """Return the apparent position (3,) from the Earth's centre, corrected for light time, GCRS axes [m].
+
+        Returns
+        -------
+        (3,) array
+            Position [m].
+        """
         r, v = self.geocentric_state(now)
         return np.asarray(r - v * (float(np.linalg.norm(r)) / LIGHT_M_S))
 
@@ -204,7 +222,13 @@ class Body(ABC):
         return self.radius_m * (1 - self.flattening)
 
     def pole_eci(self, now: Instant) -> FloatArray:
-        """Return the unit vector (3,) along its axis, GCRS."""
+        """Return the unit vector (3,) along its axis, GCRS.
+
+        Returns
+        -------
+        (3,) array
+            Unit vector.
+        """
         return matrix_from_quat(self.q_fixed_from_eci(now))[2]
 
     @property
@@ -213,7 +237,13 @@ class Body(ABC):
         return self.turn_rad_s > MIN_GROUND_MOTION_RAD_S
 
     def distance_problem(self, distance_m: float) -> str | None:
-        """Return why a distance from its centre is not allowed, as the end of a sentence; None if it is allowed."""
+        """Return why a distance from its centre is not allowed, as the end of a sentence; None if it is allowed.
+
+        Returns
+        -------
+        str or None
+            End of a sentence whose subject is the craft.
+        """
         limit = None
         if not distance_m >= self.radius_m + self.lowest_m:
             limit = f"at least {(self.radius_m + self.lowest_m) / 1e3:.0f} km"
@@ -289,6 +319,11 @@ def bodies_at(instant: Instant, central: Body) -> tuple[BodyState, ...]:
         Time of the states.
     central : Body
         Body that the target orbits.
+
+    Returns
+    -------
+    tuple of BodyState
+        Geocentric positions [m] and orientations.
     """
     return tuple(
         BodyState(
@@ -367,7 +402,13 @@ def R_fixed_from_pole(alpha_deg: float, delta_deg: float, W_deg: float) -> Float
 
 
 def q_fixed_from_pole(alpha_deg: float, delta_deg: float, W_deg: float) -> FloatArray:
-    """Return `R_fixed_from_pole` as a unit quaternion, scalar first."""
+    """Return `R_fixed_from_pole` as a unit quaternion, scalar first.
+
+    Returns
+    -------
+    (4,) array
+        Quaternion, Hamilton, scalar first.
+    """
     return quat_from_matrix(R_fixed_from_pole(alpha_deg, delta_deg, W_deg))
 
 

@@ -27,6 +27,11 @@ def R_itrs_from_eci(instant: Instant, *, polar_motion: bool = True) -> FloatArra
     polar_motion : bool, optional
         False to use the Earth's axis as pole (up to 0.6 arcsec, 18 m).
 
+    Returns
+    -------
+    (3, 3) array
+        Rotation matrix.
+
     References
     ----------
     IERS Conventions (2010), chapter 5; SOFA routine ``iauC2t06a``.

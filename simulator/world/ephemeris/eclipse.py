@@ -39,6 +39,11 @@ def sun_fraction_past_bodies(
         (3,) position of the spacecraft from the Earth's centre [m].
     r_sun_eci_m : array_like
         (3,) position of the Sun from the Earth's centre [m].
+
+    Returns
+    -------
+    float
+        Visible fraction, 0 to 1.
     """
     r, sun = (np.asarray(x, float) for x in (r_eci_m, r_sun_eci_m))
     return max(float(add_shares([sun_fraction_past_body(state, r, sun) for state in bodies])), 0.0)
@@ -122,7 +127,7 @@ def sun_fraction_past_sphere(r_m: ArrayLike, r_sun_m: ArrayLike, radius_m: float
 
     References
     ----------
-    Montenbruck & Gill (2000), Satellite Orbits, sec. 3.4.2.
+    Montenbruck & Gill (2000), Satellite Orbits (shadow function).
     """
     # by components: for a single position this is faster than NumPy's cross product and norms
     x, y, z = (np.asarray(r_m, float)[..., k] for k in range(3))

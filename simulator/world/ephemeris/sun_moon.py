@@ -19,7 +19,13 @@ _C_AU_DAY = LIGHT_M_S * DAY_S / AU_M
 
 
 def sun_geometric_m(tt1: ArrayLike, tt2: ArrayLike) -> FloatArray:
-    """Return the geometric geocentric position of the Sun, GCRS axes (..., 3) [m], for its attraction."""
+    """Return the geometric geocentric position of the Sun, GCRS axes (..., 3) [m], for its attraction.
+
+    Returns
+    -------
+    (..., 3) array
+        Position [m].
+    """
     heliocentric, _ = without_year_warning(erfa.epv00, tt1, tt2)
     return np.asarray(-heliocentric["p"] * AU_M, float)
 

@@ -95,6 +95,11 @@ def propagate_flight(
         Burns of both craft; the chaser's must be for free flight.
     chaser_ephemeris : Ephemeris, optional
         Ephemeris that the chaser follows; its mode is then `FollowedChaser`.
+
+    Returns
+    -------
+    Flight
+        States of both craft over the span.
     """
     r, v = np.asarray(target.r_eci_m, float), np.asarray(target.v_eci_m_s, float)
     if forces is None:

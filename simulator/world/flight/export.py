@@ -149,6 +149,11 @@ def flight_messages(
         True for orbit messages.
     aem : bool, optional
         True for attitude messages.
+
+    Returns
+    -------
+    dict
+        Text by file name.
     """
     # rounded to the microseconds of the time stamps, because a craft moves by millimetres in half of one
     times = [round(float(t), 6) for t in times_s]

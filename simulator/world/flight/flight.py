@@ -172,6 +172,11 @@ class Flight:
             Time since the start [s].
         frame : Lvlh, optional
             Result of `lvlh` at that time, if known; by default the track's approximation.
+
+        Returns
+        -------
+        tuple of array
+            Position (3,) [m] and velocity (3,) [m s-1].
         """
         playback = self.recording.chaser if self.recording else self.scripted
         if playback is not None:

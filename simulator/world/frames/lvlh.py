@@ -55,6 +55,11 @@ def lvlh_frame(r_eci_m: FloatArray, v_eci_m_s: FloatArray, a_eci_m_s2: FloatArra
     a_eci_m_s2 : (3,) array
         Acceleration, GCRS axes [m s-2].
 
+    Returns
+    -------
+    Lvlh
+        Rotation from GCRS, and angular velocity [rad s-1].
+
     Raises
     ------
     ValueError
@@ -62,7 +67,7 @@ def lvlh_frame(r_eci_m: FloatArray, v_eci_m_s: FloatArray, a_eci_m_s2: FloatArra
 
     References
     ----------
-    Alfriend et al. (2010), Spacecraft Formation Flying, sec. 4.1.
+    Alfriend et al. (2010), Spacecraft Formation Flying, chapter 4.
     """
     r, v = r_eci_m.tolist(), v_eci_m_s.tolist()
     h = cross_product(r, v)

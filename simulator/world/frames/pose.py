@@ -81,6 +81,11 @@ class Pose:
         t_m : array_like
             (3,) origin of ``frm`` in ``to`` [m].
 
+        Returns
+        -------
+        Pose
+            Pose with a unit quaternion.
+
         Raises
         ------
         ValueError
@@ -107,11 +112,23 @@ class Pose:
         return matrix_from_quat(self.q_wxyz)
 
     def apply(self, points_m: ArrayLike) -> FloatArray:
-        """Return the points (..., 3) given in ``frm``, expressed in ``to`` [m]."""
+        """Return the points (..., 3) given in ``frm``, expressed in ``to`` [m].
+
+        Returns
+        -------
+        (..., 3) array
+            Points in ``to`` [m].
+        """
         return np.asarray(points_m, float) @ self.R.T + np.asarray(self.t_m)
 
     def inverse(self) -> Pose:
-        """Return the pose ``frm`` from ``to``."""
+        """Return the pose ``frm`` from ``to``.
+
+        Returns
+        -------
+        Pose
+            Pose whose ``to`` and ``frm`` are exchanged.
+        """
         return Pose.from_arrays(
             self.frm, self.to, quat_conjugate(self.q_wxyz), -self.R.T @ np.asarray(self.t_m)
         )

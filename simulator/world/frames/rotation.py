@@ -21,6 +21,11 @@ def quat_multiply(p_wxyz: ArrayLike, q_wxyz: ArrayLike) -> FloatArray:
         (..., 4) left quaternion, scalar first.
     q_wxyz : array_like
         (..., 4) right quaternion, scalar first.
+
+    Returns
+    -------
+    (..., 4) array
+        Quaternion, scalar first.
     """
     p, q = np.asarray(p_wxyz, float), np.asarray(q_wxyz, float)
     if p.ndim == 1 and q.ndim == 1:
@@ -98,6 +103,11 @@ def quat_from_matrix(R: ArrayLike) -> FloatArray:
     R : array_like
         (3, 3) rotation matrix.
 
+    Returns
+    -------
+    (4,) array
+        Unit quaternion, scalar first.
+
     Raises
     ------
     ValueError
@@ -133,6 +143,11 @@ def quat_from_rotvec(rotvec_rad: ArrayLike) -> FloatArray:
     ----------
     rotvec_rad : array_like
         (..., 3) axis times angle [rad].
+
+    Returns
+    -------
+    (..., 4) array
+        Unit quaternion, scalar first.
 
     Raises
     ------

@@ -85,6 +85,11 @@ def step(state: ChaserState, command: SteeringCommand, dt_s: float, orbit: Orbit
         Step [s], positive.
     orbit : OrbitTrack
         The target's track, for the difference of gravity.
+
+    Returns
+    -------
+    ChaserState
+        State at the end of the step.
     """
     omega = np.array(command.rate_camera_rad_s, float)
     acceleration_camera = np.array(command.acceleration_camera_m_s2, float)

@@ -181,7 +181,7 @@ class Glideslope(Chaser, tag_field="mode", tag="glideslope", frozen=True, kw_onl
         References
         ----------
         Hablani, Tapper & Dana-Bashian (2002), Guidance and relative navigation for autonomous rendezvous in a
-        circular orbit, J. Guidance 25(3), eq. 30-36.
+        circular orbit, J. Guidance 25(3).
         """
         start, end = np.array(self.start_lvlh_m, float), np.array(self.end_lvlh_m, float)
         length = float(np.linalg.norm(start - end))

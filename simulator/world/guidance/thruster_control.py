@@ -95,6 +95,11 @@ def fly_controlled(
         Thrusters of the chaser.
     keep_out : KeepOut, optional
         Sphere that the chaser must not enter. If it does, it aborts and retreats.
+
+    Returns
+    -------
+    ControlledTrack
+        Position [m], velocity [m s-1] and thrust of each period.
     """
     h = thrusters.period_s
     Phi = transition_matrix(n_rad_s, h)
@@ -154,6 +159,11 @@ def path_impulse(
         Clohessy-Wiltshire transition matrix of one period.
     period_s : float
         Control period.
+
+    Returns
+    -------
+    (3,) array
+        Velocity change, LVLH [m s-1].
     """
     predicted = transition @ np.concatenate(state_lvlh)
     aim_p, aim_v = aim_lvlh

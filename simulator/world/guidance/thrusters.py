@@ -51,6 +51,13 @@ class Thrusters(Section, frozen=True, kw_only=True):
         mass_kg : float
             Mass before the period.
 
+        Returns
+        -------
+        (3,) array
+            Velocity change [m s-1].
+        float
+            Mass after it [kg].
+
         Raises
         ------
         UserError

@@ -200,6 +200,11 @@ class Segment:
         lengths : tuple of int, optional
             Allowed numbers of values per line; by default any from ``count`` on.
 
+        Returns
+        -------
+        (n, count) array
+            Numbers in the file's units.
+
         Raises
         ------
         UserError

@@ -117,6 +117,11 @@ def satellite_from_omm(segment: Segment) -> Satrec:
     segment : Segment
         Keys of the message.
 
+    Returns
+    -------
+    Satrec
+        Initialised record.
+
     Raises
     ------
     UserError

@@ -60,6 +60,11 @@ def sgp4_state(satellite: Satrec, epoch: Instant, description: str) -> tuple[Flo
     description : str
         Their name in messages.
 
+    Returns
+    -------
+    tuple of array
+        Position (3,) [m] and velocity (3,) [m s-1].
+
     Raises
     ------
     UserError
@@ -202,10 +207,11 @@ def check_line(line: str, number: int) -> None:
     UserError
         If one of them is wrong.
     """
-    if len(line) != _LINE_LENGTH or not line.startswith(f"{number} ") or not line[-1].isdigit():
+    is_plain = line.isascii() and len(line) == _LINE_LENGTH
+    if not is_plain or not line.startswith(f"{number} ") or not line[-1].isdigit():
         raise UserError(
-            f"line {number} of the two-line elements is {line!r}, allowed: {_LINE_LENGTH} characters that start with "
-            f"{number} and end with a checksum"
+            f"line {number} of the two-line elements is {line!r}, allowed: {_LINE_LENGTH} characters, all ASCII, that "
+            f"start with {number} and end with a checksum"
         )
     checksum = sum(int(c) if c.isdigit() else c == "-" for c in line[:-1]) % 10
     if checksum != int(line[-1]):

@@ -98,6 +98,11 @@ class ForceModel(Protocol):
             Position of the chaser relative to the target [m].
         w_eci_m_s : (3,) array
             Velocity of the chaser relative to the target [m s-1].
+
+        Returns
+        -------
+        tuple of array
+            Acceleration (3,) of the target, and difference (3,) [m s-2].
         """
         ...
 
@@ -277,7 +282,7 @@ def light_pressure(craft: Surface, from_sun_m: FloatArray, sun_share: float) -> 
 
     References
     ----------
-    Montenbruck & Gill (2000), Satellite Orbits, eq. 3.75.
+    Montenbruck & Gill (2000), Satellite Orbits (radiation pressure).
     """
     distance = float(np.linalg.norm(from_sun_m))
     factor = craft.push_per_pressure_m2_kg(craft.reflectivity)
@@ -306,7 +311,7 @@ def density_kg_m3(altitude_m: float) -> float:
 
     References
     ----------
-    Vallado (2013), Fundamentals of Astrodynamics, table 8-4 (from Wertz 1978: CIRA-72 above 25 km).
+    Vallado (2013), Fundamentals of Astrodynamics, 4th ed., table 8-4.
     """
     h = altitude_m / 1e3
     base, density, scale = next((layer for layer in reversed(_AIR_LAYERS) if h >= layer[0]), _AIR_LAYERS[0])

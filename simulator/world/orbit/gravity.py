@@ -48,7 +48,7 @@ class Gravity:
 
         References
         ----------
-        Vallado (2013), Fundamentals of Astrodynamics, eq. 8-28, written for any pole.
+        Vallado (2013), Fundamentals of Astrodynamics (J2), written for any pole.
         """
         # scalar arithmetic: NumPy's overhead on three numbers would dominate the integration
         x, y, z = r_eci_m.tolist()

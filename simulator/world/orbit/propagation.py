@@ -81,7 +81,7 @@ def state_from_elements(e: Elements, mu_m3_s2: float = MU_EARTH_M3_S2) -> tuple[
 
     References
     ----------
-    Vallado (2013), Fundamentals of Astrodynamics, algorithm 10.
+    Vallado (2013), Fundamentals of Astrodynamics, 4th ed., algorithm 10.
     """
     if not 0 < mu_m3_s2 < np.inf:
         raise ValueError(
@@ -121,7 +121,7 @@ def elements_from_state(
 
     References
     ----------
-    Vallado (2013), Fundamentals of Astrodynamics, algorithm 9.
+    Vallado (2013), Fundamentals of Astrodynamics, 4th ed., algorithm 9.
     """
     r, v = np.asarray(r_eci_m, float), np.asarray(v_eci_m_s, float)
     rn = float(np.linalg.norm(r))
@@ -244,6 +244,11 @@ def propagate(
         Burns of both craft.
     along : Solution, optional
         Prescribed states of the target. Only the chaser's relative state is integrated then.
+
+    Returns
+    -------
+    OrbitTrack
+        States over the span, GCRS [m], [m s-1].
 
     Raises
     ------

@@ -46,7 +46,7 @@ class HarmonicField:
 
     References
     ----------
-    Cunningham (1970), Celestial Mechanics 2, 207; Montenbruck & Gill (2000), Satellite Orbits, sec. 3.2.4-5;
+    Cunningham (1970), Celestial Mechanics 2, 207; Montenbruck & Gill (2000), Satellite Orbits;
     recursion of normalised functions: Holmes & Featherstone (2002), J. Geodesy 76, 279, eq. 11.
     """
 

@@ -25,9 +25,14 @@ def transition_matrix(n_rad_s: float, t_s: float) -> FloatArray:
     t_s : float
         Elapsed time [s].
 
+    Returns
+    -------
+    (6, 6) array
+        Matrix in SI units.
+
     References
     ----------
-    Clohessy & Wiltshire (1960), J. Aerospace Sciences 27(9); Alfriend et al. (2010), eq. 5.17.
+    Clohessy & Wiltshire (1960), J. Aerospace Sciences 27(9); Alfriend et al. (2010), chapter 5.
     """
     n, nt = n_rad_s, n_rad_s * t_s
     s, c = np.sin(nt), np.cos(nt)

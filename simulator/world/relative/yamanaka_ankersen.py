@@ -69,10 +69,15 @@ def elliptic_transition_matrix(orbit: Elements, t_s: float, mu_m3_s2: float = MU
     mu_m3_s2 : float, optional
         Gravitational parameter.
 
+    Returns
+    -------
+    (6, 6) array
+        Matrix in SI units.
+
     References
     ----------
     Yamanaka & Ankersen (2002), New state transition matrix for relative motion on an arbitrary elliptical
-    orbit, J. Guidance 25(1), eq. 80-90.
+    orbit, J. Guidance 25(1).
     """
     e = orbit.eccentricity
     p = orbit.semi_major_axis_m * (1 - e * e)
@@ -131,7 +136,7 @@ def true_anomaly_after(orbit: Elements, t_s: float, mu_m3_s2: float = MU_EARTH_M
 
     References
     ----------
-    Vallado (2013), Fundamentals of Astrodynamics, algorithm 2 (Newton on Kepler's equation).
+    Vallado (2013), Fundamentals of Astrodynamics, 4th ed., algorithm 2 (Newton on Kepler's equation).
     """
     e, nu = orbit.eccentricity, orbit.true_anomaly_rad
     stretch = np.sqrt((1 - e) / (1 + e))

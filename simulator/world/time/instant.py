@@ -61,6 +61,11 @@ class Instant:
     def from_utc(text: str) -> Instant:
         """Parse an instant such as ``2026-03-20T12:00:00Z`` (ISO 8601, with optional fractional seconds).
 
+        Returns
+        -------
+        Instant
+            Instant with its TT and UT1.
+
         Raises
         ------
         ValueError
@@ -84,11 +89,23 @@ class Instant:
         return Instant(float(tt1), float(tt2))
 
     def plus(self, seconds: float) -> Instant:
-        """Return the instant ``seconds`` later (SI seconds, across leap seconds)."""
+        """Return the instant ``seconds`` later (SI seconds, across leap seconds).
+
+        Returns
+        -------
+        Instant
+            Later instant; an earlier one for negative ``seconds``.
+        """
         return Instant(self.tt1, self.tt2 + seconds / DAY_S)
 
     def minus(self, earlier: Instant) -> float:
-        """Return the seconds from ``earlier`` to this instant."""
+        """Return the seconds from ``earlier`` to this instant.
+
+        Returns
+        -------
+        float
+            SI seconds, leap seconds included; negative if ``earlier`` is later [s].
+        """
         return ((self.tt1 - earlier.tt1) + (self.tt2 - earlier.tt2)) * DAY_S
 
     @property
@@ -119,7 +136,13 @@ class Instant:
         return self.tt1, self.tt2 + tdb_minus_tt_s(self.tt1, self.tt2) / DAY_S
 
     def iso(self) -> str:
-        """Return ISO 8601 text in UTC with microseconds and a trailing Z."""
+        """Return ISO 8601 text in UTC with microseconds and a trailing Z.
+
+        Returns
+        -------
+        str
+            Text that `from_utc` parses.
+        """
         year, month, day, hmsf = without_year_warning(erfa.d2dtf, "UTC", 6, *self.utc)
         date = f"{int(year):04d}-{int(month):02d}-{int(day):02d}"
         h, m, s, f = (int(hmsf[field]) for field in "hmsf")

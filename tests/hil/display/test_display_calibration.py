@@ -1,6 +1,9 @@
 """A slanted, bent, shaded and noisy camera sees a pre-distorted frame as it was drawn."""
 
+import os
+
 import cv2
+import msgspec
 import numpy as np
 import pytest
 from standin_camera import StandInCamera
@@ -90,6 +93,34 @@ def test_calibration_is_kept(calibration, tmp_path):
         read_calibration(tmp_path / "bad.json")
 
 
+@pytest.mark.parametrize(
+    ("field", "value"),
+    [
+        ("screen_px", (0, 800)),
+        ("screen_px", (10**9, 10**9)),
+        ("camera_px", (1, 1)),
+        ("homography", [1.0, 0.0, 0.0]),
+        ("bend", [[[0.0]]]),
+        ("shading", []),
+        ("levels", [0, 0, 255]),
+        ("response", [0.0, 1.0]),
+        ("white_dn", 0.0),
+        ("code_cell_px", 0),
+    ],
+)
+def test_a_calibration_file_with_an_impossible_value_is_refused(calibration, tmp_path, field, value):
+    document = msgspec.json.decode(msgspec.json.encode(calibration)) | {field: value}
+    (tmp_path / "bad.json").write_bytes(msgspec.json.encode(document))
+    with pytest.raises(UserError, match=f"not a calibration .*{field}"):
+        read_calibration(tmp_path / "bad.json")
+
+
+def test_a_pipe_is_no_calibration(tmp_path):
+    os.mkfifo(tmp_path / "pipe")
+    with pytest.raises(UserError, match="pipe"):
+        read_calibration(tmp_path / "pipe")
+
+
 def test_a_screen_that_is_not_seen_is_refused(camera):
     black = np.full(camera.size_px[::-1], 64.0)
     grabs = {p.name: black for p in calibration_patterns(*SCREEN)}
@@ -97,6 +128,9 @@ def test_a_screen_that_is_not_seen_is_refused(camera):
         calibrate(grabs, SCREEN)
     with pytest.raises(UserError, match="no picture of level_000"):
         calibrate({}, SCREEN)
+    grabs["level_015"] = black[:8, :8]
+    with pytest.raises(UserError, match="level_015 is 8 x 8 pixels, level_000 is"):
+        calibrate(grabs, SCREEN)
 
 
 def test_frame_of_another_size(calibration):

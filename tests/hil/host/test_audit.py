@@ -99,6 +99,7 @@ def test_a_camera_that_repeats_its_number_is_found(tmp_path):
 
 def test_what_is_no_recording_is_one_sentence(run, tmp_path):
     (tmp_path / "broken.mcap").write_bytes((run / "run.mcap").read_bytes()[:500])
-    for path in (tmp_path / "broken.mcap", tmp_path / "none.mcap"):
+    (tmp_path / "short.mcap").write_bytes(b"\xff\xfe\xfa")
+    for path in (tmp_path / "broken.mcap", tmp_path / "none.mcap", tmp_path / "short.mcap"):
         with pytest.raises(UserError, match="cannot be read"):
             list(pictures_of(path))

@@ -98,7 +98,7 @@ def axisymmetric_errors(span_s: float = 3600.0) -> tuple[float, float]:
 
     References
     ----------
-    Wertz (1978), Spacecraft Attitude Determination and Control, eq. 16-60 to 16-67.
+    Wertz (1978), Spacecraft Attitude Determination and Control, chapter 16 (axial symmetry).
     """
     transverse, along = 3.0, 4.5
     w0 = np.array([0.03, 0.01, 0.05])

@@ -30,6 +30,14 @@ SURFACE_TOLERANCE = 0.012
 """Distance behind the drawn surface up to which a point of an edge counts as visible, relative to the craft's size."""
 LIGHTS = ((0.0, 0.0), (50.0, 30.0), (50.0, 150.0), (50.0, 270.0))
 """Directions of the Sun [deg], one frontal and three from the side: angle from the line of sight, azimuth around it."""
+PLACES = (0.2, 0.5, 0.8)  # places along an edge that are compared, away from the corners at its ends
+MIN_LENGTH = (
+    0.02  # projected length, in radii of the craft, below which an edge is seen end-on and has no sides
+)
+FILLED_SHARE = (
+    0.94  # share of the image that the craft's sphere spans: the margin is larger than SAMPLE_OFFSET_PX
+)
+MIN_FULL_NEIGHBOURS = 5  # of eight, around an empty cell that is a gap and not beyond the outline
 AMBIENT = 0.02  # light in the shade, relative to the Sun's
 
 
@@ -66,7 +74,7 @@ def edge_contrast(
     albedo = np.array([float(np.mean(m.base_color)) for m in materials])[surface.material]
     low, high = surface.points_m.min(axis=0), surface.points_m.max(axis=0)
     center, radius = (low + high) / 2, float(np.linalg.norm(high - low)) / 2
-    points = np.stack([a_m + s * (b_m - a_m) for s in (0.2, 0.5, 0.8)], axis=1) - center
+    points = np.stack([a_m + s * (b_m - a_m) for s in PLACES], axis=1) - center
     contrast, visibility = np.zeros(points.shape[:2]), np.zeros(points.shape[:2])
     for view_direction in VIEWS:
         axes = _axes(view_direction)
@@ -79,7 +87,7 @@ def edge_contrast(
         row, column = np.rint(xy).astype(int)[..., 1], np.rint(xy).astype(int)[..., 0]
         visible = (
             view_points[..., 2] >= depth[row, column] - SURFACE_TOLERANCE * 2 * radius - depth_m[:, None]
-        ) & (length > 0.02 * radius)[:, None]  # seen end-on, an edge has no sides
+        ) & (length > MIN_LENGTH * radius)[:, None]
         sides = []
         for sign in (-1.0, 1.0):
             sides_px = np.rint(xy + sign * SAMPLE_OFFSET_PX * normal_px[:, None]).astype(int)
@@ -103,7 +111,7 @@ def _axes(direction: FloatArray) -> FloatArray:
 
 def _pixels(xy: FloatArray | Float32Array, radius: float) -> FloatArray:
     """Return positions in the image, with a margin for the comparison."""
-    return np.asarray((xy / radius * 0.94 + 1) * (SIZE_PX - 1) / 2)
+    return np.asarray((xy / radius * FILLED_SHARE + 1) * (SIZE_PX - 1) / 2)
 
 
 def _picture(
@@ -145,7 +153,7 @@ def _close_gaps(depth: FloatArray) -> FloatArray:
         [padded[1 + i : 1 + i + SIZE_PX, 1 + j : 1 + j + SIZE_PX] for i in (-1, 0, 1) for j in (-1, 0, 1)]
     )
     n_filled = np.isfinite(neighbours).sum(axis=0)
-    return np.where(np.isfinite(depth) | (n_filled < 5), depth, neighbours.max(axis=0))
+    return np.where(np.isfinite(depth) | (n_filled < MIN_FULL_NEIGHBOURS), depth, neighbours.max(axis=0))
 
 
 def _copy_to_neighbours(winner: np.ndarray, filled: np.ndarray) -> np.ndarray:

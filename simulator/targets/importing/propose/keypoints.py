@@ -33,6 +33,10 @@ SAMPLES, NEIGHBOURHOOD = 6000, 0.12
 """Number of surface points, and the radius around a keypoint as a share of the craft, for detecting booms."""
 BOOM_AXIS_RATIO, BOOM_WEIGHT = 0.4, 0.3
 """Ratio of principal axes below which a surface is a boom, and the weight of a point on a boom."""
+CORNER_WEIGHT, HULL_WEIGHT = 1.25, 1.4
+"""Weights of corners and hull vertices against other vertices, chosen by eye on the built-in craft."""
+UNSEEN_WEIGHT, VIEWS_POWER = 0.3, 1.5
+"""Weight (0.3 + share of directions)^1.5: a point visible from everywhere counts nine times a hidden one."""
 TURN_COS = float(np.cos(np.deg2rad(25.0)))  # cosine of the least angle by which a crease turns at a corner
 
 
@@ -55,15 +59,15 @@ def propose_keypoints(bodies: list[MeshBody], extent: float) -> tuple[Keypoint, 
         points, is_corner, n_directions = points[visible], is_corner[visible], n_directions[visible]
     is_on_hull = _hull_mask(points)
     weight = (
-        np.where(is_corner, 1.25, 1.0)
-        * np.where(is_on_hull, 1.4, 1.0)
+        np.where(is_corner, CORNER_WEIGHT, 1.0)
+        * np.where(is_on_hull, HULL_WEIGHT, 1.0)
         * np.where(
             is_on_hull,
             1.0,
             BOOM_WEIGHT
             + (1 - BOOM_WEIGHT) * np.clip(_breadth(bodies, points, extent) / BOOM_AXIS_RATIO, 0, 1),
         )
-        * (0.3 + n_directions / len(DIRECTIONS)) ** 1.5
+        * (UNSEEN_WEIGHT + n_directions / len(DIRECTIONS)) ** VIEWS_POWER
     )
     centre = (points.min(axis=0) + points.max(axis=0)) / 2
     distance = np.linalg.norm(points - centre, axis=1)

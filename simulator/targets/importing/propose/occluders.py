@@ -43,6 +43,11 @@ ENCLOSED_SHARE, ENCLOSED_DISTANCE = 0.97, 0.008
 dropped: cells on a panel, fittings on a plate."""
 MAX_EMPTY_SHARE = 0.15
 """Empty share of a hull's silhouette up to which the hull stands for its piece when smaller ones are dropped."""
+LINE_WIDTH, SHEET_THICKNESS = 1e-3, 2e-3
+"""Second extent below which points are a line, without a silhouette, and thickness given to flat sheets [extents]."""
+MAX_CUT_RATIO = 1.3
+"""Silhouette of both halves over that of the whole: with more, a cut goes through the middle of a body. Two halves of a
+cube have 1.33."""
 OCCLUDER_SCALE = 0.99
 """Scale of occluders, slightly below 1 so that they do not hide edges on their own surface."""
 
@@ -130,9 +135,9 @@ def _leaf(points: FloatArray, extent: float, smallest: float = 0.0) -> _Leaf | N
     hull = _hull(points)
     if hull is None:
         low, high = points.min(axis=0), points.max(axis=0)
-        if np.sort(high - low)[1] < 1e-3 * extent:  # a line has no silhouette
+        if np.sort(high - low)[1] < LINE_WIDTH * extent:
             return None
-        points = _thicken(points, 2e-3 * extent)
+        points = _thicken(points, SHEET_THICKNESS * extent)
         hull = _hull(points)
         if hull is None:
             return None
@@ -190,9 +195,8 @@ def _cut(leaf: _Leaf, extent: float) -> list[_Leaf]:
                 area += np.inf if hull is None else float(hull.area)
             if area < best:
                 best, choice = area, (axis, level)
-    # a convex body's mean silhouette is a quarter of its surface (Cauchy); halves with 30 % more than the whole are
-    # separated by a cut through its middle
-    if not np.isfinite(best) or best / 4 > leaf.shadow * 1.3:
+    # Cauchy: the mean silhouette of a convex body is a quarter of its surface
+    if not np.isfinite(best) or best / 4 > leaf.shadow * MAX_CUT_RATIO:
         return []
     axis, level = choice
     halves = [_leaf(p[p[:, axis] <= level], extent), _leaf(p[p[:, axis] > level], extent)]

@@ -5,6 +5,7 @@ import pytest
 
 from flyaround.hil.board.svd.region_of_interest import cdf_box, crop_of, marginal_interval
 from flyaround.hil.board.svd.segment_merging import merge_segments
+from flyaround.hil.board.svd.settings import PublishedConfig
 from flyaround.hil.board.svd.weak_gradients import eliminate_weak_gradients, exponential_threshold
 
 
@@ -40,3 +41,18 @@ def test_broken_and_doubled_segments_become_one_line():
     assert len(merged) == 2
     first = merged[0].reshape(2, 2)
     assert first[np.argsort(first[:, 0])] == pytest.approx(np.array([[10, 10], [90, 50]]), abs=1.0)
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"streams": ("lines",)},
+        {"solver": "dlt"},
+        {"merge_each": ("hough",)},
+        {"roi_growth": np.nan},
+        {"top": 0},
+    ],
+)
+def test_settings_of_no_stage_are_refused(wrong):
+    with pytest.raises(ValueError, match="mine: "):
+        PublishedConfig("mine", **wrong)

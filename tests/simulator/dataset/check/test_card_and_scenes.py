@@ -201,6 +201,11 @@ def test_a_line_of_the_manifest_for_no_frame_is_found(copy):
     assert wrong(copy) == [(None, "manifest.sha256 lists frame 99, which is not there")]
 
 
+def test_a_file_whose_name_is_no_number_is_of_no_frame(copy):
+    (copy / "images" / "\N{SUPERSCRIPT TWO}.png").write_bytes(b"")
+    assert wrong(copy) == [(None, "images/\N{SUPERSCRIPT TWO}.png is of no frame, label or sensor")]
+
+
 @pytest.mark.parametrize(("name", "frame"), [("images/000001.json", 1), ("dataset.json", None)])
 def test_a_key_that_is_there_twice_is_found(copy, name, frame):
     without_manifest(copy)

@@ -11,7 +11,7 @@ from flyaround.simulator.world.frames.rotation import quat_from_rotvec, quat_mul
 from flyaround.simulator.world.messages.aem import read_aem_state, write_aem
 from flyaround.simulator.world.messages.ccsds import read_time
 from flyaround.simulator.world.messages.oem import write_oem
-from flyaround.simulator.world.messages.tle import R_eci_from_teme, state_from_tle
+from flyaround.simulator.world.messages.tle import R_eci_from_teme, check_line, state_from_tle
 from flyaround.simulator.world.time.instant import Instant
 from tests.harness.oem import oem_state
 
@@ -172,6 +172,14 @@ def test_oem_keeps_micrometres():
     back = oem_state(text, "a.oem", Instant.from_utc(times[0]))
     assert np.allclose(back[0], r[0], atol=1e-6, rtol=0)
     assert np.allclose(back[1], v[0], atol=1e-9, rtol=0)
+
+
+@pytest.mark.parametrize("place", [20, -1])
+def test_a_digit_that_is_not_ascii_is_refused(place):
+    line = list(LINE1)
+    line[place] = "\N{SUPERSCRIPT TWO}"
+    with pytest.raises(UserError, match="line 1 of the two-line elements is"):
+        check_line("".join(line), 1)
 
 
 def test_scenario_starts_from_a_tle(tmp_path):
