@@ -136,6 +136,9 @@ def run(request: Request) -> dict[str, Any]:
         seed=request.seed,
         recorder=None if request.record is None else recorder,
     )
+    if request.record is None:
+        # what is recorded must be flown
+        session.show_recording()
     options = options_of(session, request.overlays)
     progress = ProgressLine()
 

@@ -293,37 +293,6 @@ class Widgets:
             console.do(name, *arguments)
         self.command_tip(console, name, *arguments)
 
-    def new_flight(self, console: Console, name: str, what: str) -> bool:
-        """Run a command that begins a new flight, after a question if something is not saved.
-
-        Parameters
-        ----------
-        console : Console
-            The console.
-        name : str
-            Name of the command.
-        what : str
-            Its argument: a scenario or target.
-
-        Returns
-        -------
-        bool
-            False while the question waits for its answer.
-        """
-        if not (console.unsaved or console.draft.changed or console.session.look_back.recorder):
-            console.do(name, what)
-            return True
-        self.text("A new flight, from T+0; File, Flight before returns to this one.", style.WARN)
-        width = (self.width - self.imgui.get_style().item_spacing.x) / 2
-        flies = self.filled_button("Fly it", width, style.PRIMARY)
-        self.command_tip(console, name, what)
-        self.imgui.same_line()
-        stays = self.filled_button("Stay here", width, None)
-        self.tip("stay in this flight")
-        if flies:
-            console.do(name, what)
-        return flies or stays
-
     def filled_button(self, label: str, width: float, fill: style.Rgba | None) -> bool:
         """Draw a button of a colour, also when hovered; return True if it was clicked."""
         imgui = self.imgui
