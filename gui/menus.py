@@ -107,7 +107,8 @@ class MenuBar:
         """Draw the search for commands and the layouts at the right end, as far as there is room."""
         layouts = [name for name in commands_of(console.table, "layout.*") if name != "layout.first"]
         names, gap = ["panel.keys", *layouts], self._imgui.get_style().item_spacing.x
-        widths = [self._w.button_width(console.table[name].title) + gap for name in names]
+        titles = [labelled(name, console.table[name].title) for name in names]
+        widths = [self._w.button_width(title) + gap for title in titles]
         while sum(widths) > self._w.width:
             del names[0], widths[0]
         self._imgui.set_cursor_pos_x(self._imgui.get_window_width() - sum(widths))

@@ -82,7 +82,8 @@ def question_before(console: Console, command: Command, values: tuple[Value, ...
     # an abort acts on the present, and a stick that is let go on nothing
     flies = acts_on_chaser(name) and name != "docking.abort"
     flies &= any(values) or not name.startswith("steer.stick-")
-    if not (flies or name == "timeline.fly-on" or name.startswith("time.next-")) or not drops_future(session):
+    flies |= name.startswith("time.next-") or (name == "timeline.fly-on" and unsaved)
+    if not flies or not drops_future(session):
         return None
     flown = time_text(session.look_back.timeline.end_s - session.t_s)
     text = f"Fly on from T+{duration_text(int(session.t_s))}? The {flown} flown after it are dropped."

@@ -93,18 +93,16 @@ class StatusLine:
 
 
 def message_texts(console: Console) -> list[tuple[str, style.Rgba]]:
-    """Return the newest unacknowledged caution and the newest message, if it is another; with their colours."""
+    """Return the newest caution that waits and the newest other message, or the caution before; with their colours."""
     if not console.messages:
         return [("F1: commands and keys", style.QUIET)]
     waiting, newest = console.waiting, console.messages[-1]
-    colours = {"note": style.QUIET, "caution": style.WARN, "warning": style.BAD}
-    texts = []
+    shown = [*waiting[-1:], newest] if newest not in waiting else waiting[:-3:-1]
+    more = len(waiting) - sum(m in waiting for m in shown)
+    colours = {"note": style.INK if waiting else style.QUIET, "caution": style.WARN, "warning": style.BAD}
+    texts = [(m.text, style.QUIET if m.acknowledged else colours[m.level]) for m in shown]
     if waiting:
-        others = f"{len(waiting) - 1} more; " if len(waiting) > 1 else ""
-        texts.append((f"{waiting[-1].text} ({others}F9: seen)", colours[waiting[-1].level]))
-    if newest not in waiting[-1:]:
-        colour = style.QUIET if newest.acknowledged else colours[newest.level]
-        texts.append((newest.text, style.INK if waiting else colour))
+        texts[0] = f"{texts[0][0]} ({f'{more} more; ' * bool(more)}F9: seen)", texts[0][1]
     return texts
 
 

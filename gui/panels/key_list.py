@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 class KeyList(Panel):
-    """The commands by group; a click does one, and Enter what was typed: a command with arguments, or the first match."""
+    """The commands by group; a click does one, Enter the one that was typed with its arguments, or the first match."""
 
     name, title, place, shown = "keys", "Find a command", "over", False
     keys = ("f1", "h", "ctrl+p")

@@ -38,8 +38,8 @@ class QuitQuestion(Panel):
 class Question(Panel):
     """Asked once before a command drops a flight, or leaves one that is not kept."""
 
-    name, title, place, shown = "question", "Before that", "over", False
-    size = (470.0, 170.0)
+    name, title, place, shown = "question", "Before you go on", "over", False
+    size = (470.0, 140.0)
 
     def draw(self, console: Console) -> None:
         """Draw into the current window."""

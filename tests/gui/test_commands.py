@@ -9,7 +9,8 @@ import pytest
 from flyaround.gui import style
 from flyaround.gui.app import command_table
 from flyaround.gui.command_table import Argument, Command, CommandTable, line_of
-from flyaround.gui.console import LONGEST_TICK_MS, MODIFIERS, STEERING
+from flyaround.gui.console import LONGEST_TICK_MS, STEERING
+from flyaround.gui.hand_control import MODIFIERS
 from flyaround.gui.jobs.all import running_jobs
 from flyaround.gui.panels.all import PANELS
 from flyaround.gui.panels.help import GROUPS
@@ -349,7 +350,7 @@ def test_a_caution_stays_in_the_last_line_beside_an_ordinary_message(table: Comm
     caution = "the plume strikes (F9: seen)", style.WARN
     assert message_texts(console) == [caution, ("guidance: V-bar", style.INK)]
     console.say("too near", "warning")
-    assert message_texts(console) == [("too near (1 more; F9: seen)", style.BAD)]
+    assert message_texts(console) == [("too near (F9: seen)", style.BAD), ("the plume strikes", style.WARN)]
     console.acknowledge()
     console.say("guidance: R-bar")
     assert message_texts(console) == [("guidance: R-bar", style.QUIET)]

@@ -18,7 +18,6 @@ FLYING = (
     "steer.stick-thrust 0 0 1",
     "steer.stop",
     "time.next-eclipse",
-    "timeline.fly-on",
 )
 
 
@@ -126,6 +125,20 @@ def test_a_restart_asks_once_if_the_flight_is_in_no_file(back: Pointer) -> None:
     assert console.session.t_s == 0.0
     back.turn()
     assert not back.has("Stay here")
+
+
+def test_flying_on_by_its_own_command_asks_if_the_flight_is_in_no_file(back: Pointer) -> None:
+    console = back.console
+    console.do("timeline.end")
+    console.do("guidance.hold")
+    console.do("timeline.seek", 1.0)
+    console.do("timeline.fly-on")
+    assert end_s(back) > 3.5
+    back.turn()
+    back.press("Fly on")
+    assert end_s(back) < 2.0
+    back.turn()
+    assert not back.has("Stay here"), "one question"
 
 
 def test_the_question_before_another_scenario_names_both(back: Pointer) -> None:
