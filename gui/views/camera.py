@@ -297,5 +297,6 @@ def _badge(session: FlightSession) -> tuple[str, style.Rgba]:
     if session.clock.jump:
         badge = f"JUMP  {badge}"
     if session.look_back.active:
-        badge, color = f"LOOKING BACK  {badge}", style.WARN
+        looks = "REPLAY" if session.look_back.replays else "LOOKING BACK"
+        badge, color = f"{looks}  {badge}", style.WARN
     return (f"PAUSED  {badge}" if session.clock.paused else badge), color
