@@ -389,7 +389,6 @@ class ConsoleLoop:
             try:
                 path.parent.mkdir(parents=True, exist_ok=True)
                 save_picture(frame, path)
-                console.saved_truth = str(path.with_suffix(".json"))
                 console.say(f"saved {path} and .json")
             except (UserError, OSError) as error:
                 # the flight continues: a full disk must not end it

@@ -104,8 +104,6 @@ class Console:
         Absolute paths of the replays of kept flights.
     unsaved : list of FlightSession, optional
         Flights that the operator flew and that are in no file.
-    saved_truth : str, optional
-        Truth record of the last saved picture.
     history : SettingsHistory, optional
         Settings to undo and redo.
     held : frozenset of str, optional
@@ -144,7 +142,6 @@ class Console:
     recent: list[str] = field(default_factory=list)
     flights: list[str] = field(default_factory=list)
     unsaved: list[FlightSession] = field(default_factory=list)
-    saved_truth: str = ""
     history: SettingsHistory = field(default_factory=SettingsHistory)
     held: frozenset[str] = frozenset()
     hand: HandControl = field(default_factory=HandControl)

@@ -263,6 +263,7 @@ class Widgets:
         on: bool = False,
         icon: str = "",
         fill: style.Rgba | None = None,
+        enabled: bool = True,
     ) -> None:
         """Draw a button of a command with its icon and hover text.
 
@@ -284,13 +285,17 @@ class Widgets:
             Icon of another command or state.
         fill : Rgba, optional
             Colour, by default that of a primary command.
+        enabled : bool, optional
+            False for a grey one, which stays in its place.
         """
         fill = fill or (style.PRIMARY if name in PRIMARY else style.LIT if on else None)
         text = labelled(icon or name, console.table[name].title if label is None else label)
         # label and numbers may change while a button is down, so they are not part of its identity
         words = " ".join(a for a in arguments if isinstance(a, str))
+        self.imgui.begin_disabled(not enabled)
         if self.filled_button(f"{text}###{name} {words}", width, fill):
             console.do(name, *arguments)
+        self.imgui.end_disabled()
         self.command_tip(console, name, *arguments)
 
     def filled_button(self, label: str, width: float, fill: style.Rgba | None) -> bool:
@@ -414,7 +419,9 @@ class Widgets:
         imgui.end_table()
 
     @contextmanager
-    def plot(self, name: str, height: float, tip: str, *, still: bool = True) -> Iterator[bool]:
+    def plot(
+        self, name: str, height: float, tip: str, axes: tuple[str, str] = ("", ""), *, still: bool = True
+    ) -> Iterator[bool]:
         """Open a plot without legend and title; yield False if it is not visible.
 
         Parameters
@@ -425,6 +432,8 @@ class Widgets:
             Height at scale 1.
         tip : str
             Hover text.
+        axes : tuple of str, optional
+            Names of the axes.
         still : bool, optional
             True if the mouse does not move it.
         """
@@ -432,6 +441,9 @@ class Widgets:
         quiet = flags.no_legend | flags.no_menus | flags.no_mouse_text | flags.no_title
         size = self.imgui.ImVec2(-1, height * self.window.scale)
         opened = self.implot.begin_plot(f"##{name}", size, quiet | (flags.no_inputs if still else 0))
+        if opened:
+            quiet = self.implot.AxisFlags_.no_highlight
+            self.implot.setup_axes(*axes, quiet, quiet)
         yield bool(opened)
         if opened:
             self.implot.end_plot()

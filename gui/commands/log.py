@@ -34,12 +34,11 @@ def _save(console: Console, path: str | None = None) -> None:
     )
 
 
-def _copy_text(console: Console, text: str) -> None:
-    console.window.clipboard = text
+def _copy(console: Console) -> None:
+    console.window.clipboard = script_of(console)
 
 
 COMMANDS = (
-    command("log.copy-text", _copy_text, word("text", "what to copy")),
     command("log.save", _save, word("path", "of the file", optional=True)),
-    command("log.copy", lambda console: _copy_text(console, script_of(console))),
+    command("log.copy", _copy),
 )

@@ -67,15 +67,6 @@ def _bookmark(console: Console, note: str = "") -> None:
     console.say(f"bookmark at {clock(mark.t_s)}{': ' if mark.note else ''}{mark.note}")
 
 
-def _neighbour(step: int, console: Console) -> None:
-    here = console.session.t_s
-    times = [b.t_s for b in console.session.look_back.timeline.bookmarks]
-    ahead = [t for t in times if (t - here) * step > 1e-3]
-    if not ahead:
-        raise UserError(f"there is no bookmark {'after' if step > 0 else 'before'} this place")
-    _seek(console, min(ahead) if step > 0 else max(ahead))
-
-
 @dataclass(eq=False)
 class Keeping:
     """A flight that is being written in portions, one per turn of the window.
@@ -198,8 +189,6 @@ COMMANDS = (
         lambda c, t_s=None: c.session.look_back.timeline.unbookmark(c.session.t_s if t_s is None else t_s),
         number("t_s", "near this time; left out: near now", 0.0, 1e9, "s", optional=True),
     ),
-    command("timeline.previous-bookmark", partial(_neighbour, -1)),
-    command("timeline.next-bookmark", partial(_neighbour, 1)),
     command("timeline.keep", keep_flight, word("folder", "empty or to be made", optional=True)),
     command("timeline.keep-all", _keep_all),
     command("timeline.keep-stop", _stop_keeping),

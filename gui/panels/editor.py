@@ -12,6 +12,9 @@ if TYPE_CHECKING:
     from flyaround.gui.scenario_draft import ScenarioDraft
 
 
+MARGIN = 4.0  # added to the height of a framed line
+
+
 class EditorPanel(Panel):
     """A scenario's TOML with what is wrong with it."""
 
@@ -74,4 +77,4 @@ class EditorPanel(Panel):
             imgui.internal.set_scroll_y(area, max(below - area.size.y / 3, 0.0))
         top = area.pos.y + imgui.get_style().frame_padding.y + below - area.scroll.y
         if area.pos.y <= top <= area.pos.y + area.size.y - tall:
-            self._w.frame((area.pos.x, top, area.size.x, tall), style.BAD)
+            self._w.frame((area.pos.x, top, area.size.x, tall + MARGIN), style.BAD)

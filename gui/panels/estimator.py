@@ -122,8 +122,7 @@ class EstimatorPanel(Panel):
         with w.plot(name, PLOT_HEIGHT, tip, still=False) as in_sight:
             if not in_sight:
                 return
-            axis, always = implot.AxisFlags_, w.imgui.Cond_.always
-            implot.setup_axes("", "", axis.no_highlight, axis.no_highlight)
+            always = w.imgui.Cond_.always
             low, high = float(t[0]), float(t[-1])
             # a little wider than the data, so that dots at the ends are whole
             margin = 0.04 * max(high - low, 1.0)

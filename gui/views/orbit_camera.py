@@ -5,8 +5,6 @@ from __future__ import annotations
 from functools import partial
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from flyaround.gui import style
 from flyaround.gui.canvas import Canvas, point
 from flyaround.gui.picture.further import ORBIT_CAMERA
@@ -22,7 +20,6 @@ if TYPE_CHECKING:
 
 DEGREES_PER_UNIT = 0.4  # turn per unit of mouse movement
 WHEEL_FACTOR = 1.15  # change of the distance per step of the wheel
-EDGE = 24.0  # from the picture's edge to an arrow at it
 SMALL = 14.0
 """Size in screen units per metre below which the target is marked."""
 
@@ -101,24 +98,13 @@ class OrbitCameraView(Panel):
             canvas.stroke(line, style.INK, 1.2)
         for line, colour in zip(box.all_at(marks.axes), style.AXIS_COLORS, strict=True):
             canvas.stroke(line, colour, 2.4)
-        if not np.isfinite(marks.place).all():
-            canvas.centred((box.x, box.y, box.width, box.height), "the chaser is behind: First place")
-            return
-        at, half = box.all_at(marks.place), np.array([box.width, box.height]) / 2
-        middle = half + np.array([box.x, box.y])
-        beyond = float(np.max(np.abs(at - middle) / (half - EDGE)))
-        if beyond <= 1.0:
-            x, y = point(at)
+        x, y = point(box.all_at(marks.place))
+        if box.x < x < box.x + box.width and box.y < y < box.y + box.height:
             canvas.dot((x, y), 3.0, style.ACCENT)
             canvas.text((x + 8, y + 4), "chaser", style.ACCENT)
         else:
-            # out of the picture: an arrow at its edge
-            x, y = point(middle + (at - middle) / beyond)
-            tail = middle + (at - middle) / beyond * (1 - 2 * EDGE / float(np.hypot(*half)))
-            canvas.arrow(point(tail), (x, y), style.ACCENT, 2.0)
-            canvas.text(
-                (min(x, box.x + box.width - 5 * EDGE), y + 4), f"chaser, {marks.range_m:.0f} m", style.ACCENT
-            )
+            away = f"the chaser is out of view, {marks.range_m:.0f} m away: First place"
+            canvas.centred((box.x, box.y, box.width, box.height), away)
 
     def _buttons(self, console: Console, place: tuple[float, float, float, float]) -> None:
         """Draw the buttons for object and initial position, in the lower left corner."""

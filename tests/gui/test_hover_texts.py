@@ -34,7 +34,7 @@ from tests.harness.no_renderer import NoRenderer
 
 pytest.importorskip("imgui_bundle", reason="the gui extra is not installed")
 
-WORDS_ALONE = {"log", "command-line", "keys", "help", "tour", "scenarios"}
+WORDS_ALONE = {"log", "keys", "help", "tour", "scenarios"}
 """Panels whose figures are parts of sentences, names and commands."""
 
 
