@@ -10,8 +10,8 @@ from flyaround.gui import style
 from flyaround.gui.app import command_table
 from flyaround.gui.command_table import Argument, Command, CommandTable, line_of
 from flyaround.gui.console import LONGEST_TICK_MS, STEERING
-from flyaround.gui.hand_control import MODIFIERS
 from flyaround.gui.jobs.all import running_jobs
+from flyaround.gui.operator_state import MODIFIERS
 from flyaround.gui.panels.all import PANELS
 from flyaround.gui.panels.help import GROUPS
 from flyaround.gui.panels.key_list import matches
