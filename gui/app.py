@@ -350,9 +350,6 @@ class ConsoleLoop:
         if requests.full_screen:
             requests.full_screen = False
             window.toggle_full_screen()
-        if requests.clipboard:
-            window.copy(requests.clipboard)
-            requests.clipboard = ""
 
     def _keep_look(self, path: Path) -> None:
         """Write the screenshot to a file; a failure becomes a message, and the flight continues."""

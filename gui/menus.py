@@ -79,10 +79,8 @@ class MenuBar:
     def _recent(self, console: Console) -> None:
         """Draw an entry for each scenario flown last, the newest first."""
         for source in console.recent:
-            name = (
-                source if Path(source).name == source else f"{Path(source).parent.name}/{Path(source).name}"
-            )
-            title = self._w.elided(name, LONGEST_EM * self._imgui.get_font_size())
+            short = "/".join(Path(source).parts[-2:])
+            title = self._w.elided(short, LONGEST_EM * self._imgui.get_font_size())
             if self._imgui.menu_item_simple(f"{NO_ICON}{title}###{source}", "", source == console.source):
                 console.do("scenario.open", source)
             self._w.command_tip(console, "scenario.open", source)

@@ -77,8 +77,6 @@ class WindowRequests:
         Panel that fills the window, or empty.
     screenshot : Path, optional
         File for a picture of the window.
-    clipboard : str, optional
-        Text for the clipboard.
     front : str, optional
         Panel to raise.
     font_scale : float, optional
@@ -91,7 +89,6 @@ class WindowRequests:
     layout: str = ""
     enlarged: str = ""
     screenshot: Path | None = None
-    clipboard: str = ""
     front: str = ""
     font_scale: float = 1.0
 

@@ -332,14 +332,10 @@ class Widgets:
         self.command_tip(console, name)
 
     def switches(self, console: Console, names: Sequence[str]) -> None:
-        """Draw tick boxes in as many columns as fit, at most two."""
+        """Draw tick boxes in as many columns as fit."""
         widest = max(self.imgui.calc_text_size(console.table[n].title).x for n in names)
-        column = self.width / 2
-        two = widest + 2.5 * self.imgui.get_frame_height() <= column
-        start = self.imgui.get_cursor_pos_x()
-        for k, name in enumerate(names):
-            if two and k % 2:
-                self.imgui.same_line(start + column)
+        column = (widest + 2.5 * self.imgui.get_frame_height()) / self.window.scale
+        for name, _ in zip(names, self.grid(len(names), column), strict=True):
             self.switch(console, name)
 
     def choice(

@@ -23,7 +23,7 @@ class QuitQuestion(Panel):
         lost = console.losses
         w.text("If you quit now:" if lost else "Everything is saved.")
         for line in lost:
-            w.text(f"- {line}", style.WARN)
+            w.text(f"- {line}", style.WARN, "lost for good if you quit")
         imgui.dummy(w.vec(0, 1))
         if console.unsaved:
             label = "Keep flight" if len(console.unsaved) == 1 else None
@@ -47,7 +47,7 @@ class Question(Panel):
         if asked is None:
             console.open_panel(self.name, shown=False)
             return
-        w.text(asked.text, style.WARN)
+        w.text(asked.text, style.WARN, "what the command would drop or leave")
         w.text(asked.way_back, style.QUIET)
         w.imgui.dummy(w.vec(0, 1))
         goes = w.filled_button(asked.answer, w.width / 2 - 4, style.GUARDED)

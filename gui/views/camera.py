@@ -103,7 +103,7 @@ class CameraView(Panel):
         else:
             self._in_columns(canvas, beside, groups)
         if options.overlays.times:
-            self._times(canvas, within, feed, self._line * (2 if beside is None else 0))
+            self._times(canvas, within, feed, self._line * (3.5 if beside is None else 0))
         if picture is not self._metered:
             self._metered, self._fault = picture, exposure_fault(picture.frame)
         if feed.late_s:

@@ -104,7 +104,10 @@ class OrbitCameraView(Panel):
             canvas.text((x + 8, y + 4), "chaser", style.ACCENT)
         else:
             away = f"the chaser is out of view, {marks.range_m:.0f} m away: First place"
-            canvas.centred((box.x, box.y, box.width, box.height), away)
+            at = (box.x + 8, box.y + box.height / 2)
+            canvas.text(
+                at, away, style.WARN, "distance from the free camera; First place brings it into view"
+            )
 
     def _buttons(self, console: Console, place: tuple[float, float, float, float]) -> None:
         """Draw the buttons for object and initial position, in the lower left corner."""

@@ -67,7 +67,7 @@ def test_the_button_of_a_hil_run_flies_what_was_flown(console: Console) -> None:
     assert [m for m in console.messages if m.level != "note"] == []
     # the same flight, where it was kept
     replayed.clock.paused = False
-    while replayed.t_s < 1.5:
+    while replayed.t_s < 1.5 - 1e-6:
         replayed.step(PilotCommand(), 0.02)
     at = replayed.craft.world
     flown.look_back.seek(at.t_s)

@@ -96,6 +96,8 @@ def console(frame: Frame, table: CommandTable) -> Console:
     console.jobs.capture.thumbnails = [Thumbnail("000000.png", np.zeros((8, 12), np.uint8))]
     console.jobs.capture.outcome = "captured: 3 frames"
     console.draft.edit("tango-space-10m")
+    # asks, because this flight is in no file
+    console.do("time.restart")
     return console
 
 
