@@ -227,7 +227,8 @@ class Console:
 
     def _asks(self, command: Command, values: tuple[Value, ...]) -> bool:
         """Ask before a command drops or leaves a flight; return True if the command must wait."""
-        question = question_before(self, command, values)
+        unsaved = self.session in self.unsaved
+        question = question_before(self.session, command, values, self.draft.name, unsaved=unsaved)
         if question is None:
             return False
         self.asked = question

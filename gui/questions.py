@@ -9,7 +9,6 @@ from flyaround.gui.texts import duration_text, time_text
 
 if TYPE_CHECKING:
     from flyaround.gui.command_table import Command, Value
-    from flyaround.gui.console import Console
     from flyaround.simulator.piloting.session import FlightSession
 
 FLOWN = frozenset({"steer", "guidance", "burn", "docking"})
@@ -66,12 +65,27 @@ def drops_future(session: FlightSession) -> bool:
     return session.look_back.active and not session.look_back.replays
 
 
-def question_before(console: Console, command: Command, values: tuple[Value, ...]) -> Question | None:
-    """Return the question before a command that drops or leaves a flight in no file; None if nothing is lost."""
-    session, name = console.session, command.name
-    unsaved = session in console.unsaved
+def question_before(
+    session: FlightSession, command: Command, values: tuple[Value, ...], edited: str, *, unsaved: bool
+) -> Question | None:
+    """Return the question before a command that drops or leaves a flight; None if nothing is lost.
+
+    Parameters
+    ----------
+    session : FlightSession
+        The present flight.
+    command : Command
+        The command.
+    values : tuple of Value
+        Its arguments.
+    edited : str
+        Name of the scenario whose text is edited.
+    unsaved : bool
+        True if the flight was flown by hand and is in no file.
+    """
+    name = command.name
     if name in NEW_FLIGHT and (unsaved or session.look_back.recorder is not None):
-        what = {"scenario.fly": console.draft.name}.get(name, str(values[0]) if values else "these lights")
+        what = {"scenario.fly": edited}.get(name, str(values[0]) if values else "these lights")
         text = f"Leave {flight_text(session)} for {what}? It is not kept."
         if not unsaved:
             text = f"Leave {flight_text(session)} for {what}? Its recording ends."
