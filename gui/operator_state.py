@@ -1,4 +1,4 @@
-"""What the operator holds and has asked for: manual control, requests to the window, help and tour."""
+"""State of the operator: manual control, requests to the window, help and tour."""
 
 from __future__ import annotations
 
