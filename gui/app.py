@@ -136,6 +136,9 @@ def run(request: Request) -> dict[str, Any]:
         seed=request.seed,
         recorder=None if request.record is None else recorder,
     )
+    if request.record is None:
+        # what is recorded must be flown
+        session.show_recording()
     options = options_of(session, request.overlays)
     progress = ProgressLine()
 
@@ -347,9 +350,6 @@ class ConsoleLoop:
         if requests.full_screen:
             requests.full_screen = False
             window.toggle_full_screen()
-        if requests.clipboard:
-            window.copy(requests.clipboard)
-            requests.clipboard = ""
 
     def _keep_look(self, path: Path) -> None:
         """Write the screenshot to a file; a failure becomes a message, and the flight continues."""
@@ -386,7 +386,6 @@ class ConsoleLoop:
             try:
                 path.parent.mkdir(parents=True, exist_ok=True)
                 save_picture(frame, path)
-                console.saved_truth = str(path.with_suffix(".json"))
                 console.say(f"saved {path} and .json")
             except (UserError, OSError) as error:
                 # the flight continues: a full disk must not end it

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import logging
-import math
 import shlex
 from copy import deepcopy
 from dataclasses import dataclass, field
@@ -12,21 +11,22 @@ from typing import TYPE_CHECKING, Literal
 from flyaround.gui.command_table import STATE, word_of
 from flyaround.gui.jobs.all import Jobs, running_jobs
 from flyaround.gui.jobs.scenario_opening import ScenarioOpener
+from flyaround.gui.operator_state import HandControl, Help, WindowRequests
 from flyaround.gui.picture.settings_history import SettingsHistory
 from flyaround.gui.picture.view_settings import exposure_text
+from flyaround.gui.questions import acts_on_chaser, flight_text, question_before
 from flyaround.gui.scenario_draft import ScenarioDraft
 from flyaround.gui.script import CommandLog, Line, Player, Script
 from flyaround.simulator.errors import UserError
-from flyaround.simulator.piloting.control_laws import COARSE_GAIN, FINE_GAIN, NO_DEMAND, SWITCHES
-from flyaround.simulator.piloting.orders import PilotCommand
+from flyaround.simulator.piloting.control_laws import SWITCHES
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
-    from pathlib import Path
 
     from flyaround.gui.command_table import Command, CommandTable, Value
     from flyaround.gui.picture.feed import Feed
     from flyaround.gui.picture.view_settings import Options
+    from flyaround.gui.questions import Question
     from flyaround.simulator.piloting.orders import Order
     from flyaround.simulator.piloting.session import FlightSession
 
@@ -35,20 +35,10 @@ log = logging.getLogger(__name__)
 Level = Literal["note", "caution", "warning"]
 KEPT_MESSAGES, KEPT_RECENT = 500, 6  # numbers of messages and of recent scenarios that are kept
 UNARMED = "keys, mouse and gamepad do not fly: arm hand control first (Ctrl+H or Insert)"
-MODIFIERS = {"coarse": COARSE_GAIN, "fine": FINE_GAIN}
 STEERING = frozenset(f"steer.{switch}" for switch in SWITCHES)
 """Names of the commands whose keys thrust or rotate."""
-FLOWN = frozenset({"steer", "guidance", "burn", "docking"})
-"""Groups of commands that make a flight the operator's own."""
-NO_FLYING = frozenset({"steer.arm", "steer.stick-lost"})
-"""Commands of those groups that do not act on the chaser."""
 LONGEST_TICK_MS = 250
 """Longest step of real time; a stalled window does not catch up."""
-
-
-def acts_on_chaser(name: str) -> bool:
-    """Return True for the name of a command that flies the chaser."""
-    return name.partition(".")[0] in FLOWN and name not in NO_FLYING
 
 
 @dataclass
@@ -61,115 +51,6 @@ class Message:
     acknowledged: bool = False
     acknowledged_ms: int | None = None
     """Time of the acknowledgement, or None."""
-
-
-class HandControl:
-    """Manual control: combines the states of keys, sticks and mouse into a command to the chaser.
-
-    Attributes
-    ----------
-    armed : bool
-        True while keys, mouse and gamepad act on the chaser. Commands, buttons, scripts and the abort key always do.
-    flown : bool
-        True once a command of the hand has moved the chaser.
-    thrust, turn : tuple of float
-        Translation and rotation demanded by stick or mouse, each axis from -1 to 1.
-    """
-
-    def __init__(self) -> None:
-        self.armed = self.flown = False
-        self._held: set[str] = set()
-        self._spent: set[str] = set()
-        self.centre_sticks()
-
-    def hold(self, name: str, *, held: bool) -> None:
-        """Press or release a thrust or rotation switch, or a modifier of the gain."""
-        (self._held.add if held else self._held.discard)(name)
-        self._spent &= self._held
-
-    def let_go(self) -> None:
-        """Ignore sticks and held keys until they are used again."""
-        self._spent = self._held & set(SWITCHES)
-        self.centre_sticks()
-
-    def centre_sticks(self) -> None:
-        """Ignore sticks until they are moved."""
-        self.thrust = self.turn = NO_DEMAND
-
-    def command(self) -> PilotCommand:
-        """Return the command that the present state of all inputs gives."""
-        acting = self._held - self._spent
-        return PilotCommand(
-            thrust=self.thrust,
-            turn=self.turn,
-            switches=frozenset(acting - set(MODIFIERS)),
-            gain=math.prod(MODIFIERS[name] for name in sorted(acting & set(MODIFIERS))),
-        )
-
-
-@dataclass
-class WindowRequests:
-    """Requests that commands make of the window; the main loop carries them out and clears them.
-
-    Parameters
-    ----------
-    close : bool, optional
-        True to close the window.
-    full_screen : bool, optional
-        True to enter or leave full screen.
-    preset : str, optional
-        Layout to apply.
-    layout : str, optional
-        Last layout chosen.
-    enlarged : str, optional
-        Panel that fills the window, or empty.
-    screenshot : Path, optional
-        File for a picture of the window.
-    clipboard : str, optional
-        Text for the clipboard.
-    front : str, optional
-        Panel to raise.
-    font_scale : float, optional
-        Font size relative to the default [1].
-    """
-
-    close: bool = False
-    full_screen: bool = False
-    preset: str = ""
-    layout: str = ""
-    enlarged: str = ""
-    screenshot: Path | None = None
-    clipboard: str = ""
-    front: str = ""
-    font_scale: float = 1.0
-
-
-@dataclass
-class Help:
-    """State of the panels' help and of the tour.
-
-    Parameters
-    ----------
-    descriptions : dict of str to tuple of str, optional
-        Title and description of each panel.
-    panel : str, optional
-        Panel that the help describes.
-    hovered : str, optional
-        The panel under the mouse.
-    behind : set of str, optional
-        Panels whose window is behind another in its dock or collapsed.
-    rects : dict of str to tuple of float, optional
-        Left, top, width and height of panels and bars.
-    tour_step : int, optional
-        Number of the tour's steps that are done or skipped.
-    """
-
-    descriptions: dict[str, tuple[str, str]] = field(default_factory=dict)
-    panel: str = ""
-    hovered: str = ""
-    behind: set[str] = field(default_factory=set)
-    rects: dict[str, tuple[float, float, float, float]] = field(default_factory=dict)
-    tour_step: int = 0
 
 
 @dataclass(eq=False)
@@ -214,24 +95,22 @@ class Console:
         Function that returns a text on the render process's preparations; empty without any.
     source : str, optional
         Built-in name or file of the flown scenario; empty if it is in no file.
-    former : tuple or None, optional
-        Previous flight and its source.
+    former : list of tuple, optional
+        Flights that were left, each with its source, the last one at the end: it, and those that are in no file.
     recent : list of str, optional
         Built-in names and files of recent scenarios, newest first.
     flights : list of str, optional
         Absolute paths of the replays of kept flights.
     unsaved : list of FlightSession, optional
         Flights that the operator flew and that are in no file.
-    saved_truth : str, optional
-        Truth record of the last saved picture.
     history : SettingsHistory, optional
         Settings to undo and redo.
     held : frozenset of str, optional
         Held commands that are running, by name.
     hand : HandControl, optional
         Manual control of the chaser.
-    asked : tuple or None, optional
-        Command, with its arguments, that waits for the answer whether the flight after the time shown is dropped.
+    asked : Question or None, optional
+        Question that a command waits for.
 
     Attributes
     ----------
@@ -258,15 +137,14 @@ class Console:
     window_gl: str = ""
     progress: Callable[[], str] = str
     source: str = ""
-    former: tuple[FlightSession, str] | None = None
+    former: list[tuple[FlightSession, str]] = field(default_factory=list)
     recent: list[str] = field(default_factory=list)
     flights: list[str] = field(default_factory=list)
     unsaved: list[FlightSession] = field(default_factory=list)
-    saved_truth: str = ""
     history: SettingsHistory = field(default_factory=SettingsHistory)
     held: frozenset[str] = frozenset()
     hand: HandControl = field(default_factory=HandControl)
-    asked: tuple[Command, tuple[Value, ...]] | None = None
+    asked: Question | None = None
     _player: Player | None = None
 
     def __post_init__(self) -> None:
@@ -287,8 +165,7 @@ class Console:
     def losses(self) -> list[str]:
         """The jobs that quitting ends and the unsaved work that it discards, one sentence each."""
         jobs = [f"{job.text}: ends" for job in running_jobs(self.jobs) if job.end != "estimator.run"]
-        kept = [self.session, *(self.former or ())[:1]]
-        flights = [f"the flight of {f.plan.scenario.name} is not kept" for f in kept if f in self.unsaved]
+        flights = [f"{flight_text(flight)} is not kept" for flight in self.unsaved]
         return jobs + flights + [f"the text of {self.draft.name} is not saved"] * self.draft.changed
 
     @property
@@ -314,7 +191,7 @@ class Console:
     def attempt(self, name: str, *arguments: Value, asks: bool = True) -> str:
         """Run a command as `do` does; return why it was refused, or an empty text.
 
-        While an earlier time is shown, a command that flies on from it first asks, unless ``asks`` is False.
+        A command that drops or leaves a flight that is in no file first asks, unless ``asks`` is False.
         """
         try:
             command = self.table[name]
@@ -349,14 +226,24 @@ class Console:
             self.say(f"the log's file takes no more lines: {error.strerror}", "warning")
 
     def _asks(self, command: Command, values: tuple[Value, ...]) -> bool:
-        """Ask before a command drops the flight after the time shown; return True if the command must wait."""
-        released = command.name.startswith("steer.stick-") and not any(values)
-        flies = acts_on_chaser(command.name) or command.name.startswith("time.next-")
-        if released or not (flies and self.session.look_back.active):
+        """Ask before a command drops or leaves a flight; return True if the command must wait."""
+        unsaved = self.session in self.unsaved
+        question = question_before(self.session, command, values, self.draft.name, unsaved=unsaved)
+        if question is None:
             return False
-        self.asked = command, values
-        self.open_panel("fly-on", shown=True)
+        self.asked = question
+        self.open_panel("question", shown=True)
         return True
+
+    def answer(self, goes: bool) -> None:  # noqa: FBT001 - of a question
+        """Answer the question that is open; a command that a key holds must be pressed again."""
+        asked, self.asked = self.asked, None
+        if asked is None or not goes:
+            return
+        if asked.first:
+            self.say(self.attempt(asked.first, asks=False), "caution")
+        if not asked.command.held:
+            self.say(self.attempt(asked.command.name, *asked.values, asks=False), "caution")
 
     def _note_flown(self, name: str) -> None:
         """Count the flight as the operator's own after a command that was not refused."""
@@ -480,18 +367,21 @@ class Console:
         if session is not None:
             self._begin(session, self.opener.source)
 
-    def go_back(self) -> None:
-        """Return to the previous flight, paused where it was left; a second call returns to the present one.
+    def go_back(self, which: int = 1) -> None:
+        """Return to a flight that was left, by default the last one, paused; a second call returns to the present one.
 
         Raises
         ------
         UserError
-            If no flight was left.
+            If there are not so many.
         """
-        if self.former is None:
-            raise UserError("there was no flight before this one")
-        self.former[0].clock.paused = True
-        self._begin(*self.former)
+        if which > len(self.former):
+            raise UserError(
+                "there was no flight before this one" if which == 1 else f"no flight {which} was left"
+            )
+        session, source = self.former[-which]
+        session.clock.paused = True
+        self._begin(session, source)
 
     def _begin(self, session: FlightSession, source: str) -> None:
         """Make ``session`` the current flight, and keep the present one for `go_back`."""
@@ -499,7 +389,8 @@ class Console:
         if recorder is not None:
             self.session.look_back.recorder = None
             self.say("the recording ends with the scenario that was flown", "caution")
-        self.former = self.session, self.source
+        left = [f for f in self.former if f[0] in self.unsaved and f[0] is not session]
+        self.former = [*left, (self.session, self.source)]
         self.session, self.source = session, source
         self.remember(self.source)
         self.hand.armed = False
@@ -512,7 +403,8 @@ class Console:
         # the operator's changes applied to the sensor and lights of the previous scenario
         settings.sensor_changes, settings.lights = {}, None
         name = session.plan.scenario.title or session.plan.scenario.name
-        self.say(f"flying {name}; File, Flight before returns to the last one")
+        way = "Space replays it, the slider seeks" if session.look_back.active else ""
+        self.say(f"flying {name}; {way or 'File, Flight before returns to the last one'}")
 
     # --- messages
 

@@ -161,7 +161,9 @@ class Layout:
         # a tab has a button that closes it
         no_second = window.imgui.internal.DockNodeFlagsPrivate_.no_close_button
         self._titled.dock_node_flags_override_set = no_second
-        self._untitled.dock_node_flags_override_set = window.imgui.DockNodeFlags_.auto_hide_tab_bar
+        self._untitled.dock_node_flags_override_set = (
+            no_second | window.imgui.DockNodeFlags_.auto_hide_tab_bar
+        )
         self._docked: set[str] = set()
         """Panels on the window's own background, as of the last frame."""
 

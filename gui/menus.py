@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from fnmatch import fnmatchcase
 from functools import cache
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from flyaround.gui.icons import ICONS, labelled
@@ -21,6 +22,7 @@ of the menu itself have an empty title.
 """
 NO_ICON = " " * 7
 """Width of an icon, for aligning titles."""
+RECENT = "Recent"  # title of the submenu of scenarios flown last
 LONGEST_EM = 22  # width of an entry, in text heights
 MENUS: tuple[tuple[str, Entries], ...] = tuple(
     (menu, tuple((title, tuple(names.split())) for title, _, names in (e.rpartition(":") for e in entries)))
@@ -65,12 +67,23 @@ class MenuBar:
             for title, names in entries:
                 if title and not self._imgui.begin_menu(f"{NO_ICON}{title}"):
                     continue
+                if title == RECENT:
+                    self._recent(console)
                 for name in (n for entry in names for n in commands_of(console.table, entry)):
                     self._item(console, name)
                 if title:
                     self._imgui.end_menu()
             self._imgui.end_menu()
         self._layouts(console)
+
+    def _recent(self, console: Console) -> None:
+        """Draw an entry for each scenario flown last, the newest first."""
+        for source in console.recent:
+            short = "/".join(Path(source).parts[-2:])
+            title = self._w.elided(short, LONGEST_EM * self._imgui.get_font_size())
+            if self._imgui.menu_item_simple(f"{NO_ICON}{title}###{source}", "", source == console.source):
+                console.do("scenario.open", source)
+            self._w.command_tip(console, "scenario.open", source)
 
     def _clicks(self, menu: str, *, opened: bool) -> bool:
         """Return True if a click on a title must open its menu.
@@ -89,10 +102,11 @@ class MenuBar:
         return not again
 
     def _layouts(self, console: Console) -> None:
-        """Draw the palette and the layouts at the right end, as far as there is room."""
+        """Draw the search for commands and the layouts at the right end, as far as there is room."""
         layouts = [name for name in commands_of(console.table, "layout.*") if name != "layout.first"]
-        names, gap = ["panel.palette", *layouts], self._imgui.get_style().item_spacing.x
-        widths = [self._w.button_width(console.table[name].title) + gap for name in names]
+        names, gap = ["panel.keys", *layouts], self._imgui.get_style().item_spacing.x
+        titles = [labelled(name, console.table[name].title) for name in names]
+        widths = [self._w.button_width(title) + gap for title in titles]
         while sum(widths) > self._w.width:
             del names[0], widths[0]
         self._imgui.set_cursor_pos_x(self._imgui.get_window_width() - sum(widths))

@@ -12,6 +12,9 @@ if TYPE_CHECKING:
     from flyaround.gui.surface import Surface
 
 
+LEAST = 40.0  # width below which a message is not worth reading
+
+
 class StatusLine:
     """The status line of one window.
 
@@ -40,15 +43,7 @@ class StatusLine:
             self._master_caution(console)
             rates = rates_text(console)
             free = w.width - imgui.calc_text_size(rates).x - 44 * self._w.window.scale
-            text, colour = message_text(console)
-            # panels are drawn later, and say it again for the next frame
-            if flaw := w.window.flaw:
-                text, colour, w.window.flaw = flaw, style.BAD, ""
-            if free > 40:
-                w.one_line(w.elided(text, free), colour)
-                if imgui.is_item_clicked():
-                    console.do("panel.log", True)
-                w.tip(f"{text}\na click opens the log of all messages")
+            self._messages(console, free)
             imgui.same_line(
                 imgui.get_window_width() - imgui.calc_text_size(rates).x - 28 * self._w.window.scale
             )
@@ -56,6 +51,27 @@ class StatusLine:
             w.tip(f"how often the window and the pictures are drawn a second; window by {console.window_gl}")
             imgui.end_menu_bar()
         imgui.end()
+
+    def _messages(self, console: Console, free: float) -> None:
+        """Draw the newest caution that waits, and after it the newest message, each of which has half of the line."""
+        w = self._w
+        texts = message_texts(console)
+        # panels are drawn later, and say it again for the next frame
+        if flaw := w.window.flaw:
+            texts, w.window.flaw = [(flaw, style.BAD)], ""
+        gap = 16 * w.window.scale
+        wide = [w.imgui.calc_text_size(text).x for text, _ in texts]
+        for k, (text, colour) in enumerate(texts):
+            others = sum(wide) - wide[k] + gap * (len(texts) - 1)
+            room = max(free - others, free / len(texts) - gap)
+            if room < LEAST:
+                return
+            if k:
+                w.imgui.same_line(0, gap)
+            w.one_line(w.elided(text, room), colour)
+            if w.imgui.is_item_clicked():
+                console.do("panel.log", True)
+            w.tip(f"{text}\na click opens the log of all messages")
 
     def _master_caution(self, console: Console) -> None:
         """Draw the light of unacknowledged cautions, which blinks until a click or F9."""
@@ -76,17 +92,18 @@ class StatusLine:
         w.tip(f"{newest}\nclick, or F9: seen" if waiting else "master caution: nothing waits to be seen")
 
 
-def message_text(console: Console) -> tuple[str, style.Rgba]:
-    """Return the newest unacknowledged caution, then the newest message; and their colour."""
+def message_texts(console: Console) -> list[tuple[str, style.Rgba]]:
+    """Return the newest caution that waits and the newest other message, or the caution before; with their colours."""
     if not console.messages:
-        return "F1: commands and keys", style.QUIET
+        return [("F1: commands and keys", style.QUIET)]
     waiting, newest = console.waiting, console.messages[-1]
-    shown = waiting[-1] if waiting else newest
-    others = f"{len(waiting) - 1} more; " if len(waiting) > 1 else ""
-    text = shown.text + f" ({others}F9: seen)" * bool(waiting)
-    colours = {"note": style.QUIET, "caution": style.WARN, "warning": style.BAD}
-    also = "" if newest is shown else f"   |   {newest.text}"
-    return text + also, style.QUIET if shown.acknowledged else colours[shown.level]
+    shown = [*waiting[-1:], newest] if newest not in waiting else waiting[:-3:-1]
+    more = len(waiting) - sum(m in waiting for m in shown)
+    colours = {"note": style.INK if waiting else style.QUIET, "caution": style.WARN, "warning": style.BAD}
+    texts = [(m.text, style.QUIET if m.acknowledged else colours[m.level]) for m in shown]
+    if waiting:
+        texts[0] = f"{texts[0][0]} ({f'{more} more; ' * bool(more)}F9: seen)", texts[0][1]
+    return texts
 
 
 def rates_text(console: Console) -> str:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from flyaround.gui.texts import texts
+
 if TYPE_CHECKING:
     from typing import Any
 
@@ -92,34 +94,12 @@ def apply_style(imgui: Any, scale: float) -> None:  # noqa: ANN401 - the binding
     """
     style = imgui.get_style()
     imgui.style_colors_dark()
-    style.window_rounding = 0.0
-    style.child_rounding = style.popup_rounding = 5.0
-    style.frame_rounding = style.grab_rounding = 3.0
-    style.window_border_size = 0.0
-    style.frame_border_size = 1.0
-    style.window_padding = imgui.ImVec2(12, 10)
-    style.frame_padding = imgui.ImVec2(8, 4)
-    style.item_spacing = imgui.ImVec2(8, 5)
-    style.item_inner_spacing = imgui.ImVec2(6, 4)
-    style.scrollbar_size = 10.0
+    for name, size in texts("style").items():
+        setattr(style, name, imgui.ImVec2(*size) if isinstance(size, list) else size)
     style.window_menu_button_position = imgui.Dir.none
     style.scale_all_sizes(scale)
-    accent = ACCENT[:3]
-    for colour, names in (
-        (INK, "text"),
-        (QUIET, "text_disabled"),
-        (GROUND, "window_bg child_bg popup_bg tab_dimmed title_bg docking_empty_bg"),
-        (
-            RAISED,
-            "frame_bg button header table_header_bg tab tab_dimmed_selected title_bg_active menu_bar_bg",
-        ),
-        (OUTLINE, "border"),
-        (EDGE, "frame_bg_hovered frame_bg_active button_hovered header_hovered header_active"),
-        (EDGE, "tab_hovered tab_dimmed_selected_overline resize_grip separator scrollbar_grab"),
-        (ACCENT, "check_mark slider_grab_active tab_selected_overline separator_active"),
-        ((*accent, 0.45), "button_active tab_selected docking_preview plot_histogram"),
-        ((*accent, 0.8), "slider_grab separator_hovered"),
-        ((0.0, 0.0, 0.0, 0.0), "scrollbar_bg"),
-    ):
+    for key, names in texts("colours").items():
+        colour, _, share = key.partition(" ")
+        r, g, b, alpha = globals()[colour]
         for name in names.split():
-            style.set_color_(getattr(imgui.Col_, name), imgui.ImVec4(*colour))
+            style.set_color_(getattr(imgui.Col_, name), imgui.ImVec4(r, g, b, float(share or alpha)))

@@ -172,10 +172,6 @@ class Surface(ABC):
         """Size of text and panels: the monitor's scale, slightly enlarged in a large window."""
         return self._monitor_scale * self._growth * self.font_scale
 
-    def copy(self, text: str) -> None:
-        """Put a text on the clipboard."""
-        self.imgui.set_clipboard_text(text)
-
     @contextmanager
     def frame(self) -> Iterator[None]:
         """Draw what the body lays out."""

@@ -11,7 +11,7 @@ from flyaround.gui import style
 from flyaround.gui.commands.timeline import clock
 from flyaround.gui.icons import labelled
 from flyaround.gui.jobs.all import running_jobs
-from flyaround.gui.views.earth_map import duration_text
+from flyaround.gui.texts import duration_text
 from flyaround.gui.widgets import Widgets
 from flyaround.simulator.piloting.clock import RATES
 
@@ -126,20 +126,21 @@ class TransportStrip:
     def _scale(self, end_s: float, x_of: Callable[[float], float]) -> None:
         """Write times into the slider, the last item: both ends, and round times between them."""
         w, imgui = self._w, self._w.imgui
+        at_text = lambda t_s: f"T+{duration_text(int(t_s))}"  # noqa: E731
         low, high = imgui.get_item_rect_min(), imgui.get_item_rect_max()
         imgui.push_font(w.window.text_font, 0.75 * imgui.get_style().font_size_base)
         room = 1.6 * imgui.calc_text_size("T+00:00").x
         step = next((s for s in STEPS_S if x_of(s) - x_of(0.0) > room), end_s)
-        last = imgui.calc_text_size(scale_text(end_s)).x
+        last = imgui.calc_text_size(at_text(end_s)).x
         times = {0.0: 0.0, end_s: 1.0}
         if high.x - low.x > 3 * room:
             times |= dict.fromkeys(np.arange(step, end_s - 0.6 * step, step).tolist(), 0.5)
         for t_s, share in times.items():
-            width = imgui.calc_text_size(scale_text(t_s)).x
+            width = imgui.calc_text_size(at_text(t_s)).x
             x = x_of(t_s) - share * (width + 20.0 * w.window.scale * (share == 1.0))
             if share == 1.0 or x + width < x_of(end_s) - last - 30.0:
                 y = (low.y + high.y - imgui.get_font_size()) / 2
-                imgui.get_window_draw_list().add_text(w.vec(x, y), w.color(style.QUIET), scale_text(t_s))
+                imgui.get_window_draw_list().add_text(w.vec(x, y), w.color(style.QUIET), at_text(t_s))
         imgui.pop_font()
 
     def _abort(self, console: Console, width: float) -> None:
@@ -158,11 +159,6 @@ class TransportStrip:
         w.tip(
             f"{console.table['docking.abort'].hover_text()}\ntwo clicks within five seconds; the key needs one press"
         )
-
-
-def scale_text(t_s: float) -> str:
-    """Return a time of the slider's scale."""
-    return f"T+{duration_text(int(t_s))}"
 
 
 class JobStrip:

@@ -263,6 +263,7 @@ class Widgets:
         on: bool = False,
         icon: str = "",
         fill: style.Rgba | None = None,
+        enabled: bool = True,
     ) -> None:
         """Draw a button of a command with its icon and hover text.
 
@@ -284,45 +285,18 @@ class Widgets:
             Icon of another command or state.
         fill : Rgba, optional
             Colour, by default that of a primary command.
+        enabled : bool, optional
+            False for a grey one, which stays in its place.
         """
         fill = fill or (style.PRIMARY if name in PRIMARY else style.LIT if on else None)
         text = labelled(icon or name, console.table[name].title if label is None else label)
         # label and numbers may change while a button is down, so they are not part of its identity
         words = " ".join(a for a in arguments if isinstance(a, str))
+        self.imgui.begin_disabled(not enabled)
         if self.filled_button(f"{text}###{name} {words}", width, fill):
             console.do(name, *arguments)
+        self.imgui.end_disabled()
         self.command_tip(console, name, *arguments)
-
-    def new_flight(self, console: Console, name: str, what: str) -> bool:
-        """Run a command that begins a new flight, after a question if something is not saved.
-
-        Parameters
-        ----------
-        console : Console
-            The console.
-        name : str
-            Name of the command.
-        what : str
-            Its argument: a scenario or target.
-
-        Returns
-        -------
-        bool
-            False while the question waits for its answer.
-        """
-        if not (console.unsaved or console.draft.changed or console.session.look_back.recorder):
-            console.do(name, what)
-            return True
-        self.text("A new flight, from T+0; File, Flight before returns to this one.", style.WARN)
-        width = (self.width - self.imgui.get_style().item_spacing.x) / 2
-        flies = self.filled_button("Fly it", width, style.PRIMARY)
-        self.command_tip(console, name, what)
-        self.imgui.same_line()
-        stays = self.filled_button("Stay here", width, None)
-        self.tip("stay in this flight")
-        if flies:
-            console.do(name, what)
-        return flies or stays
 
     def filled_button(self, label: str, width: float, fill: style.Rgba | None) -> bool:
         """Draw a button of a colour, also when hovered; return True if it was clicked."""
@@ -358,14 +332,10 @@ class Widgets:
         self.command_tip(console, name)
 
     def switches(self, console: Console, names: Sequence[str]) -> None:
-        """Draw tick boxes in as many columns as fit, at most two."""
+        """Draw tick boxes in as many columns as fit."""
         widest = max(self.imgui.calc_text_size(console.table[n].title).x for n in names)
-        column = self.width / 2
-        two = widest + 2.5 * self.imgui.get_frame_height() <= column
-        start = self.imgui.get_cursor_pos_x()
-        for k, name in enumerate(names):
-            if two and k % 2:
-                self.imgui.same_line(start + column)
+        column = (widest + 2.5 * self.imgui.get_frame_height()) / self.window.scale
+        for name, _ in zip(names, self.grid(len(names), column), strict=True):
             self.switch(console, name)
 
     def choice(
@@ -445,7 +415,9 @@ class Widgets:
         imgui.end_table()
 
     @contextmanager
-    def plot(self, name: str, height: float, tip: str, *, still: bool = True) -> Iterator[bool]:
+    def plot(
+        self, name: str, height: float, tip: str, axes: tuple[str, str] = ("", ""), *, still: bool = True
+    ) -> Iterator[bool]:
         """Open a plot without legend and title; yield False if it is not visible.
 
         Parameters
@@ -456,6 +428,8 @@ class Widgets:
             Height at scale 1.
         tip : str
             Hover text.
+        axes : tuple of str, optional
+            Names of the axes.
         still : bool, optional
             True if the mouse does not move it.
         """
@@ -463,6 +437,9 @@ class Widgets:
         quiet = flags.no_legend | flags.no_menus | flags.no_mouse_text | flags.no_title
         size = self.imgui.ImVec2(-1, height * self.window.scale)
         opened = self.implot.begin_plot(f"##{name}", size, quiet | (flags.no_inputs if still else 0))
+        if opened:
+            quiet = self.implot.AxisFlags_.no_highlight
+            self.implot.setup_axes(*axes, quiet, quiet)
         yield bool(opened)
         if opened:
             self.implot.end_plot()

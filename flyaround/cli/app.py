@@ -14,6 +14,7 @@ from typer.core import TyperCommand, TyperGroup
 from typer.main import get_command, get_group
 
 from flyaround.cli.terminal import terminal, with_literal_help
+from flyaround.simulator.errors import UserError
 
 COMMANDS = {
     "sim": "console:sim",
@@ -97,6 +98,8 @@ HIL_ABOUT = {
     "display-calibrate": "Calibrate the screen from images of the patterns: pixel map between camera and screen, and brightness.",
     "display-match": "Identify the frame that each grabbed image shows by its time code; exit 1 if one has none.",
 }
+CONSOLE_NAMES = frozenset({"gui", "console", "ui"})
+"""Words that people type for the operator console."""
 HIL_HELP = """\
 Hardware in the loop: a flight's pictures are sent to a board, which returns poses.
 
@@ -140,6 +143,12 @@ class Commands(TyperGroup):
         }
         targets = commands.pop("targets")
         self.commands = {**commands, "hil": hil, "targets": targets}
+
+    def resolve_command(self, ctx: Any, args: list[str]) -> Any:  # noqa: ANN401 - click's own signature
+        """Return the command of the arguments; one that people guess for the console names the right one."""
+        if args[0] in CONSOLE_NAMES:
+            raise UserError(f"there is no command '{args[0]}': flyaround sim opens the operator console")
+        return super().resolve_command(ctx, args)
 
 
 app = typer.Typer(

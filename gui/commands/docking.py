@@ -6,6 +6,8 @@ from typing import TYPE_CHECKING
 
 from flyaround.gui.command_table import command, switch, word
 from flyaround.gui.commands.steering import order
+from flyaround.gui.commands.timeline import clock
+from flyaround.gui.questions import drops_future
 from flyaround.simulator.piloting.docking_figures import PRESETS
 from flyaround.simulator.piloting.orders import Abort, Approach, Go, JudgeBy, NoGo, TakeAxisHere
 
@@ -19,6 +21,13 @@ def _approach(console: Console, on: bool) -> None:  # noqa: FBT001 - a switch
 
 
 def _abort(console: Console) -> None:
+    """Abort at once: the present flight, also while an earlier time of it is shown."""
+    session = console.session
+    if drops_future(session):
+        session.look_back.seek(session.look_back.timeline.end_s)
+        console.say(
+            f"aborted the present flight, at {clock(session.t_s)}: an earlier time was shown", "caution"
+        )
     console.order(Abort())
     console.hand.let_go()
 

@@ -2,7 +2,18 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 from flyaround.gui.command_table import command, switch, word
+
+if TYPE_CHECKING:
+    from flyaround.gui.console import Console
+
+
+def _show_stage(console: Console, stage: str) -> None:
+    console.jobs.estimates.stage = stage
+    console.open_panel("stage", shown=True)
+
 
 COMMANDS = (
     switch(
@@ -20,5 +31,6 @@ COMMANDS = (
         lambda console, on: console.jobs.estimates.send_stages(on=on),
         lambda console: console.jobs.estimates.with_stages,
     ),
+    command("estimator.stage", _show_stage, word("stage", "as the panel names it")),
     command("estimator.forget", lambda console: console.jobs.estimates.forget()),
 )

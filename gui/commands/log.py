@@ -20,26 +20,13 @@ def script_header(console: Console) -> tuple[str]:
     return (f"flyaround sim {console.session.plan.scenario.name} --script FILE",)
 
 
-def script_of(console: Console) -> str:
-    """Return the log as a script, with its header."""
-    return console.log.text(script_header(console))
-
-
 def _save(console: Console, path: str | None = None) -> None:
     where = output_file(path, FOLDER, "commands", ".script")
     where.parent.mkdir(parents=True, exist_ok=True)
-    write_atomic(where, script_of(console).encode())
+    write_atomic(where, console.log.text(script_header(console)).encode())
     console.say(
         f"saved {where}; flyaround sim {console.session.plan.scenario.name} --script {where} does it again"
     )
 
 
-def _copy_text(console: Console, text: str) -> None:
-    console.window.clipboard = text
-
-
-COMMANDS = (
-    command("log.copy-text", _copy_text, word("text", "what to copy")),
-    command("log.save", _save, word("path", "of the file", optional=True)),
-    command("log.copy", lambda console: _copy_text(console, script_of(console))),
-)
+COMMANDS = (command("log.save", _save, word("path", "of the file", optional=True)),)

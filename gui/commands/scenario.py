@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import msgspec
 
-from flyaround.gui.command_table import command, word
+from flyaround.gui.command_table import Argument, command, word
 from flyaround.simulator.scenario.load import list_scenarios, load_scenario
 
 if TYPE_CHECKING:
@@ -63,7 +63,13 @@ def _target(console: Console, target: str) -> None:
 COMMANDS = (
     command("scenario.open", _open, word("scenario", "built-in name or TOML file")),
     command("scenario.edit", _edit, word("scenario", "built-in name or file", optional=True)),
-    command("scenario.back", lambda console: console.go_back()),
+    command(
+        "scenario.back",
+        lambda console, which=1: console.go_back(which),
+        Argument(
+            "which", "whole", "1 for the one left last; 1 unless given", least=1, most=99, optional=True
+        ),
+    ),
     command("scenario.check", _check),
     command("scenario.save", _save, word("path", "file that ends in .toml")),
     command("scenario.fly", _fly),

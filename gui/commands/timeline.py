@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -19,8 +20,9 @@ if TYPE_CHECKING:
     from flyaround.simulator.piloting.session import FlightSession
 
 FOLDER = Path("out") / "console" / "flights"
-SLICE_S = 0.008
-"""Time per turn of the window for writing a flight."""
+SLICE_S, SLICE_SHARE, LONGEST_SLICE_S = 0.008, 0.25, 0.05
+"""Time per turn of the window for writing a flight: at least, as a share of the turn, and at most."""
+FIRST_GUESS_S = 1.0  # time after which the time left is estimated
 SKIP_S = 10.0
 FRAMES = 50
 """Default number of frames of a data set."""
@@ -65,15 +67,6 @@ def _bookmark(console: Console, note: str = "") -> None:
     console.say(f"bookmark at {clock(mark.t_s)}{': ' if mark.note else ''}{mark.note}")
 
 
-def _neighbour(step: int, console: Console) -> None:
-    here = console.session.t_s
-    times = [b.t_s for b in console.session.look_back.timeline.bookmarks]
-    ahead = [t for t in times if (t - here) * step > 1e-3]
-    if not ahead:
-        raise UserError(f"there is no bookmark {'after' if step > 0 else 'before'} this place")
-    _seek(console, min(ahead) if step > 0 else max(ahead))
-
-
 @dataclass(eq=False)
 class Keeping:
     """A flight that is being written in portions, one per turn of the window.
@@ -95,20 +88,44 @@ class Keeping:
     files: FlownFiles
     then: Callable[[Console, str], None]
 
+    def __post_init__(self) -> None:
+        self._began_s = self._last_s = time.monotonic()
+
+    @property
+    def left_s(self) -> float | None:
+        """Estimated remaining time [s]; None while unknown."""
+        share, spent_s = self.files.share, self._last_s - self._began_s
+        return spent_s * (1 - share) / share if spent_s > FIRST_GUESS_S and share else None
+
     def __call__(self) -> bool:
         """Write a portion; return False at the end."""
+        now_s = time.monotonic()
+        slice_s = min(max(SLICE_SHARE * (now_s - self._last_s), SLICE_S), LONGEST_SLICE_S)
+        self._last_s = now_s
         try:
-            replay = self.files.go_on(SLICE_S)
+            replay = self.files.go_on(slice_s)
         except (UserError, OSError) as error:
+            self.cancel()
             self.console.say(f"the flight was not kept: {error}", "caution")
-            if self.session.look_back.recorder is None:
-                self.console.unsaved.append(self.session)
             return False
         if replay is None:
             return True
         self.console.flights.append(str(replay.absolute()))
         self.then(self.console, str(replay))
         return False
+
+    def cancel(self) -> None:
+        """Remove what was written; the flight is unsaved again."""
+        self.files.cancel()
+        if self.session.look_back.recorder is None and self.session not in self.console.unsaved:
+            self.console.unsaved.append(self.session)
+
+
+def _stop_keeping(console: Console) -> None:
+    if not console.jobs.keeping:
+        raise UserError("no flight is being written")
+    console.jobs.keeping.pop(0).cancel()
+    console.say("the flight was not written, and nothing of it is left on disk: Keep flight begins again")
 
 
 def _report_kept(console: Console, replay: str) -> None:
@@ -121,14 +138,23 @@ def keep_flight(
     then: Callable[[Console, str], None] = _report_kept,
     *,
     as_seen: bool = False,
+    session: FlightSession | None = None,
 ) -> None:
-    """Begin to write the flown flight; ``as_seen`` gives its replay the operator's camera, exposure and lights."""
-    session, scenario = console.session, console.session.plan.scenario
+    """Begin to write a flown flight; ``as_seen`` gives its replay the operator's camera, exposure and lights."""
+    session = session or console.session
+    scenario = session.plan.scenario
     where = free_folder(FOLDER, scenario.name) if folder is None else Path(folder)
     seen = scenario_as_seen(scenario, console.options.settings) if as_seen else None
     files = FlownFiles(session, where, seen)
     console.jobs.keeping.append(Keeping(console, session, files, then))
     console.unsaved = [flight for flight in console.unsaved if flight is not session]
+
+
+def _keep_all(console: Console) -> None:
+    if not console.unsaved:
+        raise UserError("every flight that was flown by hand is kept")
+    for session in console.unsaved:
+        keep_flight(console, session=session)
 
 
 def _dataset(console: Console, frames: int = FRAMES) -> None:
@@ -163,9 +189,9 @@ COMMANDS = (
         lambda c, t_s=None: c.session.look_back.timeline.unbookmark(c.session.t_s if t_s is None else t_s),
         number("t_s", "near this time; left out: near now", 0.0, 1e9, "s", optional=True),
     ),
-    command("timeline.previous-bookmark", partial(_neighbour, -1)),
-    command("timeline.next-bookmark", partial(_neighbour, 1)),
     command("timeline.keep", keep_flight, word("folder", "empty or to be made", optional=True)),
+    command("timeline.keep-all", _keep_all),
+    command("timeline.keep-stop", _stop_keeping),
     command(
         "timeline.dataset",
         _dataset,

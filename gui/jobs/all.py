@@ -5,10 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Protocol
 
-from flyaround.gui.jobs.capture_job import CaptureJob, time_text
+from flyaround.gui.jobs.capture_job import CaptureJob
 from flyaround.gui.jobs.estimates import Estimates
 from flyaround.gui.jobs.hil_session import HilSession
 from flyaround.gui.picture.screen import screen_picture
+from flyaround.gui.texts import left_text
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -24,9 +25,13 @@ class FlightBeingWritten(Protocol):
     """A flight that is written in portions."""
 
     files: FlownFiles
+    left_s: float | None
 
     def __call__(self) -> bool:
         """Write a portion; return False at the end."""
+
+    def cancel(self) -> None:
+        """Remove what was written."""
 
 
 @dataclass(eq=False)
@@ -84,9 +89,9 @@ class Jobs:
         if self.film is not None and picture is not None:
             self._update_film(self.film, picture, t_ms)
         self._update_mesh()
-        for keep in tuple(self.keeping):
-            if not keep():
-                self.keeping.remove(keep)
+        # one after the other, so that each has its line of progress
+        if self.keeping and not (keep := self.keeping[0])():
+            self.keeping.remove(keep)
 
     def _update_estimates(self, picture: Picture | None) -> None:
         estimates = self.estimates
@@ -121,7 +126,9 @@ class Jobs:
             self.do("scenario.target", target)
 
     def close(self) -> None:
-        """End all jobs."""
+        """End all jobs; of a flight that is being written nothing is left."""
+        for keep in self.keeping:
+            keep.cancel()
         for job in (self.estimates, self.hil, self.capture, self.film, self.mesh):
             if job is not None:
                 job.close()
@@ -156,8 +163,7 @@ def running_jobs(jobs: Jobs, opening: str = "") -> list[RunningJob]:
         rows.append(RunningJob(f"{jobs.estimates.method} {jobs.estimates.doing}", None, "estimator.run"))
     capture = jobs.capture
     if capture.running and capture.request is not None:
-        left = "" if capture.left_s is None else f", {time_text(capture.left_s)} left"
-        text = f"capture {capture.done} of {capture.request.frames}{left}"
+        text = f"capture {capture.done} of {capture.request.frames}{left_text(capture.left_s)}"
         share = min(capture.done / max(capture.request.frames, 1), 1.0)
         rows.append(RunningJob(text, share, "capture.stop", silent=capture.done == 0))
     if jobs.film is not None:
@@ -167,5 +173,7 @@ def running_jobs(jobs: Jobs, opening: str = "") -> list[RunningJob]:
         rows.append(RunningJob(text, None, "hil.stop", silent=jobs.hil.sent == 0))
     if jobs.mesh is not None:
         rows.append(RunningJob(f"importing {jobs.mesh.name}", silent=True))
-    rows += [RunningJob(f"writing the flight, {k.files.share:.0%}", k.files.share) for k in jobs.keeping[:1]]
+    for keep in jobs.keeping[:1]:
+        text = f"writing the flight, {keep.files.share:.0%}{left_text(keep.left_s)}"
+        rows.append(RunningJob(text, keep.files.share, "timeline.keep-stop"))
     return rows

@@ -278,9 +278,3 @@ def _summary(text: str, done: int) -> str:
     except (ValueError, KeyError, TypeError, AttributeError):
         return f"{done} frames"
     return f"{n_written} frames" + (f", {aside} more put aside" if aside else "")
-
-
-def time_text(seconds: float) -> str:
-    """Return a duration in minutes and seconds."""
-    minutes, rest = divmod(round(seconds), 60)
-    return f"{minutes} min {rest:02d} s" if minutes else f"{rest} s"

@@ -108,6 +108,8 @@ class Estimates:
         self.on = False
         self.method = HYBRID
         self.with_stages = False
+        self.stage = ""
+        """Stage that is shown large."""
         self.newest: ComparedEstimate | None = None
         self.history: deque[ComparedEstimate] = deque(maxlen=KEPT)
         self.restarts = 0

@@ -60,4 +60,6 @@ class ScenarioOpener:
 
 
 def _open(scenario: str | Scenario) -> FlightSession:
-    return FlightSession.of(load_scenario(scenario) if isinstance(scenario, str) else scenario)
+    session = FlightSession.of(load_scenario(scenario) if isinstance(scenario, str) else scenario)
+    session.show_recording()
+    return session

@@ -84,11 +84,9 @@ class BoardLinkPanel(Panel):
         w, implot = self._w, self._w.implot
         counts = hil.latency_counts()
         tip = "pictures by their latency, from the first byte out to the pose back [ms, log scale]"
-        with w.plot("latency", 120, tip) as is_open:
+        with w.plot("latency", 120, tip, ("latency [ms]", "pictures")) as is_open:
             if not is_open:
                 return
-            axis = implot.AxisFlags_
-            implot.setup_axes("latency [ms]", "pictures", axis.no_highlight, axis.no_highlight)
             filled = np.flatnonzero(counts)
             low, high = BIN_EDGES_MS[max(filled[0] - 2, 0)], BIN_EDGES_MS[min(filled[-1] + 3, len(counts))]
             implot.setup_axis_scale(implot.ImAxis_.x1, implot.Scale_.log10)
@@ -119,8 +117,7 @@ class BoardLinkPanel(Panel):
         imgui.same_line()
         w.one_line("s", style.QUIET)
         w.flow(6 * imgui.get_font_size(), first=False)
-        imgui.begin_disabled(not console.jobs.hil.on)
-        w.button(console, "hil.fault", self._fault, self._seconds, label="Inject fault")
-        imgui.end_disabled()
+        on = console.jobs.hil.on
+        w.button(console, "hil.fault", self._fault, self._seconds, label="Inject fault", enabled=on)
         for kind, n in console.jobs.hil.struck.items():
             w.row(kind.replace("_", " "), (n,), "{:d}", "pictures or answers that it struck")

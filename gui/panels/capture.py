@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from flyaround.gui import style
 from flyaround.gui.commands.capture import FLOWN, NEW, THIS
-from flyaround.gui.jobs.capture_job import time_text
+from flyaround.gui.texts import left_text, time_text
 from flyaround.gui.widgets import Panel
 from flyaround.simulator.dataset.formats.registry import writable
 from flyaround.simulator.scenario.load import list_recipes, list_scenarios
@@ -95,8 +95,7 @@ class CapturePanel(Panel):
         share = min(job.done / max(request.frames, 1), 1.0)
         imgui.progress_bar(share, w.vec(-1, 0), f"{job.done} of {request.frames}")
         w.tip("frames on the disk, of those that were asked for")
-        left = "" if job.left_s is None else f", {time_text(job.left_s)} left"
-        text = "stopping ..." if job.stopping else f"{time_text(job.elapsed_s)}{left}"
+        text = "stopping ..." if job.stopping else time_text(job.elapsed_s) + left_text(job.left_s)
         w.text(text, style.QUIET, "time since it began, and what is left at the pace so far")
         w.button(console, "capture.stop", width=w.width, label="End it at once" if job.stopping else None)
 

@@ -9,6 +9,10 @@ from flyaround.gui.widgets import Panel
 
 if TYPE_CHECKING:
     from flyaround.gui.console import Console
+    from flyaround.gui.scenario_draft import ScenarioDraft
+
+
+MARGIN = 4.0  # added to the height of a framed line
 
 
 class EditorPanel(Panel):
@@ -16,7 +20,7 @@ class EditorPanel(Panel):
 
     name, title, place, shown = "editor", "Scenario text", "left", False
 
-    _path = "mine.toml"
+    _path, _marked = "mine.toml", ""
 
     def draw(self, console: Console) -> None:
         """Draw into the current panel."""
@@ -49,6 +53,7 @@ class EditorPanel(Panel):
             w.text("".join(f"{draft.problem_line} | {text.strip()}" for text in wrong), style.WARN)
         flags = imgui.InputTextFlags_.allow_tab_input
         changed, text = imgui.input_text_multiline("##text", draft.text, w.vec(-1, -1), flags)
+        self._mark(draft)
         imgui.pop_font()
         w.tip("the scenario's file; every key with its unit in its name. Leaving the field checks it")
         # Dear ImGui's Escape takes back what was typed
@@ -56,3 +61,20 @@ class EditorPanel(Panel):
             draft.text, draft.changed = text, True
         if imgui.is_item_deactivated_after_edit():
             console.do("scenario.check")
+
+    def _mark(self, draft: ScenarioDraft) -> None:
+        """Frame the wrong line in the text, the last item, which scrolls to it once."""
+        imgui, line, tall = self._w.imgui, draft.problem_line, self._w.imgui.get_font_size()
+        # the name that Dear ImGui gives the scrolled area of a text
+        name = f"{imgui.internal.get_current_window().name}/##text_{imgui.get_id('##text'):08X}"
+        area = imgui.internal.find_window_by_name(name)
+        if line is None or area is None:
+            self._marked = ""
+            return
+        below = (line - 1) * tall
+        if self._marked != draft.problem:
+            self._marked = draft.problem
+            imgui.internal.set_scroll_y(area, max(below - area.size.y / 3, 0.0))
+        top = area.pos.y + imgui.get_style().frame_padding.y + below - area.scroll.y
+        if area.pos.y <= top <= area.pos.y + area.size.y - tall:
+            self._w.frame((area.pos.x, top, area.size.x, tall + MARGIN), style.BAD)

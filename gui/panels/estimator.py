@@ -4,18 +4,18 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-import cv2
 import numpy as np
 
 from flyaround.gui import style
 from flyaround.gui.jobs.estimator_process import known_methods
+from flyaround.gui.views.stage import stage_pictures
 from flyaround.gui.widgets import Panel
 
 if TYPE_CHECKING:
     from flyaround.gui.console import Console
     from flyaround.gui.jobs.estimates import ComparedEstimate, Estimates
+    from flyaround.gui.jobs.estimator_process import Answer
     from flyaround.gui.surface import Surface
-    from flyaround.simulator.runtime.arrays import ByteArray
 
 PLOT_HEIGHT = 92.0
 LEAST_DEG, LEAST_M = 1e-3, 1e-4
@@ -32,9 +32,6 @@ class EstimatorPanel(Panel):
         super().__init__(window)
         self._methods: tuple[str, ...] = ()
         self._network = "net:"
-        self._pictures: dict[str, ByteArray] = {}
-        self._pictures_of: ComparedEstimate | None = None
-        self._stage, self._to_stage = "", False
 
     def draw(self, console: Console) -> None:
         """Draw into the current panel."""
@@ -61,7 +58,7 @@ class EstimatorPanel(Panel):
         self._plots(estimates)
         if newest is not None and newest.answer.stages:
             w.section("Stages")
-            self._stages(newest)
+            self._stages(console, newest.answer)
         elif estimates.with_stages:
             w.text("stages: with the next estimate", style.QUIET)
 
@@ -125,8 +122,7 @@ class EstimatorPanel(Panel):
         with w.plot(name, PLOT_HEIGHT, tip, still=False) as in_sight:
             if not in_sight:
                 return
-            axis, always = implot.AxisFlags_, w.imgui.Cond_.always
-            implot.setup_axes("", "", axis.no_highlight, axis.no_highlight)
+            always = w.imgui.Cond_.always
             low, high = float(t[0]), float(t[-1])
             # a little wider than the data, so that dots at the ends are whole
             margin = 0.04 * max(high - low, 1.0)
@@ -146,42 +142,16 @@ class EstimatorPanel(Panel):
                     dots = (np.ascontiguousarray(a[which]) for a in (t, values))
                     implot.plot_scatter(f"{name} {filled}", *dots, spec)
 
-    # --- stages
-
-    def _stages(self, estimate: ComparedEstimate) -> None:
-        w, imgui = self._w, self._w.imgui
-        if self._pictures_of is not estimate:
-            self._pictures_of = estimate
-            self._pictures = {
-                n: p for n, d in estimate.answer.stages.items() if (p := _decoded(d)) is not None
-            }
-        if not self._pictures:
-            return
-        if self._stage not in self._pictures:
-            self._stage = next(reversed(self._pictures))
-        if self._to_stage:
-            # the large picture may be out of sight
-            imgui.set_scroll_here_y(0.0)
-            self._to_stage = False
-        self._picture(self._stage, w.width)
-        w.tip(f"what the stage {self._stage.replace('_', ' ')} made of the picture")
-        w.text(f"{self._stage.replace('_', ' ')}; a click on a small one shows it here", style.QUIET)
-        for name, width in zip(self._pictures, w.grid(len(self._pictures), THUMB, 2), strict=True):
+    def _stages(self, console: Console, answer: Answer) -> None:
+        w, imgui, pictures = self._w, self._w.imgui, stage_pictures(answer)
+        w.text("A click shows one large, in the place of the view.", style.QUIET)
+        for (name, picture), width in zip(pictures.items(), w.grid(len(pictures), THUMB, 2), strict=True):
             imgui.begin_group()
-            self._picture(name, width)
+            texture = w.window.show_picture(f"stage/{name}", picture, picture)
+            imgui.image(texture, w.vec(width, width * picture.shape[0] / picture.shape[1]))
             if imgui.is_item_clicked():
-                self._stage, self._to_stage = name, True
-            text = name.replace("_", " ")
-            w.tip(text)
-            w.one_line(w.elided(text, width), style.ACCENT if name == self._stage else style.QUIET)
+                console.do("estimator.stage", name)
+            w.command_tip(console, "estimator.stage", name)
+            large = name == console.jobs.estimates.stage and console.shown.get("stage", False)
+            w.one_line(w.elided(name.replace("_", " "), width), style.ACCENT if large else style.QUIET)
             imgui.end_group()
-
-    def _picture(self, name: str, width: float) -> None:
-        w, picture = self._w, self._pictures[name]
-        texture = w.window.show_picture(f"stage/{name}", picture, picture)
-        w.imgui.image(texture, w.vec(width, width * picture.shape[0] / picture.shape[1]))
-
-
-def _decoded(data: ByteArray) -> ByteArray | None:
-    image = cv2.imdecode(data, cv2.IMREAD_COLOR_RGB)
-    return None if image is None else np.asarray(image, np.uint8)

@@ -1,4 +1,4 @@
-"""Kept flights, the newest first: name, date, scenario and length; a click replays one."""
+"""Kept flights, the newest first: name, date, scenario and length; a click opens one."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from flyaround.gui import style
 from flyaround.gui.commands.timeline import FOLDER
-from flyaround.gui.jobs.capture_job import time_text
+from flyaround.gui.texts import time_text
 from flyaround.gui.widgets import Panel
 from flyaround.simulator.errors import UserError
 from flyaround.simulator.piloting.recorder import REPLAY_NAME
@@ -23,13 +23,15 @@ MOST = 60  # flights that are listed
 
 
 class FlightsPanel(Panel):
-    """Flights of *Keep flight* and ``--record``. A replay can be steered, captured, and sent to a board."""
+    """Flights left in this sitting, and those of *Keep flight* and ``--record``.
+
+    A replay can be sought through, steered, captured, and sent to a board.
+    """
 
     name, title, place, shown = "flights", "Kept flights", "left", False
 
     _rows: tuple[tuple[str, str, str], ...] = ()
     _known: tuple[str, ...] = ()
-    _chosen = ""
 
     def draw(self, console: Console) -> None:
         """Draw into the current panel."""
@@ -37,14 +39,25 @@ class FlightsPanel(Panel):
         if imgui.is_window_appearing() or self._known != tuple(console.flights):
             self._known = tuple(console.flights)
             self._rows = tuple(flight_row(path) for path in kept_flights(self._known))
-        if self._chosen and w.new_flight(console, "scenario.open", self._chosen):
-            self._chosen = ""
+        if console.former:
+            w.section("Left in this sitting")
+        # the one left last comes first
+        for k, (session, _) in enumerate(reversed(console.former), 1):
+            if imgui.selectable(f"{session.plan.scenario.name}##left{k}", False)[0]:
+                console.do("scenario.back", k)
+            w.command_tip(console, "scenario.back", k)
+            kept = session not in console.unsaved
+            length = time_text(max(session.look_back.timeline.end_s, session.t_s))
+            w.text(
+                f"{length}, {'nothing to keep' if kept else 'not kept'}", style.QUIET if kept else style.WARN
+            )
+        w.section("On disk")
         if not self._rows:
             w.text("None yet: Keep flight, in File, writes the flight so far.", style.QUIET)
         for path, text, problem in self._rows:
             name = Path(path).parent.name
             if imgui.selectable(f"{w.elided(name, w.width)}##{path}", path == console.source)[0]:
-                self._chosen = path
+                console.do("scenario.open", path)
             w.tip(f"{path}\nscenario.open {path}")
             w.text(problem or text, style.WARN if problem else style.QUIET)
 

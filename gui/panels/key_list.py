@@ -1,4 +1,4 @@
-"""Every command with its key, and a line to find one by a few of its letters."""
+"""Every command with its key, found by a few of its letters, and done."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ if TYPE_CHECKING:
 
 
 class KeyList(Panel):
-    """The commands by group; a click does one."""
+    """The commands by group; a click does one, Enter the one that was typed with its arguments, or the first match."""
 
-    name, title, place, shown = "keys", "Commands and keys", "over", False
-    keys = ("f1", "h")
+    name, title, place, shown = "keys", "Find a command", "over", False
+    keys = ("f1", "h", "ctrl+p")
 
     _query = ""
 
@@ -30,15 +30,34 @@ class KeyList(Panel):
         imgui.set_next_item_width(-1)
         if imgui.is_window_appearing():
             self._query = ""
-        _, self._query = imgui.input_text_with_hint("##find", "find a command", self._query)
-        w.tip("a few letters of a command's name, help or key; a click on one does it")
-        for group, commands in console.table.groups():
-            matching = [c for c in commands if matches(c, self._query)]
-            if matching:
-                w.section(group.capitalize())
-                command_rows(w, console, matching)
-        if not any(matches(c, self._query) for c in console.table):
-            w.text(f"no command has {self._query!r}", style.QUIET)
+            imgui.set_keyboard_focus_here()
+        flags, hint = imgui.InputTextFlags_.enter_returns_true, "a command, for example: time.rate 10"
+        entered, self._query = imgui.input_text_with_hint("##find", hint, self._query, flags)
+        w.tip(
+            "letters of a command's name, help or key; or a command and its arguments, as a script has them"
+        )
+        first, _, rest = self._query.strip().partition(" ")
+        # words may be of the help, or the arguments of the first one
+        matching = [c for c in console.table if matches(c, self._query)]
+        if first in console.table:
+            matching = [console.table[first]]
+        elif not matching:
+            matching = [c for c in console.table if matches(c, first)]
+        else:
+            rest = ""
+        # the list stays in place while the typed line is seen
+        imgui.begin_child("commands")
+        for group in dict.fromkeys(c.group for c in matching):
+            w.section(group.capitalize())
+            command_rows(w, console, [c for c in matching if c.group == group])
+        imgui.end_child()
+        if not matching:
+            w.text(f"no command has {first!r}", style.QUIET)
+        if entered and first:
+            console.open_panel(self.name, shown=False)
+            # the line itself reports an unknown name
+            name = next((c.name for c in matching if not c.held), first)
+            console.do_line(f"{name} {rest}")
 
 
 def command_rows(w: Widgets, console: Console, commands: Iterable[Command]) -> None:
@@ -57,44 +76,6 @@ def command_rows(w: Widgets, console: Console, commands: Iterable[Command]) -> N
         return partial(w.text, c.shown, style.ACCENT), partial(title, c), about
 
     w.table("rows", (0.15, 0.3, 0.55), map(row, commands))
-
-
-class Palette(Panel):
-    """A command by its first letters, and Enter; arguments after it as in a script."""
-
-    name, title, place, shown = "palette", "Find a command", "over", False
-    keys = ("ctrl+p",)
-    rows = 9
-
-    _line = ""
-
-    def draw(self, console: Console) -> None:
-        """Draw into the current window."""
-        w, imgui = self._w, self._w.imgui
-        if imgui.is_window_appearing():
-            self._line = ""
-            imgui.set_keyboard_focus_here()
-        imgui.set_next_item_width(-1)
-        flags = imgui.InputTextFlags_.enter_returns_true
-        entered, self._line = imgui.input_text_with_hint(
-            "##line", "a command, for example: time.rate 10", self._line, flags
-        )
-        w.tip("a command and its arguments, as a script has them; Enter does it, or the first one below")
-        name, _, rest = self._line.strip().partition(" ")
-        matching = [c for c in console.table if not c.held and matches(c, name)][: self.rows]
-        if not matching:
-            w.text(f"no command has {name!r}", style.QUIET)
-        command_name = None
-        for c in matching:
-            if imgui.selectable(w.elided(f"{c.form}   {c.help}", w.width), False)[0]:
-                command_name = c.name
-            w.command_tip(console, c.name)
-        if entered and name:
-            # the line itself reports an unknown name
-            command_name = name if name in console.table or not matching else matching[0].name
-        if command_name is not None:
-            console.open_panel(self.name, shown=False)
-            console.do_line(f"{command_name} {rest}")
 
 
 def matches(command: Command, words: str) -> bool:

@@ -33,8 +33,6 @@ class LogPanel(Panel):
                 imgui.end_tab_item()
         if imgui.begin_tab_item_simple("Commands"):
             w.button(console, "log.save")
-            imgui.same_line()
-            w.button(console, "log.copy")
             for line in reversed(console.log.lines[-SHOWN_LINES:]):
                 w.text(str(line))
             imgui.end_tab_item()

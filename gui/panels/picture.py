@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 class PicturePanel(Panel):
-    """Exposure, colour, noise, detail; save the picture."""
+    """Exposure, colour, noise, detail, layers of the world; save the picture."""
 
     name, title, place, shown = "picture", "Picture", "right-low", True
 
@@ -44,14 +44,6 @@ class PicturePanel(Panel):
         w.button(console, "picture.save", label="Saving ..." if console.feed.saving else None, width=w.width)
         w.section("Over the view")
         w.switches(console, [f"overlay.{name}" for name in OVERLAYS])
-
-
-class WorldPanel(Panel):
-    """Layers of the world, drawn or left out."""
-
-    name, title, place, shown = "world", "World", "right-low", False
-
-    def draw(self, console: Console) -> None:
-        """Draw into the current panel."""
-        self._w.switches(console, [f"world.{name.replace('_', '-')}" for name in LAYERS])
-        self._w.text("Left out of the console's pictures, not of the scenario.", style.QUIET)
+        w.section("World")
+        w.text("Left out of the console's pictures, not of the scenario.", style.QUIET)
+        w.switches(console, [f"world.{name.replace('_', '-')}" for name in LAYERS])

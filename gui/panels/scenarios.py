@@ -28,7 +28,7 @@ class ScenarioChooser(Panel):
 
     def __init__(self, window: Surface) -> None:
         super().__init__(window)
-        self._query, self._as_list, self._chosen = "", False, ""
+        self._query, self._as_list = "", False
         self._cards: list[tuple[str, str, ByteArray]] = []
         self._recent: dict[str, int] = {}
 
@@ -42,10 +42,8 @@ class ScenarioChooser(Panel):
         query = self._query.strip()
         if query.endswith(".toml"):
             if imgui.button("Open this file", w.vec(w.width, 0)) or entered:
-                self._chosen = query
+                console.do("scenario.open", query)
             w.command_tip(console, "scenario.open", query)
-        if self._chosen and w.new_flight(console, "scenario.open", self._chosen):
-            self._chosen = ""
         if not self._cards:
             self._cards = [(name, *_card(name)) for name in list_scenarios()]
         words = [] if query.endswith(".toml") else query.lower().split()
@@ -64,7 +62,7 @@ class ScenarioChooser(Panel):
             for name, title, _ in cards:
                 here = name == console.session.plan.scenario.name
                 if imgui.selectable(w.elided(f"{name}: {title}", w.width), here)[0]:
-                    self._chosen = name
+                    console.do("scenario.open", name)
                 w.tip(f"{title}\nflyaround sim {name}")
         else:
             for card, width in zip(cards, w.grid(len(cards), CARD), strict=True):
@@ -79,7 +77,7 @@ class ScenarioChooser(Panel):
         if imgui.image_button(
             f"##{name}", texture, w.vec(width - 2 * imgui.get_style().frame_padding.x, height)
         ):
-            self._chosen = name
+            console.do("scenario.open", name)
         w.tip(f"{title}\nflyaround sim {name}")
         here = name == console.session.plan.scenario.name
         w.one_line(w.elided(name, width), style.ACCENT if here else style.INK)

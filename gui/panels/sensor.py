@@ -54,9 +54,8 @@ class SensorPanel(Panel):
             "preset of the sensor, and bits of its numbers",
         )
         w.switch(console, "picture.noise")
-        w.imgui.begin_disabled(not (settings.sensor_changes or settings.camera) and settings.noise)
-        w.button(console, "sensor.reset", width=w.width)
-        w.imgui.end_disabled()
+        changed = bool(settings.sensor_changes or settings.camera or not settings.noise)
+        w.button(console, "sensor.reset", width=w.width, enabled=changed)
         w.tip("Changes are seen at once; data sets of this flight take the camera, boards take neither.")
         for term in terms_of(sensor):
             self._term(console, term)
@@ -79,12 +78,8 @@ class SensorPanel(Panel):
             self._counted, self._histogram = picture, histogram_of(picture.frame.image, bits)
         h = self._histogram
         tip = "how many pixels have each level [DN]; pixels on a log scale, a line for each band"
-        with w.plot("histogram", 110, tip) as is_open:
+        with w.plot("histogram", 110, tip, ("level [DN]", "log pixels")) as is_open:
             if is_open:
-                axis = implot.AxisFlags_
-                implot.setup_axes(
-                    "level [DN]", "pixels", axis.no_highlight, axis.no_tick_labels | axis.no_highlight
-                )
                 top = max(float(np.log10(1 + h.counts).max()), 1.0)
                 implot.setup_axes_limits(0, BINS * h.width_dn, 0, 1.05 * top, w.imgui.Cond_.always)
                 levels = (np.arange(BINS) + 0.5) * h.width_dn

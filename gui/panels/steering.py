@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from functools import partial
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -115,10 +115,9 @@ class SteeringPanel(Panel):
         warning, colour = ("", style.QUIET) if flawed else fly_to_warning(craft, place)
         w.one_line(w.elided(warning, w.width), colour)
         w.tip(warning)
-        w.imgui.begin_disabled(flawed)
         label, fill = ("Fly there", None) if colour == style.QUIET else ("Fly there all the same", colour)
-        w.button(console, "guidance.waypoint", *place.tolist(), label=label, width=w.width, fill=fill)
-        w.imgui.end_disabled()
+        look: dict[str, Any] = {"label": label, "width": w.width, "fill": fill, "enabled": not flawed}
+        w.button(console, "guidance.waypoint", *place.tolist(), **look)
 
     def _burns(self, console: Console) -> None:
         """Draw a table of the planned burns, whose numbers can be edited, and a button for a new one."""

@@ -18,7 +18,6 @@ class TargetPanel(Panel):
     name, title, place, shown = "target", "Target", "right-low", True
 
     _names: tuple[str, ...] = ()
-    _chosen, _flown = "", ""
 
     def draw(self, console: Console) -> None:
         """Draw into the current panel."""
@@ -26,11 +25,7 @@ class TargetPanel(Panel):
         if not self._names:
             self._names = list_targets()
         names = self._names if target.name in self._names else (target.name, *self._names)
-        if self._flown != target.name:
-            self._chosen = self._flown = target.name
-        self._chosen = w.choice(console, "scenario.target", self._chosen, names, argument="target")
-        if self._chosen != target.name and w.new_flight(console, "scenario.target", self._chosen):
-            self._chosen = target.name
+        w.choice(console, "scenario.target", target.name, names)
         triangles = sum(len(part.triangles) for part in target.parts)
         w.text(
             f"{len(target.parts)} parts, {triangles:,} triangles, {len(target.keypoints)} keypoints",

@@ -37,9 +37,7 @@ class TimelinePanel(Panel):
         for k, name in enumerate(BUTTONS):
             title = console.table[f"timeline.{name}"].title
             w.flow(w.button_width(labelled(f"timeline.{name}", title)), first=k == 0)
-            w.imgui.begin_disabled(not usable.get(name, True))
-            w.button(console, f"timeline.{name}")
-            w.imgui.end_disabled()
+            w.button(console, f"timeline.{name}", enabled=usable.get(name, True))
         self._bookmarks(console, timeline)
 
     def _bookmarks(self, console: Console, timeline: Timeline) -> None:

@@ -14,8 +14,9 @@ if TYPE_CHECKING:
 About = Literal["target", "chaser"]
 ABOUT: tuple[About, ...] = ("target", "chaser")
 FIRST = (-60.0, 25.0, 12.0)  # initial azimuth [deg], elevation [deg] and least initial distance [m]
-AWAY = 2.0
-"""Ratio of the initial distance to the chaser's range from the target: keeps both in view."""
+AWAY = 3.3
+"""Ratio of the distance to the chaser's range: both stay within asin(1 / 3.3) = 18 deg of the middle of 40 deg."""
+SAME_M = 0.006  # difference of distances that rounding to centimetres makes
 NEAREST_M, FARTHEST_M = 0.6, 20_000.0  # bounds of the distance
 STEEPEST_DEG = 89.0  # largest elevation: at 90 deg the azimuth would be undefined
 LARGEST_PX = (960, 640)  # largest picture, for its drawing time
@@ -39,6 +40,8 @@ class OrbitCamera:
         Distance from that object.
     size_px : tuple of int, optional
         Width and height of the rendered view.
+    follows : bool, optional
+        True while the distance keeps target and chaser in view; a distance that is chosen ends it.
     """
 
     about: About = "target"
@@ -46,16 +49,25 @@ class OrbitCamera:
     elevation_deg: float = FIRST[1]
     distance_m: float = FIRST[2]
     size_px: tuple[int, int] = (480, 304)
+    follows: bool = True
 
     def place(self, azimuth_deg: float, elevation_deg: float, distance_m: float) -> None:
         """Move the camera; wrap the azimuth, and clip elevation and distance to their bounds."""
+        self.follows &= abs(distance_m - self.distance_m) < SAME_M
         self.azimuth_deg = (azimuth_deg + 180.0) % 360.0 - 180.0
         self.elevation_deg = min(max(elevation_deg, -STEEPEST_DEG), STEEPEST_DEG)
         self.distance_m = min(max(distance_m, NEAREST_M), FARTHEST_M)
 
     def reset(self, range_m: float) -> None:
         """Move to the initial position for a chaser at ``range_m`` from the target."""
-        self.place(FIRST[0], FIRST[1], max(FIRST[2], AWAY * range_m))
+        self.place(FIRST[0], FIRST[1], self.distance_m)
+        self.follows = True
+        self.follow(range_m)
+
+    def follow(self, range_m: float) -> None:
+        """Keep target and chaser in view, unless a distance was chosen."""
+        if self.follows:
+            self.distance_m = min(max(FIRST[2], AWAY * range_m), FARTHEST_M)
 
     def fill(self, width: float, height: float) -> None:
         """Set the picture size for a view of this size on the screen."""

@@ -31,6 +31,7 @@ MARGIN, LEAST_GAP, WIDEST_GAP = 12.0, 8.0, 140.0
 """Margin between figures and the edge of the view, and between columns, in screen units."""
 OLD_S = 1.0
 """Age beyond which a picture's age is marked, at 1x."""
+BARS = 30  # strokes of the bar of a whole picture's time
 NAME = "CLOSING "
 """Longest name of a figure, for the column width."""
 
@@ -102,7 +103,7 @@ class CameraView(Panel):
         else:
             self._in_columns(canvas, beside, groups)
         if options.overlays.times:
-            self._times(canvas, within, feed, self._line * (2 if beside is None else 0))
+            self._times(canvas, within, feed, self._line * (3.5 if beside is None else 0))
         if picture is not self._metered:
             self._metered, self._fault = picture, exposure_fault(picture.frame)
         if feed.late_s:
@@ -241,17 +242,14 @@ class CameraView(Panel):
         self._push()
         passes = shown_passes(feed.pass_ms)
         total = sum(ms for _, ms in passes)
-        rows = (*passes, ("picture", total)) if passes else (("timing the passes ...", 0.0),)
-        step, bar = canvas.size("target geometry  9999.9 ms ")[0], 7.0 * self._line
-        x, y = place[0] + MARGIN, place[1] + MARGIN + below
-        canvas.box((x - 8, y - 6), (step + bar + 16, len(rows) * self._line + 9), style.PLATE, 4.0)
-        for k, (name, ms) in enumerate(rows):
-            at = y + k * self._line
-            text = f"{name:16s} {ms:7.1f} ms" if total else name
-            canvas.plain_text((x, at), text, tip="median of five pictures, and its share (F8)")
-            colour = (*(style.WARN if name == "picture" else style.ACCENT)[:3], 0.85)
-            size = (bar * ms / max(total, 1e-9), 0.45 * self._line)
-            canvas.box((x + step, at + 0.25 * self._line), size, colour)
+        texts = [
+            f"{name:16s} {ms:7.1f} ms  {'|' * round(BARS * ms / total):{BARS}}"
+            for name, ms in (*passes, ("picture", total))
+            if total
+        ]
+        tip = "median of five pictures, and its share (F8)"
+        rows = [Row("", text, style.INK, tip) for text in texts or ["timing the passes ..."]]
+        self._write(canvas, (place[0] + MARGIN, place[1] + MARGIN + below), tuple(rows))
         self._imgui.pop_font()
 
     def _push(self) -> None:
@@ -297,5 +295,6 @@ def _badge(session: FlightSession) -> tuple[str, style.Rgba]:
     if session.clock.jump:
         badge = f"JUMP  {badge}"
     if session.look_back.active:
-        badge, color = f"LOOKING BACK  {badge}", style.WARN
+        looks = "REPLAY" if session.look_back.replays else "LOOKING BACK"
+        badge, color = f"{looks}  {badge}", style.WARN
     return (f"PAUSED  {badge}" if session.clock.paused else badge), color

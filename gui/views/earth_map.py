@@ -11,6 +11,7 @@ import numpy as np
 from flyaround.gui import style
 from flyaround.gui.canvas import Canvas
 from flyaround.gui.picture.ground_map import GroundMap, load_ground_map
+from flyaround.gui.texts import duration_text
 from flyaround.gui.views.letterbox import Letterbox
 from flyaround.gui.widgets import Panel
 from flyaround.simulator.piloting.ground_track import (
@@ -213,10 +214,3 @@ def place_text(latitude_deg: float, longitude_deg: float) -> str:
     """Return coordinates as maps write them."""
     north, east = "N" if latitude_deg >= 0 else "S", "E" if longitude_deg >= 0 else "W"
     return f"{abs(latitude_deg):.1f}° {north}  {abs(longitude_deg):.1f}° {east}"
-
-
-def duration_text(seconds: float) -> str:
-    """Return minutes and seconds, and hours if there are any."""
-    minutes, rest = divmod(round(seconds), 60)
-    hours, minutes = divmod(minutes, 60)
-    return f"{hours}:{minutes:02d}:{rest:02d}" if hours else f"{minutes}:{rest:02d}"

@@ -5,8 +5,6 @@ from __future__ import annotations
 from functools import partial
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from flyaround.gui import style
 from flyaround.gui.canvas import Canvas, point
 from flyaround.gui.picture.further import ORBIT_CAMERA
@@ -42,6 +40,7 @@ class OrbitCameraView(Panel):
         look = console.options.orbit
         place = self._free(32.0)
         look.fill(place[2], place[3])
+        look.follow(console.session.craft.world.range_m)
         imgui.set_next_item_allow_overlap()
         imgui.invisible_button("orbit", self._w.vec(place[2], place[3]))
         self._mouse(console)
@@ -99,10 +98,16 @@ class OrbitCameraView(Panel):
             canvas.stroke(line, style.INK, 1.2)
         for line, colour in zip(box.all_at(marks.axes), style.AXIS_COLORS, strict=True):
             canvas.stroke(line, colour, 2.4)
-        if np.isfinite(marks.place).all():
-            x, y = point(box.all_at(marks.place))
+        x, y = point(box.all_at(marks.place))
+        if box.x < x < box.x + box.width and box.y < y < box.y + box.height:
             canvas.dot((x, y), 3.0, style.ACCENT)
             canvas.text((x + 8, y + 4), "chaser", style.ACCENT)
+        else:
+            away = f"the chaser is out of view, {marks.range_m:.0f} m away: First place"
+            at = (box.x + 8, box.y + box.height / 2)
+            canvas.text(
+                at, away, style.WARN, "distance from the free camera; First place brings it into view"
+            )
 
     def _buttons(self, console: Console, place: tuple[float, float, float, float]) -> None:
         """Draw the buttons for object and initial position, in the lower left corner."""

@@ -21,7 +21,7 @@ from flyaround.simulator.world.flight.recording import Recording
 from flyaround.simulator.world.guidance.manual_control import ChaserState
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterator, Sequence
 
 SAMPLE_INTERVAL_S = 0.1
 """Simulated time between samples [s]; at higher rates each step is a sample."""
@@ -163,6 +163,18 @@ class Timeline:
         self._rows.numbers.extend((t_s, *_numbers(steered), self._pack(controls)))
         if len(self) > MAX_SAMPLES or self._packed_bytes > MAX_CONTROLS_BYTES:
             self._thin()
+
+    def fill(self, times_s: Sequence[float], controls: object) -> None:
+        """Add times, all later than the last sample, at which the guidance flies under the same controls."""
+        packed = self._pack(controls)
+        for t_s in times_s[:: len(times_s) // MAX_SAMPLES + 1]:
+            self._rows.numbers.extend((t_s, *_numbers(None), packed))
+
+    def chasers(self) -> Iterator[tuple[float, ChaserState | None]]:
+        """Return the time and the manually controlled chaser of each present sample, whatever is flown meanwhile."""
+        rows, last = self._rows.rows(0, len(self)), VALUES_PER_SAMPLE - 1
+        starts = range(0, len(rows), VALUES_PER_SAMPLE)
+        return ((rows[k], _chaser(rows[k], rows[k + 1 : k + last])) for k in starts)
 
     def _pack(self, controls: object) -> int:
         data = pickle.dumps(controls, protocol=5)

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+import contextlib
 import time
 from array import array
 from typing import TYPE_CHECKING
 
 from flyaround.simulator.errors import UserError
-from flyaround.simulator.piloting.recorder import write_flight
+from flyaround.simulator.piloting.recorder import RECORDING_NAME, REPLAY_NAME, write_flight
 from flyaround.simulator.runtime.files import empty_folder
-from flyaround.simulator.world.flight.recording import Recording, state_row
+from flyaround.simulator.world.flight.recording import NUMBERS, Recording
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -41,19 +42,20 @@ class FlownFiles:
 
     def __init__(self, session: FlightSession, folder: Path, scenario: Scenario | None = None) -> None:
         session.look_back.keep(always=True)
-        self._timeline = session.look_back.timeline
         self._flight, self._scenario = session.flight, scenario or session.plan.scenario
-        self._count = len(self._timeline)
+        self._count = len(session.look_back.timeline)
         if self._count < 2:
             raise UserError("there is no flight to save yet")
+        # the flight may be restarted, or flown on from an earlier time, while it is written
+        self._samples = session.look_back.timeline.chasers()
+        self._made = not folder.exists()
         self.folder = empty_folder(folder, option="another name")
         self._rows = array("d")
-        self._next = 0
 
     @property
     def share(self) -> float:
         """Completed share of the work."""
-        return self._next / self._count
+        return len(self._rows) / (NUMBERS * self._count)
 
     def go_on(self, longest_s: float) -> Path | None:
         """Continue for about ``longest_s``; return the scenario's path once it is complete.
@@ -64,14 +66,19 @@ class FlownFiles:
             If it cannot be written.
         """
         until = time.perf_counter() + longest_s
-        while self._next < min(self._count, len(self._timeline)):
-            sample = self._timeline.place(self._next)
-            chaser = sample.steered or self._flight.chaser(sample.t_s)
-            self._rows.extend(state_row(self._flight.state_with_chaser(chaser)))
-            self._next += 1
+        for t_s, steered in self._samples:
+            self._rows.extend(self._flight.recorded_row(steered or self._flight.chaser(t_s)))
             if time.perf_counter() >= until:
                 return None
         return write_flight(self.folder, self._scenario, Recording.from_rows(self._rows))
+
+    def cancel(self) -> None:
+        """Remove what was written, and the folder if it was new."""
+        with contextlib.suppress(OSError):
+            for name in (REPLAY_NAME, RECORDING_NAME):
+                (self.folder / name).unlink(missing_ok=True)
+            if self._made:
+                self.folder.rmdir()
 
 
 def free_folder(parent: Path, name: str) -> Path:

@@ -56,6 +56,7 @@ class LookBack:
         self.active = False
         """True while a time before the end of the flight is shown."""
         self._restored = b""
+        self._replayed_until_s = -1.0
         self.leave_trail()
 
     # --- recording
@@ -136,6 +137,23 @@ class LookBack:
         self._restore(t_s, self.timeline.chaser_between(t_s), sample.controls)
         return False
 
+    def show_recording(self) -> bool:
+        """Make a replayed recording seekable as if it had been flown, from its start; return False without one."""
+        flight = self._craft.flight
+        if flight.recording is None or len(self.timeline):
+            return False
+        times_s = flight.recording.arrays["t_s"]
+        self.timeline.fill(times_s[times_s <= flight.duration_s].tolist(), self._craft.controls())
+        self._retrace()
+        self._replayed_until_s = self.timeline.end_s
+        self._show_sample(0)
+        return self.active
+
+    @property
+    def replays(self) -> bool:
+        """True while the flight is that of a recording, to its end."""
+        return self.timeline.end_s <= self._replayed_until_s
+
     # --- futures
 
     def fly_on(self) -> None:
@@ -154,7 +172,7 @@ class LookBack:
         self._fly_on_from(-1)
 
     def _fly_on_from(self, k: int) -> None:
-        self.active = False
+        self.active, self._replayed_until_s = False, -1.0
         if k + 1 < len(self.timeline) or k < 0:
             t_s = self.timeline.time_of(k) if k >= 0 else -1.0
             self.trail.cut(t_s)
@@ -172,12 +190,16 @@ class LookBack:
         """
         self.keep(always=True)
         k = self.timeline.swap_future()
-        flight, times = self._craft.flight, np.linspace(0.0, self.timeline.end_s, RESTORED_TRAIL_POINTS)
-        trail = [(float(t), self.timeline.chaser_between(float(t))) for t in times]
-        self.trail.replace((t, lvlh_position(flight, c or flight.chaser(t))) for t, c in trail)
+        self._retrace()
         if self.recorder is not None:
             self.recorder.swap_future()
         return self._show_sample(k)
+
+    def _retrace(self) -> None:
+        """Compute the trail of a timeline that was not just flown."""
+        flight, times = self._craft.flight, np.linspace(0.0, self.timeline.end_s, RESTORED_TRAIL_POINTS)
+        trail = [(float(t), self.timeline.chaser_between(float(t))) for t in times]
+        self.trail.replace((t, lvlh_position(flight, c or flight.chaser(t))) for t, c in trail)
 
 
 class Trail:

@@ -48,6 +48,9 @@ DRIFTED_AWAY = 4.0
 LIT_S = 300.0
 """Less than the time between two eclipses, and more than that between two calls of `FlightSession.step` [s]."""
 
+ECLIPSE_STEP_S, MAX_ECLIPSE_STEPS = 20.0, 500
+"""Interval at which a recording is searched for eclipses [s], and the largest number of intervals."""
+
 FUEL_SHARE = 0.04
 """Propellant as a share of the chaser's initial mass; the tanks of small craft hold some 5 %."""
 
@@ -262,7 +265,7 @@ class FlightSession:
         if not self.clock.paused:
             self.clock.add(dt_s)
             self._run()
-            self._note_eclipse()
+            self._note_eclipse(self.craft.world)
         self._note_marks()
         drifts = self.craft.steered is not None and not (steering.doing or steering.takes_over)
         new_cautions = self._cautions.news(
@@ -316,11 +319,18 @@ class FlightSession:
         while not self.clock.paused and self.clock.consume(h := self._step_s()):
             self._fly(h)
 
-    def _note_eclipse(self) -> None:
+    def show_recording(self) -> None:
+        """Let a replayed recording be sought through from now on, before it is flown; nothing happens without one."""
+        if self.look_back.show_recording():
+            end_s = self.look_back.timeline.end_s
+            for t_s in np.linspace(0.0, end_s, min(int(end_s / ECLIPSE_STEP_S), MAX_ECLIPSE_STEPS) + 2):
+                self._note_eclipse(self.flight.state(float(t_s)))
+
+    def _note_eclipse(self, world: WorldState) -> None:
         """Extend the eclipse that the target is in, or add a new one."""
-        if self.craft.world.sun_visible_fraction > 0.0:
+        if world.sun_visible_fraction > 0.0:
             return
-        spans, t_s = self.eclipses_s, self.t_s
+        spans, t_s = self.eclipses_s, world.t_s
         k = next((k for k, (a, b) in enumerate(spans) if a - LIT_S < t_s < b + LIT_S), len(spans))
         start_s, end_s = (spans[k : k + 1] or [(t_s, t_s)])[0]
         spans[k : k + 1] = [(min(start_s, t_s), max(end_s, t_s))]

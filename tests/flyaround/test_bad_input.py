@@ -45,6 +45,11 @@ def scenario_file(tmp_path):
     return write
 
 
+@pytest.mark.parametrize("name", ["gui", "console"])
+def test_a_guessed_name_of_the_console_names_the_right_command(capsys, name):
+    _fails(capsys, name, says=(f"'{name}'", "flyaround sim"))
+
+
 @pytest.mark.parametrize(
     "command", [("render",), ("capture", "-o", "x"), ("fly", "-o", "x"), ("hil", "host")]
 )

@@ -9,13 +9,14 @@ import pytest
 from flyaround.gui import style
 from flyaround.gui.app import command_table
 from flyaround.gui.command_table import Argument, Command, CommandTable, line_of
-from flyaround.gui.console import LONGEST_TICK_MS, MODIFIERS, STEERING
+from flyaround.gui.console import LONGEST_TICK_MS, STEERING
 from flyaround.gui.jobs.all import running_jobs
+from flyaround.gui.operator_state import MODIFIERS
 from flyaround.gui.panels.all import PANELS
 from flyaround.gui.panels.help import GROUPS
 from flyaround.gui.panels.key_list import matches
 from flyaround.gui.script import LARGEST_BYTES, Script
-from flyaround.gui.status_line import message_text
+from flyaround.gui.status_line import message_texts
 from flyaround.gui.texts import texts
 from flyaround.simulator.camera.lens.files import list_cameras
 from flyaround.simulator.errors import UserError
@@ -54,7 +55,7 @@ def test_two_commands_of_one_key_are_refused() -> None:
 
 def test_a_chord_takes_the_key_from_its_letter(table: CommandTable) -> None:
     assert [c.name for c in table.pressed(["p"], ctrl=False)] == ["picture.save"]
-    assert [c.name for c in table.pressed(["p"], ctrl=True)] == ["panel.palette"]
+    assert [c.name for c in table.pressed(["p"], ctrl=True)] == ["panel.keys"]
     # Ctrl is a modifier of steering too, so other keys keep their meaning
     assert [c.name for c in table.pressed(["space"], ctrl=True)] == ["time.pause"]
 
@@ -346,9 +347,10 @@ def test_a_caution_stays_in_the_last_line_beside_an_ordinary_message(table: Comm
     console = console_flying(table=table)
     console.say("the plume strikes", "caution")
     console.say("guidance: V-bar")
-    assert message_text(console) == ("the plume strikes (F9: seen)   |   guidance: V-bar", style.WARN)
+    caution = "the plume strikes (F9: seen)", style.WARN
+    assert message_texts(console) == [caution, ("guidance: V-bar", style.INK)]
     console.say("too near", "warning")
-    assert message_text(console) == ("too near (1 more; F9: seen)", style.BAD)
+    assert message_texts(console) == [("too near (F9: seen)", style.BAD), ("the plume strikes", style.WARN)]
     console.acknowledge()
     console.say("guidance: R-bar")
-    assert message_text(console) == ("guidance: R-bar", style.QUIET)
+    assert message_texts(console) == [("guidance: R-bar", style.QUIET)]

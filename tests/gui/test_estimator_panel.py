@@ -13,8 +13,10 @@ from flyaround.gui.jobs.estimates import ComparedEstimate
 from flyaround.gui.jobs.estimator_process import Answer
 from flyaround.gui.panels.estimator import EstimatorPanel
 from flyaround.simulator.errors import UserError
+from flyaround.simulator.runtime.arrays import ByteArray
 from tests.harness.flown_console import console_flying
 from tests.harness.headless_imgui import HeadlessWindow
+from tests.harness.pointer import Pointer
 
 
 @pytest.fixture
@@ -50,9 +52,8 @@ def test_the_reason_why_it_is_off_stands_in_the_panel(
     assert "the estimator cannot be made: x.npz is no network" in [n.label for n in window.noted]
 
 
-def test_a_result_moves_no_control(window: HeadlessWindow, console: Console) -> None:
-    before = draw(window, console)
-    assert "Stages as pictures" in str(before)
+def declined(**stages: ByteArray) -> ComparedEstimate:
+    """An estimate without a pose, with these pictures of its stages."""
     answer = Answer(
         accepted=False,
         reason="no edges",
@@ -61,8 +62,9 @@ def test_a_result_moves_no_control(window: HeadlessWindow, console: Console) -> 
         confidence=0.1,
         stages_ms={"propose": 40.0},
         counts={},
+        stages=stages,
     )
-    console.jobs.estimates.newest = ComparedEstimate(
+    return ComparedEstimate(
         method="hybrid",
         t_s=1.0,
         done_s=1.0,
@@ -70,56 +72,41 @@ def test_a_result_moves_no_control(window: HeadlessWindow, console: Console) -> 
         range_m=10.0,
         E_R_deg=None,
         E_T_m=None,
-        size_px=(960, 600),
+        size_px=(48, 30),
     )
+
+
+def test_a_result_moves_no_control(window: HeadlessWindow, console: Console) -> None:
+    before = draw(window, console)
+    assert "Stages as pictures" in str(before)
+    console.jobs.estimates.newest = declined()
     console.jobs.estimates.history.append(console.jobs.estimates.newest)
     assert draw(window, console) == before
 
 
-def test_a_click_on_a_small_stage_brings_its_large_picture_into_sight(
-    window: HeadlessWindow, console: Console
-) -> None:
-    jpeg = cv2.imencode(".jpg", np.zeros((30, 48, 3), np.uint8))[1].reshape(-1)
-    stages = {f"stage {k}": jpeg for k in range(12)}
-    estimates = console.jobs.estimates
-    estimates.newest = ComparedEstimate(
-        method="hybrid",
-        t_s=1.0,
-        done_s=1.0,
-        answer=Answer(
-            accepted=False,
-            reason="no edges",
-            q_camera_from_target_wxyz=None,
-            t_camera_from_target_m=None,
-            confidence=0.1,
-            stages_ms={"propose": 40.0},
-            counts={},
-            stages=stages,
-        ),
-        range_m=10.0,
-        E_R_deg=None,
-        E_T_m=None,
-        size_px=(48, 30),
+def test_a_click_on_a_small_stage_shows_it_in_the_place_of_the_view() -> None:
+    screen = Pointer("tango-flyaround", panels=False)
+    console = screen.console
+    console.jobs.estimates.newest = declined(
+        edges=cv2.imencode(".jpg", np.zeros((30, 48, 3), np.uint8))[1].reshape(-1),
+        broken=np.zeros(20, np.uint8),
     )
-    panel, height = EstimatorPanel(window), 500.0
-
-    def turn(wheel: float = 0.0) -> list[tuple[float, float]]:
-        window.noted.clear()
-        window.plain.get_io().add_mouse_wheel_event(0.0, wheel)
-        with window.panel("estimator", 420.0, height):
-            panel.draw(console)
-        return [n.middle for n in window.noted if n.label == "image"]
-
-    io = window.plain.get_io()
-    io.add_mouse_pos_event(200.0, 250.0)
-    for _ in range(60):
-        large, *small = turn(-3.0)
-    assert large[1] < 0.0, "it is out of sight"
-    io.add_mouse_pos_event(*small[-1])
-    turn()
-    for down in (True, False):
-        io.add_mouse_button_event(0, down)
-        turn()
+    console.open_panel("estimator", shown=True)
+    console.open_panel("camera", shown=True)
     for _ in range(3):
-        large, *_ = turn()
-    assert 0.0 < large[1] < height
+        screen.turn()
+    left, top, wide, tall = console.help.rects["camera"]
+    screen.press("image")
+    for _ in range(3):
+        screen.turn()
+    assert "broken" not in "".join(n.label for n in screen.window.noted)
+    x, y = screen.place("image")
+    assert left < x < left + wide
+    assert top < y < top + tall
+    _, _, width, _ = console.help.rects["stage"]
+    assert width > 0.9 * wide
+    # what the newest estimate lacks is said
+    console.jobs.estimates.newest = declined()
+    screen.turn()
+    assert not screen.has("image")
+    screen.close()

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from flyaround.gui.console import Console
-from flyaround.gui.panels.key_list import KeyList, Palette
+from flyaround.gui.panels.key_list import KeyList
 from flyaround.gui.panels.scenarios import ScenarioChooser
 from flyaround.gui.widgets import Panel
 from tests.harness.flown_console import console_flying
@@ -53,10 +53,27 @@ def test_enter_after_words_opens_nothing(window: Any, console: Console) -> None:
     assert len(console.log.lines) == before
 
 
-@pytest.mark.parametrize(("kind", "field"), [(KeyList, "##find"), (Palette, "##line")])
 @pytest.mark.parametrize(("words", "empty"), [("lampion", True), ("light", False)])
 def test_a_search_that_finds_no_command_says_so(
-    window: Any, console: Console, kind: type[Panel], field: str, words: str, *, empty: bool
+    window: Any, console: Console, words: str, *, empty: bool
 ) -> None:
-    texts = type_into(kind(window), field, words, window, console)
+    texts = type_into(KeyList(window), "##find", words, window, console)
     assert (f"no command has '{words}'" in texts) is empty
+
+
+@pytest.mark.parametrize(
+    ("typed", "done"),
+    [
+        ("time.rate 10", "time.rate 10"),
+        ("time.rat 10", "time.rate 10"),
+        ("next eclipse", "time.next-eclipse"),
+        ("", ""),
+    ],
+)
+def test_enter_does_the_typed_command_or_the_first_match(
+    window: Any, console: Console, typed: str, done: str
+) -> None:
+    before = len(console.log.lines)
+    type_into(KeyList(window), "##find", typed, window, console)
+    lines = [str(line).split(maxsplit=1)[1] for line in console.log.lines[before:]]
+    assert lines == [done] * bool(done)

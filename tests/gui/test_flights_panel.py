@@ -68,3 +68,24 @@ def test_without_flights_it_says_how_to_keep_one(console: Console, window: Headl
     with window.panel("flights", 420.0, 780.0):
         panel.draw(console)
     assert any("Keep flight" in n.label for n in window.noted)
+
+
+def test_an_opened_flight_can_be_sought_through_at_once(console: Console) -> None:
+    console.do("steer.toggle")
+    replay = keep(console)
+    console.do("scenario.open", replay)
+    while console.opener.is_busy():
+        console.pass_time(0)
+    session = console.session
+    console.do("timeline.seek", 2.0)
+    assert session.t_s == pytest.approx(2.0)
+    assert session.look_back.timeline.end_s == pytest.approx(3.0, abs=0.11)
+    assert len(session.look_back.path(session.craft.world)) > 10
+    # flying on from there drops nothing that is not on disk
+    console.do("guidance.hold")
+    assert console.asked is None
+    console.pass_time(100)
+    assert not session.look_back.active
+    console.do("timeline.seek", 1.0)
+    console.do("guidance.drift")
+    assert console.asked is not None, "this part was flown by hand"

@@ -1,4 +1,4 @@
-"""While an earlier time is shown, what would fly on from it asks before it drops what was flown after it."""
+"""What drops a flight that is in no file, or leaves it, asks once and names it; an abort never asks."""
 
 from __future__ import annotations
 
@@ -11,7 +11,6 @@ from tests.harness.pointer import Pointer
 
 FLYING = (
     "docking.approach on",
-    "docking.abort",
     "guidance.hold",
     "guidance.waypoint 20 0 0",
     "burn.plan 500 0 0.01 0",
@@ -45,9 +44,7 @@ def test_a_command_that_flies_on_asks_first(back: Pointer, line: str) -> None:
     assert end_s(back) > 3.5
     assert back.console.session.look_back.active
     back.turn()
-    assert any(
-        "Fly on from T+0:01? The 0 min 3 s flown after it are dropped." in text for text in back.texts()
-    )
+    assert any("Fly on from T+0:01? The 3 s flown after it are dropped." in text for text in back.texts())
     back.press("Stay here")
     assert end_s(back) > 3.5
     assert back.console.flown_by == "scenario's guidance"
@@ -91,3 +88,65 @@ def test_a_script_has_given_its_answer(back: Pointer) -> None:
     now = back.console.clock_ms
     back.console.play(Script((Line(now + 10, "do", "guidance.hold", ()),)))
     assert end_s(back) < 2.0
+
+
+def test_an_abort_acts_at_once_on_the_present_flight(back: Pointer) -> None:
+    back.console.do("docking.abort")
+    assert end_s(back) > 3.5
+    back.turn()
+    assert not back.has("Stay here")
+    session = back.console.session
+    assert session.craft.mode == "steer"
+    assert session.t_s > 3.9, "time runs on from the end of the flight"
+    assert any("aborted the present flight, at T+00:00:04" in m.text for m in back.console.messages)
+
+
+def test_a_restart_asks_once_if_the_flight_is_in_no_file(back: Pointer) -> None:
+    console = back.console
+    console.do("timeline.end")
+    console.do("time.restart")
+    assert console.session.t_s == 0.0, "nobody flew it"
+    console.do("time.pause")
+    for _ in range(10):
+        console.pass_time(200)
+    console.do("guidance.hold")
+    end = console.session.t_s
+    console.do("time.restart")
+    back.turn()
+    assert console.session.t_s == end
+    assert any("The flight of tango-flyaround, 2 s, is not kept." in text for text in back.texts())
+    back.escape()
+    back.turn()
+    assert console.session.t_s == end
+    assert not back.has("Stay here")
+    console.do("time.restart")
+    back.turn()
+    back.press("Restart")
+    assert console.session.t_s == 0.0
+    back.turn()
+    assert not back.has("Stay here")
+
+
+def test_flying_on_by_its_own_command_asks_if_the_flight_is_in_no_file(back: Pointer) -> None:
+    console = back.console
+    console.do("timeline.end")
+    console.do("guidance.hold")
+    console.do("timeline.seek", 1.0)
+    console.do("timeline.fly-on")
+    assert end_s(back) > 3.5
+    back.turn()
+    back.press("Fly on")
+    assert end_s(back) < 2.0
+    back.turn()
+    assert not back.has("Stay here"), "one question"
+
+
+def test_the_question_before_another_scenario_names_both(back: Pointer) -> None:
+    console = back.console
+    console.do("timeline.end")
+    console.do("guidance.hold")
+    console.do("scenario.open", "tango-close-3m")
+    back.turn()
+    assert "Leave the flight of tango-flyaround, 4 s, for tango-close-3m? It is not kept." in back.texts()
+    back.press("Fly it")
+    assert console.opener.name == "tango-close-3m"

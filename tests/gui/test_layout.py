@@ -33,10 +33,10 @@ def test_no_layout_is_the_first_layout(tmp_path: Path, monkeypatch: pytest.Monke
 
 
 def test_a_window_that_is_resized_does_not_take_letters_from_a_field() -> None:
-    """A new form raises its tabs, but not over the palette: letters would act as keys."""
+    """A new form raises its tabs, but not over the search for a command: letters would act as keys."""
     screen = Pointer()
     imgui = screen.window.plain
-    screen.console.open_panel("palette", shown=True)
+    screen.console.open_panel("keys", shown=True)
     screen.window.size = (640, 480)
     imgui.get_io().display_size = imgui.ImVec2(640, 480)
     for _ in range(14):

@@ -29,7 +29,7 @@ def test_a_flown_flight_asks_until_it_is_kept(screen: Pointer) -> None:
     console.do("steer.toggle")
     console.pass_time(200)
     screen.menu("File", "Quit")
-    assert any("the flight of tango-flyaround is not kept" in text for text in screen.texts())
+    assert any("the flight of tango-flyaround, 0 s, is not kept" in text for text in screen.texts())
     screen.press("Stay")
     screen.turn()
     assert not console.window.close
@@ -76,6 +76,57 @@ def test_each_running_job_and_the_flight_before_are_named(screen: Pointer) -> No
     # at the end of a script nobody answers
     console.do("window.close")
     assert console.window.close
+
+
+def test_every_flight_that_would_be_lost_is_named_reached_and_kept(screen: Pointer) -> None:
+    console = screen.console
+    for scenario in ("tango-vbar-approach", "tango-close-3m"):
+        console.do("docking.approach")
+        console.pass_time(200)
+        console.do("scenario.open", scenario)
+        screen.turn()
+        screen.press("Fly it")
+        while console.opener.is_busy():
+            console.pass_time(0)
+    console.do("docking.approach")
+    console.pass_time(200)
+    screen.menu("File", "Quit")
+    names = ("tango-flyaround", "tango-vbar-approach", "tango-close-3m")
+    for name in names:
+        assert any(f"the flight of {name}, " in text and "is not kept" in text for text in screen.texts())
+    screen.press("Stay")
+    console.open_panel("flights", shown=True)
+    screen.turn()
+    screen.press("tango-flyaround")
+    assert console.session.plan.scenario.name == "tango-flyaround"
+    assert len(console.losses) == 3
+    console.do("timeline.keep-all")
+    for _ in range(500):
+        console.pass_time(20)
+        if not console.jobs.keeping:
+            break
+    assert console.losses == []
+    assert len(console.flights) == 3
+
+
+def test_a_flight_being_written_can_be_cancelled_and_leaves_nothing(screen: Pointer, tmp_path: Path) -> None:
+    console = screen.console
+    console.do("docking.approach")
+    for _ in range(20):
+        console.pass_time(200)
+    console.do("timeline.keep", str(tmp_path / "mine"))
+    screen.turn()
+    assert any("writing the flight, 0%" in text for text in screen.texts())
+    screen.press("Stop writing")
+    assert not (tmp_path / "mine").exists()
+    assert any("is not kept" in text for text in console.losses)
+    # again, and whole, while the flight is restarted
+    console.do("timeline.keep", str(tmp_path / "mine"))
+    console.session.restart()
+    while console.jobs.keeping:
+        console.pass_time(0)
+    assert (tmp_path / "mine" / "replay.toml").is_file()
+    assert "duration_s = 4" in (tmp_path / "mine" / "replay.toml").read_text()
 
 
 def test_editing_asks_before_a_changed_text_is_lost(screen: Pointer) -> None:

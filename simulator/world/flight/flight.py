@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import chain
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -152,6 +153,21 @@ class Flight:
             sun_visible_fraction=sun_fraction_past_bodies(bodies, r, sun),
             central_body=self.body.name,
         )
+
+    def recorded_row(self, chaser: ChaserState) -> list[float]:
+        """Return the row of a recording for a chaser's state; several times faster than by `state_with_chaser`.
+
+        Raises
+        ------
+        ValueError
+            If the time is outside the flight.
+        """
+        self._check(chaser.t_s)
+        r, v = self._target(self.epoch.plus(chaser.t_s), chaser.t_s)
+        q_target, omega_target = self.attitude(chaser.t_s)
+        numbers = (vec3(r), vec3(v), quat(q_target), vec3(omega_target))
+        camera = chaser.q_camera_from_eci_wxyz, chaser.omega_camera_rad_s
+        return list(chain((chaser.t_s,), *numbers, chaser.position_eci_m, chaser.velocity_eci_m_s, *camera))
 
     def _target(self, instant: Instant, t_s: float) -> tuple[FloatArray, FloatArray]:
         """Return the geocentric position and velocity of the target."""

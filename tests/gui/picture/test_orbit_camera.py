@@ -121,3 +121,22 @@ def test_its_exposure_is_metered(session: FlightSession) -> None:
     brighter = orbit_scene(session, settings, OrbitCamera(), 1, "draft")
     assert brighter.exposure_s == pytest.approx(2 * near.exposure_s)
     assert 1e-5 <= near.exposure_s < 0.25
+
+
+@pytest.mark.parametrize("range_m", [3.0, 40.0, 900.0])
+@pytest.mark.parametrize("way", [(1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0), (0, 0, 1), (0, 0, -1)])
+def test_it_keeps_a_chaser_in_view_wherever_that_flies(range_m: float, way: tuple[int, int, int]) -> None:
+    look = OrbitCamera()
+    look.reset(10.0)
+    look.place(look.azimuth_deg + 40.0, 10.0, look.distance_m)
+    look.follow(range_m)
+    camera_lvlh_m = look.distance_m * look.from_focus_lvlh
+    to_chaser = range_m * np.array(way) - camera_lvlh_m
+    ahead = -look.from_focus_lvlh
+    off_deg = np.degrees(np.arccos(to_chaser @ ahead / np.linalg.norm(to_chaser)))
+    assert off_deg < 20.0, "half of the field of view"
+    look.place(look.azimuth_deg, 10.0, 5.0)
+    look.follow(500.0)
+    assert look.distance_m == 5.0, "a distance that was chosen stays"
+    look.reset(500.0)
+    assert look.distance_m > 500.0

@@ -1,0 +1,105 @@
+"""Questions before a command drops a flight, or leaves one that is in no file."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from flyaround.gui.texts import duration_text, time_text
+
+if TYPE_CHECKING:
+    from flyaround.gui.command_table import Command, Value
+    from flyaround.simulator.piloting.session import FlightSession
+
+FLOWN = frozenset({"steer", "guidance", "burn", "docking"})
+"""Groups of commands that make a flight the operator's own."""
+NO_FLYING = frozenset({"steer.arm", "steer.stick-lost"})
+"""Commands of those groups that do not act on the chaser."""
+NEW_FLIGHT = frozenset({"scenario.open", "scenario.target", "scenario.fly", "light.fly"})
+"""Commands that begin another flight."""
+SWAP_BACK = "Timeline, Swap future brings back the part dropped last."
+GO_BACK = "File, Flight before and Kept flights return to it, until you quit."
+
+
+@dataclass(frozen=True)
+class Question:
+    """A question that a command waits for.
+
+    Parameters
+    ----------
+    command : Command
+        The command.
+    values : tuple of Value
+        Its arguments.
+    text : str
+        The question, which names what is lost.
+    way_back : str
+        How it can be brought back.
+    answer : str
+        Label of the button that runs the command.
+    first : str, optional
+        Command that is run before it.
+    """
+
+    command: Command
+    values: tuple[Value, ...]
+    text: str
+    way_back: str
+    answer: str
+    first: str = ""
+
+
+def acts_on_chaser(name: str) -> bool:
+    """Return True for the name of a command that flies the chaser."""
+    return name.partition(".")[0] in FLOWN and name not in NO_FLYING
+
+
+def flight_text(session: FlightSession) -> str:
+    """Return a flight's scenario and length."""
+    end_s = max(session.look_back.timeline.end_s, session.t_s)
+    return f"the flight of {session.plan.scenario.name}, {time_text(end_s)},"
+
+
+def drops_future(session: FlightSession) -> bool:
+    """Return True if flying on from the time shown drops a part of the flight; what is shown of a file stays there."""
+    return session.look_back.active and not session.look_back.replays
+
+
+def question_before(
+    session: FlightSession, command: Command, values: tuple[Value, ...], edited: str, *, unsaved: bool
+) -> Question | None:
+    """Return the question before a command that drops or leaves a flight; None if nothing is lost.
+
+    Parameters
+    ----------
+    session : FlightSession
+        The present flight.
+    command : Command
+        The command.
+    values : tuple of Value
+        Its arguments.
+    edited : str
+        Name of the scenario whose text is edited.
+    unsaved : bool
+        True if the flight was flown by hand and is in no file.
+    """
+    name = command.name
+    if name in NEW_FLIGHT and (unsaved or session.look_back.recorder is not None):
+        what = {"scenario.fly": edited}.get(name, str(values[0]) if values else "these lights")
+        text = f"Leave {flight_text(session)} for {what}? It is not kept."
+        if not unsaved:
+            text = f"Leave {flight_text(session)} for {what}? Its recording ends."
+        return Question(command, values, text, GO_BACK, "Fly it")
+    if name == "time.restart" and unsaved:
+        text = f"Restart? T{flight_text(session)[1:]} is not kept."
+        return Question(command, values, text, SWAP_BACK, "Restart")
+    # an abort acts on the present, and a stick that is let go on nothing
+    flies = acts_on_chaser(name) and name != "docking.abort"
+    flies &= any(values) or not name.startswith("steer.stick-")
+    flies |= name.startswith("time.next-") or (name == "timeline.fly-on" and unsaved)
+    if not flies or not drops_future(session):
+        return None
+    flown = time_text(session.look_back.timeline.end_s - session.t_s)
+    text = f"Fly on from T+{duration_text(int(session.t_s))}? The {flown} flown after it are dropped."
+    first = "" if name == "timeline.fly-on" else "timeline.fly-on"
+    return Question(command, values, text, SWAP_BACK, "Fly on", first)
