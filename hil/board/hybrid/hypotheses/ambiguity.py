@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import List, Sequence
+from typing import Callable, List, Optional, Sequence
 
 import numpy as np
 
@@ -20,6 +20,13 @@ SAME_RAD, SAME_SHARE = float(np.radians(1.0)), 0.03
 
 # Minimum attitude difference between hypotheses that are compared [rad]; hand-tuned.
 SPREAD_RAD = float(np.radians(6.0))
+
+# Maximum deficit of a pose's log-likelihood by the network. Correct poses have far smaller deficits
+# (docs/lab/2026-11-keypoint-network.md).
+MAX_NETWORK_DEFICIT = 5.0
+
+# Log-likelihoods (N,) of attitudes q (N, 4) at positions t (N, 3) by the network, see LearnedProposer.log_likelihood.
+Prior = Callable[[Array, Array], Array]
 
 
 def same_optimum(a: PoseFit, b: PoseFit) -> bool:
@@ -41,6 +48,18 @@ def without_duplicates(hypotheses: List[Hypothesis]) -> List[Hypothesis]:
         if all(converges_elsewhere(h.pose, o.pose, SAME_RAD) for o in out):
             out.append(h)
     return out
+
+
+def without_unlikely(hypotheses: List[Hypothesis], prior: Optional[Prior]) -> List[Hypothesis]:
+    """Return the hypotheses except those that the keypoint network considers far less likely than another.
+
+    Under lamps a view of the wrong side explains an image nearly as well as a view of the right side.
+    """
+    if prior is None or len(hypotheses) < 2:
+        return hypotheses
+    log_likelihood = prior(np.array([h.q for h in hypotheses]), np.array([h.t for h in hypotheses]))
+    least = log_likelihood.max() - MAX_NETWORK_DEFICIT
+    return [hypotheses[k] for k in np.flatnonzero(log_likelihood >= least)]
 
 
 def was_refined(h: Hypothesis, optima: Sequence[Hypothesis]) -> bool:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from functools import cached_property
-from typing import Any, Dict, Optional, Tuple
+from typing import Any, Dict, List, Optional, Tuple
 
 import numpy as np
 
@@ -37,8 +37,8 @@ class Observation(StageRecord):
         Probability (0..1) that a cell shows the craft, from ``saliency_map``; None in front of empty space.
     drawn : dict
         Renderings of poses, by patch.
-    undistorted : tuple, optional
-        Last undistorted region, with its box.
+    undistorted : list of tuple
+        Undistorted regions with their boxes.
     """
 
     def __init__(
@@ -51,7 +51,7 @@ class Observation(StageRecord):
         self.craft_probability: Optional[Array] = None
         # a second round starts from poses of the first, whose renderings are reused
         self.drawn: Dict[Any, Dict[Any, Any]] = {}
-        self.undistorted: Optional[Tuple[Any, Array]] = None
+        self.undistorted: List[Tuple[Any, Array]] = []
 
     @staticmethod
     def from_record(record: StageRecord) -> Observation:

@@ -5,13 +5,18 @@ Values without a source are hand-tuned on development frames (docs/lab/2026-11-e
 
 from __future__ import annotations
 
-from typing import List, Tuple
+from typing import List, Optional, Tuple
 
 import numpy as np
 
 from flyaround.hil.board.estimation import quaternion as quat
 from flyaround.hil.board.hybrid.geometry.image_patch import ImagePatch
-from flyaround.hil.board.hybrid.hypotheses.ambiguity import SPREAD_RAD, without_duplicates
+from flyaround.hil.board.hybrid.hypotheses.ambiguity import (
+    SPREAD_RAD,
+    Prior,
+    without_duplicates,
+    without_unlikely,
+)
 from flyaround.hil.board.hybrid.hypotheses.hypothesis import Hypothesis
 from flyaround.hil.board.hybrid.image.observation import Observation
 from flyaround.hil.board.hybrid.model.image_patch import Box, cut_patch, target_box
@@ -35,7 +40,12 @@ TILT_PRUNINGS = (Pruning(-9.0, 0.0), Pruning(-9.0, 0.03), Pruning(-9.0, 0.05), *
 
 
 def refine_close_up(
-    target: PreparedTarget, frame: Observation, leaders: List[Hypothesis], *, thorough: bool = False
+    target: PreparedTarget,
+    frame: Observation,
+    leaders: List[Hypothesis],
+    prior: Optional[Prior] = None,
+    *,
+    thorough: bool = False,
 ) -> Tuple[ImagePatch, List[Hypothesis]]:
     """Return the patch around the best hypothesis, and hypotheses and near-symmetries aligned on it, best first.
 
@@ -47,6 +57,8 @@ def refine_close_up(
         Image with its noise and background.
     leaders : list of Hypothesis
         Hypotheses from ``refine_coarsely``, best first, at least one.
+    prior : callable, optional
+        Log-likelihood of a pose by the network.
     thorough : bool
         Align more hypotheses, every near-symmetry and tilts of the best one, all with shadows, because the first round
         may have ended in a local optimum.
@@ -68,7 +80,7 @@ def refine_close_up(
     # a near-symmetry that is already among the hypotheses is not aligned twice
     twins = [
         draw(target, patch, twin)
-        for twin in align_centroids(target, patch, near_symmetries(target, [first]), first)
+        for twin in align_centroids(target, patch, _likely_symmetries(target, first, prior), first)
         if all(quat.angle_rad(twin.q, o.q) > SPREAD_RAD for o in (first, *others))
     ]
     # in front of a texture an error of a few degrees costs most of the score: every near-symmetry is aligned
@@ -80,7 +92,7 @@ def refine_close_up(
     if thorough:
         ranked += refine_tilts(target, patch, ranked[0], TILT_BLURS, TILT_PRUNINGS)
         ranked.sort(key=lambda h: -h.score)
-        ranked += refine_symmetries(target, patch, ranked[0])
+        ranked += refine_symmetries(target, patch, ranked[0], prior)
         n_aligned = len(ranked)
         ranked = without_duplicates(sorted(ranked, key=lambda h: -h.score))
     frame.count("judged", n_aligned)
@@ -99,15 +111,22 @@ def refine_tilts(
     return refine_in_parallel(target, patch, tilted, blurs, prunings)
 
 
-def refine_symmetries(target: PreparedTarget, patch: ImagePatch, pose: Hypothesis) -> List[Hypothesis]:
+def refine_symmetries(
+    target: PreparedTarget, patch: ImagePatch, pose: Hypothesis, prior: Optional[Prior]
+) -> List[Hypothesis]:
     """Return near-symmetries of a nearly converged pose, aligned with shadows, best first.
 
     Near-symmetries of a pose that has not converged are a few degrees off, which in front of a texture costs most of
     the score.
     """
-    variants = align_centroids(target, patch, near_symmetries(target, [pose]), pose)
+    variants = align_centroids(target, patch, _likely_symmetries(target, pose, prior), pose)
     drawn = [draw_shadows(target, patch, draw(target, patch, h)) for h in variants]
     return refine_in_parallel(target, patch, drawn, CLOSE_BLURS, CLOSE_PRUNINGS)
+
+
+def _likely_symmetries(target: PreparedTarget, pose: Hypothesis, prior: Optional[Prior]) -> List[Hypothesis]:
+    """Return near-symmetries of a pose, except those that the network considers far less likely than the pose."""
+    return [h for h in without_unlikely([pose, *near_symmetries(target, [pose])], prior) if h is not pose]
 
 
 def _overlap(a: Box, b: Box) -> float:

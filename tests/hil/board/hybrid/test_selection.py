@@ -108,7 +108,7 @@ def test_a_learned_proposal_is_heard_about_half_a_turn_and_does_not_decide_it_al
     choice = choice_of(craft, frame, turned, T_M)
 
     def believes(q: np.ndarray) -> Prior:
-        return lambda a, _: 0.0 if quat.angle_rad(a, q) < 0.2 else -9.0
+        return lambda a, _: np.where(quat.angle_rad(a, q) < 0.2, 0.0, -9.0)
 
     alone, agreed, against = (
         check_discrete_symmetry(craft, frame, choice, prior)

@@ -220,30 +220,29 @@ class LearnedProposer:
             first.source, crop, np.log(p), float(craft.mean()), float(size.mean()), POSES_SECOND_ROUND
         )
 
-    def log_likelihood(self, learned: Sequence[LearnedProposal], q: Array, t: Array) -> float:
-        """Return the network's log-likelihood of a pose relative to that of the most likely pose.
+    def log_likelihood(self, learned: Sequence[LearnedProposal], q: Array, t: Array) -> Array:
+        """Return the network's log-likelihoods (N,) of poses relative to that of the most likely pose.
 
         Parameters
         ----------
         learned : sequence of LearnedProposal
-            Proposals of one image; the one whose crop centre is nearest to the pose is used.
-        q : (4,) array
-            Attitude quaternion, camera from target.
-        t : (3,) array
-            Target position, camera frame [m].
+            Proposals of one image; the one whose crop centre is nearest to a pose is used.
+        q : (N, 4) array
+            Attitude quaternions, camera from target.
+        t : (N, 3) array
+            Target positions, camera frame [m].
         """
         centre = t + quat.matrix(q) @ self.centre_m
-        range_m = float(np.linalg.norm(centre))
-
-        def angular_offset(g: LearnedProposal) -> float:
-            return float(np.linalg.norm(g.crop.direction - centre / range_m) / g.crop.diameter_px)
-
-        g = min(learned, key=angular_offset)
-        crop_from_camera = g.crop.swing().T
-        q_crop = quat.multiply(quat.from_matrix(crop_from_camera), q)[None]
-        t_crop = (crop_from_camera @ centre / self.radius_m)[None]
-        score = log_likelihoods(g.table, self.points, self._focal(g.crop), q_crop, t_crop)
-        return float(score[0] / LIKELIHOOD_DIVISOR - g.log_likelihood[0])
+        direction = centre / np.linalg.norm(centre, axis=1, keepdims=True)
+        offsets = [np.linalg.norm(g.crop.direction - direction, axis=1) / g.crop.diameter_px for g in learned]
+        nearest, out = np.argmin(offsets, axis=0), np.empty(len(q))
+        for k, g in enumerate(learned):
+            own, crop_from_camera = nearest == k, g.crop.swing().T
+            q_crop = quat.multiply(quat.from_matrix(crop_from_camera), q[own])
+            t_crop = centre[own] @ crop_from_camera.T / self.radius_m
+            score = log_likelihoods(g.table, self.points, self._focal(g.crop), q_crop, t_crop)
+            out[own] = score / LIKELIHOOD_DIVISOR - g.log_likelihood[0]
+        return out
 
     def log_likelihood_deficit(self, image: Array, noise: float, q: Array, t: Array) -> float:
         """Return the log-likelihood deficit of a pose relative to the most likely pose in a crop around it.
@@ -266,9 +265,8 @@ class LearnedProposer:
         crop = ImageCrop(centre / range_m, float(2 * f * np.tan(half_angle)))
         log_p, craft, size = self.network(network_inputs(image, noise, self.camera, [crop]))
         region = Region(0.0, 0.0, float(image.shape[1]), float(image.shape[0]), "predicted")
-        return -self.log_likelihood(
-            [self._proposal(region, crop, log_p[0], float(craft[0]), float(size[0]))], q, t
-        )
+        proposal = self._proposal(region, crop, log_p[0], float(craft[0]), float(size[0]))
+        return -float(self.log_likelihood([proposal], q[None], t[None])[0])
 
     def _distinct(self, order: Sequence[int], crops: Dict[int, ImageCrop], most: int) -> List[int]:
         """Return the first ``most`` of the crops that do not overlap."""
