@@ -42,6 +42,7 @@ from flyaround.hil.board.hybrid.propose.learned_hypotheses import learned_hypoth
 from flyaround.hil.board.hybrid.refine.close import refine_close_up
 from flyaround.hil.board.hybrid.refine.coarse import refine_coarsely
 from flyaround.hil.board.hybrid.refine.edge_hypotheses import refine_by_edges
+from flyaround.hil.board.hybrid.refine.final import refine_to_convergence
 from flyaround.hil.board.hybrid.refine.final_edges import refine_on_edges
 from flyaround.hil.board.hybrid.refine.settling import settle
 from flyaround.hil.board.hybrid.refine.synthetic_view import draw_at
@@ -49,12 +50,8 @@ from flyaround.hil.board.hybrid.search_states import Choice, PreparedImage, Prop
 from flyaround.hil.board.method_names import HYBRID
 from flyaround.hil.board.svd.wireframe_groups import model_triads
 
-# Maximum number of regions passed to the network; hand-tuned, as all numbers of regions and locations below.
+# Maximum number of regions passed to the network; hand-tuned, as all numbers of regions below.
 NETWORK_REGIONS = 5
-
-# Maximum number of locations that the network proposes, in front of a texture and of empty space.
-TEXTURED_LOCATIONS = 2
-EMPTY_LOCATIONS = 1
 
 # Maximum number of regions searched by edges, in front of a texture and of empty space.
 TEXTURED_REGIONS = 2
@@ -68,39 +65,38 @@ PRESENT_LOGIT = 2.0
 
 
 def propose_learned(image: PreparedImage) -> Proposals:
-    """Propose poses at the most likely locations by the keypoint network (Park, Sharma & D'Amico 2019)."""
-    frame, locations = image.frame, []
+    """Propose poses at the most likely location by the keypoint network (Park, Sharma & D'Amico 2019)."""
+    frame, proposal = image.frame, None
     if image.setup.learned is not None:
-        keep = TEXTURED_LOCATIONS if frame.background < 0 else EMPTY_LOCATIONS
-        locations = image.setup.learned.propose(
-            frame.image, frame.noise, image.regions[:NETWORK_REGIONS], keep, image.reduced, frame.black
-        )
-    hypotheses = [
-        h for location in locations for h in learned_hypotheses(image.setup.target, frame, location)
-    ]
-    frame.keep("learned_proposals", locations)
+        regions = image.regions[:NETWORK_REGIONS]
+        proposal = image.setup.learned.propose(frame.image, frame.noise, regions, image.reduced, frame.black)
+    frame.keep("learned_proposal", proposal)
+    proposals = _with_hypotheses(image, proposal)
     frame.mark("learned_proposal")
-    return Proposals(image, hypotheses, locations)
+    return proposals
 
 
-def propose_again(first: Proposals, learned: LearnedProposer) -> Proposals:
-    """Propose poses from further inferences at the locations of the first round, in addition to its hypotheses."""
-    image, target, frame = first.image, first.image.setup.target, first.image.frame
-    locations = [
-        learned.infer_again(frame.image, frame.noise, location, image.reduced, frame.black)
-        for location in first.locations
-    ]
-    hypotheses = [h for location in locations for h in learned_hypotheses(target, frame, location)]
+def propose_again(first: Proposals, learned: LearnedProposer, proposal: LearnedProposal) -> Proposals:
+    """Propose poses from further inferences at the location of the first round."""
+    image, frame = first.image, first.image.frame
+    again = learned.infer_again(frame.image, frame.noise, proposal, image.reduced, frame.black)
+    proposals = _with_hypotheses(image, again)
     frame.mark("second_look")
-    return replace(first, hypotheses=[*hypotheses, *first.hypotheses], locations=locations, thorough=True)
+    return proposals
 
 
-def propose_by_edges(image: PreparedImage, locations: Sequence[LearnedProposal]) -> Proposals:
+def _with_hypotheses(image: PreparedImage, proposal: Optional[LearnedProposal]) -> Proposals:
+    hypotheses = [] if proposal is None else learned_hypotheses(image.setup.target, image.frame, proposal)
+    return Proposals(image, hypotheses, proposal)
+
+
+def propose_by_edges(image: PreparedImage, learned: Optional[LearnedProposal]) -> Proposals:
     """Propose poses from perceptual groups and viewpoint templates, aligned on the edges of each region."""
     target, frame = image.setup.target, image.frame
     # where the network detects the craft, edges may still find attitudes that it does not propose
-    detected = [location.source for location in locations if location.craft > PRESENT_LOGIT]
-    regions = detected[:1] or image.regions[: TEXTURED_REGIONS if frame.background < 0 else EMPTY_REGIONS]
+    regions = image.regions[: TEXTURED_REGIONS if frame.background < 0 else EMPTY_REGIONS]
+    if learned is not None and learned.craft > PRESENT_LOGIT:
+        regions = [learned.source]
     frame.count("searched", 1)
     searched = []
     for region in regions:
@@ -115,7 +111,7 @@ def propose_by_edges(image: PreparedImage, locations: Sequence[LearnedProposal])
         hypotheses += refine_by_edges(target, frame, edges, q, t)
     hypotheses.sort(key=lambda h: -h.score)
     frame.mark("edge_alignment")
-    return Proposals(image, hypotheses, list(locations), thorough=True)
+    return Proposals(image, hypotheses, learned)
 
 
 # --- choose
@@ -135,22 +131,23 @@ def choose(proposals: Proposals) -> Choice:
 
 
 def _choose_by_image(proposals: Proposals) -> Choice:
-    image, thorough = proposals.image, proposals.thorough
-    target, frame, regime = image.setup.target, image.frame, image.regime
+    image = proposals.image
+    target, frame = image.setup.target, image.frame
     prior = _prior(proposals)
     # the best hypotheses of each region, on a small patch of it
     likely = without_unlikely(proposals.hypotheses, prior)
-    aligned = without_unlikely(refine_coarsely(target, frame, regime, likely, thorough=thorough), prior)
+    aligned = without_unlikely(refine_coarsely(target, frame, likely), prior)
     _keep_poses(frame, "coarse_alignment", aligned)
     frame.mark("coarse_alignment")
-    # the best hypotheses, and near-symmetries and tilts of the first one, on one patch of the target
-    patch, aligned = refine_close_up(target, frame, aligned, prior, thorough=thorough)
+    # the best hypotheses, and near-symmetries of the first one, on one patch of the target
+    patch, aligned = refine_close_up(target, frame, aligned, prior)
     aligned = without_unlikely(aligned, prior)
     _keep_poses(frame, "close_alignment", aligned)
     frame.mark("close_alignment")
-    # hypotheses refined to convergence on the full resolution
-    selection = select_by_image(target, frame, regime, patch, aligned, thorough=thorough)
-    _keep_poses(frame, "final_alignment", selection.optima)
+    # the best hypothesis refined to convergence on the full resolution
+    best = refine_to_convergence(target, frame, patch, aligned[0])
+    selection = select_by_image(target, patch, aligned, best)
+    _keep_poses(frame, "final_alignment", [best])
     frame.mark("final_alignment")
     return Choice(proposals, selection)
 
@@ -175,23 +172,21 @@ def check(choice: Choice) -> Choice:
 
 def _prior(proposals: Proposals) -> Optional[Prior]:
     """Return the keypoint network's log-likelihood as a function of the pose; None if it did not run."""
-    learned, locations = proposals.image.setup.learned, proposals.locations
-    return None if learned is None or not locations else partial(learned.log_likelihood, locations)
+    learned, proposal = proposals.image.setup.learned, proposals.learned
+    return None if learned is None or proposal is None else partial(learned.log_likelihood, proposal)
 
 
 def _evidence(choice: Choice) -> Evidence:
     """Return the evidence of the selection, completed by terms of the network and the calibration."""
-    image, best = choice.image, choice.selection.best
-    learned, locations = image.setup.learned, choice.proposals.locations
+    image, best, prior = choice.image, choice.selection.best, _prior(choice.proposals)
+    learned = choice.proposals.learned
     return replace(
         choice.selection.evidence,
         calibrated=image.setup.calibrated,
-        has_network=learned is not None,
-        regime=image.regime,
-        network=float(learned.log_likelihood(locations, best.q[None], best.t[None])[0])
-        if learned is not None and locations
-        else 0.0,
-        craft=max((location.craft for location in locations), default=0.0),
+        has_network=image.setup.learned is not None,
+        lamps=image.frame.black > 0,
+        network=0.0 if prior is None else float(prior(best.q[None], best.t[None])[0]),
+        craft=0.0 if learned is None else learned.craft,
     )
 
 
@@ -258,17 +253,19 @@ class PoseEstimator(Estimator):
         image = prepare(self.setup, frame)
         first = propose_learned(image)
         surest = _surest(first, None)
+        learned, proposal = self.setup.learned, first.learned
         # a search by edges would double the time and find hardly any further correct poses
-        if image.setup.learned is not None and surest is not None and decide(surest.selection.evidence):
-            surest = _surest(propose_again(first, image.setup.learned), surest)
-        if surest is None:
-            surest = _surest(propose_by_edges(image, first.locations), None)
+        if learned is not None and proposal is not None and surest is not None:
+            if decide(surest.selection.evidence):
+                surest = _surest(propose_again(first, learned, proposal), surest)
+        elif surest is None:
+            surest = _surest(propose_by_edges(image, proposal), None)
         if surest is None:
             return self._declined(frame, "no target found")
         result = answer(surest)
-        if frame.shows_all and first.locations and image.regions:
+        if frame.shows_all and proposal is not None and image.regions:
             # run the stages that were not needed, for the debug images
-            propose_by_edges(replace(image, regions=image.regions[:1]), [])
+            propose_by_edges(replace(image, regions=image.regions[:1]), None)
         return replace(result, method=self.method)
 
 

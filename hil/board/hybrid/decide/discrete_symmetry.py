@@ -12,9 +12,9 @@ import numpy as np
 
 from flyaround.hil.board.estimation import quaternion as quat
 from flyaround.hil.board.estimation.result import DISTINCT_RAD, alternatives
-from flyaround.hil.board.hybrid.decide.selection import Selection, select
+from flyaround.hil.board.hybrid.decide.selection import Selection, select_by_image
 from flyaround.hil.board.hybrid.geometry.image_patch import ImagePatch
-from flyaround.hil.board.hybrid.hypotheses.ambiguity import Prior, same_optimum
+from flyaround.hil.board.hybrid.hypotheses.ambiguity import Prior
 from flyaround.hil.board.hybrid.hypotheses.hypothesis import Hypothesis
 from flyaround.hil.board.hybrid.image.observation import Observation
 from flyaround.hil.board.hybrid.model.face_gains import OPTICS_PX
@@ -99,16 +99,9 @@ def check_discrete_symmetry(
     # near-symmetries of the best pose were compared above and are no competitors
     symmetric_q = [quat.multiply(best.q, s) for s in symmetries]
     others = [h for h in selection.ranked if all(quat.angle_rad(h.q, w) > DISTINCT_RAD for w in symmetric_q)]
-    new = select(target, patch, others, [best])
+    new = select_by_image(target, patch, others, best)
     likelihood_margin = best_log_ratio * max(best.score, 0.0) * MARGIN_PER_LOG_LIKELIHOOD
-    # other refined poses, for example at another roll angle, remain competitors
-    rivals = [
-        best.score - e.score
-        for e in selection.optima
-        if not same_optimum(e.pose, best.pose)
-        and all(quat.angle_rad(e.q, w) > DISTINCT_RAD for w in symmetric_q)
-    ]
-    evidence = replace(new.evidence, margin=min([new.evidence.margin, likelihood_margin, *rivals]))
+    evidence = replace(new.evidence, margin=min(new.evidence.margin, likelihood_margin))
     poses = [(h.q, h.t, h.score) for h in (*others, *(e for e in optima if e is not best))]
     frame.count("turned", len(candidates))
     return replace(new, evidence=evidence, alternatives=alternatives(poses, best.q, best.t))

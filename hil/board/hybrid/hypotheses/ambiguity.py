@@ -7,13 +7,9 @@ from typing import Callable, List, Optional, Sequence
 import numpy as np
 
 from flyaround.hil.board.estimation import quaternion as quat
-from flyaround.hil.board.estimation.result import differs
 from flyaround.hil.board.hybrid.hypotheses.hypothesis import Hypothesis, PoseFit
 
 Array = np.ndarray
-
-# Refined poses farther apart than this are distinct [rad] (docs/lab/2026-11-estimator.md, Decision).
-OTHER_OPTIMUM_RAD = float(np.radians(5.0))
 
 # Poses closer than this to a better one converge to it [rad, share of range]; hand-tuned.
 SAME_RAD, SAME_SHARE = float(np.radians(1.0)), 0.03
@@ -27,11 +23,6 @@ MAX_NETWORK_DEFICIT = 5.0
 
 # Log-likelihoods (N,) of attitudes q (N, 4) at positions t (N, 3) by the network, see LearnedProposer.log_likelihood.
 Prior = Callable[[Array, Array], Array]
-
-
-def same_optimum(a: PoseFit, b: PoseFit) -> bool:
-    """Return True if two refined poses are the same solution: similar attitude and position."""
-    return bool(quat.angle_rad(a.q, b.q) <= OTHER_OPTIMUM_RAD) and not differs(a.q, a.t, b.q, b.t)
 
 
 def converges_elsewhere(pose: PoseFit, better: PoseFit, apart_rad: float) -> bool:
@@ -62,18 +53,13 @@ def without_unlikely(hypotheses: List[Hypothesis], prior: Optional[Prior]) -> Li
     return [hypotheses[k] for k in np.flatnonzero(log_likelihood >= least)]
 
 
-def was_refined(h: Hypothesis, optima: Sequence[Hypothesis]) -> bool:
-    """Return True if ``h`` nearly equals the start of a refined hypothesis: it would converge to the same pose."""
-    return any(not converges_elsewhere(h.pose, e.origin.pose, SAME_RAD) for e in optima)
-
-
-def spread_in_attitude(hypotheses: Sequence[Hypothesis], keep: int) -> List[Hypothesis]:
-    """Return the first ``keep`` hypotheses that differ in attitude from each other."""
+def spread_in_attitude(hypotheses: Sequence[Hypothesis], keep: int, spread_rad: float) -> List[Hypothesis]:
+    """Return the first ``keep`` hypotheses that differ in attitude from each other by ``spread_rad``."""
     out: List[Hypothesis] = []
     for h in hypotheses:
         if len(out) >= keep:
             break
-        if all(quat.angle_rad(h.q, o.q) > SPREAD_RAD for o in out):
+        if all(quat.angle_rad(h.q, o.q) > spread_rad for o in out):
             out.append(h)
     return out
 
