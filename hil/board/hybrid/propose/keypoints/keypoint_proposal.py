@@ -40,7 +40,7 @@ SPHERE_OVER_BOX, SPHERE_OVER_PART, PART_SOURCES = 1.15, 1.7, ("saliency", "strai
 POSES_PER_CROP, ROLLS = 16, 4
 # Largest deficit of a crop's presence logit relative to the best one, and logit above which no further region is tried
 # (docs/lab/2026-11-keypoint-network.md).
-MAX_LOGIT_DEFICIT, SURE_LOGIT = 5.0, 6.0
+MAX_LOGIT_DEFICIT, SURE_LOGIT = 5.0, 10.0
 # Largest number of passes, crops in the second pass, and correction below which there is no further pass [sphere
 # diameters].
 MAX_PASSES, SECOND_PASS_CROPS, CONVERGED = 3, 3, 0.06
