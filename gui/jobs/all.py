@@ -25,7 +25,10 @@ class FlightBeingWritten(Protocol):
     """A flight that is written in portions."""
 
     files: FlownFiles
-    left_s: float | None
+
+    @property
+    def left_s(self) -> float | None:
+        """Time left [s], None while it is unknown."""
 
     def __call__(self) -> bool:
         """Write a portion; return False at the end."""

@@ -148,8 +148,10 @@ def _field(rng: np.random.Generator, size: int) -> tuple[Float32Array, Float32Ar
     field_rng = np.random.default_rng([_SEED, size])
     fields = _voronoi_noise(field_rng, size, 110 * scale) - 0.5
     woods = _equalise(_spectral_noise(field_rng, f, f**-1.6, 8.0 * scale)) > _UNWOODED_SHARE
-    patch, field, wood = _GROUND_WEIGHTS
-    mixed = creases / creases.std() + patch * patches / patches.std() + field * fields - wood * woods
+    of_patches, of_fields, of_woods = _GROUND_WEIGHTS
+    mixed = (
+        creases / creases.std() + of_patches * patches / patches.std() + of_fields * fields - of_woods * woods
+    )
     land = _blur(_equalise(np.asarray(mixed, np.float32)))
     return cloud, land
 

@@ -9,7 +9,7 @@ A data set is a folder written by `flyaround capture` or `flyaround convert`.
 |---|---|
 | region | share of the true bounding box in the best region, and area of that region divided by the box's |
 | edges | share of the visible wireframe with an edge under it at the true pose |
-| place | error of the learned proposal's best location [diameters of the craft's sphere]; its size over the true one |
+| place | error of the learned proposal's location [diameters of the craft's sphere]; its size over the true one |
 | proposed | attitude error of the best hypothesis of the first round [deg], and its number in the list |
 | stays | error after refinement from the true pose moved by 3 deg and 4 % of the range [deg, % of the range] |
 | score | score of the refined true pose, and of the returned pose, on the same patch |
@@ -161,9 +161,7 @@ def stage_row(
     search = propose_learned(prepare(estimator.setup, Observation(image)))
     frame, box = search.image.frame, target_box(target, q, t)
     held_share, large = max((_holds(r, box) for r in search.image.regions), default=(0.0, 0.0))
-    offset, size = min(
-        (_beside(estimator, p, q, t) for p in search.locations), default=(9.0, 0.0), key=lambda v: v[0]
-    )
+    offset, size = (9.0, 0.0) if search.learned is None else _beside(estimator, search.learned, q, t)
     errors = [frame_errors(q, t, h.q, h.t)[2] for h in search.hypotheses]
     nearest = int(np.argmin(errors)) if errors else -1
     x0, y0, x1, y1 = (float(v) for v in box)

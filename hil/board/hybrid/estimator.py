@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import partial
-from typing import List, Optional, Sequence, Tuple
+from typing import List, Optional, Sequence
 
 import numpy as np
 
@@ -20,11 +20,14 @@ from flyaround.hil.board.estimation.target_model import BoardModel
 from flyaround.hil.board.hybrid.decide.confidence import (
     CALIBRATED_CRAFT,
     Evidence,
+    confidence,
+    decide,
     decided,
     scaled_covariance,
 )
-from flyaround.hil.board.hybrid.decide.discrete_symmetry import Prior, check_discrete_symmetry
+from flyaround.hil.board.hybrid.decide.discrete_symmetry import check_discrete_symmetry
 from flyaround.hil.board.hybrid.decide.selection import select_by_edges, select_by_image
+from flyaround.hil.board.hybrid.hypotheses.ambiguity import Prior, without_unlikely
 from flyaround.hil.board.hybrid.hypotheses.hypothesis import Hypothesis
 from flyaround.hil.board.hybrid.image.observation import Observation
 from flyaround.hil.board.hybrid.model.prepared_target import PreparedTarget
@@ -39,6 +42,7 @@ from flyaround.hil.board.hybrid.propose.learned_hypotheses import learned_hypoth
 from flyaround.hil.board.hybrid.refine.close import refine_close_up
 from flyaround.hil.board.hybrid.refine.coarse import refine_coarsely
 from flyaround.hil.board.hybrid.refine.edge_hypotheses import refine_by_edges
+from flyaround.hil.board.hybrid.refine.final import refine_to_convergence
 from flyaround.hil.board.hybrid.refine.final_edges import refine_on_edges
 from flyaround.hil.board.hybrid.refine.settling import settle
 from flyaround.hil.board.hybrid.refine.synthetic_view import draw_at
@@ -46,12 +50,8 @@ from flyaround.hil.board.hybrid.search_states import Choice, PreparedImage, Prop
 from flyaround.hil.board.method_names import HYBRID
 from flyaround.hil.board.svd.wireframe_groups import model_triads
 
-# Maximum number of regions passed to the network; hand-tuned, as all numbers of regions and locations below.
+# Maximum number of regions passed to the network; hand-tuned, as all numbers of regions below.
 NETWORK_REGIONS = 5
-
-# Maximum number of locations that the network proposes, in front of a texture and of empty space.
-TEXTURED_LOCATIONS = 2
-EMPTY_LOCATIONS = 1
 
 # Maximum number of regions searched by edges, in front of a texture and of empty space.
 TEXTURED_REGIONS = 2
@@ -60,48 +60,43 @@ EMPTY_REGIONS = 3
 # Logit of the presence score (probability 0.88) above which only the network's first region is searched by edges.
 PRESENT_LOGIT = 2.0
 
-# Maximum deficit of a pose's log-likelihood by the network. Correct poses have far smaller deficits
-# (docs/lab/2026-11-keypoint-network.md).
-MAX_NETWORK_DEFICIT = 5.0
-
 
 # --- propose
 
 
 def propose_learned(image: PreparedImage) -> Proposals:
-    """Propose poses at the most likely locations by the keypoint network (Park, Sharma & D'Amico 2019)."""
-    frame, locations = image.frame, []
+    """Propose poses at the most likely location by the keypoint network (Park, Sharma & D'Amico 2019)."""
+    frame, proposal = image.frame, None
     if image.setup.learned is not None:
-        keep = TEXTURED_LOCATIONS if frame.background < 0 else EMPTY_LOCATIONS
-        locations = image.setup.learned.propose(
-            frame.image, frame.noise, image.regions[:NETWORK_REGIONS], keep, image.reduced, frame.black
-        )
-    hypotheses = [
-        h for location in locations for h in learned_hypotheses(image.setup.target, frame, location)
-    ]
-    frame.keep("learned_proposals", locations)
+        regions = image.regions[:NETWORK_REGIONS]
+        proposal = image.setup.learned.propose(frame.image, frame.noise, regions, image.reduced, frame.black)
+    frame.keep("learned_proposal", proposal)
+    proposals = _with_hypotheses(image, proposal)
     frame.mark("learned_proposal")
-    return Proposals(image, hypotheses, locations)
+    return proposals
 
 
-def propose_again(first: Proposals, learned: LearnedProposer) -> Proposals:
-    """Propose poses from further inferences at the locations of the first round, in addition to its hypotheses."""
-    image, target, frame = first.image, first.image.setup.target, first.image.frame
-    locations = [
-        learned.infer_again(frame.image, frame.noise, location, image.reduced, frame.black)
-        for location in first.locations
-    ]
-    hypotheses = [h for location in locations for h in learned_hypotheses(target, frame, location)]
+def propose_again(first: Proposals, learned: LearnedProposer, proposal: LearnedProposal) -> Proposals:
+    """Propose poses from further inferences at the location of the first round."""
+    image, frame = first.image, first.image.frame
+    again = learned.infer_again(frame.image, frame.noise, proposal, image.reduced, frame.black)
+    proposals = _with_hypotheses(image, again)
     frame.mark("second_look")
-    return replace(first, hypotheses=[*hypotheses, *first.hypotheses], locations=locations, thorough=True)
+    return proposals
 
 
-def propose_by_edges(image: PreparedImage, locations: Sequence[LearnedProposal]) -> Proposals:
+def _with_hypotheses(image: PreparedImage, proposal: Optional[LearnedProposal]) -> Proposals:
+    hypotheses = [] if proposal is None else learned_hypotheses(image.setup.target, image.frame, proposal)
+    return Proposals(image, hypotheses, proposal)
+
+
+def propose_by_edges(image: PreparedImage, learned: Optional[LearnedProposal]) -> Proposals:
     """Propose poses from perceptual groups and viewpoint templates, aligned on the edges of each region."""
     target, frame = image.setup.target, image.frame
     # where the network detects the craft, edges may still find attitudes that it does not propose
-    detected = [location.source for location in locations if location.craft > PRESENT_LOGIT]
-    regions = detected[:1] or image.regions[: TEXTURED_REGIONS if frame.background < 0 else EMPTY_REGIONS]
+    regions = image.regions[: TEXTURED_REGIONS if frame.background < 0 else EMPTY_REGIONS]
+    if learned is not None and learned.craft > PRESENT_LOGIT:
+        regions = [learned.source]
     frame.count("searched", 1)
     searched = []
     for region in regions:
@@ -114,16 +109,9 @@ def propose_by_edges(image: PreparedImage, locations: Sequence[LearnedProposal])
     for edges, *poses in searched:
         q, t = (np.concatenate(parts) for parts in zip(*poses))  # noqa: B905 - Python 3.9 has no strict=
         hypotheses += refine_by_edges(target, frame, edges, q, t)
+    hypotheses.sort(key=lambda h: -h.score)
     frame.mark("edge_alignment")
-    return Proposals(image, hypotheses, list(locations), thorough=True)
-
-
-def rank(proposals: Proposals) -> Proposals:
-    """Return the hypotheses in the order of their scores."""
-    hypotheses = sorted(proposals.hypotheses, key=lambda h: -h.score)
-    _keep_poses(proposals.image.frame, "ranking", hypotheses)
-    proposals.image.frame.mark("ranking")
-    return replace(proposals, hypotheses=hypotheses)
+    return Proposals(image, hypotheses, learned)
 
 
 # --- choose
@@ -131,9 +119,10 @@ def rank(proposals: Proposals) -> Proposals:
 
 def choose(proposals: Proposals) -> Choice:
     """Refine the hypotheses and choose one: by the whole image if the target has faces, otherwise by edges."""
+    target, frame = proposals.image.setup.target, proposals.image.frame
+    _keep_poses(frame, "proposal", proposals.hypotheses)
     if proposals.image.setup.has_faces:
         return _choose_by_image(proposals)
-    target, frame = proposals.image.setup.target, proposals.image.frame
     aligned = refine_on_edges(target, frame, proposals.hypotheses)
     frame.mark("subpixel_alignment")
     selection = select_by_edges(target, proposals.hypotheses, aligned)
@@ -142,37 +131,25 @@ def choose(proposals: Proposals) -> Choice:
 
 
 def _choose_by_image(proposals: Proposals) -> Choice:
-    image, thorough = proposals.image, proposals.thorough
-    target, frame, regime = image.setup.target, image.frame, image.regime
+    image = proposals.image
+    target, frame = image.setup.target, image.frame
     prior = _prior(proposals)
     # the best hypotheses of each region, on a small patch of it
-    aligned = refine_coarsely(target, frame, regime, proposals.hypotheses, thorough=thorough)
-    aligned = without_unlikely(aligned, prior)
+    likely = without_unlikely(proposals.hypotheses, prior)
+    aligned = without_unlikely(refine_coarsely(target, frame, likely), prior)
     _keep_poses(frame, "coarse_alignment", aligned)
     frame.mark("coarse_alignment")
-    # the best hypotheses, and near-symmetries and tilts of the first one, on one patch of the target
-    patch, aligned = refine_close_up(target, frame, aligned, thorough=thorough)
+    # the best hypotheses, and near-symmetries of the first one, on one patch of the target
+    patch, aligned = refine_close_up(target, frame, aligned, prior)
     aligned = without_unlikely(aligned, prior)
     _keep_poses(frame, "close_alignment", aligned)
     frame.mark("close_alignment")
-    # hypotheses refined to convergence on the full resolution
-    selection = select_by_image(target, frame, regime, patch, aligned, thorough=thorough)
-    _keep_poses(frame, "final_alignment", selection.optima)
+    # the best hypothesis refined to convergence on the full resolution
+    best = refine_to_convergence(target, frame, patch, aligned[0])
+    selection = select_by_image(target, patch, aligned, best)
+    _keep_poses(frame, "final_alignment", [best])
     frame.mark("final_alignment")
     return Choice(proposals, selection)
-
-
-def without_unlikely(hypotheses: List[Hypothesis], prior: Optional[Prior]) -> List[Hypothesis]:
-    """Return the hypotheses except those that the keypoint network considers far less likely than another.
-
-    Under lamps a view of the wrong side explains an image nearly as well as a view of the right side.
-    """
-    if prior is None or len(hypotheses) < 2:
-        return hypotheses
-    log_likelihood = np.array([prior(h.q, h.t) for h in hypotheses])
-    return [
-        hypotheses[k] for k in np.flatnonzero(log_likelihood >= log_likelihood.max() - MAX_NETWORK_DEFICIT)
-    ]
 
 
 def _keep_poses(frame: Observation, stage: str, hypotheses: Sequence[Hypothesis]) -> None:
@@ -183,66 +160,53 @@ def _keep_poses(frame: Observation, stage: str, hypotheses: Sequence[Hypothesis]
 
 
 def check(choice: Choice) -> Choice:
-    """Compare the selected pose with its near-symmetries, if the confidence was not fitted on the target."""
+    """Complete the evidence, after near-symmetries were compared if the confidence was not fitted on the target."""
     setup, frame = choice.image.setup, choice.image.frame
     if setup.has_faces and not setup.calibrated and setup.has_symmetries:
         # only a few small parts distinguish half turns of a round target
         selection = check_discrete_symmetry(setup.target, frame, choice.selection, _prior(choice.proposals))
         choice = replace(choice, selection=selection)
         frame.mark("discrete_symmetry")
-    return choice
+    return replace(choice, selection=replace(choice.selection, evidence=_evidence(choice)))
 
 
 def _prior(proposals: Proposals) -> Optional[Prior]:
     """Return the keypoint network's log-likelihood as a function of the pose; None if it did not run."""
-    learned, locations = proposals.image.setup.learned, proposals.locations
-    return None if learned is None or not locations else partial(learned.log_likelihood, locations)
+    learned, proposal = proposals.image.setup.learned, proposals.learned
+    return None if learned is None or proposal is None else partial(learned.log_likelihood, proposal)
 
 
 def _evidence(choice: Choice) -> Evidence:
     """Return the evidence of the selection, completed by terms of the network and the calibration."""
-    image, best = choice.image, choice.selection.best
-    learned, locations = image.setup.learned, choice.proposals.locations
+    image, best, prior = choice.image, choice.selection.best, _prior(choice.proposals)
+    learned = choice.proposals.learned
     return replace(
         choice.selection.evidence,
         calibrated=image.setup.calibrated,
-        has_network=learned is not None,
-        regime=image.regime,
-        network=learned.log_likelihood(locations, best.q, best.t)
-        if learned is not None and locations
-        else 0.0,
-        craft=max((location.craft for location in locations), default=0.0),
+        has_network=image.setup.learned is not None,
+        lamps=image.frame.black > 0,
+        network=0.0 if prior is None else float(prior(best.q[None], best.t[None])[0]),
+        craft=0.0 if learned is None else learned.craft,
     )
 
 
 # --- answer
 
 
-def answer(choice: Choice, previous: Optional[PoseResult]) -> PoseResult:
-    """Refine the selected pose further and decide on it; return the most confident answer of all rounds.
-
-    Parameters
-    ----------
-    choice : Choice
-        Selected hypothesis of this round.
-    previous : PoseResult, optional
-        Answer of the previous rounds.
-    """
+def answer(choice: Choice) -> PoseResult:
+    """Refine the selected pose further and decide on it."""
     setup, frame, selection = choice.image.setup, choice.image.frame, choice.selection
-    pose = selection.best.pose
+    pose, evidence = selection.best.pose, selection.evidence
     if setup.has_faces:
         # the last steps change the pose but not its evidence
         pose = settle(setup.target, frame, selection.close, selection.best)
         frame.mark("settling")
-    evidence = _evidence(choice)
     frame.count("edges", evidence.edges)
     if frame.shows_all:
         frame.keep("drawn", draw_at(setup.target, frame, pose.q, pose.t))
     if evidence.score is not None:
         pose = replace(pose, covariance=scaled_covariance(evidence, pose))
-    result = decided(frame, pose, evidence, selection.alternatives)
-    # scores of different rounds are not comparable, because they use different patches
-    return result if previous is None or result.confidence > previous.confidence else previous
+    return decided(frame, pose, evidence, selection.alternatives)
 
 
 class PoseEstimator(Estimator):
@@ -287,23 +251,30 @@ class PoseEstimator(Estimator):
         several rolls of the crop. Edges propose poses only if the network proposed none.
         """
         image = prepare(self.setup, frame)
-        first, result = _round(propose_learned(image), None)
+        first = propose_learned(image)
+        surest = _surest(first, None)
+        learned, proposal = self.setup.learned, first.learned
         # a search by edges would double the time and find hardly any further correct poses
-        if image.setup.learned is not None and result is not None and not result.accepted:
-            _, result = _round(propose_again(first, image.setup.learned), result)
-        if result is None:
-            _, result = _round(propose_by_edges(image, first.locations), None)
-        if result is None:
+        if learned is not None and proposal is not None and surest is not None:
+            if decide(surest.selection.evidence):
+                surest = _surest(propose_again(first, learned, proposal), surest)
+        elif surest is None:
+            surest = _surest(propose_by_edges(image, proposal), None)
+        if surest is None:
             return self._declined(frame, "no target found")
-        if frame.shows_all and first.locations and image.regions:
+        result = answer(surest)
+        if frame.shows_all and proposal is not None and image.regions:
             # run the stages that were not needed, for the debug images
-            propose_by_edges(replace(image, regions=image.regions[:1]), [])
+            propose_by_edges(replace(image, regions=image.regions[:1]), None)
         return replace(result, method=self.method)
 
 
-def _round(proposals: Proposals, previous: Optional[PoseResult]) -> Tuple[Proposals, Optional[PoseResult]]:
-    """Run one round. Return the ranked proposals, and the most confident answer of this and the previous rounds."""
+def _surest(proposals: Proposals, previous: Optional[Choice]) -> Optional[Choice]:
+    """Run one round. Return the most confident choice of this and the previous rounds; None if nothing was proposed."""
     if not proposals.hypotheses:
-        return proposals, previous
-    proposals = rank(proposals)
-    return proposals, answer(check(choose(proposals)), previous)
+        return previous
+    choice = check(choose(proposals))
+    # scores of different rounds are not comparable, because they use different patches
+    if previous is None or confidence(choice.selection.evidence) > confidence(previous.selection.evidence):
+        return choice
+    return previous

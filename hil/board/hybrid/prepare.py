@@ -15,7 +15,6 @@ from flyaround.hil.board.hybrid.image.noise import (
     noise_sigma,
 )
 from flyaround.hil.board.hybrid.image.observation import Observation
-from flyaround.hil.board.hybrid.image.regime import Regime
 from flyaround.hil.board.hybrid.propose.regions import REDUCTION, propose_regions
 from flyaround.hil.board.hybrid.search_states import PreparedImage, SearchSetup
 from flyaround.hil.board.svd.weak_gradients import eliminate_weak_gradients
@@ -40,7 +39,7 @@ MIN_DIAGONAL_PX = 24.0
 
 
 def prepare(setup: SearchSetup, frame: Observation) -> PreparedImage:
-    """Measure an image's noise and light regime, and propose the regions that may contain the target."""
+    """Measure an image's noise and black level, and propose the regions that may contain the target."""
     reduced, smoothed = _measure_noise(frame)
     frame.mark("noise")
     # Sharma, Ventura & D'Amico (2018)
@@ -52,7 +51,6 @@ def prepare(setup: SearchSetup, frame: Observation) -> PreparedImage:
         # reduced pixels are rounded to integers
         frame.background = integer_median(reduced.astype(np.int32))
     frame.black = _black_level(frame, reduced, busy, smoothed=smoothed)
-    regime = Regime.from_black_level(frame.black, trained=setup.learned is not None)
     frame.count("regions", len(regions))
     frame.keep("regions", regions)
     frame.mark("regions")
@@ -61,7 +59,6 @@ def prepare(setup: SearchSetup, frame: Observation) -> PreparedImage:
         frame,
         reduced,
         [r for r in regions if r.diagonal_px >= MIN_DIAGONAL_PX],
-        regime,
     )
 
 

@@ -13,7 +13,6 @@ import numpy as np
 from flyaround.hil.board.hybrid.decide.selection import Selection
 from flyaround.hil.board.hybrid.hypotheses.hypothesis import Hypothesis
 from flyaround.hil.board.hybrid.image.observation import Observation
-from flyaround.hil.board.hybrid.image.regime import Regime
 from flyaround.hil.board.hybrid.model.prepared_target import PreparedTarget
 from flyaround.hil.board.hybrid.propose.keypoints.keypoint_proposal import LearnedProposal, LearnedProposer
 from flyaround.hil.board.svd.perceptual_groups import Chains
@@ -68,15 +67,12 @@ class PreparedImage:
         Reduced image.
     regions : list of Region
         Regions that may contain the target, most likely first.
-    regime : Regime
-        Light regime.
     """
 
     setup: SearchSetup
     frame: Observation
     reduced: Array
     regions: List[Region]
-    regime: Regime
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,16 +85,13 @@ class Proposals:
         The image.
     hypotheses : list of Hypothesis
         Candidate poses.
-    locations : list of LearnedProposal
-        Proposals of the network, by region.
-    thorough : bool
-        True if an earlier round was not conclusive, so that more hypotheses are tried.
+    learned : LearnedProposal, optional
+        Proposal of the network; None without a network or a region.
     """
 
     image: PreparedImage
     hypotheses: List[Hypothesis]
-    locations: List[LearnedProposal]
-    thorough: bool = False
+    learned: Optional[LearnedProposal]
 
 
 @dataclass(frozen=True, eq=False)

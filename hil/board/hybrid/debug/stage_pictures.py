@@ -106,7 +106,8 @@ def stage_pictures(
     groups = _groups(trace)
     if groups:
         out["groups"] = _group_picture(groups, background, corner, scale)
-    for proposal in trace.get("learned_proposals", [])[:1]:
+    proposal = trace.get("learned_proposal")
+    if proposal is not None:
         noise = max(noise_sigma(image, 255.0 if image.dtype == np.uint8 else float(image.max())), 0.1)
         out["learned_proposal"] = learned_proposal_picture(
             image, proposal, noise, model, camera, (WIDTH, HEIGHT)

@@ -14,7 +14,6 @@ import numpy as np
 from flyaround.hil.board.estimation.result import Alternative, PoseResult
 from flyaround.hil.board.hybrid.hypotheses.hypothesis import PoseFit
 from flyaround.hil.board.hybrid.image.observation import Observation
-from flyaround.hil.board.hybrid.image.regime import Regime
 
 Array = np.ndarray
 
@@ -108,8 +107,8 @@ class Evidence:
         True if the target has a keypoint network.
     saturated : float
         Saturated share of the target's pixels.
-    regime : Regime
-        Illumination regime of the image.
+    lamps : bool
+        True if the image has a black level, as cameras in a laboratory have and smoothed images seem to have.
     network : float
         Log-likelihood of the pose by the network, relative to the maximum over poses.
     craft : float
@@ -134,7 +133,7 @@ class Evidence:
     calibrated: bool = True
     has_network: bool = True
     saturated: float = 0.0
-    regime: Regime = Regime.SUNLIGHT
+    lamps: bool = False
     network: float = 0.0
     craft: float = 0.0
 
@@ -199,7 +198,7 @@ def scaled_covariance(e: Evidence, pose: PoseFit) -> Array:
     covariance = scale * pose.covariance
     range_m = float(np.linalg.norm(pose.t))
     for applies, turn, share in (
-        (e.regime is Regime.LAMPS, LAMPS_SIGMA_RAD, LAMPS_SIGMA_SHARE),
+        (e.lamps, LAMPS_SIGMA_RAD, LAMPS_SIGMA_SHARE),
         (not e.calibrated, UNCALIBRATED_SIGMA_RAD, UNCALIBRATED_SIGMA_SHARE),
     ):
         if applies:

@@ -6,15 +6,15 @@ A refined pose is compared with its near-symmetries on a finer image, where smal
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Callable, List, Optional
+from typing import List, Optional
 
 import numpy as np
 
 from flyaround.hil.board.estimation import quaternion as quat
 from flyaround.hil.board.estimation.result import DISTINCT_RAD, alternatives
-from flyaround.hil.board.hybrid.decide.selection import Selection, select
+from flyaround.hil.board.hybrid.decide.selection import Selection, select_by_image
 from flyaround.hil.board.hybrid.geometry.image_patch import ImagePatch
-from flyaround.hil.board.hybrid.hypotheses.ambiguity import same_optimum
+from flyaround.hil.board.hybrid.hypotheses.ambiguity import Prior
 from flyaround.hil.board.hybrid.hypotheses.hypothesis import Hypothesis
 from flyaround.hil.board.hybrid.image.observation import Observation
 from flyaround.hil.board.hybrid.model.face_gains import OPTICS_PX
@@ -42,9 +42,6 @@ SCORE_WEIGHT, PREFERENCE_WEIGHT, PRIOR_WEIGHT, MAX_PRIOR = 12.0, 2.5, 1.4, 4.0
 
 # Score margin per unit of log-likelihood ratio: acceptance needs a ratio of 2.5 (held-out half of the same pairs).
 MARGIN_PER_LOG_LIKELIHOOD = 1.0 / 25.0
-
-# Log-likelihood of an attitude q at a position t by the network, see LearnedProposer.log_likelihood.
-Prior = Callable[[Array, Array], float]
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,16 +99,9 @@ def check_discrete_symmetry(
     # near-symmetries of the best pose were compared above and are no competitors
     symmetric_q = [quat.multiply(best.q, s) for s in symmetries]
     others = [h for h in selection.ranked if all(quat.angle_rad(h.q, w) > DISTINCT_RAD for w in symmetric_q)]
-    new = select(target, patch, others, [best])
+    new = select_by_image(target, patch, others, best)
     likelihood_margin = best_log_ratio * max(best.score, 0.0) * MARGIN_PER_LOG_LIKELIHOOD
-    # other refined poses, for example at another roll angle, remain competitors
-    rivals = [
-        best.score - e.score
-        for e in selection.optima
-        if not same_optimum(e.pose, best.pose)
-        and all(quat.angle_rad(e.q, w) > DISTINCT_RAD for w in symmetric_q)
-    ]
-    evidence = replace(new.evidence, margin=min([new.evidence.margin, likelihood_margin, *rivals]))
+    evidence = replace(new.evidence, margin=min(new.evidence.margin, likelihood_margin))
     poses = [(h.q, h.t, h.score) for h in (*others, *(e for e in optima if e is not best))]
     frame.count("turned", len(candidates))
     return replace(new, evidence=evidence, alternatives=alternatives(poses, best.q, best.t))
@@ -166,4 +156,4 @@ def _render(
     """Return a pose rendered on a finer patch with sharp shadows."""
     q, t = optimum.q, optimum.t
     view = sharpen_shadows(target, patch, q, t, search_sun(target, patch, q, t), SHADOW_MAP_PX)
-    return SymmetricPose(optimum, view, 0.0 if prior is None else prior(q, t))
+    return SymmetricPose(optimum, view, 0.0 if prior is None else float(prior(q[None], t[None])[0]))

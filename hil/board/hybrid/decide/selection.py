@@ -8,39 +8,17 @@ from typing import List, Optional, Tuple
 import numpy as np
 
 from flyaround.hil.board.estimation.result import Alternative, alternatives, differs
-from flyaround.hil.board.hybrid.decide.confidence import Evidence, min_margin
+from flyaround.hil.board.hybrid.decide.confidence import Evidence
 from flyaround.hil.board.hybrid.geometry.image_patch import ImagePatch
-from flyaround.hil.board.hybrid.geometry.shading import Shading
-from flyaround.hil.board.hybrid.hypotheses.ambiguity import (
-    largest_sigma,
-    same_optimum,
-    was_refined,
-    without_duplicates,
-)
+from flyaround.hil.board.hybrid.hypotheses.ambiguity import largest_sigma
 from flyaround.hil.board.hybrid.hypotheses.edge_support import Support, support
 from flyaround.hil.board.hybrid.hypotheses.hypothesis import Hypothesis, PoseFit
-from flyaround.hil.board.hybrid.image.observation import Observation
-from flyaround.hil.board.hybrid.image.regime import Regime
 from flyaround.hil.board.hybrid.model.prepared_target import PreparedTarget, faces_of
-from flyaround.hil.board.hybrid.refine.final import MAX_ROUNDS, refine_to_convergence
 from flyaround.hil.board.hybrid.refine.photometric import likeness, photo_draw, saturated_share
 from flyaround.hil.board.hybrid.refine.shadows import search_sun
 
-# Maximum number of hypotheses that are refined, and their minimum share of the best score; then the same in a second
-# round. Hand-tuned on development frames, as are the values below.
-MAX_OPTIMA, OPTIMUM_SHARE = 2, 0.85
-THOROUGH_OPTIMA, THOROUGH_SHARE = 3, 0.75
-
-# Maximum number of alignments under lamps.
-LAMPS_ROUNDS = 3
-
-# Maximum number of competitors that are also refined because they explain about as much as the best hypothesis.
-MAX_TIES = 2
-
-# Score above which no other hypothesis close to the best one is refined.
-CLEAR_SCORE = 0.27
-
-# Deficit, as a share of the best score, above which no better Sun is searched for a competitor.
+# Deficit, as a share of the best score, above which no better Sun is searched for a competitor; hand-tuned, as is the
+# value below.
 MAX_DEFICIT = 0.5
 
 # Weight of the share of samples with a very close sub-pixel edge against total support, among close poses.
@@ -63,10 +41,6 @@ class Selection:
         Patch on which all hypotheses were scored; None for a selection by edges.
     ranked : tuple of Hypothesis
         Hypotheses aligned on the patch, best first.
-    optima : tuple of Hypothesis
-        Refined hypotheses.
-    rival : Hypothesis, optional
-        Best competitor that was not refined.
     """
 
     best: Hypothesis
@@ -74,8 +48,6 @@ class Selection:
     alternatives: Tuple[Alternative, ...]
     patch: Optional[ImagePatch] = None
     ranked: Tuple[Hypothesis, ...] = ()
-    optima: Tuple[Hypothesis, ...] = ()
-    rival: Optional[Hypothesis] = None
 
     @property
     def close(self) -> ImagePatch:
@@ -85,123 +57,44 @@ class Selection:
 
 
 def select_by_image(
-    target: PreparedTarget,
-    frame: Observation,
-    regime: Regime,
-    patch: ImagePatch,
-    ranked: List[Hypothesis],
-    *,
-    thorough: bool = False,
+    target: PreparedTarget, patch: ImagePatch, ranked: List[Hypothesis], best: Hypothesis
 ) -> Selection:
-    """Refine the best hypotheses and select among them.
-
-    Parameters
-    ----------
-    target : PreparedTarget
-        Target with its precomputed tables.
-    frame : Observation
-        Image with its noise and background.
-    regime : Regime
-        Illumination regime of the image.
-    patch : ImagePatch
-        Patch of the target from ``refine_close_up``.
-    ranked : list of Hypothesis
-        Hypotheses aligned on the patch, best first.
-    thorough : bool
-        Refine more of them.
-    """
-    # scores before convergence do not rank hypotheses, so the best ones are refined first
-    optima: List[Hypothesis] = []
-    rounds = LAMPS_ROUNDS if regime is Regime.LAMPS else MAX_ROUNDS
-    most, lead = (THOROUGH_OPTIMA, THOROUGH_SHARE) if thorough else (MAX_OPTIMA, OPTIMUM_SHARE)
-    for h in ranked[:most]:
-        if h.score <= lead * ranked[0].score and h is not ranked[0]:
-            continue
-        # close poses converge to the same optimum: refine both only if a small gain may decide on acceptance
-        starts = [e.origin for e in optima]
-        if optima and len(without_duplicates([*starts, h])) == len(optima) and optima[0].score > CLEAR_SCORE:
-            continue
-        optima.append(refine_to_convergence(target, frame, patch, h, rounds))
-    selection = select(target, patch, ranked, optima, thorough=thorough)
-    # a competitor that has not converged may converge to the best pose, or fall behind
-    for _ in range(MAX_TIES):
-        rival = selection.rival
-        if rival is None or selection.evidence.margin >= min_margin(selection.evidence):
-            break
-        if was_refined(rival, optima):
-            break
-        optima.append(refine_to_convergence(target, frame, patch, rival))
-        selection = select(target, patch, ranked, optima, thorough=thorough)
-    return selection
-
-
-def select(
-    target: PreparedTarget,
-    patch: ImagePatch,
-    ranked: List[Hypothesis],
-    optima: List[Hypothesis],
-    *,
-    thorough: bool = False,
-) -> Selection:
-    """Select the best refined hypothesis and collect the evidence for the decision on it.
+    """Collect the evidence for the decision on a refined hypothesis.
 
     Parameters
     ----------
     target : PreparedTarget
         Target with its precomputed tables.
     patch : ImagePatch
-        Patch on which all hypotheses were scored.
+        Patch on which all hypotheses were scored, from ``refine_close_up``.
     ranked : list of Hypothesis
         Hypotheses aligned on the patch, best first.
-    optima : list of Hypothesis
-        Refined hypotheses, at least one.
-    thorough : bool
-        True if the hypotheses come from many locations and include variants of the best one.
+    best : Hypothesis
+        Refined hypothesis.
     """
-    best = max(optima, key=lambda e: _merit(target, patch, e))
     pose, field = best.pose, best.source.field
     s = support(target, pose.q, pose.t, field, alone=True)
-    origins = [e.origin for e in optima if same_optimum(e.pose, pose)]
-    margin = initial_score = max(start.score for start in origins)
-    rivals = [h for h in ranked if differs(h.q, h.t, pose.q, pose.t)]
-    # a hypothesis that converged to the best pose is no competitor; but if the only one started far away, among few
-    # hypotheses, its convergence may be accidental
-    if thorough or not all(differs(start.q, start.t, pose.q, pose.t) for start in origins):
-        rivals = [h for h in rivals if not was_refined(h, optima)]
-    rival = max(rivals, key=lambda h: h.score, default=None)
+    margin = initial_score = best.origin.score
+    # a competitor that started where the best pose did is one if that pose converged far away
+    rival = max((h for h in ranked if differs(h.q, h.t, pose.q, pose.t)), key=lambda h: h.score, default=None)
     if rival is not None:
         rival_score = rival.score
         # shadows of a better Sun may raise the competitor's score; searched only if that may matter
         if initial_score - rival_score < MAX_DEFICIT * initial_score:
             rival_score = search_sun(target, patch, rival.q, rival.t, visible_face=rival.visible_face).score
         margin -= max(rival_score, 0.0)
-    # two refined poses may be distinct optima even if they are close
-    for other in optima:
-        if not same_optimum(other.pose, pose):
-            margin = min(margin, best.score - other.score)
-    view = _view(target, patch, best)
+    view = best.view
+    if view is None:
+        view = photo_draw(pose.q, pose.t, faces_of(target), patch, target.camera.pinhole, best.sun)
     correlation, covered = likeness(view, patch)
-    evidence = image_evidence(target, best, s, margin)
     evidence = replace(
-        evidence, likeness=correlation, covered=covered, saturated=saturated_share(view, patch)
+        image_evidence(target, best, s, margin),
+        likeness=correlation,
+        covered=covered,
+        saturated=saturated_share(view, patch),
     )
     others = alternatives([(h.q, h.t, h.score) for h in ranked], pose.q, pose.t)
-    return Selection(best, evidence, others, patch, tuple(ranked), tuple(optima), rival)
-
-
-def _view(target: PreparedTarget, patch: ImagePatch, optimum: Hypothesis) -> Shading:
-    """Return the rendering of a refined pose on a patch, cached if available."""
-    if optimum.view is not None:
-        return optimum.view
-    return photo_draw(optimum.q, optimum.t, faces_of(target), patch, target.camera.pinhole, optimum.sun)
-
-
-def _merit(target: PreparedTarget, patch: ImagePatch, optimum: Hypothesis) -> float:
-    """Return the merit of a refined pose: its score times its likeness.
-
-    Any rendering that covers a bright object explains much of the image; likeness shows whether that is the target.
-    """
-    return optimum.score * max(likeness(_view(target, patch, optimum), patch)[0], 0.0)
+    return Selection(best, evidence, others, patch, tuple(ranked))
 
 
 def select_by_edges(

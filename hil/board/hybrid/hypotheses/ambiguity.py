@@ -2,18 +2,14 @@
 
 from __future__ import annotations
 
-from typing import List, Sequence
+from typing import Callable, List, Optional, Sequence
 
 import numpy as np
 
 from flyaround.hil.board.estimation import quaternion as quat
-from flyaround.hil.board.estimation.result import differs
 from flyaround.hil.board.hybrid.hypotheses.hypothesis import Hypothesis, PoseFit
 
 Array = np.ndarray
-
-# Refined poses farther apart than this are distinct [rad] (docs/lab/2026-11-estimator.md, Decision).
-OTHER_OPTIMUM_RAD = float(np.radians(5.0))
 
 # Poses closer than this to a better one converge to it [rad, share of range]; hand-tuned.
 SAME_RAD, SAME_SHARE = float(np.radians(1.0)), 0.03
@@ -21,10 +17,12 @@ SAME_RAD, SAME_SHARE = float(np.radians(1.0)), 0.03
 # Minimum attitude difference between hypotheses that are compared [rad]; hand-tuned.
 SPREAD_RAD = float(np.radians(6.0))
 
+# Maximum deficit of a pose's log-likelihood by the network. Correct poses have far smaller deficits
+# (docs/lab/2026-11-keypoint-network.md).
+MAX_NETWORK_DEFICIT = 5.0
 
-def same_optimum(a: PoseFit, b: PoseFit) -> bool:
-    """Return True if two refined poses are the same solution: similar attitude and position."""
-    return bool(quat.angle_rad(a.q, b.q) <= OTHER_OPTIMUM_RAD) and not differs(a.q, a.t, b.q, b.t)
+# Log-likelihoods (N,) of attitudes q (N, 4) at positions t (N, 3) by the network, see LearnedProposer.log_likelihood.
+Prior = Callable[[Array, Array], Array]
 
 
 def converges_elsewhere(pose: PoseFit, better: PoseFit, apart_rad: float) -> bool:
@@ -43,18 +41,25 @@ def without_duplicates(hypotheses: List[Hypothesis]) -> List[Hypothesis]:
     return out
 
 
-def was_refined(h: Hypothesis, optima: Sequence[Hypothesis]) -> bool:
-    """Return True if ``h`` nearly equals the start of a refined hypothesis: it would converge to the same pose."""
-    return any(not converges_elsewhere(h.pose, e.origin.pose, SAME_RAD) for e in optima)
+def without_unlikely(hypotheses: List[Hypothesis], prior: Optional[Prior]) -> List[Hypothesis]:
+    """Return the hypotheses except those that the keypoint network considers far less likely than another.
+
+    Under lamps a view of the wrong side explains an image nearly as well as a view of the right side.
+    """
+    if prior is None or len(hypotheses) < 2:
+        return hypotheses
+    log_likelihood = prior(np.array([h.q for h in hypotheses]), np.array([h.t for h in hypotheses]))
+    least = log_likelihood.max() - MAX_NETWORK_DEFICIT
+    return [hypotheses[k] for k in np.flatnonzero(log_likelihood >= least)]
 
 
-def spread_in_attitude(hypotheses: Sequence[Hypothesis], keep: int) -> List[Hypothesis]:
-    """Return the first ``keep`` hypotheses that differ in attitude from each other."""
+def spread_in_attitude(hypotheses: Sequence[Hypothesis], keep: int, spread_rad: float) -> List[Hypothesis]:
+    """Return the first ``keep`` hypotheses that differ in attitude from each other by ``spread_rad``."""
     out: List[Hypothesis] = []
     for h in hypotheses:
         if len(out) >= keep:
             break
-        if all(quat.angle_rad(h.q, o.q) > SPREAD_RAD for o in out):
+        if all(quat.angle_rad(h.q, o.q) > spread_rad for o in out):
             out.append(h)
     return out
 

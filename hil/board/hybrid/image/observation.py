@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from functools import cached_property
-from typing import Any, Dict, Optional, Tuple
+from typing import Any, List, Optional, Tuple
 
 import numpy as np
 
@@ -35,10 +35,8 @@ class Observation(StageRecord):
         Level of empty space; negative if the background is not empty.
     craft_probability : (h, w) array, optional
         Probability (0..1) that a cell shows the craft, from ``saliency_map``; None in front of empty space.
-    drawn : dict
-        Renderings of poses, by patch.
-    undistorted : tuple, optional
-        Last undistorted region, with its box.
+    undistorted : list of tuple
+        Undistorted regions with their boxes.
     """
 
     def __init__(
@@ -49,9 +47,7 @@ class Observation(StageRecord):
         self.black = 0.0
         self.background = -1.0
         self.craft_probability: Optional[Array] = None
-        # a second round starts from poses of the first, whose renderings are reused
-        self.drawn: Dict[Any, Dict[Any, Any]] = {}
-        self.undistorted: Optional[Tuple[Any, Array]] = None
+        self.undistorted: List[Tuple[Any, Array]] = []
 
     @staticmethod
     def from_record(record: StageRecord) -> Observation:

@@ -139,8 +139,6 @@ def _saturated_excess(picture: Array, part: Array, patch: ImagePatch) -> float:
     if int(ring.sum()) < 10:
         return 0.0
     base, part_share, gray = base[ring], part_share[ring], patch.gray[ring]
-    costs = [
-        float(np.abs(patch.response.mean(base + np.float32(over) * part_share) - gray).sum())
-        for over in EXCESS_CANDIDATES * patch.full_scale
-    ]
-    return float(EXCESS_CANDIDATES[int(np.argmin(costs))] * patch.full_scale)
+    excess = EXCESS_CANDIDATES * patch.full_scale
+    drawn = patch.response.mean(base + excess[:, None].astype(np.float32) * part_share)
+    return float(excess[int(np.abs(drawn - gray).sum(axis=1).argmin())])

@@ -43,10 +43,13 @@ def cut_patch(target: PreparedTarget, frame: Observation, box: Box, longest_px: 
         Longest side of the patch.
     """
     if target.camera.distorted:
-        # one box is often cut at two sizes
-        if frame.undistorted is None or frame.undistorted[0] != box:
-            frame.undistorted = (box, undistort(frame.image, target.camera, box))
-        gray, factor = shrink(frame.undistorted[1], 0, 0, box[2] - box[0], box[3] - box[1], longest_px)
+        # most boxes lie within the first one of their region
+        kept = next((k for k in frame.undistorted if _contains(k[0], box)), None)
+        if kept is None:
+            kept = (box, undistort(frame.image, target.camera, box))
+            frame.undistorted.append(kept)
+        (left, top, _, _), image = kept
+        gray, factor = shrink(image, box[0] - left, box[1] - top, box[2] - left, box[3] - top, longest_px)
         limits = box[2:]
     else:
         gray, factor = shrink(frame.image, *box, longest_px)
@@ -83,8 +86,13 @@ def undistort(image: Array, camera: CameraIntrinsics, box: Box) -> Array:
     )
     grid_from_pixel = np.array([[1 / DISTORTION_STEP_PX, 0.0, 1.0], [0.0, 1 / DISTORTION_STEP_PX, 1.0]])
     flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
-    col, row = cv2.split(cv2.warpAffine(pixels.astype(np.float32), grid_from_pixel, (w, h), flags=flags))
-    return np.asarray(cv2.remap(image, col, row, cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT))
+    sources = cv2.warpAffine(pixels.astype(np.float32), grid_from_pixel, (w, h), flags=flags)
+    return np.asarray(cv2.remap(image, sources, None, cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT))
+
+
+def _contains(outer: Box, inner: Box) -> bool:
+    """Return True if ``inner`` lies within ``outer``."""
+    return outer[0] <= inner[0] and outer[1] <= inner[1] and outer[2] >= inner[2] and outer[3] >= inner[3]
 
 
 def pinhole_box(camera: CameraIntrinsics, box: Box) -> Box:

@@ -1,4 +1,4 @@
-"""Variants of a hypothesis: near-symmetries and half turns, neighbours, and tilts."""
+"""Variants of a hypothesis: near-symmetries, half turns, and neighbours."""
 
 from __future__ import annotations
 
@@ -28,10 +28,6 @@ NEIGHBOURS = (
 
 # Half turns about the model's x and y axes, near-symmetries of a box.
 HALF_TURNS = np.array([[0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]])
-
-# Number of tilts, and their angle [rad]: local minima of a nearly flat target lie 5 to 17 deg apart
-# (docs/svd_results.md).
-N_TILTS, TILT_RAD = 6, float(np.radians(12.0))
 
 
 def neighbours(target: PreparedTarget, best: List[Hypothesis], share: float = 1.0) -> List[Hypothesis]:
@@ -66,20 +62,6 @@ def near_symmetries(target: PreparedTarget, best: List[Hypothesis]) -> List[Hypo
             q = quat.normalise(other)
             # keep the centre in place
             out.append(h.at(q, centre - quat.matrix(q) @ target.centre_m))
-    return out
-
-
-def tilts(target: PreparedTarget, h: Hypothesis) -> List[Hypothesis]:
-    """Return a pose tilted about axes perpendicular to the line of sight, with its centre in place."""
-    centre = quat.matrix(h.q) @ target.centre_m + h.t
-    sight = centre / np.linalg.norm(centre)
-    across = np.cross(sight, np.eye(3)[int(np.argmin(np.abs(sight)))])
-    across /= np.linalg.norm(across)
-    out = []
-    for angle in 2 * np.pi * np.arange(N_TILTS) / N_TILTS:
-        axis = np.cos(angle) * across + np.sin(angle) * np.cross(sight, across)
-        q = quat.normalise(quat.multiply(quat.from_rotvec(TILT_RAD * axis), h.q))
-        out.append(h.at(q, centre - quat.matrix(q) @ target.centre_m))
     return out
 
 

@@ -26,7 +26,7 @@ from flyaround.hil.board.hybrid.refine.photometric import (
 from flyaround.hil.board.hybrid.refine.shadows import search_sun
 
 # Change of attitude below which an alignment has converged [rad], and maximum number of alignments.
-CONVERGED_RAD, MAX_ROUNDS = float(np.radians(0.5)), 6
+CONVERGED_RAD, MAX_ROUNDS = float(np.radians(0.5)), 3
 
 # Decrease of the score above which a pose is worse, and above which the alignment has diverged.
 SCORE_TOLERANCE, DIVERGENCE_DECREASE = 0.003, 0.02
@@ -46,7 +46,7 @@ FAR_RAD, FAR_BLURS = float(np.radians(1.0)), (2.0, 1.3)
 
 
 def refine_to_convergence(
-    target: PreparedTarget, frame: Observation, close: ImagePatch, start: Hypothesis, rounds: int = MAX_ROUNDS
+    target: PreparedTarget, frame: Observation, close: ImagePatch, start: Hypothesis
 ) -> Hypothesis:
     """Align a hypothesis until it converges; ``start`` of the result has the initial score with fine shadows.
 
@@ -60,8 +60,6 @@ def refine_to_convergence(
         Patch on which refined poses are scored.
     start : Hypothesis
         Hypothesis to align.
-    rounds : int
-        Maximum number of alignments.
     """
     box, longest = target_box(target, start.q, start.t), ROUND_FINAL_PX if target.round else FINAL_PX
     share, first_blurs, later_blurs = TEXTURED_WIDE if frame.background < 0 else EMPTY_WIDE
@@ -75,7 +73,7 @@ def refine_to_convergence(
     previous = start.pose
     initial = search_sun(target, close, previous.q, previous.t, visible_face=start.visible_face)
     origin, sun = start.without_view(initial.score), initial.sun
-    for _ in range(rounds):
+    for _ in range(MAX_ROUNDS):
         near = _align(target, wide, previous, sun, blurs)
         pose = _align(target, exact, near, sun, LAST_BLURS)
         view = photo_draw(pose.q, pose.t, faces, close, camera, sun)

@@ -6,8 +6,7 @@ Hypotheses are dropped if their scores fall behind or if they converge to the sa
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import partial
-from typing import Any, Callable, Dict, List, Optional, Tuple
+from typing import List, Tuple
 
 import numpy as np
 
@@ -24,9 +23,6 @@ MAX_LOG_RANGE_CHANGE = 0.3
 # Differences of scores below this are noise: such hypotheses are not pruned; hand-tuned.
 SCORE_NOISE = 0.02
 
-# Cache of hypotheses rendered on one patch, by pose and operation.
-Drawings = Dict[Tuple[Any, ...], Hypothesis]
-
 
 @dataclass(frozen=True)
 class Pruning:
@@ -38,60 +34,34 @@ class Pruning:
         Minimum share of the best score.
     apart_rad : float
         Minimum angle to every better hypothesis [rad].
-    most : int
-        Maximum number of hypotheses.
     """
 
     share: float
     apart_rad: float
-    most: int = 1000
 
     def split(self, hypotheses: List[Hypothesis]) -> Tuple[List[Hypothesis], List[Hypothesis]]:
         """Return hypotheses to refine, best first, and hypotheses to leave unchanged; duplicates are dropped."""
         active: List[Hypothesis] = []
         inactive: List[Hypothesis] = []
         for h in sorted(hypotheses, key=lambda h: -h.score):
-            if active and (h.score < self.share * active[0].score - SCORE_NOISE or len(active) >= self.most):
+            if active and h.score < self.share * active[0].score - SCORE_NOISE:
                 inactive.append(h)
             elif all(converges_elsewhere(h.pose, o.pose, self.apart_rad) for o in active):
                 active.append(h)
         return active, inactive
 
 
-def draw(
-    target: PreparedTarget, patch: ImagePatch, h: Hypothesis, drawings: Optional[Drawings] = None
-) -> Hypothesis:
+def draw(target: PreparedTarget, patch: ImagePatch, h: Hypothesis) -> Hypothesis:
     """Return a hypothesis rendered without shadows and scored, as start of its refinement."""
-
-    def render() -> Hypothesis:
-        view = photo_draw(h.q, h.t, faces_of(target), patch, target.camera.pinhole)
-        pose, score = PoseFit(h.q, h.t), explained(view, patch)
-        return replace(h, pose=pose, score=score, view=view, visible_face=None, sun=None, start=h)
-
-    return _memoised(drawings, ("plain", h.q.tobytes(), h.t.tobytes()), h, render)
+    view = photo_draw(h.q, h.t, faces_of(target), patch, target.camera.pinhole)
+    pose, score = PoseFit(h.q, h.t), explained(view, patch)
+    return replace(h, pose=pose, score=score, view=view, visible_face=None, sun=None, start=h)
 
 
-def draw_shadows(
-    target: PreparedTarget, patch: ImagePatch, h: Hypothesis, drawings: Optional[Drawings] = None
-) -> Hypothesis:
+def draw_shadows(target: PreparedTarget, patch: ImagePatch, h: Hypothesis) -> Hypothesis:
     """Return a rendered hypothesis with the shadows that explain the image best."""
-
-    def render() -> Hypothesis:
-        lit = search_sun(target, patch, h.q, h.t, drawn(h), coarse=True)
-        return replace(h, view=lit.shading, score=lit.score, sun=lit.sun)
-
-    return _memoised(drawings, ("shadows", h.q.tobytes(), h.t.tobytes()), h.origin, render)
-
-
-def _memoised(
-    drawings: Optional[Drawings], key: Tuple[Any, ...], start: Hypothesis, render: Callable[[], Hypothesis]
-) -> Hypothesis:
-    """Return the cached hypothesis of a key with another ``start``, computed on the first call."""
-    if drawings is None:
-        return render()
-    if key not in drawings:
-        drawings[key] = render()
-    return replace(drawings[key], start=start, source=start.source, support=start.support)
+    lit = search_sun(target, patch, h.q, h.t, drawn(h), coarse=True)
+    return replace(h, view=lit.shading, score=lit.score, sun=lit.sun)
 
 
 def refine_in_parallel(
@@ -100,7 +70,6 @@ def refine_in_parallel(
     hypotheses: List[Hypothesis],
     blurs: Tuple[float, ...],
     prunings: Tuple[Pruning, ...],
-    drawings: Optional[Drawings] = None,
 ) -> List[Hypothesis]:
     """Align rendered hypotheses on a patch, and return them with their scores, best first.
 
@@ -116,8 +85,6 @@ def refine_in_parallel(
         Blur of each step [patch px].
     prunings : tuple of Pruning
         Pruning before each step; pruned hypotheses keep their pose and score.
-    drawings : dict, optional
-        Cache of renderings on the same patch.
     """
     finished: List[Hypothesis] = []
     for blur, pruning in zip(blurs, prunings):  # noqa: B905 - Python 3.9 has no strict=
@@ -125,8 +92,7 @@ def refine_in_parallel(
         finished += inactive
         hypotheses = []
         for h in active:
-            key = (h.q.tobytes(), h.t.tobytes(), h.sun, blur)
-            stepped = _memoised(drawings, key, h.origin, partial(_step, target, patch, h, blur))
+            stepped = _step(target, patch, h, blur)
             moved = stepped.q.tolist() != h.q.tolist() or stepped.t.tolist() != h.t.tolist()
             (hypotheses if moved else finished).append(stepped)
     out = []

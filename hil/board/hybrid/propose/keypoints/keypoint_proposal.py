@@ -36,10 +36,11 @@ Array = np.ndarray
 
 # Diameter of the bounding sphere over the diagonal of a region; the same for sources that often detect a part only.
 SPHERE_OVER_BOX, SPHERE_OVER_PART, PART_SOURCES = 1.15, 1.7, ("saliency", "straight")
-# Poses proposed per crop; the same in the second round, and the number of rolled crops that it averages.
-POSES_PER_CROP, POSES_SECOND_ROUND, ROLLS = 16, 24, 4
-# Largest deficit of a crop's presence logit relative to the best one.
-MAX_LOGIT_DEFICIT = 5.0
+# Poses proposed per crop, and the number of rolled crops that the second round averages.
+POSES_PER_CROP, ROLLS = 16, 4
+# Largest deficit of a crop's presence logit relative to the best one, and logit above which no further region is tried
+# (docs/lab/2026-11-keypoint-network.md).
+MAX_LOGIT_DEFICIT, SURE_LOGIT = 5.0, 10.0
 # Largest number of passes, crops in the second pass, and correction below which there is no further pass [sphere
 # diameters].
 MAX_PASSES, SECOND_PASS_CROPS, CONVERGED = 3, 3, 0.06
@@ -131,11 +132,10 @@ class LearnedProposer:
         image: Array,
         noise: float,
         regions: Sequence[Region],
-        keep: int,
         reduced: Optional[Array] = None,
         black: float = 0.0,
-    ) -> List[LearnedProposal]:
-        """Return proposals for the most likely crops of the regions, by decreasing presence logit.
+    ) -> Optional[LearnedProposal]:
+        """Return the proposal for the crop of the regions that most likely shows the target; None without regions.
 
         Parameters
         ----------
@@ -145,15 +145,13 @@ class LearnedProposer:
             Standard deviation of the image noise.
         regions : sequence of Region
             Regions that may contain the target.
-        keep : int
-            Largest number of proposals.
         reduced : (h, w) array, optional
             Image reduced by area averaging.
         black : float
             Black level.
         """
         if not regions:
-            return []
+            return None
         camera = self.camera
         starts = {
             k: ImageCrop.at(
@@ -167,18 +165,22 @@ class LearnedProposer:
         distinct = self._distinct(list(starts), starts, len(starts))
         crops, sources = [starts[k] for k in distinct], [regions[k] for k in distinct]
         for pass_index in range(MAX_PASSES):
-            log_p, craft, size = self.network(network_inputs(image, noise, camera, crops, reduced, black))
+            outputs = []
+            for crop in crops:
+                outputs.append(self.network(network_inputs(image, noise, camera, [crop], reduced, black)))
+                if not pass_index and outputs[-1][1][0] > SURE_LOGIT:
+                    break
+            log_p, craft, size = (np.concatenate(parts) for parts in zip(*outputs))  # noqa: B905 - Python 3.9 has no strict=
             selected = [int(k) for k in np.argsort(-craft) if craft[k] >= craft.max() - MAX_LOGIT_DEFICIT]
             corrected = {k: self._correct_crop(crops[k], log_p[k], size[k]) for k in selected}
             # merge crops that converged to the same place
-            selected = self._distinct(selected, corrected, keep if pass_index else SECOND_PASS_CROPS)
+            selected = self._distinct(selected, corrected, 1 if pass_index else SECOND_PASS_CROPS)
             unfinished = any(self._needs_another_pass(crops[k], corrected[k]) for k in selected)
             if pass_index == MAX_PASSES - 1 or not unfinished:
                 break
             crops, sources = [corrected[k] for k in selected], [sources[k] for k in selected]
-        return [
-            self._proposal(sources[k], crops[k], log_p[k], float(craft[k]), size[k]) for k in selected[:keep]
-        ]
+        k = selected[0]
+        return self._proposal(sources[k], crops[k], log_p[k], float(craft[k]), size[k])
 
     def infer_again(
         self,
@@ -216,34 +218,27 @@ class LearnedProposer:
                 # a quarter turn maps (x, y) to (y, -x)
                 back = np.stack([back[:, 1, ::-1], back[:, 0]], axis=1)
             p += back / ROLLS
-        return self._proposal(
-            first.source, crop, np.log(p), float(craft.mean()), float(size.mean()), POSES_SECOND_ROUND
-        )
+        # bins in which every turn's probability underflowed
+        log_p = np.log(np.maximum(p, np.finfo(np.float32).tiny))
+        return self._proposal(first.source, crop, log_p, float(craft.mean()), float(size.mean()))
 
-    def log_likelihood(self, learned: Sequence[LearnedProposal], q: Array, t: Array) -> float:
-        """Return the network's log-likelihood of a pose relative to that of the most likely pose.
+    def log_likelihood(self, learned: LearnedProposal, q: Array, t: Array) -> Array:
+        """Return the network's log-likelihoods (N,) of poses relative to that of the most likely pose.
 
         Parameters
         ----------
-        learned : sequence of LearnedProposal
-            Proposals of one image; the one whose crop centre is nearest to the pose is used.
-        q : (4,) array
-            Attitude quaternion, camera from target.
-        t : (3,) array
-            Target position, camera frame [m].
+        learned : LearnedProposal
+            Proposal of the image.
+        q : (N, 4) array
+            Attitude quaternions, camera from target.
+        t : (N, 3) array
+            Target positions, camera frame [m].
         """
-        centre = t + quat.matrix(q) @ self.centre_m
-        range_m = float(np.linalg.norm(centre))
-
-        def angular_offset(g: LearnedProposal) -> float:
-            return float(np.linalg.norm(g.crop.direction - centre / range_m) / g.crop.diameter_px)
-
-        g = min(learned, key=angular_offset)
-        crop_from_camera = g.crop.swing().T
-        q_crop = quat.multiply(quat.from_matrix(crop_from_camera), q)[None]
-        t_crop = (crop_from_camera @ centre / self.radius_m)[None]
-        score = log_likelihoods(g.table, self.points, self._focal(g.crop), q_crop, t_crop)
-        return float(score[0] / LIKELIHOOD_DIVISOR - g.log_likelihood[0])
+        crop_from_camera = learned.crop.swing().T
+        q_crop = quat.multiply(quat.from_matrix(crop_from_camera), q)
+        t_crop = (t + quat.matrix(q) @ self.centre_m) @ crop_from_camera.T / self.radius_m
+        score = log_likelihoods(learned.table, self.points, self._focal(learned.crop), q_crop, t_crop)
+        return score / LIKELIHOOD_DIVISOR - learned.log_likelihood[0]
 
     def log_likelihood_deficit(self, image: Array, noise: float, q: Array, t: Array) -> float:
         """Return the log-likelihood deficit of a pose relative to the most likely pose in a crop around it.
@@ -266,9 +261,8 @@ class LearnedProposer:
         crop = ImageCrop(centre / range_m, float(2 * f * np.tan(half_angle)))
         log_p, craft, size = self.network(network_inputs(image, noise, self.camera, [crop]))
         region = Region(0.0, 0.0, float(image.shape[1]), float(image.shape[0]), "predicted")
-        return -self.log_likelihood(
-            [self._proposal(region, crop, log_p[0], float(craft[0]), float(size[0]))], q, t
-        )
+        proposal = self._proposal(region, crop, log_p[0], float(craft[0]), float(size[0]))
+        return -float(self.log_likelihood(proposal, q[None], t[None])[0])
 
     def _distinct(self, order: Sequence[int], crops: Dict[int, ImageCrop], most: int) -> List[int]:
         """Return the first ``most`` of the crops that do not overlap."""
@@ -297,15 +291,9 @@ class LearnedProposer:
         return crop.moved(0.5 * (self.camera.fx_px + self.camera.fy_px), shift, log_size)
 
     def _proposal(
-        self,
-        source: Region,
-        crop: ImageCrop,
-        log_p: Array,
-        craft: float,
-        log_size: float,
-        most: int = POSES_PER_CROP,
+        self, source: Region, crop: ImageCrop, log_p: Array, craft: float, log_size: float
     ) -> LearnedProposal:
-        modes = pose_modes(log_p, self.points, self._focal(crop), log_size, most)
+        modes = pose_modes(log_p, self.points, self._focal(crop), log_size, POSES_PER_CROP)
         score = modes.log_likelihood / LIKELIHOOD_DIVISOR
         swing = crop.swing()
         q = quat.multiply(quat.from_matrix(swing), modes.q)
