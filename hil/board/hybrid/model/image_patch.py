@@ -87,7 +87,9 @@ def undistort(image: Array, camera: CameraIntrinsics, box: Box) -> Array:
     grid_from_pixel = np.array([[1 / DISTORTION_STEP_PX, 0.0, 1.0], [0.0, 1 / DISTORTION_STEP_PX, 1.0]])
     flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
     sources = cv2.warpAffine(pixels.astype(np.float32), grid_from_pixel, (w, h), flags=flags)
-    return np.asarray(cv2.remap(image, sources, None, cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT))
+    # OpenCV takes both coordinates in one array, which its annotations do not say
+    pixel = cv2.remap(image, sources, None, cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT)  # type: ignore[call-overload]
+    return np.asarray(pixel)
 
 
 def _contains(outer: Box, inner: Box) -> bool:
