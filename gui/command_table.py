@@ -79,7 +79,8 @@ class Argument:
 
     def flaw(self, text: str) -> str:
         """Return what is wrong with a typed value; empty if nothing is."""
-        return "allowed: " * bool(allowed := self._value(text)[1]) + allowed
+        allowed = self._value(text)[1]
+        return f"allowed: {allowed}" if allowed else ""
 
     def _value(self, text: str) -> tuple[Value, str]:
         """Return the value of a text, and what is allowed instead if it is invalid."""
@@ -90,10 +91,11 @@ class Argument:
             return text, ", ".join(self.choices[:40]) if wrong else ""
         try:
             value = int(text) if self.kind == "whole" else float(text)
-        except ValueError:
+            if math.isfinite(value) and self.least <= value <= self.most:
+                return value, ""
+        # a whole number of hundreds of digits is no float
+        except (ValueError, OverflowError):
             value = math.nan
-        if math.isfinite(value) and self.least <= value <= self.most:
-            return value, ""
         bounds = f" from {self.least:g} to {self.most:g}" if math.isfinite(self.most - self.least) else ""
         return value, f"a {'whole ' * (self.kind == 'whole')}number{bounds}"
 

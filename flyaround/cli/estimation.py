@@ -33,6 +33,7 @@ from flyaround.simulator.camera.lens.files import load_camera
 from flyaround.simulator.dataset.card import read_card
 from flyaround.simulator.dataset.formats.native import read_png
 from flyaround.simulator.errors import UserError
+from flyaround.simulator.labels.truth import read_truth
 from flyaround.simulator.runtime.files import empty_folder
 from flyaround.simulator.targets.library import load_target
 
@@ -67,8 +68,29 @@ def estimate(
     if as_json:
         typer.echo(json.dumps(rows if len(rows) > 1 else rows[0], indent=1))
     else:
+        say(f"Target {run.target}, camera {run.camera}.")
         _print_estimates(rows)
         _print_network(run.method, model, network)
+    for image in run.images:
+        _warn_of_other_target(Path(image), run.target)
+
+
+def _warn_of_other_target(image: Path, target: str) -> None:
+    """Print that the truth record beside an image names another target than the one that was sought."""
+    path = image.with_suffix(".json")
+    if not path.exists():
+        return
+    try:
+        shown = read_truth(path).scene.target.name
+    # the file beside an image need not be a truth record
+    except UserError:
+        return
+    if shown.removesuffix("-mockup") != target.removesuffix("-mockup"):
+        say(
+            f"{image} shows {shown} by the truth record beside it, and {target} was sought in it: "
+            f"give --target {shown}",
+            stderr=True,
+        )
 
 
 def _network_craft(method: str, model: BoardModel) -> str | None:

@@ -185,7 +185,10 @@ def _serve_as_camera(run: HostRun, context: typer.Context) -> None:
     options = [
         flag
         for name, flag in flags.items()
-        if name not in of_camera and str(context.get_parameter_source(name)) != "ParameterSource.DEFAULT"
+        if name not in of_camera
+        and (source := context.get_parameter_source(name)) is not None
+        # the name, because typer brings its own type or takes that of click
+        and source.name != "DEFAULT"
     ]
     if options:
         raise UserError(

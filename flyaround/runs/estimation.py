@@ -41,7 +41,7 @@ class EstimateRun(Run, frozen=True, kw_only=True, tag="flyaround.run.estimate"):
         tuple[File, ...],
         typer.Argument(help="PNG images, 8 or 16 bits; colour is converted to grey."),
     ]
-    target: Annotated[str, typer.Option(help="Target name.")] = "tango"
+    target: Annotated[str, typer.Option(help="Target sought in the images.")] = "tango"
     camera: Annotated[str, typer.Option(help="CAMERA.json, or the name of a built-in camera.")] = "speed"
     method: Annotated[str, typer.Option(help=f"One of {Methods}.")] = HYBRID
     debug: Annotated[

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, ClassVar
 
 import typer
 
-from flyaround.runs.document import NOT_RECORDED, Run
+from flyaround.runs.document import NOT_RECORDED, Only, Run
 from flyaround.runs.fields import File
 from flyaround.simulator.runtime.sections import Section
 
@@ -59,7 +59,10 @@ class Craft(Section, frozen=True, kw_only=True):
     ] = None
     mass_kg: Annotated[float | None, typer.Option("--mass", help="Mass of the craft [kg].")] = None
     density_kg_m3: Annotated[
-        float | None, typer.Option("--density", help="Mean density of the craft instead of its mass [kg/m3].")
+        float | None,
+        typer.Option(
+            "--density", help="Mean density of the craft, if it is solid, instead of its mass [kg/m3]."
+        ),
     ] = None
 
 
@@ -81,6 +84,14 @@ class ImportRun(Run, frozen=True, kw_only=True, tag="flyaround.run.targets-add")
         typer.Option("--sheet/--no-sheet", help="Render a contact sheet next to the target."),
         NOT_RECORDED,
     ] = True
+    RULES: ClassVar[tuple[Only, ...]] = (
+        Only(
+            "craft.density_kg_m3",
+            "craft.mass_kg",
+            (None,),
+            "--density gives the mass of solids, so it cannot be combined with --mass; leave one out",
+        ),
+    )
     frame: MeshFrame = MeshFrame()
     surface: Surface = Surface()
     craft: Craft = Craft()

@@ -59,7 +59,9 @@ class TimelinePanel(Panel):
                 removed_t_s = mark.t_s
             w.command_tip(console, "timeline.unbookmark", mark.t_s)
             imgui.same_line()
-            if imgui.selectable(f"{w.elided(f'{clock(mark.t_s)}  {mark.note}', w.width)}##mark{k}", False)[0]:
+            # Dear ImGui ends a label at two number signs
+            title = w.elided(f"{clock(mark.t_s)}  {mark.note}", w.width).replace("##", "# #")
+            if imgui.selectable(f"{title}##mark{k}", False)[0]:
                 console.do("timeline.seek", mark.t_s)
             w.tip(f"{mark.note or 'bookmark'}: a click goes there")
         if removed_t_s is not None:

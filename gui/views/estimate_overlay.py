@@ -30,7 +30,7 @@ class EstimateOverlay:
         self._lines: tuple[Segment, ...] = ()
 
     def draw(self, canvas: Canvas, box: Letterbox, picture: Picture, estimates: Estimates) -> None:
-        """Draw over a picture its estimate, or that of the picture before it."""
+        """Draw over a picture the newest estimate, if its own picture is less than `OLD_S` older."""
         estimate, scene = estimates.newest, picture.frame.scene
         if estimate is None or not estimates.on:
             return

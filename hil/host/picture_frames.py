@@ -50,9 +50,7 @@ def pictures_in(folder: Path) -> list[Path]:
     if image_folder.is_dir():
         paths = sorted(path for path in image_folder.glob("*.png") if "." not in path.stem)
     if not paths:
-        raise UserError(
-            f"{folder} holds no .png pictures: name a folder of pictures or a data set with --from"
-        )
+        raise UserError(f"{folder} holds no .png pictures: name a folder of pictures or a data set")
     return paths
 
 

@@ -22,6 +22,7 @@ from flyaround.hil.navigation.relative_estimate import (
     skew,
     target_origin_offset_m,
 )
+from flyaround.simulator.errors import UserError
 from flyaround.simulator.runtime.untrusted_files import refuse_not_finite
 from flyaround.simulator.world.frames.rotation import (
     matrix_from_quat,
@@ -60,7 +61,7 @@ class FilterSettings:
     start_rate_rad_s : float, optional
         Initial sigma of the angular rate, per axis.
     history_s : float, optional
-        Largest delay of a pose.
+        Largest delay of a pose: estimates are kept from the last one before it.
     memory : ErrorCorrelation, optional
         Correlation of the pose errors.
     scale : ScaleSettings, optional
@@ -69,7 +70,7 @@ class FilterSettings:
     Raises
     ------
     UserError
-        If a number is not finite.
+        If a number is not finite or out of range.
     """
 
     gate: float = 0.9999
@@ -84,6 +85,14 @@ class FilterSettings:
 
     def __post_init__(self) -> None:
         refuse_not_finite(asdict(self), "the filter's settings")
+        if not 0 < self.gate < 1:
+            raise UserError(f"the filter's gate is {self.gate:g}, allowed: above 0 and below 1")
+        for name in ("trusted_after", "lost_after", "replaced_after"):
+            if getattr(self, name) < 1:
+                raise UserError(f"the filter's {name} is {getattr(self, name)}, allowed: 1 or more")
+        for name in ("start_speed_m_s", "start_rate_rad_s", "history_s"):
+            if getattr(self, name) <= 0:
+                raise UserError(f"the filter's {name} is {getattr(self, name):g}, allowed: above 0")
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,7 +104,7 @@ class _Fix:
 
 
 class NavigationFilter:
-    """Multiplicative extended Kalman filter of relative orbit and target attitude on delayed poses.
+    """Multiplicative extended Kalman filter that estimates relative orbit and target attitude from delayed poses.
 
     A pose is applied at its exposure time, and later poses are reprocessed, which is an exact out-of-sequence update. A
     pose that fails the gate starts a second, candidate track; once ``replaced_after`` poses agree with the candidate
@@ -149,7 +158,7 @@ class NavigationFilter:
         return self._track[-1].pose.t_s if self._track else None
 
     def add_thrust(self, interval: ThrustInterval) -> None:
-        """Add commanded thrust."""
+        """Add commanded thrust, before any pose exposed after its start."""
         self._thrust.append(interval)
         if self._predicted is not None and interval.start_s < self._predicted.t_s:
             self._predicted = None
@@ -235,8 +244,8 @@ class NavigationFilter:
 
     def _trim_history(self, t_s: float) -> None:
         oldest = t_s - self.settings.history_s
-        keep = [fix for fix in self._track if fix.pose.t_s >= oldest]
-        self._track = keep or self._track[-1:]
+        first = max((k for k, fix in enumerate(self._track) if fix.pose.t_s <= oldest), default=0)
+        self._track = self._track[first:]
         start = self._track[0].pose.t_s
         self._thrust = [i for i in self._thrust if i.end_s >= start]
 

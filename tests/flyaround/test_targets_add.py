@@ -126,6 +126,7 @@ def bad_files(folder):
     yield "both.stl", stl, ("--units", "mm", "--scale", "2"), "not both"
     yield "few.stl", stl, ("--decimate", "3"), "--decimate 3 is out of range"
     yield "mass.stl", stl, ("--mass", "0"), "--mass 0 is not a positive number"
+    yield "twice.stl", stl, ("--mass", "4", "--density", "100"), "leave one out"
     yield "classes.stl", stl, ("--classes", folder / "gone.toml"), "name a file of part classes"
     (folder / "classes.toml").write_text(
         'schema = "flyaround.part_classes"\nversion = 1\n[classes]\nwing = "sensor"'
@@ -133,7 +134,7 @@ def bad_files(folder):
     yield "classes.stl", stl, ("--classes", folder / "classes.toml"), "is not a part; name one, such as body"
 
 
-@pytest.mark.parametrize("number", range(10))
+@pytest.mark.parametrize("number", range(11))
 def test_a_bad_file_is_one_sentence_and_writes_nothing(capsys, tmp_path, number):
     name, data, options, says = list(bad_files(tmp_path))[number]
     (tmp_path / name).write_bytes(data)

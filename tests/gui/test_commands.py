@@ -86,6 +86,7 @@ def test_every_switch_switches_there_and_back(table: CommandTable) -> None:
         ("1.0 picture.exposure nan", "allowed: a number from"),
         ("1.0 picture.exposure 1e3", "from -8 to 8"),
         ("1.0 overlay.hud maybe", "on, off"),
+        (f"1.0 scenario.back {'9' * 400}", "allowed: a whole number from 1 to 99"),
         ("nan time.pause", "a line is"),
         ("-1 time.pause", "a line is"),
         ("1.0", "a line is"),

@@ -3,12 +3,13 @@
 A lattice that repeats with every pixel and puts N samples in each consists of all points (x, y) whose s = s_x x + s_y y
 and t = t_x x + t_y y are integers, for integer coefficients of determinant -N. A framebuffer with pixel coordinates s
 and t *is* this sampling, whatever the angle between its axes: the target is rasterised once, and each image pixel
-gathers its N samples by integer coordinates. No two samples of a pixel share a row or column of an N x N grid
-(N-rooks).
+gathers its N samples by integer coordinates. If the coefficients of s are coprime, and those of t, no two samples
+of a pixel share a row or column of an N x N grid (N-rooks).
 """
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from functools import lru_cache
 from types import MappingProxyType
@@ -37,8 +38,8 @@ class SamplePattern:
     @property
     def phase(self) -> float:
         """Shift of the lattice along s [steps]."""
-        # An even N would put samples on the pixel's border. Half a step keeps all of them inside and symmetric about
-        # the pixel's centre, so that edges have no bias.
+        # With coprime coefficients an even N would put samples on the pixel's border. Half a step keeps all of them
+        # inside and symmetric about the pixel's centre, so that edges have no bias.
         return 0.0 if self.samples % 2 else 0.5
 
     def offsets(self) -> list[tuple[int, int, float, float]]:
@@ -76,7 +77,7 @@ class SamplePattern:
         low, high = [], []
         for cx, cy in (self.s, self.t):
             counter = tiles_px @ [float(cx), float(cy)]
-            # the samples of a pixel and its neighbours lie at most this many steps from its own index
+            # the samples of a pixel and of its neighbours to the sides lie at most this many steps from its own index
             margin = (reach_px + 1.25) * (abs(cx) + abs(cy))
             low.append(int(np.floor(counter.min() - margin)))
             high.append(int(np.ceil(counter.max() + margin)))
@@ -88,7 +89,15 @@ class SamplePattern:
 
 
 def rotated(a: int, b: int = 1) -> SamplePattern:
-    """Return the rotated square lattice of a^2 + b^2 samples; a and b must be coprime."""
+    """Return the rotated square lattice of a^2 + b^2 samples.
+
+    Raises
+    ------
+    ValueError
+        If a and b are not coprime: samples would share rows and columns.
+    """
+    if math.gcd(a, b) != 1:
+        raise ValueError(f"a lattice has the coefficients {a} and {b}, which must be coprime")
     return SamplePattern((b, a), (a, -b))
 
 

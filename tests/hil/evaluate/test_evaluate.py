@@ -109,3 +109,13 @@ def test_an_image_of_real_numbers_is_refused_in_one_sentence(dataset, tmp_path, 
     camera.write_text(json.dumps(truth["camera"]))
     assert run(["estimate", str(image), "--target", "tango", "--camera", str(camera)]) == 2
     assert "float32" in capsys.readouterr().err
+
+
+def test_another_target_than_the_record_names_is_said(dataset, capsys):
+    image = str(dataset / "images" / "000000.png")
+    assert run(["estimate", image, "--target", "cubesat-1u"]) == 0
+    shown = capsys.readouterr()
+    assert "Target cubesat-1u, camera speed." in shown.out
+    assert "give --target tango" in shown.err
+    assert run(["estimate", image]) == 0
+    assert "shows" not in capsys.readouterr().err

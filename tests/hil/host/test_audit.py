@@ -103,3 +103,22 @@ def test_what_is_no_recording_is_one_sentence(run, tmp_path):
     for path in (tmp_path / "broken.mcap", tmp_path / "none.mcap", tmp_path / "short.mcap"):
         with pytest.raises(UserError, match="cannot be read"):
             list(pictures_of(path))
+
+
+def test_a_flipped_byte_in_a_recording_is_one_sentence(run, tmp_path):
+    data = (run / "run.mcap").read_bytes()
+    refused = 0
+    for at in range(200, len(data) - 200, max(1, len(data) // 40)):
+        damaged = tmp_path / "damaged.mcap"
+        damaged.write_bytes(data[:at] + bytes([data[at] ^ 0xFF]) + data[at + 1 :])
+        try:
+            list(pictures_of(damaged))
+        except UserError:
+            refused += 1
+    assert refused > 0
+
+
+def test_a_recording_without_images_is_refused(tmp_path):
+    RosLog(tmp_path / "empty.mcap").close()
+    with pytest.raises(UserError, match="holds no images"):
+        list(pictures_of(tmp_path / "empty.mcap"))

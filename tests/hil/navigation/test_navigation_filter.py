@@ -338,6 +338,12 @@ def test_a_pose_of_a_snapshot_is_its_label():
     [
         (lambda: ApproachRules(abort_after_s=float("nan")), "abort_after_s"),
         (lambda: FilterSettings(memory=ErrorCorrelation(turn_rad=float("inf"))), "memory.turn_rad"),
+        (lambda: FilterSettings(gate=1.5), "gate"),
+        (lambda: FilterSettings(gate=1.0), "gate"),
+        (lambda: FilterSettings(trusted_after=-3), "trusted_after"),
+        (lambda: FilterSettings(lost_after=0), "lost_after"),
+        (lambda: FilterSettings(start_rate_rad_s=0.0), "start_rate_rad_s"),
+        (lambda: FilterSettings(history_s=-1.0), "history_s"),
         (lambda: ClosedLoopConfig(thrust_sigma=float("nan")), "thrust_sigma"),
         (lambda: ClosedLoopConfig(frame_every=0), "frame_every"),
     ],

@@ -27,9 +27,9 @@ MAX_TRIANGLES = 600
 """Largest number of bodies and of their triangles. The estimator tests rays against all of them: more follow
 the outline better, and take proportionally longer."""
 MIN_PIECE_SHARE = 0.0015
-"""Share of the craft's mean silhouette below which a piece is dropped."""
+"""Share of the mean silhouette of the craft's convex hull below which a piece is dropped."""
 HULL_TOLERANCE = 0.01
-"""Share of the craft's mean silhouette by which a piece's hull may be too large."""
+"""Empty area of a piece's hull, as a share of the summed silhouettes of all pieces, below which no hull is split."""
 CUT_POSITIONS = (0.15, 0.3, 0.4, 0.5, 0.6, 0.7, 0.85)
 """Positions of a cut along a piece, as shares of its length."""
 SIDE_PX = 48
@@ -76,11 +76,11 @@ def propose_occluders(bodies: list[MeshBody], extent: float) -> Occluders:
     surface = surface_points(bodies, POINTS)
     order = np.argsort(surface.piece, kind="stable")
     ends = np.searchsorted(surface.piece[order], np.arange(surface.pieces + 1))
-    craft_silhouette = _mean_silhouette(surface.points_m)
+    hull_silhouette = _mean_silhouette(surface.points_m)
     leaves = [
         leaf
         for a, b in itertools.pairwise(ends.tolist())
-        if (leaf := _leaf(surface.points_m[order[a:b]], extent, MIN_PIECE_SHARE * craft_silhouette))
+        if (leaf := _leaf(surface.points_m[order[a:b]], extent, MIN_PIECE_SHARE * hull_silhouette))
         is not None
     ]
     leaves = _drop_enclosed(sorted(leaves, key=lambda x: -x.shadow), extent)[: 2 * MAX_PIECES]
@@ -91,6 +91,7 @@ def propose_occluders(bodies: list[MeshBody], extent: float) -> Occluders:
             break
         leaves.remove(largest)
         halves = _cut(largest, extent)
+        # a piece that cannot be cut is not tried again
         leaves += halves if len(halves) == 2 else [_Leaf(largest.points, largest.shadow, 0.0)]
     leaves = sorted(leaves, key=lambda x: -x.shadow)[:MAX_PIECES]
     return _join(leaves)
