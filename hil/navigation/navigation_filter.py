@@ -125,8 +125,8 @@ class NavigationFilter:
     References
     ----------
     Lefferts, Markley & Shuster (1982), J. Guidance 5(5); Bar-Shalom, Li & Kirubarajan (2001), sec. 5.4 (gate and
-    consistency), ch. 8 (autocorrelated measurement noise: pose biases are states); Bar-Shalom (2002), IEEE Trans. Aerospace and
-    Electronic Systems 38(3) (delayed measurements);
+    consistency), ch. 8 (autocorrelated measurement noise: pose biases are states);
+    Bar-Shalom (2002), IEEE Trans. Aerospace and Electronic Systems 38(3) (delayed measurements);
     Gelb (ed.) 1974, Applied Optimal Estimation, sec. 4.5.
     """
 
