@@ -89,3 +89,11 @@ def test_an_opened_flight_can_be_sought_through_at_once(console: Console) -> Non
     console.do("timeline.seek", 1.0)
     console.do("guidance.drift")
     assert console.asked is not None, "this part was flown by hand"
+
+
+def test_another_flight_begins_with_its_own_exposure(console: Console) -> None:
+    console.do("picture.exposure", 3.0)
+    console.do("scenario.open", "tango-flyaround")
+    while console.opener.is_busy():
+        console.pass_time(0)
+    assert console.options.settings.exposure_stops == 0.0
