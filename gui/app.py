@@ -139,6 +139,9 @@ def run(request: Request) -> dict[str, Any]:
     if request.record is None:
         # what is recorded must be flown
         session.show_recording()
+        # nobody presses Play if it ends by itself, or is played
+        unattended = {request.seconds, request.script, request.screenshot} != {None}
+        session.clock.paused = session.look_back.active and not unattended
     options = options_of(session, request.overlays)
     progress = ProgressLine()
 
