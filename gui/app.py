@@ -139,6 +139,9 @@ def run(request: Request) -> dict[str, Any]:
     if request.record is None:
         # what is recorded must be flown
         session.show_recording()
+        # nobody presses Play if it ends by itself, or is played
+        unattended = {request.seconds, request.script, request.screenshot} != {None}
+        session.clock.paused = session.look_back.active and not unattended
     options = options_of(session, request.overlays)
     progress = ProgressLine()
 
@@ -337,6 +340,7 @@ class ConsoleLoop:
         with window.frame():
             if window.keys.typing and console.hand.armed:
                 console.do("steer.arm", False)
+                console.say("hand control is off, because letters go into a text field; Ctrl+H arms it again")
             hit = console.table.pressed(window.keys.hit(self._keys), ctrl=window.keys.ctrl)
             # ignore flight commands before the first picture: the operator would fly blind
             console.press([c for c in hit if console.feed.newest is not None or c.group not in FLIGHT_GROUPS])

@@ -401,10 +401,10 @@ class Console:
         settings = self.options.settings
         settings.bands, settings.environment = session.plan.bands, session.scene().environment
         # the operator's changes applied to the sensor and lights of the previous scenario
-        settings.sensor_changes, settings.lights = {}, None
+        settings.sensor_changes, settings.lights, settings.exposure_stops = {}, None, 0.0
         name = session.plan.scenario.title or session.plan.scenario.name
-        way = "Space replays it, the slider seeks" if session.look_back.active else ""
-        self.say(f"flying {name}; {way or 'File, Flight before returns to the last one'}")
+        replay = "REPLAY, paused: Space plays it, the slider seeks" if session.look_back.active else ""
+        self.say(replay or f"flying {name}; File, Flight before returns to the last one")
 
     # --- messages
 

@@ -87,11 +87,17 @@ def _open(console: Console, path: str) -> None:
 
 
 def _undo(console: Console) -> None:
-    console.say(f"undone: {console.history.undo(console.options)} (Ctrl+Y does it again)")
+    if console.history.next("settings.undo"):
+        console.say(f"undone: {console.history.undo(console.options)} (Ctrl+Y does it again)")
+    else:
+        console.say("there is no change of settings to undo")
 
 
 def _redo(console: Console) -> None:
-    console.say(f"done again: {console.history.redo(console.options)}")
+    if console.history.next("settings.redo"):
+        console.say(f"done again: {console.history.redo(console.options)}")
+    else:
+        console.say("there is no undone change to do again")
 
 
 def _enlarge(console: Console, panel: str | None = None) -> None:

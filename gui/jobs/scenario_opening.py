@@ -62,4 +62,5 @@ class ScenarioOpener:
 def _open(scenario: str | Scenario) -> FlightSession:
     session = FlightSession.of(load_scenario(scenario) if isinstance(scenario, str) else scenario)
     session.show_recording()
+    session.clock.paused = session.look_back.active
     return session

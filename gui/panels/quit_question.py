@@ -21,13 +21,17 @@ class QuitQuestion(Panel):
         """Draw into the current window."""
         w, imgui = self._w, self._w.imgui
         lost = console.losses
+        # the rows of buttons stay where they are when a job ends
+        imgui.begin_child("lost", w.vec(0, -2 * imgui.get_frame_height_with_spacing()))
         w.text("If you quit now:" if lost else "Everything is saved.")
         for line in lost:
             w.text(f"- {line}", style.WARN, "lost for good if you quit")
-        imgui.dummy(w.vec(0, 1))
+        imgui.end_child()
+        low = imgui.get_cursor_pos_y() + imgui.get_frame_height_with_spacing()
         if console.unsaved:
             label = "Keep flight" if len(console.unsaved) == 1 else None
             w.button(console, "timeline.keep-all", label=label, width=-1)
+        imgui.set_cursor_pos_y(low)
         w.button(console, "window.close", label="Quit", width=w.width / 2 - 4, fill=style.GUARDED)
         imgui.same_line()
         if w.filled_button("Stay", -1, style.PRIMARY):

@@ -130,6 +130,10 @@ class BurnNodes:
         """(n, 3) predicted path through the burns; empty without any."""
         return np.zeros((0, 3)) if self._path is None else self._path.points_lvlh_m
 
+    def holds(self, ports: tuple[MapPort, ...], mouse: Point) -> bool:
+        """Return True while the pointer has or could pick a node or handle."""
+        return self._grip is not None or any(p.inside(*mouse) and self._found(p, mouse) for p in ports)
+
     # --- inside
 
     def _refresh(self, session: FlightSession, plan: BurnPlan) -> None:

@@ -294,7 +294,8 @@ def _badge(session: FlightSession) -> tuple[str, style.Rgba]:
             badge, color = f"{badge} / KEEP OUT", style.BAD
     if session.clock.jump:
         badge = f"JUMP  {badge}"
-    if session.look_back.active:
-        looks = "REPLAY" if session.look_back.replays else "LOOKING BACK"
-        badge, color = f"{looks}  {badge}", style.WARN
+    if session.look_back.replays:
+        badge, color = "REPLAY", style.WARN
+    elif session.look_back.active:
+        badge, color = f"LOOKING BACK  {badge}", style.WARN
     return (f"PAUSED  {badge}" if session.clock.paused else badge), color

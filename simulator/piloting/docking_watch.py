@@ -98,10 +98,12 @@ class Docking:
 
     @property
     def port(self) -> DockingPort:
-        """The port, computed on first access."""
-        if self._port is None:
-            self._port = docking_port(self._target, self._initial_flight)
-        return self._port
+        """The port: the target's own, unless the pilot has chosen another axis."""
+        return self._port or self._own_port
+
+    @cached_property
+    def _own_port(self) -> DockingPort:
+        return docking_port(self._target, self._initial_flight)
 
     @cached_property
     def hold_points(self) -> HoldPoints:
@@ -146,6 +148,8 @@ class Docking:
         for name in SAVED_ATTRIBUTES - state.keys():
             vars(self).pop(name, None)
         vars(self).update(state)
+        # computed now: a panel that shows them after a seek must not count as a change of the control
+        _ = self.hold_points
 
     # --- contact
 

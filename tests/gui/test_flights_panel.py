@@ -11,6 +11,7 @@ from flyaround.gui.console import Console
 from flyaround.gui.panels.flights import FlightsPanel, flight_row, kept_flights
 from tests.harness.flown_console import console_flying
 from tests.harness.headless_imgui import HeadlessWindow
+from tests.harness.pointer import Pointer
 
 
 @pytest.fixture
@@ -89,3 +90,42 @@ def test_an_opened_flight_can_be_sought_through_at_once(console: Console) -> Non
     console.do("timeline.seek", 1.0)
     console.do("guidance.drift")
     assert console.asked is not None, "this part was flown by hand"
+
+
+def test_another_flight_begins_with_its_own_exposure(console: Console) -> None:
+    console.do("picture.exposure", 3.0)
+    console.do("scenario.open", "tango-flyaround")
+    while console.opener.is_busy():
+        console.pass_time(0)
+    assert console.options.settings.exposure_stops == 0.0
+
+
+def test_an_opened_flight_waits_for_play_and_stays_whole_under_every_panel(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    screen = Pointer("tango-flyaround", panels=False)
+    console = screen.console
+    for _ in range(30):
+        console.pass_time(100)
+    console.do("scenario.open", keep(console))
+    while console.opener.is_busy():
+        console.pass_time(0)
+    session = console.session
+    console.do("layout.dock")
+    for _ in range(3):
+        screen.turn()
+        console.pass_time(50)
+    assert session.clock.paused
+    assert session.t_s == 0.0
+    assert any(text.startswith("T+00:00:00.0 of 00:00:03") for text in screen.texts())
+    hint = next(text for text in screen.texts() if text.startswith("REPLAY"))
+    assert hint.endswith("the slider seeks"), "nothing of it is left out"
+    console.do("time.pause")
+    for _ in range(3):
+        screen.turn()
+        console.pass_time(100)
+    assert session.t_s == pytest.approx(0.3)
+    assert session.look_back.replays
+    assert session.look_back.timeline.end_s == pytest.approx(3.0, abs=0.11)
+    screen.close()

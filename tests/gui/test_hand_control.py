@@ -216,3 +216,9 @@ def test_a_flight_that_costs_more_than_it_lasts_leaves_the_window_quick(fly: Fly
     # the first frame does not know it yet
     assert waits[:3].max() > 1.0
     assert waits[5:].max() < 0.4
+
+
+def test_a_field_that_ends_hand_control_says_so(fly: Fly) -> None:
+    console, _ = fly(10.0, lambda window: window.hold("f1", PUSH_S, 0.1), duration_s=4.0)
+    assert not console.hand.armed
+    assert any("text field; Ctrl+H arms it again" in message.text for message in console.messages)

@@ -210,3 +210,18 @@ def test_escape_leaves_the_text_and_keeps_what_was_typed(
     screen.escape()
     assert draft.text == typed
     screen.close()
+
+
+def test_the_buttons_of_the_question_stay_when_a_job_ends(screen: Pointer) -> None:
+    console = screen.console
+    console.do("docking.approach")
+    console.pass_time(200)
+    console.do("film.start")
+    screen.menu("File", "Quit")
+    before = [screen.place(label) for label in ("Keep flight", "Quit###", "Stay")]
+    console.do("film.stop")
+    screen.turn()
+    assert [screen.place(label) for label in ("Keep flight", "Quit###", "Stay")] == before
+    screen.press("Keep flight")
+    assert [screen.place(label) for label in ("Quit###", "Stay")] == before[1:]
+    assert not screen.has("Keep flight")

@@ -51,3 +51,10 @@ def test_the_menu_says_what_it_would_undo(at: Pointer) -> None:
     assert entries() == ["Undo noise off###settings.undo", "Redo###settings.redo"]
     at.console.do("settings.undo")
     assert entries() == ["Undo###settings.undo", "Redo noise off###settings.redo"]
+
+
+@pytest.mark.parametrize("command", ["settings.undo", "settings.redo"])
+def test_nothing_to_undo_is_no_caution(at: Pointer, command: str) -> None:
+    at.console.do(command)
+    assert at.console.messages[-1].text.startswith("there is no")
+    assert at.console.waiting == []
