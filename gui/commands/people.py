@@ -87,17 +87,13 @@ def _open(console: Console, path: str) -> None:
 
 
 def _undo(console: Console) -> None:
-    if console.history.next("settings.undo"):
-        console.say(f"undone: {console.history.undo(console.options)} (Ctrl+Y does it again)")
-    else:
-        console.say("there is no change of settings to undo")
+    what = console.history.next("settings.undo") and console.history.undo(console.options)
+    console.say(f"undone: {what} (Ctrl+Y does it again)" if what else "there is no change to undo")
 
 
 def _redo(console: Console) -> None:
-    if console.history.next("settings.redo"):
-        console.say(f"done again: {console.history.redo(console.options)}")
-    else:
-        console.say("there is no undone change to do again")
+    what = console.history.next("settings.redo") and console.history.redo(console.options)
+    console.say(f"done again: {what}" if what else "there is no undone change to do again")
 
 
 def _enlarge(console: Console, panel: str | None = None) -> None:

@@ -130,9 +130,11 @@ class BurnNodes:
         """(n, 3) predicted path through the burns; empty without any."""
         return np.zeros((0, 3)) if self._path is None else self._path.points_lvlh_m
 
-    def holds(self, ports: tuple[MapPort, ...], mouse: Point) -> bool:
-        """Return True while the pointer has or could pick a node or handle."""
-        return self._grip is not None or any(p.inside(*mouse) and self._found(p, mouse) for p in ports)
+    def hold_map(self, ports: tuple[MapPort, ...], mouse: Point, *, down: bool) -> bool:
+        """Return True while the scale must stay: the pointer holds or could pick a grip, or has a button down."""
+        if self._grip is not None:
+            return True
+        return any(p.inside(*mouse) and (down or self._found(p, mouse) is not None) for p in ports)
 
     # --- inside
 

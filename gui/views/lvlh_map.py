@@ -78,7 +78,8 @@ class LvlhMap(Panel):
         frame = session.flight.lvlh(session.t_s)
         here = np.array(world.position_lvlh_m)
         trail = session.look_back.path(world)
-        if look.fitted and not self._is_held():
+        mouse, down = imgui.get_io().mouse_pos, imgui.is_any_mouse_down()
+        if look.fitted and not self._nodes.hold_map(self.ports, (mouse.x, mouse.y), down=down):
             first = ports(rect, look)[0].rect
             # keep a line of text free above and below
             height = max(first[3] - 3.0 * imgui.get_text_line_height(), 20.0)
@@ -130,14 +131,6 @@ class LvlhMap(Panel):
         return np.vstack([rest, near, np.eye(3), -np.eye(3)])
 
     # --- the mouse
-
-    def _is_held(self) -> bool:
-        """Return True while the pointer works on the map, whose scale then stays."""
-        mouse = self._imgui.get_io().mouse_pos
-        inside = any(p.inside(mouse.x, mouse.y) for p in self.ports)
-        return (inside and self._imgui.is_any_mouse_down()) or self._nodes.holds(
-            self.ports, (mouse.x, mouse.y)
-        )
 
     def _mouse(self, console: Console) -> None:
         """Apply the wheel (zoom about the pointer), drags (move) and double clicks (fit); one command per gesture."""

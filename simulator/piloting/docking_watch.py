@@ -148,8 +148,6 @@ class Docking:
         for name in SAVED_ATTRIBUTES - state.keys():
             vars(self).pop(name, None)
         vars(self).update(state)
-        # computed now: a panel that shows them after a seek must not count as a change of the control
-        _ = self.hold_points
 
     # --- contact
 

@@ -117,6 +117,8 @@ class LookBack:
     def _restore(self, t_s: float, steered: ChaserState | None, controls: object) -> None:
         self._clock.reset()
         self._craft.restore(t_s, steered, controls)
+        # computed now: a panel that shows them after a seek must not count as a change of the control
+        _ = self._craft.docking.hold_points
         self._restored = self._packed_controls()
 
     def _packed_controls(self) -> bytes:
