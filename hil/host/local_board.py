@@ -49,6 +49,11 @@ def run_with_board_process(
         Called with the host's URL and that of the truth endpoint, before the board is started.
     run : object
         Further arguments of `FlightRun.run`.
+
+    Returns
+    -------
+    LedgerSummary
+        Summary of the run, as of `FlightRun.run`.
     """
     with contextlib.ExitStack() as stack:
 

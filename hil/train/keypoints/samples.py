@@ -89,11 +89,24 @@ class SampleMix:
         Range of the standard deviation of their slopes across the view, which are also those of a lamp's beam.
     mirror_share : float
         Share of a laboratory sample's surfaces that mirror a lamp.
-    texture_share, cable_share, deformed_share, stray_light_share, occluded_share, jpeg_share : float
-        Shares of the laboratory samples with a texture on the target, cables or bars across the image, a deformed
-        target, stray light, a part of the target occluded, and JPEG compression.
-    hot_pixel_share, glow_share, blur_share : float
-        Shares of the laboratory samples with hot pixels, glow about bright surfaces, and blur.
+    texture_share : float
+        Share of the laboratory samples with a texture on the target.
+    cable_share : float
+        Share of them with cables or bars across the image.
+    deformed_share : float
+        Share of them with a deformed target.
+    stray_light_share : float
+        Share of them with stray light.
+    occluded_share : float
+        Share of them with a part of the target occluded.
+    jpeg_share : float
+        Share of them compressed by JPEG.
+    hot_pixel_share : float
+        Share of them with hot pixels.
+    glow_share : float
+        Share of them with glow about bright surfaces.
+    blur_share : float
+        Share of them with blur.
     shadow_share : float
         Share of samples with a shadow across the image.
     """

@@ -137,6 +137,9 @@ def test_a_flight_that_was_left_is_returned_to(console: Console) -> None:
     console.pass_time(100)
     left = console.session
     console.do("scenario.open", "iss-orbit-limb")
+    # the pulse is in no file
+    assert console.asked is not None
+    console.answer(goes=True)
     wait(console)
     assert console.session is not left
     console.do("scenario.back")
