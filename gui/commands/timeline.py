@@ -163,15 +163,9 @@ def _dataset(console: Console, frames: int = FRAMES) -> None:
     console.open_panel("capture", shown=True)
 
 
-def _fly_kept(console: Console, replay: str) -> None:
-    console.do("scenario.open", replay)
-    # a board waits for pictures
-    console.session.clock.paused = False
-    console.say(f"flying {console.session.plan.scenario.name} again")
-
-
 def _hil(console: Console) -> None:
-    keep_flight(console, then=_fly_kept)
+    # flown, not looked at: a board waits for pictures
+    keep_flight(console, then=lambda console, replay: console.opener.open(replay, flies=True))
     console.open_panel("board-link", shown=True)
 
 

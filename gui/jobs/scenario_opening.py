@@ -28,8 +28,10 @@ class ScenarioOpener:
         """Return True while a scenario is being opened."""
         return self._pending is not None
 
-    def open(self, scenario: str | Scenario) -> None:
+    def open(self, scenario: str | Scenario, *, flies: bool = False) -> None:
         """Start opening a scenario, given by name, file or object.
+
+        A recorded flight is paused and can be sought through; with ``flies`` it is flown, as any other scenario.
 
         Raises
         ------
@@ -40,7 +42,7 @@ class ScenarioOpener:
             raise UserError(f"{self.name} is still being opened")
         self.scenario, self.name = scenario, scenario if isinstance(scenario, str) else scenario.name
         self.source = scenario if isinstance(scenario, str) else ""
-        self._pending = self._pool.submit(_open, scenario)
+        self._pending = self._pool.submit(_open, scenario, flies)
 
     def take(self) -> FlightSession | None:
         """Return the opened flight, once.
@@ -59,8 +61,9 @@ class ScenarioOpener:
             raise UserError(f"{self.name} could not be opened: {error}") from error
 
 
-def _open(scenario: str | Scenario) -> FlightSession:
+def _open(scenario: str | Scenario, flies: bool) -> FlightSession:  # noqa: FBT001 - positional in a private call
     session = FlightSession.of(load_scenario(scenario) if isinstance(scenario, str) else scenario)
-    session.show_recording()
-    session.clock.paused = session.look_back.active
+    if not flies:
+        session.show_recording()
+        session.clock.paused = session.look_back.active
     return session

@@ -9,10 +9,10 @@ import msgspec
 import pytest
 
 from flyaround.gui.console import Console
-from flyaround.gui.jobs import scenario_opening
 from flyaround.gui.scenario_draft import ScenarioDraft
 from flyaround.gui.script import Script
 from flyaround.simulator.errors import UserError
+from flyaround.simulator.piloting.session import FlightSession
 from flyaround.simulator.scenario.load import load_scenario
 from tests.harness.flown_console import console_flying
 
@@ -150,6 +150,29 @@ def test_a_flight_that_was_left_is_returned_to(console: Console) -> None:
     assert console.session.plan.scenario.name == "iss-orbit-limb"
 
 
+def test_a_flight_for_a_board_is_flown_and_not_looked_at(
+    console: Console, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    console.do("steer.pulse", "forward")
+    for _ in range(5):
+        console.pass_time(100)
+    flown = console.session
+    console.do("timeline.hil")
+    # what was flown is written a portion a turn, then opened
+    for _ in range(500):
+        console.pass_time(0)
+        wait(console)
+        if console.session is not flown:
+            break
+    assert console.session is not flown
+    assert not console.session.clock.paused
+    before_s = console.session.t_s
+    for _ in range(20):
+        console.pass_time(100)
+    assert console.session.t_s > before_s + 1.5, "a board would wait for pictures"
+
+
 def test_the_text_of_a_flight_is_of_what_flies(console: Console, tmp_path: Path) -> None:
     console.do("scenario.target", "cubesat-3u")
     wait(console)
@@ -178,7 +201,7 @@ def test_what_flying_refuses_later_stands_beside_the_text(
         raise UserError("the target is below the surface of the Earth 2935 s after the start")
 
     console.do("scenario.edit")
-    monkeypatch.setattr(scenario_opening, "_open", refuse)
+    monkeypatch.setattr(FlightSession, "of", refuse)
     console.do("scenario.target", "cubesat-3u")
     wait(console)
     assert console.draft.problem == "", "another scenario was refused, not the text"
