@@ -1,4 +1,4 @@
-"""What drops a flight that is in no file, or leaves it, asks once and names it; an abort never asks."""
+"""A command that drops or leaves a flight that is in no file asks once and names it; an abort never asks."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Which randomisation of the keypoint network's training samples improves it: leave one out.
+"""Comparison of keypoint networks trained without one randomisation of the samples each (leave one out).
 
     python -m tools.studies.randomisation train VIEWS OUT --start WEIGHTS --steps 400 --workers 2
     python -m tools.studies.randomisation judge OUT SET [SET ...]
@@ -150,7 +150,7 @@ class Judgement(msgspec.Struct, frozen=True, kw_only=True):
     keypoints : (N,) array
         Share of the keypoints within ``RIGHT_PX``.
     attitude : (N,) array
-        1 if the likeliest attitude is within ``RIGHT_DEG``, else 0.
+        1 if the most likely attitude is within ``RIGHT_DEG``, else 0.
     """
 
     entropy: Array

@@ -21,7 +21,7 @@ logger = logging.getLogger(__name__)
 # Pause between tries to connect, and wait for a packet before the thread looks whether it is to stop [s].
 RETRY_S, POLL_S = 0.05, 0.2
 
-# Time for the thread to end after that [s]: a packet that has begun to arrive is read to its end.
+# Time for the thread to end after that [s]: a partly received packet is read to its end.
 JOIN_S = 5.0
 
 
