@@ -131,12 +131,12 @@ def pictures_of(source: Path) -> Iterator[tuple[str, NDArray[Any]]]:
     count = 0
     try:
         with source.open("rb") as file:
-            reader = make_reader(file, decoder_factories=[DecoderFactory()])
+            reader = make_reader(file, validate_crcs=True, decoder_factories=[DecoderFactory()])
             for _, _, message, image in reader.iter_decoded_messages(topics=[IMAGES_TOPIC]):
                 yield f"picture at {message.log_time} ns", _pixels(image)
                 count += 1
-    # damaged chunks end in ZstdError, a file of a few bytes in struct.error
-    except (OSError, McapError, ValueError, struct.error, ZstdError) as error:
+    # damaged chunks end in ZstdError, damaged lengths in the others
+    except (OSError, McapError, ValueError, struct.error, ZstdError, OverflowError, MemoryError) as error:
         raise UserError(
             f"{source} cannot be read ({str(error) or type(error).__name__}): name a folder of PNG files, or a file "
             "written with --mcap"

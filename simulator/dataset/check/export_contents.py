@@ -7,6 +7,7 @@ import io
 import json
 import math
 import re
+import struct
 import tarfile
 import tempfile
 import zipfile
@@ -254,9 +255,17 @@ def _parquet(data: bytes) -> Iterator[Entry]:
 
 
 def _mcap(data: bytes) -> Iterator[Entry]:
-    reader = import_needed("mcap.reader", "logs", "mcap").make_reader(io.BytesIO(data))
-    damaged: type[Exception] = import_needed("mcap.exceptions", "logs", "mcap").McapError
+    make_reader = import_needed("mcap.reader", "logs", "mcap").make_reader
+    damaged: tuple[type[Exception], ...] = (
+        import_needed("mcap.exceptions", "logs", "mcap").McapError,
+        import_needed("zstandard", "logs", "mcap").ZstdError,
+        struct.error,
+        # of a length that is damaged
+        OverflowError,
+        MemoryError,
+    )
     try:
+        reader = make_reader(io.BytesIO(data), validate_crcs=True)
         for _, channel, message in reader.iter_messages():
             value = [message.log_time, message.data]
             yield Entry(f"{channel.topic} {message.sequence}", value, message.sequence)

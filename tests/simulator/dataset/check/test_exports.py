@@ -89,6 +89,18 @@ def cut(pattern):
     return spoil
 
 
+def flip(pattern, *, byte):
+    """Invert a byte, counted from the start or, if negative, from the end."""
+
+    def spoil(folder):
+        path = one_of(folder, pattern)
+        data = bytearray(path.read_bytes())
+        data[byte] ^= 0xFF
+        path.write_bytes(data)
+
+    return spoil
+
+
 def remove(pattern):
     return lambda folder: one_of(folder, pattern).unlink()
 
@@ -259,6 +271,9 @@ PLANTED = {
     "webdataset: depth": member("depth.exr"),
     "webdataset: cut": cut("webdataset/train-*.tar"),
     "mcap: cut": cut("mcap/train-*.mcap"),
+    "mcap: byte of a chunk": flip("mcap/train-*.mcap", byte=3000),
+    "mcap: byte of a length": flip("mcap/train-*.mcap", byte=102),
+    "mcap: first byte": flip("mcap/train-*.mcap", byte=0),
     "mcap: another split's": lambda folder: shutil.copy(
         one_of(folder, "mcap/test-*.mcap"), one_of(folder, "mcap/train-*.mcap")
     ),
