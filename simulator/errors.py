@@ -86,7 +86,13 @@ _LIMITS = (
 
 
 def machine_sentence(error: BaseException) -> str | None:
-    """Return a sentence for a failure of the machine or system (memory, threads, files), or None for a bug."""
+    """Describe a failure of the machine or system: memory, threads, files, or the installation.
+
+    Returns
+    -------
+    str or None
+        What happened and what to do, without a full stop; None for an error of the program itself.
+    """
     reason = " ".join(str(error).split())
     if isinstance(error, MemoryError):
         detail = f" ({reason})" if reason else ""
@@ -109,7 +115,14 @@ def machine_sentence(error: BaseException) -> str | None:
 
 
 def near_names(name: str, names: Sequence[str], most: int = 1) -> list[str]:
-    """Return the names that ``name`` was probably meant for: close matches, or those that contain it or vice versa."""
+    """Find the names that ``name`` was probably meant for.
+
+    Returns
+    -------
+    list of str
+        At most ``most`` of ``names``: close matches first, the closest in front, then those that contain ``name``
+        or are contained in it; empty if there are none.
+    """
     close = get_close_matches(name, names, n=most, cutoff=_NEAR)
     containing = [
         k for k in names if k not in close and min(len(k), len(name)) > 2 and (name in k or k in name)

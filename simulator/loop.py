@@ -91,15 +91,37 @@ class FrameProducer(ABC, Generic[Result]):
 
     @abstractmethod
     def submit(self, request: FrameRequest) -> bool:
-        """Request one frame. Return False, without requesting it, if too many are in flight."""
+        """Request one frame.
+
+        Returns
+        -------
+        bool
+            False if too many are in flight; the frame is not requested then.
+        """
 
     @abstractmethod
     def ready(self) -> bool:
-        """Return True if `result` would return or raise without waiting for another process."""
+        """Return True if `result` would return or raise without waiting for another process.
+
+        Returns
+        -------
+        bool
+            False if no frame is in flight.
+
+        Raises
+        ------
+        JobsLostError
+            If the renderer died and was restarted: all frames in progress are lost.
+        """
 
     @abstractmethod
     def result(self) -> Result:
-        """Return the oldest frame in flight; waits for it.
+        """Wait for the oldest frame in flight and return it.
+
+        Returns
+        -------
+        Result
+            Result of the stage; each request is returned once, in the order of the requests.
 
         Raises
         ------
@@ -257,7 +279,13 @@ def draw_request(
     stage: Callable[[Frame], Result],
     target: Target | None = None,
 ) -> Result:
-    """Draw the frame of a request and apply the stage: the work of a drawing process."""
+    """Draw the frame of a request and apply the stage: the work of a drawing process.
+
+    Returns
+    -------
+    Result
+        Result of ``stage``, for the craft that ``target`` or else the scene names.
+    """
     if request.timed is not None:
         renderer.timed = request.timed
     scene = request.scene
@@ -332,7 +360,13 @@ def open_frames(
 
 
 def whole_frame(frame: Frame) -> Frame:
-    """Return the frame unchanged: the default stage."""
+    """Return the frame unchanged: the default stage.
+
+    Returns
+    -------
+    Frame
+        The same object.
+    """
     return frame
 
 

@@ -110,7 +110,13 @@ class DockingFigures:
         return np.asarray(about_y @ about_x @ about_z)
 
     def in_camera_m(self, points_port_m: FloatArray) -> FloatArray:
-        """Convert points (N, 3) from the port's axes, origin at its centre, to the camera's [m]."""
+        """Convert points (N, 3) from the port's axes, origin at its centre, to the camera's.
+
+        Returns
+        -------
+        (N, 3) array
+            Points in camera axes, origin at the camera, in the order given [m].
+        """
         R = self.R_port_from_camera
         tip = np.array([self.right_m, self.down_m, -self.axial_m])
         return np.asarray((points_port_m - (tip - R @ np.array(PROBE_M))) @ R)
@@ -294,7 +300,14 @@ class JudgedFigure:
 def judge(
     figures: DockingFigures, limits: DockingLimits, corridor_deg: float = CORRIDOR_DEG
 ) -> tuple[JudgedFigure, ...]:
-    """Return each figure with its limit at the chaser's distance."""
+    """Compare each figure with its limit at the chaser's distance.
+
+    Returns
+    -------
+    tuple of JudgedFigure
+        Twelve, always in the same order: closing speed, offsets, lateral rates, angles, angular rates, and last the
+        angle off the axis against ``corridor_deg``. That angle is 0 within the offset allowed at the port.
+    """
     f, distance = figures, max(figures.axial_m, 0.0)
     closing = max(limits.closing_m_s, limits.closing_per_m * distance)
     lateral = limits.lateral_at_m(distance)

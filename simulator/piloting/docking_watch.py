@@ -121,7 +121,13 @@ class Docking:
         return radius_m(self._target)
 
     def figures(self, chaser: ChaserState, flight: Flight) -> DockingFigures:
-        """Return the distances, angles and rates of the chaser relative to the port."""
+        """Compute the distances, angles and rates of the chaser relative to the port.
+
+        Returns
+        -------
+        DockingFigures
+            Figures at ``chaser.t_s``, with the target's attitude of ``flight``.
+        """
         return docking_figures(chaser, flight.attitude(chaser.t_s), self.port)
 
     def take_axis_here(self, chaser: ChaserState, flight: Flight) -> None:
@@ -132,14 +138,27 @@ class Docking:
         self.hold_points = HoldPoints(self.figures(chaser, flight).range_m)
 
     def not_ready(self, chaser: ChaserState, flight: Flight) -> tuple[str, ...]:
-        """Return the reasons against leaving the next hold point; empty if there are none."""
+        """List the reasons against leaving the next hold point.
+
+        Returns
+        -------
+        tuple of str
+            Reasons for the operator; empty if there are none, or no hold point is left.
+        """
         point = self.hold_points.next
         if point is None:
             return ()
         return not_ready(point, self.figures(chaser, flight), self.limits, self.corridor_deg)
 
     def saved_state(self) -> dict[str, Any]:
-        """Return the state that a seek must restore."""
+        """Return the state that a seek must restore.
+
+        Returns
+        -------
+        dict
+            Shallow copies of limits, contacts, port and hold points, and the flags, by name of the attribute. Hold
+            points are missing if none have been computed.
+        """
         return {name: copy(value) for name, value in vars(self).items() if name in SAVED_ATTRIBUTES}
 
     def restore_state(self, state: dict[str, Any]) -> None:
@@ -152,11 +171,23 @@ class Docking:
     # --- contact
 
     def is_near(self, chaser: ChaserState) -> bool:
-        """Return True if contact is possible soon."""
+        """Return True if contact is possible soon, so that every step must check for it.
+
+        Returns
+        -------
+        bool
+            True below `CONTACT_CHECK_M` of `gap_m`.
+        """
         return self.gap_m(chaser) < CONTACT_CHECK_M
 
     def gap_m(self, chaser: ChaserState) -> float:
-        """Return the least possible distance between the target's sphere and the docking point [m]."""
+        """Compute the least possible distance between the target's sphere and the docking point.
+
+        Returns
+        -------
+        float
+            Distance [m], negative where the docking point can be inside the sphere.
+        """
         return float(np.linalg.norm(chaser.position_eci_m)) - self.radius_m - 1.0
 
     def after_step(
@@ -204,7 +235,13 @@ class Docking:
         return self._rebound(before, after, flight), news
 
     def held_at(self, t_s: float, flight: Flight) -> ChaserState:
-        """Return the docked chaser at a time."""
+        """Return the state of a chaser that the port holds at a time.
+
+        Returns
+        -------
+        ChaserState
+            State at ``t_s`` relative to the target, GCRS axes: it moves and rotates with the port.
+        """
         p, v, R_camera_from_eci, turn = docked_state(flight.attitude(t_s), self.port)
         q = quat(quat_from_matrix(R_camera_from_eci))
         return replace(

@@ -153,7 +153,14 @@ class Timeline:
     # --- while it is flown
 
     def is_due(self, t_s: float) -> bool:
-        """Return True if the state at a time is due."""
+        """Return True if the state at a time is due.
+
+        Returns
+        -------
+        bool
+            True for the first sample, and from `SAMPLE_INTERVAL_S` after the last one on; every thinning doubles
+            the interval.
+        """
         return self._rows.is_due(t_s, self._every_s)
 
     def add(self, t_s: float, steered: ChaserState | None, controls: object) -> None:
@@ -171,7 +178,14 @@ class Timeline:
             self._rows.numbers.extend((t_s, *_numbers(None), packed))
 
     def chasers(self) -> Iterator[tuple[float, ChaserState | None]]:
-        """Return the time and the manually controlled chaser of each present sample, whatever is flown meanwhile."""
+        """Iterate over the present samples, whatever is flown meanwhile.
+
+        Returns
+        -------
+        iterator of tuple
+            Time [s] and the manually controlled chaser of each sample, in order of time; None instead of a chaser
+            under guidance.
+        """
         rows, last = self._rows.rows(0, len(self)), VALUES_PER_SAMPLE - 1
         starts = range(0, len(rows), VALUES_PER_SAMPLE)
         return ((rows[k], _chaser(rows[k], rows[k + 1 : k + last])) for k in starts)
@@ -212,15 +226,33 @@ class Timeline:
     # --- to look back
 
     def at(self, t_s: float) -> int:
-        """Return the number of the sample at or before a time."""
+        """Find the sample at or before a time, within `ROUNDING_S`.
+
+        Returns
+        -------
+        int
+            Number of the sample, from 0; 0 also before the first one.
+        """
         return max(self._rows.at(t_s + ROUNDING_S), 0)
 
     def time_of(self, k: int) -> float:
-        """Return the time of a sample [s]."""
+        """Return the time of a sample.
+
+        Returns
+        -------
+        float
+            Time since the scenario's start [s].
+        """
         return self._rows.time_of(k)
 
     def place(self, k: int) -> HistorySample:
-        """Return a sample."""
+        """Unpack a sample.
+
+        Returns
+        -------
+        HistorySample
+            The sample with its own copy of the controls.
+        """
         t_s, *numbers, packed = self._rows.rows(k)
         data = zlib.decompressobj(zdict=self._first).decompress(self._packed[int(packed)])
         # only data that this class packed
@@ -228,7 +260,14 @@ class Timeline:
         return HistorySample(t_s, _chaser(t_s, numbers), controls)
 
     def chaser_between(self, t_s: float) -> ChaserState | None:
-        """Interpolate the manually controlled chaser between samples by a cubic; None if guidance flies it."""
+        """Interpolate the manually controlled chaser between samples by a cubic.
+
+        Returns
+        -------
+        ChaserState or None
+            State at ``t_s``; if manual control ends before the next sample, or there is none, the state of the
+            sample at or before ``t_s``. None if guidance flies the chaser at that sample.
+        """
         table = np.array(self._rows.rows(self.at(t_s), 2)).reshape(-1, VALUES_PER_SAMPLE)
         chaser = _chaser(float(table[0, 0]), table[0, 1:-1].tolist())
         if chaser is None or len(table) < 2 or np.isnan(table[1, 1]):
@@ -256,7 +295,12 @@ class Timeline:
         return self.time_of(shared - 1) if shared else 0.0, future[-VALUES_PER_SAMPLE]
 
     def swap_future(self) -> int:
-        """Restore the discarded future in exchange for the present one; return the last common sample.
+        """Restore the discarded future in exchange for the present one.
+
+        Returns
+        -------
+        int
+            Number of the last common sample; 0 if they have none in common.
 
         Raises
         ------
@@ -273,7 +317,12 @@ class Timeline:
     # --- bookmarks
 
     def bookmark(self, t_s: float, note: str) -> Bookmark:
-        """Add a bookmark, in order of time.
+        """Add a bookmark, in order of time; it replaces one at the same time.
+
+        Returns
+        -------
+        Bookmark
+            The added bookmark. Its note has single spaces and at most `MAX_NOTE_LENGTH` characters.
 
         Raises
         ------

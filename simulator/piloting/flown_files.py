@@ -58,7 +58,12 @@ class FlownFiles:
         return len(self._rows) / (NUMBERS * self._count)
 
     def go_on(self, longest_s: float) -> Path | None:
-        """Continue for about ``longest_s``; return the scenario's path once it is complete.
+        """Continue for about ``longest_s``.
+
+        Returns
+        -------
+        Path or None
+            The scenario that replays the flight, once it is complete; None until then.
 
         Raises
         ------
@@ -82,7 +87,12 @@ class FlownFiles:
 
 
 def free_folder(parent: Path, name: str) -> Path:
-    """Return the path of a new folder with this name and a number.
+    """Find a folder name with a number that is not in use.
+
+    Returns
+    -------
+    Path
+        ``parent/name-001``, or the first of the next ones that does not exist; it is not created.
 
     Raises
     ------

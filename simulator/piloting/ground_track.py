@@ -169,7 +169,14 @@ def _shadow(sunlit: Callable[[float], float], span_s: float) -> tuple[float | No
 
 
 def geodetic_deg(r_fixed_m: FloatArray, body: Body) -> tuple[FloatArray, FloatArray]:
-    """Compute geodetic latitude and longitude [deg] of body-fixed places (..., 3), to a metre below 2000 km.
+    """Compute geodetic latitude and longitude of body-fixed places (..., 3), to a metre below 2000 km.
+
+    Returns
+    -------
+    latitude_deg : (...) array
+        Latitude on the body's ellipsoid [deg], north positive.
+    longitude_deg : (...) array
+        East longitude [deg], -180 to 180.
 
     References
     ----------
@@ -186,7 +193,15 @@ def geodetic_deg(r_fixed_m: FloatArray, body: Body) -> tuple[FloatArray, FloatAr
 
 
 def split_at_map_edge(latitude_deg: FloatArray, longitude_deg: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Insert NaN where a line leaves the map at one side and returns at the other."""
+    """Insert NaN where a line leaves the map at one side and returns at the other.
+
+    Returns
+    -------
+    latitude_deg : array
+        Latitudes with a NaN at each break [deg].
+    longitude_deg : array
+        Longitudes with NaN at the same places [deg]. A break is a step of more than 180 degrees of longitude.
+    """
     jumps = np.flatnonzero(np.abs(np.diff(longitude_deg)) > 180.0) + 1
     return np.insert(latitude_deg, jumps, np.nan), np.insert(longitude_deg, jumps, np.nan)
 
@@ -213,7 +228,15 @@ def subsolar_deg(r_sun_eci_m: FloatArray, R_fixed_from_eci: FloatArray) -> tuple
 def terminator_deg(
     subsolar_latitude_deg: float, subsolar_longitude_deg: float, samples: int = 241
 ) -> tuple[FloatArray, FloatArray]:
-    """Compute the terminator: latitudes and longitudes [deg] of the great circle with the Sun on its horizon."""
+    """Compute the terminator, the great circle with the Sun on its horizon.
+
+    Returns
+    -------
+    latitude_deg : array
+        Latitudes [deg] of ``samples`` points, and NaN where the line crosses the edge of the map.
+    longitude_deg : array
+        East longitudes [deg], -180 to 180, with NaN at the same places.
+    """
     lat, lon = math.radians(subsolar_latitude_deg), math.radians(subsolar_longitude_deg)
     east = np.array([-math.sin(lon), math.cos(lon), 0.0])
     north = np.array([-math.sin(lat) * math.cos(lon), -math.sin(lat) * math.sin(lon), math.cos(lat)])

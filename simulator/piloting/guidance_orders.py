@@ -176,7 +176,18 @@ class FlyTo(GuidanceOrder):
     speed_m_s: float = APPROACH_M_S
 
     def mode(self, state: LvlhState, radius_m: float) -> Waypoints:
-        """Return the straight path."""
+        """Return the straight path.
+
+        Returns
+        -------
+        Waypoints
+            One leg, from rest at the chaser's position to rest at ``place_lvlh_m``.
+
+        Raises
+        ------
+        UserError
+            If the line leads into the target.
+        """
         a, b = state[0], np.array(self.place_lvlh_m, float)
         along = b - a
         share = float(np.clip(-(a @ along) / max(float(along @ along), 1e-12), 0.0, 1.0))

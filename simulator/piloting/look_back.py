@@ -242,6 +242,12 @@ class Trail:
 
 
 def lvlh_position(flight: Flight, chaser: ChaserState) -> Vec3:
-    """Return the chaser's position along LVLH axes [m]."""
+    """Return the chaser's position along LVLH axes [m].
+
+    Returns
+    -------
+    tuple of float
+        Radial, along-track and cross-track component [m].
+    """
     p, v = np.array(chaser.position_eci_m), np.array(chaser.velocity_eci_m_s)
     return vec3(flight.lvlh(chaser.t_s).from_eci(p, v)[0])

@@ -26,7 +26,12 @@ class Order(ABC):
 
     @abstractmethod
     def carry_out(self, craft: PilotedCraft) -> News | None:
-        """Carry out the order; return the answer to the pilot.
+        """Carry out the order.
+
+        Returns
+        -------
+        News or None
+            Answer to the pilot: severity and text; None if there is nothing to say.
 
         Raises
         ------
@@ -73,7 +78,13 @@ class FollowGuidance(Order):
     steered: bool = False
 
     def carry_out(self, craft: PilotedCraft) -> News | None:
-        """Return the chaser to the trajectory, if it is under manual control; say how far it is moved."""
+        """Return the chaser to the trajectory, if it is under manual control.
+
+        Returns
+        -------
+        News or None
+            Note of the distance by which the chaser is moved; None under guidance.
+        """
         if craft.steered is None:
             return None
         before = np.array(craft.steered.position_eci_m)
@@ -161,7 +172,13 @@ class Abort(Order):
     """Retreat from the target in the next step, at no more than real time."""
 
     def carry_out(self, craft: PilotedCraft) -> News:
-        """Take over, and retreat."""
+        """Take over, and retreat.
+
+        Returns
+        -------
+        News
+            Warning that the chaser retreats.
+        """
         craft.take_over()
         craft.steering.abort()
         return "warning", "abort: the chaser retreats from the target"
@@ -175,7 +192,13 @@ class Drift(Order):
     """End guidance and autopilot."""
 
     def carry_out(self, craft: PilotedCraft) -> News:
-        """Take over, and let the chaser drift."""
+        """Take over, and let the chaser drift.
+
+        Returns
+        -------
+        News
+            Note that the chaser drifts.
+        """
         craft.take_over()
         craft.steering.guide(None)
         return "note", "guidance: none, the chaser drifts"
@@ -205,7 +228,18 @@ class PlanBurn(Order):
     replaces_s: float | None = None
 
     def carry_out(self, craft: PilotedCraft) -> News:
-        """Take over, and add the burn to the plan."""
+        """Take over, and add the burn to the plan.
+
+        Returns
+        -------
+        News
+            Note of size and time; a caution if the active guidance would undo the burn.
+
+        Raises
+        ------
+        UserError
+            If `BurnPlan.with_burn` refuses the burn.
+        """
         craft.take_over()
         steering = craft.steering
         others = steering.burns if self.replaces_s is None else steering.burns.without(self.replaces_s)
@@ -223,7 +257,13 @@ class CancelBurns(Order):
     t_s: float | None = None
 
     def carry_out(self, craft: PilotedCraft) -> News:
-        """Remove them from the plan."""
+        """Remove the burn, or all of them, from the plan.
+
+        Returns
+        -------
+        News
+            Note of the number of cancelled burns, which may be 0.
+        """
         before = craft.steering.burns
         craft.steering.burns = before.without(self.t_s)
         return "note", f"{len(before.burns) - len(craft.steering.burns.burns)} planned burn(s) cancelled"
@@ -239,7 +279,13 @@ class Approach(Order):
     on: bool = True
 
     def carry_out(self, craft: PilotedCraft) -> News:
-        """Engage the autopilot, or let the chaser drift."""
+        """Engage the autopilot, or let the chaser drift.
+
+        Returns
+        -------
+        News
+            Note of the next destination, or that the autopilot is off.
+        """
         if not self.on:
             craft.steering.guide(None)
             return "note", "the autopilot is off: the chaser drifts"
@@ -259,10 +305,15 @@ class Go(Order):
     def carry_out(self, craft: PilotedCraft) -> News:
         """Take over, and pass the point.
 
+        Returns
+        -------
+        News
+            Note of the point that the chaser may pass.
+
         Raises
         ------
         UserError
-            If the order cannot be carried out.
+            If a figure exceeds its limit, or no hold point is left; the message lists the reasons.
         """
         docking, point = craft.docking, craft.docking.hold_points.next
         figures = docking.figures(craft.chaser, craft.flight)
@@ -278,7 +329,13 @@ class NoGo(Order):
     """Keep the chaser at the next hold point."""
 
     def carry_out(self, craft: PilotedCraft) -> News:
-        """Keep the chaser there. Return the answer to the pilot."""
+        """Keep the chaser at the next hold point.
+
+        Returns
+        -------
+        News
+            Note of that point, or that there is none left.
+        """
         point = craft.docking.hold_points.no_go()
         if point is None:
             return "note", "there is no hold point left"
@@ -294,10 +351,15 @@ class JudgeBy(Order):
     def carry_out(self, craft: PilotedCraft) -> News:
         """Apply the limits.
 
+        Returns
+        -------
+        News
+            Note of the limits and their source.
+
         Raises
         ------
         UserError
-            If the order cannot be carried out.
+            If there is no preset of that name.
         """
         if self.preset not in PRESETS:
             raise UserError(f"unknown limits {self.preset}, allowed: {', '.join(PRESETS)}")
@@ -310,6 +372,12 @@ class TakeAxisHere(Order):
     """Dock along the line from the chaser through the target's centre of mass, fixed in the target."""
 
     def carry_out(self, craft: PilotedCraft) -> News:
-        """Define the port where the line enters the target."""
+        """Define the port where the line enters the target.
+
+        Returns
+        -------
+        News
+            Note that the docking axis has changed.
+        """
         craft.docking.take_axis_here(craft.chaser, craft.flight)
         return "note", "the docking axis now leads from the chaser through the target's centre of mass"

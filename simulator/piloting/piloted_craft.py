@@ -95,7 +95,13 @@ class PilotedCraft:
         return self._world[2]
 
     def state_lvlh(self) -> LvlhState:
-        """Return the present position [m] and velocity [m s-1] of the chaser, LVLH, (3,) each."""
+        """Return the present state of the chaser in the target's rotating LVLH frame.
+
+        Returns
+        -------
+        tuple of array
+            Position (3,) [m] and velocity (3,) [m s-1].
+        """
         chaser = self.chaser
         p, v = np.array(chaser.position_eci_m), np.array(chaser.velocity_eci_m_s)
         return self.flight.orbit.frame(chaser.t_s).from_eci(p, v)
@@ -149,7 +155,13 @@ class PilotedCraft:
     # --- a step
 
     def step_s(self, wanted_s: float) -> float:
-        """Return the length of the next step, at most ``wanted_s`` [s]."""
+        """Compute the length of the next step.
+
+        Returns
+        -------
+        float
+            Length [s], at most ``wanted_s``: less if a burn starts or ends, or a controller needs shorter steps.
+        """
         if self.steered is None or self.docking.docked:
             return wanted_s
         return self.steering.step_s(self.steered, wanted_s)
@@ -199,7 +211,17 @@ class PilotedCraft:
     # --- seeking
 
     def controls(self) -> tuple[Mode, dict[str, Any], dict[str, Any]]:
-        """Return the guidance state that a seek must restore, without pressed keys."""
+        """Return the guidance state that a seek must restore, without pressed keys.
+
+        Returns
+        -------
+        mode : str
+            ``guidance`` or ``steer``.
+        steering : dict
+            State of the controls, see `Steering.saved_state`.
+        docking : dict
+            State of the docking monitor, see `Docking.saved_state`.
+        """
         return self.mode, self.steering.saved_state(), self.docking.saved_state()
 
     def restore(self, t_s: float, steered: ChaserState | None, controls: Any) -> None:  # noqa: ANN401 - of `controls`

@@ -74,12 +74,18 @@ class BurnPlan:
     burns: tuple[PlannedBurn, ...] = ()
 
     def with_burn(self, burn: PlannedBurn, now_s: float) -> BurnPlan:
-        """Return the plan with one more burn; it replaces one at the same time.
+        """Add a burn to the plan; it replaces one at the same time.
+
+        Returns
+        -------
+        BurnPlan
+            New plan, in order of time.
 
         Raises
         ------
         UserError
-            If it would already have begun, is too large, overlaps another, or there are too many.
+            If a number of the burn is not finite; if it is zero or too large, would already have begun, is too far
+            ahead, or overlaps another; or if there are too many.
         """
         if not np.isfinite([burn.t_s, *burn.delta_v_lvlh_m_s]).all():
             raise UserError("a burn's time and its three parts of delta-v must be finite numbers")
@@ -103,14 +109,26 @@ class BurnPlan:
         return BurnPlan(burns)
 
     def without(self, t_s: float | None = None) -> BurnPlan:
-        """Return the plan without the burn nearest to a time, or without all burns."""
+        """Remove the burn nearest to a time, or all burns.
+
+        Returns
+        -------
+        BurnPlan
+            New plan; empty if ``t_s`` is None.
+        """
         if t_s is None or not self.burns:
             return BurnPlan()
         nearest = min(self.burns, key=lambda b: abs(b.t_s - t_s))
         return BurnPlan(tuple(b for b in self.burns if b is not nearest))
 
     def acceleration_lvlh_m_s2(self, start_s: float, end_s: float) -> FloatArray:
-        """Return the (3,) acceleration during a step that contains no start or end of a burn."""
+        """Return the acceleration during a step that contains no start or end of a burn.
+
+        Returns
+        -------
+        (3,) array
+            Acceleration, LVLH [m s-2]; zero if no burn acts.
+        """
         middle = (start_s + end_s) / 2
         for burn in self.burns:
             if burn.start_s <= middle < burn.end_s:
@@ -118,12 +136,24 @@ class BurnPlan:
         return np.zeros(3)
 
     def next_edge_s(self, t_s: float) -> float:
-        """Return the next start or end of a burn after a time; infinity if there is none."""
+        """Return the next start or end of a burn after a time.
+
+        Returns
+        -------
+        float
+            Time since the scenario's start [s], later than ``t_s``; infinity if there is none.
+        """
         edges = [t for b in self.burns for t in (b.start_s, b.end_s) if t > t_s]
         return min(edges, default=float("inf"))
 
     def after(self, t_s: float) -> BurnPlan:
-        """Return the plan without the burns that end by ``t_s``."""
+        """Remove the burns that end by ``t_s``.
+
+        Returns
+        -------
+        BurnPlan
+            New plan, or this one if none has ended.
+        """
         if all(b.end_s > t_s for b in self.burns):
             return self
         return BurnPlan(tuple(b for b in self.burns if b.end_s > t_s))
@@ -189,7 +219,13 @@ def predicted_path(
 
 
 def burn_of(t_s: float, radial_m_s: float, along_m_s: float, cross_m_s: float) -> PlannedBurn:
-    """Return a burn from the command's four numbers."""
+    """Build a burn from the command's four numbers, without checking them.
+
+    Returns
+    -------
+    PlannedBurn
+        Burn centred on ``t_s`` [s], with the three components of its delta-v in LVLH [m s-1].
+    """
     return PlannedBurn(
         t_s=float(t_s), delta_v_lvlh_m_s=vec3(np.array([radial_m_s, along_m_s, cross_m_s], float))
     )

@@ -84,7 +84,13 @@ class FlightRecorder:
         return self._rows.end_s
 
     def is_due(self, t_s: float) -> bool:
-        """Return True if the state at a time is due."""
+        """Return True if the state at a time is due.
+
+        Returns
+        -------
+        bool
+            True for the first state, and from `SAMPLE_INTERVAL_S` after the last one on.
+        """
         return self._rows.is_due(t_s, SAMPLE_INTERVAL_S)
 
     def add(self, state: WorldState) -> None:
@@ -107,7 +113,13 @@ class FlightRecorder:
             self._begin()
 
     def close(self) -> Path | None:
-        """Finish `keep_in`: replace the lines by the complete flight, and return the replay's path, if there is one.
+        """Finish `keep_in`: replace the lines by the complete flight.
+
+        Returns
+        -------
+        Path or None
+            The scenario that replays the flight; None if `keep_in` is not active, or fewer than two states are
+            recorded.
 
         Raises
         ------
@@ -132,7 +144,13 @@ class FlightRecorder:
         return len(self) > 1
 
     def take_trouble(self) -> str | None:
-        """Return why the flight is not on disk, once."""
+        """Return once why the flight is not on disk.
+
+        Returns
+        -------
+        str or None
+            Sentence for the operator; None if there is no trouble, or it has been returned.
+        """
         trouble, self._untold = self._untold, None
         return trouble
 

@@ -64,7 +64,13 @@ class Telemetry:
     altitude_km: float
 
     def document(self) -> dict[str, Any]:
-        """Return the figures as a JSON-able object."""
+        """Return the figures for JSON.
+
+        Returns
+        -------
+        dict
+            Value by name of the field; vectors are tuples of three numbers.
+        """
         return asdict(self)
 
 

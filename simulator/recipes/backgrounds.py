@@ -120,7 +120,13 @@ def draw_view(library: Background, camera: Camera, number: int) -> DrawnView:
 
 
 def without_target(scene: SceneState) -> SceneState:
-    """Return the scene with the craft out of view, for a library's image."""
+    """Move the craft of a scene out of view, for a library's image.
+
+    Returns
+    -------
+    SceneState
+        Copy with the target a kilometre behind the camera; its state on GCRS axes is unchanged.
+    """
     return replace(scene, t_camera_from_target_m=_HIDDEN_POSITION_M)
 
 

@@ -76,7 +76,14 @@ class RecipePlan(DocumentPlan):
         return self.recipe
 
     def planned_scene(self, k: int) -> SceneState:
-        """Return the scene of sample k before variation."""
+        """Return the scene of sample k before variation.
+
+        Returns
+        -------
+        SceneState
+            Scene with ``k`` as frame number; of a pair, the pose and sky of the pair in the environment of the
+            member.
+        """
         pairs = self.recipe.pairs
         if pairs is None:
             return self._sample(k, k)
@@ -88,7 +95,14 @@ class RecipePlan(DocumentPlan):
         )
 
     def next_scene(self, k: int) -> SceneState | None:
-        """Return the next scene in sample k's sequence; None for independent samples."""
+        """Return the next scene in sample k's sequence.
+
+        Returns
+        -------
+        SceneState or None
+            Scene of sample k + 1; None after the last one of the sequence or the recipe, and for independent
+            samples and pairs.
+        """
         poses = self.recipe.poses
         if not isinstance(poses, Sequences) or self.recipe.pairs is not None:
             return None
@@ -96,6 +110,11 @@ class RecipePlan(DocumentPlan):
 
     def library(self, views: int | None = None) -> Background:
         """Return the recipe's library of backgrounds, or its first views.
+
+        Returns
+        -------
+        Background
+            The recipe's library, or a copy with ``views`` views. View k is the same in both.
 
         Raises
         ------
@@ -113,7 +132,13 @@ class RecipePlan(DocumentPlan):
         return library if views is None else msgspec.structs.replace(library, views=views)
 
     def scene_before(self, library: Background, number: int) -> SceneState:
-        """Return a scene in front of one view of a library, with the target on the axis."""
+        """Return a scene in front of one view of a library.
+
+        Returns
+        -------
+        SceneState
+            Scene with ``number`` as frame number, and the target unrotated on the camera's axis at 1 km.
+        """
         pose = DrawnPose(np.array([1.0, 0.0, 0.0, 0.0]), np.array([0.0, 0.0, 1000.0]))
         return self._placed_scene(number, pose, draw_view(library, self.camera, number).place)
 

@@ -87,7 +87,13 @@ def draw_pose(rng: Generator, recipe: Recipe, camera: Camera, target: Target, k:
 
 
 def resolve_range(kind: AnyRange, target: Target) -> AnyRange:
-    """Return the range, with a ``scaled`` one resolved for the target."""
+    """Replace a ``scaled`` range by the bounds for the target.
+
+    Returns
+    -------
+    AnyRange
+        A `UniformRange` [m] for a scaled range; any other as given.
+    """
     if not isinstance(kind, ScaledRange):
         return kind
     near, far = scaled_range_m(target, (kind.near_m, kind.far_m))
@@ -104,7 +110,13 @@ def scaled_range_m(target: Target, tango_m: tuple[float, float] = (3.0, 18.0)) -
 
 @lru_cache(maxsize=8)
 def radius_m(target: Target) -> float:
-    """Return the distance of the mesh's farthest vertex from the model's origin [m]."""
+    """Return the distance of the mesh's farthest vertex from the model's origin.
+
+    Returns
+    -------
+    float
+        Distance [m].
+    """
     return float(max(np.linalg.norm(p.positions_m, axis=1).max() for p in target.parts))
 
 

@@ -23,7 +23,13 @@ VOID = frozenset({"br", "img", "link", "meta"})
 
 
 def markup(*content: Content) -> Markup:
-    """Concatenate contents."""
+    """Concatenate contents.
+
+    Returns
+    -------
+    Markup
+        HTML in which every text and number is escaped, except `Markup`; None is left out.
+    """
     return Markup("".join(_parts(content)))
 
 

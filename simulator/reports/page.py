@@ -125,7 +125,13 @@ class Page:
         self.add(element("div", element("table", *lines, class_=f"fold {name}"), class_="scroll"))
 
     def html(self) -> str:
-        """Return the whole document."""
+        """Render the whole document.
+
+        Returns
+        -------
+        str
+            HTML from its doctype to a line feed at the end, with the style included.
+        """
         head = markup(
             element("meta", charset="utf-8"),
             element("meta", name="viewport", content="width=device-width"),
@@ -143,7 +149,12 @@ class Page:
         return f"<!doctype html>\n{document}\n"
 
     def write(self, path: Path) -> Path:
-        """Write the page and return its path.
+        """Write the page to a file.
+
+        Returns
+        -------
+        Path
+            The given ``path``.
 
         Raises
         ------
@@ -170,24 +181,48 @@ def _body(main: Markup, *, dark: bool) -> Markup:
 
 
 def note(*content: Content) -> Markup:
-    """Return a paragraph of small print."""
+    """Build a paragraph of small print.
+
+    Returns
+    -------
+    Markup
+        A ``p`` element.
+    """
     return element("p", *content, class_="dim")
 
 
 def link(address: str, text: Content | None = None) -> Markup:
-    """Return a link, by default with its address as text."""
+    """Build a link.
+
+    Returns
+    -------
+    Markup
+        An ``a`` element with ``text``, by default with the address.
+    """
     return element("a", address if text is None else text, href=address)
 
 
 def table(head: Sequence[Content], rows: Iterable[Sequence[Content]]) -> Markup:
-    """Return a table whose first column names its rows; a wide one scrolls by itself."""
+    """Build a table; a wide one scrolls by itself.
+
+    Returns
+    -------
+    Markup
+        A ``table`` in a ``div``. The first column, which names the rows, is left-aligned.
+    """
     lines = [element("tr", *(element("th", cell) for cell in head))]
     lines += [element("tr", *(element("td", cell) for cell in row)) for row in rows]
     return element("div", element("table", *lines), class_="scroll")
 
 
 def key_figures(figures: Iterable[tuple[Content, Content]], *, bad: Iterable[str] = ()) -> Markup:
-    """Return the key figures, (value, label) each; the values of labels in ``bad`` are red."""
+    """Build a line of key figures from (value, label) pairs.
+
+    Returns
+    -------
+    Markup
+        A ``div`` with one tile per figure, in their order; the values of labels in ``bad`` are red.
+    """
     marked = set(bad)
     return element(
         "div",
@@ -205,14 +240,26 @@ def key_figures(figures: Iterable[tuple[Content, Content]], *, bad: Iterable[str
 
 
 def picture(source: str, caption: Content, *, alt: str) -> Markup:
-    """Return an image with its caption; ``source`` is a file next to the page, loaded lazily."""
+    """Build an image with its caption.
+
+    Returns
+    -------
+    Markup
+        A ``figure``; the image is loaded lazily from ``source``, a file next to the page.
+    """
     return element(
         "figure", element("img", src=source, alt=alt, loading="lazy"), element("figcaption", caption)
     )
 
 
 def plot(png: bytes, caption: Content, *, alt: str) -> Markup:
-    """Return a plot as wide as the page, embedded so that the page can be sent as one file."""
+    """Build a plot as wide as the page.
+
+    Returns
+    -------
+    Markup
+        A ``figure`` with the PNG embedded, so that the page can be sent as one file; an empty caption is left out.
+    """
     source = "data:image/png;base64," + base64.b64encode(png).decode()
     return element(
         "figure",
@@ -223,6 +270,12 @@ def plot(png: bytes, caption: Content, *, alt: str) -> Markup:
 
 
 def gallery(pictures: Iterable[Content], *, columns: int | None = None, least_px: int = 260) -> Markup:
-    """Return images side by side: ``columns`` of them, or as many as fit at ``least_px`` each."""
+    """Arrange images side by side.
+
+    Returns
+    -------
+    Markup
+        A ``div`` with ``columns`` images in a line, or as many as fit at ``least_px`` each.
+    """
     width = f"repeat({columns},1fr)" if columns else f"repeat(auto-fill,minmax({least_px}px,1fr))"
     return element("div", *pictures, class_="gallery", style=f"grid-template-columns:{width}")

@@ -26,7 +26,17 @@ def figure_with_axes(
     widths: tuple[float, ...] | None = None,
     dark: bool = False,
 ) -> tuple[Figure, list[Axes]]:
-    """Return a figure and its axes, row by row; width and height in inches, ``widths`` the columns' relative ones."""
+    """Create a figure with a grid of axes in the style of the reports.
+
+    ``width`` and ``height`` are in inches, ``widths`` are the relative ones of the columns.
+
+    Returns
+    -------
+    figure : Figure
+        Figure outside pyplot, which need not be closed.
+    axes : list of Axes
+        ``rows`` times ``columns`` axes, row by row.
+    """
     ink, frame, grid, paper = (
         (DARK_INK, DARK_GRID, DARK_GRID, DARK_PAPER) if dark else (INK, DIM, GRID, "white")
     )
@@ -47,7 +57,13 @@ def figure_with_axes(
 
 
 def png(figure: Figure, dpi: int = 110) -> bytes:
-    """Return a figure as PNG bytes."""
+    """Encode a figure as PNG.
+
+    Returns
+    -------
+    bytes
+        Contents of a PNG file.
+    """
     data = BytesIO()
     figure.savefig(data, dpi=dpi)
     return data.getvalue()

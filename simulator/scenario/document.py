@@ -55,7 +55,13 @@ class SensorSection(Section, frozen=True, kw_only=True):
     auto_exposure: AutoExposure | None = None
 
     def model(self, camera: CameraFile, source: str) -> Sensor:
-        """Return the preset with its changes.
+        """Return the preset with this section's changes.
+
+        Returns
+        -------
+        Sensor
+            Sensor of the region and binning that are read out. Its pixel pitch is that of this section, else of the
+            camera's file, else of the preset.
 
         Raises
         ------

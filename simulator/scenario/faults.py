@@ -212,6 +212,11 @@ NO_FAULTS = Faults()
 def read_faults(path: Path) -> Faults:
     """Read faults from a TOML file.
 
+    Returns
+    -------
+    Faults
+        Checked faults; every one ends after it starts.
+
     Raises
     ------
     UserError

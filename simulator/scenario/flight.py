@@ -171,10 +171,16 @@ FORCE_MODELS: dict[str, Callable[[Forces, Instant, float], ForceModel | None]] =
 
 
 def frame_times(duration_s: float, n: int | None = None, every_s: float | None = None) -> FloatArray:
-    """Return the mid-exposure times of frames [s].
+    """Choose the mid-exposure times of frames.
 
     ``n`` frames alone are spread evenly from start to end; ``every_s`` is a spacing from the start, with as many frames
     as fit if ``n`` is None.
+
+    Returns
+    -------
+    (n,) array
+        Times since the start [s] in order, none after ``duration_s``. A single frame is at 0; without ``n`` and
+        ``every_s`` there is one.
 
     Raises
     ------

@@ -143,7 +143,14 @@ def load_vary(path: str | Path, own: Vary | None = None) -> Vary:
 
 
 def is_recipe(name_or_path: str) -> bool:
-    """Return True if a name is that of a built-in recipe or of a recipe file."""
+    """Return True if a name is that of a built-in recipe or of a recipe file.
+
+    Returns
+    -------
+    bool
+        False also if there is no such file, or it cannot be read. Its contents are searched for the name of the
+        format but not checked.
+    """
     if name_or_path in list_recipes() or target_in(name_or_path) is not None:
         return True
     path = Path(name_or_path)
@@ -160,7 +167,12 @@ def target_in(name: str) -> str | None:
 
 
 def scenario_source(name_or_path: str | Path) -> bytes:
-    """Return the contents of a scenario's file, built-in or a user's.
+    """Read a scenario's file, built-in or a user's.
+
+    Returns
+    -------
+    bytes
+        Contents as in the file, not checked.
 
     Raises
     ------
@@ -193,6 +205,12 @@ def built_in_text(kind: Kind, name: str) -> str:
 
 def toml_table(content: bytes, source: str) -> dict[str, Any]:
     """Parse a TOML file for msgspec, and add the layers of its environment's preset.
+
+    Returns
+    -------
+    dict
+        Values of the file by key, tables as dict. In ``environment`` the file's own keys take precedence over the
+        preset's.
 
     Raises
     ------

@@ -146,7 +146,13 @@ def chaser_ephemeris(scenario: Scenario) -> Ephemeris | None:
 
 
 def ephemeris_sentences(scenario: Scenario) -> list[str]:
-    """Return a sentence for each craft of a loaded scenario that follows a file."""
+    """Describe the craft of a loaded scenario that follow a file.
+
+    Returns
+    -------
+    list of str
+        One sentence for each of them, the target first; empty if none does.
+    """
     ephemerides = {"target": target_ephemeris(scenario), "chaser": chaser_ephemeris(scenario)}
     return [
         f"{craft}: follows {Path(e.where).name} between its lines, {e.interpolation}"

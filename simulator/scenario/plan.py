@@ -42,14 +42,26 @@ class FramePlan(Protocol):
         """The model to draw."""
 
     def scene(self, k: int) -> SceneState:
-        """Return the scene of frame k."""
+        """Return the scene of frame k.
+
+        Returns
+        -------
+        SceneState
+            Scene at mid-exposure.
+        """
 
 
 class Exposures(Protocol):
     """The exposure along a flight."""
 
     def exposure_s(self, t_s: float) -> float:
-        """Return the exposure at a time of the flight [s]."""
+        """Return the exposure at a time of the flight.
+
+        Returns
+        -------
+        float
+            Exposure time [s].
+        """
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -95,11 +107,23 @@ class DocumentPlan(ABC):
 
     @abstractmethod
     def planned_scene(self, k: int) -> SceneState:
-        """Return the scene of frame k before variation."""
+        """Return the scene of frame k before variation.
+
+        Returns
+        -------
+        SceneState
+            Scene at mid-exposure, with ``k`` as frame number.
+        """
 
     @abstractmethod
     def next_scene(self, k: int) -> SceneState | None:
-        """Return the scene to which frame k's optical flow leads; None if there is none."""
+        """Return the scene to which frame k's optical flow leads.
+
+        Returns
+        -------
+        SceneState or None
+            Scene at mid-exposure; None if no frame follows k in its sequence.
+        """
 
     @property
     def scenario_name(self) -> str:
@@ -126,6 +150,11 @@ class DocumentPlan(ABC):
     def scene(self, k: int) -> SceneState:
         """Return the scene of frame k.
 
+        Returns
+        -------
+        SceneState
+            Scene at mid-exposure, varied if there are ranges.
+
         Raises
         ------
         UserError
@@ -135,7 +164,13 @@ class DocumentPlan(ABC):
         return scene if vary is None else FrameVariation(vary, self.seed, self.target).scene(scene, k)
 
     def target_of(self, k: int) -> Target:
-        """Return the craft of frame k, with varied surfaces and shape if the ranges vary them."""
+        """Return the craft of frame k.
+
+        Returns
+        -------
+        Target
+            The plan's model, with varied surfaces and shape if the ranges vary them.
+        """
         return self.scene(k).target.drawn(self.target)
 
 

@@ -40,6 +40,12 @@ def read_poses(path: Path) -> tuple[Pose, ...]:
 
     The quaternion is q_camera_from_target, Hamilton, and is normalised. Other columns are ignored.
 
+    Returns
+    -------
+    tuple of Pose
+        ``camera`` from ``target``, one for each line below the header and in their order, with unit quaternion and
+        position [m].
+
     Raises
     ------
     UserError
@@ -106,7 +112,13 @@ class PosePlan:
         return len(self.poses)
 
     def scene(self, k: int) -> SceneState:
-        """Return the scene with the craft at pose k."""
+        """Return the scene with the craft at pose k.
+
+        Returns
+        -------
+        SceneState
+            Scene with ``k`` as frame number, see `scene_with_pose`.
+        """
         return scene_with_pose(self.base, self.target, self.poses[k], k)
 
 
@@ -159,7 +171,14 @@ def scene_at(
 
 
 def scene_with_pose(scene: SceneState, target: Target, pose: Pose, frame_index: int) -> SceneState:
-    """Return the scene with the craft at another pose, at rest relative to the camera; camera, Sun and sky are kept."""
+    """Move the craft of a scene to another pose, at rest relative to the camera.
+
+    Returns
+    -------
+    SceneState
+        Copy with ``frame_index`` as its number. The quaternion has ``w >= 0``; the target's state on GCRS axes and
+        its sunlight belong to the new pose. Camera, Sun and sky are kept.
+    """
     R_eci_from_camera = matrix_from_quat(scene.q_camera_from_eci_wxyz).T
     com = R_eci_from_camera @ pose.apply(np.asarray(target.mass.com_m, float))
     q = np.asarray(pose.q_wxyz)

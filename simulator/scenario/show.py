@@ -26,9 +26,13 @@ _HEADER = re.compile(r"\[+([\w.]+)\]+")
 
 
 def show_scenario(name: str) -> str:
-    """Return the file of a built-in scenario, with each unused key as a comment: default and allowed values.
+    """Annotate a built-in scenario with its unused keys.
 
-    The text is a valid scenario file, equivalent to the built-in one.
+    Returns
+    -------
+    str
+        A valid scenario file, equivalent to the built-in one, with each unused key as a comment: default and
+        allowed values.
 
     Raises
     ------
@@ -44,7 +48,12 @@ def show_scenario(name: str) -> str:
 
 
 def show_recipe(name: str) -> str:
-    """Return the file of a built-in recipe, with each unused key as a comment: default and allowed values.
+    """Annotate a built-in recipe with its unused keys.
+
+    Returns
+    -------
+    str
+        A recipe file with each unused key as a comment: default and allowed values.
 
     Raises
     ------

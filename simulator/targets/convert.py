@@ -49,7 +49,7 @@ def content_sha256(
     occluders: Occluders,
     pictures: Sequence[TextureImage] = (),
 ) -> str:
-    """Return the SHA-256 of all data that affect an image or a label of the target.
+    """Compute the SHA-256 of all data that affect an image or a label of the target.
 
     The digest covers these blocks in order, each preceded by its length in bytes (uint64, little-endian):
 
@@ -58,6 +58,11 @@ def content_sha256(
     - for each part: positions and normals (float32), triangles (uint32), and texture coordinates (float32) if it has
       some, all little-endian
     - for each image: its name and its bytes
+
+    Returns
+    -------
+    str
+        64 hexadecimal digits in lower case.
     """
     head: dict[str, Any] = {
         "materials": [_material_head(m) for m in materials],
@@ -95,7 +100,14 @@ def _material_head(material: Material) -> dict[str, Any]:
 
 
 def target_record(target: Target) -> TargetRecord:
-    """Return the record of a target: all data other than geometry and materials."""
+    """Build the record that a target file holds next to its glTF meshes and materials.
+
+    Returns
+    -------
+    TargetRecord
+        Names, hash, labels, occluders, mass, frames and symmetry of the target, and those parameters of materials
+        and parts that glTF has no fields for.
+    """
     return TargetRecord(
         schema="flyaround.target",
         version=1,

@@ -29,7 +29,13 @@ def user_folder() -> Path:
 
 
 def user_targets() -> tuple[str, ...]:
-    """Return the names of the user's targets, sorted."""
+    """List the user's targets.
+
+    Returns
+    -------
+    tuple of str
+        Names in alphabetical order; empty if the folder does not exist.
+    """
     folder = user_folder()
     return tuple(sorted(p.stem for p in folder.glob("*.glb"))) if folder.is_dir() else ()
 
@@ -40,12 +46,24 @@ def user_file(name: str) -> Path:
 
 
 def network_file(name: str) -> Path:
-    """Return the path of the keypoint network trained for a target, whether it exists or not."""
+    """Return the file of the keypoint network trained for a target.
+
+    Returns
+    -------
+    Path
+        Path in the user's folder, whether the file exists or not.
+    """
     return user_folder() / f"{name}.keypoints.npz"
 
 
 def sheet_folder(name: str) -> Path:
-    """Return the folder of the contact sheet of the user's target called ``name``."""
+    """Return the folder of the contact sheet of the user's target called ``name``.
+
+    Returns
+    -------
+    Path
+        Path in the user's folder, whether the folder exists or not.
+    """
     return user_folder() / f"{name}-sheet"
 
 
@@ -70,12 +88,17 @@ def check_name(name: str, built_in: Sequence[str], *, replace: bool) -> None:
 
 
 def install(target: Target) -> Path:
-    """Write the target file into the user's data folder, read it back, and return its path.
+    """Write the target file into the user's data folder, and read it back as a check.
+
+    Returns
+    -------
+    Path
+        Path of the file.
 
     Raises
     ------
     UserError
-        If the folder cannot be written.
+        If the folder cannot be written, or the file does not read back.
     """
     path = user_file(target.name)
     try:
@@ -90,12 +113,17 @@ def install(target: Target) -> Path:
 
 
 def remove(name: str, built_in: Sequence[str]) -> Path:
-    """Delete a user's target; return its former path.
+    """Delete a user's target and the files that belong to it.
+
+    Returns
+    -------
+    Path
+        Former path of the target file.
 
     Raises
     ------
     UserError
-        If it is built in, or does not exist.
+        If the target is built in, does not exist, or cannot be deleted.
     """
     if name in built_in:
         raise UserError(

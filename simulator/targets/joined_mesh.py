@@ -19,7 +19,14 @@ if TYPE_CHECKING:
 
 @cached_per_object
 def part_is_closed(part: Part) -> bool:
-    """Return True if a part is a set of closed shells that face outwards."""
+    """Return True if a part is a set of closed shells that face outwards.
+
+    Returns
+    -------
+    bool
+        True if every edge is used once in each direction and the signed volume is positive; cached for as long as
+        the part lives.
+    """
     return is_closed(part.positions_m, part.triangles)
 
 
@@ -35,15 +42,26 @@ def join_parts(parts: Sequence[Part]) -> TriangleMesh:
 
 @cached_per_object
 def joined_mesh(target: Target) -> TriangleMesh:
-    """Return the joined mesh of a target, cached for as long as the target lives."""
+    """Join the parts of a target into one mesh.
+
+    Returns
+    -------
+    TriangleMesh
+        Vertices in the model frame [m] and triangles in the order of the parts. It is cached for as long as the
+        target lives, so do not modify it.
+    """
     return join_parts(target.parts)
 
 
 @cached_per_object
 def box_3d_m(target: Target) -> FloatArray:
-    """Return the corners (8, 3) of the mesh's bounding box, model frame [m], read-only.
+    """Return the corners of the mesh's bounding box.
 
-    Corner k is the upper one in x, y and z if bits 4, 2 and 1 of k are set.
+    Returns
+    -------
+    (8, 3) array
+        Corners in the model frame [m], read-only. Corner k is the upper one in x, y and z if bits 4, 2 and 1 of k
+        are set.
     """
     # from the parts: every image needs it, while the joined mesh serves labels only
     corners = box_corners_m([part.positions_m for part in target.parts if len(part.positions_m)])

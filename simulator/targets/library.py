@@ -44,7 +44,13 @@ def list_targets() -> tuple[str, ...]:
 
 @functools.cache
 def built_in_targets() -> tuple[str, ...]:
-    """Return the names of the built-in targets, in alphabetical order."""
+    """List the built-in targets.
+
+    Returns
+    -------
+    tuple of str
+        Names without levels, in alphabetical order.
+    """
     files = (path.name for path in resources.files("flyaround.assets").joinpath("targets").iterdir())
     names = (file.removesuffix(SUFFIX) for file in files if file.endswith(SUFFIX))
     return tuple(sorted({split_level(name)[0] for name in names}))

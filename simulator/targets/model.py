@@ -229,5 +229,11 @@ def split_level(name: str) -> tuple[str, Detail]:
 
 
 def level_name(name: str, detail: Detail) -> str:
-    """Return the name of a craft at a level; the inverse of `split_level`."""
+    """Return the name of a craft at a level; the inverse of `split_level`.
+
+    Returns
+    -------
+    str
+        Name such as ``tango@low``; the name alone for full detail.
+    """
     return name if detail == "full" else f"{name}@{detail}"

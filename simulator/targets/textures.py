@@ -21,7 +21,14 @@ def mime_type(data: bytes) -> str:
 
 
 def picture_size(data: bytes) -> tuple[int, int] | None:
-    """Return width and height from an image's header, without decoding; None if it is not supported."""
+    """Read the size of an image from its header, without decoding.
+
+    Returns
+    -------
+    tuple of int or None
+        Width and height [px]; None if the format is not supported or the header damaged. An image that Pillow
+        refuses as too large has one more than `MAX_SIDE_PX` in both directions.
+    """
     from PIL import Image  # noqa: PLC0415 - few targets have textures
 
     try:

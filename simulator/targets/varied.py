@@ -55,13 +55,25 @@ class CraftVariation(msgspec.Struct, frozen=True, kw_only=True):
     surfaces: dict[str, SurfaceVariation] = msgspec.field(default_factory=dict)
 
     def deform(self, points_m: ArrayLike) -> FloatArray:
-        """Return the deformed positions of points (..., 3) of the model [m]."""
+        """Deform points (..., 3) of the model by ``stretch``.
+
+        Returns
+        -------
+        (..., 3) array
+            New positions, model frame [m].
+        """
         points = np.asarray(points_m, float)
         return points + points @ np.asarray(self.stretch).T
 
 
 def varied_target(base: Target, variation: CraftVariation) -> Target:
-    """Return the varied craft; the last two are cached.
+    """Apply a variation to its model.
+
+    Returns
+    -------
+    Target
+        Craft with deformed meshes and labels, changed materials, and its own hash; mass and named frames are the
+        model's. The last two are cached.
 
     Raises
     ------

@@ -46,7 +46,13 @@ def write_glb(target: Target, path: str | Path) -> None:
 
 
 def glb_bytes(target: Target) -> bytes:
-    """Return the contents of a target file."""
+    """Encode a target as a target file (docs/formats/target.md).
+
+    Returns
+    -------
+    bytes
+        Contents of a binary glTF file.
+    """
     document: Json = {
         "asset": {"version": "2.0", "generator": "flyaround"},
         "accessors": [],

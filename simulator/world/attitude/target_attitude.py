@@ -77,10 +77,16 @@ class Point(Section, frozen=True, kw_only=True):
     def track(self, context: PointingContext) -> TwoAxisTrack:
         """Return the attitude over the flight.
 
+        Returns
+        -------
+        TwoAxisTrack
+            Attitude as a function of the time since the start [s]. The directions are checked at evenly spaced
+            times only.
+
         Raises
         ------
         UserError
-            If the two directions are parallel at some time.
+            If the two directions are parallel at one of these times.
         """
         track = TwoAxisTrack(
             axis_body=self.axis,
@@ -124,7 +130,15 @@ class Attitude(Section, frozen=True, kw_only=True):
     ) = None
 
     def q_eci_from_target_wxyz(self, frame: Lvlh) -> FloatArray:
-        """Return the attitude at the start of the flight for the target's LVLH ``frame``; an AEM is already read."""
+        """Return the attitude at the start of the flight, for the target's LVLH ``frame`` at that time.
+
+        Returns
+        -------
+        (4,) array
+            Unit quaternion ``q_eci_from_target``, Hamilton, scalar first. Without ``q_wxyz`` and ``euler_deg`` the
+            target's axes are those of ``self.frame``; the attitude of an ``aem_file`` counts only after it has been
+            read into ``q_wxyz``.
+        """
         q = np.array([1.0, 0.0, 0.0, 0.0])
         if self.q_wxyz is not None:
             q = quat_normalize(self.q_wxyz)

@@ -292,6 +292,11 @@ class BodyStates:
     def body(self, name: str) -> BodyState:
         """Return the state of a body.
 
+        Returns
+        -------
+        BodyState
+            The first of ``bodies`` with that name.
+
         Raises
         ------
         KeyError
@@ -338,7 +343,13 @@ def bodies_at(instant: Instant, central: Body) -> tuple[BodyState, ...]:
 def earth_and_moon(
     r_moon_eci_m: Vec3, q_itrs_from_eci_wxyz: Quat = _IDENTITY, q_moon_from_eci_wxyz: Quat = _IDENTITY
 ) -> tuple[BodyState, BodyState]:
-    """Return the states of the Earth and of a Moon at a given position."""
+    """Return the states of the Earth and of a Moon at a given position.
+
+    Returns
+    -------
+    tuple of BodyState
+        The Earth, whose centre is the origin, and the Moon; both have the identity as orientation by default.
+    """
     return (
         BodyState(name="earth", r_eci_m=(0.0, 0.0, 0.0), q_fixed_from_eci_wxyz=q_itrs_from_eci_wxyz),
         BodyState(name="moon", r_eci_m=r_moon_eci_m, q_fixed_from_eci_wxyz=q_moon_from_eci_wxyz),
@@ -353,6 +364,11 @@ def body_names() -> tuple[str, ...]:
 @cache
 def body_named(name: str) -> Body:
     """Return a body by name, importing its module.
+
+    Returns
+    -------
+    Body
+        The object of the module or package itself; the same one at every call.
 
     Raises
     ------

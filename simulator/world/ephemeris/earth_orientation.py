@@ -48,7 +48,13 @@ def celestial_and_polar(instant: Instant) -> tuple[FloatArray, FloatArray]:
 
 
 def q_itrs_from_eci(instant: Instant) -> FloatArray:
-    """Return the unit quaternion ``q_itrs_from_eci_wxyz``, scalar first."""
+    """Return `R_itrs_from_eci` with polar motion as a unit quaternion.
+
+    Returns
+    -------
+    (4,) array
+        Quaternion ``q_itrs_from_eci``, Hamilton, scalar first, ``w >= 0``.
+    """
     return quat_from_matrix(R_itrs_from_eci(instant))
 
 

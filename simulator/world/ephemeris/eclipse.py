@@ -50,7 +50,13 @@ def sun_fraction_past_bodies(
 
 
 def sun_fraction_past_body(state: BodyState, r_eci_m: FloatArray, r_sun_eci_m: FloatArray) -> FloatArray:
-    """Return the fraction of the Sun's disc visible past one body; arguments as for `sun_fraction_past_earth`."""
+    """Return the fraction of the Sun's disc visible past one body; arguments as for `sun_fraction_past_earth`.
+
+    Returns
+    -------
+    (...) array
+        Fraction, 0 to 1: 1 in sunlight, 0 in umbra. The body is a sphere if its flattening is 0, else an ellipsoid.
+    """
     body, centre = state.body, np.asarray(state.r_eci_m)
     r, sun = r_eci_m - centre, r_sun_eci_m - centre
     if not body.flattening:
@@ -61,7 +67,11 @@ def sun_fraction_past_body(state: BodyState, r_eci_m: FloatArray, r_sun_eci_m: F
 def add_shares(shares: Sequence[FloatArray]) -> FloatArray:
     """Combine the visible fractions past each of several bodies.
 
-    The result is too low where bodies overlap, and possibly negative; callers clip it.
+    Returns
+    -------
+    (...) array
+        1 minus the sum of the hidden fractions, at most 1. It is too low where bodies overlap in front of the Sun,
+        and possibly negative; callers clip it. With a single body it is the given array itself.
     """
     total = shares[0]
     for share in shares[1:]:

@@ -44,7 +44,14 @@ class EphemerisTable:
 
     @staticmethod
     def build(epoch: Instant, duration_s: float) -> EphemerisTable:
-        """Compute the table from an hour before ``epoch`` to an hour after the end of the flight."""
+        """Compute the table for a flight.
+
+        Returns
+        -------
+        EphemerisTable
+            Table whose nodes run from an hour before ``epoch`` to at least an hour and a half after the end of the
+            flight. Its times are seconds since ``epoch``.
+        """
         nodes = np.arange(-2, int(np.ceil(duration_s / _STEP_S)) + 4) * _STEP_S
         from scipy.interpolate import CubicSpline  # noqa: PLC0415 - slow to import
 

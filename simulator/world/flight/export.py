@@ -36,9 +36,13 @@ Row = dict[str, str | float | None]
 def fly_table(flight: Flight, times_s: Iterable[float]) -> list[Row]:
     """Return the states of a flight as rows of a table.
 
-    A vector ``r_target_eci_m`` becomes the columns ``r_target_eci_x_m``, ``_y_m`` and ``_z_m``. After the states follow
-    the chaser's phase, thrust, mass, accumulated delta-v, and the events since the previous row. Unknown values are
-    None.
+    Returns
+    -------
+    list of Row
+        One row for each time, in the order of ``times_s``; all have the same columns in the same order. A vector
+        ``r_target_eci_m`` becomes the columns ``r_target_eci_x_m``, ``_y_m`` and ``_z_m``. After the states follow
+        the chaser's phase, thrust, mass, accumulated delta-v, and the events since the previous row, separated by
+        semicolons. Unknown values are None.
     """
     rows: list[Row] = []
     for t in times_s:

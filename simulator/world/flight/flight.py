@@ -86,11 +86,29 @@ class Flight:
     burns: tuple[Burn, ...] = ()
 
     def lvlh(self, t_s: float) -> Lvlh:
-        """Return the target's LVLH frame."""
+        """Return the target's LVLH frame.
+
+        Returns
+        -------
+        Lvlh
+            Frame with the rate that belongs to the modelled forces and burns at ``t_s`` [rad s-1].
+        """
         return lvlh_frame(*self.orbit(t_s), self.orbit.acceleration(t_s))
 
     def chaser(self, t_s: float) -> ChaserState:
-        """Return the chaser under its guidance and pointing; for manual control, its start."""
+        """Return the chaser under its guidance and pointing.
+
+        Returns
+        -------
+        ChaserState
+            State relative to the target at ``t_s``, GCRS axes: that of the recording or the script if there is one.
+            Manual control does not change it.
+
+        Raises
+        ------
+        ValueError
+            If ``t_s`` is outside the flight.
+        """
         self._check(t_s)
         if self.recording is not None:
             return self.recording.chaser(t_s)
@@ -110,6 +128,11 @@ class Flight:
     def state(self, t_s: float) -> WorldState:
         """Return the world at ``t_s`` seconds after the start.
 
+        Returns
+        -------
+        WorldState
+            Both craft, bodies and Sun, GCRS axes, with the chaser of `chaser`.
+
         Raises
         ------
         ValueError
@@ -119,6 +142,11 @@ class Flight:
 
     def state_with_chaser(self, chaser: ChaserState) -> WorldState:
         """Return the world at ``chaser.t_s`` with a given chaser state, for example under manual control.
+
+        Returns
+        -------
+        WorldState
+            The flight's target, bodies and Sun at that time, GCRS axes, with the given chaser.
 
         Raises
         ------
@@ -155,7 +183,14 @@ class Flight:
         )
 
     def recorded_row(self, chaser: ChaserState) -> list[float]:
-        """Return the row of a recording for a chaser's state; several times faster than by `state_with_chaser`.
+        """Return the row of a recording for a chaser's state.
+
+        This is several times faster than `state_with_chaser` and `state_row`, which give the same values.
+
+        Returns
+        -------
+        list of float
+            The `NUMBERS` values of a row in the order of `csv_header`, GCRS axes [m], [m s-1], [rad s-1].
 
         Raises
         ------
@@ -205,7 +240,15 @@ class Flight:
         return (frame or self.orbit.frame(t_s)).to_eci(*self.guidance.state_lvlh(t_s, self.n_rad_s))
 
     def pointing_reference(self, t_s: float) -> tuple[FloatArray, FloatArray]:
-        """Return ``q_camera_from_eci_wxyz`` and rate of the pointing, faster than `chaser`."""
+        """Compute the attitude that the camera's pointing prescribes, faster than `chaser`.
+
+        Returns
+        -------
+        q_camera_from_eci_wxyz : (4,) array
+            Unit quaternion, scalar first.
+        omega_camera_rad_s : (3,) array
+            Rate relative to ECI, camera axes [rad s-1].
+        """
         frame = self.orbit.frame(t_s)
         p, v = self.relative(t_s, frame)
         return self.pointing.attitude(-p, -v, frame)
@@ -216,5 +259,12 @@ class Flight:
 
 
 def record(flight: Flight, times_s: Iterable[float]) -> Recording:
-    """Sample a flight at times that start at 0."""
+    """Sample a flight.
+
+    Returns
+    -------
+    Recording
+        One sample for each of ``times_s``, in their order. `Recording.read` accepts its file if there are at least
+        two times, the first is 0 and they increase.
+    """
     return Recording.from_states(flight.state(float(t)) for t in times_s)

@@ -78,13 +78,25 @@ class Recording:
 
     @staticmethod
     def from_states(states: Iterable[WorldState]) -> Recording:
-        """Build a recording from states in order of time."""
+        """Build a recording from states in order of time.
+
+        Returns
+        -------
+        Recording
+            One sample a state, in their order. The times are not checked.
+        """
         rows = list(states)
         return Recording({name: np.array([getattr(s, name) for s in rows], float) for name in _FIELDS})
 
     @staticmethod
     def from_rows(numbers: Sequence[float]) -> Recording:
-        """Build a recording from the values of `state_row` of successive states."""
+        """Build a recording from the values of `state_row` of successive states, one after another.
+
+        Returns
+        -------
+        Recording
+            One sample for every `NUMBERS` values, in their order. The times are not checked.
+        """
         return Recording(_columns(np.array(numbers, float).reshape(-1, NUMBERS)))
 
     @property
@@ -93,14 +105,26 @@ class Recording:
         return float(self.arrays["t_s"][-1])
 
     def to_bytes(self) -> bytes:
-        """Return the recording as the contents of an npz file."""
+        """Encode the recording for a file.
+
+        Returns
+        -------
+        bytes
+            Contents of a compressed npz file of ``arrays``, which `read` accepts.
+        """
         file = io.BytesIO()
         np.savez_compressed(file, **self.arrays)  # type: ignore[arg-type]
         return file.getvalue()
 
     @staticmethod
     def read(path: Path) -> Recording:
-        """Read a recording from its file, npz or text; an incomplete last line is dropped.
+        """Read a recording from its file, npz or text.
+
+        Returns
+        -------
+        Recording
+            At least two samples, with finite numbers and times that increase from 0 s. An incomplete last line of a
+            text file is left out.
 
         Raises
         ------
@@ -150,17 +174,39 @@ class Recording:
         return np.concatenate([position, slope])
 
     def target(self, t_s: float) -> FloatArray:
-        """Return the position and velocity of the target, GCRS (6,)."""
+        """Interpolate the orbital state of the target.
+
+        Returns
+        -------
+        (6,) array
+            Position [m] and velocity [m s-1] from the Earth's centre, GCRS axes: at a sample bit for bit the
+            recorded ones, by Hermite cubics between samples, and along a straight line after the last one.
+        """
         return self._interpolate("r_target_eci_m", "v_target_eci_m_s", t_s)
 
     def target_attitude(self, t_s: float) -> tuple[FloatArray, FloatArray]:
-        """Return ``q_eci_from_target_wxyz`` and the angular velocity, target axes, constant between samples."""
+        """Interpolate the attitude of the target.
+
+        Returns
+        -------
+        q_eci_from_target_wxyz : (4,) array
+            Unit quaternion, scalar first; at a sample a view of the recorded one.
+        omega_target_rad_s : (3,) array
+            Rate relative to ECI, target axes [rad s-1]: that of the sample at or before ``t_s``, as a view.
+        """
         k, d = self._locate(t_s)
         q, w = self.arrays["q_eci_from_target_wxyz"][k], self.arrays["omega_target_rad_s"][k]
         return (q, w) if d == 0.0 else (quat_multiply(q, quat_from_rotvec(w * d)), w)
 
     def chaser(self, t_s: float) -> ChaserState:
-        """Return the state of the chaser and its camera."""
+        """Interpolate the state of the chaser and its camera.
+
+        Returns
+        -------
+        ChaserState
+            State at ``t_s`` relative to the target, GCRS axes, interpolated as in `target`. The camera's rate is
+            constant between samples.
+        """
         y = self._interpolate("relative_eci_m", "relative_eci_m_s", t_s)
         k, d = self._locate(t_s)
         q, w = self.arrays["q_camera_from_eci_wxyz"][k], self.arrays["omega_camera_rad_s"][k]
@@ -181,11 +227,29 @@ class Replay(Chaser, tag_field="mode", tag="replay", frozen=True, kw_only=True):
     file: str
 
     def read(self) -> Recording:
-        """Read the recording; raises as `Recording.read` does."""
+        """Read the recording from ``file``.
+
+        Returns
+        -------
+        Recording
+            The recording, read anew at every call.
+
+        Raises
+        ------
+        UserError
+            If the file is not a recording, as in `Recording.read`.
+        """
         return Recording.read(Path(self.file))
 
     def held_at_start(self) -> Hold:
-        """Return a chaser that holds the recording's first position; it stands in until the recording is replayed."""
+        """Return a chaser that stands in until the recording is replayed.
+
+        Returns
+        -------
+        Hold
+            Rest at the first recorded position, with this mode's ``pointing`` and ``keep_out``. The coordinates of
+            ``relative_eci_m`` are used as LVLH ones, so only the distance to the target is the recorded one.
+        """
         return Hold(
             position_lvlh_m=vec3(self.read().arrays["relative_eci_m"][0]),
             pointing=self.pointing,
@@ -193,7 +257,15 @@ class Replay(Chaser, tag_field="mode", tag="replay", frozen=True, kw_only=True):
         )
 
     def state_lvlh(self, t_s: float, n_rad_s: float) -> tuple[FloatArray, FloatArray]:
-        """Return the first position, by its distance; its direction in LVLH is not known."""
+        """Return the state of `held_at_start`.
+
+        Returns
+        -------
+        position_lvlh_m : (3,) array
+            Point at the distance of the first sample [m]; its direction in LVLH is not the recorded one.
+        velocity_lvlh_m_s : (3,) array
+            Zero.
+        """
         return self.held_at_start().state_lvlh(t_s, n_rad_s)
 
 
@@ -209,18 +281,37 @@ class RecordedAttitude:
 
 
 def csv_header() -> str:
-    """Return the header line of a CSV recording."""
+    """Return the header line of a CSV recording.
+
+    Returns
+    -------
+    str
+        Names separated by commas, those of vectors and quaternions with their component's number
+        (``relative_eci_m_0``), and a line feed.
+    """
     names = [f"{name}_{k}" if width > 1 else name for name, width in _FIELDS.items() for k in range(width)]
     return ",".join(names) + "\n"
 
 
 def state_row(state: WorldState) -> list[float]:
-    """Return the recorded values of a state, in the order of `csv_header`."""
+    """Return the recorded values of a state.
+
+    Returns
+    -------
+    list of float
+        `NUMBERS` values in the order of `csv_header`, in the units of `WorldState`.
+    """
     return [float(v) for name in _FIELDS for v in np.atleast_1d(getattr(state, name)).tolist()]
 
 
 def csv_line(row: Sequence[float]) -> str:
-    """Return the values of a state as a CSV line that reads back bit for bit."""
+    """Format the values of a state as a line of a CSV recording.
+
+    Returns
+    -------
+    str
+        Values separated by commas in the order of ``row``, and a line feed. They read back bit for bit.
+    """
     return ",".join(map(repr, row)) + "\n"
 
 
@@ -276,7 +367,15 @@ class RecordedOrbit:
 def recorded_tracks(
     recording: Recording, forces: ForceModel, duration_s: float, epoch: Instant, body: Body
 ) -> tuple[OrbitTrack, AttitudeTrack]:
-    """Return the recorded orbit of the target, relative to the centre of ``body``, and its recorded attitude."""
+    """Return a recorded target as tracks of orbit and attitude.
+
+    Returns
+    -------
+    orbit : OrbitTrack
+        Orbit relative to the centre of ``body``, GCRS axes [m], [m s-1]; it has no chaser and no burns.
+    attitude : RecordedAttitude
+        Attitude of the target and its rate [rad s-1].
+    """
     return (
         OrbitTrack(forces, duration_s, RecordedOrbit(recording, forces, epoch, body)),
         RecordedAttitude(recording),

@@ -30,12 +30,28 @@ class Lvlh:
     omega_eci_rad_s: FloatArray
 
     def to_eci(self, p_lvlh: FloatArray, v_lvlh: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Convert relative position and velocity from LVLH to GCRS axes, adding the frame's rotation."""
+        """Convert relative position and velocity from the rotating LVLH frame to GCRS axes.
+
+        Returns
+        -------
+        p_eci : (3,) array
+            Position along GCRS axes, in the unit of ``p_lvlh``.
+        v_eci : (3,) array
+            Its derivative in GCRS: the velocity in the frame, plus that of the frame's rotation at ``p_eci``.
+        """
         p = self.R_eci_from_lvlh @ p_lvlh
         return p, self.R_eci_from_lvlh @ v_lvlh + cross(self.omega_eci_rad_s, p)
 
     def from_eci(self, p_eci: FloatArray, v_eci: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Convert relative position and velocity from GCRS axes to the rotating LVLH frame."""
+        """Convert relative position and velocity from GCRS axes to the rotating LVLH frame.
+
+        Returns
+        -------
+        p_lvlh : (3,) array
+            Position along LVLH axes, in the unit of ``p_eci``.
+        v_lvlh : (3,) array
+            Its derivative in the rotating frame, zero for a point at rest in LVLH.
+        """
         R = self.R_eci_from_lvlh.T
         return R @ p_eci, R @ (v_eci - cross(self.omega_eci_rad_s, p_eci))
 

@@ -46,12 +46,23 @@ def _product(pw: Any, px: Any, py: Any, pz: Any, qw: Any, qx: Any, qy: Any, qz: 
 
 
 def quat_conjugate(q_wxyz: ArrayLike) -> FloatArray:
-    """Return the inverse of a unit quaternion: ``q_b_from_a`` of ``q_a_from_b``."""
+    """Return the inverse of a unit quaternion: ``q_b_from_a`` of ``q_a_from_b``.
+
+    Returns
+    -------
+    (..., 4) array
+        New array, scalar first, of the same norm.
+    """
     return np.asarray(q_wxyz, float) * np.array([1.0, -1.0, -1.0, -1.0])
 
 
 def quat_normalize(q_wxyz: ArrayLike) -> FloatArray:
     """Return the unit quaternion along ``q_wxyz``.
+
+    Returns
+    -------
+    (..., 4) array
+        New array of unit quaternions; their signs are kept.
 
     Raises
     ------
@@ -163,13 +174,25 @@ def quat_from_rotvec(rotvec_rad: ArrayLike) -> FloatArray:
 
 
 def rotation_angle_rad(p_wxyz: ArrayLike, q_wxyz: ArrayLike) -> float:
-    """Return the angle between two attitudes, ``2 acos |<p, q>|`` evaluated without loss near zero [rad]."""
+    """Return the angle between two attitudes, ``2 acos |<p, q>|`` evaluated without loss near zero.
+
+    Returns
+    -------
+    float
+        Angle [rad], 0 to pi.
+    """
     d = quat_multiply(quat_conjugate(p_wxyz), q_wxyz)
     return float(2 * np.arctan2(np.linalg.norm(d[1:]), abs(d[0])))
 
 
 def rotvec_from_quat(q_wxyz: ArrayLike) -> FloatArray:
-    """Return the rotation vector (3,) of a unit quaternion, at most pi long [rad]."""
+    """Return the rotation vector of a unit quaternion.
+
+    Returns
+    -------
+    (3,) array
+        Axis times angle [rad], at most pi long; the same for ``q`` and ``-q`` unless ``w`` is 0.
+    """
     d = np.asarray(q_wxyz, float)
     d = d if d[0] >= 0 else -d
     sine = float(np.linalg.norm(d[1:]))
@@ -179,5 +202,11 @@ def rotvec_from_quat(q_wxyz: ArrayLike) -> FloatArray:
 
 
 def rotvec_between(q_a_from_b_wxyz: ArrayLike, q_a_from_c_wxyz: ArrayLike) -> FloatArray:
-    """Return the (3,) rotation vector in b's axes from b to c, at most pi long [rad]."""
+    """Return the rotation vector from attitude b to attitude c.
+
+    Returns
+    -------
+    (3,) array
+        Axis times angle in b's axes [rad], at most pi long.
+    """
     return rotvec_from_quat(quat_multiply(quat_conjugate(q_a_from_b_wxyz), q_a_from_c_wxyz))

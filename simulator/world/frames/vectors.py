@@ -14,7 +14,13 @@ if TYPE_CHECKING:
 
 
 def cross(a: FloatArray, b: FloatArray) -> FloatArray:
-    """Return the cross product of two (3,) arrays."""
+    """Return the cross product of two (3,) arrays.
+
+    Returns
+    -------
+    (3,) array
+        ``a x b``, faster than by `numpy.cross`.
+    """
     return np.array(cross_product(a.tolist(), b.tolist()))
 
 

@@ -35,15 +35,39 @@ class Chaser(Section, frozen=True, kw_only=True):
     minimum_start_range_m: Range = 1.5
 
     def state_lvlh(self, t_s: float, n_rad_s: float) -> tuple[FloatArray, FloatArray]:
-        """Return position (3,) [m] and velocity (3,) [m s-1] in LVLH; ``n_rad_s`` is the target's mean motion."""
+        """Return the state that the guidance prescribes.
+
+        ``n_rad_s`` is the target's mean motion.
+
+        Returns
+        -------
+        position_lvlh_m : (3,) array
+            Position relative to the target, LVLH [m].
+        velocity_lvlh_m_s : (3,) array
+            Its derivative in the rotating frame [m s-1].
+        """
         raise NotImplementedError
 
     def start_lvlh(self, orbit: Elements, mu_m3_s2: float) -> tuple[FloatArray, FloatArray]:
-        """Return position [m] and velocity [m s-1] in LVLH at t = 0, for a target on this osculating orbit."""
+        """Return the state at t = 0 next to a target on an osculating orbit.
+
+        Returns
+        -------
+        position_lvlh_m : (3,) array
+            Position relative to the target, LVLH [m].
+        velocity_lvlh_m_s : (3,) array
+            Its derivative in the rotating frame [m s-1].
+        """
         return self.state_lvlh(0.0, mean_motion_rad_s(orbit.semi_major_axis_m, mu_m3_s2))
 
     def phase(self, t_s: float) -> str:  # noqa: ARG002 - most modes have one
-        """Return the phase of the motion ``t_s`` seconds after its start: cruise, braking, hold."""
+        """Return the phase of the motion ``t_s`` seconds after its start.
+
+        Returns
+        -------
+        str
+            One or two words in lower case, such as cruise, braking and hold; by default the name of the mode.
+        """
         return str(self.__struct_config__.tag).replace("_", " ")
 
     @property

@@ -50,11 +50,26 @@ class CommandScript(Chaser, tag_field="mode", tag="steered", frozen=True, kw_onl
     period_s: Annotated[float, Meta(ge=0.05, le=60)] = 0.5
 
     def state_lvlh(self, t_s: float, n_rad_s: float) -> tuple[FloatArray, FloatArray]:  # noqa: ARG002
-        """Return the initial state."""
+        """Return the initial state.
+
+        Returns
+        -------
+        position_lvlh_m : (3,) array
+            Position at t = 0, LVLH [m], at any ``t_s``.
+        velocity_lvlh_m_s : (3,) array
+            Velocity at t = 0 in the rotating frame [m s-1].
+        """
         return np.array(self.position_lvlh_m, float), np.array(self.velocity_lvlh_m_s, float)
 
     def command(self, t_s: float) -> SteeringCommand:
-        """Return the command at a time."""
+        """Return the command at a time.
+
+        Returns
+        -------
+        SteeringCommand
+            Sum of the commands that have started by ``t_s`` and not ended, zero if there are none. The attitude
+            rate is that of the script, also if the camera tracks the target.
+        """
         sums = {"lvlh": np.zeros(3), "camera": np.zeros(3)}
         rate = np.zeros(3)
         for scripted in self.commands:
@@ -68,7 +83,13 @@ class CommandScript(Chaser, tag_field="mode", tag="steered", frozen=True, kw_onl
         )
 
     def times_s(self, duration_s: float) -> list[float]:
-        """Return the start of each step [s]: every period, and whenever a command starts or ends."""
+        """Return the start of each step: every period, and whenever a command starts or ends.
+
+        Returns
+        -------
+        list of float
+            Increasing times since the start [s], from 0 to at most ``duration_s``.
+        """
         edges = {
             t
             for scripted in self.commands

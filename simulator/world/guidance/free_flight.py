@@ -25,7 +25,15 @@ class FreeDrift(Chaser, tag_field="mode", tag="drift", frozen=True, kw_only=True
     velocity_lvlh_m_s: SpeedXyz = (0.0, 0.0, 0.0)
 
     def state_lvlh(self, t_s: float, n_rad_s: float) -> tuple[FloatArray, FloatArray]:  # noqa: ARG002
-        """Return the initial state."""
+        """Return the initial state.
+
+        Returns
+        -------
+        position_lvlh_m : (3,) array
+            Position at t = 0, LVLH [m], at any ``t_s``.
+        velocity_lvlh_m_s : (3,) array
+            Velocity at t = 0 in the rotating frame [m s-1].
+        """
         return np.array(self.position_lvlh_m, float), np.array(self.velocity_lvlh_m_s, float)
 
 
@@ -120,18 +128,36 @@ class RangeKeeping(Chaser, tag_field="mode", tag="keep_range", frozen=True, kw_o
         return self.thrusters or Thrusters()
 
     def state_lvlh(self, t_s: float, n_rad_s: float) -> tuple[FloatArray, FloatArray]:  # noqa: ARG002
-        """Return the start, at rest in LVLH."""
+        """Return the initial state, at rest in LVLH.
+
+        Returns
+        -------
+        position_lvlh_m : (3,) array
+            Position at t = 0, LVLH [m], at any ``t_s``.
+        velocity_lvlh_m_s : (3,) array
+            Zero.
+        """
         return np.array(self.position_lvlh_m, float), np.zeros(3)
 
     def phase(self, t_s: float) -> str:  # noqa: ARG002
-        """Return the constant phase."""
+        """Return the constant phase.
+
+        Returns
+        -------
+        str
+            ``range keeping`` at any ``t_s``.
+        """
         return "range keeping"
 
     def impulse_lvlh(self, p: FloatArray, v: FloatArray, n_rad_s: float) -> FloatArray:  # noqa: ARG002
-        """Return the velocity change (3,) of a correction [m s-1].
+        """Compute the velocity change of a correction from the chaser's LVLH state.
 
-        It is zero while the range is well inside its limits, or the chaser already returns. Otherwise the radial
-        velocity is reversed.
+        Returns
+        -------
+        (3,) array
+            Velocity change, LVLH [m s-1]. It is zero while the range is well inside its limits, or the chaser
+            already returns. Otherwise the radial velocity afterwards is ``turn_m_s`` back into the shell, and the
+            speed across the line of sight at most ``turn_m_s``.
         """
         distance = float(np.linalg.norm(p))
         radial = p / distance
@@ -157,5 +183,11 @@ class FollowedChaser(Chaser, tag_field="mode", tag="oem", frozen=True, kw_only=T
     satellite: str | None = None
 
     def phase(self, t_s: float) -> str:  # noqa: ARG002
-        """Return the constant phase."""
+        """Return the constant phase.
+
+        Returns
+        -------
+        str
+            ``ephemeris`` at any ``t_s``.
+        """
         return "ephemeris"

@@ -23,7 +23,13 @@ class KeepOut(Section, frozen=True, kw_only=True):
     retreat_m_s: Annotated[float, Meta(gt=0, le=10)] = 0.1
 
     def violated(self, position_lvlh_m: FloatArray) -> bool:
-        """Return True if a position is inside the sphere and outside the corridor."""
+        """Return True if a position relative to the target is inside the sphere and outside the corridor.
+
+        Returns
+        -------
+        bool
+            False on the surfaces of the sphere and the cone; True at the target's centre of mass.
+        """
         distance = float(np.linalg.norm(position_lvlh_m))
         if distance >= self.radius_m:
             return False

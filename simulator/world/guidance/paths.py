@@ -22,7 +22,15 @@ class Hold(Chaser, tag_field="mode", tag="hold", frozen=True, kw_only=True):
     position_lvlh_m: MetresXyz
 
     def state_lvlh(self, t_s: float, n_rad_s: float) -> tuple[FloatArray, FloatArray]:  # noqa: ARG002
-        """Return the constant point, at rest in LVLH."""
+        """Return the constant point, at rest in LVLH.
+
+        Returns
+        -------
+        position_lvlh_m : (3,) array
+            The point at any ``t_s``, LVLH [m].
+        velocity_lvlh_m_s : (3,) array
+            Zero.
+        """
         return np.array(self.position_lvlh_m, float), np.zeros(3)
 
 
@@ -108,7 +116,15 @@ class ForcedFlyaround(Chaser, tag_field="mode", tag="flyaround", frozen=True, kw
     range_period_s: Seconds = 120.0
 
     def state_lvlh(self, t_s: float, n_rad_s: float) -> tuple[FloatArray, FloatArray]:  # noqa: ARG002
-        """Return the point on the circle and its velocity."""
+        """Return the point on the circle and its velocity ``t_s`` seconds after the start.
+
+        Returns
+        -------
+        position_lvlh_m : (3,) array
+            Position, LVLH [m]; its length is the present range, between ``radius_m`` and ``far_radius_m``.
+        velocity_lvlh_m_s : (3,) array
+            Its derivative in the rotating frame [m s-1].
+        """
         rate = 2 * np.pi / self.period_s
         node, inclination = np.radians(self.node_deg), np.radians(self.inclination_deg)
         angle = np.radians(self.phase_deg) + rate * t_s
@@ -134,7 +150,17 @@ class Waypoints(Chaser, tag_field="mode", tag="waypoints", frozen=True, kw_only=
     rest_s: Annotated[float, Meta(ge=0, le=1e6)] = 0.0
 
     def state_lvlh(self, t_s: float, n_rad_s: float) -> tuple[FloatArray, FloatArray]:  # noqa: ARG002
-        """Return the state; the progress on a leg is ``x^2 (3 - 2 x)`` after a fraction ``x`` of its time."""
+        """Return the state on the present leg, or at rest at a point.
+
+        The progress on a leg is ``x^2 (3 - 2 x)`` after a fraction ``x`` of its time.
+
+        Returns
+        -------
+        position_lvlh_m : (3,) array
+            Position, LVLH [m]; the last point after the last leg.
+        velocity_lvlh_m_s : (3,) array
+            Its derivative in the rotating frame [m s-1], zero at both ends of a leg.
+        """
         points = np.array(self.points_lvlh_m, float)
         remaining_s = t_s
         for a, b in pairwise(points):
@@ -149,7 +175,14 @@ class Waypoints(Chaser, tag_field="mode", tag="waypoints", frozen=True, kw_only=
         return points[-1], np.zeros(3)
 
     def phase(self, t_s: float) -> str:
-        """Return ``rest k`` or ``leg k``, then hold."""
+        """Return the leg or the rest that ``t_s`` falls in.
+
+        Returns
+        -------
+        str
+            ``rest k`` at point k, ``leg k`` from there to the next point, both counted from 1; ``hold`` after the
+            last leg.
+        """
         remaining_s = t_s
         points = np.array(self.points_lvlh_m, float)
         for k, (a, b) in enumerate(pairwise(points), start=1):
@@ -176,7 +209,16 @@ class Glideslope(Chaser, tag_field="mode", tag="glideslope", frozen=True, kw_onl
     end_m_s: Annotated[float, Meta(gt=0, le=100)]
 
     def state_lvlh(self, t_s: float, n_rad_s: float) -> tuple[FloatArray, FloatArray]:  # noqa: ARG002
-        """Return the state. The remaining distance ``d`` obeys ``d' = -(end_m_s + slope d)``.
+        """Return the state on the line, or at rest at its end.
+
+        The remaining distance ``d`` obeys ``d' = -(end_m_s + slope d)``.
+
+        Returns
+        -------
+        position_lvlh_m : (3,) array
+            Position, LVLH [m].
+        velocity_lvlh_m_s : (3,) array
+            Velocity towards the end in the rotating frame [m s-1]; zero at the end.
 
         References
         ----------
@@ -200,6 +242,12 @@ class Glideslope(Chaser, tag_field="mode", tag="glideslope", frozen=True, kw_onl
         return end + remaining * direction, -speed * direction
 
     def phase(self, t_s: float) -> str:
-        """Return glideslope, then hold."""
+        """Return the phase by the position.
+
+        Returns
+        -------
+        str
+            ``glideslope``, and ``hold`` from the arrival at the end on.
+        """
         p, _ = self.state_lvlh(t_s, 0.0)
         return "hold" if np.array_equal(p, np.array(self.end_lvlh_m, float)) else "glideslope"

@@ -171,7 +171,14 @@ def path_impulse(
 
 
 def retreat_impulse(p: FloatArray, v: FloatArray, keep_out: KeepOut) -> FloatArray:
-    """Return the velocity change (3,) of a radial retreat, LVLH [m s-1]; zero beyond twice the sphere's radius."""
+    """Compute the velocity change of a radial retreat from the chaser's LVLH state.
+
+    Returns
+    -------
+    (3,) array
+        Difference from the present velocity to the outward one of ``keep_out.retreat_m_s``, LVLH [m s-1]; zero
+        beyond twice the sphere's radius.
+    """
     distance = float(np.linalg.norm(p))
     if distance > 2 * keep_out.radius_m:
         return np.zeros(3)

@@ -35,10 +35,17 @@ _TYPES = (*_QUATERNION_TYPES, *_EULER_TYPES, "SPIN")
 
 
 def read_aem_state(text: str, source: str, epoch: Instant) -> tuple[FloatArray, FloatArray]:
-    """Return ``q_eci_from_body_wxyz`` and the rate relative to ECI in body axes [rad s-1] at ``epoch``.
+    """Read the attitude and rate at ``epoch`` from an attitude message.
 
     Between two lines the body rotates at a constant rate about a fixed axis, so the lines must be less than half a
     rotation apart.
+
+    Returns
+    -------
+    q_eci_from_body_wxyz : (4,) array
+        Unit quaternion, scalar first.
+    omega_rad_s : (3,) array
+        Rate relative to ECI, body axes [rad s-1].
 
     Raises
     ------
@@ -83,7 +90,12 @@ class AttitudeHistory:
 
 
 def read_aem_history(text: str, source: str, epoch: Instant, duration_s: float) -> AttitudeHistory:
-    """Read the attitude from ``epoch`` on for ``duration_s``.
+    """Read the attitude from ``epoch`` on for ``duration_s`` from an attitude message.
+
+    Returns
+    -------
+    AttitudeHistory
+        Attitude and rate as a function of the time since ``epoch`` [s].
 
     Raises
     ------

@@ -104,6 +104,11 @@ class Segment:
     def require(self, key: str) -> str:
         """Return the value of a required key.
 
+        Returns
+        -------
+        str
+            Value as in the file.
+
         Raises
         ------
         UserError
@@ -115,6 +120,11 @@ class Segment:
 
     def require_one_of(self, key: str, allowed: Sequence[str]) -> str:
         """Return the value of a key, which must be one of ``allowed``.
+
+        Returns
+        -------
+        str
+            The value in capitals, as in ``allowed``.
 
         Raises
         ------
@@ -139,7 +149,12 @@ class Segment:
         self.meta[key] = value
 
     def times_s(self, epoch: Instant) -> FloatArray:
-        """Return the time of each data line as seconds since ``epoch``; duplicate lines count once.
+        """Return the times of the data lines, after removal of duplicate lines from ``rows``.
+
+        Returns
+        -------
+        (n,) array
+            Seconds since ``epoch``, increasing, one for each of ``rows``.
 
         Raises
         ------
@@ -161,7 +176,20 @@ class Segment:
         return times
 
     def usable_span_s(self, times_s: FloatArray, epoch: Instant) -> tuple[float, float]:
-        """Return the first and last time that may be interpolated, from the metadata or else from the lines."""
+        """Return the span that may be interpolated, from the metadata or else from the lines.
+
+        Returns
+        -------
+        first_s : float
+            Start [s since ``epoch``], not before the first line.
+        last_s : float
+            End [s since ``epoch``], not after the last line.
+
+        Raises
+        ------
+        UserError
+            If the time system is missing or unknown, or a limit in the metadata is not a time.
+        """
         system = self.require_one_of("TIME_SYSTEM", TIME_SYSTEMS)
 
         def read_limit(key: str, default: float) -> float:
@@ -223,13 +251,24 @@ class Segment:
 
 
 def first_line(text: str) -> str:
-    """Return the first line of a text that is neither blank nor a comment."""
+    """Return the first line of a text that is neither blank nor a comment.
+
+    Returns
+    -------
+    str
+        Line without surrounding blanks; empty if there is none.
+    """
     lines = (line.strip() for line in text.splitlines())
     return next((line for line in lines if line and not line.startswith("COMMENT")), "")
 
 
 def read_segments(text: str, source: str, kind: str) -> list[Segment]:
     """Read the segments of an ephemeris (``OEM``) or attitude (``AEM``) message in key = value form.
+
+    Returns
+    -------
+    list of Segment
+        At least one, in the order of the file. A covariance is left out.
 
     Raises
     ------

@@ -67,7 +67,15 @@ def R_gcrf_from(frame: str, instant: Instant) -> FloatArray:
 def state_in_gcrf(
     frame: str, instant: Instant, r_m: FloatArray, v_m_s: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Convert position and velocity from a frame of ``FRAMES`` to GCRF; see `motion_in_gcrf`."""
+    """Convert position and velocity from a frame of ``FRAMES`` to GCRF; see `motion_in_gcrf`.
+
+    Returns
+    -------
+    r_m : (3,) array
+        Position, GCRF [m].
+    v_m_s : (3,) array
+        Velocity, GCRF [m s-1]; from ITRF it includes the Earth's rotation.
+    """
     return motion_in_gcrf(frame, instant, r_m, v_m_s, np.zeros(3))[:2]
 
 

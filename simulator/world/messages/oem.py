@@ -58,14 +58,25 @@ def read_oem(
 def ephemeris_from(
     segments: Sequence[Segment], source: str, epoch: Instant, *, centre: str, satellite: str | None
 ) -> Ephemeris:
-    """Build the ephemeris of a message's segments; parameters and errors as in `read_oem`."""
+    """Build the ephemeris of a message's segments; parameters and errors as in `read_oem`.
+
+    Returns
+    -------
+    Ephemeris
+        The selected object's segments in order of time; times are seconds since ``epoch``.
+    """
     selected = one_object(segments, source, satellite)
     pieces = sorted((_piece(s, epoch, centre) for s in selected), key=lambda p: p.first_s)
     return Ephemeris(where=source, epoch=epoch, pieces=pieces)
 
 
 def one_object(segments: Sequence[Segment], source: str, satellite: str | None) -> Sequence[Segment]:
-    """Return the segments of the object that ``satellite`` selects by name or identifier, or of the only object.
+    """Select the segments of one object by name or identifier, by default of the only object.
+
+    Returns
+    -------
+    sequence of Segment
+        Segments in the order given.
 
     Raises
     ------

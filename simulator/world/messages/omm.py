@@ -59,10 +59,16 @@ _MAX_CATALOGUE_NUMBER = 339_999
 def read_json_objects(text: str, source: str) -> list[Segment]:
     """Read the objects of a JSON list, or a single object.
 
+    Returns
+    -------
+    list of Segment
+        One an object, in the order of the list, with its values as text in ``meta``; empty ones and null are left
+        out.
+
     Raises
     ------
     UserError
-        If it is neither, or has an unknown key.
+        If the text is neither, too long or too deeply nested, or has an unknown key.
     """
     _refuse_long(text, source)
     refuse_deep(text.encode(), source)
@@ -77,7 +83,18 @@ def read_json_objects(text: str, source: str) -> list[Segment]:
 
 
 def read_csv_objects(text: str, source: str) -> list[Segment]:
-    """Read the objects of a CSV table with a header; raises as `read_json_objects` does."""
+    """Read the objects of a CSV table with a header.
+
+    Returns
+    -------
+    list of Segment
+        One a line, in the order of the table, with its values as text in ``meta``; empty ones are left out.
+
+    Raises
+    ------
+    UserError
+        If the text is no such table, has no line after the header, is too long, or has an unknown key.
+    """
     _refuse_long(text, source)
     try:
         rows: list[dict[Any, Any]] = list(csv.DictReader(io.StringIO(text), skipinitialspace=True))

@@ -65,7 +65,13 @@ _UNITS = {
 
 
 def read_fields(text: str, source: str, kind: str) -> Segment:
-    """Read the keys of an OPM or OMM in key = value form; the ignition of each manoeuvre is a row.
+    """Read the keys of an OPM or OMM in key = value form.
+
+    Returns
+    -------
+    Segment
+        Values as in the file, with units, in ``meta``; in ``rows`` the line number and ignition time of each
+        manoeuvre. Other keys of manoeuvres, user-defined keys and comments are left out.
 
     Raises
     ------
@@ -143,6 +149,11 @@ class OrbitParameters:
 def read_opm(segment: Segment) -> OrbitParameters:
     """Read the state of an OPM's keys.
 
+    Returns
+    -------
+    OrbitParameters
+        State, elements or both, in SI units.
+
     Raises
     ------
     UserError
@@ -195,5 +206,11 @@ def read_opm(segment: Segment) -> OrbitParameters:
 
 
 def is_state_message(text: str, kind: str) -> bool:
-    """Return True if a text is an OPM or OMM in key = value form."""
+    """Return True if a text is a message of ``kind``, ``OPM`` or ``OMM``, in key = value form.
+
+    Returns
+    -------
+    bool
+        True if the first line that is neither blank nor a comment states the version of such a message.
+    """
     return first_line(text).startswith(f"CCSDS_{kind}_VERS")

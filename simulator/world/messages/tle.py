@@ -27,7 +27,14 @@ _DATA_LINE = re.compile(r"[12] [0-9A-Z ][0-9 ]{4}")
 
 
 def state_from_tle(line1: str, line2: str, epoch: Instant) -> tuple[FloatArray, FloatArray]:
-    """Return position [m] and velocity [m s-1] in GCRS at ``epoch``.
+    """Propagate two-line elements to ``epoch`` by SGP4.
+
+    Returns
+    -------
+    r_eci_m : (3,) array
+        Position from the Earth's centre, GCRS axes [m].
+    v_eci_m_s : (3,) array
+        Velocity, GCRS axes [m s-1].
 
     Raises
     ------
@@ -115,6 +122,11 @@ class ElementSet:
 def read_element_sets(text: str, source: str) -> list[ElementSet]:
     """Read a file of two-line elements, each set optionally preceded by a name line, which may begin with ``0``.
 
+    Returns
+    -------
+    list of ElementSet
+        At least one, in the order of the file; the name is empty where a set has no name line.
+
     Raises
     ------
     UserError
@@ -156,12 +168,23 @@ def read_element_sets(text: str, source: str) -> list[ElementSet]:
 
 
 def is_element_file(text: str) -> bool:
-    """Return True if one of the first lines of a text looks like line 1 of two-line elements."""
+    """Return True if one of the first lines of a text looks like line 1 of two-line elements.
+
+    Returns
+    -------
+    bool
+        True if one of the first 20 lines starts like line 1; checksums are not tested.
+    """
     return any(_DATA_LINE.match(line) and line[0] == "1" for line in text.splitlines()[:20])
 
 
 def choose_set(sets: Sequence[ElementSet], satellite: str | None, source: str) -> ElementSet:
     """Return the only set, or the one selected by name or catalogue number.
+
+    Returns
+    -------
+    ElementSet
+        The set whose name (in any case) or catalogue number (leading zeros do not count) is ``satellite``.
 
     Raises
     ------
@@ -184,7 +207,13 @@ def choose_set(sets: Sequence[ElementSet], satellite: str | None, source: str) -
 
 
 def R_eci_from_teme(epoch: Instant) -> FloatArray:
-    """Return the (3, 3) rotation to GCRS from the true equator and mean equinox of date."""
+    """Return the rotation to GCRS from the true equator and mean equinox of date.
+
+    Returns
+    -------
+    (3, 3) array
+        Rotation matrix.
+    """
     ut1 = epoch.ut1
     angle = float(without_year_warning(erfa.gmst82, *ut1)) - float(erfa.era00(*ut1))
     c, s = np.cos(angle), np.sin(angle)

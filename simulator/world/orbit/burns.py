@@ -39,7 +39,14 @@ class Burn(Section, frozen=True, kw_only=True):
         return (x / self.duration_s, y / self.duration_s, z / self.duration_s)
 
     def thrusts_throughout(self, start_s: float, end_s: float) -> bool:
-        """Return True if it acts throughout a span that contains no start or end of a burn."""
+        """Return True if it acts throughout a span that contains no start or end of a burn.
+
+        Returns
+        -------
+        bool
+            Always False for an impulsive burn. A span without length counts as inside at the start and the end of
+            the burn.
+        """
         return self.start_s <= start_s and end_s <= self.end_s and self.duration_s > 0
 
 

@@ -73,7 +73,13 @@ class ForceModel(Protocol):
         ...
 
     def target(self, t_s: float, r_eci_m: FloatArray, v_eci_m_s: FloatArray) -> FloatArray:
-        """Return the acceleration of the target at ``r_eci_m``, GCRS [m s-2]."""
+        """Compute the acceleration of the target.
+
+        Returns
+        -------
+        (3,) array
+            Acceleration, GCRS axes [m s-2].
+        """
         ...
 
     def pair(
@@ -146,7 +152,13 @@ class Forces(Section, frozen=True, kw_only=True):
     chaser: Surface = Surface()
 
     def with_masses(self, target_kg: float, chaser_kg: float) -> Forces:
-        """Return the same forces, with masses filled in where none are given."""
+        """Fill in the masses where none are given.
+
+        Returns
+        -------
+        Forces
+            Copy in which both craft have a mass [kg].
+        """
         target, chaser = (
             msgspec.structs.replace(craft, mass_kg=craft.mass_kg or mass_kg)
             for craft, mass_kg in ((self.target, target_kg), (self.chaser, chaser_kg))
@@ -187,7 +199,13 @@ class EarthForces:
         return self.harmonics.mu_m3_s2 if self.harmonics else MU_EARTH_M3_S2
 
     def target(self, t_s: float, r_eci_m: FloatArray, v_eci_m_s: FloatArray) -> FloatArray:
-        """Return the acceleration of the target, GCRS [m s-2]."""
+        """Compute the acceleration of the target.
+
+        Returns
+        -------
+        (3,) array
+            Acceleration, GCRS axes [m s-2].
+        """
         return self._accelerations(t_s, r_eci_m, v_eci_m_s, None)[0]
 
     def pair(
@@ -198,7 +216,15 @@ class EarthForces:
         p_eci_m: FloatArray,
         w_eci_m_s: FloatArray,
     ) -> tuple[FloatArray, FloatArray]:
-        """Return the target's acceleration, and chaser minus target; large terms are subtracted in closed form."""
+        """Compute the acceleration of the target, and that of the chaser relative to it.
+
+        Large terms are subtracted in closed form.
+
+        Returns
+        -------
+        tuple of array
+            Acceleration (3,) of the target, and chaser minus target (3,), GCRS axes [m s-2].
+        """
         return self._accelerations(t_s, r_eci_m, v_eci_m_s, (p_eci_m, w_eci_m_s))
 
     def _accelerations(

@@ -40,11 +40,22 @@ class Gravity:
 
     @staticmethod
     def from_body(body: Body, epoch: Instant) -> Gravity:
-        """Return the gravity of a body, symmetric about its pole at ``epoch``."""
+        """Return the gravity of a body, symmetric about its pole at ``epoch``.
+
+        Returns
+        -------
+        Gravity
+            Point mass and J2 of the body; its pole stays that of ``epoch``.
+        """
         return Gravity(body.j2, vec3(body.pole_eci(epoch)), body.mu_m3_s2, body.radius_m)
 
     def acceleration(self, r_eci_m: FloatArray) -> FloatArray:
-        """Return the acceleration (3,) at position ``r_eci_m`` (3,) from the body's centre, GCRS axes [m s-2].
+        """Compute the acceleration at a position (3,) from the body's centre, GCRS axes.
+
+        Returns
+        -------
+        (3,) array
+            Acceleration, GCRS axes [m s-2].
 
         References
         ----------
@@ -62,7 +73,13 @@ class Gravity:
         return np.array([radial * x + polar * px, radial * y + polar * py, radial * z + polar * pz])
 
     def target(self, _t_s: float, r_eci_m: FloatArray, _v_eci_m_s: FloatArray) -> FloatArray:
-        """Return the acceleration of the target: `acceleration`."""
+        """Compute the acceleration of the target by `acceleration`.
+
+        Returns
+        -------
+        (3,) array
+            Acceleration, GCRS axes [m s-2].
+        """
         return self.acceleration(r_eci_m)
 
     def pair(
@@ -73,12 +90,25 @@ class Gravity:
         p_eci_m: FloatArray,
         _w_eci_m_s: FloatArray,
     ) -> tuple[FloatArray, FloatArray]:
-        """Return the target's acceleration, and chaser minus target (rounded to 1e-15 m s-2)."""
+        """Compute the acceleration of the target, and that of the chaser relative to it.
+
+        Returns
+        -------
+        tuple of array
+            Acceleration (3,) of the target, and chaser minus target (3,), GCRS axes [m s-2]. The latter is the
+            difference of two rounded accelerations, exact to 1e-15 m s-2.
+        """
         a = self.acceleration(r_eci_m)
         return a, self.acceleration(r_eci_m + p_eci_m) - a
 
     def potential(self, r_eci_m: FloatArray) -> float:
-        """Return the potential energy per unit mass, zero at infinity [J kg-1]."""
+        """Compute the potential energy per unit mass at a position (3,) from the body's centre, GCRS axes.
+
+        Returns
+        -------
+        float
+            Potential [J kg-1], negative, zero at infinity.
+        """
         r = float(np.linalg.norm(r_eci_m))
         sin_latitude = float(np.dot(r_eci_m, self.pole_eci)) / r
         oblate = self.j2 * (self.radius_m / r) ** 2 * (3 * sin_latitude**2 - 1) / 2

@@ -35,7 +35,15 @@ class ElementsOrbit(Section, tag_field="kind", tag="elements", frozen=True, kw_o
         return body_named(self.centre)
 
     def state(self) -> tuple[FloatArray, FloatArray]:
-        """Return position [m] and velocity [m s-1] from the centre of the body, GCRS axes, each (3,)."""
+        """Return the state of the elements.
+
+        Returns
+        -------
+        r_eci_m : (3,) array
+            Position from the centre of ``body``, GCRS axes [m].
+        v_eci_m_s : (3,) array
+            Velocity relative to it, GCRS axes [m s-1].
+        """
         return state_from_elements(
             Elements(
                 semi_major_axis_m=self.body.radius_m + self.altitude_km * 1e3,
@@ -72,11 +80,26 @@ class StateOrbit(Section, tag_field="kind", tag="state", frozen=True, kw_only=Tr
         return body_named(self.centre)
 
     def state(self) -> tuple[FloatArray, FloatArray]:
-        """Return position [m] and velocity [m s-1] from the centre of the body, GCRS axes, each (3,)."""
+        """Return the state in SI units.
+
+        Returns
+        -------
+        r_eci_m : (3,) array
+            Position from the centre of ``body``, GCRS axes [m].
+        v_eci_m_s : (3,) array
+            Velocity relative to it, GCRS axes [m s-1].
+        """
         return np.array(self.r_eci_km) * 1e3, np.array(self.v_eci_km_s) * 1e3
 
     def problem(self) -> tuple[str, str] | None:
-        """Return why the state is not an orbit, as subject and end of a sentence; None if it is one."""
+        """Return why the state is not an allowed orbit.
+
+        Returns
+        -------
+        tuple of str or None
+            Subject and end of a sentence; None if the orbit is bound, higher than the body's ``lowest_m`` at its
+            periapsis, and no fall.
+        """
         (r, v), body = self.state(), self.body
         radius, speed = float(np.linalg.norm(r)), float(np.linalg.norm(v))
         distance = body.distance_problem(radius)

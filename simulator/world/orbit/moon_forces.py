@@ -64,7 +64,13 @@ class MoonForces:
         return MU_MOON_M3_S2
 
     def target(self, t_s: float, r_eci_m: FloatArray, v_eci_m_s: FloatArray) -> FloatArray:
-        """Return the acceleration of the target, GCRS axes [m s-2]."""
+        """Compute the acceleration of the target.
+
+        Returns
+        -------
+        (3,) array
+            Acceleration, GCRS axes [m s-2].
+        """
         return self.pair(t_s, r_eci_m, v_eci_m_s, np.zeros(3), np.zeros(3))[0]
 
     def pair(
@@ -75,7 +81,15 @@ class MoonForces:
         p_eci_m: FloatArray,
         w_eci_m_s: FloatArray,  # noqa: ARG002
     ) -> tuple[FloatArray, FloatArray]:
-        """Return the target's acceleration, and chaser minus target; large terms are subtracted in closed form."""
+        """Compute the acceleration of the target, and that of the chaser relative to it.
+
+        Large terms are subtracted in closed form.
+
+        Returns
+        -------
+        tuple of array
+            Acceleration (3,) of the target, and chaser minus target (3,), GCRS axes [m s-2].
+        """
         r, p = r_eci_m, p_eci_m
         _, sun_from_earth, moon = self.sky.at(t_s)
         sun = sun_from_earth - moon

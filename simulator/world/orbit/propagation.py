@@ -72,7 +72,14 @@ class Elements:
 
 
 def state_from_elements(e: Elements, mu_m3_s2: float = MU_EARTH_M3_S2) -> tuple[FloatArray, FloatArray]:
-    """Return position [m] and velocity [m s-1] in GCRS, each (3,).
+    """Compute position and velocity from elements.
+
+    Returns
+    -------
+    r_eci_m : (3,) array
+        Position from the central body, GCRS axes [m].
+    v_eci_m_s : (3,) array
+        Velocity, GCRS axes [m s-1].
 
     Raises
     ------
@@ -109,10 +116,13 @@ def _perifocal_axes(e: Elements) -> tuple[FloatArray, FloatArray]:
 def elements_from_state(
     r_eci_m: FloatArray, v_eci_m_s: FloatArray, mu_m3_s2: float = MU_EARTH_M3_S2
 ) -> Elements:
-    """Return the osculating elements of a bound orbit.
+    """Compute the osculating elements of a bound orbit.
 
-    On a circular orbit the argument of perigee is zero, and the true anomaly is measured from the node. On an
-    equatorial orbit the node is the x axis.
+    Returns
+    -------
+    Elements
+        Inclination from 0 to pi, other angles from 0 to 2 pi. On a circular orbit the argument of perigee is zero,
+        and the true anomaly is measured from the node. On an equatorial orbit the node is the x axis.
 
     Raises
     ------
@@ -195,7 +205,13 @@ class OrbitTrack:
         return y[:3], y[3:6]
 
     def acceleration(self, t_s: float) -> FloatArray:
-        """Return the acceleration of the target in GCRS, by the forces and its burns [m s-2]."""
+        """Compute the acceleration of the target from the forces and its burns of finite duration.
+
+        Returns
+        -------
+        (3,) array
+            Acceleration, GCRS axes [m s-2].
+        """
         r, v = self(t_s)
         a = self.forces.target(t_s, r, v)
         for burn in self.burns:
@@ -204,12 +220,25 @@ class OrbitTrack:
         return a
 
     def frame(self, t_s: float) -> Lvlh:
-        """Return the target's LVLH frame, with the acceleration from the track's derivative (to 1e-12 rad/s)."""
+        """Return the target's LVLH frame.
+
+        Returns
+        -------
+        Lvlh
+            Frame whose rate is from the derivative of the track instead of the forces; it agrees to 1e-12 rad/s.
+        """
         y = self.solution(t_s)
         return lvlh_frame(y[:3], y[3:6], self.solution.rate(t_s)[3:6])
 
     def relative(self, t_s: float) -> tuple[FloatArray, FloatArray]:
-        """Return chaser minus target: position [m] and velocity [m s-1] along GCRS axes (not a rotating frame)."""
+        """Return the state of the chaser relative to the target, if the track has a chaser.
+
+        Returns
+        -------
+        tuple of array
+            Chaser minus target: position (3,) [m] and velocity (3,) [m s-1] along GCRS axes, not in a rotating
+            frame. Both are empty if the track is of the target alone.
+        """
         y = self.solution(t_s)
         return y[6:9], y[9:12]
 

@@ -99,7 +99,12 @@ class HarmonicField:
 
 @lru_cache(maxsize=8)
 def egm96(degree: int) -> HarmonicField:
-    """Return EGM96 (tide free) to ``degree`` and order.
+    """Load EGM96 (tide free) to ``degree`` and order.
+
+    Returns
+    -------
+    HarmonicField
+        Gravity of degrees 2 and up, without the point mass; cached, so do not modify it.
 
     Raises
     ------

@@ -11,7 +11,13 @@ if TYPE_CHECKING:
 
 
 def mean_motion_rad_s(semi_major_axis_m: float, mu_m3_s2: float) -> float:
-    """Return the mean motion of an orbit [rad s-1]."""
+    """Compute the mean motion of an orbit.
+
+    Returns
+    -------
+    float
+        Mean motion [rad s-1].
+    """
     return float(np.sqrt(mu_m3_s2 / semi_major_axis_m**3))
 
 

@@ -132,7 +132,12 @@ def _time_from_anomaly(point: _OrbitPoint, e: float, k2: float) -> FloatArray:
 
 
 def true_anomaly_after(orbit: Elements, t_s: float, mu_m3_s2: float = MU_EARTH_M3_S2) -> float:
-    """Return the true anomaly ``t_s`` later on a Keplerian orbit, without wrapping [rad].
+    """Compute the true anomaly ``t_s`` later on a Keplerian orbit.
+
+    Returns
+    -------
+    float
+        Angle [rad], not wrapped: it goes on from the anomaly at the start by 2 pi each revolution.
 
     References
     ----------

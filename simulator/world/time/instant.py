@@ -27,6 +27,11 @@ def without_year_warning(function: Callable[..., Any], *args: Any) -> Any:  # no
 
     erfa warns if a date is more than five years after the release of its table of leap seconds. A leap second announced
     after the release would rotate the Earth by 15 arcsec under the orbit, which is neglected.
+
+    Returns
+    -------
+    object
+        Result of the routine.
     """
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", erfa.ErfaWarning)
@@ -160,7 +165,18 @@ def tdb_minus_tt_s(tt1: float, tt2: float) -> float:
 
 
 def nanoseconds_utc(epoch_utc: str) -> int:
-    """Return nanoseconds since 1970-01-01 UTC, without leap seconds, of an ISO time; microseconds are exact."""
+    """Convert an ISO time in UTC to nanoseconds since 1970-01-01.
+
+    Returns
+    -------
+    int
+        Nanoseconds without leap seconds; the microseconds of the text are exact.
+
+    Raises
+    ------
+    ValueError
+        If the text is not an ISO time, or within a leap second.
+    """
     time = datetime.fromisoformat(epoch_utc)
     seconds = int(time.replace(microsecond=0).timestamp())
     return seconds * 1_000_000_000 + time.microsecond * 1000

@@ -177,7 +177,13 @@ def visible_directions_count(bodies: list[MeshBody], points_m: FloatArray) -> In
 
 
 def view_axes(axis: ArrayLike) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return right-handed orthonormal axes ``(u, v, w)`` with ``w`` along ``axis``."""
+    """Choose right-handed orthonormal axes ``(u, v, w)`` with ``w`` along ``axis``.
+
+    Returns
+    -------
+    tuple of array
+        Three unit vectors (3,), with ``u`` normal to the coordinate axis that is farthest from ``axis``.
+    """
     w = _unit(np.asarray(axis, float))
     u = _unit(np.cross(np.eye(3)[int(np.argmin(np.abs(w)))], w))
     return u, np.cross(w, u), w
