@@ -113,7 +113,7 @@ def draw_box(canvas: ByteArray, camera: Camera, box_px: Box | None) -> ByteArray
 
 
 def draw_keypoints(canvas: ByteArray, camera: Camera, keypoints: tuple[KeypointLabel, ...]) -> ByteArray:
-    """Draw keypoints over an RGB image: green if visible, orange if unlit, saturated or below the noise, grey if hidden.
+    """Draw keypoints over an RGB image: green if visible, grey if hidden, orange if unlit, saturated or in the noise.
 
     Returns
     -------
