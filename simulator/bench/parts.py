@@ -76,7 +76,13 @@ class PartCost:
 
 
 def cost(name: str, laps_ms: list[float], *, peak_mb: float | None = None) -> PartCost:
-    """Return the median and 95th percentile of measured laps."""
+    """Summarise the measured laps of an operation.
+
+    Returns
+    -------
+    PartCost
+        Median and 95th percentile of the laps [ms], with the given peak memory.
+    """
     return PartCost(
         name=name,
         ms_p50=float(np.percentile(laps_ms, 50)),
@@ -86,7 +92,13 @@ def cost(name: str, laps_ms: list[float], *, peak_mb: float | None = None) -> Pa
 
 
 def bench_world() -> tuple[PartCost, ...]:
-    """Time the propagation of a minute's flight, and one scene of it."""
+    """Time the propagation of a flight, its scenes and its control.
+
+    Returns
+    -------
+    tuple of PartCost
+        Plan of a minute's flight, one scene of it, a day of both craft with all perturbations, and one control step.
+    """
     laps = []
     for _ in range(5):
         start = time.perf_counter()
@@ -141,7 +153,13 @@ def _step_laps() -> list[float]:
 
 
 def bench_capture() -> tuple[PartCost, ...]:
-    """Time a frame with all labels, verified and written."""
+    """Time a frame with all labels, verified and written.
+
+    Returns
+    -------
+    tuple of PartCost
+        One cost: that of a frame, from the second frame on.
+    """
     laps: list[float] = []
     last = 0.0
 
@@ -163,6 +181,11 @@ def bench_sensor() -> tuple[PartCost, ...]:
 
     The image is one third dark sky, one third uniform grey, and one third a ramp beyond saturation. As in a frame, the
     noise has been drawn beforehand.
+
+    Returns
+    -------
+    tuple of PartCost
+        Cost of each sensor in the order of `list_sensor_presets`, without the warm-up.
     """
     picture = np.zeros(PICTURE_SHAPE, np.float32)
     third = PICTURE_SHAPE[0] // 3

@@ -101,6 +101,13 @@ def bench_scenes(
     Frames are timed without waits between the passes; the passes' own times come from other frames, which wait for the
     driver after each. The reference pass runs between the frames, at each scene's size, so that results from different
     machines compare.
+
+    Returns
+    -------
+    machine : BenchMachine
+        Driver of the renderer, and the number of usable processors.
+    costs : tuple of SceneCost
+        Costs in the order of ``names``.
     """
     costs = []
     with (
@@ -128,7 +135,13 @@ def check_scenes(names: Sequence[str]) -> None:
 
 
 def bench_machine(renderer: Renderer) -> BenchMachine:
-    """Return the machine and driver of a renderer."""
+    """Describe the machine and driver of a renderer.
+
+    Returns
+    -------
+    BenchMachine
+        Driver's name and version, and the number of processors that this process may run on.
+    """
     info = renderer.info
     return BenchMachine(
         gl_renderer=info.renderer, gl_version=info.version, threads=len(os.sched_getaffinity(0))
@@ -136,7 +149,15 @@ def bench_machine(renderer: Renderer) -> BenchMachine:
 
 
 def bench_views(name: str, n_frames: int) -> tuple[Plan, tuple[SceneState, ...]]:
-    """Return consecutive, different frames around the scenario's middle."""
+    """Plan consecutive, different frames around the middle of a scenario.
+
+    Returns
+    -------
+    plan : Plan
+        Flight with the camera of the variant that follows ``+`` in the name.
+    scenes : tuple of SceneState
+        ``n_frames`` scenes, 0.05 s apart, with the bands and exposure of the variant.
+    """
     scenario_name, _, variant = name.partition("+")
     scenario = load_scenario(scenario_name)
     times = tuple(scenario.duration_s / 2 + 0.05 * k for k in range(n_frames))

@@ -39,7 +39,13 @@ with Renderer(prefetched={{bands: prefetched}}) as renderer:
 
 
 def bench_start() -> tuple[PartCost, ...]:
-    """Time from the start of Python to an image [ms], and the peak resident memory, including mapped files."""
+    """Time the start of Python until an image, with an empty and with a full cache.
+
+    Returns
+    -------
+    tuple of PartCost
+        Costs of the first and of the second start; their peak is the resident memory [MB], including mapped files.
+    """
     with TemporaryDirectory() as folder:
         first, second = (start_once(folder) for _ in range(2))
     return (

@@ -44,7 +44,13 @@ def encode(light: ArrayLike, encoding: Encoding) -> FloatArray:
 
 
 def decode(value: ArrayLike, encoding: Encoding) -> FloatArray:
-    """Decode numbers to light, both 1 at full scale; the inverse of `encode`."""
+    """Decode numbers to light, both 1 at full scale; the inverse of `encode`.
+
+    Returns
+    -------
+    array
+        Linear light of the shape of ``value``. For ``linear`` it may be the given array itself.
+    """
     encoded = np.asarray(value, float)
     if encoding == "srgb":
         # IEC 61966-2-1:1999
@@ -53,7 +59,13 @@ def decode(value: ArrayLike, encoding: Encoding) -> FloatArray:
 
 
 def step_share(signal: ArrayLike, encoding: Encoding) -> FloatArray:
-    """Return the size in light of an 8-bit step of an encoded image at a signal, relative to full scale."""
+    """Return the size in light of an 8-bit step of an encoded image at a signal.
+
+    Returns
+    -------
+    array
+        Size relative to full scale, of the shape of ``signal``.
+    """
     number = np.rint(encode(np.clip(signal, 0, 1), encoding) * 255)
     light_below, light_above = (
         decode(np.maximum(number - 0.5, 0) / 255, encoding),

@@ -69,7 +69,13 @@ class DetectorSection(Section, frozen=True, kw_only=True):
     serial: Annotated[int, within(DETECTOR["serial"])] | None = None
 
     def detector(self, base: Detector | None) -> Detector:
-        """Return ``base``, or the default detector, with these changes."""
+        """Return a detector with the changes of this section.
+
+        Returns
+        -------
+        Detector
+            Copy of ``base``, or of the default detector if that is None, with the keys that are set; lengths in metres.
+        """
         changes = {k: v for k, v in msgspec.structs.asdict(self).items() if v is not None}
         if "layer_um" in changes:
             changes["layer_m"] = changes.pop("layer_um") * 1e-6
@@ -111,7 +117,13 @@ class OpticsSection(Section, frozen=True, kw_only=True):
     glare_limit_deg: Annotated[float, within(OPTICS["glare_limit_deg"])] = 60.0
 
     def optics(self) -> Optics:
-        """Return the optics."""
+        """Return the optics that this section describes.
+
+        Returns
+        -------
+        Optics
+            Optics in SI units; the kernel is that of ``kernel``, and ``kernel_file`` is not read.
+        """
         keys = msgspec.structs.asdict(self)
         del keys["kernel_file"]
         keys["wavelength_m"] = keys.pop("wavelength_nm") * 1e-9
@@ -121,6 +133,11 @@ class OpticsSection(Section, frozen=True, kw_only=True):
 
     def with_kernel(self, folder: Path, source: str) -> OpticsSection:
         """Return the section with its kernel file read.
+
+        Returns
+        -------
+        OpticsSection
+            Copy with the table in ``kernel`` and an empty ``kernel_file``; the section itself if it names no file.
 
         Raises
         ------

@@ -36,7 +36,14 @@ _BLOCKS = (3, 6)  # texels between streets: 0.7 to 1.2 km; smaller streets merge
 
 
 def night_texture() -> ByteArray:
-    """Return (SIZE, SIZE, 4): cloud detail as in `detail_texture`; city light, village light, share of white lamps."""
+    """Return the tiling texture of the night side.
+
+    Returns
+    -------
+    (SIZE, SIZE, 4) array
+        8-bit channels: cloud detail as in `detail_texture`, city light, village light, share of white lamps. From the
+        cache.
+    """
     return cached_array(entry_name("night", (make_night, make_detail)), make_night)
 
 

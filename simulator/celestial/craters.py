@@ -55,7 +55,14 @@ def crater_texture(largest_px: float, texel_km: float) -> ByteArray:
 
 
 def crater_levels(largest_px: float, texel_km: float) -> list[ByteArray]:
-    """Return all mipmap levels of the tile; the last channel holds the deviation of slopes within a texel."""
+    """Return all mipmap levels of the tile of craters.
+
+    Returns
+    -------
+    list of (n, n, 4) array
+        8-bit levels, the finest first, with channels as in `crater_texture`; the last channel holds the deviation of
+        slopes within a texel, `DEVIATION_MAX` at full scale.
+    """
     tile = crater_texture(largest_px, texel_km) / np.float32(255)
     tile[..., :2] = (tile[..., :2] - 0.5) * (2 * SLOPE_MAX)
     levels = []

@@ -45,7 +45,13 @@ _STRIP, _ROWS = 1 << 14, 32  # values per look-up and rows per strip, both sized
 
 
 def detail_texture() -> ByteArray:
-    """Return (SIZE, SIZE, 4): cloud detail, its slope along u and v, land detail; from the cache."""
+    """Return the tiling texture of detail for clouds and land.
+
+    Returns
+    -------
+    (SIZE, SIZE, 4) array
+        8-bit channels of `make_detail`: cloud detail, its slope along u and v, land detail. From the cache.
+    """
     return cached_array(entry_name("detail-noise", (make_detail,)), make_detail)
 
 
@@ -65,7 +71,13 @@ def make_detail() -> ByteArray:
 
 
 def cumulus_texture() -> ByteArray:
-    """Return `detail_texture` with the clouds of `make_cumulus`; from the cache."""
+    """Return the tiling texture of detail with cumulus clouds.
+
+    Returns
+    -------
+    (SIZE, SIZE, 4) array
+        8-bit channels as in `detail_texture`, with the clouds of `make_cumulus`. From the cache.
+    """
     return cached_array(entry_name("cumulus", (make_cumulus, make_detail)), make_cumulus)
 
 

@@ -51,7 +51,14 @@ def albedo_map(*, clouds: bool) -> Float32Array:
 
 
 def albedo_of_day(epoch_utc: str, *, clouds: bool, ice: bool) -> Float32Array:
-    """Return `albedo_map` with the day's sea ice if ``ice`` is True; (64, 128)."""
+    """Return the Earth's albedo on a day, with sea ice if ``ice`` is True.
+
+    Returns
+    -------
+    (64, 128) array
+        Albedo, float32, as `albedo_map` returns it. With clouds its mean is that of the Earth also with ice. Cached:
+        callers must not write to it.
+    """
     if not ice:
         return albedo_map(clouds=clouds)
     day = datetime.fromisoformat(epoch_utc)
@@ -77,13 +84,25 @@ def _reduced_maps(clouds: bool) -> Float32Array:  # noqa: FBT001 - a key of the 
 
 
 def mean_albedo(cells: FloatArray | Float32Array) -> float:
-    """Return the mean of an equirectangular map over the sphere."""
+    """Average an equirectangular map over the sphere.
+
+    Returns
+    -------
+    float
+        Mean of the cells, weighted by their area.
+    """
     weight = np.cos((np.arange(len(cells)) + 0.5) / len(cells) * np.pi - np.pi / 2)[:, None]
     return float((cells * weight).sum() / (weight.sum() * cells.shape[1]))
 
 
 def globe_and_moon_shine(scene: SceneState) -> IrradianceField:
-    """Return the light of globe and Moon on the target; zero if the scene switches it off."""
+    """Return the light of globe and Moon on the target.
+
+    Returns
+    -------
+    IrradianceField
+        Irradiance by the direction of a face, camera frame [W m-2]; dark without ``environment.earthshine``.
+    """
     bands = len(bands_of(scene.bands))
     if not scene.environment.earthshine:
         return dark_field(bands)
@@ -103,7 +122,13 @@ def globe_and_moon_shine(scene: SceneState) -> IrradianceField:
 
 
 def moon_on_plates(scene: SceneState) -> FloatArray:
-    """Return the Moon's `moon_plate_irradiance` at the target."""
+    """Return the Moon's `moon_plate_irradiance` at the target.
+
+    Returns
+    -------
+    (P, n) array
+        Irradiance per band [W m-2] on the plates of `moon_plate_irradiance`.
+    """
     to_moon = np.subtract(scene.body("moon").r_eci_m, scene.r_target_eci_m)
     sun_eci, sun_w_m2 = _sun_at_globe(scene)
     return moon_plate_irradiance(to_moon, sun_eci, matrix_from_quat(scene.q_camera_from_eci_wxyz), sun_w_m2)

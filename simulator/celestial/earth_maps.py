@@ -49,7 +49,14 @@ _STRIPS = [slice(row, row + 112) for row in range(0, HEIGHT, 112)]
 
 
 def packed_maps(bands: int) -> list[ByteArray]:
-    """Return one (H, W, 4) texture for one band, two for three; from the cache after the first call."""
+    """Return the Earth's maps, packed for the shader.
+
+    Returns
+    -------
+    list of (H, W, 4) array
+        8-bit textures, one for one band and two for three, with the channels that this module describes. From the cache
+        after the first call.
+    """
     key = maps_entry()
     maps = [cached_array(f"earth-pan-{key}", _pack_panchromatic)]
     if bands == 3:
@@ -100,6 +107,11 @@ def _missing(name: str) -> UserError:
 def decode_file(name: str, flags: int) -> ByteArray:
     """Decode a map of the Earth at its own size.
 
+    Returns
+    -------
+    (H, W) or (H, W, C) array
+        8-bit values, as OpenCV decodes them by ``flags``: colours are blue, green, red.
+
     Raises
     ------
     UserError
@@ -112,7 +124,13 @@ def decode_file(name: str, flags: int) -> ByteArray:
 
 
 def decode_map(name: str, flags: int, size_px: tuple[int, int] | None = (WIDTH, HEIGHT)) -> ByteArray:
-    """Decode a map of the Earth and resize it to (width, height); ``None`` keeps its size."""
+    """Decode a map of the Earth and resize it to (width, height).
+
+    Returns
+    -------
+    (H, W) or (H, W, C) array
+        8-bit values as from `decode_file`, at the map's own size if ``size_px`` is None.
+    """
     image = decode_file(name, flags)
     if size_px is not None and image.shape[1::-1] != size_px:
         # average when shrinking by more than a little; interpolation is faster for small changes, and as accurate
@@ -123,12 +141,25 @@ def decode_map(name: str, flags: int, size_px: tuple[int, int] | None = (WIDTH, 
 
 
 def day_map(size_px: tuple[int, int] = (WIDTH, HEIGHT)) -> ByteArray:
-    """Return the land and sea by day: blue, green, red."""
+    """Return the land and sea by day.
+
+    Returns
+    -------
+    (H, W, 3) array
+        8-bit blue, green, red of Blue Marble, an image and not a measurement.
+    """
     return decode_map(DAY, cv2.IMREAD_COLOR, size_px)
 
 
 def terrain_texture() -> ByteArray:
-    """Return (1024, 1024, 4): slope along u and v, brightness of the ground, valley floors; it tiles."""
+    """Return the tiling texture of terrain.
+
+    Returns
+    -------
+    (1024, 1024, 4) array
+        8-bit channels: slope along u and v, ``TERRAIN_SLOPE_MAX`` at full scale; brightness of the ground; valley
+        floors.
+    """
     return decode_map(TERRAIN, cv2.IMREAD_UNCHANGED, None)
 
 

@@ -27,7 +27,14 @@ SCALE = 0.35  # reflectance of the bluest texel: clear shallows over white sand 
 
 
 def ocean_colour(bands: int) -> ByteArray:
-    """Return (2016, 4032) or (2016, 4032, 4): square root of the reflectance above the open ocean's, over ``SCALE``."""
+    """Return the map of the ocean's colour.
+
+    Returns
+    -------
+    (2016, 4032) or (2016, 4032, 4) array
+        8-bit square root of the reflectance above the open ocean's, over ``SCALE``: of one band, or of red, green and
+        blue with an alpha channel that is unused.
+    """
     image = decode_map(MAPS[bands], cv2.IMREAD_UNCHANGED, None)
     return image if bands == 1 else np.asarray(cv2.cvtColor(image, cv2.COLOR_BGR2RGBA), np.uint8)
 

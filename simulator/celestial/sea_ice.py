@@ -62,7 +62,14 @@ _POLAR_SINE = 0.94
 
 
 def sea_ice(epoch_utc: str) -> ByteArray:
-    """Return (720, 1440) ice concentration, 0..255, row 0 in the north, column 0 at -180 degrees."""
+    """Return the concentration of sea ice on a day.
+
+    Returns
+    -------
+    (720, 1440) array
+        Concentration, 0 to 255 for none to full cover; row 0 in the north, column 0 at -180 degrees. It depends on the
+        day of the year only. Cached: callers must not write to it.
+    """
     moment = datetime.fromisoformat(epoch_utc)
     return _make_sea_ice(moment.timetuple().tm_yday)
 

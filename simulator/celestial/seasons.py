@@ -69,7 +69,13 @@ class Season:
 
 
 def season(epoch_utc: str) -> Season:
-    """Return the monthly maps before and after a date (ISO 8601)."""
+    """Return the monthly maps before and after a date (ISO 8601).
+
+    Returns
+    -------
+    Season
+        Months of `ANCHORS` before and after the date, across the turn of the year too, and the weight of the later one.
+    """
     time = datetime.fromisoformat(epoch_utc)
     day = time.timetuple().tm_yday + (time.hour + time.minute / 60) / 24
     months, days = list(ANCHORS), list(ANCHORS.values())
@@ -98,7 +104,13 @@ def month_gain(month: int, bands: int) -> ByteArray:
 
 
 def month_gains(months: Sequence[int], bands: int) -> list[ByteArray]:
-    """Return `month_gain` of several months. August's maps are decoded only once for all."""
+    """Return the gains of several months over August, whose maps are decoded only once for all.
+
+    Returns
+    -------
+    list of array
+        Gains as from `month_gain`, in the order of ``months``.
+    """
     return cached_arrays([_key(month, bands) for month in months], lambda: _make_gains(months, bands))
 
 

@@ -62,7 +62,13 @@ _TYPICAL_VI_MAG = np.array([-0.35, 0.0, 0.34, 0.70, 0.98, 1.25, 1.60])
 
 
 def typical_v_minus_i(b_minus_v: FloatArray) -> FloatArray:
-    """Return the typical V-I (Cousins) for a B-V, for reflected sunlight and for stars other than class M."""
+    """Return the typical V-I (Cousins) for a B-V, for reflected sunlight and for stars other than class M.
+
+    Returns
+    -------
+    (K,) array
+        V-I [mag]; beyond the ends of the table, at B-V of -0.35 and 1.45, the value there.
+    """
     return np.asarray(np.interp(b_minus_v, _TYPICAL_BV_MAG, _TYPICAL_VI_MAG))
 
 
@@ -80,7 +86,14 @@ def hp_minus_v(b_minus_v: FloatArray, v_minus_i: FloatArray) -> FloatArray:
 
 
 def photons_over_sunlights(v_minus_i: FloatArray, bands: Bands) -> FloatArray:
-    """Return photons per joule of starlight over those of sunlight, per band (K, n); nearly one for colour bands."""
+    """Return photons per joule of starlight over those of sunlight, per band.
+
+    Returns
+    -------
+    (K, n) array
+        Ratios in the order of the stars and of the image's channels; ones for colour bands, in which they are nearly
+        one.
+    """
     n = len(bands_of(bands))
     if n > 1:
         return np.ones((len(v_minus_i), n))
@@ -90,9 +103,14 @@ def photons_over_sunlights(v_minus_i: FloatArray, bands: Bands) -> FloatArray:
 def irradiance_of_v_mag(
     v_mag: FloatArray, b_minus_v: FloatArray, v_minus_i: FloatArray, bands: Bands
 ) -> FloatArray:
-    """Return the irradiance per band (K, n) of stars of Johnson magnitude V and colours B-V and V-I [W m-2].
+    """Return the irradiance of stars of Johnson magnitude V and colours B-V and V-I, per band.
 
     A star of the Sun's colours has the Sun's irradiance, scaled by the difference in magnitude.
+
+    Returns
+    -------
+    (K, n) array
+        Irradiance [W m-2], in the order of the stars and of the image's channels.
     """
     dimmed = 10 ** (-0.4 * (np.asarray(v_mag, float) - SUN_V_MAG))
     columns = []

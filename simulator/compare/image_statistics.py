@@ -98,14 +98,26 @@ class ImageStatistics:
 
 
 def sobel(image: ByteArray | Float32Array) -> Float32Array:
-    """Return the magnitude of the 3 x 3 Sobel gradient [DN per pixel], normalised to the slope of a plane."""
+    """Compute the magnitude of the 3 x 3 Sobel gradient, normalised to the slope of a plane.
+
+    Returns
+    -------
+    (H, W) array
+        Magnitude [DN per pixel], float32.
+    """
     x = cv2.Sobel(image, cv2.CV_32F, 1, 0, ksize=3, scale=1 / 8)
     y = cv2.Sobel(image, cv2.CV_32F, 0, 1, ksize=3, scale=1 / 8)
     return np.asarray(cv2.magnitude(x, y), np.float32)
 
 
 def gradient_histogram(gradient: Float32Array) -> FloatArray:
-    """Return the share of the values of `sobel` in each of `GRADIENT_BINS` bins from 0 to `MAX_GRADIENT_DN`."""
+    """Compute the histogram of the values of `sobel`.
+
+    Returns
+    -------
+    (GRADIENT_BINS,) array
+        Share of the values in each bin from 0 to `MAX_GRADIENT_DN`; larger ones are counted in the last bin.
+    """
     counts, _ = np.histogram(np.minimum(gradient, MAX_GRADIENT_DN), GRADIENT_BINS, (0, MAX_GRADIENT_DN))
     return np.asarray(counts / gradient.size)
 
@@ -165,5 +177,11 @@ def noise_dn(image: ByteArray) -> float:
 
 
 def histogram_distance_dn(a: FloatArray, b: FloatArray, largest: float) -> float:
-    """Return the earth mover's distance of two histograms over the same bins from 0 to ``largest`` [DN]."""
+    """Compute the earth mover's distance of two histograms over the same bins from 0 to ``largest`` [DN].
+
+    Returns
+    -------
+    float
+        Distance [DN], if both histograms are shares that sum to 1.
+    """
     return float(np.abs(np.cumsum(a) - np.cumsum(b)).sum() * largest / len(a))

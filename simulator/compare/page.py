@@ -43,7 +43,13 @@ STYLE = "table{width:auto}"  # the summary is narrower than the page
 
 
 def write_comparison(folder: Path, pairs: Sequence[Pair], title: str) -> dict[str, Any]:
-    """Write ``index.html``, its images and ``comparison.json`` into an empty folder. Return the JSON document."""
+    """Write ``index.html``, its images and ``comparison.json`` into an empty folder.
+
+    Returns
+    -------
+    dict
+        Document of ``comparison.json``, with the summary and the statistics of each pair in the order of ``pairs``.
+    """
     pictures = folder / "pictures"
     pictures.mkdir(exist_ok=True)
     document: dict[str, Any] = {

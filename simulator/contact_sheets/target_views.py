@@ -157,6 +157,11 @@ def draw_view(
 ) -> TargetView:
     """Draw the craft from the direction ``eye`` (target frame), exposed for it.
 
+    Returns
+    -------
+    TargetView
+        Developed image with some light from a second direction; scene and depth are those of the first drawing.
+
     Raises
     ------
     RuntimeError
@@ -181,7 +186,13 @@ def develop(radiance: FloatArray) -> ByteArray:
 
 
 def draw_labels(drawn: TargetView, target: Target) -> ByteArray:
-    """Draw the visible wireframe and the keypoints on a copy: filled if visible, rings if hidden."""
+    """Draw the visible wireframe and the keypoints over a view: filled if visible, rings if hidden.
+
+    Returns
+    -------
+    (H, W, 3) array
+        RGB copy of the view's image, 8 bits.
+    """
     canvas = drawn.image.copy()
     pose, camera = drawn.scene.camera_from_target, drawn.scene.camera
     low, high = bounds_m(target)

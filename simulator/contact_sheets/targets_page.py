@@ -32,6 +32,11 @@ def write_contact_sheet(
 ) -> Path:
     """Draw the targets and write the page with its images; existing files are replaced.
 
+    Returns
+    -------
+    Path
+        Written page, ``page`` in ``folder``.
+
     Raises
     ------
     UserError
@@ -84,7 +89,13 @@ def _article(renderer: Renderer, target: Target, folder: Path) -> Markup:
 
 
 def facts(target: Target) -> dict[str, str]:
-    """Return the facts listed next to the images."""
+    """Return the facts of a target that are listed next to its images.
+
+    Returns
+    -------
+    dict of str to str
+        Formatted values with their units, by title in the order of the list.
+    """
     low, high = bounds_m(target)
     moments = np.linalg.eigvalsh(np.asarray(target.mass.inertia_kg_m2))
     return {

@@ -308,7 +308,14 @@ def capture_card(
     split: Ratio | None,
     sensors: tuple[str, ...],
 ) -> DatasetCard:
-    """Return the planned card, without the renderer."""
+    """Return the card of a planned capture, before the renderer exists.
+
+    Returns
+    -------
+    DatasetCard
+        Card marked incomplete, without quarantined frames and without the driver's name and version; its formats begin
+        with ``native``.
+    """
     return DatasetCard(
         scenario_name=plan.scenario_name,
         scenario=plan.scenario_document,

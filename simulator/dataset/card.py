@@ -70,7 +70,13 @@ class CardTarget(msgspec.Struct, frozen=True, kw_only=True):
 
     @classmethod
     def from_target(cls, target: Target) -> CardTarget:
-        """Describe a target model."""
+        """Describe a target model.
+
+        Returns
+        -------
+        CardTarget
+            Name, hash, parts with their classes, and keypoints in the target frame [m].
+        """
         return cls(
             name=target.name,
             sha256=target.sha256,
@@ -156,7 +162,14 @@ class DatasetCard(msgspec.Struct, frozen=True, kw_only=True):
 
 
 def describe_machine(gl_vendor: str, gl_renderer: str, gl_version: str) -> CardMachine:
-    """Return the machine section of the card."""
+    """Return the machine section of the card.
+
+    Returns
+    -------
+    CardMachine
+        Versions of Flyaround, Python and libraries, the given description of the driver, and the processor with its
+        threads.
+    """
     cpu = platform.processor() or platform.machine()
     info = Path("/proc/cpuinfo")
     if info.exists():
@@ -178,6 +191,11 @@ def describe_machine(gl_vendor: str, gl_renderer: str, gl_version: str) -> CardM
 
 def read_card(folder: Path) -> DatasetCard:
     """Read and validate the card of a data set.
+
+    Returns
+    -------
+    DatasetCard
+        Validated card.
 
     Raises
     ------

@@ -78,7 +78,13 @@ class ClippingSummary:
 
 
 def measure_clipping(frame: Frame) -> Clipping:
-    """Measure the saturated pixels of a labelled frame from its radiance, without noise."""
+    """Measure the saturated pixels of a labelled frame from its radiance, without noise.
+
+    Returns
+    -------
+    Clipping
+        Numbers of pixels and the exposure that fits; zeros but for the frame's exposure if no pixel is on the target.
+    """
     scene = frame.scene
     radiance = frame.radiance[frame.mask > 0] if frame.mask is not None else frame.radiance[:0].ravel()
     if not len(radiance):

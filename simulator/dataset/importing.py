@@ -82,7 +82,13 @@ def camera_of(picture_set: PosedPictures, camera_name: str | None) -> Camera:
 
 
 def is_coloured(image: NDArray[np.unsignedinteger]) -> bool:
-    """Return True if an image (H, W) or (H, W, 3) is in colour, ignoring a few coloured pixels in a grey one."""
+    """Return True if an image (H, W) or (H, W, 3) is in colour.
+
+    Returns
+    -------
+    bool
+        True if colour is notable in more than `MIN_COLOURED_SHARE` of the pixels: a few in a grey image are ignored.
+    """
     if image.ndim == 2:
         return False
     spread = image.max(axis=2).astype(np.int32) - image.min(axis=2)
@@ -149,7 +155,12 @@ def imported_frames(
 
 
 def read_picture(path: Path) -> NDArray[np.unsignedinteger]:
-    """Read an image of 8 or 16 bits as mono (H, W) or RGB (H, W, 3); three equal bands give a mono image.
+    """Read an image of 8 or 16 bits; transparency is dropped.
+
+    Returns
+    -------
+    (H, W) or (H, W, 3) array
+        Mono or RGB, uint8 or uint16; three equal bands give a mono image.
 
     Raises
     ------

@@ -41,6 +41,11 @@ _AXIS_LENGTH = 0.6
 def parse_marks(text: str) -> tuple[str, ...]:
     """Parse a comma-separated list of marks to draw.
 
+    Returns
+    -------
+    tuple of str
+        Distinct marks in the order of the text, at least one.
+
     Raises
     ------
     UserError

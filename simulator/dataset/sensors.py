@@ -20,6 +20,11 @@ if TYPE_CHECKING:
 def parse_sensors(text: str) -> tuple[str, ...]:
     """Parse a comma-separated list of sensors, and import each.
 
+    Returns
+    -------
+    tuple of str
+        Distinct names in the order of the text; empty for an empty text.
+
     Raises
     ------
     UserError

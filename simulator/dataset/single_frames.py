@@ -86,7 +86,13 @@ def render_scene(
 def time_passes(
     scene: SceneState, target: Target, *, repeats: int = 5, device_index: int | None = None
 ) -> dict[str, float]:
-    """Measure the time of each stage and pass of a scene [ms]: medians of ``repeats`` frames after a warm-up."""
+    """Measure the time of each stage and pass of a scene, after a warm-up frame.
+
+    Returns
+    -------
+    dict of str to float
+        Medians of ``repeats`` frames [ms], by name of the stage or pass.
+    """
     with open_frames(whole_frame, device_index=device_index, prefetched={}, target=target) as producer:
         requests = (FrameRequest(scene=scene, labels=False, timed=True) for _ in range(repeats + 1))
         ledgers = [frame.stage_ms for frame in producer.frames(requests)][1:]
@@ -95,6 +101,11 @@ def time_passes(
 
 def check_picture_path(path: str | Path) -> Path:
     """Return a path that an image and its truth can be written to; an existing image there is replaced.
+
+    Returns
+    -------
+    Path
+        The given path; an existing image there will be replaced.
 
     Raises
     ------

@@ -40,7 +40,12 @@ Ratio = tuple[int, int, int]
 
 
 def parse_split(text: str) -> Ratio:
-    """Parse shares of training, validation and test frames such as ``8:1:1``, in lowest terms.
+    """Parse shares of training, validation and test frames such as ``8:1:1``.
+
+    Returns
+    -------
+    tuple of int
+        Three shares in lowest terms.
 
     Raises
     ------

@@ -35,7 +35,14 @@ class Deviation:
 
 
 def decimate(bodies: list[MeshBody], max_triangles: int) -> list[MeshBody]:
-    """Reduce bodies to at most ``max_triangles`` triangles in total; pieces smaller than a cluster disappear."""
+    """Reduce bodies to at most ``max_triangles`` triangles in total; pieces smaller than a cluster disappear.
+
+    Returns
+    -------
+    list of MeshBody
+        New bodies in the order of the input, with positions at single precision and without normals and texture
+        coordinates; bodies that have lost all triangles are left out.
+    """
     low = np.min([b.positions_m.min(axis=0) for b in bodies], axis=0)
     high = np.max([b.positions_m.max(axis=0) for b in bodies], axis=0)
     extent = float((high - low).max())
@@ -118,7 +125,13 @@ def _best_points(body: MeshBody, cell: IntArray, cell_m: float) -> FloatArray:
 
 
 def deviation(before: list[MeshBody], after: list[MeshBody]) -> Deviation:
-    """Return the distances of sampled original vertices to the nearest triangles of the reduced surface."""
+    """Measure the distances of sampled original vertices to the nearest triangles of the reduced surface.
+
+    Returns
+    -------
+    Deviation
+        RMS and largest distance [m] of up to `SAMPLES` vertices.
+    """
     vertices = np.concatenate([b.positions_m for b in before])
     sample = vertices[:: len(vertices) // SAMPLES + 1]
     corners = np.concatenate([b.positions_m[b.triangles] for b in after])

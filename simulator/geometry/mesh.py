@@ -88,9 +88,13 @@ class TriangleMesh:
 
 
 def box_corners_m(positions_m: Sequence[NDArray[np.floating]]) -> FloatArray:
-    """Return the (8, 3) corners of the bounding box of point sets (N, 3).
+    """Return the corners of the bounding box of point sets (N, 3).
 
-    Bits 2, 1 and 0 of a corner's index select the upper bound in x, y and z.
+    Returns
+    -------
+    (8, 3) array
+        Corners [m], in the frame of the points. Bits 2, 1 and 0 of a corner's index select the upper bound in x, y and
+        z.
     """
     low = np.min([points.min(axis=0) for points in positions_m], axis=0).astype(float)
     high = np.max([points.max(axis=0) for points in positions_m], axis=0).astype(float)

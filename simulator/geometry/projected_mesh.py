@@ -76,7 +76,13 @@ class ProjectedMesh:
         return PlaneGrid.over(self._bounds)
 
     def hides(self, points: FloatArray, near: FloatArray) -> BoolArray:
-        """Return (K,) True where a triangle covers a point (K, 2) and is nearer than ``near`` (K,) there."""
+        """Return True for the points (K, 2) that triangles hide; ``near`` (K,) is the nearness of the points.
+
+        Returns
+        -------
+        (K,) array of bool
+            True where a triangle covers a point and is nearer there; edge-on triangles hide nothing.
+        """
         point, triangle = self._grid.at(points)
         planes = _planes(self.x[:, triangle], self.y[:, triangle], self.near[:, triangle], self.edge_on_area)
         a, b, c = planes.transpose(1, 0, 2)
@@ -163,7 +169,14 @@ def project_to_pinhole(mesh: TriangleMesh, R: FloatArray, t: FloatArray) -> Proj
 
 
 def project_along(mesh: TriangleMesh, direction: tuple[float, float, float]) -> ProjectedMesh:
-    """Project a mesh orthographically along a unit vector. Nearness is the distance along it [m]."""
+    """Project a mesh orthographically along a unit vector.
+
+    Returns
+    -------
+    ProjectedMesh
+        Triangles in the axes of `view_basis` without the back faces of closed shells; nearness is the distance along
+        the vector [m].
+    """
     corners = mesh.corners_m[:, :, mesh.facing(np.append(direction, 0.0))]
     x, y, near = (view_basis(direction) @ corners.reshape(3, -1)).reshape(corners.shape)
     return ProjectedMesh(x, y, near, EDGE_ON_AREA_M2)

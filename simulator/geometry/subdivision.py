@@ -51,6 +51,12 @@ def subdivide(positions_m: FloatArray, triangles: _IndexArray, longest_m: float)
     """Halve edges until none is longer than ``longest_m``.
 
     The mesh stays watertight, because the decision depends on the edge only and is the same for both of its triangles.
+
+    Returns
+    -------
+    Subdivision
+        Triangles and the parents of new vertices, which follow the given ones; new positions are not kept, but
+        `Subdivision.extended` makes them.
     """
     p = np.asarray(positions_m, float)
     tri = np.asarray(triangles, np.int64)

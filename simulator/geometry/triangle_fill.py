@@ -19,7 +19,13 @@ CLIP_MARGIN_PX = 4096
 
 
 def filled_mask(corners_px: FloatArray, size: tuple[int, int]) -> ByteArray:
-    """Return a mask of a width and height, 255 where triangles (M, 3, 2) cover at least half of a pixel."""
+    """Fill triangles (M, 3, 2) in a mask of a width and height.
+
+    Returns
+    -------
+    (height, width) array
+        uint8 mask: 255 where the triangles cover at least half of a pixel, else 0.
+    """
     mask = np.zeros(size[::-1], np.uint8)
     low = np.clip(np.floor(corners_px.min(axis=(0, 1))) - 1, 0, size).astype(int)
     high = np.clip(np.ceil(corners_px.max(axis=(0, 1))) + 2, 0, size).astype(int)
@@ -39,7 +45,15 @@ def filled_mask(corners_px: FloatArray, size: tuple[int, int]) -> ByteArray:
 
 
 def lowest_and_highest(corners: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]]:
-    """Return (M, 2) the least and greatest coordinates of triangles (M, 3, 2); NumPy is slow along short axes."""
+    """Return the bounds of triangles (M, 3, 2), because NumPy is slow along short axes.
+
+    Returns
+    -------
+    low : (M, 2) array
+        Least coordinates of each triangle.
+    high : (M, 2) array
+        Greatest coordinates.
+    """
     a, b, c = corners[:, 0], corners[:, 1], corners[:, 2]
     return np.minimum(np.minimum(a, b), c), np.maximum(np.maximum(a, b), c)
 

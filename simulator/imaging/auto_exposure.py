@@ -79,7 +79,13 @@ class ExposureTrack:
     _cache: dict[int, float] = field(default_factory=dict)
 
     def exposure_s(self, t_s: float) -> float:
-        """Return the exposure at ``t_s``; the loop is settled at the flight's start."""
+        """Return the exposure at ``t_s``.
+
+        Returns
+        -------
+        float
+            Exposure [s]. At the flight's start it is the metered one, because the loop is settled then.
+        """
         step = self.settings.lag_s / STEPS_PER_LAG
         step_index = int(np.floor(t_s / step + STEP_TOLERANCE))
         first = max(0, step_index - STEPS_PER_LAG * MEMORY_LAGS)

@@ -57,13 +57,25 @@ def display_picture(image: NDArray[np.unsignedinteger], sensor: Sensor, encoding
 
 
 def screen_values(light: FloatArray) -> FloatArray:
-    """Return sRGB numbers, 0 to 1, for linear light, 1 at full scale."""
+    """Convert linear light to sRGB numbers by the tone curve.
+
+    Returns
+    -------
+    array
+        Numbers 0 to 1, of the shape of ``light``; light above full scale gives 1.
+    """
     x = np.clip(light, 0.0, 1.0)
     return encode((1 + SHOULDER) * x / (SHOULDER + x), "srgb")
 
 
 def raw_picture(image: NDArray[np.unsignedinteger], bits: int) -> ByteArray:
-    """Return the upper eight bits of an image's numbers."""
+    """Reduce an image's numbers to their upper eight bits.
+
+    Returns
+    -------
+    array
+        Copy of the shape of ``image``, uint8; numbers of up to 8 bits are unchanged.
+    """
     return np.asarray(image >> max(bits - 8, 0), np.uint8)
 
 

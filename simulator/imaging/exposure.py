@@ -111,7 +111,14 @@ class MeanRadiance:
 
 
 def integrate(renderer: Renderer, scene: SceneState, target: Target) -> MeanRadiance:
-    """Draw a scene over its exposure."""
+    """Draw a scene over its exposure.
+
+    Returns
+    -------
+    MeanRadiance
+        Mean radiance, each band of rows over its own exposure; times by stage [ms], summed over all drawings; and the
+        number of drawings.
+    """
     scene_at = scene_propagator(scene)
     bands, instants_ = row_bands(scene, target), instants(scene, target, scene_at)
     if len(bands) == 1 and len(instants_) == 1 and bands[0].dt_s == 0:

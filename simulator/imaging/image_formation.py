@@ -113,7 +113,13 @@ def _apply_lens_effects(image: Float32Array, optics: Optics, conditions: Viewing
 
 
 def noise_sigma(sensor: Sensor, signal: float = 0.0, exposure_s: float = 0.0) -> float:
-    """Return the standard deviation of the noise on a 0..1 signal, quantisation included [1]."""
+    """Return the standard deviation of the noise on a 0..1 signal, quantisation included.
+
+    Returns
+    -------
+    float
+        Standard deviation relative to full scale; with a detector, relative to saturation.
+    """
     if sensor.detector is not None:
         return detector_sigma(sensor, signal, exposure_s)
     step = 1.0 / (2**sensor.bits - 1)
@@ -183,7 +189,13 @@ def digitise(
 
 
 def prefetch_scene_noise(scene: SceneState) -> Callable[[], ImageNoise]:
-    """Draw the additive noise of a scene's image in another thread; the result is for `digitise_scene`."""
+    """Draw the additive noise of a scene's image in another thread.
+
+    Returns
+    -------
+    callable
+        Function without arguments that waits for the `ImageNoise`, to be called once; it is for `digitise_scene`.
+    """
     bands = len(bands_of(scene.bands))
     size = (scene.camera.height_px, scene.camera.width_px)
     sensor = converter(scene.sensor, scene.camera.pixel_encoding)

@@ -129,7 +129,13 @@ def _ground(scene: SceneState) -> tuple[FloatArray, FloatArray]:
 
 
 def metered_exposure_s(auto: AutoExposure, scene: SceneState, target: Target) -> float:
-    """Return the meter's exposure for a scene [s]."""
+    """Return the meter's exposure for a scene.
+
+    Returns
+    -------
+    float
+        Exposure within the bounds of ``auto`` [s]; the longest if nothing is lit.
+    """
     # a uniform grey image, exposed for a second, gives the sensor's response to unit radiance
     signal = float(expose(np.ones((9, 9), np.float32), scene.sensor, 1.0, optics=scene.optics)[4, 4])
     return auto.exposure_for_radiance_s(metered_radiance_w_m2_sr(scene, target, auto.share), 1 / signal)

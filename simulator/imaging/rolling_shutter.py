@@ -30,7 +30,13 @@ class RowBand:
 
 
 def crop(camera: Camera, x0: int, y0: int, width_px: int, height_px: int) -> Camera:
-    """Return the camera of a window of the image, possibly beyond its edges."""
+    """Return the camera of a window of the image, possibly beyond its edges.
+
+    Returns
+    -------
+    Camera
+        Copy with the window's size and a shifted principal point; focal lengths, lens and encoding are unchanged.
+    """
     return replace(
         camera, width_px=width_px, height_px=height_px, cx_px=camera.cx_px - x0, cy_px=camera.cy_px - y0
     )

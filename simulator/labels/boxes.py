@@ -18,7 +18,15 @@ NEAREST_M = 1e-3  # points closer to the camera's plane, or behind it, have no p
 
 
 def craft_window(mask: ByteArray) -> tuple[slice, slice]:
-    """Return rows and columns that contain a mask, so that the rest of the image need not be processed."""
+    """Return rows and columns that contain a mask, so that the rest of the image need not be processed.
+
+    Returns
+    -------
+    rows : slice
+        First and end row that contain the mask; 0 to 0 if it is empty.
+    columns : slice
+        First and end column, likewise.
+    """
     rows = np.flatnonzero(mask.any(axis=1))
     if not rows.size:
         return slice(0, 0), slice(0, 0)
@@ -27,7 +35,13 @@ def craft_window(mask: ByteArray) -> tuple[slice, slice]:
 
 
 def mask_box(mask: ByteArray) -> Box | None:
-    """Return x0 y0 x1 y1 of a mask at pixel edges: a one-pixel mask at (3, 4) gives 2.5 3.5 3.5 4.5."""
+    """Return the bounding box of a mask at pixel edges.
+
+    Returns
+    -------
+    tuple of float or None
+        x0, y0, x1, y1 [px]: a one-pixel mask at (3, 4) gives 2.5, 3.5, 3.5, 4.5. None for an empty mask.
+    """
     rows, columns = craft_window(mask)
     if rows.stop == 0:
         return None
@@ -35,7 +49,13 @@ def mask_box(mask: ByteArray) -> Box | None:
 
 
 def amodal_box(scene: SceneState, target: Target) -> Box | None:
-    """Return bounds of all projected vertices, not clipped to the image; None if part is behind the camera."""
+    """Return the bounds of all projected vertices, not clipped to the image.
+
+    Returns
+    -------
+    tuple of float or None
+        x0, y0, x1, y1 [px]; None if a vertex is behind the camera or within `NEAREST_M` of its plane.
+    """
     mesh = joined_mesh(target)
     # without lens distortion, the extremes of a projection are corners of the convex hull
     points = mesh.hull_m if scene.camera.distortion.is_none else mesh.positions_m

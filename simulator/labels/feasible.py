@@ -107,7 +107,13 @@ def wireframe_step_share(
 
 
 def mono_signal(signal: Float32Array) -> Float32Array:
-    """Return the (H, W) mean of a signal's clipped bands (H, W, 3); a single band is returned unchanged."""
+    """Average the clipped bands of a signal.
+
+    Returns
+    -------
+    (H, W) array
+        Mean of the bands of a signal (H, W, 3), 0 to 1, float32; a single band is returned itself, not clipped.
+    """
     if signal.ndim == 2:
         return signal
     return np.asarray(np.clip(signal, 0, 1).mean(axis=2), np.float32)
@@ -131,7 +137,13 @@ def _sample(image: Float32Array, pixels: FloatArray) -> FloatArray:
 
 
 def infeasible_reason(silhouette_inside: float, step_share: float, amodal: Box | None) -> InfeasibleReason:
-    """Return why a frame is infeasible: cropped first, then dark or, if small, too far; an empty string if feasible."""
+    """Return why a frame is infeasible.
+
+    Returns
+    -------
+    str
+        ``cropped`` before all else, then ``too_far`` for a small craft or ``dark``; empty if the frame is feasible.
+    """
     if silhouette_inside < SILHOUETTE_SHARE:
         return "cropped"
     if step_share >= STEP_SHARE:

@@ -66,6 +66,11 @@ class _Kind(msgspec.Struct, frozen=True):
 def read_label_record(path: str | Path) -> LabelRecord:
     """Read and validate the record of a frame, drawn or imported.
 
+    Returns
+    -------
+    Truth or ImportedTruth
+        Record, by the schema that the file names.
+
     Raises
     ------
     UserError
@@ -77,6 +82,11 @@ def read_label_record(path: str | Path) -> LabelRecord:
 
 def parse_label_record(data: bytes, path: Path) -> LabelRecord:
     """Parse the record from its text; ``path`` names it in errors.
+
+    Returns
+    -------
+    Truth or ImportedTruth
+        Record, by the schema that the text names.
 
     Raises
     ------

@@ -67,7 +67,13 @@ def label_keypoints(
 
 
 def pixel_or_none(pixel: FloatArray) -> tuple[float, float] | None:
-    """Return a pixel position for a record; None behind the camera."""
+    """Convert a projected point to the pixel position of a record.
+
+    Returns
+    -------
+    tuple of float or None
+        Column and row [px], also outside the image; None behind the camera, where the projection is NaN.
+    """
     return (float(pixel[0]), float(pixel[1])) if np.isfinite(pixel).all() else None
 
 

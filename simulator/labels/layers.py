@@ -100,15 +100,26 @@ def needs_surfaces(request: LabelRequest) -> bool:
 
 
 def pixel_hash(image: NDArray[Any]) -> str:
-    """Return the SHA-256 of an image's pixels, row by row, independent of the file."""
+    """Hash an image's pixels, row by row, independent of the file.
+
+    Returns
+    -------
+    str
+        SHA-256, 64 lower-case hexadecimal digits.
+    """
     return hashlib.sha256(np.ascontiguousarray(image).data).hexdigest()
 
 
 def layer_hash(name: str, layer: NDArray[Any], mask: ByteArray) -> str:
-    """Return the SHA-256 of a layer's values, row by row, independent of the file.
+    """Hash a layer's values, row by row, independent of the file.
 
     Depth, parts, normals and flow are hashed where ``mask`` is set, because they are empty elsewhere. Other layers are
     hashed completely.
+
+    Returns
+    -------
+    str
+        SHA-256, 64 lower-case hexadecimal digits.
     """
     if name in MASKED_LAYERS and layer.shape[:2] == mask.shape:
         # viewing a pixel's values as one item makes the selection faster

@@ -37,7 +37,13 @@ _ARROW_WIDTHS, _LINE_WIDTHS, _TIP_SHARE = 640, 1900, 0.15
 
 
 def screen_rgb(image: NDArray[np.unsignedinteger], sensor: Sensor, encoding: Encoding) -> ByteArray:
-    """Return an RGB copy of an image (H, W) or (H, W, 3) as displayed: see `display_picture`."""
+    """Convert an image (H, W) or (H, W, 3) to RGB as displayed: see `display_picture`.
+
+    Returns
+    -------
+    (H, W, 3) array
+        RGB copy, 8 bits.
+    """
     picture = display_picture(image, sensor, encoding)
     return np.repeat(picture[..., None], 3, axis=2) if picture.ndim == 2 else picture
 
@@ -77,7 +83,13 @@ def draw_truth(
 def draw_wireframe(
     canvas: ByteArray, camera: Camera, pose: Pose, target: Target, colour: tuple[int, int, int] = BLUE
 ) -> ByteArray:
-    """Draw the visible edges of a target at a pose over an RGB image."""
+    """Draw the visible edges of a target at a pose over an RGB image.
+
+    Returns
+    -------
+    (H, W, 3) array
+        RGB copy, 8 bits.
+    """
     picture = canvas.copy()
     for view in view_edges(camera, pose, target, joined_mesh(target)):
         for interval in view.intervals:
@@ -86,7 +98,13 @@ def draw_wireframe(
 
 
 def draw_box(canvas: ByteArray, camera: Camera, box_px: Box | None) -> ByteArray:
-    """Draw a box, if there is one, over an RGB image."""
+    """Draw a box, if there is one, over an RGB image.
+
+    Returns
+    -------
+    (H, W, 3) array
+        RGB copy, 8 bits; without a box an unchanged one.
+    """
     picture = canvas.copy()
     if box_px is not None:
         x0, y0, x1, y1 = (round(v) for v in box_px)
@@ -95,7 +113,13 @@ def draw_box(canvas: ByteArray, camera: Camera, box_px: Box | None) -> ByteArray
 
 
 def draw_keypoints(canvas: ByteArray, camera: Camera, keypoints: tuple[KeypointLabel, ...]) -> ByteArray:
-    """Draw keypoints over an RGB image: green if visible, orange if unlit or saturated, grey if hidden."""
+    """Draw keypoints over an RGB image: green if visible, grey if hidden, orange if unlit, saturated or in the noise.
+
+    Returns
+    -------
+    (H, W, 3) array
+        RGB copy, 8 bits, without the keypoints behind the camera or outside the image.
+    """
     picture, width = canvas.copy(), _line_width(camera)
     for k in keypoints:
         if k.pixel_px is None or k.state == "out_of_frame":
@@ -108,7 +132,13 @@ def draw_keypoints(canvas: ByteArray, camera: Camera, keypoints: tuple[KeypointL
 
 
 def draw_outline(canvas: ByteArray, camera: Camera, mask: ByteArray) -> ByteArray:
-    """Draw the outline of a mask over an RGB image."""
+    """Draw the outline of a mask over an RGB image.
+
+    Returns
+    -------
+    (H, W, 3) array
+        RGB copy, 8 bits, with inner and outer outlines.
+    """
     picture = canvas.copy()
     outlines, _ = cv2.findContours(mask, cv2.RETR_CCOMP, cv2.CHAIN_APPROX_NONE)
     cv2.drawContours(picture, outlines, -1, ORANGE, _line_width(camera))
@@ -151,7 +181,13 @@ def draw_axes(canvas: ByteArray, camera: Camera, pose: Pose, length_m: float) ->
 def draw_pose(
     canvas: ByteArray, truth: Truth, target: Target, q_wxyz: tuple[float, ...], t_m: tuple[float, ...]
 ) -> ByteArray:
-    """Draw the wireframe at an estimated pose, in orange, over an RGB image."""
+    """Draw the wireframe at an estimated pose, in orange, over an RGB image.
+
+    Returns
+    -------
+    (H, W, 3) array
+        RGB copy, 8 bits.
+    """
     pose = type(truth.scene.camera_from_target).from_arrays("camera", "target", q_wxyz, t_m)
     return draw_wireframe(canvas, truth.camera, pose, target, ORANGE)
 

@@ -68,17 +68,35 @@ def class_from_name(part: str) -> PartClass | None:
 
 
 def part_class(part: str) -> PartClass:
-    """Return the class of a part by its name; ``body`` if the name implies none."""
+    """Return the class of a part by its name.
+
+    Returns
+    -------
+    str
+        One of `PART_CLASSES`; ``body`` if the name implies none.
+    """
     return class_from_name(part) or "body"
 
 
 def target_classes(target: Target) -> tuple[PartClass, ...]:
-    """Return the classes of a target's parts in order: those set explicitly, else by name."""
+    """Return the classes of a target's parts.
+
+    Returns
+    -------
+    tuple of str
+        Classes in the order of the parts: those that the target sets explicitly, else by name.
+    """
     return tuple(target.part_classes.get(part.name) or part_class(part.name) for part in target.parts)
 
 
 def class_report(target: Target) -> list[str]:
-    """Return lines of text for the user that list the classes of the parts and the unclassified parts."""
+    """Describe the classes of a target's parts for the user.
+
+    Returns
+    -------
+    list of str
+        A line that lists the parts of each class and, if names imply no class, a line of these parts.
+    """
     parts_by_class: dict[str, list[str]] = {}
     unclassified = []
     for part, part_class_ in zip(target.parts, target_classes(target), strict=True):

@@ -33,7 +33,12 @@ class LabelRequest:
 
 
 def parse_labels(text: str) -> tuple[str, ...]:
-    """Parse layers from a comma-separated list, ``all`` or ``none``, in the order of ``LAYERS``.
+    """Parse layers from a comma-separated list, ``all`` or ``none``.
+
+    Returns
+    -------
+    tuple of str
+        Distinct layers in the order of ``LAYERS``; empty for ``none`` alone and for an empty text.
 
     Raises
     ------

@@ -34,6 +34,12 @@ def surfaces(
 ) -> Surfaces:
     """Return the surface at each pixel's centre at its row's mid-exposure, with ``margin_px`` beyond the edges.
 
+    Returns
+    -------
+    Surfaces
+        Arrays of H + 2 ``margin_px`` rows and W + 2 ``margin_px`` columns, camera frame; normals and parts are None
+        without ``layers``.
+
     Raises
     ------
     RuntimeError

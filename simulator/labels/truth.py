@@ -121,12 +121,24 @@ class Truth(msgspec.Struct, frozen=True, kw_only=True, dict=True):
 
 
 def truth_to_json(truth: Truth) -> bytes:
-    """Return the record as indented JSON; floats round-trip exactly."""
+    """Write the record as indented JSON.
+
+    Returns
+    -------
+    bytes
+        UTF-8 text that ends with a line feed; floats round-trip exactly.
+    """
     return msgspec.json.format(msgspec.json.encode(truth), indent=1) + b"\n"
 
 
 def truth_document(truth: Truth) -> dict[str, Any]:
-    """Return the record as a JSON-able document."""
+    """Convert the record to a document of plain values.
+
+    Returns
+    -------
+    dict of str to object
+        Values that JSON can hold, by the keys of the record's file; a new dictionary.
+    """
     return dict(msgspec.json.decode(msgspec.json.encode(truth)))
 
 

@@ -148,7 +148,17 @@ class FrameImages:
         return image if self.bands == 1 else image.reshape(height, width, 3)
 
     def read_part(self, rect: PixelRect) -> tuple[Float32Array, Float32Array, tuple[slice, slice]]:
-        """Read radiance (h, w) or (h, w, 3) and coverage (h, w) of some pixels; also return their rows and columns."""
+        """Read radiance and coverage of some pixels.
+
+        Returns
+        -------
+        radiance : (h, w) or (h, w, 3) array
+            Radiance of the rectangle [W m-2 sr-1], float32, row 0 at the top.
+        coverage : (h, w) array
+            Share of each pixel that the target covers, 0 to 1, float32.
+        window : tuple of slice
+            Rows and columns of the rectangle in the image.
+        """
         window = slice(rect.y0, rect.y1), slice(rect.x0, rect.x1)
         size = rect.y1 - rect.y0, rect.x1 - rect.x0
         bands = () if self.bands == 1 else (self.bands,)
@@ -161,7 +171,13 @@ class FrameImages:
         return radiance, np.frombuffer(cover, np.float32).reshape(size), window
 
     def read_coverage(self) -> Float32Array:
-        """Read the coverage (H, W), 0..1."""
+        """Read the coverage of all pixels.
+
+        Returns
+        -------
+        (H, W) array
+            Share of each pixel that the target covers, 0 to 1, float32, row 0 at the top.
+        """
         flush(self._context)
         data = self._label_framebuffer.read(components=1, dtype="f4", alignment=1)
         return np.frombuffer(data, np.float32).reshape(self.size[1], self.size[0])

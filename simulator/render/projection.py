@@ -43,13 +43,25 @@ class PixelRect:
         return (self.x0, self.y0, self.width, self.height)
 
     def intersection(self, other: PixelRect) -> PixelRect | None:
-        """Return the intersection, or None if it is empty."""
+        """Return the intersection with another rectangle.
+
+        Returns
+        -------
+        PixelRect or None
+            Common pixels; None if there are none.
+        """
         x0, y0 = max(self.x0, other.x0), max(self.y0, other.y0)
         x1, y1 = min(self.x1, other.x1), min(self.y1, other.y1)
         return PixelRect(x0, y0, x1, y1) if x1 > x0 and y1 > y0 else None
 
     def union(self, other: PixelRect) -> PixelRect:
-        """Return the smallest rectangle that holds both."""
+        """Return the bounding rectangle of two.
+
+        Returns
+        -------
+        PixelRect
+            Smallest rectangle that holds both; it may hold pixels of neither.
+        """
         low, high = (
             (min(self.x0, other.x0), min(self.y0, other.y0)),
             (max(self.x1, other.x1), max(self.y1, other.y1)),

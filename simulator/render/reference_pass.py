@@ -43,9 +43,14 @@ class ReferencePass:
         self._targets: dict[tuple[int, int], moderngl.Framebuffer] = {}
 
     def laps_ms(self, size: tuple[int, int], count: int) -> list[float]:
-        """Time ``count`` passes at a size (width, height) [px], after a warm-up pass; return the times [ms].
+        """Time ``count`` passes at a size (width, height) [px], after a warm-up pass.
 
         The context stays current.
+
+        Returns
+        -------
+        list of float
+            Time of each pass [ms], until the driver has finished it; the warm-up is left out.
         """
         context = self._context
         context.__enter__()  # type: ignore[no-untyped-call]

@@ -17,12 +17,24 @@ Mat3 = tuple[Vec3, Vec3, Vec3]
 
 
 def vec3(values: FloatArray) -> Vec3:
-    """Return a (3,) array as an immutable triple of Python floats."""
+    """Convert an array to an immutable triple of Python floats.
+
+    Returns
+    -------
+    tuple of float
+        The three values of the (3,) array.
+    """
     x, y, z = map(float, values)
     return (x, y, z)
 
 
 def quat(values: FloatArray) -> Quat:
-    """Return a (4,) array, scalar first, as an immutable tuple of Python floats."""
+    """Convert an array to an immutable quaternion of Python floats.
+
+    Returns
+    -------
+    tuple of float
+        The four values of the (4,) array, scalar first; they are not normalised.
+    """
     w, x, y, z = map(float, values)
     return (w, x, y, z)

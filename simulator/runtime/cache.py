@@ -43,7 +43,13 @@ class DamagedError(ValueError):
 
 
 def cache_folder(part: str = "") -> Path:
-    """Return ``FLYAROUND_CACHE_DIR`` or the platform's cache folder, or a subfolder of it."""
+    """Return the cache folder, or a subfolder of it.
+
+    Returns
+    -------
+    Path
+        ``FLYAROUND_CACHE_DIR`` or the platform's cache folder, joined with ``part``; it may not exist yet.
+    """
     folder = os.environ.get("FLYAROUND_CACHE_DIR", "")
     return (Path(folder) if folder else Path(platformdirs.user_cache_dir("flyaround"))) / part
 
@@ -133,7 +139,13 @@ def map_checked(path: Path) -> tuple[mmap.mmap, int]:
 
 
 def read_checked(path: Path) -> bytes | None:
-    """Return the contents of a cache file, or ``None`` if it is missing or damaged; damage is logged."""
+    """Read the contents of a cache file, and log damage.
+
+    Returns
+    -------
+    bytes or None
+        Copy of the contents without the trailer; None if the file is missing or damaged.
+    """
     try:
         mapped, length = map_checked(path)
     except FileNotFoundError:

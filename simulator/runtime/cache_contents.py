@@ -52,7 +52,12 @@ class CacheKind:
 
 
 def max_cache_bytes() -> int:
-    """Return the size limit of the cache [bytes], from ``FLYAROUND_CACHE_MB`` if set.
+    """Return the size limit of the cache, from ``FLYAROUND_CACHE_MB`` if set.
+
+    Returns
+    -------
+    int
+        Limit [bytes], a multiple of 1,000,000.
 
     Raises
     ------
@@ -68,7 +73,13 @@ def max_cache_bytes() -> int:
 
 
 def cache_kinds() -> list[CacheKind]:
-    """Return the kinds of entries in the cache folder, largest first."""
+    """Return the kinds of entries in the cache folder.
+
+    Returns
+    -------
+    list of CacheKind
+        Kinds by total size, largest first; empty without entries. Files of a subfolder are one kind, named after it.
+    """
     files: dict[str, int] = defaultdict(int)
     sizes: dict[str, int] = defaultdict(int)
     for path, stat in _files():
@@ -80,7 +91,12 @@ def cache_kinds() -> list[CacheKind]:
 
 
 def clear_cache() -> int:
-    """Remove every entry of the cache; return the freed size [bytes].
+    """Remove every entry of the cache.
+
+    Returns
+    -------
+    int
+        Size of the removed files [bytes].
 
     Raises
     ------

@@ -59,7 +59,14 @@ def cached_array(key: str, make: Callable[[], NDArray[_T]]) -> NDArray[_T]:
 
 
 def cached_arrays(keys: Sequence[str], make: Callable[[], Sequence[NDArray[_T]]]) -> list[NDArray[_T]]:
-    """Return several arrays, as `cached_array` does, that are made together."""
+    """Return several arrays, as `cached_array` does, that are made together.
+
+    Returns
+    -------
+    list of array
+        Arrays in the order of ``keys``, read-only where they are mapped from the cache. If one is missing or damaged,
+        all are taken from those that are shipped, or made again.
+    """
     paths = [cache_folder() / f"{key}.npy" for key in keys]
     arrays: list[NDArray[_T]] | None = _read(paths, logging.DEBUG)
     if arrays is not None:
@@ -77,7 +84,13 @@ def cached_arrays(keys: Sequence[str], make: Callable[[], Sequence[NDArray[_T]]]
 
 
 def entry_of(array: _Array) -> str | None:
-    """Return the key of an array that came from the cache."""
+    """Return the key of an array that came from the cache.
+
+    Returns
+    -------
+    str or None
+        Key; None for an array that is not mapped from the cache, such as a copy or slice of one that is.
+    """
     path = _mapped_paths.get(id(array))
     return None if path is None else path.stem
 

@@ -16,7 +16,13 @@ _SHARE_FROM_BYTES = 1 << 16  # smaller values travel in the message
 
 
 def open_anonymous_file() -> int:
-    """Return a descriptor of an empty unnamed file, to be passed to another process and then sized."""
+    """Open an empty unnamed file, to be passed to another process and then sized.
+
+    Returns
+    -------
+    int
+        File descriptor, which the caller closes.
+    """
     if hasattr(os, "memfd_create"):
         return os.memfd_create("flyaround")
     with tempfile.TemporaryFile() as file:  # macOS

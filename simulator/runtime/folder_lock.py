@@ -51,7 +51,13 @@ def only_writer(folder: Path, what: str) -> Iterator[None]:
 
 
 def lock_name(what: str) -> str:
-    """Return the name of the file that `only_writer` locks."""
+    """Return the name of the file that `only_writer` locks.
+
+    Returns
+    -------
+    str
+        File name without folder.
+    """
     return f".{what}.lock"
 
 

@@ -21,10 +21,15 @@ _Result = TypeVar("_Result")
 
 
 def keep_freed_memory() -> bool:
-    """Let the C library retain up to 256 MiB of freed memory for reuse; return True if it supports this.
+    """Let the C library retain up to 256 MiB of freed memory for reuse.
 
     By default it returns the memory of images to the system at once, and page faults slow down every frame. The setting
     is process-wide, so programs call this at their start, and importing the library does not.
+
+    Returns
+    -------
+    bool
+        True if the C library accepted the settings; False on systems other than Linux, and without ``mallopt``.
     """
     if not sys.platform.startswith("linux"):
         return False
@@ -46,6 +51,12 @@ def cached_per_object(make: Callable[[_Owner], _Result]) -> Callable[[_Owner], _
 
     It serves data derived from a target; an `lru_cache` would keep many targets alive. The result of ``make`` must not
     refer to the object.
+
+    Returns
+    -------
+    callable
+        Function that calls ``make`` at the first call for an object, and then returns the same result until the object
+        is collected.
     """
     results: WeakKeyDictionary[_Owner, _Result] = WeakKeyDictionary()
 

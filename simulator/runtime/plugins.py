@@ -51,7 +51,12 @@ class Plugin:
     entry: EntryPoint
 
     def load(self) -> Any:  # noqa: ANN401 - what each kind must be is checked where it is used
-        """Import and return the object that the entry point names.
+        """Import the object that the entry point names.
+
+        Returns
+        -------
+        object
+            Object as the package defines it; callers check that it meets its kind's contract.
 
         Raises
         ------
@@ -73,12 +78,24 @@ class Plugin:
         return f"{self.kind} {self.name} of package {self.package} {self.version}"
 
     def wrong(self, what: str) -> UserError:
-        """Return the error for an object that does not meet its kind's contract."""
+        """Return the error for an object that does not meet its kind's contract.
+
+        Returns
+        -------
+        UserError
+            Error for the caller to raise: the plug-in's title, ``what``, and advice.
+        """
         return UserError(f"{self.title} {what}; see docs/plugins.md, or pip uninstall {self.package}")
 
 
 def plugins(kind: Kind) -> dict[str, Plugin]:
-    """Return the entry points of a kind by name, sorted; none is imported."""
+    """Return the installed plug-ins of a kind, without importing them.
+
+    Returns
+    -------
+    dict of str to Plugin
+        Plug-ins by name, sorted by name; a new dictionary.
+    """
     # sys.path is part of the cache key: it determines which packages are found
     return dict(_entry_points(kind, tuple(sys.path)))
 

@@ -43,7 +43,13 @@ def is_prebuilt(name: str) -> bool:
 
 
 def prebuilt_array(key: str) -> NDArray[np.generic] | None:
-    """Return the shipped array of a cache key, or ``None`` if it is missing or damaged."""
+    """Return the shipped array of a cache key.
+
+    Returns
+    -------
+    array or None
+        Array in memory; None if it is missing or damaged, or hidden by `without_prebuilt`.
+    """
     if _ignore_prebuilt.get():
         return None
     name = f"{key}.npy"

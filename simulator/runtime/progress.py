@@ -22,7 +22,13 @@ class ProgressLine:
         self._memory = multiprocessing.get_context("spawn").RawArray(c_char, _LINE_BYTES)
 
     def read(self) -> str:
-        """Return the newest text; empty while nothing is prepared."""
+        """Return the newest text.
+
+        Returns
+        -------
+        str
+            Text of up to 95 bytes in UTF-8; empty while nothing is prepared.
+        """
         return bytes(self._memory.value).decode(errors="ignore")
 
     def write(self, text: str) -> None:

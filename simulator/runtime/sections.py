@@ -29,12 +29,25 @@ class Section(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=T
 
 
 def bounded(default: float, low: float, high: float) -> Any:  # noqa: ANN401 - as of `dataclasses.field`
-    """Return a dataclass field with a default, and its smallest and largest value for `bounds_of`."""
+    """Declare a dataclass field with a default and bounds, for `bounds_of`.
+
+    Returns
+    -------
+    dataclasses.Field
+        Field whose metadata hold the smallest and the largest value. The type is Any, as that of `dataclasses.field`
+        is.
+    """
     return field(default=default, metadata={"bounds": (low, high)})
 
 
 def bounds_of(kind: Any) -> dict[str, tuple[float, float]]:  # noqa: ANN401 - a dataclass or one of its instances
-    """Return the smallest and largest value of each field of a dataclass that has bounds."""
+    """Return the bounds of a dataclass's fields.
+
+    Returns
+    -------
+    dict of str to tuple of float
+        Smallest and largest value by field name, in the order of the fields; fields without bounds are left out.
+    """
     return {f.name: f.metadata["bounds"] for f in fields(kind) if f.metadata}
 
 

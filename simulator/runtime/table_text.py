@@ -14,17 +14,35 @@ FORMULA_BEGINNINGS = ("=", "+", "-", "@", "'", "\t", "\r")
 
 
 def table_text(text: str) -> str:
-    """Return a text, with an apostrophe before it if a spreadsheet would take it for a formula."""
+    """Escape a text for a cell of a table.
+
+    Returns
+    -------
+    str
+        Text, with an apostrophe before it if a spreadsheet would take it for a formula.
+    """
     return f"'{text}" if text.startswith(FORMULA_BEGINNINGS) else text
 
 
 def text_of_table(cell: str) -> str:
-    """Return the original text of a cell that `table_text` made."""
+    """Return the original text of a cell that `table_text` made.
+
+    Returns
+    -------
+    str
+        Text without the apostrophe of `table_text`; a cell that it left as it was is returned unchanged.
+    """
     return cell[1:] if cell[:1] == "'" and cell[1:].startswith(FORMULA_BEGINNINGS) else cell
 
 
 def table_bytes(*lines: Iterable[object], rows: Iterable[Iterable[object]] = ()) -> bytes:
-    """Return a CSV table in UTF-8: ``lines``, usually the names of the columns, and ``rows``."""
+    """Write a CSV table of ``lines``, usually the names of the columns, and ``rows``.
+
+    Returns
+    -------
+    bytes
+        Table in UTF-8 without a byte-order mark, its lines ended by a line feed.
+    """
     text = io.StringIO()
     csv.writer(text, lineterminator="\n").writerows((*lines, *rows))
     return text.getvalue().encode()

@@ -24,12 +24,24 @@ def use_one_for_matrices() -> None:
 
 
 def usable_processors() -> int:
-    """Return the number of processors that this process may run on."""
+    """Return the number of processors that this process may run on.
+
+    Returns
+    -------
+    int
+        Number of processors, at least 1; without affinity masks that of the machine.
+    """
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def helper_threads() -> int:
-    """Return the number of threads that fill the processors beside a busy caller; at least one."""
+    """Return the number of threads that fill the processors beside a busy caller.
+
+    Returns
+    -------
+    int
+        One less than the usable processors, but at least 1.
+    """
     return max(usable_processors() - 1, 1)
 
 
@@ -53,7 +65,14 @@ def share_processors(processes: int) -> None:
 
 
 def split_rows(rows: int, count: int) -> list[tuple[int, int]]:
-    """Return the first and end row of up to ``count`` pieces of about equal size."""
+    """Divide rows into up to ``count`` pieces of about equal size.
+
+    Returns
+    -------
+    list of tuple of int
+        First and end row of each piece, in ascending order and without gaps: fewer than ``count`` pieces if there are
+        fewer rows, and at least one.
+    """
     count = max(min(count, rows), 1)
     return [(rows * k // count, rows * (k + 1) // count) for k in range(count)]
 
@@ -86,7 +105,13 @@ def run_in_threads(pieces: list[tuple[int, int]], work: Callable[[int, int], Non
 
 @lru_cache(maxsize=1)
 def threads() -> int:
-    """Return the number of threads that share work, this one included: two on the smallest machines."""
+    """Return the number of threads that share work.
+
+    Returns
+    -------
+    int
+        2 to `MAX_THREADS`, the calling thread included; 2 even on one processor.
+    """
     return min(max(usable_processors(), 2), MAX_THREADS)
 
 

@@ -7,7 +7,13 @@ from typing import Any
 
 
 def to_toml(table: dict[str, Any], path: str = "") -> str:
-    """Return a nested table as TOML; keys without a value are left out."""
+    """Write a nested table as TOML.
+
+    Returns
+    -------
+    str
+        Plain keys first, then the nested tables under their full paths; keys whose value is None are left out.
+    """
     nested = {k: v for k, v in table.items() if isinstance(v, dict) or _is_tables(v)}
     plain = {k: v for k, v in table.items() if v is not None and k not in nested}
     text = "".join(f"{key} = {toml_value(value)}\n" for key, value in plain.items())
@@ -25,7 +31,13 @@ def _is_tables(value: Any) -> bool:  # noqa: ANN401 - a TOML value is anything
 
 
 def toml_value(value: Any) -> str:  # noqa: ANN401 - a TOML value is anything
-    """Return a value as TOML writes it."""
+    """Write a value as TOML does.
+
+    Returns
+    -------
+    str
+        Value on one line: a list, number, boolean or quoted string.
+    """
     if isinstance(value, list | tuple):
         return "[" + ", ".join(toml_value(v) for v in value) + "]"
     if isinstance(value, float):

@@ -157,7 +157,12 @@ def _size(n_bytes: int) -> str:
 
 
 def without_mark(data: bytes, source: str) -> bytes:
-    """Return a text file's bytes without the byte-order mark that Windows' editors put before UTF-8.
+    """Remove the byte-order mark that Windows' editors put before UTF-8.
+
+    Returns
+    -------
+    bytes
+        Text without the mark; it is not otherwise checked to be UTF-8.
 
     Raises
     ------
@@ -175,6 +180,11 @@ def without_mark(data: bytes, source: str) -> bytes:
 
 def decode_text(data: bytes, source: str) -> str:
     """Decode a text file as UTF-8, with or without a byte-order mark.
+
+    Returns
+    -------
+    str
+        Text without the mark.
 
     Raises
     ------

@@ -14,6 +14,12 @@ _VALUE = re.compile(r"(?<=[?&#;])(?!(?:baud|rtscts|datagram)=)([^=&;#]*)=[^&;#]*
 
 
 def without_secrets(text: str) -> str:
-    """Return a URL, or a sentence with URLs in it, without user names, passwords and the values of queries."""
+    """Hide user names, passwords and the values of queries in a URL, or in a sentence with URLs.
+
+    Returns
+    -------
+    str
+        Text with ``***`` in their place; the settings ``baud``, ``rtscts`` and ``datagram`` of links to boards stay.
+    """
     printable = _USER.sub("***@", text)
     return _QUERY.sub(lambda match: match[1] + _VALUE.sub(r"\1=***", match[2]), printable)

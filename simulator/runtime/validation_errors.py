@@ -129,7 +129,13 @@ def _by_tag(types: list[mi.Type], table: dict[str, Any]) -> list[mi.Type]:
 
 
 def alternatives(type_: mi.Type) -> list[mi.Type]:
-    """Return every type that a key may have."""
+    """Expand unions and annotations into every type that a key may have.
+
+    Returns
+    -------
+    list of msgspec.inspect.Type
+        Types without metadata, in the order of the union; None is left out.
+    """
     if isinstance(type_, mi.UnionType):
         return [a for t in type_.types for a in alternatives(t)]
     if isinstance(type_, mi.Metadata):
@@ -158,7 +164,13 @@ def _choices(types: list[mi.Type]) -> list[str]:
 
 
 def describe_all(types: list[mi.Type]) -> str:
-    """Describe the allowed values: ``a number of more than 0``, ``mono, rgb``, ``a list of 3, each a number``."""
+    """Describe the allowed values of a key in words.
+
+    Returns
+    -------
+    str
+        Distinct descriptions joined by ``or``, such as ``a number of more than 0`` or ``a list of 3, each a number``.
+    """
     return " or ".join(dict.fromkeys(_describe(t) for t in types))
 
 

@@ -108,7 +108,12 @@ class WorkerPool(Generic[T]):
         return self._processes[job % self._count]
 
     def submit(self, *arguments: object, **options: object) -> bool:
-        """Queue one job for the process whose turn it is; return False if that one is full.
+        """Queue one job for the process whose turn it is.
+
+        Returns
+        -------
+        bool
+            True if the job is queued; False if that process has no room, and the job is not queued.
 
         Raises
         ------
@@ -127,7 +132,12 @@ class WorkerPool(Generic[T]):
         return True
 
     def ready(self) -> bool:
-        """Return True if ``result`` would return or raise without waiting.
+        """Return True if the oldest job's result can be collected without waiting.
+
+        Returns
+        -------
+        bool
+            True if the oldest job has ended, in a result or an error; False while it runs, and without a job in flight.
 
         Raises
         ------
@@ -154,7 +164,12 @@ class WorkerPool(Generic[T]):
             self._restart(None, f"has done nothing for {idle_s:.0f} s")
 
     def result(self) -> T:
-        """Return the oldest job's result; wait for it.
+        """Wait for the oldest job, and return its result.
+
+        Returns
+        -------
+        object
+            Value that ``work`` returned. Results come in the order of submission.
 
         Raises
         ------

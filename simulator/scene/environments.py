@@ -94,7 +94,13 @@ class EnvironmentSection(Environment, frozen=True, forbid_unknown_fields=True):
     preset: EnvironmentName = "full"
 
     def layers(self) -> Environment:
-        """Return the layers without the preset's name; the reader has already applied the preset."""
+        """Return the layers without the preset's name.
+
+        Returns
+        -------
+        Environment
+            Switches and parameters of this section; the reader of the file has already applied the preset.
+        """
         return Environment(**{name: getattr(self, name) for name in Environment.__struct_fields__})
 
 
@@ -131,6 +137,11 @@ ENVIRONMENTS: dict[EnvironmentName, Environment] = {
 def environment_preset(name: str) -> Environment:
     """Return the environment called ``name``.
 
+    Returns
+    -------
+    Environment
+        Layers of the preset, from `ENVIRONMENTS`.
+
     Raises
     ------
     UserError
@@ -147,6 +158,11 @@ def environment_preset(name: str) -> Environment:
 
 def environment_section(name: str) -> EnvironmentSection:
     """Return the section of a named environment.
+
+    Returns
+    -------
+    EnvironmentSection
+        Section with ``preset`` set to the name and every layer set to its value in that preset.
 
     Raises
     ------

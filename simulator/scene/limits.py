@@ -48,7 +48,13 @@ MAX_SPEED_M_S, MAX_RATE_RAD_S = 1e6, 1e4  # far beyond any craft
 
 
 def scene_problem(scene: SceneState) -> str | None:
-    """Return the first field of a scene that is out of range, with the allowed range; None if there is none."""
+    """Describe the first field of a scene that is out of range.
+
+    Returns
+    -------
+    str or None
+        Field, value and allowed range; None if the scene has no such field.
+    """
     c, (earth, moon, *other_bodies) = scene.camera, scene.bodies
     names = [b.name for b in scene.bodies]
     if scene.central_body not in names or len(set(names)) < len(names):
@@ -111,7 +117,13 @@ def scene_problem(scene: SceneState) -> str | None:
 
 
 def imaging_problem(scene: SceneState) -> str | None:
-    """Return the first field of a scene's lens, optics and sensor that is out of range or does not fit the others."""
+    """Describe the first field of a scene's lens, optics and sensor that is out of range or does not fit the others.
+
+    Returns
+    -------
+    str or None
+        Field, value and allowed range; None if all fit.
+    """
     lens = camera_problem(scene.camera)
     if lens is not None:
         return f"scene.camera.{lens}"

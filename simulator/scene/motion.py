@@ -83,7 +83,13 @@ def propagated_scene(scene: SceneState, dt_s: float) -> SceneState:
 
 
 def central_velocity_m_s(scene: SceneState) -> FloatArray:
-    """Return the velocity (3,) of the central body relative to the Earth's centre."""
+    """Return the velocity of the central body relative to the Earth's centre.
+
+    Returns
+    -------
+    (3,) array
+        Velocity in ECI axes at the scene's epoch [m s-1]; zeros if the Earth is the central body.
+    """
     central = scene.central
     # for the Earth it is zero, and parsing the epoch would take longest
     if not any(central.r_eci_m):

@@ -82,7 +82,14 @@ class SceneRecord(msgspec.Struct, frozen=True, kw_only=True):
 
     @staticmethod
     def from_scene(scene: SceneState) -> SceneRecord:
-        """Return the record of a scene."""
+        """Return the record of a scene.
+
+        Returns
+        -------
+        SceneRecord
+            Record that `scene` reads back. Bodies other than the Earth and the Moon are in ``bodies``, UNSET without
+            any.
+        """
         earth, moon, *other_bodies = scene.bodies
         environment = RecordedEnvironment(**msgspec.structs.asdict(scene.environment))
         return SceneRecord(
@@ -94,7 +101,13 @@ class SceneRecord(msgspec.Struct, frozen=True, kw_only=True):
         )
 
     def scene(self) -> SceneState:
-        """Return the scene that was recorded."""
+        """Return the scene that was recorded.
+
+        Returns
+        -------
+        SceneState
+            Scene whose bodies are the Earth, the Moon, and those of ``bodies`` in that order.
+        """
         extra_bodies = () if isinstance(self.bodies, UnsetType) else self.bodies
         environment = Environment(**msgspec.structs.asdict(self.environment))
         return SceneState(

@@ -45,7 +45,15 @@ class SecondCamera(Section, frozen=True, kw_only=True):
         return quat(quat_conjugate(quat_from_rotvec(np.radians(self.turn_deg))))
 
     def pose(self, q_wxyz: Quat, t_m: tuple[float, float, float]) -> tuple[Quat, tuple[float, float, float]]:
-        """Return a target's pose in the second camera from that in the first."""
+        """Return a target's pose in the second camera from that in the first.
+
+        Returns
+        -------
+        q_wxyz : tuple of float
+            Unit quaternion, target axes to the second camera's, with w >= 0.
+        t_m : tuple of float
+            Position of the target's origin in the second camera's axes [m].
+        """
         q = np.asarray(self.q_second_from_first_wxyz)
         rotated = quat_multiply(q, np.asarray(q_wxyz))
         t = matrix_from_quat(q) @ (np.asarray(t_m) - np.asarray(self.position_m))
@@ -55,6 +63,12 @@ class SecondCamera(Section, frozen=True, kw_only=True):
 
 def second_camera_scene(scene: SceneState, second: SecondCamera) -> SceneState:
     """Return the scene at the same instant as seen by the second camera.
+
+    Returns
+    -------
+    SceneState
+        Copy of the scene with the second camera's position, attitude and velocity, the target's pose and the lamp's
+        offset in its axes, and another seed, so that its noise is independent.
 
     Raises
     ------

@@ -30,7 +30,15 @@ TARGET_POSITION_M = (0.0, 0.0, -1000.0)  # position of the target: behind the ca
 def place_itrs_m(
     latitude_deg: float, longitude_deg: float, altitude_km: float
 ) -> tuple[FloatArray, FloatArray]:
-    """Return a geodetic position, Earth-fixed [m], and its east, north and up vectors as rows."""
+    """Return a geodetic position and its local axes.
+
+    Returns
+    -------
+    r_m : (3,) array
+        Position, Earth-fixed (ITRS) [m].
+    axes : (3, 3) array
+        Unit vectors to the east, the north and up as rows, Earth-fixed.
+    """
     lat, lon = np.radians(latitude_deg), np.radians(longitude_deg)
     e2 = 1 - (EARTH_POLAR_RADIUS_M / EARTH_RADIUS_M) ** 2
     n = EARTH_RADIUS_M / np.sqrt(1 - e2 * np.sin(lat) ** 2)

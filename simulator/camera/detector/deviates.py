@@ -63,7 +63,13 @@ def _threads(_process: int) -> ThreadPoolExecutor:
 
 
 def bit_source(seed: int, *key: int) -> np.random.SFC64:
-    """Return a bit generator that depends only on seed and key."""
+    """Return a bit generator that depends only on seed and key.
+
+    Returns
+    -------
+    numpy.random.SFC64
+        New generator, at the start of its sequence; one with another key is independent of it.
+    """
     return np.random.SFC64(np.random.SeedSequence(seed, spawn_key=key))
 
 

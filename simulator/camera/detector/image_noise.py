@@ -74,7 +74,14 @@ class Arithmetic:
 
 
 def choose_arithmetic(sensor: Sensor) -> Arithmetic:
-    """Choose the format for a sensor: steps per digital number that fit int16 with the largest deviate."""
+    """Choose the number format for a sensor's images.
+
+    Returns
+    -------
+    Arithmetic
+        Fixed point with as many steps per digital number, a power of two, as fit int16 with the largest deviate;
+        float32 if these are fewer than 2 to the power `MIN_SHIFT`.
+    """
     full = 2**sensor.bits - 1
     sigma_dn = full * float(np.sqrt(sensor.gaussian_variance))
     brightest = full * (1 + np.sqrt(3 * sensor.speckle_variance)) + MAX_DEVIATE * sigma_dn + 1
@@ -131,7 +138,14 @@ def _thread(_process: int) -> ThreadPoolExecutor:
 
 
 def draw_noise(shape: tuple[int, ...], sensor: Sensor, seed: int, frame_index: int) -> ImageNoise:
-    """Draw the noise of one image for a sensor defined by a noise recipe."""
+    """Draw the noise of one image for a sensor defined by a noise recipe.
+
+    Returns
+    -------
+    ImageNoise
+        Additive steps, (1, 1) without additive noise, and the factors of the speckle or None. Equal arguments give
+        equal noise.
+    """
     size = shape[0], int(np.prod(shape[1:]))
     factors = None
     if sensor.speckle_variance > 0:

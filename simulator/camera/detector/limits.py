@@ -29,7 +29,13 @@ OPTICS, DETECTOR, SENSOR = bounds_of(Optics), bounds_of(Detector), bounds_of(Sen
 
 
 def optics_problem(optics: Optics) -> str | None:
-    """Describe the first invalid parameter of the optics, with value and allowed range; None if all are valid."""
+    """Describe the first invalid parameter of the optics.
+
+    Returns
+    -------
+    str or None
+        Parameter, value and allowed range; None if all are valid.
+    """
     problem = _out_of_range(optics, "optics") or _curve_problem(
         optics.transmission_curve, "optics.transmission_curve"
     )
@@ -56,7 +62,13 @@ def optics_problem(optics: Optics) -> str | None:
 
 
 def focus_problem(optics: Optics, camera: Camera, sensor: Sensor) -> str | None:
-    """Describe a focus within the focal length, where a lens forms no real image; None if the lens can focus."""
+    """Describe a focus within the focal length, where a lens forms no real image.
+
+    Returns
+    -------
+    str or None
+        Parameter, value and allowed range; None if the lens can focus, or defocus is off.
+    """
     focal_length_m = optics.focal_length_m(camera, sensor)
     if not optics.defocus or optics.focus_distance_m == 0 or optics.focus_distance_m > focal_length_m:
         return None
@@ -67,7 +79,13 @@ def focus_problem(optics: Optics, camera: Camera, sensor: Sensor) -> str | None:
 
 
 def sensor_problem(sensor: Sensor) -> str | None:
-    """Describe the first invalid parameter of the sensor, with value and allowed range; None if all are valid."""
+    """Describe the first invalid parameter of the sensor.
+
+    Returns
+    -------
+    str or None
+        Parameter, value and allowed range; None if all are valid.
+    """
     problem = _out_of_range(sensor, "sensor")
     if problem is not None or sensor.detector is None:
         return problem
@@ -101,7 +119,13 @@ def sensor_problem(sensor: Sensor) -> str | None:
 
 
 def response_problem(sensor: Sensor, optics: Optics, bands: int) -> str | None:
-    """Describe the first of one or three bands in which lens and detector leave no signal; None if there is none."""
+    """Describe the first of one or three bands in which lens and detector leave no signal.
+
+    Returns
+    -------
+    str or None
+        Both curves and the limits of the band [nm]; None if every band has a signal, or the sensor has no detector.
+    """
     d = sensor.detector
     if d is None:
         return None

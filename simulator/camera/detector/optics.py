@@ -79,16 +79,27 @@ class Optics:
     glare_limit_deg: float = bounded(60.0, 0.0, 180.0)
 
     def focal_length_m(self, camera: Camera, sensor: Sensor) -> float:
-        """Return the focal length from the intrinsics and the pixel pitch [m]."""
+        """Return the focal length from the intrinsics and the pixel pitch.
+
+        Returns
+        -------
+        float
+            Focal length [m], from the horizontal ``fx_px`` and pitch.
+        """
         return camera.fx_px * sensor.pixel_pitch_x_m
 
     def defocus_diameter_px(self, camera: Camera, sensor: Sensor, distance_m: float) -> float:
-        """Return the diameter of the blur disc of a point at a distance [px].
+        """Return the diameter of the blur disc of a point at a distance.
 
         A thin lens of focal length f and aperture D = f / N, focused at s > f, images a point at d as a disc of
         diameter
 
             D f |d - s| / (d (s - f)), or D f / d for s at infinity.
+
+        Returns
+        -------
+        float
+            Diameter in horizontal pixels [px]; 0 without ``defocus``.
         """
         if not self.defocus:
             return 0.0

@@ -69,12 +69,23 @@ _PRESETS = {
 
 
 def list_sensor_presets() -> tuple[str, ...]:
-    """Return the names of the built-in presets."""
+    """Return the names of the built-in presets.
+
+    Returns
+    -------
+    tuple of str
+        Names that `sensor_preset` accepts.
+    """
     return tuple(_PRESETS)
 
 
 def sensor_preset(name: str) -> Sensor:
     """Return the preset called ``name``.
+
+    Returns
+    -------
+    Sensor
+        Sensor of the preset.
 
     Raises
     ------

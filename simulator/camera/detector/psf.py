@@ -201,7 +201,13 @@ def kernel_transfer(
 def applied_mtf(
     frequency_x: FloatArray, frequency_y: FloatArray, optics: Optics, sensor: Sensor, disc_px: float = 0.0
 ) -> FloatArray:
-    """Return the modulation transfer function of the applied blur; `optics_mtf` is that of the optics."""
+    """Return the modulation transfer function of the applied blur; `optics_mtf` is that of the optics.
+
+    Returns
+    -------
+    array
+        Modulus 0 to 1, of the shape of ``frequency_x``, at frequencies in cycles per pixel; 1 everywhere without blur.
+    """
     pyramid, kernel = psf_pyramid(optics, sensor, disc_px), psf_kernel(optics, sensor, disc_px)
     transfer = np.ones(np.shape(frequency_x), complex)
     if pyramid is not None:
@@ -377,6 +383,12 @@ def _blur_in_blocks(
 
 
 def defocus_px(camera: Camera, optics: Optics, sensor: Sensor, distance_m: float) -> float:
-    """Return the diameter of the defocus disc at a distance, rounded to 0.05 px; zero below half a pixel [px]."""
+    """Return the diameter of the defocus disc at a distance, rounded for the caches of the PSF.
+
+    Returns
+    -------
+    float
+        Diameter in steps of 0.05 px [px]; 0 if it is below half a pixel.
+    """
     disc = optics.defocus_diameter_px(camera, sensor, distance_m)
     return 0.0 if disc < 0.5 else round(disc * 20) / 20

@@ -41,7 +41,12 @@ _DEMOSAIC = {
 
 
 def detector_sigma(sensor: Sensor, signal: float, exposure_s: float) -> float:
-    """Return the standard deviation of noise and pixel-to-pixel variation, relative to saturation [1].
+    """Return the standard deviation of noise and pixel-to-pixel variation at a signal.
+
+    Returns
+    -------
+    float
+        Standard deviation relative to saturation, as ``signal`` is.
 
     Raises
     ------

@@ -45,7 +45,13 @@ def limits_nm(bands: int) -> tuple[tuple[float, float], ...]:
 
 
 def sun_irradiance_between_w_m2(low_nm: float, high_nm: float) -> float:
-    """Return the solar irradiance between two wavelengths of 400 to 750 nm at 1 au, normal incidence [W m-2]."""
+    """Return the solar irradiance between two wavelengths, at 1 au and normal incidence.
+
+    Returns
+    -------
+    float
+        Irradiance [W m-2]; the part of the interval outside 400 to 750 nm is left out.
+    """
     edges = _SPECTRUM_START_NM + _SPECTRUM_STEP_NM * np.arange(len(_SPECTRUM_W_M2_NM) + 1)
     overlap = np.clip(np.minimum(edges[1:], high_nm) - np.maximum(edges[:-1], low_nm), 0, None)
     return float(overlap @ _SPECTRUM_W_M2_NM)
@@ -98,9 +104,14 @@ def sample_curve(
 
 
 def electrons_per_radiance(sensor: Sensor, optics: Optics, exposure_s: float, bands: int) -> FloatArray:
-    """Return the electrons per W m-2 sr-1 of each band in an image pixel on the axis [e / (W m-2 sr-1)].
+    """Return the electrons that unit radiance of each band releases in an image pixel on the axis.
 
     The irradiance behind an aplanatic lens is pi / (4 N^2) of the radiance; Born & Wolf (1999), section 4.8.
+
+    Returns
+    -------
+    (n,) array
+        Electrons per radiance during the exposure [e / (W m-2 sr-1)], in the order of the bands.
 
     Raises
     ------

@@ -193,7 +193,10 @@ class Sensor:
 def with_bits(sensor: Sensor, bits: int) -> Sensor:
     """Return the sensor with images of another depth and the same full scale.
 
-    The gain of a detector changes accordingly, and its black level is scaled.
+    Returns
+    -------
+    Sensor
+        Copy; if the depth differs, a detector's gain changes accordingly and its black level is scaled and rounded.
     """
     d, ratio = sensor.detector, (2**bits - 1) / (2**sensor.bits - 1)
     if d is not None and bits != sensor.bits:
@@ -203,7 +206,14 @@ def with_bits(sensor: Sensor, bits: int) -> Sensor:
 
 
 def noiseless(sensor: Sensor) -> Sensor:
-    """Return the same sensor without noise, for clean twins."""
+    """Return the sensor without noise, for clean twins.
+
+    Returns
+    -------
+    Sensor
+        Copy without speckle, additive noise, shot noise and dark current, and with a uniform detector free of defects;
+        its response, blur and quantisation are unchanged.
+    """
     detector = sensor.detector
     if detector is not None:
         detector = replace(

@@ -28,10 +28,15 @@ _SCATTER_POWER = 2.5  # exponent of the distance in the wings of the PSF, chosen
 
 @lru_cache(maxsize=4)
 def vignetting(camera: Camera, optics: Optics) -> Float32Array | None:
-    """Return the fraction (H, W) of the light that reaches each pixel, or None without vignetting.
+    """Return the fraction of the light that reaches each pixel.
 
     Natural vignetting is cos^4 of the angle from the axis. Mechanical vignetting is the overlap of the aperture (a unit
     disc) with a rear rim (a disc of ``rim_radius``), whose centre is shifted by ``mechanical_vignetting`` x tan(angle).
+
+    Returns
+    -------
+    (H, W) array or None
+        Fraction relative to the axis, float32; None without vignetting. Cached: callers must not write to it.
     """
     if not optics.natural_vignetting and optics.mechanical_vignetting <= 0:
         return None
@@ -183,7 +188,12 @@ def glow(image: Float32Array, optics: Optics) -> Float32Array:
 def scatter(image: Float32Array, optics: Optics) -> Float32Array:
     """Spread ``scatter_share`` of the light into wings of the PSF that fall as a power of the distance.
 
-    Without scatter the image itself is returned. The image's border is replicated.
+    The image's border is replicated.
+
+    Returns
+    -------
+    array
+        Image of the same shape, float32; without scatter the given image itself.
 
     References
     ----------

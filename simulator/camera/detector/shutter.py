@@ -44,7 +44,14 @@ class Shutter:
         return self.kind == "rolling" and self.readout_s > 0
 
     def row_time_s(self, row_px: ArrayLike, height_px: int) -> FloatArray:
-        """Return the mid-exposure times of rows relative to that of the image; rows are clipped to the image [s]."""
+        """Return the mid-exposure times of rows relative to that of the image.
+
+        Returns
+        -------
+        array
+            Times [s] of the shape of ``row_px``, negative for rows read before the middle one; rows outside the image
+            have the times of its edges. Zeros for a global shutter.
+        """
         row = np.clip(np.asarray(row_px, float), -0.5, height_px - 0.5)
         if not self.is_rolling:
             return np.zeros_like(row)

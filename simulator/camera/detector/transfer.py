@@ -28,12 +28,24 @@ CONVERTER_BITS = 14
 
 
 def default_encoding(sensor: Sensor, bands: str) -> Encoding:
-    """Return the default encoding: sRGB for 8 bits in colour, else linear."""
+    """Return the default encoding of a sensor's images.
+
+    Returns
+    -------
+    str
+        ``srgb`` for colour images of 8 bits that are no raw mosaic, else ``linear``.
+    """
     return "srgb" if bands == "rgb" and encoding_problem("srgb", sensor) is None else "linear"
 
 
 def encoding_problem(encoding: Encoding, sensor: Sensor) -> str | None:
-    """Describe why a sensor's images cannot have an encoding; None if they can."""
+    """Describe why a sensor's images cannot have an encoding.
+
+    Returns
+    -------
+    str or None
+        Reason, with what is allowed; None if they can.
+    """
     if encoding == "linear":
         return None
     if sensor.bits != ENCODED_BITS:
@@ -48,7 +60,13 @@ def encoding_problem(encoding: Encoding, sensor: Sensor) -> str | None:
 
 
 def converter(sensor: Sensor, encoding: Encoding) -> Sensor:
-    """Return the sensor before encoding: ``sensor`` itself for linear images, else with 14 bits."""
+    """Return the sensor before encoding.
+
+    Returns
+    -------
+    Sensor
+        ``sensor`` itself for linear images, else a copy with 14 bits.
+    """
     return sensor if encoding == "linear" else with_bits(sensor, CONVERTER_BITS)
 
 

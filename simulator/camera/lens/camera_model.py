@@ -365,7 +365,13 @@ def _border_xy(camera: Camera) -> FloatArray:
 
 
 def camera_problem(camera: Camera) -> str | None:
-    """Describe what is wrong with a camera's lens over its image; None if it can be used."""
+    """Describe what is wrong with a camera's lens over its image.
+
+    Returns
+    -------
+    str or None
+        Parameter and reason; None if the camera can be used.
+    """
     try:
         lens_domain(camera.distortion, _border_xy(camera))
     except ValueError as error:

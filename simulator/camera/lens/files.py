@@ -54,6 +54,11 @@ def load_camera(name_or_path: str | Path) -> Camera:
 def read_camera_file(name_or_path: str | Path, folder: Path | None = None) -> CameraFile:
     """Read a camera file with name and notes; a relative path is looked up in ``folder``.
 
+    Returns
+    -------
+    CameraFile
+        Content of the file as the native format has it; `CameraFile.camera` makes the camera model.
+
     Raises
     ------
     UserError
@@ -78,6 +83,11 @@ def read_camera_file(name_or_path: str | Path, folder: Path | None = None) -> Ca
 
 def parse_camera(content: bytes, source: str) -> CameraFile:
     """Read a camera from the text of a file in any of `CAMERA_FORMATS`.
+
+    Returns
+    -------
+    CameraFile
+        Content of the file as the native format has it; `CameraFile.camera` makes the camera model.
 
     Raises
     ------

@@ -55,6 +55,11 @@ class CameraFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_onl
     def camera(self, source: str) -> Camera:
         """Return the camera model.
 
+        Returns
+        -------
+        Camera
+            Intrinsics, lens and encoding of the images, checked over the whole image.
+
         Raises
         ------
         UserError

@@ -42,7 +42,13 @@ INNER_COVERAGE, OUTER_COVERAGE = 0.9, 0.1  # a tenth is left to the sampling of 
 def project_with_opencv(
     camera: Camera, points_m: FloatArray, q_wxyz: tuple[float, ...], t_m: FloatArray
 ) -> FloatArray:
-    """Project target points to pixels (K, 2) with OpenCV."""
+    """Project target points to pixels with OpenCV, independently of `Camera.project`.
+
+    Returns
+    -------
+    (K, 2) array
+        Columns and rows [px] in the order of the points; those behind the camera are projected too.
+    """
     rotation = cv2.Rodrigues(matrix_from_quat(q_wxyz))[0]
     coefficients = np.array(camera.distortion.coefficients or [0.0] * 5)
     if camera.distortion.model == "kannala_brandt":

@@ -43,7 +43,13 @@ class FramePaths:
 
 
 def frame_paths(folder: Path, k: int) -> FramePaths:
-    """Return the paths of frame k of a data set."""
+    """Return the paths of frame k of a data set.
+
+    Returns
+    -------
+    FramePaths
+        Image, mask and record in the folder ``images``; they need not exist.
+    """
     stem = folder / "images" / f"{k:06d}"
     return FramePaths(stem.with_suffix(".png"), stem.with_suffix(".mask.png"), stem.with_suffix(".json"))
 
@@ -53,6 +59,11 @@ def encode_png(image: NDArray[np.unsignedinteger]) -> bytes:
 
     OpenCV's default strategy (one filter, run lengths) is faster than any explicit level, and its files are no larger,
     because noise does not compress.
+
+    Returns
+    -------
+    bytes
+        Content of a PNG file of the image's depth.
 
     Raises
     ------
@@ -67,7 +78,12 @@ def encode_png(image: NDArray[np.unsignedinteger]) -> bytes:
 
 
 def read_png(path: Path) -> NDArray[np.unsignedinteger]:
-    """Read a PNG as written: mono (H, W) or RGB (H, W, 3); an alpha channel is dropped.
+    """Read a PNG as written; an alpha channel is dropped.
+
+    Returns
+    -------
+    (H, W) or (H, W, 3) array
+        Mono or RGB, uint8 or uint16.
 
     Raises
     ------
@@ -152,6 +168,11 @@ def write_layers(folder: Path, stem: str, frame: Frame) -> None:
 def read_layer(folder: Path, stem: str, name: str) -> NDArray[Any]:
     """Read a layer as drawn, in the type and shape that the record's hash refers to.
 
+    Returns
+    -------
+    (H, W) or (H, W, C) array
+        Values in the type and shape that the record's hash refers to, with parts as uint16.
+
     Raises
     ------
     UserError
@@ -192,7 +213,13 @@ def encode_frame(frame: Frame) -> EncodedFrame:
 
 
 def write_frame(folder: Path, k: int, frame: Frame) -> FramePaths:
-    """Write frame k, as `write_encoded` does."""
+    """Write frame k, as `write_encoded` does.
+
+    Returns
+    -------
+    FramePaths
+        Written image, mask and truth record.
+    """
     return write_encoded(folder, k, encode_frame(frame))
 
 
@@ -226,6 +253,11 @@ def write_encoded(folder: Path, k: int, files: EncodedFrame) -> FramePaths:
 
 def is_frame_complete(folder: Path, k: int) -> bool:
     """Return True if frame k is complete.
+
+    Returns
+    -------
+    bool
+        True if image, mask and record exist; their contents are not read.
 
     Raises
     ------

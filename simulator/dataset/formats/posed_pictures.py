@@ -90,6 +90,11 @@ class PosedPictures:
 def read_json(path: Path, *, max_bytes: int = MAX_BYTES) -> Any:  # noqa: ANN401 - any JSON value
     """Read a foreign JSON file.
 
+    Returns
+    -------
+    object
+        Value as `json.loads` makes it, of a structure that is not checked.
+
     Raises
     ------
     UserError
@@ -183,6 +188,11 @@ def find_picture(labels: Path, places: Iterable[Path], name: Any) -> Path:  # no
 
 def checked_pose(q_wxyz: Any, t_m: Any, source: str) -> Pose:  # noqa: ANN401 - values of a file
     """Return the target's pose in the camera from values of a foreign file.
+
+    Returns
+    -------
+    Pose
+        Camera-from-target pose [m].
 
     Raises
     ------

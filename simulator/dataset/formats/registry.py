@@ -52,12 +52,24 @@ def _load_plugin(plugin: Plugin) -> DatasetFormat:
 
 
 def readable() -> tuple[str, ...]:
-    """Return the names of the formats that can be read."""
+    """Return the names of the formats that can be read.
+
+    Returns
+    -------
+    tuple of str
+        Names with those of packages first and without the native layout, which is read separately.
+    """
     return tuple(format_.name for format_ in formats().values() if format_.read is not None)
 
 
 def writable() -> tuple[str, ...]:
-    """Return the names of the formats that can be written, the native layout first."""
+    """Return the names of the formats that can be written.
+
+    Returns
+    -------
+    tuple of str
+        Names with the native layout first, then those of packages, then the built-in ones.
+    """
     return (NATIVE, *(format_.name for format_ in formats().values() if format_.writer is not None))
 
 
@@ -79,6 +91,11 @@ def find_format(name: str) -> DatasetFormat:
 
 def parse_formats(text: str) -> tuple[str, ...]:
     """Parse a comma-separated list of formats to write.
+
+    Returns
+    -------
+    tuple of str
+        Distinct names in the order of the text, at least one.
 
     Raises
     ------

@@ -28,7 +28,13 @@ _PARTS = {"builtin_interfaces/Time": _TIME, "std_msgs/Header": _HEADER}
 
 
 def ros_definition(fields: str, **parts: str) -> str:
-    """Return a message's definition followed by those of its parts, as rosbag2 stores it."""
+    """Compose a message's definition as rosbag2 stores it.
+
+    Returns
+    -------
+    str
+        ``fields``, then the definitions of ``parts``, of Time and of Header; ``__`` in a keyword stands for ``/``.
+    """
     definitions = {name.replace("__", "/"): text for name, text in parts.items()} | _PARTS
     rule = "=" * 80
     return fields + "".join(f"{rule}\nMSG: {name}\n{text}" for name, text in definitions.items())
@@ -75,13 +81,25 @@ MIN_COEFFICIENTS = {"none": 5, "brown_conrady": 8, "kannala_brandt": 4}
 
 
 def header(epoch_utc: str, frame_id: str = CAMERA_FRAME) -> dict[str, Any]:
-    """Return a std_msgs/Header at a time in UTC."""
+    """Compose a std_msgs/Header at a time in UTC.
+
+    Returns
+    -------
+    dict
+        Field values: ``stamp`` since 1970, and ``frame_id``.
+    """
     sec, nanosec = divmod(nanoseconds_utc(epoch_utc), 1_000_000_000)
     return {"stamp": {"sec": sec, "nanosec": nanosec}, "frame_id": frame_id}
 
 
 def image(pixels: NDArray[np.unsignedinteger], epoch_utc: str) -> dict[str, Any]:
-    """Return a sensor_msgs/Image of digital numbers: mono8, mono16 or rgb8, rgb16."""
+    """Compose a sensor_msgs/Image of digital numbers.
+
+    Returns
+    -------
+    dict
+        Field values with the encoding mono8, mono16, rgb8 or rgb16; the data are a little-endian copy of the pixels.
+    """
     pixels = pixels.astype(pixels.dtype.newbyteorder("<"), copy=False)
     height, width = pixels.shape[:2]
     channels = 1 if pixels.ndim == 2 else pixels.shape[2]
@@ -98,7 +116,13 @@ def image(pixels: NDArray[np.unsignedinteger], epoch_utc: str) -> dict[str, Any]
 
 
 def camera_info(camera: Camera, epoch_utc: str) -> dict[str, Any]:
-    """Return a sensor_msgs/CameraInfo; ``d`` in OpenCV's order."""
+    """Compose a sensor_msgs/CameraInfo of an unrectified image.
+
+    Returns
+    -------
+    dict
+        Field values: ``d`` in OpenCV's order, padded with zeros to the model's least number of coefficients.
+    """
     model = camera.distortion.model
     d = [float(x) for x in camera.distortion.coefficients]
     fx, fy, cx, cy = camera.fx_px, camera.fy_px, camera.cx_px, camera.cy_px
@@ -129,7 +153,13 @@ def _xyzw(q_wxyz: Quat) -> dict[str, float]:
 def pose_stamped(
     q_camera_from_target_wxyz: Quat, t_camera_from_target_m: Vec3, epoch_utc: str
 ) -> dict[str, Any]:
-    """Return a geometry_msgs/PoseStamped of the target in the camera."""
+    """Compose a geometry_msgs/PoseStamped of the target in the camera.
+
+    Returns
+    -------
+    dict
+        Field values, in `CAMERA_FRAME`: position [m], and orientation as x, y, z, w.
+    """
     return {
         "header": header(epoch_utc),
         "pose": {"position": _xyz(t_camera_from_target_m), "orientation": _xyzw(q_camera_from_target_wxyz)},
@@ -139,7 +169,13 @@ def pose_stamped(
 def transform(
     q_camera_from_target_wxyz: Quat, t_camera_from_target_m: Vec3, epoch_utc: str, child: str
 ) -> dict[str, Any]:
-    """Return a tf2_msgs/TFMessage with one transform, from ``child`` to the camera."""
+    """Compose a tf2_msgs/TFMessage with one transform, from ``child`` to the camera.
+
+    Returns
+    -------
+    dict
+        Field values: one transform from ``child`` to `CAMERA_FRAME`, with translation [m] and rotation as x, y, z, w.
+    """
     return {
         "transforms": [
             {

@@ -117,7 +117,13 @@ def is_foil(material: Material) -> bool:
 
 
 def has_films(material: Material) -> bool:
-    """Return True for a cell or a lens: a dark body under polished glass."""
+    """Return True for a cell or a lens: a dark body under polished glass.
+
+    Returns
+    -------
+    bool
+        True if the clear coat is polished, and the base neither metallic nor bright in any channel.
+    """
     polished = material.clearcoat > _MIN_GLASS_COAT and material.clearcoat_roughness < _MAX_GLASS_ROUGHNESS
     return polished and max(material.base_color) < _MAX_CELL_REFLECTANCE and material.metallic == 0
 

@@ -73,6 +73,11 @@ def prefetch_earth_maps(bands_name: Bands, environment: Environment, epoch_utc: 
     """Start decoding the maps that the Earth of a scene needs, on other threads.
 
     It may be called before the renderer exists.
+
+    Returns
+    -------
+    EarthMaps
+        Futures for a renderer of these bands and this environment; an error of decoding is raised by their ``result``.
     """
     bands = 1 if bands_name == "mono" else 3
     dates = season(epoch_utc) if environment.seasons else AUGUST
@@ -121,7 +126,13 @@ def shows_earth(scene: SceneState) -> bool:
 
 
 def prefetch_maps(first: SceneState | None) -> dict[Bands, EarthMaps]:
-    """Start decoding the maps of the first scene; return them as `Renderer` takes them, empty without the Earth."""
+    """Start decoding the maps of the first scene.
+
+    Returns
+    -------
+    dict of str to EarthMaps
+        Futures by bands, as `Renderer` takes them; empty without a scene or the Earth.
+    """
     if first is None or not shows_earth(first):
         return {}
     return {first.bands: prefetch_earth_maps(first.bands, first.environment, first.epoch_utc)}

@@ -77,7 +77,13 @@ class StarPass(Pass):
     def may_be_hidden(
         self, pixels: FloatArray, images: FrameImages, target: PlacedTarget | None
     ) -> BoolArray:
-        """Return True for each point that the target may hide."""
+        """Find the points that the target may hide, and mark the pixels beside it as drawn.
+
+        Returns
+        -------
+        (K,) array of bool
+            True for points within a pixel of the target's rectangle; all False without a target.
+        """
         if target is None:
             return np.zeros(len(pixels), bool)
         rect = target.rect

@@ -52,7 +52,13 @@ class AreaLight(Section, frozen=True, kw_only=True):
         return max(float(np.log(0.5) / np.log(np.cos(np.radians(self.half_angle_deg)))) - 1.0, 0.0)
 
     def in_camera_frame(self, camera_from_target: Pose) -> CameraFrameLight:
-        """Return the light in camera axes."""
+        """Return the light in camera axes.
+
+        Returns
+        -------
+        CameraFrameLight
+            Rectangle [m] and its axis. A light on the target's origin, and aimed at it, emits along +z of ``frame``.
+        """
         middle, along = np.asarray(self.position_m, float), self.direction
         origin = np.zeros(3) if self.frame == "target" else np.asarray(camera_from_target.t_m)
         axis = origin - middle if along is None or not np.any(along) else np.asarray(along, float)
@@ -69,13 +75,27 @@ class AreaLight(Section, frozen=True, kw_only=True):
         )
 
     def radiance(self, bands: Bands) -> FloatArray:
-        """Return the (n,) radiance on the axis, per band [W m-2 sr-1]."""
+        """Return the radiance on the axis, per band.
+
+        Returns
+        -------
+        (n,) array
+            Radiance [W m-2 sr-1], in the order of the image's channels.
+        """
         colour = sun_irradiance_w_m2(bands, AU_M)
         return np.asarray(self.radiance_w_m2_sr * colour / sun_irradiance_w_m2("mono", AU_M))
 
 
 def light_axes(axis: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return two unit vectors (3,) perpendicular to an axis, the first level and the second downward in camera axes."""
+    """Return two unit vectors perpendicular to an axis.
+
+    Returns
+    -------
+    transverse : (3,) array
+        Unit vector perpendicular to y, which in camera axes is level; +x if the axis is along y.
+    down : (3,) array
+        Cross product of the axis and ``transverse``, of unit length; downward in camera axes.
+    """
     transverse = np.cross([0.0, 1.0, 0.0], axis)
     length = float(np.linalg.norm(transverse))
     # an axis along y has no level; any transverse serves
@@ -109,7 +129,13 @@ class CameraFrameLight:
     exponent: float
 
     def points_m(self, count: int) -> FloatArray:
-        """Return (count, 3) points that represent equal patches, with no two on a line parallel to a side."""
+        """Return points that represent equal patches of the rectangle.
+
+        Returns
+        -------
+        (count, 3) array
+            Positions in camera axes [m]; no two are on a line parallel to a side.
+        """
         u, v = rook_points(count).T
         return np.asarray(self.middle_m + u[:, None] * self.right_m + v[:, None] * self.down_m)
 

@@ -52,7 +52,13 @@ class IrradianceField:
 
 
 def basis(directions: FloatArray, axis: FloatArray) -> FloatArray:
-    """Return the (..., 10) basis polynomials of `IrradianceField.irradiance_w_m2`."""
+    """Return the basis polynomials of `IrradianceField.irradiance_w_m2`.
+
+    Returns
+    -------
+    (..., 10) array
+        Values for unit vectors of shape (..., 3), in the order of that field's coefficients.
+    """
     d = np.asarray(directions, float)
     x, y, z = np.moveaxis(d, -1, 0)
     return np.stack(
@@ -79,12 +85,24 @@ def _fit_irradiance(axis: FloatArray, irradiance: FloatArray) -> FloatArray:
 
 
 def dark_field(bands: int) -> IrradianceField:
-    """Return a field without light."""
+    """Return a field without light.
+
+    Returns
+    -------
+    IrradianceField
+        Field of zeros for ``bands`` bands, whose disc contains no direction.
+    """
     return IrradianceField(np.zeros((10, bands)), np.zeros((bands, 4)), 2.0, np.array([0.0, 0.0, 1.0]))
 
 
 def uniform_field(radiance_w_m2_sr: FloatArray) -> IrradianceField:
-    """Return the field of uniform radiance from all directions, for white-furnace tests."""
+    """Return the field of uniform radiance from all directions, for white-furnace tests.
+
+    Returns
+    -------
+    IrradianceField
+        Field for white-furnace tests: on a plate of any normal, irradiance pi times the radiance.
+    """
     radiance = np.asarray(radiance_w_m2_sr, float)
     irradiance = np.zeros((10, len(radiance)))
     irradiance[0] = np.pi * radiance
@@ -143,7 +161,13 @@ def field_of_samples(
 
 @lru_cache(maxsize=2)
 def albedo_of(body: Body) -> Float32Array:
-    """Return the albedo of a body's ground: its map (H, W), or its mean (1, 1).
+    """Return the albedo of a body's ground.
+
+    Returns
+    -------
+    (H, W) or (1, 1) array
+        Albedo 0 to 1, float32: the body's map with the north pole in row 0, or its mean if it has no map. Cached:
+        callers must not write to it.
 
     Raises
     ------
@@ -248,7 +272,13 @@ def moon_shine(
 def moon_plate_irradiance(
     r_moon_from_target_m: FloatArray, sun: FloatArray, R_camera: FloatArray, sun_w_m2: FloatArray
 ) -> FloatArray:
-    """Return (P, n) irradiance of moonlight on the plates of the fit; the parameters are those of `moon_shine`."""
+    """Return the irradiance of moonlight on the plates of the fit; the parameters are those of `moon_shine`.
+
+    Returns
+    -------
+    (P, n) array
+        Irradiance per band [W m-2], for the ``additional_w_m2`` of `field_of_samples`.
+    """
     direction = r_moon_from_target_m / np.linalg.norm(r_moon_from_target_m)
     share = moonlight_share(r_moon_from_target_m, sun)
     return np.asarray(np.maximum(_NORMALS @ (R_camera @ direction), 0)[:, None] * (sun_w_m2 * share))

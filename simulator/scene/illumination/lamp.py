@@ -44,7 +44,13 @@ class Lamp(Section, frozen=True, kw_only=True):
         return float(np.log(0.5) / np.log(np.cos(half)) if self.profile == "led" else 1 / half)
 
     def beam(self, angle_rad: ArrayLike) -> FloatArray:
-        """Return the intensity relative to that on the axis, 0..1."""
+        """Return the intensity relative to that on the axis.
+
+        Returns
+        -------
+        array
+            Relative intensity 0 to 1, of the shape of ``angle_rad``; 0 beyond 90 degrees.
+        """
         angle = np.asarray(angle_rad, float)
         cosine = np.clip(np.cos(angle), 0, None)
         if self.profile == "led":
@@ -55,7 +61,13 @@ class Lamp(Section, frozen=True, kw_only=True):
         return np.asarray(np.clip((1 - share) / FLAT_EDGE + 0.5, 0, 1) * (cosine > 0))
 
     def intensity_w_sr(self, bands: Bands) -> FloatArray:
-        """Return the (n,) radiant intensity on the axis, per band [W sr-1]."""
+        """Return the radiant intensity on the axis, per band.
+
+        Returns
+        -------
+        (n,) array
+            Intensity [W sr-1], in the order of the image's channels.
+        """
         cosine = (np.arange(20_000) + 0.5) / 20_000
         solid_angle = 2 * np.pi * float(np.mean(self.beam(np.arccos(cosine))))
         colour = sun_irradiance_w_m2(bands, AU_M) / sun_irradiance_w_m2("mono", AU_M)

@@ -21,12 +21,23 @@ _SURGE, _SURGE_DEG = 0.33, 2.0  # excess at zero phase, and its e-folding phase 
 
 
 def moon_albedo(bands: Bands) -> FloatArray:
-    """Return the geometric albedo per band (n,)."""
+    """Return the Moon's geometric albedo per band.
+
+    Returns
+    -------
+    (n,) array
+        Geometric albedo of the near side, in the order of the image's channels.
+    """
     return np.array([_ALBEDO[band.name] for band in bands_of(bands)])
 
 
 def disc_phase(angle_rad: FloatArray | float) -> FloatArray:
-    """Return the brightness of the whole disc relative to that at phase angle zero, 0..1.
+    """Return the brightness of the whole disc relative to that at phase angle zero.
+
+    Returns
+    -------
+    array
+        Relative brightness 0 to 1, of the shape of ``angle_rad``; the sign of the angle is ignored.
 
     References
     ----------
@@ -66,6 +77,11 @@ def surface_phase(angle_rad: FloatArray) -> FloatArray:
     """Return the surface phase function for which a Lommel-Seeliger disc follows ``disc_phase``, with opposition surge.
 
     The surge is at phase angles that are visible from space, but from the Earth only in eclipse.
+
+    Returns
+    -------
+    array
+        Factor of the shape of ``angle_rad``: 1.33 at phase angle zero. Beyond 165 degrees it keeps its value there.
 
     References
     ----------

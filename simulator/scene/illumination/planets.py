@@ -88,7 +88,13 @@ def planets(epoch_utc: str, observer_eci_m: FloatArray) -> PlanetLight:
 
 
 def earth_velocity_c(epoch_utc: str) -> FloatArray:
-    """Return the barycentric velocity (3,) of the Earth over that of light, GCRS, which shifts stars by up to 20.5"."""
+    """Return the barycentric velocity of the Earth over that of light, which shifts stars by up to 20.5".
+
+    Returns
+    -------
+    (3,) array
+        Velocity in units of the speed of light, GCRS axes, at the start of the epoch's minute.
+    """
     return _almanac(epoch_utc[: len("2026-01-01T00:00")]).earth_c
 
 

@@ -113,6 +113,11 @@ def _unrecognised(document: Document) -> str:
 def camera_text(camera: CameraFile, form: str, source: str) -> str:
     """Return a camera as text of a format.
 
+    Returns
+    -------
+    str
+        Content of a file in that format.
+
     Raises
     ------
     UserError
