@@ -57,7 +57,13 @@ class AirTables:
 def air_tables(
     bands: Bands, thickness_m: float | None = None, body: Body = EARTH, aerosol_depth: float | None = None
 ) -> AirTables:
-    """Return a body's tables for the camera's bands; the parameters are those of `body_atmosphere`."""
+    """Return a body's tables for the camera's bands; the parameters are those of `body_atmosphere`.
+
+    Returns
+    -------
+    AirTables
+        Atmosphere, transmittance, irradiance on the ground and multiple scattering, float32, from the cache.
+    """
     air = body_atmosphere(body, bands, thickness_m, aerosol_depth)
     makers = (transmittance_table, multiple_scattering, body_atmosphere, bands_of)
 

@@ -139,7 +139,13 @@ class Boxes:
         return Boxes(np.ascontiguousarray(extents.T, np.float32), box_of_triangle)
 
     def inside(self, planes: FloatArray, margin_m: float) -> BoolArray:
-        """Return (B,) True where a box is inside all planes (P, 4), by more than a margin."""
+        """Return True for the boxes that are inside all planes (P, 4), by more than a margin.
+
+        Returns
+        -------
+        (B,) array of bool
+            True where the whole box is on the negative side of every plane, in the order of the boxes.
+        """
         weights = np.empty((len(planes), 7), np.float32)
         weights[:, :3] = planes[:, :3]
         np.abs(weights[:, :3], out=weights[:, 3:6])
@@ -148,7 +154,13 @@ class Boxes:
 
 
 def hidden(shells: Sequence[ConvexShell], boxes: Boxes, viewpoint: FloatArray, radius_m: float) -> BoolArray:
-    """Return (B,) True where a convex shell hides a box; ``viewpoint`` is as in `ConvexShell.hidden_region`."""
+    """Return True for the boxes that a convex shell hides; ``viewpoint`` is as in `ConvexShell.hidden_region`.
+
+    Returns
+    -------
+    (B,) array of bool
+        True where one shell hides the whole box; a box that only several shells together hide is False.
+    """
     is_hidden = np.zeros(boxes.extents_m.shape[1], bool)
     for shell in shells:
         planes = shell.hidden_region(viewpoint)

@@ -14,8 +14,12 @@ if TYPE_CHECKING:
 
 
 def sphere_directions(count: int) -> FloatArray:
-    """Return (count, 3) nearly uniform unit vectors: the Fibonacci lattice (Gonzalez 2010, Mathematical Geosciences
-    42).
+    """Return nearly uniform unit vectors: the Fibonacci lattice (Gonzalez 2010, Mathematical Geosciences 42).
+
+    Returns
+    -------
+    (count, 3) array
+        Unit vectors in order of descending z.
     """
     k = np.arange(count) + 0.5
     z = 1 - 2 * k / count
@@ -25,7 +29,13 @@ def sphere_directions(count: int) -> FloatArray:
 
 
 def spherical_fibonacci(count: int, lowest_cosine: float = -1.0) -> FloatArray:
-    """Return (count, 3) spherical Fibonacci points, uniform in solid angle over a cap about +z."""
+    """Return spherical Fibonacci points, uniform in solid angle over a cap about +z.
+
+    Returns
+    -------
+    (count, 3) array
+        Unit vectors in order of descending z, all above ``lowest_cosine``.
+    """
     share, circle = _fibonacci_angles(count)
     c = 1 - share * (1 - lowest_cosine)
     s = np.sqrt(np.maximum(1 - c * c, 0))
@@ -43,7 +53,13 @@ def _fibonacci_angles(count: int) -> tuple[FloatArray, FloatArray]:
 
 
 def orthonormal_basis(z: FloatArray) -> FloatArray:
-    """Return (3, 3) rows: two unit vectors perpendicular to ``z``, then ``z``."""
+    """Complete a unit vector to an orthonormal basis.
+
+    Returns
+    -------
+    (3, 3) array
+        Rows: two unit vectors perpendicular to ``z``, then ``z``; a right-handed frame.
+    """
     # scalar arithmetic, because a NumPy cross product of two vectors is far slower
     a, b, c = (float(v) for v in z)
     x, y, w = (b, -a, 0.0) if abs(c) < 0.9 else (0.0, c, -b)
@@ -53,7 +69,14 @@ def orthonormal_basis(z: FloatArray) -> FloatArray:
 
 
 def view_basis(direction: ArrayLike) -> FloatArray:
-    """Return (3, 3) rows: two unit vectors perpendicular to ``direction``, then ``direction``."""
+    """Complete a unit vector to an orthonormal basis for a view along it.
+
+    Returns
+    -------
+    (3, 3) array
+        Rows: two unit vectors perpendicular to ``direction``, then ``direction``; a right-handed frame. The first is
+        also perpendicular to the coordinate axis along which ``direction`` is shortest.
+    """
     d = np.asarray(direction, float)
     axis = [0.0, 0.0, 0.0]
     axis[int(np.argmin(np.abs(d)))] = 1.0

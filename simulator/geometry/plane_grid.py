@@ -46,7 +46,13 @@ class PlaneGrid:
 
     @staticmethod
     def over(bounds: FloatArray) -> PlaneGrid:
-        """Build a grid over boxes (4, M): low x, low y, high x, high y."""
+        """Build a grid over boxes (4, M): low x, low y, high x, high y.
+
+        Returns
+        -------
+        PlaneGrid
+            Grid over all boxes; ``listed`` holds the boxes of each cell in their given order.
+        """
         n = bounds.shape[1]
         side = int(np.clip(np.sqrt(n / TRIANGLES_PER_CELL), 1, MAX_CELLS))
         low, span = np.zeros(2), np.ones(2)
@@ -71,12 +77,26 @@ class PlaneGrid:
         return PlaneGrid(low, per_cell, side, first, triangle[order])
 
     def counts(self, points: FloatArray) -> IntArray:
-        """Return the number of triangles in the cell of each point (K, 2)."""
+        """Count the triangles in the cells of points (K, 2).
+
+        Returns
+        -------
+        (K,) array of int
+            Number of triangles whose boxes touch the point's cell. A point outside the grid counts in the nearest cell.
+        """
         cell = self._cell(points)
         return np.asarray(self.first[cell + 1] - self.first[cell])
 
     def at(self, points: FloatArray) -> tuple[IntArray, IntArray]:
-        """Return pairs of a point (K, 2) and a triangle that touches its cell."""
+        """Pair points (K, 2) with the triangles that touch their cells.
+
+        Returns
+        -------
+        point : (N,) array of int
+            Index of the point of each pair, in ascending order.
+        triangle : (N,) array of int
+            Index of its triangle.
+        """
         cell = self._cell(points)
         return self._pairs(self.first[cell], self.first[cell + 1] - self.first[cell])
 
@@ -85,7 +105,15 @@ class PlaneGrid:
         return np.asarray(row * self.side + column)
 
     def along(self, ends: FloatArray) -> tuple[IntArray, IntArray]:
-        """Return pairs of an edge and a triangle (N,) that share a cell, by edge; ``ends`` are (E, 2, 2)."""
+        """Pair edges with the triangles whose cells they cross; ``ends`` are (E, 2, 2).
+
+        Returns
+        -------
+        edge : (N,) array of int
+            Index of the edge of each pair, in ascending order.
+        triangle : (N,) array of int
+            Index of its triangle; a pair occurs once for each common cell.
+        """
         a, b = np.moveaxis((ends - self.low) * self.per_cell, 1, 0)[..., None]
         row = np.arange(self.side)
         rise = b[:, 1] - a[:, 1]

@@ -43,7 +43,14 @@ class MeshBody:
     corner_uv: FloatArray | None = None
 
     def submesh(self, faces: BoolArray) -> MeshBody:
-        """Return the body restricted to some faces."""
+        """Return the body restricted to some faces.
+
+        Returns
+        -------
+        MeshBody
+            Body with the faces for which ``faces`` (F,) is True, in their order. Its positions are those of this body,
+            not copied, with vertices that no face uses.
+        """
         normals = None if self.corner_normals is None else self.corner_normals[faces]
         return MeshBody(
             name=self.name,
@@ -99,12 +106,26 @@ class EdgeTable:
 
 
 def used_vertices(triangles: IntArray, count: int) -> IntArray:
-    """Return the ascending indices of the vertices that triangles use."""
+    """Find the vertices that triangles use.
+
+    Returns
+    -------
+    (K,) array of int
+        Distinct indices, ascending.
+    """
     return np.flatnonzero(np.bincount(triangles.ravel(), minlength=count))
 
 
 def weld(points: FloatArray, low: FloatArray, extent: float) -> tuple[FloatArray, IntArray]:
-    """Return distinct positions and each point's index among them, compared on a grid of 2^21 steps over ``extent``."""
+    """Merge points (N, 3) that are equal on a grid of 2^21 steps over ``extent``.
+
+    Returns
+    -------
+    positions : (V, 3) array
+        First point of each occupied cell, in the order of the cells.
+    index : (N,) array of int
+        Index of each point among them.
+    """
     step = extent / (2**GRID_BITS - 2)
     cell = np.floor((points - low) / step + 0.5).astype(np.int64)
     key = (cell[:, 0] << (2 * GRID_BITS)) | (cell[:, 1] << GRID_BITS) | cell[:, 2]
@@ -113,7 +134,13 @@ def weld(points: FloatArray, low: FloatArray, extent: float) -> tuple[FloatArray
 
 
 def edge_table(triangles: IntArray) -> EdgeTable:
-    """Return the edges of (F, 3) triangles."""
+    """Return the edges of (F, 3) triangles.
+
+    Returns
+    -------
+    EdgeTable
+        Distinct edges in ascending order of their ends, and their faces.
+    """
     start = triangles.ravel()
     end = np.roll(triangles, -1, axis=1).ravel()
     low, high = np.minimum(start, end), np.maximum(start, end)
@@ -137,7 +164,13 @@ def edge_table(triangles: IntArray) -> EdgeTable:
 
 
 def is_closed(positions_m: FloatArray | Float32Array, triangles: IntArray) -> bool:
-    """Return True if every edge is used once in each direction, and the signed volume is positive."""
+    """Return True if a mesh is a closed surface that faces outwards.
+
+    Returns
+    -------
+    bool
+        True if every edge is used equally often in each direction, and the signed volume is positive.
+    """
     p = positions_m.astype(float)[triangles]
     if not np.einsum("ij,ij->", p[:, 0], np.cross(p[:, 1], p[:, 2])) > 0:
         return False
@@ -148,8 +181,14 @@ def is_closed(positions_m: FloatArray | Float32Array, triangles: IntArray) -> bo
 
 
 def components(links: IntArray, count: int) -> tuple[int, IntArray]:
-    """Return the number of connected components of ``count`` nodes with (K, 2) links, and the component of each
-    node.
+    """Find the connected components of ``count`` nodes with links (K, 2).
+
+    Returns
+    -------
+    number : int
+        Number of components.
+    label : (count,) array of int
+        Component of each node, from 0.
     """
     graph = coo_array((np.ones(len(links), bool), (links[:, 0], links[:, 1])), shape=(count, count))
     number, label = connected_components(graph, directed=False)
@@ -157,12 +196,26 @@ def components(links: IntArray, count: int) -> tuple[int, IntArray]:
 
 
 def face_bodies(triangles: IntArray, table: EdgeTable) -> tuple[int, IntArray]:
-    """Return the number of connected components of faces over manifold edges, and the component of each face."""
+    """Find the connected components of faces over manifold edges.
+
+    Returns
+    -------
+    number : int
+        Number of components.
+    label : (F,) array of int
+        Component of each face, from 0.
+    """
     return components(table.pairs // 3, len(triangles))
 
 
 def with_separate_components(body: MeshBody) -> MeshBody:
-    """Return the body with vertices duplicated so that no two connected components share one."""
+    """Return the body with vertices duplicated so that no two connected components share one.
+
+    Returns
+    -------
+    MeshBody
+        Copy with the triangles in their order, without unused vertices, normals and texture coordinates.
+    """
     _, piece = face_bodies(body.triangles, edge_table(body.triangles))
     count = len(body.positions_m)
     distinct, index = np.unique(piece[:, None] * count + body.triangles, return_inverse=True)

@@ -13,14 +13,23 @@ if TYPE_CHECKING:
 
 
 def face_vectors(corners: NDArray[np.floating]) -> FloatArray:
-    """Return the normals (T, 3) of triangles (T, 3, 3), as long as twice their areas."""
+    """Return the normals of triangles (T, 3, 3), as long as twice their areas.
+
+    Returns
+    -------
+    (T, 3) array
+        Normals in the order of the triangles, on the side from which the corners run anticlockwise.
+    """
     return np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
 
 
 def face_planes(corners: FloatArray) -> FloatArray:
-    """Return the planes (T, 4) of triangles (T, 3, 3): unit normal, and negated distance from the origin.
+    """Return the planes of triangles (T, 3, 3).
 
-    A triangle without area has no plane: four zeros.
+    Returns
+    -------
+    (T, 4) array
+        Unit normal, and negated distance of the plane from the origin along it; four zeros for a triangle without area.
     """
     normal = face_vectors(corners)
     normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-30)
@@ -28,7 +37,13 @@ def face_planes(corners: FloatArray) -> FloatArray:
 
 
 def distance_to_triangles(points: FloatArray, corners: FloatArray) -> FloatArray:
-    """Return the distance (N,) of each point (N, 3) from its triangle (N, 3, 3); for a sliver, from its sides."""
+    """Return the distance of each point (N, 3) from its triangle (N, 3, 3).
+
+    Returns
+    -------
+    (N,) array
+        Distance [m]; for a sliver, from its sides.
+    """
     a, b, c = corners[:, 0], corners[:, 1], corners[:, 2]
     best = np.full(len(points), np.inf)
     for p, q in ((a, b), (b, c), (c, a)):
@@ -47,6 +62,11 @@ def distance_to_triangles(points: FloatArray, corners: FloatArray) -> FloatArray
 
 def encloses_origin(corners: FloatArray) -> bool:
     """Return True if the closed shells of triangles (T, 3, 3) enclose the origin, by their solid angle.
+
+    Returns
+    -------
+    bool
+        True if the shells' solid angle at the origin exceeds 2 pi in size, whichever way they face.
 
     References
     ----------

@@ -44,7 +44,13 @@ class Band:
 
     @cached_property
     def sun_irradiance_w_m2(self) -> float:
-        """Solar irradiance in the band at 1 au, normal incidence [W m-2]."""
+        """Return the solar irradiance per band at a distance from the Sun, normal incidence.
+
+        Returns
+        -------
+        (n,) array
+            Irradiance [W m-2], in the order of the image's channels.
+        """
         return sun_irradiance_between_w_m2(self.low_nm, self.high_nm)
 
 
@@ -55,7 +61,13 @@ BLUE = Band("blue", *RGB_BANDS_NM[2], (0.0, 0.0, 1.0))
 
 
 def bands_of(bands: Bands) -> tuple[Band, ...]:
-    """Return the bands of an image, in the order of its channels."""
+    """Return the bands of an image, in the order of its channels.
+
+    Returns
+    -------
+    tuple of Band
+        The panchromatic band, or red, green and blue, in the order of the image's channels.
+    """
     return (PANCHROMATIC,) if bands == "mono" else (RED, GREEN, BLUE)
 
 
@@ -66,11 +78,23 @@ def sun_irradiance_w_m2(bands: Bands, distance_m: float) -> FloatArray:
 
 
 def reflectance(bands: Bands, rgb: FloatArray) -> FloatArray:
-    """Return the reflectance per band (..., n) of linear RGB reflectances (..., 3)."""
+    """Convert linear RGB reflectances (..., 3) to the bands.
+
+    Returns
+    -------
+    (..., n) array
+        Reflectance, in the order of the image's channels.
+    """
     weights = np.array([band.rgb_weights for band in bands_of(bands)])
     return np.asarray(rgb, float) @ weights.T
 
 
 def sunlight_balance(bands: Bands) -> FloatArray:
-    """Return the gain per band at which a white plate in sunlight is as bright as in the panchromatic band [1]."""
+    """Return the gain per band at which a white plate in sunlight is as bright as in the panchromatic band.
+
+    Returns
+    -------
+    (n,) array
+        Gains, in the order of the image's channels; 1 for the panchromatic band.
+    """
     return np.array([PANCHROMATIC.sun_irradiance_w_m2 / band.sun_irradiance_w_m2 for band in bands_of(bands)])

@@ -37,7 +37,13 @@ _POLAR, _TURNS = 8, 6  # directions of integration: polar and azimuth angles
 
 
 def multiple_scattering(air: Atmosphere, ground_albedo: float = EARTH.albedo) -> MultipleScattering:
-    """Compute the table of one atmosphere over ground of uniform albedo."""
+    """Compute the table of one atmosphere over ground of uniform albedo.
+
+    Returns
+    -------
+    MultipleScattering
+        Table (HEIGHTS, SUNS, n) of light scattered at least twice, by height and cosine of the Sun's zenith angle.
+    """
     # the middle column is on the horizon
     column = np.linspace(-1, 1, SUNS)
     mu_sun = np.sign(column) * column**2
