@@ -74,7 +74,7 @@ class Transport(Protocol):
         Returns
         -------
         int
-            Descriptor that becomes readable when bytes arrive; packets may be buffered before that.
+            Descriptor that becomes readable when bytes arrive; complete packets may be buffered already.
         """
 
     def close(self) -> None:
