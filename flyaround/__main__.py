@@ -41,7 +41,14 @@ def main() -> None:
 
 
 def run(arguments: list[str]) -> int:
-    """Run one command line, and return its exit code: 0 success, 1 a failed check, 2 a user's mistake."""
+    """Run one command line, and return its exit code.
+
+    Returns
+    -------
+    int
+        0 for success, 1 for a failed check, 2 for a user's mistake, 130 after an interruption, 143 after SIGTERM. Any
+        other code is the one with which the command line itself exited.
+    """
     problem = limits_problem(drawing=bool(DRAWING.intersection(arguments)))
     if problem is not None:
         _print_error(problem)

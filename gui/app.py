@@ -111,12 +111,23 @@ class Request:
 
 
 def command_table() -> CommandTable:
-    """Return every command of the console."""
+    """Return every command of the console.
+
+    Returns
+    -------
+    CommandTable
+        A new table: the operator's commands, then those of panels and layouts.
+    """
     return CommandTable((*COMMANDS, *panel_commands()))
 
 
 def run(request: Request) -> dict[str, Any]:
     """Open the console, and return its last state when it is closed.
+
+    Returns
+    -------
+    dict of str to object
+        Last state of the console, serialisable as JSON; under ``replay`` the path of the recording, if there is one.
 
     Raises
     ------
@@ -207,6 +218,12 @@ def _surface(request: Request, title: str) -> Surface:
 
 def options_of(session: FlightSession, overlays: tuple[str, ...] = ()) -> Options:
     """Return the initial settings of a flight's view.
+
+    Returns
+    -------
+    Options
+        Settings of the scenario's bands and environment, with the orbit view at the present range and the named
+        overlays on.
 
     Raises
     ------

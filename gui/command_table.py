@@ -194,6 +194,12 @@ class Command:
         ----------
         supplied : Value
             Arguments that the control supplies; the others are listed with their units.
+
+        Returns
+        -------
+        str
+            Lines: purpose with the key in brackets, one line for each open argument that is no switch, and last the
+            script's line if arguments are supplied, otherwise the command's form.
         """
         help_, keys = self.help[:1].upper() + self.help[1:], f" ({self.shown})" if self.shown else ""
         open_ = [a.description for a in self.arguments[len(supplied) :] if a.kind != "switch"]
@@ -201,6 +207,11 @@ class Command:
 
     def read(self, words: Sequence[str]) -> tuple[Value, ...]:
         """Return the arguments of a script's line.
+
+        Returns
+        -------
+        tuple of Value
+            Values in the order of the command's declaration; shorter than that if optional ones at the end are omitted.
 
         Raises
         ------
@@ -219,7 +230,13 @@ class Command:
         self.run(console, *values)
 
     def checked(self, values: Sequence[Value]) -> tuple[Value, ...]:
-        """Return the arguments of a button or a test, checked like a script's."""
+        """Return the arguments of a button or a test, checked like a script's.
+
+        Returns
+        -------
+        tuple of Value
+            The values as a script would give them, as of `read`, which also raises.
+        """
         return self.read([word_of(v) for v in values])
 
 

@@ -189,9 +189,14 @@ class Console:
         self.say(self.attempt(name, *arguments), "caution")
 
     def attempt(self, name: str, *arguments: Value, asks: bool = True) -> str:
-        """Run a command as `do` does; return why it was refused, or an empty text.
+        """Run a command as `do` does, and return why it was refused.
 
         A command that drops or leaves a flight that is in no file first asks, unless ``asks`` is False.
+
+        Returns
+        -------
+        str
+            Sentence of the refusal; empty if the command ran, or if it waits for the answer to a question.
         """
         try:
             command = self.table[name]

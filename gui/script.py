@@ -67,7 +67,12 @@ class Script:
 
     @staticmethod
     def read(path: Path, table: CommandTable) -> Script:
-        """Return a script from a file.
+        """Read a script from a file.
+
+        Returns
+        -------
+        Script
+            Lines of the file, each checked against ``table``; undecodable bytes are replaced.
 
         Raises
         ------
@@ -85,7 +90,12 @@ class Script:
 
     @staticmethod
     def parse(text: str, table: CommandTable, where: str = "script") -> Script:
-        """Return a script from its text, ignoring empty lines and those that begin with ``#``.
+        """Parse a script's text, ignoring empty lines and those that begin with ``#``.
+
+        Returns
+        -------
+        Script
+            Lines in the order of the text, each checked against ``table``; empty if the text has none.
 
         Raises
         ------

@@ -70,7 +70,13 @@ class CodePlace:
         return self.left_px, self.top_px, right, bottom
 
     def fits(self, height_px: int, width_px: int) -> bool:
-        """Return True if the block lies inside an image of that size."""
+        """Return True if the block lies inside an image of that size.
+
+        Returns
+        -------
+        bool
+            True if every cell, the rim included, is inside.
+        """
         left, top, right, bottom = self.box_px
         return left >= 0 and top >= 0 and right <= width_px and bottom <= height_px
 
@@ -125,9 +131,14 @@ def draw_code(
 
 
 def read_code(image: NDArray[Any], place: CodePlace) -> CornerCode | None:
-    """Return the code in an image, or `None` if there is none or its check fails.
+    """Read the code in an image.
 
     Each cell is compared, by the mean of its middle half, with the mean of the rim's white and black levels.
+
+    Returns
+    -------
+    CornerCode or None
+        Frame number and time. None if the block does not fit the image, has too little contrast, or its check fails.
     """
     if not place.fits(image.shape[0], image.shape[1]):
         return None

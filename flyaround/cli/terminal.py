@@ -41,7 +41,13 @@ class VisibleConsole(Console):
 
 
 def terminal(*, stderr: bool = False) -> Console:
-    """Return a console on the output or error stream that prints texts and table cells literally."""
+    """Return a console that prints texts and table cells literally, on standard output or standard error.
+
+    Returns
+    -------
+    Console
+        Console without markup, emoji or highlighting, which escapes control characters.
+    """
     return VisibleConsole(stderr=stderr, markup=False, emoji=False, highlight=False)
 
 

@@ -190,7 +190,7 @@ class Feed:
         return {name: median(p.get(name, 0.0) for _, p in self._passes) for name in self._passes[-1][1]}
 
     def update(self, session: FlightSession, settings: ViewSettings, *, timed: bool = False) -> bool:
-        """Take finished pictures and request new ones; return True if there is a new picture.
+        """Take finished pictures and request new ones.
 
         Parameters
         ----------
@@ -200,6 +200,11 @@ class Feed:
             Settings of the view.
         timed : bool, optional
             True to time each pass, which is slightly slower.
+
+        Returns
+        -------
+        bool
+            True if there is a new picture.
 
         Raises
         ------
@@ -246,7 +251,13 @@ class Feed:
         return (len(self._ends_s) - 1) / max(self._ends_s[-1] - self._ends_s[0], LEAST_SPAN_S)
 
     def take_trouble(self) -> str | None:
-        """Return why pictures were lost or failed since the last call, or None."""
+        """Return why pictures were lost or failed, once.
+
+        Returns
+        -------
+        str or None
+            Sentence of the last failure since the previous call; None if there was none.
+        """
         trouble, self._trouble = self._trouble, None
         return trouble
 
@@ -289,7 +300,13 @@ class Feed:
             self._submit(request)
 
     def divisor(self, settings: ViewSettings, *, paused: bool) -> int:
-        """Return the camera pixels per drawn pixel."""
+        """Return the divisor of the camera's resolution.
+
+        Returns
+        -------
+        int
+            Camera pixels per drawn pixel, in each direction: 1 at full detail or while paused, at most 4.
+        """
         if paused or settings.detail == "full":
             return 1
         if settings.detail != "auto":

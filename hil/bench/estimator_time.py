@@ -34,7 +34,14 @@ BOARD = "flyaround.hil.bench.board_process"
 
 
 def bench_estimator() -> tuple[PartCost, ...]:
-    """Return the times of initialisation on single frames of a flight, and of tracking from frame to frame."""
+    """Measure initialisation on single frames of a flight, and tracking from frame to frame.
+
+    Returns
+    -------
+    tuple of PartCost
+        Times [ms] of initialisation and, if there are any tracked frames, of tracking, each on one thread; peak memory
+        [MB] is that of the process for both.
+    """
     scattered = plan_flight(load_scenario(SCENARIO), n=N_SINGLE)
     close = plan_flight(load_scenario(SCENARIO), every_s=EVERY_S)
     with TemporaryDirectory() as name:

@@ -38,7 +38,16 @@ EstimatorFactory = Callable[[Dict[str, Any]], BoardEstimator]
 
 
 def estimator_factory(model_path: Union[str, Path], method: str) -> Tuple[EstimatorFactory, str, str]:
-    """Return a factory for the estimator called ``method``, and the name and hash of the target model.
+    """Return a factory for the estimator called ``method``, and the identity of the target model.
+
+    Returns
+    -------
+    make : EstimatorFactory
+        Makes the estimator from the camera JSON object of the host.
+    name : str
+        Name of the target model.
+    sha256 : str
+        Hash of the target model, as hexadecimal digits.
 
     Raises
     ------

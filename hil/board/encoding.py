@@ -56,5 +56,11 @@ def light_of(image: Array, encoding: str) -> Array:
 
 
 def linear_picture(image: Array, encoding: str) -> Array:
-    """Return a linear image of the same type; raises as `light_of` does."""
+    """Return a linear image of the same type; raises as `light_of` does.
+
+    Returns
+    -------
+    array
+        The image itself if it is linear; otherwise its light, rounded, as a new uint8 array of the same shape.
+    """
     return image if encoding == "linear" else np.rint(light_of(image, encoding)).astype(np.uint8)

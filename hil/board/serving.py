@@ -59,7 +59,13 @@ def serve_sessions(agent: BoardAgent, *, reconnect: bool, start: List[str]) -> B
 
 
 def exit_code(summary: BoardSummary) -> ExitCode:
-    """Return the exit code of a session."""
+    """Return the exit code of a session.
+
+    Returns
+    -------
+    ExitCode
+        ``ORDERLY`` after the host's goodbye, ``WATCHDOG`` if the estimator hung, otherwise ``HOST_VANISHED``.
+    """
     if summary.hung:
         return ExitCode.WATCHDOG
     return ExitCode.ORDERLY if summary.goodbye else ExitCode.HOST_VANISHED

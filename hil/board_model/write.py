@@ -60,7 +60,13 @@ def write_board_model(target: Target, path: Path) -> None:
 
 
 def board_record(target: Target) -> BoardModelRecord:
-    """Return the board model of a target: labels, occluders, contours, faces, and its trained network.
+    """Return the board model of a target.
+
+    Returns
+    -------
+    BoardModelRecord
+        Labels, occluders, contours, faces and network. Faces are None if the target has too many triangles, the network
+        is None if none was trained.
 
     Raises
     ------

@@ -114,6 +114,11 @@ def settings_for(
 ) -> MapSettings:
     """Return the validated settings of a map over a scenario.
 
+    Returns
+    -------
+    MapSettings
+        The settings, with the hash of the scenario as it was read.
+
     Raises
     ------
     UserError

@@ -193,7 +193,12 @@ def write_calibration(calibration: DisplayCalibration, path: Path) -> None:
 
 
 def read_calibration(path: Path) -> DisplayCalibration:
-    """Read a calibration.
+    """Read a calibration from a file.
+
+    Returns
+    -------
+    DisplayCalibration
+        Relation between the screen and the camera.
 
     Raises
     ------

@@ -90,6 +90,11 @@ def check_any_method(method: str) -> None:
 def any_estimator(model: BoardModel, camera: CameraIntrinsics, choice: MethodChoice) -> Estimator:
     """Return the estimator of a choice, built-in or from a plug-in package.
 
+    Returns
+    -------
+    Estimator
+        A new estimator; one of a plug-in package is wrapped in an `AddedEstimator`.
+
     Raises
     ------
     BoardModelError

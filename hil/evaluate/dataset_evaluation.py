@@ -169,7 +169,13 @@ def _pictures(folder: Path, rows: Sequence[EvaluatedFrame], encoding: str) -> tu
 
 
 def method_metrics(label: str, rows: Sequence[EvaluatedFrame]) -> MethodMetrics:
-    """Return the metrics of one method's rows."""
+    """Return the metrics of one method's rows.
+
+    Returns
+    -------
+    MethodMetrics
+        Metrics over all rows, by range and by class, under the name ``label``.
+    """
     return summarise(
         [r.record for r in rows],
         method=label,

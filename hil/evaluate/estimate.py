@@ -91,7 +91,12 @@ def estimate(
 def checked_picture(
     image: NDArray[np.unsignedinteger], camera: Camera, source: str
 ) -> NDArray[np.unsignedinteger]:
-    """Return an image as the estimators expect it, linear and grey.
+    """Check an image and convert it to linear grey, as the estimators expect it.
+
+    Returns
+    -------
+    (H, W) array
+        Image of the same type; the given one if it is grey and linear already.
 
     Raises
     ------

@@ -120,7 +120,13 @@ def write_page(
 
 
 def about_mean_predictor(m: MeanPredictor | None) -> str:
-    """Describe the mean predictor in a sentence; empty if there is no pose."""
+    """Describe the mean predictor in a sentence.
+
+    Returns
+    -------
+    str
+        Sentence with the number of frames and the mean errors; empty if there is no predictor.
+    """
     if m is None:
         return ""
     return (

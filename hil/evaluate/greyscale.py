@@ -47,7 +47,13 @@ def grey(image: NDArray[np.unsignedinteger], encoding: str = "linear") -> NDArra
 
 
 def describe_pictures(image: NDArray[np.unsignedinteger], encoding: str = "linear") -> str:
-    """Describe an image: bands, bit depth and the conversion before estimation."""
+    """Describe an image: bands, bit depth and the conversion before estimation.
+
+    Returns
+    -------
+    str
+        Phrase such as ``mono, 8 bits``.
+    """
     bits = 8 * image.dtype.itemsize
     kind = "mono" if image.ndim == 2 else GREY_NOTE
     scale = "" if bits == 8 else ", full scale taken from the brightest pixel"

@@ -44,9 +44,14 @@ class MeanPredictor(msgspec.Struct, frozen=True, kw_only=True):
 
 
 def mean_predictor(q_wxyz: ArrayLike, t_m: ArrayLike) -> MeanPredictor:
-    """Return the mean pose of the truths (N, 4), (N, 3) and its errors on them.
+    """Compute the mean pose of the truths (N, 4), (N, 3) and its errors on them.
 
     It is fitted to its own test data, so it is the best constant predictor.
+
+    Returns
+    -------
+    MeanPredictor
+        Mean pose, its quaternion with a scalar part that is not negative, with its errors [m, deg].
 
     References
     ----------

@@ -39,5 +39,11 @@ class MethodChoice(msgspec.Struct, frozen=True):
 
 
 def board_model(target: Target) -> BoardModel:
-    """Return the board model of a target, in the form that a board reads."""
+    """Return the board model of a target.
+
+    Returns
+    -------
+    BoardModel
+        Model in the form that a board reads, with the faces and network that `board_record` gives it.
+    """
     return BoardModel.from_dict(msgspec.to_builtins(board_record(target)))

@@ -197,7 +197,12 @@ class Metrics(MethodMetrics, frozen=True, kw_only=True):
 
 
 def wilson_interval(k: int, n: int) -> tuple[float, float] | None:
-    """Return Wilson's 95 % score interval of a share ``k / n``, or None if ``n`` is 0.
+    """Return Wilson's 95 % score interval of a share ``k / n``.
+
+    Returns
+    -------
+    tuple of float or None
+        Lower and upper bound, 0 to 1; None if ``n`` is 0.
 
     References
     ----------
@@ -214,9 +219,16 @@ def wilson_interval(k: int, n: int) -> tuple[float, float] | None:
 def bootstrap_intervals(
     values: Sequence[float], resamples: int = 1000
 ) -> tuple[tuple[float, float] | None, tuple[float, float] | None]:
-    """Return the 95 % percentile intervals of the median and of the mean; None for fewer than five values.
+    """Return the 95 % percentile intervals of the median and of the mean.
 
     The random generator is seeded, so that the same values give the same intervals.
+
+    Returns
+    -------
+    median : tuple of float or None
+        Lower and upper bound of the median, in the unit of the values; None for fewer than five values.
+    mean : tuple of float or None
+        The same of the mean.
 
     References
     ----------

@@ -102,7 +102,13 @@ def read_rows(path: Path, header: RunHeader) -> list[EvaluatedFrame]:
 
 
 def existing_rows(path: Path) -> list[EvaluatedFrame]:
-    """Return the rows of any evaluation; none if the file does not exist.
+    """Read the rows of an evaluation.
+
+    Returns
+    -------
+    list of EvaluatedFrame
+        Rows in the order of the file, without a truncated last line and lines that cannot be decoded; empty if the file
+        does not exist.
 
     Raises
     ------

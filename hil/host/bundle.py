@@ -48,9 +48,14 @@ EXCLUDED = (
 
 
 def write_bundle(path: Path, targets: Sequence[Target]) -> int:
-    """Write the bundle with the board models of ``targets``, and return its size [bytes].
+    """Write the bundle with the board models of ``targets``, as an executable file.
 
     On the board it needs only Python 3.9, NumPy and OpenCV 4.6.
+
+    Returns
+    -------
+    int
+        Size of the bundle [bytes].
 
     Raises
     ------

@@ -168,7 +168,13 @@ class BoardLoop:
 
 
 def scene_at_snapshot(plan: Plan, snapshot: Snapshot, number: int) -> SceneState:
-    """Return the scene of image ``number``, with the chaser's simulated state instead of the planned one."""
+    """Return the scene of image ``number``, with the chaser's simulated state instead of the planned one.
+
+    Returns
+    -------
+    SceneState
+        Scene at the snapshot's time; target and environment are those of the plan.
+    """
     world = plan.flight.state_with_chaser(
         ChaserState(
             t_s=snapshot.t_s,
@@ -219,7 +225,13 @@ def fly_without_pictures(
 
 
 def summary_without_pictures(result: ClosedLoopResult, pose: PoseFrom, seed: int) -> LedgerSummary:
-    """Return the summary of a run that sent no frames."""
+    """Return the summary of a run that sent no frames.
+
+    Returns
+    -------
+    LedgerSummary
+        Summary whose counts are zero, with the figures of the closed loop.
+    """
     return summarise(
         [],
         started_utc=datetime.now(UTC).isoformat(timespec="seconds"),
@@ -233,7 +245,13 @@ def summary_without_pictures(result: ClosedLoopResult, pose: PoseFrom, seed: int
 
 
 def figures(result: ClosedLoopResult, pose: PoseFrom, seed: int) -> ClosedLoopFigures:
-    """Return the figures of a closed loop that go into ``summary.json``."""
+    """Return the figures of a closed loop that go into ``summary.json``.
+
+    Returns
+    -------
+    ClosedLoopFigures
+        Outcome without the control periods, and their last time [s] as the duration.
+    """
     values = {field.name: getattr(result, field.name) for field in fields(result) if field.name != "steps"}
     return ClosedLoopFigures(pose=pose, seed=seed, duration_s=result.steps[-1].t_s, **values)
 
@@ -283,7 +301,13 @@ def write_steps(folder: Path, steps: Iterable[LoopStep]) -> None:
 
 
 def read_steps(folder: Path) -> dict[str, list[str]]:
-    """Return the columns of a folder's ``closed_loop.csv``; empty if there is no such file.
+    """Read the columns of a folder's ``closed_loop.csv``.
+
+    Returns
+    -------
+    dict of str to list of str
+        Cells of each column as text, in the order of the control periods; empty if there is no such file. Cells of
+        numeric columns are numbers or empty.
 
     Raises
     ------

@@ -179,7 +179,13 @@ class FlightRun:
 
 
 def interval_s(plan: Plan) -> float | None:
-    """Return the median interval between frames [s]."""
+    """Return the median interval between the frames of a plan.
+
+    Returns
+    -------
+    float or None
+        Interval [s]; None for a single frame.
+    """
     return float(np.median(np.diff(plan.times_s))) if plan.n_frames > 1 else None
 
 

@@ -227,7 +227,13 @@ class FrameRecord:
 
     @staticmethod
     def from_frame(frame: Frame) -> FrameRecord:
-        """Return the record of a frame that is not yet in progress."""
+        """Return the record of a frame that is not yet in progress.
+
+        Returns
+        -------
+        FrameRecord
+            Record with the frame's number, time, exposure, render time [ms] and faults; other columns are empty.
+        """
         scene = frame.scene
         return FrameRecord(
             frame_id=frame.number,
@@ -239,11 +245,23 @@ class FrameRecord:
         )
 
     def with_times(self, **times: Any) -> FrameRecord:  # noqa: ANN401 - fields of FrameTimes
-        """Return the record with additional times."""
+        """Return the record with additional times.
+
+        Returns
+        -------
+        FrameRecord
+            Copy in which the fields of `FrameTimes` that were given are set.
+        """
         return replace(self, times=replace(self.times, **times))
 
     def with_outcome(self, outcome: str, reason: str, **times: Any) -> FrameRecord:  # noqa: ANN401 - fields of FrameTimes
-        """Return the record with its outcome and final times."""
+        """Return the record with its outcome and final times.
+
+        Returns
+        -------
+        FrameRecord
+            Copy with the outcome, its reason, and the fields of `FrameTimes` that were given.
+        """
         return replace(self.with_times(**times), outcome=outcome, reason=reason)
 
     @property
@@ -343,7 +361,15 @@ def _with_pose(record: FrameRecord, pose: PoseMessage | None, truth: tuple[Quat,
 
 
 def pose_errors(q_wxyz: Quat, t_m: Vec3, truth_q_wxyz: Quat, truth_t_m: Vec3) -> tuple[float, float]:
-    """Return ``E_T`` [m] and ``E_R`` [deg] of a pose; 180 deg for a quaternion of length zero, NaN for one of NaN."""
+    """Return the position error ``E_T`` and the attitude error ``E_R`` of a pose.
+
+    Returns
+    -------
+    E_T_m : float
+        Distance between the positions [m].
+    E_R_deg : float
+        Angle between the attitudes [deg], 0 to 180; 180 for a quaternion of length zero, NaN for one with a NaN.
+    """
     error_m = float(np.linalg.norm(np.subtract(t_m, truth_t_m)))
     norm = float(np.linalg.norm(q_wxyz))
     if norm < 1e-9:

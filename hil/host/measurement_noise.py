@@ -25,7 +25,12 @@ class _Metrics(msgspec.Struct, frozen=True):
 
 
 def read_pose_noise(path: Path) -> PoseNoise:
-    """Return the noise model of an estimator's poses, from the first method in a ``metrics.json``.
+    """Read the noise model of an estimator's poses from the first method in a ``metrics.json``.
+
+    Returns
+    -------
+    PoseNoise
+        Standard deviations of the method's accepted poses; correlation, losses and gross errors have the defaults.
 
     Raises
     ------

@@ -37,7 +37,12 @@ class StoredPicture:
 
 
 def pictures_in(folder: Path) -> list[Path]:
-    """Return the PNG files of a folder, or of a data set's ``images``, by name, without masks and other layers.
+    """Return the PNG files of a folder, or of a data set's ``images``.
+
+    Returns
+    -------
+    list of Path
+        Files by name, at least one, without masks and other layers.
 
     Raises
     ------

@@ -40,13 +40,24 @@ class PoseLink:
 
     @staticmethod
     def in_lockstep(faults: Faults) -> PoseLink:
-        """Return the link of a board in lockstep. It only delays poses, because the line itself loses them."""
+        """Return the link of a board in lockstep.
+
+        Returns
+        -------
+        PoseLink
+            Link with the delays and jitters of the line. It drops no poses, because the line itself loses them.
+        """
         delays = tuple(fault for fault in faults.line if isinstance(fault, Delay | Jitter))
         return PoseLink(faults=delays, seed=faults.seed)
 
     @staticmethod
     def without_pictures(faults: Faults) -> PoseLink:
         """Return the link of simulated poses, without a board.
+
+        Returns
+        -------
+        PoseLink
+            Link with the delays, jitters and drops of the line.
 
         Raises
         ------
@@ -62,7 +73,13 @@ class PoseLink:
         return PoseLink(faults=faults.line, seed=faults.seed)
 
     def delay_s(self, number: int, t_s: float) -> float | None:
-        """Return the delay of the pose of an image exposed at ``t_s``; None if it is lost."""
+        """Return the delay of the pose of an image exposed at ``t_s``.
+
+        Returns
+        -------
+        float or None
+            Time from mid-exposure to the pose [s], the same at each call; None if the pose is lost.
+        """
         delay_s = self.latency_s
         for k, fault in enumerate(self.faults):
             if not isinstance(fault, SUPPORTED_FAULTS) or not fault.acts(t_s):

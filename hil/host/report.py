@@ -54,9 +54,14 @@ CAPTIONS = {
 
 
 def write_report(folder: Path) -> Path:
-    """Write ``report.html`` and ``trace.json`` into a ledger folder, and return the path of the page.
+    """Write ``report.html`` and ``trace.json`` into a ledger folder.
 
     A ledger without summary.json, because the host was killed, is summarised from its rows and run.json.
+
+    Returns
+    -------
+    Path
+        Path of the page.
 
     Raises
     ------

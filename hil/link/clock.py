@@ -33,7 +33,13 @@ MIN_SCATTER = 1 / 8
 
 
 def now_ns() -> int:
-    """Return this machine's monotonic clock [ns]. The wall clock is never used for durations."""
+    """Return this machine's monotonic clock. The wall clock is never used for durations.
+
+    Returns
+    -------
+    int
+        Time since an arbitrary start [ns], which never goes back.
+    """
     return time.monotonic_ns()
 
 
@@ -91,19 +97,38 @@ class ClockFilter:
         self._stale = True
 
     def add_reply(self, reply: TimeSyncReply, back_ns: int) -> int:
-        """Add one exchange from its reply packet; return its round trip [ns], negative for a broken clock."""
+        """Add one exchange from its reply packet.
+
+        Returns
+        -------
+        int
+            Round trip [ns] without the other side's time to answer; negative for a broken clock, whose exchange is
+            ignored.
+        """
         self.add(reply.asked_ns, reply.received_ns, reply.sent_ns, back_ns)
         return (back_ns - reply.asked_ns) - (reply.sent_ns - reply.received_ns)
 
     def offset_at(self, at_ns: int) -> Optional[int]:
-        """Return the other clock minus this one at a time of this clock [ns]; None before the first exchange."""
+        """Return the other clock minus this one at a time of this clock.
+
+        Returns
+        -------
+        int or None
+            Offset [ns]; None before the first exchange.
+        """
         best = self._best(at_ns)
         if best is None:
             return None
         return best.offset_ns + round(1e-6 * self._drift_ppm * (at_ns - best.at_ns))
 
     def offset_bound_at(self, at_ns: int) -> Optional[int]:
-        """Return the largest error of ``offset_at`` [ns]: half a round trip plus the drift since."""
+        """Return the largest error of ``offset_at``.
+
+        Returns
+        -------
+        int or None
+            Half a round trip plus the drift since [ns]; None before the first exchange.
+        """
         best = self._best(at_ns)
         return None if best is None else self._bound(best, at_ns)
 
@@ -166,5 +191,11 @@ def fit_line(samples: List[ClockSample]) -> Optional[ClockLine]:
 def answer_time_sync(
     request: TimeSyncRequest, received_ns: int, newest_frame: Optional[int] = None
 ) -> TimeSyncReply:
-    """Return the reply to a request, stamped now; ``newest_frame`` is the last one received completely."""
+    """Make the reply to a request; ``newest_frame`` is the last one received completely.
+
+    Returns
+    -------
+    TimeSyncReply
+        Reply, whose time of sending is now; send it at once.
+    """
     return TimeSyncReply(request.asked_ns, received_ns, now_ns(), newest_frame)

@@ -54,7 +54,12 @@ _IN_CLEAR = (PacketType.ERROR, PacketType.BYE)
 
 
 def read_key(path: str) -> bytes:
-    """Read a key from a file: its bytes without trailing white space.
+    """Read a key from a file.
+
+    Returns
+    -------
+    bytes
+        Content of the file without trailing white space, ``MIN_KEY_BYTES`` to ``MAX_KEY_BYTES`` long.
 
     Raises
     ------
@@ -163,11 +168,15 @@ class HostHandshake:
         self.seal: Optional[Seal] = None
 
     def take(self, packet: Packet) -> Optional[Packet]:
-        """Return the answer to a packet of the handshake; None if there is none.
+        """Process a packet of the handshake, and return the answer to it.
 
         A repeated request gets the same answer, so that the board may use any of the answers of a slow host. A
         restarted board uses another nonce; the previous seal remains valid until the new proof.
 
+        Returns
+        -------
+        Packet or None
+            Challenge to a request; None after a proof, whose seal is held from then on, and for any other packet.
 
         Raises
         ------
@@ -232,7 +241,13 @@ class HostTransport(WrappedTransport):
         self._line.send_packet(packet)
 
     def recv_packet(self, timeout_s: float) -> Optional[Packet]:
-        """Return the next packet of this session; None after ``timeout_s``.
+        """Return the next packet of this session.
+
+        Returns
+        -------
+        Packet or None
+            Opened packet of an authenticated board; None after ``timeout_s``. Packets of the handshake are answered
+            here.
 
         Raises
         ------
@@ -285,7 +300,12 @@ class BoardTransport(WrappedTransport):
 
 
 def prove_to_host(line: Transport, key: bytes, timeout_s: float = ANSWER_TIMEOUT_S) -> BoardTransport:
-    """Run the handshake of a board or truth logger; return a sealed line to a host with the same key.
+    """Run the handshake of a board or truth logger.
+
+    Returns
+    -------
+    BoardTransport
+        Sealed line to a host with the same key, over ``line``.
 
     Raises
     ------

@@ -138,7 +138,12 @@ class Link:
             self.stats.sent += 1
 
     def recv(self, timeout_s: float) -> Optional[Message]:
-        """Return the next message of this session; None after ``timeout_s`` or with ``yielded``.
+        """Return the next message of this session.
+
+        Returns
+        -------
+        Message or None
+            Decoded message; None after ``timeout_s``, or with ``yielded`` True after ``MAX_IGNORED`` ignored packets.
 
         Raises
         ------
@@ -269,6 +274,11 @@ def greet_host(link: Link, hello: Hello, timeout_s: float, *, repeat_s: float = 
 
     HELLO is repeated every ``repeat_s`` until it is answered, for lines that lose bytes. The host distinguishes a
     repetition from a restarted board by the packet's sequence number.
+
+    Returns
+    -------
+    HelloAck
+        Terms of the session, as received; ``link.accepts`` is set to the packets of a session.
 
     Raises
     ------

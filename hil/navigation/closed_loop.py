@@ -386,7 +386,13 @@ class ClosedLoop:
         return step.estimate is None or float(np.linalg.norm(step.position_lvlh_m)) > 2 * radius
 
     def result(self) -> ClosedLoopResult:
-        """Return the outcome of the loop so far; final once `pictures` has ended."""
+        """Return the outcome of the loop so far.
+
+        Returns
+        -------
+        ClosedLoopResult
+            Outcome, its figures up to the last control period, and all periods so far; final once `pictures` has ended.
+        """
         steps = self.steps
         last = steps[-1]
         violations = sum(bool(step.violation) for step in steps)

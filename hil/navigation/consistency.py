@@ -37,7 +37,13 @@ def nees(error: FloatArray, covariance: FloatArray) -> float:
 
 
 def nees_band(runs: int, states: int, probability: float = 0.95) -> tuple[float, float]:
-    """Return the two-sided band of the mean NEES over independent runs at one time."""
+    """Return the two-sided band of the mean NEES over independent runs at one time.
+
+    Returns
+    -------
+    tuple of float
+        Lower and upper bound; the mean of a consistent filter lies between them with the given probability.
+    """
     tail = (1.0 - probability) / 2
     degrees = runs * states
     return chi_square_quantile(tail, degrees) / runs, chi_square_quantile(1.0 - tail, degrees) / runs

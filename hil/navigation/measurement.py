@@ -120,7 +120,15 @@ class Snapshot:
     com_target_m: FloatArray
 
     def pose(self) -> tuple[FloatArray, FloatArray]:
-        """Return the true ``q_camera_from_target_wxyz`` and ``t_camera_from_target_m`` [m], as in a label."""
+        """Return the true pose of the target, as in a label.
+
+        Returns
+        -------
+        q_camera_from_target_wxyz : (4,) array
+            Attitude quaternion, scalar first.
+        t_camera_from_target_m : (3,) array
+            Position of the model's origin, camera frame [m].
+        """
         origin = -(matrix_from_quat(self.q_eci_from_target_wxyz) @ self.com_target_m)
         t = matrix_from_quat(self.q_camera_from_eci_wxyz) @ (origin - self.position_eci_m)
         return quat_multiply(self.q_camera_from_eci_wxyz, self.q_eci_from_target_wxyz), t
@@ -166,7 +174,13 @@ class PoseNoise:
     wrong: float = 0.004
 
     def sigmas(self, range_m: float) -> FloatArray:
-        """Return the standard deviations (6,) in camera axes: translation [m], then rotation [rad]."""
+        """Return the standard deviations of a pose at a range [m], in camera axes.
+
+        Returns
+        -------
+        (6,) array
+            Translation in x, y and z [m], then rotation about these axes [rad].
+        """
         across = float(np.hypot(self.across_m, self.across_share * range_m))
         along = self.along_share * range_m
         return np.array([across, across, along, self.tilt_rad, self.tilt_rad, self.roll_rad])
@@ -178,7 +192,13 @@ class PoseNoise:
         t_camera_from_target_m: FloatArray,
         q_camera_from_eci_wxyz: FloatArray,
     ) -> PoseMeasurement:
-        """Make a measurement from a pose and this error model; the target must be near the boresight."""
+        """Make a measurement from a pose and this error model; the target must be near the boresight.
+
+        Returns
+        -------
+        PoseMeasurement
+            The pose unchanged, with the error covariance of this model at its range.
+        """
         errors = self._axes(q_camera_from_target_wxyz) * self.sigmas(
             float(np.linalg.norm(t_camera_from_target_m))
         )
@@ -192,7 +212,13 @@ class PoseNoise:
         )
 
     def true_pose(self, snapshot: Snapshot) -> PoseMeasurement:
-        """Return the exact pose of a snapshot, of which the filter nevertheless assumes this accuracy."""
+        """Return the exact pose of a snapshot as a measurement.
+
+        Returns
+        -------
+        PoseMeasurement
+            Pose without errors, of which the filter nevertheless assumes this accuracy.
+        """
         return self.measured(snapshot.t_s, *snapshot.pose(), snapshot.q_camera_from_eci_wxyz)
 
     @staticmethod

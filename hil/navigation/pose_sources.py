@@ -35,9 +35,14 @@ class PoseErrors:
         self._previous: tuple[FloatArray, FloatArray] | None = None
 
     def draw(self, snapshot: Snapshot) -> PoseMeasurement | None:
-        """Return the pose of a snapshot with random errors; None if no pose is accepted.
+        """Draw the pose of a snapshot with random errors.
 
         A grossly wrong pose has a random rotation and is displaced by a tenth of the range.
+
+        Returns
+        -------
+        PoseMeasurement or None
+            Pose with errors, and the covariance that the noise model assigns to it; None if no pose is accepted.
         """
         q, t = snapshot.pose()
         # always draw the same numbers, so that runs differ only by their seed
@@ -88,7 +93,13 @@ class PoseQueue:
             self._waiting.append((self._last_s, pose))
 
     def available(self, t_s: float) -> Sequence[PoseMeasurement]:
-        """Return the poses available by ``t_s`` that were not returned before."""
+        """Return the poses that have arrived since the last call, and remove them.
+
+        Returns
+        -------
+        sequence of PoseMeasurement
+            Poses that have arrived by ``t_s``, in the order of their images; empty if there is none.
+        """
         ready = []
         while self._waiting and self._waiting[0][0] <= t_s + 1e-9:
             ready.append(self._waiting.popleft()[1])

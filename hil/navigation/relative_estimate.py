@@ -84,6 +84,12 @@ class RelativeEstimate:
         """Return the estimate with an error (18,) removed.
 
         The attitude error is multiplicative (Lefferts, Markley & Shuster 1982).
+
+        Returns
+        -------
+        RelativeEstimate
+            Copy with ``error``, truth minus estimate in the order of the covariance, added to its values, and the given
+            covariance.
         """
         attitude = quat_multiply(self.q_eci_from_target_wxyz, quat_from_rotvec(error[A]))
         return replace(
@@ -100,6 +106,11 @@ class RelativeEstimate:
         """Return the estimate with the correlated pose errors decayed to a share ``correlation``.
 
         A first-order Gauss-Markov process of unit variance: white noise replaces the decayed part.
+
+        Returns
+        -------
+        RelativeEstimate
+            Copy with another ``pose_bias`` and covariance; the other values are the same.
         """
         keep = np.ones(18)
         keep[B] = correlation
@@ -112,6 +123,11 @@ class RelativeEstimate:
 
         The part of the estimate's error that is caused by correlated pose errors scales with them; their estimated
         values [m, rad] are kept.
+
+        Returns
+        -------
+        RelativeEstimate
+            Copy with another ``pose_bias``, covariance and scale; the other values are the same.
         """
         ratio = scale.factors / self.error_scale.factors
         C = self.joint_covariance
@@ -134,7 +150,13 @@ class RelativeEstimate:
         q_eci_from_target_wxyz: FloatArray,
         omega_target_rad_s: FloatArray,
     ) -> FloatArray:
-        """Return truth minus estimate (12,), in the order of the covariance."""
+        """Return the error of the estimate.
+
+        Returns
+        -------
+        (12,) array
+            Truth minus estimate: position [m], velocity [m s-1], rotation about target axes [rad], rate [rad s-1].
+        """
         return np.concatenate(
             [
                 position_lvlh_m - self.position_lvlh_m,

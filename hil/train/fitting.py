@@ -22,7 +22,7 @@ class Budget:
     steps: int | None = None
 
     def done(self, began_s: float, steps: int) -> float:
-        """Return the used share of the budget, 1 at its end.
+        """Return the used share of the budget.
 
         Parameters
         ----------
@@ -30,6 +30,11 @@ class Budget:
             Monotonic clock at the start.
         steps : int
             Number of steps so far.
+
+        Returns
+        -------
+        float
+            Share of the steps, or of the time if ``steps`` is None; above 1 once it is exceeded.
         """
         if self.steps is not None:
             return steps / self.steps

@@ -138,6 +138,11 @@ def train_network(
     progress : callable
         Called with the number of images read, and the total.
 
+    Returns
+    -------
+    TrainingReport
+        Errors of the network on the held-out frames, with those of the mean predictor.
+
     Raises
     ------
     UserError

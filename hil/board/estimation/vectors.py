@@ -38,7 +38,14 @@ def sphere_directions(count: int) -> Array:
 
 
 def swing(direction: Array) -> Array:
-    """Return the shortest rotation (3, 3) from the boresight (+z) to a unit vector (3,)."""
+    """Return the shortest rotation from the boresight (+z) to a unit vector (3,).
+
+    Returns
+    -------
+    (3, 3) array
+        Rotation matrix whose third column is ``direction``. It is orthonormal unless ``direction`` is within 8 degrees
+        of -z, where the rotation is not defined.
+    """
     x, y, z = direction.tolist()
     c = 1.0 / (1.0 + max(z, -0.99))
     return np.array([[1 - x * x * c, -x * y * c, x], [-x * y * c, 1 - y * y * c, y], [-x, -y, z]])

@@ -65,7 +65,13 @@ PRESENT_LOGIT = 2.0
 
 
 def propose_learned(image: PreparedImage) -> Proposals:
-    """Propose poses at the most likely location by the keypoint network (Park, Sharma & D'Amico 2019)."""
+    """Propose poses at the most likely location by the keypoint network (Park, Sharma & D'Amico 2019).
+
+    Returns
+    -------
+    Proposals
+        Poses of the network; without a network or a region, no hypotheses and ``learned`` None.
+    """
     frame, proposal = image.frame, None
     if image.setup.learned is not None:
         regions = image.regions[:NETWORK_REGIONS]
@@ -245,10 +251,15 @@ class PoseEstimator(Estimator):
         return self.initialise(Observation.from_record(frame))
 
     def initialise(self, frame: Observation) -> PoseResult:
-        """Return the pose in one image, without a prior pose.
+        """Estimate the pose in one image, without a prior pose.
 
         The first round uses the network. If its answer is not accepted, a second round averages the network over
         several rolls of the crop. Edges propose poses only if the network proposed none.
+
+        Returns
+        -------
+        PoseResult
+            Best pose found, accepted or declined with a reason; without a pose if no target was found.
         """
         image = prepare(self.setup, frame)
         first = propose_learned(image)

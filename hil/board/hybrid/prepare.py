@@ -39,7 +39,14 @@ MIN_DIAGONAL_PX = 24.0
 
 
 def prepare(setup: SearchSetup, frame: Observation) -> PreparedImage:
-    """Measure an image's noise and black level, and propose the regions that may contain the target."""
+    """Measure an image's noise and black level, and propose the regions that may contain the target.
+
+    Returns
+    -------
+    PreparedImage
+        ``frame``, in which noise, black level, background and craft probability are now set, with the reduced image and
+        the regions, most likely first. Regions with a diagonal below `MIN_DIAGONAL_PX` are omitted; there may be none.
+    """
     reduced, smoothed = _measure_noise(frame)
     frame.mark("noise")
     # Sharma, Ventura & D'Amico (2018)

@@ -25,15 +25,25 @@ CANDIDATES = 24
 
 
 def class_attitudes(n: int) -> Array:
-    """Return the attitudes (n, 4) of ``n`` classes.
+    """Return the attitudes of ``n`` classes.
 
-    They are quaternions, scalar first and of either sign, of the target relative to the line of sight to it.
+    Returns
+    -------
+    (n, 4) array
+        Quaternions, scalar first and of either sign, of the target relative to the line of sight to it; the row is the
+        number of the class.
     """
     return even_attitudes(n)
 
 
 def class_step_rad(n: int) -> float:
-    """Return the spacing of the classes [rad]: the edge of a cube of 1/n of the volume of SO(3), 8 pi^2."""
+    """Return the spacing of ``n`` attitude classes.
+
+    Returns
+    -------
+    float
+        Spacing [rad]: the edge of a cube of 1/n of the volume of SO(3), 8 pi^2.
+    """
     return float((8 * np.pi**2 / n) ** (1 / 3))
 
 

@@ -27,12 +27,24 @@ class NetworkCamera:
 
     @staticmethod
     def like(camera: CameraIntrinsics, width_px: int) -> NetworkCamera:
-        """Return a camera ``width_px`` wide with the horizontal field of view of ``camera``, and square pixels."""
+        """Return a camera with the horizontal field of view of another one.
+
+        Returns
+        -------
+        NetworkCamera
+            Camera of square pixels, ``width_px`` wide, with about the aspect ratio of ``camera``'s image.
+        """
         height_px = max(round(width_px * camera.height_px / camera.width_px), 1)
         return NetworkCamera(width_px, height_px, camera.fx_px * width_px / camera.width_px)
 
     def enlarged(self, times: int) -> NetworkCamera:
-        """Return the same view with ``times`` as many pixels in each direction."""
+        """Return a camera of the same view at a higher resolution.
+
+        Returns
+        -------
+        NetworkCamera
+            Camera with ``times`` as many pixels in each direction.
+        """
         return NetworkCamera(times * self.width_px, times * self.height_px, times * self.f_px)
 
     @property
@@ -41,7 +53,13 @@ class NetworkCamera:
         return np.array([self.width_px, self.height_px]) / (2 * self.f_px)
 
     def rays(self) -> Array:
-        """Return normalised coordinates x/z and y/z of each pixel (h, w, 2)."""
+        """Return the normalised coordinates of each pixel.
+
+        Returns
+        -------
+        (h, w, 2) array
+            Coordinates x/z and y/z of the pixel centres.
+        """
         x = (np.arange(self.width_px) - 0.5 * (self.width_px - 1)) / self.f_px
         y = (np.arange(self.height_px) - 0.5 * (self.height_px - 1)) / self.f_px
         return np.stack(np.meshgrid(x, y), axis=-1)
@@ -64,7 +82,13 @@ class PictureReducer:
 
     @staticmethod
     def prepare(view: NetworkCamera, camera: CameraIntrinsics) -> PictureReducer:
-        """Return the resampling for images of ``camera``."""
+        """Compute the resampling of images of ``camera`` to ``view``.
+
+        Returns
+        -------
+        PictureReducer
+            Resampling that averages over pixels where the image is finer than ``view``, and removes the distortion.
+        """
         share = min(view.f_px / (0.5 * (camera.fx_px + camera.fy_px)), 1.0)
         width, height = (max(round(share * n), 1) for n in (camera.width_px, camera.height_px))
         rays = view.rays()
@@ -90,7 +114,14 @@ class PictureReducer:
 
 
 def standardise(pictures: Array) -> Array:
-    """Return images (..., h, w), float32, each with zero mean and unit standard deviation."""
+    """Standardise the brightness of images (..., h, w), each by itself.
+
+    Returns
+    -------
+    (..., h, w) array
+        Images with a mean of zero and a standard deviation of one, float32; below one if that of the input is less than
+        ``MIN_CONTRAST``.
+    """
     mean = pictures.mean(axis=(-2, -1), keepdims=True)
     spread = pictures.std(axis=(-2, -1), keepdims=True)
     return np.asarray((pictures - mean) / np.maximum(spread, MIN_CONTRAST), np.float32)

@@ -92,6 +92,11 @@ class NetworkFile:
     def read(path: Union[str, Path]) -> NetworkFile:
         """Read and check a file that ``flyaround train`` wrote.
 
+        Returns
+        -------
+        NetworkFile
+            Network, whose name is that of the file.
+
         Raises
         ------
         BoardModelError
@@ -144,7 +149,15 @@ class NetworkFile:
         return data.getvalue()
 
     def run(self, picture: Array) -> Tuple[Array, Array]:
-        """Return the place (3,) and attitude logits (K,), as `Architecture.run`, of one float32 image (h, w)."""
+        """Run the network on one standardised float32 image (h, w).
+
+        Returns
+        -------
+        place : (3,) array
+            Place in the image and range, as of `Architecture.run`.
+        logits : (K,) array
+            Logits of the attitude classes.
+        """
         return ARCHITECTURES[self.architecture].run(self.weights, picture)
 
 

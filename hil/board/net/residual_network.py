@@ -54,7 +54,13 @@ class Architecture:
                 before = channels
 
     def layers(self, width_px: int, height_px: int, classes: int) -> Dict[str, Tuple[Tuple[int, ...], int]]:
-        """Return the weight shape and stride of each layer for an input size; shapes have the outputs first."""
+        """Return the layers of the network for an input size.
+
+        Returns
+        -------
+        dict of str to tuple
+            Weight shape, outputs first, and stride by the name of the layer; dense layers have a stride of 1.
+        """
         layers: Dict[str, Tuple[Tuple[int, ...], int]] = {"stem": ((self.stem, 1, 7, 7), 2)}
         for name, before, channels, stride in self.residual_blocks():
             layers[f"{name}_first"] = (channels, before, 3, 3), stride

@@ -50,9 +50,14 @@ class Region(NamedTuple):
         return float(np.hypot(self.x1 - self.x0, self.y1 - self.y0))
 
     def grown(self, share: float, width: int, height: int) -> Tuple[int, int, int, int]:
-        """Return the pixels from (x0, y0) up to, without, (x1, y1) of the enlarged box, clipped to the image.
+        """Return the pixels of the enlarged box, clipped to an image.
 
         Each side moves out by ``share`` of the diagonal, but at least `MIN_MARGIN_PX`.
+
+        Returns
+        -------
+        tuple of int
+            Pixels x0, y0, x1, y1, without column x1 and row y1.
         """
         m = max(MIN_MARGIN_PX, share * self.diagonal_px)
         return (

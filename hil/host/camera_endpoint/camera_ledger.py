@@ -81,7 +81,13 @@ class CameraLedger:
             self._writer.add(row)
 
     def close(self) -> LedgerSummary:
-        """Close the ledger and return its summary, written if there is a folder."""
+        """Close the ledger, and write its summary if there is a folder.
+
+        Returns
+        -------
+        LedgerSummary
+            Counts and latencies [ms] of the images that were sent.
+        """
         summary = summarise(
             self._tally,
             started_utc=self._started_utc,

@@ -36,7 +36,14 @@ OWN_NAME = "flyaround.xml"
 
 
 def read_xml(path: Path) -> tuple[str, bytes]:
-    """Read a user's GenICam description: its served name and its bytes.
+    """Read and check a user's GenICam description.
+
+    Returns
+    -------
+    name : str
+        Served name: the file's name without characters other than ASCII letters, digits, dots, hyphens and underscores.
+    data : bytes
+        Content of the file; a zip file is not unpacked.
 
     Raises
     ------
@@ -112,7 +119,13 @@ def _check_description(path: Path, text: bytes) -> None:
 
 
 def write_xml(terms: CameraTerms) -> bytes:
-    """Return the GenICam description of this camera's registers in `Register`."""
+    """Return the GenICam description of this camera's registers in `Register`.
+
+    Returns
+    -------
+    bytes
+        XML document, UTF-8.
+    """
     nodes: list[str] = []
     categories: dict[str, list[str]] = {}
 

@@ -75,6 +75,11 @@ def find_interface(name: str, address: str | None = None) -> Interface:
 def check_address(text: str, option: str) -> str:
     """Return an IPv4 address in its canonical form.
 
+    Returns
+    -------
+    str
+        Four decimal numbers with dots.
+
     Raises
     ------
     UserError

@@ -81,7 +81,13 @@ class RenderedPictures:
                 self._producer.result()
 
     def take(self, request: ImageRequest) -> CapturedImage | None:
-        """Render with the exposure and gain set by the controller."""
+        """Render an image with the exposure and gain set by the controller.
+
+        Returns
+        -------
+        CapturedImage or None
+            Image with its scene at ``request.t_s``, modulo the flight's duration; None if rendering was lost.
+        """
         t_s = request.t_s % self._plan.scenario.duration_s
         scene = with_exposure(self._plan.scene_of(self._plan.flight.state(t_s), request.number), request)
         try:
@@ -179,12 +185,24 @@ def check_one_channel(plan: Plan) -> None:
 
 
 def pixels_only(frame: Frame) -> Image:
-    """Return the pixels of a frame."""
+    """Return the pixels of a frame.
+
+    Returns
+    -------
+    (H, W) array
+        Image of the frame, not a copy.
+    """
     return frame.image
 
 
 def render_loop(plan: Plan, *, device_index: int | None = None) -> LoopedPictures:
-    """Render the plan's frames once for looping, all with the exposure of the first one."""
+    """Render the plan's frames once for looping.
+
+    Returns
+    -------
+    LoopedPictures
+        Images with their scenes, in the order of the plan. They are scaled as if all had the exposure of the first one.
+    """
     first = plan.scene(0)
     with open_frames(pixels_only, processes=1, device_index=device_index, first=first) as producer:
         images = list(run_frames(plan, producer, labels=False))

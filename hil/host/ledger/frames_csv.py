@@ -140,7 +140,12 @@ def _cells(row: FrameRecord) -> list[str]:
 
 
 def read_ledger(folder: Path) -> list[FrameRecord]:
-    """Return the rows of a ledger folder by frame id; a truncated last line is ignored.
+    """Read the rows of a ledger folder.
+
+    Returns
+    -------
+    list of FrameRecord
+        Rows in the order of their frame ids; a truncated last line is ignored.
 
     Raises
     ------

@@ -42,7 +42,14 @@ class ScenarioRecord(msgspec.Struct, frozen=True, kw_only=True):
 
     @staticmethod
     def from_scenario(scenario: Scenario, source: bytes = b"") -> ScenarioRecord:
-        """Return the record of a scenario that was read from ``source``, or made by a program if that is empty."""
+        """Return the record of a scenario that was read from a file or made by a program.
+
+        Returns
+        -------
+        ScenarioRecord
+            Record of the text in ``source``, or of the scenario as JSON if that is empty. The hash is that of the text
+            with its secrets.
+        """
         data = source or msgspec.json.encode(scenario, enc_hook=str)
         return ScenarioRecord(
             name=scenario.name,
@@ -62,7 +69,13 @@ class Versions(msgspec.Struct, frozen=True, kw_only=True):
 
     @staticmethod
     def here(gl_renderer: str = "") -> Versions:
-        """Return the versions of this process."""
+        """Return the versions of this process.
+
+        Returns
+        -------
+        Versions
+            Versions of Flyaround, Python, NumPy and OpenCV, with the given graphics driver.
+        """
         return Versions(
             flyaround=version("flyaround"),
             python=platform.python_version(),
@@ -142,7 +155,13 @@ def run_terms(provenance: Provenance | None, **terms: Any) -> RunTerms:  # noqa:
 
 
 def terms_without_board(provenance: Provenance, faults: Faults, started_utc: str) -> RunTerms:
-    """Return the terms of a closed loop that sends no frames."""
+    """Return the terms of a closed loop that sends no frames.
+
+    Returns
+    -------
+    RunTerms
+        Terms with an empty URL, in lockstep, without a time-out.
+    """
     terms = {"mode": "lockstep", "truth": "off", "url": "", "timeout_s": 0.0}
     return run_terms(provenance, faults=faults, started_utc=started_utc, **terms)
 
@@ -159,7 +178,12 @@ def write_terms(folder: Path, terms: RunTerms) -> None:
 
 
 def read_terms(folder: Path) -> RunTerms | None:
-    """Return the terms of a ledger folder; None for older ledgers without this file.
+    """Read the terms of a ledger folder.
+
+    Returns
+    -------
+    RunTerms or None
+        Terms of the run; None for older ledgers without this file.
 
     Raises
     ------

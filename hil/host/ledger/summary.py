@@ -167,6 +167,11 @@ def percentile(values: Sequence[float] | FloatArray, q: float) -> float | None:
 def read_summary(folder: Path) -> LedgerSummary:
     """Read the summary of a ledger's folder.
 
+    Returns
+    -------
+    LedgerSummary
+        Summary in which the estimator has its present name, if it was renamed.
+
     Raises
     ------
     UserError

@@ -64,11 +64,23 @@ class TruthLogger:
         self._thread.start()
 
     def wait_connected(self, timeout_s: float) -> bool:
-        """Return True if the endpoint was reached within ``timeout_s``."""
+        """Wait until the endpoint is reached, at most ``timeout_s``.
+
+        Returns
+        -------
+        bool
+            True if it was reached and, with a key, has proved that it has the same; False after the time-out.
+        """
         return self._connected.wait(timeout_s)
 
     def stop(self, linger_s: float = 2.0) -> int:
-        """Stop after the host's goodbye or ``linger_s``, and return the number of saved records."""
+        """Stop after the host's goodbye or ``linger_s``.
+
+        Returns
+        -------
+        int
+            Number of saved records.
+        """
         if self._connected.is_set():
             self._thread.join(linger_s)
         self._stop.set()

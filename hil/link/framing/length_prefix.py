@@ -41,7 +41,13 @@ class LengthFraming:
         self._credit = self.REREAD * MAX_PACKET_BYTES  # bytes of failed packets that may be read again
 
     def encode(self, packet: Packet) -> bytes:
-        """Return the bytes for the line."""
+        """Encode a packet for the line.
+
+        Returns
+        -------
+        bytes
+            Length as u32, little-endian, and the packet from header to CRC.
+        """
         data = encode_packet(packet)
         return PREFIX.pack(len(data)) + data
 
@@ -51,7 +57,12 @@ class LengthFraming:
         self._credit = min(self._credit + self.REREAD * len(data), self.REREAD * MAX_PACKET_BYTES)
 
     def next_packet(self) -> Optional[Packet]:
-        """Return the next complete packet; None until more bytes arrive.
+        """Return the next complete packet.
+
+        Returns
+        -------
+        Packet or None
+            Packet with a correct CRC; None until more bytes arrive.
 
         Raises
         ------

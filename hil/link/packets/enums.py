@@ -49,7 +49,13 @@ GREY_FORMATS: Tuple[PixelFormat, ...] = tuple(f for f in PIXEL_FORMATS if f.chan
 
 
 def format_mask(formats: Iterable[PixelFormat]) -> int:
-    """Return the formats as a bit mask for ``Hello.pixel_formats``."""
+    """Return the formats as a bit mask for ``Hello.pixel_formats``.
+
+    Returns
+    -------
+    int
+        Mask with bit k set for format k of ``PIXEL_FORMATS``.
+    """
     return sum(1 << PIXEL_FORMATS.index(f) for f in set(formats))
 
 

@@ -144,14 +144,25 @@ class FrameHeader:
     transfer: Transfer = Transfer.LINEAR
 
     def encode(self) -> bytes:
-        """Return the payload bytes."""
+        """Encode the message as a payload.
+
+        Returns
+        -------
+        bytes
+            Fixed fields, then the optional ones that are set.
+        """
         sun, transfer = pack_direction(self.sun_camera), pack_transfer(self.transfer)
         fields = pack_fields(((FieldTag.SUN_CAMERA, sun), (FieldTag.TRANSFER, transfer)))
         return self.LAYOUT.pack(vars(self)) + fields
 
     @classmethod
     def decode(cls, data: bytes) -> FrameHeader:
-        """Return the message of a payload.
+        """Decode the message of a payload.
+
+        Returns
+        -------
+        FrameHeader
+            Message; optional fields that are absent have their defaults.
 
         Raises
         ------
@@ -182,12 +193,23 @@ class FrameChunk:
     data: bytes
 
     def encode(self) -> bytes:
-        """Return the payload bytes."""
+        """Encode the message as a payload.
+
+        Returns
+        -------
+        bytes
+            Fixed fields, then the bytes of the chunk.
+        """
         return self.LAYOUT.pack(self.frame_id, self.index, self.offset, len(self.data)) + self.data
 
     @classmethod
     def decode(cls, data: bytes) -> FrameChunk:
-        """Return the message of a payload.
+        """Decode the message of a payload.
+
+        Returns
+        -------
+        FrameChunk
+            Message with a copy of the chunk's bytes.
 
         Raises
         ------
@@ -249,7 +271,13 @@ class PoseMessage:
     covariance: Optional[Tuple[float, ...]] = None
 
     def encode(self) -> bytes:
-        """Return the payload bytes.
+        """Encode the message as a payload.
+
+        Returns
+        -------
+        bytes
+            Fixed fields, the first ``MAX_STAGES`` stages, the reason cut to 400 bytes, and the covariance if there is
+            one.
 
         Raises
         ------
@@ -286,7 +314,12 @@ class PoseMessage:
 
     @classmethod
     def decode(cls, data: bytes) -> PoseMessage:
-        """Return the message of a payload.
+        """Decode the message of a payload.
+
+        Returns
+        -------
+        PoseMessage
+            Message; pose and covariance are None if they are absent.
 
         Raises
         ------
@@ -358,12 +391,24 @@ class Credit:
     window: int
 
     def encode(self) -> bytes:
-        """Return the payload bytes."""
+        """Encode the message as a payload.
+
+        Returns
+        -------
+        bytes
+            Payload of 8 bytes.
+        """
         return self.LAYOUT.pack(self.frame_id, self.window, 0)
 
     @classmethod
     def decode(cls, data: bytes) -> Credit:
-        """Return the message of a payload."""
+        """Decode the message of a payload.
+
+        Returns
+        -------
+        Credit
+            Last frame that is released, and number of frames that may be in transit.
+        """
         return cls(*unpack_fixed(cls.LAYOUT, data, "CREDIT")[:2])
 
 
@@ -378,13 +423,24 @@ class TruthMessage:
     truth: Dict[str, Any] = field(default_factory=dict)
 
     def encode(self) -> bytes:
-        """Return the payload bytes."""
+        """Encode the message as a payload.
+
+        Returns
+        -------
+        bytes
+            Fixed fields, then the truth as JSON.
+        """
         data = pack_json(self.truth)
         return self.LAYOUT.pack(self.frame_id, len(data)) + data
 
     @classmethod
     def decode(cls, data: bytes) -> TruthMessage:
-        """Return the message of a payload.
+        """Decode the message of a payload.
+
+        Returns
+        -------
+        TruthMessage
+            Message with the truth as a dictionary.
 
         Raises
         ------

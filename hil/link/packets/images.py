@@ -22,7 +22,13 @@ MAX_FRAME_BYTES = 1 << 27
 
 
 def formats_of(bits: int, channels: int) -> Tuple[PixelFormat, ...]:
-    """Return the pixel formats that hold such an image without loss, in order of preference."""
+    """Return the pixel formats that hold an image of these bits and channels without loss.
+
+    Returns
+    -------
+    tuple of PixelFormat
+        Formats in order of preference; empty if none holds it, as for colours of more than 8 bits.
+    """
     if channels == 3:
         return (PixelFormat.RGB8,) if bits <= 8 else ()
     holding = [f for f in GREY_FORMATS if f.depth_bits >= bits]
@@ -113,12 +119,23 @@ def check_header(header: FrameHeader, terms: HelloAck) -> None:
 
 
 def supported_encodings() -> int:
-    """Return the bit mask of encodings that this machine can decode, ``1 << Encoding``."""
+    """Return the encodings that this machine can decode.
+
+    Returns
+    -------
+    int
+        Bit mask of ``1 << Encoding``; zstd only if the package zstandard is installed.
+    """
     return (1 << Encoding.RAW) | (1 << Encoding.PNG) | ((1 << Encoding.ZSTD) if zstandard is not None else 0)
 
 
 def encode_image(image: Image, encoding: Encoding, pixel_format: PixelFormat) -> bytes:
     """Encode an image for the line.
+
+    Returns
+    -------
+    bytes
+        Pixels as `pack_pixels` packs them, compressed if the encoding is zstd; for PNG, a PNG file.
 
     Raises
     ------
@@ -182,14 +199,20 @@ def chunks(frame_id: int, data: bytes, chunk_bytes: int) -> Iterator[FrameChunk]
 
 
 def chunk_count(total_bytes: int, chunk_bytes: int) -> int:
-    """Return the number of chunks that ``chunks`` yields."""
+    """Return the number of chunks that ``chunks`` yields.
+
+    Returns
+    -------
+    int
+        Number of chunks; 0 if there are no bytes.
+    """
     return -(-total_bytes // chunk_bytes)
 
 
 class FrameAssembler:
     """Assembler of frames from headers and chunks, which also reports lost frames.
 
-    ``header`` and ``chunk`` return completed frames, ``lost`` those that cannot be completed.
+    ``chunk`` returns completed frames, ``lost`` the numbers of those that cannot be completed.
 
     Parameters
     ----------
@@ -229,6 +252,12 @@ class FrameAssembler:
 
     def chunk(self, chunk: FrameChunk) -> Optional[Tuple[FrameHeader, Image]]:
         """Add a chunk, and return the frame if it is complete.
+
+        Returns
+        -------
+        tuple of FrameHeader and array, or None
+            Header and read-only image, (H, W) or (H, W, 3); None if the frame is not complete yet, was complete before,
+            or is another one than that of the last header.
 
         Raises
         ------
@@ -297,7 +326,13 @@ class FrameAssembler:
         return bool(self._lost_ids)
 
     def lost(self) -> List[int]:
-        """Return the frames lost since the last call, each once."""
+        """Return the frames lost since the last call, each once.
+
+        Returns
+        -------
+        list of int
+            Frame ids in the order in which the losses were noticed; empty if there are none.
+        """
         lost_ids, self._lost_ids = self._lost_ids, []
         return lost_ids
 

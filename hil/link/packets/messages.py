@@ -80,6 +80,11 @@ _FRAME_ID = struct.Struct("<I")
 def decode_message(packet: Packet) -> Message:
     """Return the message in a packet.
 
+    Returns
+    -------
+    Message
+        Message of the class of the packet's type.
+
     Raises
     ------
     ProtocolMistake
@@ -95,7 +100,13 @@ def decode_message(packet: Packet) -> Message:
 
 
 def frame_id_of(packet: Packet) -> Optional[int]:
-    """Return the number of the frame that a packet is about; None if there is none."""
+    """Return the number of the frame that a packet is about.
+
+    Returns
+    -------
+    int or None
+        Frame id; None if the packet is about no frame, or its payload is too short.
+    """
     if packet.type not in ABOUT_A_FRAME or len(packet.payload) < _FRAME_ID.size:
         return None
     return int(_FRAME_ID.unpack_from(packet.payload)[0])

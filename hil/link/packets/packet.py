@@ -67,7 +67,12 @@ class Packet:
 
 
 def encode_packet(packet: Packet) -> bytes:
-    """Return the packet's bytes, from header to CRC.
+    """Encode a packet as bytes.
+
+    Returns
+    -------
+    bytes
+        Header, payload and CRC-32 of both; the sequence number modulo 2**32.
 
     Raises
     ------

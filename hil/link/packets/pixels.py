@@ -13,7 +13,13 @@ Image = np.ndarray  # (H, W) or (H, W, 3) uint8, or (H, W) uint16
 
 
 def pixels_bytes(width_px: int, height_px: int, pixel_format: PixelFormat) -> int:
-    """Return the size of a raw image [bytes]."""
+    """Return the size of a raw image.
+
+    Returns
+    -------
+    int
+        Size [bytes], without padding of the rows; that of `Mono12p` is rounded up.
+    """
     if pixel_format is PixelFormat.Mono12p:
         return (3 * width_px * height_px + 1) // 2
     return width_px * height_px * pixel_format.channels * (2 if pixel_format.in_words else 1)
@@ -34,7 +40,12 @@ def fits(image: Image, pixel_format: PixelFormat) -> bool:
 
 
 def pack_pixels(image: Image, pixel_format: PixelFormat) -> bytes:
-    """Return the bytes of a raw image.
+    """Pack an image as raw bytes.
+
+    Returns
+    -------
+    bytes
+        Rows from the top, without padding; values of two bytes are little-endian.
 
     Raises
     ------
@@ -54,7 +65,14 @@ def pack_pixels(image: Image, pixel_format: PixelFormat) -> bytes:
 def unpack_pixels(
     data: Union[bytes, bytearray, memoryview], width_px: int, height_px: int, pixel_format: PixelFormat
 ) -> Image:
-    """Return the image, (H, W) or (H, W, 3), from raw bytes of the correct size; memory may be shared."""
+    """Unpack an image from raw bytes of the correct size.
+
+    Returns
+    -------
+    (H, W) or (H, W, 3) array
+        Image, uint8 or little-endian uint16. Except for `Mono12p` it shares the memory of ``data``, and is read-only if
+        ``data`` is.
+    """
     if pixel_format is PixelFormat.Mono12p:
         return _unpack_twelve(data, width_px * height_px).reshape(height_px, width_px)
     dtype = np.dtype("<u2") if pixel_format.in_words else np.dtype("u1")

@@ -84,13 +84,25 @@ class Hello:
     takes_fields: bool = False
 
     def encode(self) -> bytes:
-        """Return the payload bytes."""
+        """Encode the message as a payload.
+
+        Returns
+        -------
+        bytes
+            Fixed-size payload with this version of the protocol.
+        """
         encodings = self.encodings | (TAKES_FIELDS if self.takes_fields else 0)
         return self.LAYOUT.pack({**vars(self), "protocol": PROTOCOL_VERSION, "encodings": encodings})
 
     @classmethod
     def decode(cls, data: bytes) -> Hello:
-        """Return the message of a payload."""
+        """Decode the message of a payload.
+
+        Returns
+        -------
+        Hello
+            Message; its protocol version is not kept.
+        """
         values = cls.LAYOUT.unpack(data, "HELLO")
         del values["protocol"]
         encodings = values.pop("encodings")
@@ -163,13 +175,24 @@ class HelloAck:
     takes_fields: bool = False
 
     def encode(self) -> bytes:
-        """Return the payload bytes."""
+        """Encode the message as a payload.
+
+        Returns
+        -------
+        bytes
+            Fixed fields, then the camera as JSON.
+        """
         camera = pack_json(self.camera)
         return self.LAYOUT.pack({**vars(self), "camera_bytes": len(camera)}) + camera
 
     @classmethod
     def decode(cls, data: bytes) -> HelloAck:
-        """Return the message of a payload.
+        """Decode the message of a payload.
+
+        Returns
+        -------
+        HelloAck
+            Message with the camera as a dictionary.
 
         Raises
         ------
@@ -193,12 +216,24 @@ class TimeSyncRequest:
     asked_ns: int
 
     def encode(self) -> bytes:
-        """Return the payload bytes."""
+        """Encode the message as a payload.
+
+        Returns
+        -------
+        bytes
+            Payload of 8 bytes.
+        """
         return self.LAYOUT.pack(self.asked_ns)
 
     @classmethod
     def decode(cls, data: bytes) -> TimeSyncRequest:
-        """Return the message of a payload."""
+        """Decode the message of a payload.
+
+        Returns
+        -------
+        TimeSyncRequest
+            Message with the sender's clock [ns].
+        """
         return cls(*unpack_fixed(cls.LAYOUT, data, "TIME_SYNC_REQUEST"))
 
 
@@ -228,14 +263,26 @@ class TimeSyncReply:
     newest_frame: Optional[int] = None
 
     def encode(self) -> bytes:
-        """Return the payload bytes."""
+        """Encode the message as a payload.
+
+        Returns
+        -------
+        bytes
+            Payload of 32 bytes.
+        """
         has_newest = self.newest_frame is not None
         newest = NO_FRAME if self.newest_frame is None else self.newest_frame
         return self.LAYOUT.pack(self.asked_ns, self.received_ns, self.sent_ns, newest, has_newest)
 
     @classmethod
     def decode(cls, data: bytes) -> TimeSyncReply:
-        """Return the message of a payload."""
+        """Decode the message of a payload.
+
+        Returns
+        -------
+        TimeSyncReply
+            Message; ``newest_frame`` is None if the sender does not report it.
+        """
         asked_ns, received, sent, newest, has_newest = unpack_fixed(cls.LAYOUT, data, "TIME_SYNC_REPLY")
         return cls(asked_ns, received, sent, newest if has_newest else None)
 
@@ -250,13 +297,24 @@ class Bye:
     reason: str = ""
 
     def encode(self) -> bytes:
-        """Return the payload bytes."""
+        """Encode the message as a payload.
+
+        Returns
+        -------
+        bytes
+            Fixed fields, then the reason as UTF-8, cut to 400 bytes.
+        """
         text = pack_text(self.reason, 400)
         return self.LAYOUT.pack(len(text), 0) + text
 
     @classmethod
     def decode(cls, data: bytes) -> Bye:
-        """Return the message of a payload.
+        """Decode the message of a payload.
+
+        Returns
+        -------
+        Bye
+            Message with the reason.
 
         Raises
         ------
@@ -281,13 +339,24 @@ class ErrorMessage:
     frame_id: int = NO_FRAME
 
     def encode(self) -> bytes:
-        """Return the payload bytes."""
+        """Encode the message as a payload.
+
+        Returns
+        -------
+        bytes
+            Fixed fields, then the text as UTF-8, cut to 400 bytes.
+        """
         text = pack_text(self.text, 400)
         return self.LAYOUT.pack(self.code, len(text), self.frame_id) + text
 
     @classmethod
     def decode(cls, data: bytes) -> ErrorMessage:
-        """Return the message of a payload.
+        """Decode the message of a payload.
+
+        Returns
+        -------
+        ErrorMessage
+            Message with its code, text and frame.
 
         Raises
         ------

@@ -50,7 +50,12 @@ class Transport(Protocol):
         """Send a packet with some bits of one byte flipped, for runs with deliberate faults."""
 
     def recv_packet(self, timeout_s: float) -> Optional[Packet]:
-        """Return the next packet, or None after ``timeout_s``.
+        """Return the next packet.
+
+        Returns
+        -------
+        Packet or None
+            Complete packet with a correct CRC; None after ``timeout_s``.
 
         Raises
         ------
@@ -64,7 +69,13 @@ class Transport(Protocol):
         """Set the silence after which the other side is considered lost; keep-alives adapt to it."""
 
     def fileno(self) -> int:
-        """Return the file descriptor to wait on for reading."""
+        """Return the file descriptor to wait on for reading.
+
+        Returns
+        -------
+        int
+            Descriptor that becomes readable when bytes arrive; complete packets may be buffered already.
+        """
 
     def close(self) -> None:
         """Release the line. Closing twice is allowed."""
@@ -76,10 +87,22 @@ class Listener(Protocol):
     url: str
 
     def accept(self, timeout_s: float) -> Optional[Transport]:
-        """Return a line to a new peer; None after ``timeout_s``."""
+        """Return a line to a new peer.
+
+        Returns
+        -------
+        Transport or None
+            Line to the peer, from which nothing has been read yet; None after ``timeout_s``.
+        """
 
     def fileno(self) -> int:
-        """Return the file descriptor to wait on for a peer."""
+        """Return the file descriptor to wait on for a peer.
+
+        Returns
+        -------
+        int
+            Descriptor that becomes readable when a peer connects.
+        """
 
     def close(self) -> None:
         """Stop listening."""

@@ -66,7 +66,13 @@ class SerialTransport(StreamTransport):
             ) from error
 
     def fileno(self) -> int:
-        """Return the file descriptor of the port."""
+        """Return the file descriptor of the port.
+
+        Returns
+        -------
+        int
+            Descriptor that becomes readable when bytes arrive.
+        """
         return int(self._port.fileno())
 
     def close(self) -> None:

@@ -75,7 +75,13 @@ class SocketTransport(StreamTransport):
         self._send_stall_s, self._send_packet_s = send_stall_s, send_packet_s
 
     def fileno(self) -> int:
-        """Return the file descriptor of the socket."""
+        """Return the file descriptor of the socket.
+
+        Returns
+        -------
+        int
+            Descriptor that becomes readable when bytes arrive; -1 after the line was closed.
+        """
         return self._sock.fileno()
 
     def close(self) -> None:
@@ -156,6 +162,11 @@ class TcpTransport(SocketTransport):
 def connect_tcp(host: str, port: int, timeout_s: float) -> TcpTransport:
     """Connect to a host, retrying while nobody listens.
 
+    Returns
+    -------
+    TcpTransport
+        Line to the host, named ``tcp://HOST:PORT``.
+
     Raises
     ------
     LinkError
@@ -220,7 +231,14 @@ class TcpListener:
         self.url = f"tcp://[{host}]:{bound}" if ":" in host else f"tcp://{host}:{bound}"
 
     def accept_socket(self, timeout_s: float) -> Optional[socket.socket]:
-        """Return the socket of a new peer; None after ``timeout_s`` or if none can be accepted now."""
+        """Return the socket of a new peer.
+
+        Returns
+        -------
+        socket or None
+            Connected socket, which the caller closes; None after ``timeout_s``, or before if the peer has left or no
+            descriptor is free.
+        """
         try:
             return self._sock.accept()[0] if _wait(self._sock, select.POLLIN, timeout_s) else None
         except (BlockingIOError, ConnectionError):
@@ -246,7 +264,13 @@ class TcpListener:
         time.sleep(EXHAUSTED_PAUSE_S)
 
     def accept(self, timeout_s: float) -> Optional[TcpTransport]:
-        """Return a connection to a new peer; None after ``timeout_s``."""
+        """Return a connection to a new peer.
+
+        Returns
+        -------
+        TcpTransport or None
+            Line to the peer, named by its address; None after ``timeout_s`` or if no connection could be accepted.
+        """
         sock = self.accept_socket(timeout_s)
         if sock is None:
             return None
@@ -258,7 +282,13 @@ class TcpListener:
             return None
 
     def fileno(self) -> int:
-        """Return the file descriptor of the socket."""
+        """Return the file descriptor of the socket.
+
+        Returns
+        -------
+        int
+            Descriptor that becomes readable when a peer connects; -1 after `close`.
+        """
         return self._sock.fileno()
 
     def close(self) -> None:

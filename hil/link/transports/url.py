@@ -21,9 +21,18 @@ MAX_BAUD = 2**31 - 1  # what the driver's field holds
 
 
 def parse_url(url: str) -> Tuple[str, str, int]:
-    """Return scheme, host or device, and port or baud rate (115200 unless given) of a link URL.
+    """Parse a link URL.
 
     Valid forms are ``tcp://127.0.0.1:5600`` and ``serial:///dev/ttyUSB0?baud=921600&rtscts=1``.
+
+    Returns
+    -------
+    scheme : str
+        ``tcp`` or ``serial``.
+    address : str
+        Host, or path of the device.
+    number : int
+        Port, or baud rate; 115200 unless given.
 
     Raises
     ------
@@ -81,7 +90,12 @@ def _options(url: str, scheme: str, query: str) -> Dict[str, int]:
 
 
 def connect(url: str, timeout_s: float = 10.0) -> Transport:
-    """Return a line to a listening host, retrying until ``timeout_s`` has passed.
+    """Connect to a listening host, retrying until ``timeout_s`` has passed.
+
+    Returns
+    -------
+    Transport
+        Open line. A serial port is opened at once, without waiting for the other side.
 
     Raises
     ------
@@ -95,7 +109,12 @@ def connect(url: str, timeout_s: float = 10.0) -> Transport:
 
 
 def listen(url: str) -> Listener:
-    """Listen on a URL; port 0 chooses a free one, reported by ``Listener.url``.
+    """Listen on a URL.
+
+    Returns
+    -------
+    Listener
+        Listener, whose ``url`` has the port that was chosen if ``url`` gives port 0.
 
     Raises
     ------

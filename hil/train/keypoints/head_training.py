@@ -116,6 +116,11 @@ def train_head(
     report : callable
         Called with the completed share and a line of text.
 
+    Returns
+    -------
+    HeadReport
+        Errors of the head on held-out views.
+
     Raises
     ------
     UserError
@@ -158,7 +163,13 @@ def train_head(
 
 
 def load_views(drawing: Drawing, points: FloatArray) -> LitViews:
-    """Load the rendered views of a target, whose keypoints are ``points`` (K, 3) [radii]."""
+    """Load the rendered views of a target, whose keypoints are ``points`` (K, 3) [radii].
+
+    Returns
+    -------
+    LitViews
+        Views in the order of rendering; lit, scale, cover and label are mapped from their files, read-only.
+    """
 
     def part(name: str) -> NDArray[Any]:
         return np.asarray(np.load(drawing.folder / f"{name}.npy", mmap_mode="r"))
@@ -168,12 +179,25 @@ def load_views(drawing: Drawing, points: FloatArray) -> LitViews:
 
 
 def arrays_of(weights: dict[str, Tensor]) -> dict[str, Float32Array]:
-    """Return the weights of a `Head` under the names of the head's file."""
+    """Return the weights of a `Head` under the names of the head's file.
+
+    Returns
+    -------
+    dict of str to array
+        Float32 arrays in the shapes of ``SHAPES``, without the keypoints; they share the memory of float32 tensors on
+        the processor.
+    """
     return {key: weights[_parameter_name(key)].float().numpy() for key in SHAPES if key != "keypoints_m"}
 
 
 def state_of(head: KeypointHead) -> dict[str, Tensor]:
-    """Return the weights of a head's file under the names of a `Head`."""
+    """Return the weights of a head's file under the names of a `Head`.
+
+    Returns
+    -------
+    dict of str to Tensor
+        Copies of the weights, as ``load_state_dict`` of a `Head` takes them.
+    """
     return {_parameter_name(key): torch.from_numpy(array.copy()) for key, array in head.weights.items()}
 
 

@@ -64,7 +64,13 @@ class Trunk(nn.Module):  # type: ignore[misc]
         self.body = nn.Sequential(*layers)
 
     def forward(self, x: Tensor) -> Tensor:
-        """Return the features (B, C, `CELLS`, `CELLS`) of crops (B, 2, H, W)."""
+        """Compute the features of crops (B, 2, H, W).
+
+        Returns
+        -------
+        Tensor
+            Features (B, C, `CELLS`, `CELLS`), not negative.
+        """
         return self.body(x)
 
 
@@ -81,7 +87,15 @@ class Head(nn.Module):  # type: ignore[misc]
         self.whole = nn.Linear(width, 2)
 
     def forward(self, features: Tensor) -> tuple[Tensor, Tensor]:
-        """Return the keypoint logits, and the presence logit and log size."""
+        """Compute the outputs from features (B, C, `CELLS`, `CELLS`).
+
+        Returns
+        -------
+        keypoint_logits : Tensor
+            Logits (B, K, 2, BINS) along columns and rows of the crop.
+        presence_and_size : Tensor
+            Logit of the target's presence, and logarithm of its size over the assumed size (B, 2).
+        """
         maps = torch.relu(self.maps(features)).reshape(-1, KEYPOINTS, MAPS * CELLS * CELLS)
         logits = self.bins(torch.relu(self.hidden(maps))).reshape(-1, KEYPOINTS, 2, BINS)
         return logits, self.whole(features.mean(dim=(2, 3)))

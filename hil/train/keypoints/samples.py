@@ -198,7 +198,13 @@ class Batch:
 
 
 def image_pyramid(earths: Float32Array, levels: int = 3) -> tuple[Float32Array, ...]:
-    """Return an image pyramid of the backgrounds: each level has half the size of the previous one."""
+    """Return an image pyramid of the backgrounds.
+
+    Returns
+    -------
+    tuple of (M, h, w) array
+        Levels, float32, finest first: each has half the size of the previous one by averaging.
+    """
     out = [np.asarray(earths, np.float32)]
     for _ in range(levels - 1):
         n, h, w = out[-1].shape
@@ -213,7 +219,7 @@ def sample(
     rng: Generator,
     mix: SampleMix = HARD,
 ) -> Batch:
-    """Return a batch with one sample of each of the given views.
+    """Make a batch with one sample of each of the given views.
 
     Parameters
     ----------
@@ -227,6 +233,11 @@ def sample(
         Random generator.
     mix : SampleMix
         Distribution of the samples.
+
+    Returns
+    -------
+    Batch
+        Samples in the order of ``view_indices``; in some of them no target is present.
     """
     size = len(view_indices)
     # shift of the target in the crop [half sides], and log size

@@ -24,14 +24,27 @@ OPERATORS_VERSION = 11
 
 
 def fold(trunk: Trunk) -> Trunk:
-    """Return the trunk with every batch normalisation folded into the preceding convolution."""
+    """Fold every batch normalisation of a trunk into the preceding convolution.
+
+    Returns
+    -------
+    Trunk
+        The same trunk, changed in place and in evaluation mode.
+    """
     trunk = trunk.eval()
     trunk.body = _fold_layers(trunk.body)
     return trunk
 
 
 def to_onnx(trunk: Trunk) -> bytes:
-    """Return a folded trunk as ONNX with half-precision weights, which OpenCV evaluates in single precision."""
+    """Serialise a folded trunk as ONNX.
+
+    Returns
+    -------
+    bytes
+        ONNX file with half-precision weights, which OpenCV evaluates in single precision. ``trunk`` itself is converted
+        to half precision, too.
+    """
     data = io.BytesIO()
     example = torch.zeros(1, 2, INPUT_PX, INPUT_PX).half()
     torch.onnx.export(
@@ -48,7 +61,13 @@ def to_onnx(trunk: Trunk) -> bytes:
 
 
 def from_onnx(data: bytes) -> Trunk:
-    """Return the folded trunk of an ONNX file written by ``to_onnx``, in single precision."""
+    """Read the trunk of an ONNX file written by ``to_onnx``.
+
+    Returns
+    -------
+    Trunk
+        Folded trunk in single precision and evaluation mode.
+    """
     trunk = fold(Trunk())
     weights = {
         w.name: torch.from_numpy(numpy_helper.to_array(w).copy()).float()
@@ -67,6 +86,11 @@ def unfold(trunk: Trunk, inputs: Tensor) -> Trunk:
         Folded trunk.
     inputs : (B, 2, S, S) tensor
         Samples, whose statistics initialise the batch normalisation.
+
+    Returns
+    -------
+    Trunk
+        New trunk in evaluation mode.
     """
     out = Trunk().eval()
     with torch.no_grad():

@@ -114,7 +114,13 @@ def _create_arrays(drawing: Drawing) -> None:
 
 
 def earths_of(drawing: Drawing) -> Float32Array:
-    """Return the rendered backgrounds."""
+    """Load the rendered backgrounds of a drawing.
+
+    Returns
+    -------
+    (M, h, w) array
+        Signals as of `draw_earths`, rounded to half precision, float32.
+    """
     return np.asarray(np.load(drawing.folder / "earths.npy"), np.float32)
 
 

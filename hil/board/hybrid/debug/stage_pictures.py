@@ -51,7 +51,7 @@ def write_stage_pictures(
     model: BoardModel,
     camera: CameraIntrinsics,
 ) -> List[str]:
-    """Write a picture of every stage that ran. Return the file names in order.
+    """Write a picture of every stage that ran.
 
     Parameters
     ----------
@@ -67,6 +67,11 @@ def write_stage_pictures(
         Model of the target.
     camera : CameraIntrinsics
         Intrinsics of the camera.
+
+    Returns
+    -------
+    list of str
+        File names in the order of the stages.
 
     Raises
     ------
@@ -86,7 +91,13 @@ def write_stage_pictures(
 def stage_pictures(
     image: Array, trace: Trace, result: PoseResult, model: BoardModel, camera: CameraIntrinsics
 ) -> Dict[str, Array]:
-    """Return the pictures (HEIGHT, WIDTH, 3), BGR, by stage; see `write_stage_pictures` for the parameters."""
+    """Draw the pictures of the stages; see `write_stage_pictures` for the parameters.
+
+    Returns
+    -------
+    dict of str to (HEIGHT, WIDTH, 3) array
+        Pictures, BGR, by the name of the stage, in the order of the stages; those that did not run are absent.
+    """
     out: Dict[str, Array] = {}
     top = max(float(np.percentile(image, 99.9)), 1.0)
     wge = trace.get("image_gradient") or trace.get("wge")

@@ -163,9 +163,14 @@ def image_confidence(e: Evidence, score: float) -> float:
 
 
 def terms(e: Evidence, score: float) -> Array:
-    """Return the (11,) regressors of the confidence.
+    """Return the regressors of the confidence.
 
     They do not depend on image scale, target size or noise, except through the predicted errors.
+
+    Returns
+    -------
+    (11,) array
+        Regressors in the order of ``WEIGHTS``.
     """
     unlike = 1.0 - (0.0 if e.likeness is None else e.likeness)
     return np.array(

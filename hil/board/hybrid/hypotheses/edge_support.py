@@ -108,6 +108,11 @@ def support(target: PreparedTarget, q: Array, t: Array, field: EdgeField, *, alo
         Edges of the region.
     alone : bool
         True if this is the only pose on the field, so that the distance tables are not worth computing.
+
+    Returns
+    -------
+    Support
+        Shares and total score. With fewer than 8 visible samples, or a target behind the camera, the total is -1.
     """
     R = quat.matrix(q)
     visible, outline = visible_samples(target.samples, target.occ, -R.T @ t)

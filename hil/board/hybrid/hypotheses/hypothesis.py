@@ -131,11 +131,24 @@ class Hypothesis:
         return self if self.start is None else self.start
 
     def at(self, q: Array, t: Array) -> Hypothesis:
-        """Return a hypothesis of the same source, score and edge support at another pose, without a rendering."""
+        """Return the hypothesis at another pose.
+
+        Returns
+        -------
+        Hypothesis
+            Hypothesis of the same source, score and edge support, with the default covariance of `PoseFit`; without
+            edge fit, rendering and start of refinement.
+        """
         return Hypothesis(PoseFit(q, t), self.source, self.score, self.support)
 
     def without_view(self, score: float) -> Hypothesis:
-        """Return the hypothesis with another score and without its rendering; only the visible faces are kept."""
+        """Return the hypothesis with another score and without its rendering.
+
+        Returns
+        -------
+        Hypothesis
+            Copy without a rendering, of which ``visible_face`` is kept.
+        """
         visible_face = self.visible_face if self.view is None else self.view.visible_face
         return replace(self, score=score, view=None, visible_face=visible_face)
 

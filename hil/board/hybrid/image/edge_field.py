@@ -186,7 +186,15 @@ def gradient(image: Array, blur_px: float) -> Tuple[Array, Array]:
 
 
 def shrink(image: Array, x0: int, y0: int, x1: int, y1: int, longest_px: int) -> Tuple[Array, float]:
-    """Return a region reduced by area averaging to at most ``longest_px``, and the reduction factor."""
+    """Reduce a region by area averaging to at most ``longest_px``.
+
+    Returns
+    -------
+    crop : (h, w) array
+        Reduced region, float32. If it is not reduced and the image is float32, it shares the image's memory.
+    factor : float
+        Image pixels per pixel of ``crop`` along the longer side, at least 1.
+    """
     crop = image[y0:y1, x0:x1]
     factor = max(1.0, max(crop.shape) / longest_px)
     if factor > 1.0:
@@ -250,6 +258,11 @@ def edge_field(
         Level of empty space; negative if the background is not empty, in which case all pixels count as lit.
     craft_probability : (h, w) array, optional
         Probability of the craft over the whole image: edges far from it count as background texture.
+
+    Returns
+    -------
+    EdgeField
+        Edges of the reduced region, with its gradient and masks; nearest-edge tables are computed on first use.
     """
     x0, y0, x1, y1 = box
     small, factor = shrink(image, x0, y0, x1, y1, longest_px)

@@ -38,11 +38,16 @@ MAX_COUNTED_VALUE = 1 << 14
 
 
 def noise_sigma(image: Array, full_scale: float) -> float:
-    """Return the standard deviation of the noise where the scale does not clip it, in pixel values.
+    """Estimate the standard deviation of the noise where the scale does not clip it.
 
     Immerkaer's mask (1996, Fast noise variance estimation) suppresses planes and edges to first order, and the median
     absolute response ignores the remaining texture. Black space clips half of the noise, so pixels well inside the
     scale are preferred if there are enough of them.
+
+    Returns
+    -------
+    float
+        Standard deviation [pixel values]; 0 for an image with a side of less than 3 pixels.
     """
     step = max(1, min(image.shape) // 400)
     if min(image.shape) < 3:

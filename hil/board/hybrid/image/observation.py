@@ -51,7 +51,13 @@ class Observation(StageRecord):
 
     @staticmethod
     def from_record(record: StageRecord) -> Observation:
-        """Return an observation that continues the times and counters of ``record``."""
+        """Return an observation that continues the times and counters of ``record``.
+
+        Returns
+        -------
+        Observation
+            ``record`` itself if it is an observation already; otherwise a new one that shares its times and counters.
+        """
         if isinstance(record, Observation):
             return record
         observation = Observation(record.image, record.trace, record.sun_camera)

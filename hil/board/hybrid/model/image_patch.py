@@ -41,6 +41,11 @@ def cut_patch(target: PreparedTarget, frame: Observation, box: Box, longest_px: 
         Region: x0, y0, x1, y1 in the pixels of ``target.camera.pinhole``.
     longest_px : int
         Longest side of the patch.
+
+    Returns
+    -------
+    ImagePatch
+        Region reduced by area averaging, float32, undistorted if the camera has distortion.
     """
     if target.camera.distorted:
         # most boxes lie within the first one of their region
@@ -117,7 +122,14 @@ def pinhole_box(camera: CameraIntrinsics, box: Box) -> Box:
 
 
 def target_box(target: PreparedTarget, q: Array, t: Array) -> Box:
-    """Return the bounding box of the target at a pose, with a margin, in whole pixels of the pinhole's image."""
+    """Return the bounding box of the target at a pose, with a margin.
+
+    Returns
+    -------
+    tuple of int
+        Box x0, y0, x1, y1 in pixels of the pinhole's image, without column x1 and row y1. It is at least 32 pixels wide
+        and high, and clipped to the view of the camera.
+    """
     camera = target.camera
     p = camera.pinhole.pixels(target.model.ends_m @ quat.matrix(q).T + t)
     (x0, y0), (x1, y1) = p.min(axis=0), p.max(axis=0)

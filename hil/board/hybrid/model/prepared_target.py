@@ -64,7 +64,13 @@ class PreparedTarget:
 
     @staticmethod
     def prepare(model: BoardModel, camera: CameraIntrinsics) -> PreparedTarget:
-        """Compute the tables."""
+        """Compute the tables of a target for a camera.
+
+        Returns
+        -------
+        PreparedTarget
+            Tables of the model; if the target is round, its faces are grouped by coarser normals.
+        """
         radius = model.radius_m
         spacing = radius / SAMPLES_PER_RADIUS
         samples, occ = sample_edges(model, spacing), occluders(model)

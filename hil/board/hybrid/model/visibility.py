@@ -55,9 +55,16 @@ def occluders(model: BoardModel) -> OccludingTriangles:
 
 
 def visible_samples(samples: EdgeSamples, occ: OccludingTriangles, C_m: Array) -> Tuple[Array, Array]:
-    """Return masks (S,) of the visible samples and of those on the outline, from camera centre ``C_m`` (3,).
+    """Test the samples' visibility from a camera centre ``C_m`` (3,), target frame.
 
     Moeller and Trumbore's test (1997) of each sample against each front-facing triangle.
+
+    Returns
+    -------
+    visible : (S,) array of bool
+        True for the samples that have a face towards the camera, or none at all, and that no triangle hides.
+    outline : (S,) array of bool
+        True for the samples of which one of two faces is towards the camera, or that have none; hidden ones included.
 
     Raises
     ------

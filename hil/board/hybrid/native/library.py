@@ -39,6 +39,11 @@ REMEDY = (
 def library() -> ctypes.CDLL:
     """Return the library with the types of all functions declared.
 
+    Returns
+    -------
+    CDLL
+        The same loaded library at every call.
+
     Raises
     ------
     KernelError
@@ -56,7 +61,13 @@ def is_available() -> bool:
 
 
 def describe_library() -> str:
-    """Return ``native`` and the loaded file in brackets, or ``none`` and the reason."""
+    """Describe the library that is loaded, or why there is none.
+
+    Returns
+    -------
+    str
+        ``native`` and the loaded file in brackets, or ``none`` and the reason in brackets.
+    """
     loaded, text = _load_best()
     return f"native ({text})" if loaded is not None else f"none ({text})"
 

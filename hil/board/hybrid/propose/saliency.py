@@ -73,7 +73,7 @@ def measures(
     segments: Optional[Array] = None,
     slopes: Optional[Tuple[Array, Array]] = None,
 ) -> Array:
-    """Return texture measures (h, w, F) of each cell, float32.
+    """Return the texture measures of each cell of an image.
 
     Parameters
     ----------
@@ -85,6 +85,12 @@ def measures(
         Result of ``straight_segments``, if known.
     slopes : tuple of array, optional
         Gradient of the image, if known.
+
+    Returns
+    -------
+    (h, w, F) array
+        Measures of cells of ``CELL_PX`` pixels a side, float32: each texture layer and its means over ``SCALES_CELLS``,
+        then the standard deviations of the brightness over the same scales.
     """
     top = max(float(np.percentile(small[::4, ::4], 99.5)), 8.0 * noise)
     level = np.sqrt(np.clip(small / top, 0.0, 1.5))

@@ -48,7 +48,7 @@ FAR_RAD, FAR_BLURS = float(np.radians(1.0)), (2.0, 1.3)
 def refine_to_convergence(
     target: PreparedTarget, frame: Observation, close: ImagePatch, start: Hypothesis
 ) -> Hypothesis:
-    """Align a hypothesis until it converges; ``start`` of the result has the initial score with fine shadows.
+    """Align a hypothesis until it converges.
 
     Parameters
     ----------
@@ -60,6 +60,12 @@ def refine_to_convergence(
         Patch on which refined poses are scored.
     start : Hypothesis
         Hypothesis to align.
+
+    Returns
+    -------
+    Hypothesis
+        Aligned hypothesis with its rendering. Its ``start`` is the given hypothesis with the score of its pose under
+        fine shadows, without a rendering.
     """
     box, longest = target_box(target, start.q, start.t), ROUND_FINAL_PX if target.round else FINAL_PX
     share, first_blurs, later_blurs = TEXTURED_WIDE if frame.background < 0 else EMPTY_WIDE

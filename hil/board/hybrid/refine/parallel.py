@@ -52,14 +52,28 @@ class Pruning:
 
 
 def draw(target: PreparedTarget, patch: ImagePatch, h: Hypothesis) -> Hypothesis:
-    """Return a hypothesis rendered without shadows and scored, as start of its refinement."""
+    """Render a hypothesis without shadows and score it, before its refinement.
+
+    Returns
+    -------
+    Hypothesis
+        Hypothesis with its rendering and the score of the image; its ``start`` is ``h``, and its covariance is the
+        default of `PoseFit`.
+    """
     view = photo_draw(h.q, h.t, faces_of(target), patch, target.camera.pinhole)
     pose, score = PoseFit(h.q, h.t), explained(view, patch)
     return replace(h, pose=pose, score=score, view=view, visible_face=None, sun=None, start=h)
 
 
 def draw_shadows(target: PreparedTarget, patch: ImagePatch, h: Hypothesis) -> Hypothesis:
-    """Return a rendered hypothesis with the shadows that explain the image best."""
+    """Render a hypothesis with the shadows that explain the image best.
+
+    Returns
+    -------
+    Hypothesis
+        Hypothesis at the same pose with the rendering, score and Sun of those shadows; Sun None if no shadows are
+        better.
+    """
     lit = search_sun(target, patch, h.q, h.t, drawn(h), coarse=True)
     return replace(h, view=lit.shading, score=lit.score, sun=lit.sun)
 

@@ -96,6 +96,11 @@ class KeypointHead:
         name : str
             Name of the file, for messages.
 
+        Returns
+        -------
+        KeypointHead
+            Head with float32 weights, and keypoints in the target frame [m].
+
         Raises
         ------
         BoardModelError
@@ -125,7 +130,13 @@ class KeypointHead:
             ) from error
 
     def to_bytes(self) -> bytes:
-        """Return the contents of a file, weights in half precision."""
+        """Serialise the head as the bytes of a file.
+
+        Returns
+        -------
+        bytes
+            Content of an ``.npz`` file: weights in half precision, keypoints in single precision, and metadata as JSON.
+        """
         sheet = {
             "schema": SCHEMA,
             "version": VERSION,

@@ -34,12 +34,18 @@ class ImageCrop:
 
     @staticmethod
     def at(camera: CameraIntrinsics, u_px: float, v_px: float, diameter_px: float) -> ImageCrop:
-        """Return a crop centred on a pixel, undistorted by two fixed-point iterations."""
+        """Return a crop centred on a pixel.
+
+        Returns
+        -------
+        ImageCrop
+            Crop in the pixel's direction, computed without the camera's distortion.
+        """
         d = np.array([(u_px - camera.cx_px) / camera.fx_px, (v_px - camera.cy_px) / camera.fy_px, 1.0])
         return ImageCrop(d / np.linalg.norm(d), diameter_px)
 
     def moved(self, f_px: float, shift: Array, log_size: float) -> ImageCrop:
-        """Return the crop corrected by network outputs: shift (2,) [half sides of the input], and log size.
+        """Return the crop corrected by outputs of the network.
 
         Parameters
         ----------
@@ -49,13 +55,24 @@ class ImageCrop:
             Displacement of the target's centre [half sides of the input].
         log_size : float
             Logarithm of the target's size over the size that the crop assumes.
+
+        Returns
+        -------
+        ImageCrop
+            Crop turned towards the target's centre, with the target's diameter.
         """
         half = 0.5 * self.diameter_px / (INPUT_FILL * f_px)
         d = self.swing() @ np.array([half * shift[0], half * shift[1], 1.0])
         return ImageCrop(d / length(d), self.diameter_px * float(np.exp(log_size)))
 
     def swing(self) -> Array:
-        """Return the shortest rotation (3, 3) from the boresight to the crop's direction."""
+        """Return the shortest rotation from the boresight to the crop's direction.
+
+        Returns
+        -------
+        (3, 3) array
+            Rotation matrix, camera from crop.
+        """
         return swing(self.direction)
 
 
@@ -67,7 +84,7 @@ def crop_image(
     sphere_px: float,
     reduced: Optional[Array] = None,
 ) -> Array:
-    """Return the crop (side, side) of an image, float32, averaged over the area of each pixel.
+    """Resample an image to the view of a crop.
 
     Parameters
     ----------
@@ -83,6 +100,11 @@ def crop_image(
         Diameter of the bounding sphere in the result [px].
     reduced : (h, w) array, optional
         Whole image reduced by area averaging, from which much wider crops are taken.
+
+    Returns
+    -------
+    (side_px, side_px) array
+        Crop, float32, averaged over the area of each pixel; beyond the image its border is replicated.
     """
     f = 0.5 * (camera.fx_px + camera.fy_px)
     # image pixels per pixel of the crop

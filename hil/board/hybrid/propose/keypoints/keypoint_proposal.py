@@ -87,7 +87,13 @@ class LearnedProposal:
         return likelihood_table(self.p)
 
     def region(self, camera: CameraIntrinsics) -> Region:
-        """Return the square around the bounding sphere; it may extend beyond the image."""
+        """Return the square around the bounding sphere of the corrected crop.
+
+        Returns
+        -------
+        Region
+            Square in image pixels, of source ``learned``; it may extend beyond the image.
+        """
         u, v = camera.pixels(self.crop.direction)
         r = 0.5 * self.crop.diameter_px
         return Region(float(u - r), float(v - r), float(u + r), float(v + r), "learned")

@@ -57,7 +57,12 @@ class KeypointNetwork:
 
 @lru_cache(maxsize=1)
 def trunk_bytes() -> bytes:
-    """Return the shipped trunk, an ONNX file.
+    """Return the shipped trunk.
+
+    Returns
+    -------
+    bytes
+        Content of an ONNX file.
 
     Raises
     ------
@@ -77,14 +82,24 @@ def _trunk() -> cv2.dnn.Net:
 
 
 def trunk_sha256() -> str:
-    """Return the hash of the shipped trunk."""
+    """Return the hash of the shipped trunk.
+
+    Returns
+    -------
+    str
+        SHA-256 of `trunk_bytes`, as hexadecimal digits.
+    """
     return hashlib.sha256(trunk_bytes()).hexdigest()
 
 
 def network_for(model: BoardModel) -> Optional[KeypointNetwork]:
-    """Return the network of a target: with the head in its model, or the shipped one; None if there is neither.
+    """Return the keypoint network of a target.
 
-    A shipped head is not used if a keypoint has moved since the training.
+    Returns
+    -------
+    KeypointNetwork or None
+        Network with the head in the model, or else the shipped one. None if there is neither, or if a keypoint has
+        moved since the training of the shipped head.
 
     Raises
     ------
@@ -121,7 +136,13 @@ def _shipped_head(name: str) -> Optional[bytes]:
 
 
 def has_shipped_head(name: str) -> bool:
-    """Return True if a head is shipped for the target."""
+    """Return True if a head is shipped for the target called ``name``.
+
+    Returns
+    -------
+    bool
+        True if there is a file, also if it does not fit the present shape of the target.
+    """
     return _shipped_head(SHARED_HEADS.get(name, name)) is not None
 
 

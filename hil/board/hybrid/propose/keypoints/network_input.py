@@ -21,7 +21,7 @@ MIN_BRIGHTNESS_SIGMA, MIN_CONTRAST_SIGMA, MIN_LEVEL_SHARE = 6.0, 2.0, 0.004
 
 
 def channels(pictures: Array, noise: Array) -> Array:
-    """Return the brightness and local contrast (B, 2, S, S) of crops, float32.
+    """Return the brightness and local contrast of crops.
 
     Parameters
     ----------
@@ -29,6 +29,12 @@ def channels(pictures: Array, noise: Array) -> Array:
         Crops, float32, of any scale.
     noise : (B,) array
         Standard deviation of each crop's noise.
+
+    Returns
+    -------
+    (B, 2, S, S) array
+        Square root of the brightness relative to the brightest part, -0.3 to 0.8, and contrast relative to the local
+        one, -1.5 to 1.5; float32.
     """
     out = np.empty((len(pictures), 2, *pictures.shape[1:]), np.float32)
     side = (NEIGHBOURHOOD_PX, NEIGHBOURHOOD_PX)

@@ -19,9 +19,13 @@ BIN_WIDTH = 2 * HALF_RANGE / BINS
 
 
 def keypoints_m(model: BoardModel) -> Array:
-    """Return the points (KEYPOINTS, 3) of a target that the network locates, target frame [m].
+    """Return the points of a target that the network locates.
 
-    The model's keypoints come first, then wireframe ends by farthest-point sampling (Gonzalez 1985).
+    Returns
+    -------
+    (KEYPOINTS, 3) array
+        Points in the target frame [m]: the model's keypoints in their order, then ends of wireframe edges by
+        farthest-point sampling (Gonzalez 1985).
     """
     points = np.array(list(model.keypoints.values()), float).reshape(-1, 3)[:KEYPOINTS]
     if not len(points):

@@ -65,7 +65,7 @@ class PoseModes:
 
 
 def pose_modes(log_p: Array, points: Array, focal: float, log_size: float, most: int) -> PoseModes:
-    """Return the maxima of the pose likelihood.
+    """Search the maxima of the pose likelihood.
 
     Parameters
     ----------
@@ -79,6 +79,12 @@ def pose_modes(log_p: Array, points: Array, focal: float, log_size: float, most:
         Logarithm of the target's size over the size that the crop assumes.
     most : int
         Largest number of poses.
+
+    Returns
+    -------
+    PoseModes
+        At most ``most`` poses, pairwise at least ``MIN_SEPARATION_RAD`` apart: refined ones by decreasing likelihood,
+        then unrefined ones of the grid.
     """
     p = with_outliers(log_p)
     sizes = np.exp(log_size) * np.array(SIZE_FACTORS)
