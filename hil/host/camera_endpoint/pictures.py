@@ -107,7 +107,7 @@ class LoopedPictures:
     bits : int
         Bits per pixel.
     exposure_s : float
-        Exposure time of the images.
+        Exposure time of images without a scene.
     black_dn : float, optional
         Pixel value without light.
     scenes : sequence of SceneState, optional
@@ -139,7 +139,9 @@ class LoopedPictures:
         k = request.number % len(self._images)
         scene = self._scenes[k] if self._scenes else None
         image = self._images[k]
-        factor = request.exposure_s / self._exposure_s * 10 ** (request.gain_db / 20)
+        # an automatic exposure changes from image to image
+        taken_s = self._exposure_s if scene is None else scene.exposure_s
+        factor = request.exposure_s / taken_s * 10 ** (request.gain_db / 20)
         if abs(factor - 1) < 1e-5:  # exposures are transmitted in single precision
             return CapturedImage(image, scene)
         if self._table is None or self._table[0] != factor:
@@ -201,7 +203,7 @@ def render_loop(plan: Plan, *, device_index: int | None = None) -> LoopedPicture
     Returns
     -------
     LoopedPictures
-        Images with their scenes, in the order of the plan. They are scaled as if all had the exposure of the first one.
+        Images with their scenes, in the order of the plan, each with its own exposure.
     """
     first = plan.scene(0)
     with open_frames(pixels_only, processes=1, device_index=device_index, first=first) as producer:

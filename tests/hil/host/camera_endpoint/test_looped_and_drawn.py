@@ -1,5 +1,7 @@
 """What exposure and gain do to the pictures: those that are looped, and those that are drawn."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -24,6 +26,16 @@ def test_looped_pictures_take_exposure_and_gain():
     assert looped.take(wanted(3)).image is image
     assert looped.take(wanted(exposure_s=0.02)).image.tolist() == [[10, 30, 190, 255]]
     assert looped.take(wanted(gain_db=20 * np.log10(0.5))).image.tolist() == [[10, 15, 55, 132]]
+
+
+def test_looped_pictures_of_different_exposures_are_taken_at_the_controllers():
+    scene = plan_flight(load_scenario("tango-limb"), n=1).scene(0)
+    scenes = [replace(scene, exposure_s=0.01), replace(scene, exposure_s=0.005)]
+    images = [np.array([[40]], np.uint8), np.array([[20]], np.uint8)]
+    looped = LoopedPictures(images, bits=8, exposure_s=0.01, scenes=scenes)
+    taken = [looped.take(wanted(k)) for k in range(2)]
+    assert [picture.image.tolist() for picture in taken] == [[[40]], [[40]]]
+    assert [picture.scene.exposure_s for picture in taken] == [0.01, 0.01]
 
 
 def test_drawn_scenes_take_exposure_and_gain():
