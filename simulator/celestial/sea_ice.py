@@ -7,7 +7,6 @@ Fetterer et al. 2017). Tongues, bays and leads are random and do not depend on t
 
 from __future__ import annotations
 
-from datetime import datetime
 from functools import lru_cache
 from typing import TYPE_CHECKING
 
@@ -17,6 +16,7 @@ import numpy as np
 from flyaround.simulator.runtime.cache import entry_name
 from flyaround.simulator.runtime.cached_arrays import cached_array
 from flyaround.simulator.world.constants import EARTH_MEAN_RADIUS_M
+from flyaround.simulator.world.time.instant import datetime_utc
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -63,7 +63,7 @@ _POLAR_SINE = 0.94
 
 def sea_ice(epoch_utc: str) -> ByteArray:
     """Return (720, 1440) ice concentration, 0..255, row 0 in the north, column 0 at -180 degrees."""
-    moment = datetime.fromisoformat(epoch_utc)
+    moment = datetime_utc(epoch_utc)
     return _make_sea_ice(moment.timetuple().tm_yday)
 
 
@@ -120,7 +120,7 @@ def near_ice(z: FloatArray, longitude: FloatArray, epoch_utc: str) -> NDArray[np
     is_tested = np.abs(z) < _POLAR_SINE  # False for NaN
     row = (90 - np.degrees(np.arcsin(np.where(is_tested, z, 0)))).astype(int)
     column = (np.degrees(np.where(is_tested, longitude, 0)) + 180).astype(int) % 360
-    where = _ice_cells(datetime.fromisoformat(epoch_utc).timetuple().tm_yday)
+    where = _ice_cells(datetime_utc(epoch_utc).timetuple().tm_yday)
     return np.asarray(where[row, column] | ~is_tested)
 
 
