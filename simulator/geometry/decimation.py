@@ -35,7 +35,14 @@ class Deviation:
 
 
 def decimate(bodies: list[MeshBody], max_triangles: int) -> list[MeshBody]:
-    """Reduce bodies to at most ``max_triangles`` triangles in total; pieces smaller than a cluster disappear."""
+    """Reduce bodies to at most ``max_triangles`` triangles in total; pieces smaller than a cluster disappear.
+
+    Returns
+    -------
+    list of MeshBody
+        Bodies with a triangle left, in their order. If all grids leave more than ``max_triangles``, those of the
+        coarsest one, of two cells along the longest side.
+    """
     low = np.min([b.positions_m.min(axis=0) for b in bodies], axis=0)
     high = np.max([b.positions_m.max(axis=0) for b in bodies], axis=0)
     extent = float((high - low).max())
