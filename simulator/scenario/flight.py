@@ -65,6 +65,11 @@ def fly(scenario: Scenario, target: Target, duration_s: float | None = None) -> 
     -------
     Flight
         States of both craft over the scenario's duration.
+
+    Raises
+    ------
+    UserError
+        If a craft hits the ground, is below 80 km under drag or leaves its body, or a file cannot be read.
     """
     orbit, chaser = orbit_at_epoch(scenario), scenario.chaser
     r, v = orbit.state()

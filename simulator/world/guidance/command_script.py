@@ -156,6 +156,12 @@ def fly_script(orbit: OrbitTrack, script: CommandScript, n_rad_s: float) -> Scri
         Start and commands.
     n_rad_s : float
         Mean motion.
+
+    Returns
+    -------
+    ScriptedTrack
+        States and commands of the steps of `CommandScript.times_s`. The commands are those that the guard allowed;
+        without a ``keep_out`` none is changed.
     """
     pointing, keep_out = script.pointing, script.keep_out
     p, v = orbit.frame(0.0).to_eci(*script.state_lvlh(0.0, n_rad_s))
