@@ -24,6 +24,7 @@ from flyaround.simulator.scene.illumination.irradiance import (
 )
 from flyaround.simulator.world.bodies.earth import EARTH
 from flyaround.simulator.world.frames.rotation import matrix_from_quat
+from flyaround.simulator.world.time.instant import datetime_utc
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -61,7 +62,7 @@ def albedo_of_day(epoch_utc: str, *, clouds: bool, ice: bool) -> Float32Array:
     """
     if not ice:
         return albedo_map(clouds=clouds)
-    day = datetime.fromisoformat(epoch_utc)
+    day = datetime_utc(epoch_utc)
     return _with_ice(day.year, day.timetuple().tm_yday, clouds)
 
 

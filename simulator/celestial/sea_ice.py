@@ -7,7 +7,6 @@ Fetterer et al. 2017). Tongues, bays and leads are random and do not depend on t
 
 from __future__ import annotations
 
-from datetime import datetime
 from functools import lru_cache
 from typing import TYPE_CHECKING
 
@@ -17,6 +16,7 @@ import numpy as np
 from flyaround.simulator.runtime.cache import entry_name
 from flyaround.simulator.runtime.cached_arrays import cached_array
 from flyaround.simulator.world.constants import EARTH_MEAN_RADIUS_M
+from flyaround.simulator.world.time.instant import datetime_utc
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -70,7 +70,7 @@ def sea_ice(epoch_utc: str) -> ByteArray:
         Concentration, 0 to 255 for none to full cover; row 0 in the north, column 0 at -180 degrees. It depends on the
         day of the year only. Cached: callers must not write to it.
     """
-    moment = datetime.fromisoformat(epoch_utc)
+    moment = datetime_utc(epoch_utc)
     return _make_sea_ice(moment.timetuple().tm_yday)
 
 
@@ -127,7 +127,7 @@ def near_ice(z: FloatArray, longitude: FloatArray, epoch_utc: str) -> NDArray[np
     is_tested = np.abs(z) < _POLAR_SINE  # False for NaN
     row = (90 - np.degrees(np.arcsin(np.where(is_tested, z, 0)))).astype(int)
     column = (np.degrees(np.where(is_tested, longitude, 0)) + 180).astype(int) % 360
-    where = _ice_cells(datetime.fromisoformat(epoch_utc).timetuple().tm_yday)
+    where = _ice_cells(datetime_utc(epoch_utc).timetuple().tm_yday)
     return np.asarray(where[row, column] | ~is_tested)
 
 

@@ -6,7 +6,6 @@ Both vary little within a screen tile, so they are sampled at its corners, not a
 from __future__ import annotations
 
 from dataclasses import dataclass
-from datetime import datetime
 from typing import TYPE_CHECKING
 
 import cv2
@@ -23,6 +22,7 @@ from flyaround.simulator.celestial.earth_maps import (
 from flyaround.simulator.runtime.cache import entry_name
 from flyaround.simulator.runtime.cached_arrays import cached_array, cached_arrays
 from flyaround.simulator.world.constants import EARTH_RADIUS_M
+from flyaround.simulator.world.time.instant import datetime_utc
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -76,7 +76,7 @@ def season(epoch_utc: str) -> Season:
     Season
         Months of `ANCHORS` before and after the date, across the turn of the year too, and the weight of the later one.
     """
-    time = datetime.fromisoformat(epoch_utc)
+    time = datetime_utc(epoch_utc)
     day = time.timetuple().tm_yday + (time.hour + time.minute / 60) / 24
     months, days = list(ANCHORS), list(ANCHORS.values())
     k = int(np.searchsorted(days, day, side="right")) - 1  # -1: before the middle of January

@@ -18,6 +18,7 @@ from flyaround.simulator.celestial.star_colours import (
     typical_v_minus_i,
 )
 from flyaround.simulator.errors import UserError
+from flyaround.simulator.world.time.instant import datetime_utc
 
 if TYPE_CHECKING:
     from flyaround.simulator.runtime.arrays import FloatArray
@@ -101,7 +102,7 @@ def stars(epoch_utc: str, bands: Bands, *, by_photons: bool = False) -> StarFiel
     StarField
         Directions, GCRS, and irradiances per band [W m-2].
     """
-    epoch = datetime.fromisoformat(epoch_utc)
+    epoch = datetime_utc(epoch_utc)
     return _stars_of_year(round((epoch - _CATALOGUE_EPOCH).days / 365.25), bands, by_photons)
 
 

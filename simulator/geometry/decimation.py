@@ -42,6 +42,7 @@ def decimate(bodies: list[MeshBody], max_triangles: int) -> list[MeshBody]:
     list of MeshBody
         New bodies in the order of the input, with positions at single precision and without normals and texture
         coordinates; bodies that have lost all triangles are left out.
+        If all grids leave more than ``max_triangles``, those of the coarsest one, of two cells along the longest side.
     """
     low = np.min([b.positions_m.min(axis=0) for b in bodies], axis=0)
     high = np.max([b.positions_m.max(axis=0) for b in bodies], axis=0)

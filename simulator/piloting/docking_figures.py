@@ -407,7 +407,7 @@ def touches_port(before: DockingFigures, after: DockingFigures) -> bool:
 def docked_state(
     attitude: tuple[FloatArray, FloatArray], port: DockingPort
 ) -> tuple[Vec3, Vec3, FloatArray, Vec3]:
-    """Return the state of the docked chaser: position and velocity along GCRS axes, ``R_camera_from_eci`` and its rate.
+    """Compute the state of the docked chaser.
 
     Parameters
     ----------
@@ -415,6 +415,17 @@ def docked_state(
         Attitude of the target: ``q_eci_from_target_wxyz`` and angular velocity, target axes [rad s-1].
     port : DockingPort
         Docking port of the target.
+
+    Returns
+    -------
+    position_m : tuple of float
+        Camera minus the target's centre of mass, GCRS axes [m].
+    velocity_m_s : tuple of float
+        Its derivative [m s-1].
+    R_camera_from_eci : (3, 3) array
+        Attitude of the camera, that of the port.
+    omega_camera_rad_s : tuple of float
+        The target's angular velocity relative to ECI, camera axes [rad s-1].
     """
     q_target, omega = attitude
     R_eci_from_target = matrix_from_quat(q_target)

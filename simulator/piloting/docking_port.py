@@ -61,7 +61,8 @@ def docking_port(target: Target, flight: Flight) -> DockingPort:
 
     It is the frame ``docking`` of the model, or the tip of the probe that protrudes from this frame. A model without
     the frame gets a port where the approach axis through the centre of mass leaves the body. The approach axis is that
-    of the scenario's corridor or hold point, or else V-bar. The port then rotates with the target.
+    of the scenario's corridor or hold point, towards the end of a replayed flight, or else V-bar. The port then rotates
+    with the target.
 
     Parameters
     ----------

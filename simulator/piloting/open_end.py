@@ -9,18 +9,13 @@ from typing import TYPE_CHECKING
 import msgspec
 
 from flyaround.simulator.errors import UserError
-from flyaround.simulator.scenario.flight import fly
+from flyaround.simulator.scenario.flight import PLACEHOLDER_CHASER, fly
 from flyaround.simulator.world.attitude.target_attitude import Attitude
-from flyaround.simulator.world.guidance.paths import Hold
 from flyaround.simulator.world.orbit.forces import Forces
 
 if TYPE_CHECKING:
     from flyaround.simulator.scenario.plan import Plan
     from flyaround.simulator.world.flight.flight import Flight
-
-
-PLACEHOLDER_CHASER = Hold(position_lvlh_m=(0.0, 100.0, 0.0))
-"""Placeholder for the chaser, which is cheap to propagate."""
 
 
 def orbit_ahead(plan: Plan, span_s: float, *, quick: bool) -> Flight:

@@ -195,6 +195,12 @@ def predicted_path(
         Time after the last burn.
     samples : int, optional
         Points per leg between burns.
+
+    Returns
+    -------
+    PredictedPath
+        Path from now to ``after_s`` after the last burn that is still ahead, or after now if none is. A leg includes
+        both ends, so that the time and position of each node occur twice.
     """
     mu = orbit.forces.mu_m3_s2
     elements = elements_from_state(*orbit(chaser.t_s), mu)

@@ -165,12 +165,16 @@ def _point_problems(p: Point) -> Iterator[str]:
 def _chaser_problems(chaser: AnyChaser) -> Iterator[str]:
     """Yield a start too close to the target, and sections that contradict each other."""
     if isinstance(chaser, Replay):
-        for name in ("thrusters", "wheels"):
+        for name in ("thrusters", "wheels", "keep_out"):
             if getattr(chaser, name) is not None:
                 yield f"a replay has no [chaser.{name}], the recording flies: remove the section"
     if isinstance(chaser, FollowedChaser):
         return
-    start, _ = chaser.state_lvlh(0.0, 1e-3)
+    start = (
+        chaser.read().arrays["relative_eci_m"][0]
+        if isinstance(chaser, Replay)
+        else chaser.state_lvlh(0.0, 1e-3)[0]
+    )
     distance, min_distance = float(np.linalg.norm(start)), chaser.minimum_start_range_m
     if distance < min_distance:
         yield (

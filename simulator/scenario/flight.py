@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from flyaround.simulator.errors import UserError
+from flyaround.simulator.runtime.arrays import vec3
 from flyaround.simulator.runtime.untrusted_files import decode_text
 from flyaround.simulator.scenario.messages import (
     chaser_ephemeris,
@@ -18,8 +19,9 @@ from flyaround.simulator.scenario.messages import (
 )
 from flyaround.simulator.world.attitude.target_attitude import Attitude
 from flyaround.simulator.world.ephemeris.ephemeris_table import EphemerisTable
-from flyaround.simulator.world.flight.build import TargetStart, propagate_flight
+from flyaround.simulator.world.flight.build import TargetStart, propagate_flight, with_best_down
 from flyaround.simulator.world.flight.recording import Replay, recorded_tracks
+from flyaround.simulator.world.guidance.paths import Hold
 from flyaround.simulator.world.messages.aem import read_aem_history
 from flyaround.simulator.world.orbit.forces import EarthForces
 from flyaround.simulator.world.orbit.moon_forces import MoonForces
@@ -39,6 +41,9 @@ if TYPE_CHECKING:
 
 # Longest and shortest interval at which the flight is checked for impact on the ground [s].
 _CHECK_INTERVAL_S, _MIN_STEP_S = 60.0, 1.0
+
+PLACEHOLDER_CHASER = Hold(position_lvlh_m=(0.0, 100.0, 0.0))
+"""Placeholder for the chaser, which is cheap to propagate."""
 
 MAX_FRAMES = 1_000_000
 """Number of frames above which a run is probably a mistake."""
@@ -60,6 +65,11 @@ def fly(scenario: Scenario, target: Target, duration_s: float | None = None) -> 
     -------
     Flight
         States of both craft over the scenario's duration.
+
+    Raises
+    ------
+    UserError
+        If a craft hits the ground, is below 80 km under drag or leaves its body, or a file cannot be read.
     """
     orbit, chaser = orbit_at_epoch(scenario), scenario.chaser
     r, v = orbit.state()
@@ -76,7 +86,7 @@ def fly(scenario: Scenario, target: Target, duration_s: float | None = None) -> 
             history=_attitude_history(scenario, epoch),
             ephemeris=None if replay else target_ephemeris(scenario),
         ),
-        replay.held_at_start() if replay else chaser,
+        PLACEHOLDER_CHASER if replay else chaser,
         epoch=epoch,
         duration_s=span_s,
         forces=force_model(
@@ -90,11 +100,22 @@ def fly(scenario: Scenario, target: Target, duration_s: float | None = None) -> 
         chaser_ephemeris=chaser_ephemeris(scenario),
     )
     if replay is not None:
-        recording = replay.read()
-        track, attitude = recorded_tracks(recording, flight.orbit.forces, span_s, epoch, orbit.body)
-        flight = replace(flight, orbit=track, attitude=attitude, recording=recording)
+        flight = _replayed(flight, replay)
     _check_height(flight, scenario.name)
     return flight
+
+
+def _replayed(flight: Flight, replay: Replay) -> Flight:
+    """Return the flight with both craft as recorded, and the guidance of a chaser held where it ends."""
+    recording = replay.read()
+    track, attitude = recorded_tracks(
+        recording, flight.orbit.forces, flight.duration_s, flight.epoch, flight.body
+    )
+    flight = replace(flight, orbit=track, attitude=attitude, recording=recording, pointing=replay.pointing)
+    end_s = min(recording.duration_s, flight.duration_s)
+    position, _ = flight.lvlh(end_s).from_eci(*flight.relative(end_s))
+    flight = replace(flight, guidance=Hold(position_lvlh_m=vec3(position), pointing=replay.pointing))
+    return with_best_down(flight) if replay.pointing.down == "auto" else flight
 
 
 def _attitude_history(scenario: Scenario, epoch: Instant) -> AttitudeTrack | None:

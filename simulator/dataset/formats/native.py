@@ -85,16 +85,18 @@ def read_png(path: Path) -> NDArray[np.unsignedinteger]:
     (H, W) or (H, W, 3) array
         Mono or RGB, uint8 or uint16.
 
+    Under another suffix than .png, any format of Pillow and OpenCV is read.
+
     Raises
     ------
     UserError
-        If the file is missing, not an image, too large, or not of 8 or 16 bits.
+        If the file is missing, not an image, not a PNG under the suffix .png, too large, or not of 8 or 16 bits.
     """
     try:
         data = read_regular(path, MAX_BYTES)
     except OSError:
         data = b""
-    return decode_png(data, str(path))
+    return _decode(data, str(path), picture_size(data) if path.suffix.lower() != ".png" else None)
 
 
 def read_bytes(path: Path) -> bytes:
@@ -121,12 +123,13 @@ def decode_png(data: bytes, source: str) -> NDArray[np.unsignedinteger]:
     UserError
         If it is not a PNG, too large, or not of 8 or 16 bits.
     """
-    # a PNG states its size in its first chunk; for other formats Pillow reads it, up to 13,000 x 13,000 pixels
-    size = (
-        struct.unpack_from(">II", data, 16)
-        if data.startswith(_PNG) and len(data) >= 24
-        else picture_size(data)
-    )
+    return _decode(data, source, None)
+
+
+def _decode(data: bytes, source: str, size: tuple[int, int] | None) -> NDArray[np.unsignedinteger]:
+    """Decode an image; ``size`` is that of a format other than PNG, which Pillow reads up to 13,000 x 13,000 pixels."""
+    if data.startswith(_PNG) and len(data) >= 24:
+        size = struct.unpack_from(">II", data, 16)  # a PNG states its size in its first chunk
     if size is not None and max(size) > MAX_SIDE_PX:
         raise UserError(
             f"image {source} has {size[0]:,} x {size[1]:,} pixels, and at most {MAX_SIDE_PX:,} x "

@@ -266,6 +266,11 @@ def _bodies(model: RawModel, options: ImportOptions, findings: Findings) -> tupl
         bodies = [drop_slivers(b, extent, RepairCounts()) for b in bodies]
         bodies = [b for b in bodies if len(b.triangles)]
         n_after = sum(len(b.triangles) for b in bodies)
+        if n_after > options.decimate:
+            raise UserError(
+                f"{model.path} cannot be reduced below {n_after:,} triangles: use --decimate {n_after} or more, or "
+                "reduce it in the modelling tool"
+            )
         findings.shape.append(
             f"reduced {n_before:,} triangles to {n_after:,}: {deviation_m.rms_m * 1e3:.3g} mm off in the mean (rms), "
             f"{deviation_m.largest_m * 1e3:.3g} mm at most"

@@ -17,6 +17,7 @@ from flyaround.simulator.world.frames.rotation import (
     quat_normalize,
 )
 from flyaround.simulator.world.frames.vectors import cross_product
+from flyaround.simulator.world.time.steps import step_count
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -111,7 +112,7 @@ def fly_wheels(reference: Reference, duration_s: float, wheels: Wheels) -> Wheel
     q = quat_multiply(quat_conjugate(reference_q), quat_from_rotvec(np.radians(wheels.start_error_deg)))
     omega, momentum = reference_rate, np.zeros(3)
     rows = []
-    for k in range(int(np.ceil(duration_s / h))):
+    for k in range(step_count(duration_s, h)):
         next_q, next_rate = reference(min((k + 1) * h, duration_s))
         # reference relative to the present attitude, by the shorter rotation
         error_q = quat_multiply(quat_conjugate(q), quat_conjugate(reference_q))

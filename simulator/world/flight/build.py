@@ -100,6 +100,12 @@ def propagate_flight(
     -------
     Flight
         States of both craft over the span.
+
+    Raises
+    ------
+    UserError
+        If the propagation fails, as in `propagate`, or the target's ephemeris has a burn and the chaser flies freely,
+        by thrusters or by a script.
     """
     r, v = np.asarray(target.r_eci_m, float), np.asarray(target.v_eci_m_s, float)
     if forces is None:

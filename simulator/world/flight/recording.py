@@ -19,7 +19,6 @@ from flyaround.simulator.world.bodies.earth import EARTH
 from flyaround.simulator.world.frames.rotation import quat_conjugate, quat_from_rotvec, quat_multiply
 from flyaround.simulator.world.guidance.chaser import Chaser
 from flyaround.simulator.world.guidance.manual_control import ChaserState
-from flyaround.simulator.world.guidance.paths import Hold
 from flyaround.simulator.world.orbit.propagation import OrbitTrack
 
 if TYPE_CHECKING:
@@ -240,33 +239,6 @@ class Replay(Chaser, tag_field="mode", tag="replay", frozen=True, kw_only=True):
             If the file is not a recording, as in `Recording.read`.
         """
         return Recording.read(Path(self.file))
-
-    def held_at_start(self) -> Hold:
-        """Return a chaser that stands in until the recording is replayed.
-
-        Returns
-        -------
-        Hold
-            Rest at the first recorded position, with this mode's ``pointing`` and ``keep_out``. The coordinates of
-            ``relative_eci_m`` are used as LVLH ones, so only the distance to the target is the recorded one.
-        """
-        return Hold(
-            position_lvlh_m=vec3(self.read().arrays["relative_eci_m"][0]),
-            pointing=self.pointing,
-            keep_out=self.keep_out,
-        )
-
-    def state_lvlh(self, t_s: float, n_rad_s: float) -> tuple[FloatArray, FloatArray]:
-        """Return the state of `held_at_start`.
-
-        Returns
-        -------
-        position_lvlh_m : (3,) array
-            Point at the distance of the first sample [m]; its direction in LVLH is not the recorded one.
-        velocity_lvlh_m_s : (3,) array
-            Zero.
-        """
-        return self.held_at_start().state_lvlh(t_s, n_rad_s)
 
 
 @dataclass(frozen=True, eq=False)

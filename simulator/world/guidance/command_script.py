@@ -19,6 +19,7 @@ from flyaround.simulator.world.guidance.manual_control import (
     guarded_command,
     step,
 )
+from flyaround.simulator.world.time.steps import step_count
 
 if TYPE_CHECKING:
     from flyaround.simulator.runtime.arrays import FloatArray
@@ -88,14 +89,14 @@ class CommandScript(Chaser, tag_field="mode", tag="steered", frozen=True, kw_onl
         Returns
         -------
         list of float
-            Increasing times since the start [s], from 0 to at most ``duration_s``.
+            Increasing times since the start [s], the first 0 and all below ``duration_s``.
         """
         edges = {
             t
             for scripted in self.commands
             for t in (scripted.start_s, scripted.start_s + scripted.duration_s)
         }
-        grid = set((np.arange(int(np.ceil(duration_s / self.period_s))) * self.period_s).tolist())
+        grid = set((np.arange(step_count(duration_s, self.period_s)) * self.period_s).tolist())
         return sorted(grid | {t for t in edges if 0 < t < duration_s})
 
 
@@ -155,6 +156,12 @@ def fly_script(orbit: OrbitTrack, script: CommandScript, n_rad_s: float) -> Scri
         Start and commands.
     n_rad_s : float
         Mean motion.
+
+    Returns
+    -------
+    ScriptedTrack
+        States and commands of the steps of `CommandScript.times_s`. The commands are those that the guard allowed;
+        without a ``keep_out`` none is changed.
     """
     pointing, keep_out = script.pointing, script.keep_out
     p, v = orbit.frame(0.0).to_eci(*script.state_lvlh(0.0, n_rad_s))

@@ -9,6 +9,7 @@ import numpy as np
 
 from flyaround.simulator.world.relative.clohessy_wiltshire import transition_matrix
 from flyaround.simulator.world.relative.thrusted_step import ThrustHold, relative_step
+from flyaround.simulator.world.time.steps import step_count
 
 if TYPE_CHECKING:
     from flyaround.simulator.runtime.arrays import FloatArray
@@ -108,7 +109,7 @@ def fly_controlled(
     state = frame.to_eci(*guidance.state_lvlh(0.0, n_rad_s))
     mass, abort_s = thrusters.mass_kg, None
     rows: list[FloatArray] = []
-    for k in range(int(np.ceil(orbit.duration_s / h))):
+    for k in range(step_count(orbit.duration_s, h)):
         t = k * h
         frame = orbit.frame(t)
         p, v = frame.from_eci(*state)

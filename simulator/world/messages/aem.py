@@ -229,6 +229,12 @@ def write_aem(
         ISO 8601 with Z, in order.
     q_eci_from_body_wxyz : array_like
         (n, 4) attitudes.
+
+    Returns
+    -------
+    str
+        Text of the message: one segment, a line for each attitude in their order, and a line feed at the end. A
+        quaternion has the other sign if that makes it continuous with the one before.
     """
     lines = header("AEM", "1.0", epochs_utc[0])
     lines += [

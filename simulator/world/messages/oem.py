@@ -44,6 +44,12 @@ def read_oem(
     satellite : str, optional
         Name or identifier, if there are several.
 
+    Returns
+    -------
+    Ephemeris
+        The object's segments in order of time, as states in GCRF from the centre of ``centre`` at seconds since
+        ``epoch``. The file need not cover ``epoch``.
+
     Raises
     ------
     UserError
@@ -168,6 +174,12 @@ def write_oem(
         Text of the message's comment.
     centre : str, optional
         Central body.
+
+    Returns
+    -------
+    str
+        Text of the message: one segment, a line for each state [km], [km s-1] in their order, and a line feed at the
+        end.
     """
     lines = header("OEM", "2.0", epochs_utc[0])
     lines += [

@@ -169,7 +169,7 @@ def follow(
     Raises
     ------
     UserError
-        If the target fires its engines while the chaser flies freely.
+        If the target fires its engines while the chaser flies freely, or drag acts on a craft below 80 km.
     """
     relative_solution = None
     if relative is not None:

@@ -205,6 +205,13 @@ class EarthForces:
         -------
         (3,) array
             Acceleration, GCRS axes [m s-2].
+
+        Raises
+        ------
+        UserError
+            If drag acts and the target is below 80 km, where it breaks up.
+        ValueError
+            If drag or sunlight acts on a craft of unknown mass.
         """
         return self._accelerations(t_s, r_eci_m, v_eci_m_s, None)[0]
 
@@ -224,6 +231,13 @@ class EarthForces:
         -------
         tuple of array
             Acceleration (3,) of the target, and chaser minus target (3,), GCRS axes [m s-2].
+
+        Raises
+        ------
+        UserError
+            If drag acts and a craft is below 80 km, where it breaks up.
+        ValueError
+            If drag or sunlight acts on a craft of unknown mass.
         """
         return self._accelerations(t_s, r_eci_m, v_eci_m_s, (p_eci_m, w_eci_m_s))
 
@@ -295,16 +309,26 @@ class EarthForces:
 
 
 def light_pressure(craft: Surface, from_sun_m: FloatArray, sun_share: float) -> FloatArray:
-    """Return the acceleration of a craft by solar radiation pressure (3,) [m s-2].
+    """Compute the acceleration of a craft by solar radiation pressure.
 
     Parameters
     ----------
     craft : Surface
         Area, mass and reflectivity.
     from_sun_m : (3,) array
-        Position of the craft relative to the Sun.
+        Position of the craft relative to the Sun [m].
     sun_share : float
         Visible fraction of the Sun's disc.
+
+    Returns
+    -------
+    (3,) array
+        Acceleration away from the Sun [m s-2], along the axes of ``from_sun_m``.
+
+    Raises
+    ------
+    ValueError
+        If the craft's mass is unknown.
 
     References
     ----------
@@ -316,14 +340,19 @@ def light_pressure(craft: Surface, from_sun_m: FloatArray, sun_share: float) -> 
 
 
 def geodetic_altitude_m(r_eci_m: FloatArray, z_m: float) -> float:
-    """Return the height of a position above the WGS 84 ellipsoid [m].
+    """Compute the height of a position above the WGS 84 ellipsoid.
 
     Parameters
     ----------
     r_eci_m : (3,) array
-        Position from the Earth's centre.
+        Position from the Earth's centre [m].
     z_m : float
-        Its distance north of the equatorial plane.
+        Its distance north of the equatorial plane, along the pole of date; negative in the south.
+
+    Returns
+    -------
+    float
+        Geodetic altitude [m], negative inside the ellipsoid.
     """
     equatorial_m = math.sqrt(max(float(r_eci_m @ r_eci_m) - z_m**2, 0.0))
     return float(erfa.gc2gde(EARTH_RADIUS_M, FLATTENING, [equatorial_m, 0.0, z_m])[2])

@@ -282,7 +282,7 @@ def propagate(
     Raises
     ------
     UserError
-        If the integrator fails, as in a fall into the body's centre.
+        If the integrator fails, as in a fall into the body's centre, or drag acts on a craft below 80 km.
     ValueError
         If the span is negative, or a number is not finite.
 

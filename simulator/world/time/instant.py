@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
 _ISO = re.compile(r"(\d{4})-(\d\d)-(\d\d)T(\d\d):(\d\d):(\d\d(?:\.\d+)?)Z")
+_LEAP_SECOND = re.compile(r"(?<=T23:59:)60(\.\d+|)")  # and its fraction
 _FIRST_YEAR, _LAST_YEAR = 1972, 2099
 """UTC with whole leap seconds starts in 1972; the Earth's ephemeris (epv00) ends with 2100."""
 
@@ -164,19 +165,38 @@ def tdb_minus_tt_s(tt1: float, tt2: float) -> float:
     return float(erfa.dtdb(tt1, tt2, (tt1 + tt2 + 0.5) % 1.0, 0.0, 0.0, 0.0))
 
 
-def nanoseconds_utc(epoch_utc: str) -> int:
-    """Convert an ISO time in UTC to nanoseconds since 1970-01-01.
+def datetime_utc(epoch_utc: str) -> datetime:
+    """Convert an ISO time in UTC to a datetime.
 
     Returns
     -------
-    int
-        Nanoseconds without leap seconds; the microseconds of the text are exact.
+    datetime
+        Date and time to the microsecond. A leap second, which a datetime lacks, is the last microsecond before it.
 
     Raises
     ------
     ValueError
-        If the text is not an ISO time, or within a leap second.
+        If the text is not an ISO time.
     """
-    time = datetime.fromisoformat(epoch_utc)
+    return datetime.fromisoformat(_LEAP_SECOND.sub("59.999999", epoch_utc))
+
+
+def nanoseconds_utc(epoch_utc: str) -> int:
+    """Convert an ISO time in UTC to nanoseconds since 1970-01-01, without leap seconds.
+
+    Returns
+    -------
+    int
+        Nanoseconds; the microseconds of the text are exact. A leap second is compressed into the last microsecond
+        before it, so that later times never have smaller numbers.
+
+    Raises
+    ------
+    ValueError
+        If the text is not an ISO time.
+    """
+    time = datetime_utc(epoch_utc)
     seconds = int(time.replace(microsecond=0).timestamp())
-    return seconds * 1_000_000_000 + time.microsecond * 1000
+    leap = _LEAP_SECOND.search(epoch_utc)
+    within_leap_ns = int(1000 * float(f"0{leap[1]}")) if leap else 0
+    return seconds * 1_000_000_000 + time.microsecond * 1000 + within_leap_ns

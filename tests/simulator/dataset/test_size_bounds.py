@@ -10,7 +10,7 @@ import pytest
 
 from flyaround.simulator.dataset.formats import exr
 from flyaround.simulator.dataset.formats.exr import encode_exr, read_exr
-from flyaround.simulator.dataset.formats.native import encode_png, read_png
+from flyaround.simulator.dataset.formats.native import decode_png, encode_png, read_png
 from flyaround.simulator.errors import UserError
 
 
@@ -57,6 +57,17 @@ def test_pictures_of_other_kinds_are_read_as_before(tmp_path, ending, shape):
     deep = image.astype(np.uint16) * 256
     path.write_bytes(encode_png(deep))
     assert np.array_equal(read_png(path), deep)
+
+
+@pytest.mark.parametrize("kind", [".jpg", ".tif", ".bmp"])
+def test_another_format_named_png_is_refused(tmp_path, kind):
+    """Its pixels need not be those of the truth record, as a JPEG's are not."""
+    data = cv2.imencode(kind, np.full((20, 30), 90, np.uint8))[1].tobytes()
+    path = tmp_path / "000000.png"
+    path.write_bytes(data)
+    for read in (lambda: read_png(path), lambda: decode_png(data, "000000.png")):
+        with pytest.raises(UserError, match=r"000000\.png; it is missing or not a PNG"):
+            read()
 
 
 def test_a_layer_of_more_pixels_or_channels_than_a_camera_gives_is_not_decoded(tmp_path, monkeypatch):

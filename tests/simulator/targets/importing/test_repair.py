@@ -353,6 +353,15 @@ def test_decimation_measures_what_it_did(tmp_path):
     assert volume(target) == pytest.approx(4 / 3 * np.pi, rel=0.01)
 
 
+def test_a_mesh_that_no_grid_reduces_far_enough_is_refused(tmp_path):
+    """Large triangles at random: even clusters of half the mesh keep more than 500."""
+    corners = np.random.default_rng(0).uniform(-1.0, 1.0, (20_000, 3))
+    path = save(tmp_path / "soup.stl", raw_mesh(corners, np.arange(18_000).reshape(-1, 3)))
+    options = ImportOptions(decimate=500, keep_holes=True, keep_non_manifold=True)
+    with pytest.raises(UserError, match=r"cannot be reduced below [\d,]+ triangles: use --decimate"):
+        surface(path, options)
+
+
 def test_thin_plates_are_reduced_to_the_number_that_is_asked_for():
     fine = trimesh.creation.box((1.0, 0.004, 1.0)).subdivide().subdivide().subdivide()
     stack = trimesh.util.concatenate([fine.copy().apply_translation((0, 0.05 * k, 0)) for k in range(4)])

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from flyaround.simulator.errors import UserError
+from flyaround.simulator.piloting.docking_port import docking_port
 from flyaround.simulator.scenario.load import load_scenario
 from flyaround.simulator.scenario.plan import plan_flight
 from flyaround.simulator.scenario.write import replay_scenario
@@ -33,6 +34,27 @@ def test_replay_about_the_moon_draws_the_same(tmp_path):
     (tmp_path / "replay.toml").write_text(replay_scenario(plan.scenario, "flight.npz"))
     again = plan_flight(load_scenario(tmp_path / "replay.toml"), n=7)
     assert [again.scene(k) for k in range(7)] == [plan.scene(k) for k in range(7)]
+
+
+@pytest.mark.parametrize("name", ["tango-vbar-approach", "tango-earth-10m", "geo-inspection", "lunar-orbit"])
+def test_a_replay_has_the_docking_port_of_the_flight(name, tmp_path):
+    """The port is on the approach axis, LVLH, or in the model; its roll follows the camera's down side."""
+    plan = plan_flight(load_scenario(name), n=20)
+    (tmp_path / "flight.npz").write_bytes(record(plan.flight, plan.times_s).to_bytes())
+    (tmp_path / "replay.toml").write_text(replay_scenario(plan.scenario, "flight.npz"))
+    again = plan_flight(load_scenario(tmp_path / "replay.toml"), n=20)
+    flown, replayed = (docking_port(p.target, p.flight) for p in (plan, again))
+    assert replayed.origin_m == pytest.approx(flown.origin_m, abs=1e-4)
+    assert rotation_angle_rad(replayed.q_target_from_port_wxyz, flown.q_target_from_port_wxyz) < 1e-4
+
+
+def test_a_replay_has_no_keep_out_sphere(tmp_path):
+    plan = plan_flight(load_scenario("tango-flyaround"), n=5)
+    (tmp_path / "flight.npz").write_bytes(record(plan.flight, plan.times_s).to_bytes())
+    text = replay_scenario(plan.scenario, "flight.npz") + "\n[chaser.keep_out]\nradius_m = 2.0\n"
+    (tmp_path / "replay.toml").write_text(text)
+    with pytest.raises(UserError, match=r"a replay has no \[chaser.keep_out\]"):
+        load_scenario(tmp_path / "replay.toml")
 
 
 def test_between_the_samples_it_is_close(tmp_path):

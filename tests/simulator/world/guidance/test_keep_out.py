@@ -58,3 +58,22 @@ def test_a_flight_is_overruled_when_it_must_be_and_not_before():
     assert track.guarded_s == pytest.approx(
         (start - RADIUS_M - braking_m) / speed - PERIOD_S, abs=2 * PERIOD_S
     )
+
+
+def test_rounding_adds_no_step_to_a_guarded_flight_inside_the_sphere():
+    # 1.05 / 0.15 is above 7, and 7 x 0.15 is 1.05
+    orbit = propagate((7.078e6, 0.0, 0.0), (0.0, 7504.0, 0.0), 1.05, Gravity(j2=0.0))
+    script = CommandScript(position_lvlh_m=(0.0, -5.0, 0.0), period_s=0.15, keep_out=SPHERE)
+    track = fly_script(orbit, script, 1.06e-3)
+    assert len(track.times_s) == 7
+    assert all(track.overruled)
+
+
+@pytest.mark.parametrize("period", [0.1, 0.15, 0.3, 0.7])
+def test_every_step_of_a_script_has_a_length(period):
+    script = CommandScript(position_lvlh_m=(0.0, -25.0, 0.0), period_s=period)
+    for n in range(1, 2000):
+        for duration in (n * period, round(n * period, 9)):
+            times = [*script.times_s(duration), duration]
+            assert len(times) == n + 1
+            assert np.diff(times).min() > 0.99 * period

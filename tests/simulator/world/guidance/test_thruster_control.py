@@ -151,3 +151,14 @@ def test_thrusters_do_not_burn_more_than_the_chaser():
     thrusters = Thrusters(force_n=1e5, specific_impulse_s=0.1, period_s=10.0)
     with pytest.raises(UserError, match="specific_impulse_s"):
         thrusters.fire(np.array([1e3, 0.0, 0.0]), 100.0)
+
+
+def test_no_period_beyond_the_end_burns_fuel():
+    """The quotient of 1.05 s and 0.15 s is above 7."""
+    thrusters = Thrusters(period_s=0.15)
+    tracks = [
+        fly(Waypoints(points_lvlh_m=((0, -20, 0), (0, -10, 0)), speed_m_s=0.06), span, thrusters)
+        for span in (1.04, 1.05)
+    ]
+    assert [len(track.mass_kg) for track in tracks] == [7, 7]
+    assert tracks[0].end_mass_kg == pytest.approx(tracks[1].end_mass_kg, rel=1e-12)

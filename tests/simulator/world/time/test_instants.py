@@ -1,8 +1,12 @@
 """Times: text to Julian dates and back, leap seconds, years beyond the table of leap seconds."""
 
+import numpy as np
 import pytest
 
-from flyaround.simulator.world.time.instant import Instant
+from flyaround.simulator.celestial.sea_ice import near_ice
+from flyaround.simulator.celestial.seasons import season
+from flyaround.simulator.celestial.star_catalogue import stars
+from flyaround.simulator.world.time.instant import Instant, nanoseconds_utc
 
 
 @pytest.mark.parametrize(
@@ -46,3 +50,22 @@ def test_leap_second_is_counted():
 def test_invalid_times_are_refused(text, sentence):
     with pytest.raises(ValueError, match=sentence):
         Instant.from_utc(text)
+
+
+def test_nanoseconds_do_not_run_back_over_a_leap_second():
+    start = Instant.from_utc("2016-12-31T23:59:58.5Z")
+    texts = [start.plus(0.1 * k).iso() for k in range(40)]
+    assert any("23:59:60.5" in text for text in texts)
+    times = [nanoseconds_utc(text) for text in texts]
+    assert times == sorted(set(times))
+    midnight = 1_483_228_800_000_000_000
+    assert nanoseconds_utc("2016-12-31T23:59:60Z") == midnight - 1000
+    assert nanoseconds_utc("2016-12-31T23:59:60.5Z") == midnight - 500
+    assert nanoseconds_utc("2017-01-01T00:00:00.000001Z") == midnight + 1000
+
+
+def test_the_sky_has_a_leap_second():
+    for at in ("2016-12-31T23:59:60.5Z", "2016-12-31T23:59:59.5Z"):
+        assert season(at).share == season("2016-12-31T23:59:59Z").share
+        assert len(stars(at, "mono").directions) == len(stars("2017-01-01T00:00:00Z", "mono").directions)
+        assert near_ice(np.array([0.999]), np.array([0.0]), at).all()
