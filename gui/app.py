@@ -30,7 +30,6 @@ from flyaround.simulator.frame import Frame
 from flyaround.simulator.loop import open_frames
 from flyaround.simulator.piloting.recorder import REPLAY_NAME, FlightRecorder
 from flyaround.simulator.piloting.session import FlightSession
-from flyaround.simulator.piloting.telemetry import telemetry_of
 from flyaround.simulator.runtime.files import empty_folder, write_atomic
 from flyaround.simulator.runtime.progress import ProgressLine
 from flyaround.simulator.scenario.load import load_scenario
@@ -409,14 +408,14 @@ class ConsoleLoop:
     def _last_state(self) -> dict[str, Any]:
         console = self._console
         session, feed = console.session, console.feed
-        world, scene, contact = session.craft.world, session.scene(), session.craft.docking.contact
+        scene, contact = session.scene(), session.craft.docking.contact
         return {
             "scenario": session.plan.scenario.name,
             "mode": session.craft.mode,
             "tracking": session.craft.tracking,
             "paused": session.clock.paused,
             "rate": session.clock.rate,
-            **telemetry_of(world, scene).document(),
+            **console.telemetry.document(),
             "q_camera_from_target_wxyz": scene.q_camera_from_target_wxyz,
             "t_camera_from_target_m": scene.t_camera_from_target_m,
             "q_camera_from_eci_wxyz": scene.q_camera_from_eci_wxyz,

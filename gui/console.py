@@ -19,6 +19,7 @@ from flyaround.gui.scenario_draft import ScenarioDraft
 from flyaround.gui.script import CommandLog, Line, Player, Script
 from flyaround.simulator.errors import UserError
 from flyaround.simulator.piloting.control_laws import SWITCHES
+from flyaround.simulator.piloting.telemetry import telemetry_of
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -29,6 +30,8 @@ if TYPE_CHECKING:
     from flyaround.gui.questions import Question
     from flyaround.simulator.piloting.orders import Order
     from flyaround.simulator.piloting.session import FlightSession
+    from flyaround.simulator.piloting.telemetry import Telemetry
+    from flyaround.simulator.world.flight.world_state import WorldState
 
 log = logging.getLogger(__name__)
 
@@ -146,6 +149,7 @@ class Console:
     hand: HandControl = field(default_factory=HandControl)
     asked: Question | None = None
     _player: Player | None = None
+    _figures: tuple[WorldState, Telemetry] | None = None
 
     def __post_init__(self) -> None:
         self.remember(self.source)
@@ -167,6 +171,14 @@ class Console:
         jobs = [f"{job.text}: ends" for job in running_jobs(self.jobs) if job.end != "estimator.run"]
         flights = [f"{flight_text(flight)} is not kept" for flight in self.unsaved]
         return jobs + flights + [f"the text of {self.draft.name} is not saved"] * self.draft.changed
+
+    @property
+    def telemetry(self) -> Telemetry:
+        """Figures of the time that is shown, which the newest picture may not have reached."""
+        world = self.session.craft.world
+        if self._figures is None or self._figures[0] is not world:
+            self._figures = world, telemetry_of(world, self.session.scene())
+        return self._figures[1]
 
     @property
     def flown_by(self) -> str:

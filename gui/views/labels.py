@@ -71,8 +71,8 @@ class _LabelView(Panel):
                 self._make(picture)
                 self._newest = picture
             self._show(canvas, place)
-            age = age_text(console.session, picture.frame.scene.t_s)
-            canvas.text((place[0] + 8, place[1] + 6 + canvas.line), age, style.WARN, AGE_TIP if age else "")
+            age, colour = age_text(console.session, picture.frame.scene.t_s)
+            canvas.text((place[0] + 8, place[1] + 6 + canvas.line), age, colour, AGE_TIP if age else "")
         canvas.unclip()
 
     @abstractmethod
