@@ -36,6 +36,8 @@ log = logging.getLogger(__name__)
 Form = Literal["wide", "narrow"]
 RAISE_FRAMES, FRAMED_S = 2, 1.5
 """Frames in which a panel that a command opens is raised, until its tab exists, and the time for which it is framed."""
+DOUBLE_CLICK_S, DOUBLE_CLICK_FRAMES = 0.4, 4
+"""Longest time between the presses of a double click, and the frames that it may take in a slow window, up to 2 s."""
 NARROW = 900.0
 """Window width in screen units, at scale 1, below which panels go under the view."""
 VERSION = 1  # version of the saved layout's file
@@ -173,6 +175,10 @@ class Layout:
 
     def before_frame(self, console: Console, size: tuple[float, float]) -> None:
         """Load the docking of another form or preset, which is impossible during a frame."""
+        io = self._window.imgui.get_io()
+        # a slow window sees one event of a button in a frame
+        io.mouse_double_click_time = min(max(DOUBLE_CLICK_S, DOUBLE_CLICK_FRAMES * io.delta_time), 2.0)
+        io.mouse_single_click_delay = 1.5 * io.mouse_double_click_time
         form: Form = "narrow" if size[0] < NARROW * self._window.scale else "wide"
         if console.window.preset:
             open_ = PRESETS[console.window.preset]

@@ -196,13 +196,22 @@ class Widgets:
 
     def typed(self, key: str, text: str, argument: Argument) -> str:
         """Draw a field for an argument's value, which says what is wrong with its text; return the text."""
-        text = str(self.imgui.input_text(f"##{key}", text)[1])
+        text = self._number(key, text)
         if self._given_up(key) and argument.flaw(text):
             text = self._good.get(key, "")
         self.flaw(flaw := argument.flaw(text))
         if not flaw:
             self._good[key] = text
         self.tip(flaw or argument.description)
+        return text
+
+    def _number(self, key: str, text: str) -> str:
+        """Draw a text field, in which a double click selects everything; return its text."""
+        imgui = self.imgui
+        text = str(imgui.input_text(f"##{key}", text)[1])
+        if imgui.is_item_active() and imgui.is_mouse_double_clicked(0):
+            # Dear ImGui selects a word, which of -0.02 are its last digits
+            imgui.internal.get_input_text_state(imgui.get_item_id()).select_all()
         return text
 
     def entry(self, key: str, shown: str, take: Callable[[str], str], tip: str, of: object = None) -> None:
@@ -224,7 +233,7 @@ class Widgets:
             Owner of the value, if the field may become another one's.
         """
         imgui = self.imgui
-        text = str(imgui.input_text(f"##{key}", self._refused.get((key, of), (shown, ""))[0])[1])
+        text = self._number(key, self._refused.get((key, of), (shown, ""))[0])
         ended = imgui.is_item_deactivated_after_edit() and not imgui.is_key_pressed(imgui.Key.escape)
         flaw = self.answer((key, of), text, take(text) if ended else None)
         self.tip(flaw or f"{tip}; Enter takes it, Esc does not")
