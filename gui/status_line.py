@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from flyaround.gui import style
 from flyaround.gui.widgets import Widgets
@@ -39,7 +39,6 @@ class StatusLine:
             )
             and imgui.begin_menu_bar()
         ):
-            note_window(imgui, console, "status")
             self._master_caution(console)
             rates = rates_text(console)
             free = w.width - imgui.calc_text_size(rates).x - 44 * self._w.window.scale
@@ -111,9 +110,3 @@ def rates_text(console: Console) -> str:
     views = [f"{name.replace('-', ' ')} {f.frames_s:.0f}" for name, f in console.feeds.items() if f.looked_at]
     pictures = f"pictures {console.feed.frames_s:.0f}/s"
     return f"window {console.window_hz:.0f}/s   {', '.join([pictures, *(f'{v}/s' for v in views)])}"
-
-
-def note_window(imgui: Any, console: Console, name: str) -> None:  # noqa: ANN401 - a foreign module
-    """Record the position of the current window, for the tour."""
-    place, size = imgui.get_window_pos(), imgui.get_window_size()
-    console.help.rects[name] = (place.x, place.y, size.x, size.y)

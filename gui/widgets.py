@@ -79,13 +79,24 @@ class Widgets:
                 self.imgui.set_cursor_pos_x(start + k % columns * step)
             yield width
 
-    def frame(self, rect: Sequence[float], rgba: style.Rgba) -> None:
-        """Draw a frame just inside a rectangle: left, top, width, height."""
-        x, y, wide, tall = rect
-        draw = self.imgui.get_foreground_draw_list()
-        draw.add_rect(
-            self.vec(x + 1, y + 1), self.vec(x + wide - 1, y + tall - 1), self.color(rgba), 3.0, 2.0
-        )
+    def frame(self, rgba: style.Rgba, rect: Sequence[float] = (), window: Any = None) -> None:  # noqa: ANN401
+        """Draw a frame over a Dear ImGui window, and below those that float over it.
+
+        Parameters
+        ----------
+        rgba : Rgba
+            Colour.
+        rect : sequence of float, optional
+            Left, top, right and bottom; by default the whole window.
+        window : object, optional
+            The window, by default the current one.
+        """
+        native = window or self.imgui.internal.get_current_window()
+        low, high = native.pos, self.vec(native.pos.x + native.size.x, native.pos.y + native.size.y)
+        x, y, right, bottom = rect or (low.x + 1, low.y + 1, high.x - 1, high.y - 1)
+        native.draw_list.push_clip_rect(low, high)
+        native.draw_list.add_rect(self.vec(x, y), self.vec(right, bottom), self.color(rgba), 3.0, 2.0)
+        native.draw_list.pop_clip_rect()
 
     # --- text
 
@@ -257,7 +268,7 @@ class Widgets:
         """Frame the last item, and say in the message line what is wrong with its value; unless empty."""
         if text and self.imgui.is_item_visible():
             low, high = self.imgui.get_item_rect_min(), self.imgui.get_item_rect_max()
-            self.frame((low.x - 1, low.y - 1, high.x - low.x + 2, high.y - low.y + 2), style.BAD)
+            self.frame(style.BAD, (low.x, low.y, high.x, high.y))
             self.window.flaw = text
 
     # --- controls of commands

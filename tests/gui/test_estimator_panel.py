@@ -95,7 +95,7 @@ def test_a_click_on_a_small_stage_shows_it_in_the_place_of_the_view() -> None:
     console.open_panel("camera", shown=True)
     for _ in range(3):
         screen.turn()
-    left, top, wide, tall = console.help.rects["camera"]
+    left, top, wide, tall = screen.rect("camera")
     screen.press("image")
     for _ in range(3):
         screen.turn()
@@ -103,7 +103,7 @@ def test_a_click_on_a_small_stage_shows_it_in_the_place_of_the_view() -> None:
     x, y = screen.place("image")
     assert left < x < left + wide
     assert top < y < top + tall
-    _, _, width, _ = console.help.rects["stage"]
+    _, _, width, _ = screen.rect("stage")
     assert width > 0.9 * wide
     # what the newest estimate lacks is said
     console.jobs.estimates.newest = declined()
