@@ -53,7 +53,7 @@ class EstimatorPanel(Panel):
                 style.QUIET,
             )
         else:
-            self._figures(newest)
+            self._figures(newest, console.session.t_s)
         w.section("Over the flight")
         self._plots(estimates)
         if newest is not None and newest.answer.stages:
@@ -75,13 +75,24 @@ class EstimatorPanel(Panel):
         on = estimates.method == self._network
         w.button(console, "estimator.method", self._network, label="Network", on=on)
 
-    def _figures(self, e: ComparedEstimate) -> None:
+    def _figures(self, e: ComparedEstimate, t_s: float) -> None:
         w, answer = self._w, e.answer
         w.section(f"{e.method} at T+{e.t_s:.2f} s")
         w.tip("method, and mid-exposure of the picture that it was given, since the start")
-        declined = f"declined: {answer.reason}", style.WARN
-        tip = "whether the estimator stands by its best pose"
-        w.text(*(("accepted", style.GOOD) if answer.accepted else declined), tip)
+        said, colour = ("accepted", style.GOOD) if answer.accepted else ("declined", style.WARN)
+        said = f"{said}, {abs(t_s - e.t_s):.1f} s ago{answer.reason and ': '}{answer.reason}"
+        w.text(
+            said, colour, "whether the estimator stands by its best pose; simulated time since its picture"
+        )
+        if (position := answer.t_camera_from_target_m) is not None:
+            w.row("Position m", position, "{:+z.3f}", "of the target in camera axes: right, down, forward")
+        if (attitude := answer.q_camera_from_target_wxyz) is not None:
+            tip = "quaternion w x y z that turns target axes into camera axes"
+            w.row("Attitude", attitude, "{:+z.4f}", tip)
+        else:
+            w.text("no pose", style.QUIET)
+        if "too small" in answer.reason:
+            w.text("Full detail in Picture gives it every pixel; or fly nearer.", style.QUIET)
         w.row("Confidence", (answer.confidence,), "{:.3f}", "0 to 1; hybrid accepts from 0.9 on")
         if e.E_R_deg is not None and e.E_T_m is not None:
             w.row("Attitude error", (e.E_R_deg,), "{:.3f}°", "error of the attitude against the truth [°]")
