@@ -67,10 +67,9 @@ class StatusLine:
                 return
             if k:
                 w.imgui.same_line(0, gap)
-            w.one_line(w.elided(text, room), colour)
+            w.cut_line(text, room, colour, "a click opens the log of all messages", typing=True)
             if w.imgui.is_item_clicked():
                 console.do("panel.log", True)
-            w.tip(f"{text}\na click opens the log of all messages")
 
     def _master_caution(self, console: Console) -> None:
         """Draw the light of unacknowledged cautions, which blinks until a click or F9."""
@@ -99,7 +98,7 @@ def message_texts(console: Console) -> list[tuple[str, style.Rgba]]:
     shown = [*waiting[-1:], newest] if newest not in waiting else waiting[:-3:-1]
     more = len(waiting) - sum(m in waiting for m in shown)
     colours = {"note": style.INK if waiting else style.QUIET, "caution": style.WARN, "warning": style.BAD}
-    texts = [(m.text, style.QUIET if m.acknowledged else colours[m.level]) for m in shown]
+    texts = [(" ".join(m.text.split()), style.QUIET if m.acknowledged else colours[m.level]) for m in shown]
     if waiting:
         texts[0] = f"{texts[0][0]} ({f'{more} more; ' * bool(more)}F9: seen)", texts[0][1]
     return texts

@@ -135,6 +135,14 @@ class Widgets:
             length -= 1
         return text[:length].rstrip() + "..."
 
+    def cut_line(
+        self, text: str, width: float, rgba: style.Rgba, tip: str = "", *, typing: bool = False
+    ) -> None:
+        """Draw as much of a text as fits; its hover text has the whole of it before ``tip``."""
+        shown = self.elided(text, width)
+        self.one_line(shown, rgba)
+        hover_text.item_tip(self.imgui, tip if shown == text else f"{text}\n{tip}".strip(), typing=typing)
+
     def tip(self, text: str) -> None:
         """Give the last item a hover text."""
         hover_text.item_tip(self.imgui, text)
@@ -186,12 +194,13 @@ class Widgets:
         width = imgui.calc_text_size(figures).x
         if label + 8 + width <= self.width:
             imgui.same_line(imgui.get_cursor_pos_x() + self.width - width)
-        imgui.text_unformatted(self.elided(figures, self.width))
+        shown = self.elided(figures, self.width)
+        imgui.text_unformatted(shown)
         if figure is not None and imgui.begin_drag_drop_source(imgui.DragDropFlags_.source_allow_null_id):
             imgui.set_drag_drop_payload_py_id(DRAGGED, figure)
             imgui.text_unformatted(f"{name.strip()}: drop it in Plots")
             imgui.end_drag_drop_source()
-        self.tip(tip)
+        self.tip(tip if shown == figures else f"{figures}\n{tip}")
         imgui.pop_font()
 
     def field(self, text: str, tip: str, share: float, rgba: style.Rgba = style.INK) -> None:
@@ -200,8 +209,7 @@ class Widgets:
         width = min(16 * share * imgui.get_font_size(), share * self.width)
         end = imgui.get_cursor_pos_x() + self.width
         imgui.align_text_to_frame_padding()
-        self.one_line(self.elided(text, self.width - width - 8), rgba)
-        self.tip(tip)
+        self.cut_line(text, self.width - width - 8, rgba, tip)
         imgui.same_line(end - width)
         imgui.set_next_item_width(width)
 

@@ -33,8 +33,8 @@ class BoardLinkPanel(Panel):
         """Draw into the current panel."""
         w, imgui, hil = self._w, self._w.imgui, console.jobs.hil
         state = f"session: {hil.state}{', ' * bool(hil.board_name)}{hil.board_name}"
-        w.one_line(w.elided(state, w.width), SEEN.get(hil.state, style.WARN))
-        w.tip(f"{state}\nwhat the session is at, and the board that is connected, as it calls itself")
+        tip = "what the session is at, and the board that is connected, as it calls itself"
+        w.cut_line(state, w.width, SEEN.get(hil.state, style.WARN), tip)
         # nothing moves when a session begins: the next click is on the board below
         imgui.begin_disabled(hil.on)
         imgui.set_next_item_width(-1)

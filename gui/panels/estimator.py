@@ -164,5 +164,5 @@ class EstimatorPanel(Panel):
                 console.do("estimator.stage", name)
             w.command_tip(console, "estimator.stage", name)
             large = name == console.jobs.estimates.stage and console.shown.get("stage", False)
-            w.one_line(w.elided(name.replace("_", " "), width), style.ACCENT if large else style.QUIET)
+            w.cut_line(name.replace("_", " "), width, style.ACCENT if large else style.QUIET)
             imgui.end_group()

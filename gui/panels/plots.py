@@ -64,8 +64,7 @@ class PlotsPanel(Panel):
         w.tip("watch it no longer")
         imgui.same_line()
         newest = ", ".join(f"{v:.4g}" for v in values[-1])
-        w.one_line(w.elided(f"{title}: {newest}", w.width), style.INK)
-        w.tip(f"{title}, now")
+        w.cut_line(f"{title}: {newest}", w.width, style.INK, f"{title}, now")
         axis = implot.AxisFlags_
         with w.plot(name, 110, f"{title} over the flight [s since the start]", still=False) as is_open:
             if is_open:

@@ -80,7 +80,7 @@ class ScenarioChooser(Panel):
             console.do("scenario.open", name)
         w.tip(f"{title}\nflyaround sim {name}")
         here = name == console.session.plan.scenario.name
-        w.one_line(w.elided(name, width), style.ACCENT if here else style.INK)
+        w.cut_line(name, width, style.ACCENT if here else style.INK)
         imgui.end_group()
 
 

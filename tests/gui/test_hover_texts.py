@@ -103,9 +103,11 @@ def window(monkeypatch: pytest.MonkeyPatch) -> Iterator[HeadlessWindow]:
     window = HeadlessWindow()
     told = window.noted
 
-    def item_tip(imgui: Any, text: str, tell: Any = hover_text.item_tip) -> None:
+    tell = hover_text.item_tip
+
+    def item_tip(imgui: Any, text: str, **options: Any) -> None:
         told.append(Noted("tip", text))
-        tell(imgui, text)
+        tell(imgui, text, **options)
 
     def noting(draw: Any) -> Any:
         def letters(canvas: Canvas, at: Any, text: str, rgba: style.Rgba = style.INK, tip: str = "") -> None:
