@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 from contextlib import ExitStack
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -348,21 +349,11 @@ class ConsoleLoop:
             self._save_finished()
             self._layout.draw(console)
         window.capture = False
-        if screenshot is not None:
-            self._keep_look(screenshot)
+        if screenshot is not None and (look := window.captured) is not None:
+            console.save(screenshot, lambda to: write_atomic(to, encode_png(look)), "window.screenshot")
         if requests.full_screen:
             requests.full_screen = False
             window.toggle_full_screen()
-
-    def _keep_look(self, path: Path) -> None:
-        """Write the screenshot to a file; a failure becomes a message, and the flight continues."""
-        try:
-            path.parent.mkdir(parents=True, exist_ok=True)
-            if self._window.captured is not None:
-                write_atomic(path, encode_png(self._window.captured))
-                self._console.say(f"saved {path}")
-        except (UserError, OSError) as error:
-            self._console.say(f"not saved: {error}", "caution")
 
     def _account(self, began_s: float) -> None:
         now = self._window.seconds
@@ -386,13 +377,7 @@ class ConsoleLoop:
             frame = console.feed.saved.pop(0).frame
             name = console.session.plan.scenario.name
             path = new_path(SAVE_FOLDER, f"{name}-{round(frame.scene.t_s * 1000):09d}ms", ".png")
-            try:
-                path.parent.mkdir(parents=True, exist_ok=True)
-                save_picture(frame, path)
-                console.say(f"saved {path} and .json")
-            except (UserError, OSError) as error:
-                # the flight continues: a full disk must not end it
-                console.say(f"not saved: {error}", "caution")
+            console.save(path, partial(save_picture, frame), "picture.save")
 
     def _report_failures(self) -> None:
         """Report failures of pictures, each once; the flight continues."""
