@@ -76,8 +76,10 @@ class BoardLinkPanel(Panel):
         poses = [r for r in hil.rows if r.outcome == "accepted" and r.E_R_deg is not None]
         if poses:
             last = poses[-1]
-            w.row("Attitude", (last.E_R_deg or 0.0,), "{:.3f}°", "error of the last accepted pose")
-            w.row("Position", (1e3 * (last.E_T_m or 0.0),), "{:.1f} mm", "error of the last accepted pose")
+            w.row("Attitude error", (last.E_R_deg or 0.0,), "{:.3f}°", "of the last accepted pose")
+            w.row(
+                "Position error", (1e3 * (last.E_T_m or 0.0),), "{:.1f} mm", "error of the last accepted pose"
+            )
 
     def _distribution(self, hil: HilSession) -> None:
         """Draw answered pictures by latency, on a logarithmic scale of milliseconds."""

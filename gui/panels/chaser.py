@@ -13,6 +13,7 @@ if TYPE_CHECKING:
 
 SHOWN = ("Position m", "Velocity mm/s", "Target °/s", "Camera °/s", "Off axis")
 """Figures of this panel; the others are drawn over the view."""
+BUTTONS = ("steer.toggle", "steer.reset", "steer.stop", "guidance.hold", "steer.track", "steer.centre")
 HEADS = {"Position m": "radial along cross", "Target °/s": "x y z"}
 """Names of the components from a figure on."""
 
@@ -25,11 +26,7 @@ class ChaserPanel(Panel):
     def draw(self, console: Console) -> None:
         """Draw into the current panel."""
         w = self._w
-        fly, turn = (
-            ("steer.toggle", "steer.reset", "steer.stop", "guidance.hold"),
-            ("steer.track", "steer.centre"),
-        )
-        w.buttons(console, (*fly, *turn), 3)
+        w.buttons(console, BUTTONS, 3)
         for k, (name, figure) in enumerate(FIGURES.items()):
             if name in HEADS:
                 w.coloured(style.QUIET)

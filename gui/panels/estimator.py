@@ -15,7 +15,6 @@ if TYPE_CHECKING:
     from flyaround.gui.console import Console
     from flyaround.gui.jobs.estimates import ComparedEstimate, Estimates
     from flyaround.gui.jobs.estimator_process import Answer
-    from flyaround.gui.surface import Surface
 
 PLOT_HEIGHT = 92.0
 LEAST_DEG, LEAST_M = 1e-3, 1e-4
@@ -28,10 +27,8 @@ class EstimatorPanel(Panel):
 
     name, title, place, shown = "estimator", "Estimator", "left", False
 
-    def __init__(self, window: Surface) -> None:
-        super().__init__(window)
-        self._methods: tuple[str, ...] = ()
-        self._network = "net:"
+    _methods: tuple[str, ...] = ()
+    _network = "net:"
 
     def draw(self, console: Console) -> None:
         """Draw into the current panel."""
@@ -99,23 +96,21 @@ class EstimatorPanel(Panel):
             w.row("Position error", (1e3 * e.E_T_m,), "{:.1f} mm", "error of the position against the truth")
             share = 100 * e.E_T_m / max(e.range_m, 1e-9)
             w.row("of range", (share,), "{:.2f} %", "position error over the range")
-        w.row("Took", (e.took_ms,), "{:.0f} ms", "all stages; making the estimator is not counted")
-        w.row("Picture", e.size_px, "{:d} px", "pixels of the picture that it was given")
+        slowest = sorted(answer.stages_ms.items(), key=lambda item: -item[1])[:3]
+        stages = ", ".join(f"{name.replace('_', ' ')} {ms:.0f} ms" for name, ms in slowest)
+        w.row("Took", (e.took_ms,), "{:.0f} ms", f"all stages but the preparation; longest: {stages}")
+        w.row("Picture", ("{} x {}".format(*e.size_px),), "{} px", "pixels of the picture that it was given")
         if answer.network:
             tip = "own: trained for this craft by flyaround train; shipped: comes with Flyaround; none: edges alone"
             colour = style.GOOD if answer.network == "own" else style.QUIET
             w.text(f"keypoint network: {answer.network}", colour, tip)
-        slowest = sorted(answer.stages_ms.items(), key=lambda item: -item[1])[:3]
-        stages = ", ".join(f"{name.replace('_', ' ')} {ms:.0f} ms" for name, ms in slowest)
-        w.text(stages, style.QUIET, "the three stages that took longest")
 
     # --- plots
 
     def _plots(self, estimates: Estimates) -> None:
-        if len(estimates.history) == 0:
+        if not (rows := list(estimates.history)):
             self._w.text("no estimate yet", style.QUIET)
             return
-        rows = list(estimates.history)
         t = np.array([e.t_s for e in rows])
         good = np.array([e.answer.accepted for e in rows])
         turn = np.array([np.nan if e.E_R_deg is None else max(e.E_R_deg, LEAST_DEG) for e in rows])
@@ -142,8 +137,11 @@ class EstimatorPanel(Panel):
             least, most = (float(finite.min()), float(finite.max())) if len(finite) else (0.1, 1.0)
             if log:
                 implot.setup_axis_scale(implot.ImAxis_.y1, implot.Scale_.log10)
-            limits = (least / 2, 2 * most) if log else (-0.1, 1.1)
-            implot.setup_axis_limits(implot.ImAxis_.y1, *limits, always)
+            # whole decades, which are labelled
+            decades = 10.0 ** np.floor(np.log10([least, 10 * most])) if log else (-0.1, 1.1)
+            implot.setup_axis_limits(implot.ImAxis_.y1, *decades, always)
+            ends = sorted({low, high})
+            implot.setup_axis_ticks(implot.ImAxis_.x1, ends, [f"{end:.1f}" for end in ends])
             for colour, filled, which in ((style.ESTIMATE, 1.0, good), (style.WARN, 0.0, ~good)):
                 spec = implot.Spec()
                 spec.marker, spec.marker_size = implot.Marker_.circle, 2.6 * w.window.scale

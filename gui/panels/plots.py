@@ -71,6 +71,9 @@ class PlotsPanel(Panel):
                 implot.setup_axes(
                     "T+ [s]", "", axis.no_highlight | axis.auto_fit, axis.no_highlight | axis.auto_fit
                 )
+                # more labels would lie over each other
+                ends = sorted({float(values.min()), float(values.max())})
+                implot.setup_axis_ticks(implot.ImAxis_.y1, ends, [f"{end:.4g}" for end in ends])
                 for k, column in enumerate(values.T):
                     line = w.curve(COLOURS[k % len(COLOURS)])
                     implot.plot_line(f"{name} {k}", times, np.ascontiguousarray(column), line)
@@ -82,8 +85,6 @@ class PlotsPanel(Panel):
         if not imgui.begin_drag_drop_target():
             return
         payload = imgui.accept_drag_drop_payload_py_id(DRAGGED)
-        if payload is not None:
-            name = list(FIGURES)[payload.data_id]
-            if name not in self._watched:
-                self._watched.append(name)
+        if payload is not None and (name := list(FIGURES)[payload.data_id]) not in self._watched:
+            self._watched.append(name)
         imgui.end_drag_drop_target()

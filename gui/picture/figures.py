@@ -19,12 +19,10 @@ OLD_S = 3.0
 AGE_TIP = "simulated time between this picture and the clock"
 
 
-def age_text(
-    session: FlightSession, t_s: float, told_s: float = OLD_S, old_s: float = OLD_S
-) -> tuple[str, style.Rgba]:
-    """Return the age of a picture of this time, empty below ``told_s``; marked beyond ``old_s`` at the present rate."""
+def age_text(session: FlightSession, t_s: float, told_s: float = OLD_S) -> tuple[str, style.Rgba]:
+    """Return the age of a picture of this time, empty below ``told_s``, with its colour at the present rate."""
     age_s = abs(session.t_s - t_s)
-    colour = style.WARN if age_s > old_s * max(session.clock.rate, 1.0) else style.INK
+    colour = style.WARN if age_s > OLD_S * max(session.clock.rate, 1.0) else style.INK
     return f"{age_s:.1f} s old" if age_s >= told_s else "", colour
 
 

@@ -29,8 +29,6 @@ Place = tuple[float, float, float, float]
 """x, y, width and height on the screen."""
 MARGIN, LEAST_GAP, WIDEST_GAP = 12.0, 8.0, 140.0
 """Margin between figures and the edge of the view, and between columns, in screen units."""
-OLD_S = 1.0
-"""Age beyond which a picture's age is marked, at 1x."""
 BARS = 30  # strokes of the bar of a whole picture's time
 NAME = "PICTURE "
 """Longest name of a figure, for the column width."""
@@ -184,7 +182,7 @@ class CameraView(Panel):
         speed = f"{feed.frame_ms:.0f} ms  {image.shape[1]}x{image.shape[0]}"
         rate = "" if session.clock.paused else f"{feed.frames_s:.1f} fps  "
         turning = float(np.linalg.norm(r.relative_rate_deg_s))
-        age = age_text(session, picture.frame.scene.t_s, 0.0, OLD_S)
+        age = age_text(session, picture.frame.scene.t_s, 0.0)
         running = style.WARN if session.clock.paused else style.INK
 
         def row(name: str, colour: style.Rgba = style.INK) -> Row:

@@ -31,7 +31,6 @@ if TYPE_CHECKING:
 
     from flyaround.gui.console import Console
     from flyaround.gui.picture.feed import Picture
-    from flyaround.gui.surface import Surface
     from flyaround.simulator.labels.truth import Truth
     from flyaround.simulator.runtime.arrays import ByteArray
 
@@ -165,10 +164,8 @@ class PartsView(_LabelView):
     name, title = "parts", "Parts and mask"
     legend_tip = "class of the part, as capture --labels parts writes it"
 
-    def __init__(self, window: Surface) -> None:
-        super().__init__(window)
-        self._image_rgb: ByteArray | None = None
-        self._rows: list[tuple[str, style.Rgba]] = []
+    _image_rgb: ByteArray | None = None
+    _rows: Sequence[tuple[str, style.Rgba]] = ()
 
     def _make(self, picture: Picture) -> None:
         parts = part_picture(picture.frame)

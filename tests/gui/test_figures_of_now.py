@@ -9,16 +9,19 @@ from typing import Any
 import numpy as np
 import pytest
 
+from flyaround.gui import style
 from flyaround.gui.canvas import Canvas
 from flyaround.gui.console import Console
 from flyaround.gui.panels.all import PANELS
 from flyaround.gui.picture.feed import Feed, Picture
 from flyaround.gui.picture.label_images import LABELS
 from flyaround.gui.picture.view_settings import reduced_camera
+from flyaround.gui.views.lvlh_map import LvlhMap
 from flyaround.simulator.frame import Frame, take_frame
 from flyaround.simulator.render.renderer import Renderer
 from tests.harness.flown_console import console_flying
 from tests.harness.headless_imgui import HeadlessWindow
+from tests.harness.legibility import VERTEX, array_of
 from tests.harness.no_renderer import NoRenderer
 
 TURNS, RATE = 10, 500
@@ -92,6 +95,22 @@ def test_an_old_picture_tells_its_age(
     name: str, console: Console, window: HeadlessWindow, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     assert f"{console.session.t_s:.1f} s old" in texts(name, console, window, monkeypatch)
+
+
+def test_the_drift_on_the_map_begins_at_the_chaser(console: Console, window: HeadlessWindow) -> None:
+    panel = LvlhMap(window)
+    console.do("map.place", 0.0, 0.0, 0.0, 60.0)
+    r, g, b, _ = (round(255 * c) for c in style.ORANGE)
+    for _ in range(4):
+        console.pass_time(100)
+        with window.panel("map", 600.0, 780.0):
+            panel.draw(console)
+        lists = window.plain.get_draw_data().cmd_lists
+        vertices = np.concatenate([array_of(part.vtx_buffer, VERTEX) for part in lists])
+        drawn_at = vertices["at"][(vertices["colour"] & 0xFFFFFF) == (r | g << 8 | b << 16)]
+        for port in panel.ports:
+            here = np.array(port.at(np.array(console.session.craft.world.position_lvlh_m)))
+            assert np.linalg.norm(drawn_at - here, axis=1).min() < 4.0
 
 
 def test_figures_follow_a_seek(console: Console) -> None:
