@@ -92,13 +92,14 @@ class StatusLine:
 
 def message_texts(console: Console) -> list[tuple[str, style.Rgba]]:
     """Return the newest caution that waits and the newest other message, or the caution before; with their colours."""
-    if not console.messages:
+    current = [m for m in console.messages if not m.acknowledged]
+    if not current:
         return [("F1: commands and keys", style.QUIET)]
-    waiting, newest = console.waiting, console.messages[-1]
+    waiting, newest = console.waiting, current[-1]
     shown = [*waiting[-1:], newest] if newest not in waiting else waiting[:-3:-1]
     more = len(waiting) - sum(m in waiting for m in shown)
     colours = {"note": style.INK if waiting else style.QUIET, "caution": style.WARN, "warning": style.BAD}
-    texts = [(" ".join(m.text.split()), style.QUIET if m.acknowledged else colours[m.level]) for m in shown]
+    texts = [(" ".join(m.text.split()), colours[m.level]) for m in shown]
     if waiting:
         texts[0] = f"{texts[0][0]} ({f'{more} more; ' * bool(more)}F9: seen)", texts[0][1]
     return texts

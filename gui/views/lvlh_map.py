@@ -100,8 +100,9 @@ class LvlhMap(Panel):
             for burn in self._burns:
                 canvas.diamond(point(port.at(burn)), 4.5, style.PURPLE)
             self._nodes.draw(canvas, port, (target, *self._edges(canvas, port)))
-            self._chaser(canvas, port, here, boresight_lvlh(world, frame))
+            # below the chaser, which its name may hide in a small map
             self._sun(canvas, port, sun_lvlh(world, frame), world.sun_visible_fraction)
+            self._chaser(canvas, port, here, boresight_lvlh(world, frame))
             self._letters(canvas, port, session)
             canvas.unclip()
         self._buttons(console)
