@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 from contextlib import ExitStack
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -30,7 +31,6 @@ from flyaround.simulator.frame import Frame
 from flyaround.simulator.loop import open_frames
 from flyaround.simulator.piloting.recorder import REPLAY_NAME, FlightRecorder
 from flyaround.simulator.piloting.session import FlightSession
-from flyaround.simulator.piloting.telemetry import telemetry_of
 from flyaround.simulator.runtime.files import empty_folder, write_atomic
 from flyaround.simulator.runtime.progress import ProgressLine
 from flyaround.simulator.scenario.load import load_scenario
@@ -366,21 +366,11 @@ class ConsoleLoop:
             self._save_finished()
             self._layout.draw(console)
         window.capture = False
-        if screenshot is not None:
-            self._keep_look(screenshot)
+        if screenshot is not None and (look := window.captured) is not None:
+            console.save(screenshot, lambda to: write_atomic(to, encode_png(look)), "window.screenshot")
         if requests.full_screen:
             requests.full_screen = False
             window.toggle_full_screen()
-
-    def _keep_look(self, path: Path) -> None:
-        """Write the screenshot to a file; a failure becomes a message, and the flight continues."""
-        try:
-            path.parent.mkdir(parents=True, exist_ok=True)
-            if self._window.captured is not None:
-                write_atomic(path, encode_png(self._window.captured))
-                self._console.say(f"saved {path}")
-        except (UserError, OSError) as error:
-            self._console.say(f"not saved: {error}", "caution")
 
     def _account(self, began_s: float) -> None:
         now = self._window.seconds
@@ -404,13 +394,7 @@ class ConsoleLoop:
             frame = console.feed.saved.pop(0).frame
             name = console.session.plan.scenario.name
             path = new_path(SAVE_FOLDER, f"{name}-{round(frame.scene.t_s * 1000):09d}ms", ".png")
-            try:
-                path.parent.mkdir(parents=True, exist_ok=True)
-                save_picture(frame, path)
-                console.say(f"saved {path} and .json")
-            except (UserError, OSError) as error:
-                # the flight continues: a full disk must not end it
-                console.say(f"not saved: {error}", "caution")
+            console.save(path, partial(save_picture, frame), "picture.save")
 
     def _report_failures(self) -> None:
         """Report failures of pictures, each once; the flight continues."""
@@ -426,14 +410,14 @@ class ConsoleLoop:
     def _last_state(self) -> dict[str, Any]:
         console = self._console
         session, feed = console.session, console.feed
-        world, scene, contact = session.craft.world, session.scene(), session.craft.docking.contact
+        scene, contact = session.scene(), session.craft.docking.contact
         return {
             "scenario": session.plan.scenario.name,
             "mode": session.craft.mode,
             "tracking": session.craft.tracking,
             "paused": session.clock.paused,
             "rate": session.clock.rate,
-            **telemetry_of(world, scene).document(),
+            **console.telemetry.document(),
             "q_camera_from_target_wxyz": scene.q_camera_from_target_wxyz,
             "t_camera_from_target_m": scene.t_camera_from_target_m,
             "q_camera_from_eci_wxyz": scene.q_camera_from_eci_wxyz,

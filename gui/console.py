@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import logging
+import re
 import shlex
 from copy import deepcopy
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 from flyaround.gui.command_table import STATE, word_of
@@ -19,6 +21,8 @@ from flyaround.gui.scenario_draft import ScenarioDraft
 from flyaround.gui.script import CommandLog, Line, Player, Script
 from flyaround.simulator.errors import UserError
 from flyaround.simulator.piloting.control_laws import SWITCHES
+from flyaround.simulator.piloting.telemetry import telemetry_of
+from flyaround.simulator.runtime.files import probe_writing
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -29,6 +33,8 @@ if TYPE_CHECKING:
     from flyaround.gui.questions import Question
     from flyaround.simulator.piloting.orders import Order
     from flyaround.simulator.piloting.session import FlightSession
+    from flyaround.simulator.piloting.telemetry import Telemetry
+    from flyaround.simulator.world.flight.world_state import WorldState
 
 log = logging.getLogger(__name__)
 
@@ -41,6 +47,10 @@ LONGEST_TICK_MS = 250
 """Longest step of real time; a stalled window does not catch up."""
 
 
+UNWRITABLE = re.compile(r"cannot write (?:the film )?(.+?): |\[Errno \d+\] .+?: '(.+?)'")
+"""The path that cannot be written, in the text of a message."""
+
+
 @dataclass
 class Message:
     """A message; cautions and warnings stay until they are acknowledged, or until their cause ends."""
@@ -51,6 +61,10 @@ class Message:
     acknowledged: bool = False
     acknowledged_ms: int | None = None
     """Time of the acknowledgement, or None."""
+    of: str = ""
+    """Command that was refused or failed."""
+    blocked: Path | None = None
+    """File or folder that cannot be written."""
 
 
 @dataclass(eq=False)
@@ -146,6 +160,7 @@ class Console:
     hand: HandControl = field(default_factory=HandControl)
     asked: Question | None = None
     _player: Player | None = None
+    _figures: tuple[WorldState, Telemetry] | None = None
 
     def __post_init__(self) -> None:
         self.remember(self.source)
@@ -169,6 +184,14 @@ class Console:
         return jobs + flights + [f"the text of {self.draft.name} is not saved"] * self.draft.changed
 
     @property
+    def telemetry(self) -> Telemetry:
+        """Figures of the time that is shown, which the newest picture may not have reached."""
+        world = self.session.craft.world
+        if self._figures is None or self._figures[0] is not world:
+            self._figures = world, telemetry_of(world, self.session.scene())
+        return self._figures[1]
+
+    @property
     def flown_by(self) -> str:
         """The mode that flies the chaser while nothing is pressed."""
         craft = self.session.craft
@@ -176,8 +199,10 @@ class Console:
 
     # --- commands
 
-    def do(self, name: str, *arguments: Value) -> None:
+    def do(self, name: str, *arguments: Value, asks: bool = True) -> None:
         """Run a command, as its key, its button or a script does; show a refusal as a message.
+
+        A command that drops or leaves a flight that is in no file first asks, unless ``asks`` is False.
 
         Parameters
         ----------
@@ -186,7 +211,7 @@ class Console:
         arguments : Value
             Values in the order of the command's declaration.
         """
-        self.say(self.attempt(name, *arguments), "caution")
+        self.say(self.attempt(name, *arguments, asks=asks), "caution", name)
 
     def attempt(self, name: str, *arguments: Value, asks: bool = True) -> str:
         """Run a command as `do` does, and return why it was refused.
@@ -206,6 +231,7 @@ class Console:
             self._note(Line(self.clock_ms, "do", name, values))
             before = deepcopy(self.options)
             command.call(self, values)
+            self.acknowledge([m for m in self.waiting if m.of == name])
             self._note_flown(name)
             if command.group != "settings":
                 self.history.note(name, before, self.options, self.clock_ms, self._change(command, values))
@@ -246,9 +272,9 @@ class Console:
         if asked is None or not goes:
             return
         if asked.first:
-            self.say(self.attempt(asked.first, asks=False), "caution")
+            self.do(asked.first, asks=False)
         if not asked.command.held:
-            self.say(self.attempt(asked.command.name, *asked.values, asks=False), "caution")
+            self.do(asked.command.name, *asked.values, asks=False)
 
     def _note_flown(self, name: str) -> None:
         """Count the flight as the operator's own after a command that was not refused."""
@@ -329,7 +355,7 @@ class Console:
             lines = self._player.due(self.clock_ms)
             self.hold(keys)
             for line in lines:
-                self.say(self.attempt(line.name, *line.arguments, asks=False), "caution")
+                self.do(line.name, *line.arguments, asks=False)
             if self.opener.is_busy():
                 return
         self._advance(end)
@@ -357,8 +383,11 @@ class Console:
                 self.say(text, level)
             if jumped and not self.session.clock.jump:
                 self.say(f"the jump has ended at T+{state.t_s:.1f} s, at 1x")
+        over = [m for m in self.waiting if self.session.is_over(m.text)]
+        if t_ms // 1000 != self.clock_ms // 1000:
+            over += [m for m in self.waiting if m.blocked and not probe_writing(m.blocked)]
         self.clock_ms = t_ms
-        self.acknowledge([m for m in self.waiting if self.session.is_over(m.text)])
+        self.acknowledge(over)
 
     def _take_opened(self) -> None:
         """Start the flight of a scenario that was opened, if any."""
@@ -413,12 +442,25 @@ class Console:
 
     # --- messages
 
-    def say(self, text: str, level: Level = "note") -> None:
-        """Show the operator a message; an immediate repetition, and an empty text, are dropped."""
+    def save(self, path: Path, write: Callable[[Path], object], command: str) -> None:
+        """Write the result of a command, whose folder is made; a failure is a caution, and the flight continues."""
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            write(path)
+            self.say(f"saved {path}")
+        except (UserError, OSError) as error:
+            self.say(f"not saved: {error}", "caution", command)
+
+    def say(self, text: str, level: Level = "note", of: str = "") -> None:
+        """Show a message, of a command if it was refused; an immediate repetition, and an empty text, are dropped."""
         newest = self.messages[-1] if self.messages else None
         if not text or (newest is not None and newest.text == text and not newest.acknowledged):
             return
-        self.messages = [*self.messages[-KEPT_MESSAGES:], Message(self.clock_ms, level, text)]
+        message = Message(self.clock_ms, level, text, of=of)
+        if level == "caution" and (found := UNWRITABLE.search(text)):
+            path = Path(found[1] or found[2])
+            message.blocked = path if probe_writing(path) else None
+        self.messages = [*self.messages[-KEPT_MESSAGES:], message]
         log.log(logging.INFO if level == "note" else logging.WARNING, "%s", text)
 
     @property

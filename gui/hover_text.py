@@ -15,14 +15,16 @@ WIDEST = 26.0
 """Width of a hover text, in text heights."""
 
 
-def item_tip(imgui: Any, text: str) -> None:  # noqa: ANN401 - a foreign module
+def item_tip(imgui: Any, text: str, *, typing: bool = False) -> None:  # noqa: ANN401 - a foreign module
     """Show a text while the mouse rests on the last item, even a disabled one, and none is pressed or takes text.
 
+    ``typing`` is True for an item far from all fields, whose text is shown while one of them takes text, too.
     It lies below the item, beside an open menu, or above an item in the lower part of the window.
     """
     flags = imgui.HoveredFlags_.stationary | imgui.HoveredFlags_.delay_normal
     flags |= imgui.HoveredFlags_.allow_when_disabled | imgui.HoveredFlags_.no_shared_delay
-    busy, item = imgui.is_any_mouse_down() or imgui.is_any_item_active(), imgui.get_item_id()
+    busy = imgui.is_any_mouse_down() or (imgui.is_any_item_active() and not typing)
+    item = imgui.get_item_id()
     if (clicked := imgui.is_item_clicked()) or not imgui.is_item_hovered():
         (CLICKED.add if clicked else CLICKED.discard)(item)
     if not text or busy or item in CLICKED or not imgui.is_item_hovered(flags):

@@ -19,7 +19,7 @@ from flyaround.gui import style
 from flyaround.gui.command_table import command, switch
 from flyaround.gui.menus import MenuBar
 from flyaround.gui.panels.all import PANELS
-from flyaround.gui.status_line import StatusLine, note_window
+from flyaround.gui.status_line import StatusLine
 from flyaround.gui.texts import texts
 from flyaround.gui.transport import JobStrip, TransportStrip
 from flyaround.gui.widgets import Widgets
@@ -36,6 +36,8 @@ log = logging.getLogger(__name__)
 Form = Literal["wide", "narrow"]
 RAISE_FRAMES, FRAMED_S = 2, 1.5
 """Frames in which a panel that a command opens is raised, until its tab exists, and the time for which it is framed."""
+DOUBLE_CLICK_S, DOUBLE_CLICK_FRAMES = 0.4, 4
+"""Longest time between the presses of a double click, and the frames that it may take in a slow window, up to 2 s."""
 NARROW = 900.0
 """Window width in screen units, at scale 1, below which panels go under the view."""
 VERSION = 1  # version of the saved layout's file
@@ -173,6 +175,10 @@ class Layout:
 
     def before_frame(self, console: Console, size: tuple[float, float]) -> None:
         """Load the docking of another form or preset, which is impossible during a frame."""
+        io = self._window.imgui.get_io()
+        # a slow window sees one event of a button in a frame
+        io.mouse_double_click_time = min(max(DOUBLE_CLICK_S, DOUBLE_CLICK_FRAMES * io.delta_time), 2.0)
+        io.mouse_single_click_delay = 1.5 * io.mouse_double_click_time
         form: Form = "narrow" if size[0] < NARROW * self._window.scale else "wide"
         if console.window.preset:
             open_ = PRESETS[console.window.preset]
@@ -216,7 +222,6 @@ class Layout:
         imgui = self._window.imgui
         self._close_menus()
         if imgui.begin_main_menu_bar():
-            note_window(imgui, console, "menu")
             self._menus.draw(console)
             imgui.end_main_menu_bar()
         self._status.draw(console)
@@ -259,7 +264,6 @@ class Layout:
             if imgui.internal.begin_viewport_side_bar(
                 name, imgui.get_main_viewport(), imgui.Dir.down, height, flags
             ):
-                note_window(imgui, console, name)
                 strip.draw(console)
             imgui.end()
         imgui.pop_style_var()
@@ -327,14 +331,13 @@ class Layout:
         self._docked.discard(panel.name)
         if imgui.is_window_docked():
             self._docked.add(panel.name)
-        note_window(imgui, console, panel.name)
         hovered = False
         (console.help.behind.discard if visible else console.help.behind.add)(panel.name)
-        if panel.name == self._opened and (age := (imgui.get_time() - self._opened_s) / FRAMED_S) < 1.0:
-            w.frame(console.help.rects[panel.name], (*style.ACCENT[:3], 1.0 - age))
         if visible:
             panel.draw(console)
             hovered = not over and imgui.is_window_hovered(imgui.HoveredFlags_.child_windows)
+            if panel.name == self._opened and (age := (imgui.get_time() - self._opened_s) / FRAMED_S) < 1.0:
+                w.frame((*style.ACCENT[:3], 1.0 - age))
         imgui.end()
         # ignore an Escape that arrived with the key that opened it
         escaped = over and self._was_shown.get(panel.name) and imgui.is_key_pressed(imgui.Key.escape, False)
@@ -366,7 +369,6 @@ class Layout:
         flags = imgui.WindowFlags_
         fixed = flags.no_docking | flags.no_saved_settings | flags.no_resize | flags.no_collapse
         visible, stays = imgui.begin(f"{panel.title}, enlarged###enlarged", True, fixed)
-        note_window(imgui, console, panel.name)
         if visible:
             panel.draw(console)
         imgui.end()

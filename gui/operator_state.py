@@ -107,8 +107,6 @@ class Help:
         The panel under the mouse.
     behind : set of str, optional
         Panels whose window is behind another in its dock or collapsed.
-    rects : dict of str to tuple of float, optional
-        Left, top, width and height of panels and bars.
     tour_step : int, optional
         Number of the tour's steps that are done or skipped.
     """
@@ -117,5 +115,4 @@ class Help:
     panel: str = ""
     hovered: str = ""
     behind: set[str] = field(default_factory=set)
-    rects: dict[str, tuple[float, float, float, float]] = field(default_factory=dict)
     tour_step: int = 0

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from flyaround.gui import style
 from flyaround.gui.widgets import Widgets
@@ -39,7 +39,6 @@ class StatusLine:
             )
             and imgui.begin_menu_bar()
         ):
-            note_window(imgui, console, "status")
             self._master_caution(console)
             rates = rates_text(console)
             free = w.width - imgui.calc_text_size(rates).x - 44 * self._w.window.scale
@@ -68,10 +67,9 @@ class StatusLine:
                 return
             if k:
                 w.imgui.same_line(0, gap)
-            w.one_line(w.elided(text, room), colour)
+            w.cut_line(text, room, colour, "a click opens the log of all messages", typing=True)
             if w.imgui.is_item_clicked():
                 console.do("panel.log", True)
-            w.tip(f"{text}\na click opens the log of all messages")
 
     def _master_caution(self, console: Console) -> None:
         """Draw the light of unacknowledged cautions, which blinks until a click or F9."""
@@ -94,13 +92,14 @@ class StatusLine:
 
 def message_texts(console: Console) -> list[tuple[str, style.Rgba]]:
     """Return the newest caution that waits and the newest other message, or the caution before; with their colours."""
-    if not console.messages:
+    current = [m for m in console.messages if not m.acknowledged]
+    if not current:
         return [("F1: commands and keys", style.QUIET)]
-    waiting, newest = console.waiting, console.messages[-1]
+    waiting, newest = console.waiting, current[-1]
     shown = [*waiting[-1:], newest] if newest not in waiting else waiting[:-3:-1]
     more = len(waiting) - sum(m in waiting for m in shown)
     colours = {"note": style.INK if waiting else style.QUIET, "caution": style.WARN, "warning": style.BAD}
-    texts = [(m.text, style.QUIET if m.acknowledged else colours[m.level]) for m in shown]
+    texts = [(" ".join(m.text.split()), colours[m.level]) for m in shown]
     if waiting:
         texts[0] = f"{texts[0][0]} ({f'{more} more; ' * bool(more)}F9: seen)", texts[0][1]
     return texts
@@ -111,9 +110,3 @@ def rates_text(console: Console) -> str:
     views = [f"{name.replace('-', ' ')} {f.frames_s:.0f}" for name, f in console.feeds.items() if f.looked_at]
     pictures = f"pictures {console.feed.frames_s:.0f}/s"
     return f"window {console.window_hz:.0f}/s   {', '.join([pictures, *(f'{v}/s' for v in views)])}"
-
-
-def note_window(imgui: Any, console: Console, name: str) -> None:  # noqa: ANN401 - a foreign module
-    """Record the position of the current window, for the tour."""
-    place, size = imgui.get_window_pos(), imgui.get_window_size()
-    console.help.rects[name] = (place.x, place.y, size.x, size.y)

@@ -195,8 +195,7 @@ class JobStrip:
             button = w.button_width(labelled("film.stop", title)) if title else 0.0
             slow = job.silent and now_s - began_s > SILENT_S
             text = f"{job.text}, {now_s - began_s:.0f} s" if slow else job.text
-            w.one_line(w.elided(text, width - button - 1.5 * imgui.get_font_size()), style.ACCENT)
-            w.tip(text)
+            w.cut_line(text, width - button - 1.5 * imgui.get_font_size(), style.ACCENT, typing=True)
             if job.share is not None:
                 low, high = imgui.get_item_rect_min(), imgui.get_item_rect_max()
                 end = w.vec(low.x + job.share * (high.x - low.x), high.y + 3.0)

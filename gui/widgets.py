@@ -79,13 +79,24 @@ class Widgets:
                 self.imgui.set_cursor_pos_x(start + k % columns * step)
             yield width
 
-    def frame(self, rect: Sequence[float], rgba: style.Rgba) -> None:
-        """Draw a frame just inside a rectangle: left, top, width, height."""
-        x, y, wide, tall = rect
-        draw = self.imgui.get_foreground_draw_list()
-        draw.add_rect(
-            self.vec(x + 1, y + 1), self.vec(x + wide - 1, y + tall - 1), self.color(rgba), 3.0, 2.0
-        )
+    def frame(self, rgba: style.Rgba, rect: Sequence[float] = (), window: Any = None) -> None:  # noqa: ANN401
+        """Draw a frame over a Dear ImGui window, and below those that float over it.
+
+        Parameters
+        ----------
+        rgba : Rgba
+            Colour.
+        rect : sequence of float, optional
+            Left, top, right and bottom; by default the whole window.
+        window : object, optional
+            The window, by default the current one.
+        """
+        native = window or self.imgui.internal.get_current_window()
+        low, high = native.pos, self.vec(native.pos.x + native.size.x, native.pos.y + native.size.y)
+        x, y, right, bottom = rect or (low.x + 1, low.y + 1, high.x - 1, high.y - 1)
+        native.draw_list.push_clip_rect(low, high)
+        native.draw_list.add_rect(self.vec(x, y), self.vec(right, bottom), self.color(rgba), 3.0, 2.0)
+        native.draw_list.pop_clip_rect()
 
     # --- text
 
@@ -123,6 +134,14 @@ class Widgets:
         while length > 1 and size(text[:length] + "...").x > width:
             length -= 1
         return text[:length].rstrip() + "..."
+
+    def cut_line(
+        self, text: str, width: float, rgba: style.Rgba, tip: str = "", *, typing: bool = False
+    ) -> None:
+        """Draw as much of a text as fits; its hover text has the whole of it before ``tip``."""
+        shown = self.elided(text, width)
+        self.one_line(shown, rgba)
+        hover_text.item_tip(self.imgui, tip if shown == text else f"{text}\n{tip}".strip(), typing=typing)
 
     def tip(self, text: str) -> None:
         """Give the last item a hover text."""
@@ -175,12 +194,13 @@ class Widgets:
         width = imgui.calc_text_size(figures).x
         if label + 8 + width <= self.width:
             imgui.same_line(imgui.get_cursor_pos_x() + self.width - width)
-        imgui.text_unformatted(self.elided(figures, self.width))
+        shown = self.elided(figures, self.width)
+        imgui.text_unformatted(shown)
         if figure is not None and imgui.begin_drag_drop_source(imgui.DragDropFlags_.source_allow_null_id):
             imgui.set_drag_drop_payload_py_id(DRAGGED, figure)
             imgui.text_unformatted(f"{name.strip()}: drop it in Plots")
             imgui.end_drag_drop_source()
-        self.tip(tip)
+        self.tip(tip if shown == figures else f"{figures}\n{tip}")
         imgui.pop_font()
 
     def field(self, text: str, tip: str, share: float, rgba: style.Rgba = style.INK) -> None:
@@ -189,20 +209,28 @@ class Widgets:
         width = min(16 * share * imgui.get_font_size(), share * self.width)
         end = imgui.get_cursor_pos_x() + self.width
         imgui.align_text_to_frame_padding()
-        self.one_line(self.elided(text, self.width - width - 8), rgba)
-        self.tip(tip)
+        self.cut_line(text, self.width - width - 8, rgba, tip)
         imgui.same_line(end - width)
         imgui.set_next_item_width(width)
 
     def typed(self, key: str, text: str, argument: Argument) -> str:
         """Draw a field for an argument's value, which says what is wrong with its text; return the text."""
-        text = str(self.imgui.input_text(f"##{key}", text)[1])
+        text = self._number(key, text)
         if self._given_up(key) and argument.flaw(text):
             text = self._good.get(key, "")
         self.flaw(flaw := argument.flaw(text))
         if not flaw:
             self._good[key] = text
         self.tip(flaw or argument.description)
+        return text
+
+    def _number(self, key: str, text: str) -> str:
+        """Draw a text field, in which a double click selects everything; return its text."""
+        imgui = self.imgui
+        text = str(imgui.input_text(f"##{key}", text)[1])
+        if imgui.is_item_active() and imgui.is_mouse_double_clicked(0):
+            # Dear ImGui selects a word, which of -0.02 are its last digits
+            imgui.internal.get_input_text_state(imgui.get_item_id()).select_all()
         return text
 
     def entry(self, key: str, shown: str, take: Callable[[str], str], tip: str, of: object = None) -> None:
@@ -224,7 +252,7 @@ class Widgets:
             Owner of the value, if the field may become another one's.
         """
         imgui = self.imgui
-        text = str(imgui.input_text(f"##{key}", self._refused.get((key, of), (shown, ""))[0])[1])
+        text = self._number(key, self._refused.get((key, of), (shown, ""))[0])
         ended = imgui.is_item_deactivated_after_edit() and not imgui.is_key_pressed(imgui.Key.escape)
         flaw = self.answer((key, of), text, take(text) if ended else None)
         self.tip(flaw or f"{tip}; Enter takes it, Esc does not")
@@ -248,7 +276,7 @@ class Widgets:
         """Frame the last item, and say in the message line what is wrong with its value; unless empty."""
         if text and self.imgui.is_item_visible():
             low, high = self.imgui.get_item_rect_min(), self.imgui.get_item_rect_max()
-            self.frame((low.x - 1, low.y - 1, high.x - low.x + 2, high.y - low.y + 2), style.BAD)
+            self.frame(style.BAD, (low.x, low.y, high.x, high.y))
             self.window.flaw = text
 
     # --- controls of commands

@@ -67,7 +67,7 @@ def _film_end(console: Console) -> None:
     if film.trouble is None:
         console.say(f"filmed {film.path}: {film.pictures} pictures{skipped}")
     else:
-        console.say(film.trouble, "caution")
+        console.say(film.trouble, "caution", "film.start")
 
 
 def _open(console: Console, path: str) -> None:

@@ -106,7 +106,7 @@ class Keeping:
             replay = self.files.go_on(slice_s)
         except (UserError, OSError) as error:
             self.cancel()
-            self.console.say(f"the flight was not kept: {error}", "caution")
+            self.console.say(f"the flight was not kept: {error}", "caution", "timeline.keep")
             return False
         if replay is None:
             return True

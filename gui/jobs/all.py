@@ -88,7 +88,7 @@ class Jobs:
             self.say(note.text, "caution" if note.warning else "note")
         if (outcome := self.capture.update()) is not None:
             expected = outcome.startswith(("captured", "the capture was stopped"))
-            self.say(outcome, "note" if expected else "caution")
+            self.say(outcome, "note" if expected else "caution", "capture.start")
         if self.film is not None and picture is not None:
             self._update_film(self.film, picture, t_ms)
         self._update_mesh()
@@ -113,7 +113,7 @@ class Jobs:
         if film.trouble is not None:
             self.film = None
             film.close()
-            self.say(film.trouble, "caution")
+            self.say(film.trouble, "caution", "film.start")
         elif picture is not self._filmed:
             self._filmed = picture
             film.add(t_ms, screen_picture(picture.frame))

@@ -5,7 +5,6 @@ from __future__ import annotations
 import contextlib
 import json
 import os
-import tempfile
 import time
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
@@ -20,6 +19,7 @@ from flyaround.gui.jobs.program import ChildProgram
 from flyaround.simulator.camera.encoding import Encoding, decode
 from flyaround.simulator.errors import UserError, write_error
 from flyaround.simulator.imaging.display import screen_values
+from flyaround.simulator.runtime.files import probe_writing
 from flyaround.simulator.runtime.folder_lock import lock_name
 
 if TYPE_CHECKING:
@@ -195,7 +195,8 @@ def check_folder(request: CaptureRequest) -> None:
     """Raise `UserError` if a capture cannot write its folder, or would mix its files with others."""
     folder = request.folder
     try:
-        tempfile.TemporaryFile(dir=next(p for p in (folder, *folder.parents) if p.exists())).close()
+        if (flaw := probe_writing(folder)) is not None:
+            raise flaw
         full = folder.exists() and any(p.name != lock_name("capture") for p in folder.iterdir())
     except OSError as error:
         raise write_error(folder, error, "name another folder") from error

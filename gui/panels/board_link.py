@@ -33,8 +33,8 @@ class BoardLinkPanel(Panel):
         """Draw into the current panel."""
         w, imgui, hil = self._w, self._w.imgui, console.jobs.hil
         state = f"session: {hil.state}{', ' * bool(hil.board_name)}{hil.board_name}"
-        w.one_line(w.elided(state, w.width), SEEN.get(hil.state, style.WARN))
-        w.tip(f"{state}\nwhat the session is at, and the board that is connected, as it calls itself")
+        tip = "what the session is at, and the board that is connected, as it calls itself"
+        w.cut_line(state, w.width, SEEN.get(hil.state, style.WARN), tip)
         # nothing moves when a session begins: the next click is on the board below
         imgui.begin_disabled(hil.on)
         imgui.set_next_item_width(-1)
@@ -76,8 +76,10 @@ class BoardLinkPanel(Panel):
         poses = [r for r in hil.rows if r.outcome == "accepted" and r.E_R_deg is not None]
         if poses:
             last = poses[-1]
-            w.row("Attitude", (last.E_R_deg or 0.0,), "{:.3f}°", "error of the last accepted pose")
-            w.row("Position", (1e3 * (last.E_T_m or 0.0),), "{:.1f} mm", "error of the last accepted pose")
+            w.row("Attitude error", (last.E_R_deg or 0.0,), "{:.3f}°", "of the last accepted pose")
+            w.row(
+                "Position error", (1e3 * (last.E_T_m or 0.0),), "{:.1f} mm", "error of the last accepted pose"
+            )
 
     def _distribution(self, hil: HilSession) -> None:
         """Draw answered pictures by latency, on a logarithmic scale of milliseconds."""

@@ -14,7 +14,6 @@ from flyaround.simulator.scenario.load import list_recipes, list_scenarios
 if TYPE_CHECKING:
     from flyaround.gui.console import Console
     from flyaround.gui.jobs.capture_job import CaptureJob
-    from flyaround.gui.surface import Surface
 
 TITLES = {FLOWN: "what I flew", THIS: "this flight's scenario"}
 THUMB = 120.0  # least width of a small picture
@@ -25,13 +24,10 @@ class CapturePanel(Panel):
 
     name, title, place, shown = "capture", "Capture", "left", False
 
-    def __init__(self, window: Surface) -> None:
-        super().__init__(window)
-        self._what = ""
-        self._names: tuple[str, ...] = ()
-        self._frames, self._workers = "20", "1"
-        self._folder = ""
-        self._formats: set[str] = set()
+    _what = _folder = ""
+    _names: tuple[str, ...] = ()
+    _frames, _workers = "20", "1"
+    _formats: frozenset[str] = frozenset()
 
     def draw(self, console: Console) -> None:
         """Draw into the current panel."""
@@ -72,10 +68,9 @@ class CapturePanel(Panel):
         w.text("Further formats of the same set", style.QUIET)
         formats = writable()[1:]
         for name, _ in zip(formats, w.grid(len(formats), 110), strict=True):
-            changed, on = imgui.checkbox(name, name in self._formats)
+            if imgui.checkbox(name, name in self._formats)[0]:
+                self._formats ^= {name}
             w.command_tip(console, "capture.start", argument="formats")
-            if changed:
-                (self._formats.add if on else self._formats.discard)(name)
         formats_text = ",".join(sorted(self._formats)) or "native"
         arguments = (self._frames, self._what, self._folder or NEW, formats_text, self._workers)
         w.button(console, "capture.start", *arguments, width=w.width)
@@ -87,8 +82,7 @@ class CapturePanel(Panel):
 
     def _under_way(self, console: Console) -> None:
         w, imgui, job = self._w, self._w.imgui, console.jobs.capture
-        request = job.request
-        if request is None:
+        if (request := job.request) is None:
             return
         w.text(request.what, tip="scenario, recipe or file that is captured")
         w.text(f"into {request.folder}", style.QUIET, "folder of the data set")

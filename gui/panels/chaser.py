@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from flyaround.gui import style
-from flyaround.gui.picture.figures import AGE_TIP, FIGURES, age_text
+from flyaround.gui.picture.figures import FIGURES
 from flyaround.gui.widgets import Panel
 
 if TYPE_CHECKING:
@@ -13,32 +13,24 @@ if TYPE_CHECKING:
 
 SHOWN = ("Position m", "Velocity mm/s", "Target °/s", "Camera °/s", "Off axis")
 """Figures of this panel; the others are drawn over the view."""
+BUTTONS = ("steer.toggle", "steer.reset", "steer.stop", "guidance.hold", "steer.track", "steer.centre")
 HEADS = {"Position m": "radial along cross", "Target °/s": "x y z"}
 """Names of the components from a figure on."""
 
 
 class ChaserPanel(Panel):
-    """Guidance or steering by hand; position, speeds and rates of the picture's moment."""
+    """Guidance or steering by hand; position, speeds and rates of the time that is shown."""
 
     name, title, place, shown = "chaser", "Chaser", "right-upper", True
 
     def draw(self, console: Console) -> None:
         """Draw into the current panel."""
-        w, picture = self._w, console.feed.newest
-        fly, turn = (
-            ("steer.toggle", "steer.reset", "steer.stop", "guidance.hold"),
-            ("steer.track", "steer.centre"),
-        )
-        w.buttons(console, (*fly, *turn), 3)
-        if picture is None:
-            w.text("no picture yet", style.QUIET)
-            return
+        w = self._w
+        w.buttons(console, BUTTONS, 3)
         for k, (name, figure) in enumerate(FIGURES.items()):
             if name in HEADS:
                 w.coloured(style.QUIET)
                 w.row("", HEADS[name].split(), "{:>8}", figure.tip)
                 w.imgui.pop_style_color()
             if name in SHOWN:
-                w.row(name, figure.values(picture.telemetry), figure.form, figure.tip, figure=k)
-        if age := age_text(console.session, picture.telemetry.t_s):
-            w.text(age, style.WARN, AGE_TIP)
+                w.row(name, figure.values(console.telemetry), figure.form, figure.tip, figure=k)

@@ -32,8 +32,7 @@ class DockingPanel(Panel):
         docking = session.craft.docking
         text, colour = status(console)
         # one line, because buttons stand below it
-        w.one_line(w.elided(text, w.width), colour)
-        w.tip(f"{text}\nwhat flies, and what it waits for")
+        w.cut_line(text, w.width, colour, "what flies, and what it waits for")
         w.buttons(console, ("docking.approach", "docking.go", "docking.no-go"), 3)
         w.button(console, "time.next-hold-point", width=w.width)
         w.switch(console, "overlay.docking", "Display over the view")

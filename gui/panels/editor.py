@@ -77,4 +77,5 @@ class EditorPanel(Panel):
             imgui.internal.set_scroll_y(area, max(below - area.size.y / 3, 0.0))
         top = area.pos.y + imgui.get_style().frame_padding.y + below - area.scroll.y
         if area.pos.y <= top <= area.pos.y + area.size.y - tall:
-            self._w.frame((area.pos.x, top, area.size.x, tall + MARGIN), style.BAD)
+            corners = area.pos.x + 1, top + 1, area.pos.x + area.size.x - 1, top + tall + MARGIN - 1
+            self._w.frame(style.BAD, corners, area)

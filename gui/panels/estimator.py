@@ -15,7 +15,6 @@ if TYPE_CHECKING:
     from flyaround.gui.console import Console
     from flyaround.gui.jobs.estimates import ComparedEstimate, Estimates
     from flyaround.gui.jobs.estimator_process import Answer
-    from flyaround.gui.surface import Surface
 
 PLOT_HEIGHT = 92.0
 LEAST_DEG, LEAST_M = 1e-3, 1e-4
@@ -28,10 +27,8 @@ class EstimatorPanel(Panel):
 
     name, title, place, shown = "estimator", "Estimator", "left", False
 
-    def __init__(self, window: Surface) -> None:
-        super().__init__(window)
-        self._methods: tuple[str, ...] = ()
-        self._network = "net:"
+    _methods: tuple[str, ...] = ()
+    _network = "net:"
 
     def draw(self, console: Console) -> None:
         """Draw into the current panel."""
@@ -53,7 +50,7 @@ class EstimatorPanel(Panel):
                 style.QUIET,
             )
         else:
-            self._figures(newest)
+            self._figures(newest, console.session.t_s)
         w.section("Over the flight")
         self._plots(estimates)
         if newest is not None and newest.answer.stages:
@@ -75,36 +72,45 @@ class EstimatorPanel(Panel):
         on = estimates.method == self._network
         w.button(console, "estimator.method", self._network, label="Network", on=on)
 
-    def _figures(self, e: ComparedEstimate) -> None:
+    def _figures(self, e: ComparedEstimate, t_s: float) -> None:
         w, answer = self._w, e.answer
         w.section(f"{e.method} at T+{e.t_s:.2f} s")
         w.tip("method, and mid-exposure of the picture that it was given, since the start")
-        declined = f"declined: {answer.reason}", style.WARN
-        tip = "whether the estimator stands by its best pose"
-        w.text(*(("accepted", style.GOOD) if answer.accepted else declined), tip)
+        said, colour = ("accepted", style.GOOD) if answer.accepted else ("declined", style.WARN)
+        said = f"{said}, {abs(t_s - e.t_s):.1f} s ago{answer.reason and ': '}{answer.reason}"
+        w.text(
+            said, colour, "whether the estimator stands by its best pose; simulated time since its picture"
+        )
+        if (position := answer.t_camera_from_target_m) is not None:
+            w.row("Position m", position, "{:+z.3f}", "of the target in camera axes: right, down, forward")
+        if (attitude := answer.q_camera_from_target_wxyz) is not None:
+            tip = "quaternion w x y z that turns target axes into camera axes"
+            w.row("Attitude", attitude, "{:+z.4f}", tip)
+        else:
+            w.text("no pose", style.QUIET)
+        if "too small" in answer.reason:
+            w.text("Full detail in Picture gives it every pixel; or fly nearer.", style.QUIET)
         w.row("Confidence", (answer.confidence,), "{:.3f}", "0 to 1; hybrid accepts from 0.9 on")
         if e.E_R_deg is not None and e.E_T_m is not None:
             w.row("Attitude error", (e.E_R_deg,), "{:.3f}°", "error of the attitude against the truth [°]")
             w.row("Position error", (1e3 * e.E_T_m,), "{:.1f} mm", "error of the position against the truth")
             share = 100 * e.E_T_m / max(e.range_m, 1e-9)
             w.row("of range", (share,), "{:.2f} %", "position error over the range")
-        w.row("Took", (e.took_ms,), "{:.0f} ms", "all stages; making the estimator is not counted")
-        w.row("Picture", e.size_px, "{:d} px", "pixels of the picture that it was given")
+        slowest = sorted(answer.stages_ms.items(), key=lambda item: -item[1])[:3]
+        stages = ", ".join(f"{name.replace('_', ' ')} {ms:.0f} ms" for name, ms in slowest)
+        w.row("Took", (e.took_ms,), "{:.0f} ms", f"all stages but the preparation; longest: {stages}")
+        w.row("Picture", ("{} x {}".format(*e.size_px),), "{} px", "pixels of the picture that it was given")
         if answer.network:
             tip = "own: trained for this craft by flyaround train; shipped: comes with Flyaround; none: edges alone"
             colour = style.GOOD if answer.network == "own" else style.QUIET
             w.text(f"keypoint network: {answer.network}", colour, tip)
-        slowest = sorted(answer.stages_ms.items(), key=lambda item: -item[1])[:3]
-        stages = ", ".join(f"{name.replace('_', ' ')} {ms:.0f} ms" for name, ms in slowest)
-        w.text(stages, style.QUIET, "the three stages that took longest")
 
     # --- plots
 
     def _plots(self, estimates: Estimates) -> None:
-        if len(estimates.history) == 0:
+        if not (rows := list(estimates.history)):
             self._w.text("no estimate yet", style.QUIET)
             return
-        rows = list(estimates.history)
         t = np.array([e.t_s for e in rows])
         good = np.array([e.answer.accepted for e in rows])
         turn = np.array([np.nan if e.E_R_deg is None else max(e.E_R_deg, LEAST_DEG) for e in rows])
@@ -131,8 +137,11 @@ class EstimatorPanel(Panel):
             least, most = (float(finite.min()), float(finite.max())) if len(finite) else (0.1, 1.0)
             if log:
                 implot.setup_axis_scale(implot.ImAxis_.y1, implot.Scale_.log10)
-            limits = (least / 2, 2 * most) if log else (-0.1, 1.1)
-            implot.setup_axis_limits(implot.ImAxis_.y1, *limits, always)
+            # whole decades, which are labelled
+            decades = 10.0 ** np.floor(np.log10([least, 10 * most])) if log else (-0.1, 1.1)
+            implot.setup_axis_limits(implot.ImAxis_.y1, *decades, always)
+            ends = sorted({low, high})
+            implot.setup_axis_ticks(implot.ImAxis_.x1, ends, [f"{end:.1f}" for end in ends])
             for colour, filled, which in ((style.ESTIMATE, 1.0, good), (style.WARN, 0.0, ~good)):
                 spec = implot.Spec()
                 spec.marker, spec.marker_size = implot.Marker_.circle, 2.6 * w.window.scale
@@ -153,5 +162,5 @@ class EstimatorPanel(Panel):
                 console.do("estimator.stage", name)
             w.command_tip(console, "estimator.stage", name)
             large = name == console.jobs.estimates.stage and console.shown.get("stage", False)
-            w.one_line(w.elided(name.replace("_", " "), width), style.ACCENT if large else style.QUIET)
+            w.cut_line(name.replace("_", " "), width, style.ACCENT if large else style.QUIET)
             imgui.end_group()

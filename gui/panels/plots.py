@@ -13,12 +13,11 @@ from flyaround.gui.widgets import DRAGGED, Panel
 
 if TYPE_CHECKING:
     from flyaround.gui.console import Console
-    from flyaround.gui.picture.feed import Picture
     from flyaround.gui.surface import Surface
     from flyaround.simulator.piloting.telemetry import Telemetry
 
 KEPT = 6000
-"""Number of pictures whose figures are kept: 100 s at 60 pictures a second, ten minutes at ten."""
+"""Number of moments whose figures are kept: 100 s at 60 frames of the window a second, three minutes at 33."""
 COLOURS = (style.ACCENT, style.WARN, style.GOOD)
 
 
@@ -31,12 +30,11 @@ class PlotsPanel(Panel):
         super().__init__(window)
         self._watched = ["Range", "Closing"]
         self._kept: deque[Telemetry] = deque(maxlen=KEPT)
-        self._last: Picture | None = None
 
     def draw(self, console: Console) -> None:
         """Draw into the current panel."""
         w, imgui = self._w, self._w.imgui
-        self._keep(console.feed.newest)
+        self._keep(console.telemetry)
         unwatched = [name for name in FIGURES if name not in self._watched]
         imgui.set_next_item_width(-1)
         if imgui.begin_combo("##add", "watch another figure ..."):
@@ -51,33 +49,31 @@ class PlotsPanel(Panel):
         imgui.dummy(w.vec(w.width, max(float(imgui.get_content_region_avail().y), w.line)))
         self._take_dropped()
 
-    def _keep(self, picture: Picture | None) -> None:
-        if picture is None or picture is self._last:
-            return
-        self._last = picture
-        while self._kept and self._kept[-1].t_s >= picture.telemetry.t_s:
+    def _keep(self, now: Telemetry) -> None:
+        while self._kept and self._kept[-1].t_s >= now.t_s:
             self._kept.pop()  # a seek went back in time
-        self._kept.append(picture.telemetry)
+        self._kept.append(now)
 
     def _plot(self, name: str, times: Any) -> None:  # noqa: ANN401 - an array
         w, implot, imgui = self._w, self._w.implot, self._w.imgui
         title, values_of = FIGURES[name].title, FIGURES[name].values
         values = np.array([values_of(r) for r in self._kept], float)
-        if len(values):
-            values = values.reshape(len(values), -1)
+        values = values.reshape(len(values), -1)
         if imgui.small_button(f"x##{name}"):
             self._watched.remove(name)
         w.tip("watch it no longer")
         imgui.same_line()
-        newest = ", ".join(f"{v:.4g}" for v in values[-1]) if len(values) else "no picture yet"
-        w.one_line(w.elided(f"{title}: {newest}", w.width), style.INK)
-        w.tip(f"{title}, of the newest picture")
+        newest = ", ".join(f"{v:.4g}" for v in values[-1])
+        w.cut_line(f"{title}: {newest}", w.width, style.INK, f"{title}, now")
         axis = implot.AxisFlags_
         with w.plot(name, 110, f"{title} over the flight [s since the start]", still=False) as is_open:
             if is_open:
                 implot.setup_axes(
                     "T+ [s]", "", axis.no_highlight | axis.auto_fit, axis.no_highlight | axis.auto_fit
                 )
+                # more labels would lie over each other
+                ends = sorted({float(values.min()), float(values.max())})
+                implot.setup_axis_ticks(implot.ImAxis_.y1, ends, [f"{end:.4g}" for end in ends])
                 for k, column in enumerate(values.T):
                     line = w.curve(COLOURS[k % len(COLOURS)])
                     implot.plot_line(f"{name} {k}", times, np.ascontiguousarray(column), line)
@@ -89,8 +85,6 @@ class PlotsPanel(Panel):
         if not imgui.begin_drag_drop_target():
             return
         payload = imgui.accept_drag_drop_payload_py_id(DRAGGED)
-        if payload is not None:
-            name = list(FIGURES)[payload.data_id]
-            if name not in self._watched:
-                self._watched.append(name)
+        if payload is not None and (name := list(FIGURES)[payload.data_id]) not in self._watched:
+            self._watched.append(name)
         imgui.end_drag_drop_target()

@@ -14,7 +14,6 @@ from flyaround.simulator.scenario.load import list_scenarios, load_scenario
 
 if TYPE_CHECKING:
     from flyaround.gui.console import Console
-    from flyaround.gui.surface import Surface
     from flyaround.simulator.runtime.arrays import ByteArray
 
 CARD = 168.0
@@ -26,11 +25,9 @@ class ScenarioChooser(Panel):
 
     name, title, place, shown = "scenarios", "Scenarios", "left", False
 
-    def __init__(self, window: Surface) -> None:
-        super().__init__(window)
-        self._query, self._as_list = "", False
-        self._cards: list[tuple[str, str, ByteArray]] = []
-        self._recent: dict[str, int] = {}
+    _query = ""
+    _cards: tuple[tuple[str, str, ByteArray], ...] = ()
+    _recent: tuple[str, ...] = ()
 
     def draw(self, console: Console) -> None:
         """Draw into the current panel."""
@@ -45,28 +42,19 @@ class ScenarioChooser(Panel):
                 console.do("scenario.open", query)
             w.command_tip(console, "scenario.open", query)
         if not self._cards:
-            self._cards = [(name, *_card(name)) for name in list_scenarios()]
+            self._cards = tuple((name, *_card(name)) for name in list_scenarios())
         words = [] if query.endswith(".toml") else query.lower().split()
         cards = [c for c in self._cards if all(x in f"{c[0]} {c[1]}".lower() for x in words)]
         # recently flown ones first; the order stays while the panel is in sight
         if imgui.is_window_appearing():
-            self._recent = {name: k for k, name in enumerate(console.recent)}
-        cards = sorted(cards, key=lambda card: self._recent.get(card[0], len(self._recent)))
-        _, self._as_list = imgui.checkbox("names and titles alone", self._as_list)
-        w.tip("a line for each scenario instead of its picture")
+            self._recent = tuple(console.recent)
+        cards = sorted(cards, key=lambda card: (*self._recent, card[0]).index(card[0]))
         if not cards:
             w.text(f"no scenario has {query!r} in its name or title", style.QUIET)
         # the search field stays visible while the list scrolls
         imgui.begin_child("scenarios")
-        if self._as_list:
-            for name, title, _ in cards:
-                here = name == console.session.plan.scenario.name
-                if imgui.selectable(w.elided(f"{name}: {title}", w.width), here)[0]:
-                    console.do("scenario.open", name)
-                w.tip(f"{title}\nflyaround sim {name}")
-        else:
-            for card, width in zip(cards, w.grid(len(cards), CARD), strict=True):
-                self._draw_card(console, *card, width)
+        for card, width in zip(cards, w.grid(len(cards), CARD), strict=True):
+            self._draw_card(console, *card, width)
         imgui.end_child()
 
     def _draw_card(self, console: Console, name: str, title: str, picture: ByteArray, width: float) -> None:
@@ -80,7 +68,7 @@ class ScenarioChooser(Panel):
             console.do("scenario.open", name)
         w.tip(f"{title}\nflyaround sim {name}")
         here = name == console.session.plan.scenario.name
-        w.one_line(w.elided(name, width), style.ACCENT if here else style.INK)
+        w.cut_line(name, width, style.ACCENT if here else style.INK)
         imgui.end_group()
 
 

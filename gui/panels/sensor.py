@@ -61,8 +61,7 @@ class SensorPanel(Panel):
             self._term(console, term)
 
     def _term(self, console: Console, term: SensorTerm) -> None:
-        name, text, value = term.name, term.text, term.value
-        w = self._w
+        w, name, text, value = self._w, term.name, term.text, term.value
         is_changed = name in console.options.settings.sensor_changes
         about = f"{text}: {term.effect}\nsensor.set {name} VALUE"
         w.field(text, about, 0.45, style.WARN if is_changed else style.INK)

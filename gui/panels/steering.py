@@ -69,8 +69,8 @@ class SteeringPanel(Panel):
         colour = style.ACCENT if steering.doing else style.QUIET
         phase = "" if steering.guided is None else f": {steering.guided.phase(console.session.t_s)}"
         # one line, because buttons stand below it
-        w.one_line(w.elided(console.flown_by + phase, w.width), colour)
-        w.tip(f"{console.flown_by}{phase}\nwhat flies the chaser while nothing is pressed")
+        tip = "what flies the chaser while nothing is pressed"
+        w.cut_line(console.flown_by + phase, w.width, colour, tip)
         w.buttons(console, GUIDANCE, 2)
         self._to_a_point(console)
         self._burns(console)
@@ -113,8 +113,7 @@ class SteeringPanel(Panel):
         flawed = any(a.flaw(text) for a, text in zip(arguments, shown, strict=True))
         place = here if flawed else np.round(start + np.array(shown, float), 3)
         warning, colour = ("", style.QUIET) if flawed else fly_to_warning(craft, place)
-        w.one_line(w.elided(warning, w.width), colour)
-        w.tip(warning)
+        w.cut_line(warning, w.width, colour)
         label, fill = ("Fly there", None) if colour == style.QUIET else ("Fly there all the same", colour)
         look: dict[str, Any] = {"label": label, "width": w.width, "fill": fill, "enabled": not flawed}
         w.button(console, "guidance.waypoint", *place.tolist(), **look)

@@ -64,7 +64,7 @@ class TourPanel(Panel):
             w.text(f"{k + 1}  {tour_step.title}{'  done' if k < step else ''}", colour)
             if k == step:
                 w.text(tour_step.text)
-                self._frame(console, tour_step.place)
+                self._frame(tour_step.place)
         imgui.dummy(w.vec(0, 4 * w.window.scale))
         if step == len(STEPS):
             w.text("F1 lists every command and key; ? tells about the panel under the mouse.")
@@ -76,9 +76,9 @@ class TourPanel(Panel):
             imgui.same_line()
         w.button(console, "help.tour-end")
 
-    def _frame(self, console: Console, place: str) -> None:
-        """Draw a frame around the panel or bar of a step."""
-        w, imgui = self._w, self._w.imgui
-        covered = console.window.enlarged or imgui.is_popup_open("", imgui.PopupFlags_.any_popup)
-        if place in console.help.rects and not covered:
-            w.frame(console.help.rects[place], style.ACCENT)
+    def _frame(self, place: str) -> None:
+        """Draw a frame around the panel or bar of a step, unless it is hidden."""
+        find = self._w.imgui.internal.find_window_by_name
+        native = find(place) or find(f"###{place}")
+        if native is not None and native.active:
+            self._w.frame(style.ACCENT, window=native)

@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Protocol
 from flyaround.gui.picture.view_settings import apply_view_settings
 from flyaround.simulator.errors import UserError
 from flyaround.simulator.loop import FrameRequest
-from flyaround.simulator.piloting.telemetry import Telemetry, telemetry_of
 from flyaround.simulator.runtime.worker_pool import JobsLostError
 
 if TYPE_CHECKING:
@@ -67,7 +66,6 @@ class Picture:
     frame: Frame
     state: FlightState
     target: Target
-    telemetry: Telemetry
     divisor: int
 
 
@@ -349,8 +347,7 @@ class Feed:
         if request.discarded:
             return
         self._account(frame, request)
-        telemetry = telemetry_of(request.state.world, request.scene)
-        self.newest = Picture(frame, request.state, request.target, telemetry, request.divisor)
+        self.newest = Picture(frame, request.state, request.target, request.divisor)
         if request.saved:
             self.saved.append(self.newest)
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from flyaround.gui import style
 from flyaround.gui.texts import texts
 
 if TYPE_CHECKING:
@@ -14,14 +15,15 @@ if TYPE_CHECKING:
     from flyaround.simulator.piloting.telemetry import Telemetry
 
 OLD_S = 3.0
-"""Age beyond which a picture's age stands beside its figures, at 1x; labels are drawn seldom."""
-AGE_TIP = "simulated time between the picture and now; these figures are of the picture"
+"""Age beyond which a view tells that of its picture, and marks it at 1x; further views are drawn seldom."""
+AGE_TIP = "simulated time between this picture and the clock"
 
 
-def age_text(session: FlightSession, t_s: float) -> str:
-    """Return the age of a picture of this time, or an empty text if it is new at the present rate."""
+def age_text(session: FlightSession, t_s: float, told_s: float = OLD_S) -> tuple[str, style.Rgba]:
+    """Return the age of a picture of this time, empty below ``told_s``, with its colour at the present rate."""
     age_s = abs(session.t_s - t_s)
-    return f"{age_s:.0f} s old" if age_s > OLD_S * max(session.clock.rate, 1.0) else ""
+    colour = style.WARN if age_s > OLD_S * max(session.clock.rate, 1.0) else style.INK
+    return f"{age_s:.1f} s old" if age_s >= told_s else "", colour
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,7 @@ import numpy as np
 from flyaround.gui import style
 from flyaround.gui.canvas import Canvas
 from flyaround.gui.commands.timeline import clock
-from flyaround.gui.picture.figures import FIGURES
+from flyaround.gui.picture.figures import AGE_TIP, FIGURES, age_text
 from flyaround.gui.picture.screen import exposure_fault, screen_picture
 from flyaround.gui.views.docking_hud import DockingHud
 from flyaround.gui.views.estimate_overlay import EstimateOverlay
@@ -29,10 +29,8 @@ Place = tuple[float, float, float, float]
 """x, y, width and height on the screen."""
 MARGIN, LEAST_GAP, WIDEST_GAP = 12.0, 8.0, 140.0
 """Margin between figures and the edge of the view, and between columns, in screen units."""
-OLD_S = 1.0
-"""Age beyond which a picture's age is marked, at 1x."""
 BARS = 30  # strokes of the bar of a whole picture's time
-NAME = "CLOSING "
+NAME = "PICTURE "
 """Longest name of a figure, for the column width."""
 
 
@@ -73,7 +71,7 @@ class CameraView(Panel):
             name = session.plan.scenario.title or session.plan.scenario.name
             canvas.centred(place, name, f"{console.preparing}, {feed.late_s:.0f} s so far")
             return
-        groups = self._groups(session, feed, picture) if options.overlays.hud else ()
+        groups = self._groups(console, picture) if options.overlays.hud else ()
         image = picture.frame.image
         box, beside = self._placed(canvas, place, (image.shape[1], image.shape[0]), groups)
         raw = options.overlays.raw
@@ -177,15 +175,14 @@ class CameraView(Panel):
     # --- figures
 
     @staticmethod
-    def _groups(session: FlightSession, feed: Feed, picture: Picture) -> Groups:
+    def _groups(console: Console, picture: Picture) -> Groups:
         """Return figures by subject: control, time, motion, position and light."""
-        r, image = picture.telemetry, picture.frame.image
+        session, feed, image, r = console.session, console.feed, picture.frame.image, console.telemetry
         badge, colour = _badge(session)
         speed = f"{feed.frame_ms:.0f} ms  {image.shape[1]}x{image.shape[0]}"
         rate = "" if session.clock.paused else f"{feed.frames_s:.1f} fps  "
         turning = float(np.linalg.norm(r.relative_rate_deg_s))
-        age_s = max(session.t_s - r.t_s, 0.0)
-        old = style.WARN if age_s > OLD_S * max(session.clock.rate, 1.0) else style.INK
+        age = age_text(session, picture.frame.scene.t_s, 0.0)
         running = style.WARN if session.clock.paused else style.INK
 
         def row(name: str, colour: style.Rgba = style.INK) -> Row:
@@ -201,9 +198,9 @@ class CameraView(Panel):
                 Row("", rate + speed, style.QUIET, "pictures a second, time and pixels of one"),
             ),
             (
-                Row("UTC", utc, style.INK, "mid-exposure of this picture"),
+                Row("UTC", utc, style.INK, "the time of these figures, and of the clock"),
                 Row("T+", t, running, "simulated time since the start [h:min:s], and its rate"),
-                Row("AGE", f"{age_s:.1f} s", old, "simulated time since this picture was taken"),
+                Row("PICTURE", *age, AGE_TIP),
             ),
             (
                 row("RANGE", style.ACCENT),

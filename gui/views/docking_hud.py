@@ -40,12 +40,13 @@ FIGURE_TIPS: dict[str, str] = texts("docking")
 
 
 class Sight(NamedTuple):
-    """A picture with its docking figures, and where it is drawn."""
+    """A picture with the docking figures of its time and of now, and where it is drawn."""
 
     canvas: Canvas
     box: Letterbox
     camera: Camera
     figures: DockingFigures
+    now: DockingFigures
     rows: dict[str, JudgedFigure]
 
     def seen(self, points_port_m: np.ndarray) -> list[Point] | None:
@@ -72,16 +73,17 @@ class DockingHud:
         self._w = Widgets(window)
 
     def draw(self, box: Letterbox, console: Console, picture: Picture) -> None:
-        """Draw over a picture; all figures are those of the picture's time."""
+        """Draw over a picture what lies in it, and the figures of the time that is shown."""
         session = console.session
         if picture.target is not session.plan.target:
             # the last picture may be of another scenario
             return
         docking = session.craft.docking
-        figures = docking.figures(picture.state.chaser, session.flight)
-        rows = {r.name: r for r in judge(figures, docking.limits, docking.corridor_deg)}
+        chasers = picture.state.chaser, session.craft.chaser
+        seen, now = (docking.figures(chaser, session.flight) for chaser in chasers)
+        rows = {r.name: r for r in judge(now, docking.limits, docking.corridor_deg)}
         canvas, camera = Canvas(self._window), picture.frame.scene.camera
-        sight = Sight(canvas, box, camera, figures, rows)
+        sight = Sight(canvas, box, camera, seen, now, rows)
         self._corridor(sight, docking)
         self._port(sight)
         self._window.imgui.push_font(self._window.figure_font, 0.0)
@@ -141,7 +143,7 @@ class DockingHud:
 
     def _ring(self, sight: Sight, centre: Point, radius: float) -> None:
         """Draw the boresight's reticle and, unless the radius is 0, the ring with its figures."""
-        canvas, _, _, figures, rows = sight
+        canvas, rows = sight.canvas, sight.rows
         cx, cy = centre
         for dx, dy in ((1, 0), (-1, 0), (0, 1), (0, -1)):
             canvas.stroke([(cx + r * dx, cy + r * dy) for r in (6, 22)], style.INK, 1.4)
@@ -156,13 +158,13 @@ class DockingHud:
         self._pair(canvas, (cx - radius - 14, cy - 2.2 * line), rows["offset right"], rows["rate right"], 1.0)
         self._pair(canvas, (cx - radius - 14, cy + 0.2 * line), rows["offset down"], rows["rate down"], 1.0)
         at = (cx, cy + radius - 3.1 * line)
-        self._text(canvas, at, f"{figures.axial_m:z.2f} m", style.INK, 0.5, DISTANCE)
+        self._text(canvas, at, f"{sight.now.axial_m:z.2f} m", style.INK, 0.5, DISTANCE)
         self._figure(canvas, (cx, cy + radius - 2.1 * line), "closing", rows["closing"], 0.5)
 
     @staticmethod
     def _needles(sight: Sight, centre: Point, radius: float) -> None:
         """Draw marks on the ring that move with roll (top), pitch (right) and yaw (bottom) error."""
-        (cx, cy), figures = centre, sight.figures
+        (cx, cy), figures = centre, sight.now
         for name, value, base in (
             ("roll", figures.roll_deg, -90.0),
             ("pitch", -figures.pitch_deg, 0.0),

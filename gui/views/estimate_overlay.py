@@ -25,9 +25,8 @@ SAYS = "the estimator's method, how sure it is (0 to 1), and how old the picture
 class EstimateOverlay:
     """Overlay of the newest estimate, with cached lines."""
 
-    def __init__(self) -> None:
-        self._key: tuple[object, ...] = ()
-        self._lines: tuple[Segment, ...] = ()
+    _key: tuple[object, ...] = ()
+    _lines: tuple[Segment, ...] = ()
 
     def draw(self, canvas: Canvas, box: Letterbox, picture: Picture, estimates: Estimates) -> None:
         """Draw over a picture the newest estimate, if its own picture is less than `OLD_S` older."""

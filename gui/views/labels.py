@@ -31,7 +31,6 @@ if TYPE_CHECKING:
 
     from flyaround.gui.console import Console
     from flyaround.gui.picture.feed import Picture
-    from flyaround.gui.surface import Surface
     from flyaround.simulator.labels.truth import Truth
     from flyaround.simulator.runtime.arrays import ByteArray
 
@@ -71,8 +70,8 @@ class _LabelView(Panel):
                 self._make(picture)
                 self._newest = picture
             self._show(canvas, place)
-            age = age_text(console.session, picture.frame.scene.t_s)
-            canvas.text((place[0] + 8, place[1] + 6 + canvas.line), age, style.WARN, AGE_TIP if age else "")
+            age, colour = age_text(console.session, picture.frame.scene.t_s)
+            canvas.text((place[0] + 8, place[1] + 6 + canvas.line), age, colour, AGE_TIP if age else "")
         canvas.unclip()
 
     @abstractmethod
@@ -165,10 +164,8 @@ class PartsView(_LabelView):
     name, title = "parts", "Parts and mask"
     legend_tip = "class of the part, as capture --labels parts writes it"
 
-    def __init__(self, window: Surface) -> None:
-        super().__init__(window)
-        self._image_rgb: ByteArray | None = None
-        self._rows: list[tuple[str, style.Rgba]] = []
+    _image_rgb: ByteArray | None = None
+    _rows: Sequence[tuple[str, style.Rgba]] = ()
 
     def _make(self, picture: Picture) -> None:
         parts = part_picture(picture.frame)

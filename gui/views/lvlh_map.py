@@ -37,7 +37,7 @@ if TYPE_CHECKING:
     from flyaround.simulator.world.frames.lvlh import Lvlh
 
 DRIFT_EVERY_S = 0.25
-"""Interval at which the predicted drift is recomputed, at 1x."""
+"""Simulated time after which the predicted drift is computed again."""
 PLANNED_POINTS = 200
 """Number of points of the scenario's path."""
 SHOWN_TARGET = 7.0
@@ -100,8 +100,9 @@ class LvlhMap(Panel):
             for burn in self._burns:
                 canvas.diamond(point(port.at(burn)), 4.5, style.PURPLE)
             self._nodes.draw(canvas, port, (target, *self._edges(canvas, port)))
-            self._chaser(canvas, port, here, boresight_lvlh(world, frame))
+            # below the chaser, which its name may hide in a small map
             self._sun(canvas, port, sun_lvlh(world, frame), world.sun_visible_fraction)
+            self._chaser(canvas, port, here, boresight_lvlh(world, frame))
             self._letters(canvas, port, session)
             canvas.unclip()
         self._buttons(console)
@@ -114,7 +115,7 @@ class LvlhMap(Panel):
             flight = session.flight
             self._planned = np.array([lvlh_position(flight, flight.chaser(float(t))) for t in times])
             self._burns = planned_burns_lvlh_m(session)
-        if abs(session.t_s - self._drift_t_s) > DRIFT_EVERY_S * session.clock.rate:
+        if abs(session.t_s - self._drift_t_s) > DRIFT_EVERY_S:
             chaser = session.craft.chaser
             self._drift = predicted_drift_lvlh_m(session.flight.orbit, chaser, PREDICTION_S)
             self._drift_t_s = session.t_s

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 from flyaround.gui import style
 from flyaround.gui.canvas import Canvas, point
+from flyaround.gui.picture.figures import AGE_TIP, age_text
 from flyaround.gui.picture.further import ORBIT_CAMERA
 from flyaround.gui.picture.orbit_camera import ABOUT
 from flyaround.gui.picture.orbit_picture import TRAIL_POINTS, ChaserMarks, chaser_marks
@@ -65,10 +66,12 @@ class OrbitCameraView(Panel):
             tip="what the free camera circles, its azimuth (0 looks along the flight), elevation above the orbit "
             "and distance. A drag turns, the wheel comes nearer, a double click is the first place again",
         )
-        rate = f"{image.shape[1]}x{image.shape[0]}  {feed.frames_s:.0f}/s"
+        age, colour = age_text(console.session, picture.frame.scene.t_s)
+        rate = f"{image.shape[1]}x{image.shape[0]}  {feed.frames_s:.0f}/s  {age}"
         if place[3] > 6 * canvas.line:
             below = (place[0] + 8, place[1] + 6 + canvas.line)
-            canvas.text(below, rate, style.QUIET, "pixels of this view's picture, and pictures a second")
+            tip = f"pixels of this view's picture, and pictures a second\n{AGE_TIP if age else ''}".strip()
+            canvas.text(below, rate, colour if age else style.QUIET, tip)
         canvas.unclip()
         self._buttons(console, place)
 

@@ -6,6 +6,7 @@ import contextlib
 import json
 import os
 import secrets
+import tempfile
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -84,6 +85,24 @@ def _fsync_folder(folder: Path) -> None:
             os.fsync(handle)
         finally:
             os.close(handle)
+
+
+def probe_writing(path: Path) -> OSError | None:
+    """Return why no file can be written in a folder, or in the nearest one above it that exists; None if one can.
+
+    Returns
+    -------
+    OSError or None
+        The error of a temporary file there, for example because a file is in the place of the folder.
+    """
+    places = path.parents if path.is_file() else (path, *path.parents)
+    try:
+        with tempfile.TemporaryFile(dir=next(p for p in places if p.exists())) as file:
+            # an empty file fits on a full disk
+            file.write(bytes(65_536))
+    except OSError as error:
+        return error
+    return None
 
 
 def write_json(path: Path, value: Any) -> None:  # noqa: ANN401 - any JSON value

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from pathlib import Path
 
 import pytest
 
 from flyaround.gui.console import Console
+from flyaround.simulator.runtime.files import write_atomic
 from tests.harness.flown_console import console_flying
 
 
@@ -54,6 +56,65 @@ def test_the_caution_of_a_plume_goes_once_it_is_clear(console: Console) -> None:
             console.pass_time(200)
         console.do("time.rate", "1")
         assert waiting(console) == []
+
+
+def about(console: Console, folder: Path) -> list[str]:
+    """Waiting cautions that name a folder."""
+    return [text for text in waiting(console) if str(folder) in text]
+
+
+WRITING = ("log.save", "film.start", "timeline.keep", "capture.start", "window.screenshot")
+
+
+def write(console: Console, command: str, folder: Path) -> None:
+    """Have a command write into a folder."""
+    endings = {"log.save": ".script", "film.start": ".mp4", "window.screenshot": ".png"}
+    path = str(folder / f"result{endings.get(command, '')}")
+    console.do(command, *((3, "tango-space-10m", path) if command == "capture.start" else (path,)))
+    request, console.window.screenshot = console.window.screenshot, None
+    if request is not None:
+        console.save(request, lambda path: write_atomic(path, b"a picture"), command)
+
+
+@pytest.mark.parametrize("command", WRITING)
+def test_the_caution_of_a_folder_goes_once_it_can_be_written(
+    console: Console, command: str, tmp_path: Path
+) -> None:
+    console.pass_time(200)
+    # a file in its way stops the superuser, too
+    blocked = tmp_path / "blocked"
+    blocked.write_text("")
+    write(console, command, blocked / "deeper")
+    for _ in range(30):
+        assert len(about(console, tmp_path)) == 1
+        console.pass_time(100)
+    assert str(blocked) in about(console, tmp_path)[0]
+    blocked.unlink()
+    for _ in range(15):
+        console.pass_time(100)
+    assert about(console, tmp_path) == []
+
+
+@pytest.mark.parametrize("command", ["log.save", "film.start", "timeline.keep", "window.screenshot"])
+def test_the_caution_of_a_folder_goes_when_another_one_is_written(
+    console: Console, command: str, tmp_path: Path
+) -> None:
+    console.pass_time(200)
+    (tmp_path / "blocked").write_text("")
+    write(console, command, tmp_path / "blocked" / "deeper")
+    assert len(about(console, tmp_path)) == 1
+    write(console, command, tmp_path)
+    for _ in range(30):
+        console.pass_time(20)
+    assert about(console, tmp_path) == []
+
+
+def test_the_caution_of_a_refused_command_goes_once_it_is_done(console: Console) -> None:
+    console.do("guidance.vbar", 0.2)
+    console.do("burn.cancel", 5.0)
+    assert len(waiting(console)) == 2
+    console.do("guidance.vbar", 12.0)
+    assert len(waiting(console)) == 1
 
 
 def test_other_cautions_stay(console: Console) -> None:

@@ -353,5 +353,7 @@ def test_a_caution_stays_in_the_last_line_beside_an_ordinary_message(table: Comm
     console.say("too near", "warning")
     assert message_texts(console) == [("too near (F9: seen)", style.BAD), ("the plume strikes", style.WARN)]
     console.acknowledge()
+    # what is over must not read as if it were not
+    assert message_texts(console) == [("guidance: V-bar", style.QUIET)]
     console.say("guidance: R-bar")
     assert message_texts(console) == [("guidance: R-bar", style.QUIET)]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 import cv2
 import numpy as np
@@ -26,12 +27,12 @@ def console() -> Iterator[Console]:
     made.close()
 
 
-def draw(window: HeadlessWindow, console: Console) -> dict[str, tuple[float, float]]:
+def draw(window: HeadlessWindow, console: Console, width: float = 420.0) -> dict[str, tuple[float, float]]:
     """Positions of the controls by their labels."""
     panel = EstimatorPanel(window)
     for _ in range(2):
         window.noted.clear()
-        with window.panel("estimator", 420.0, 1400.0):
+        with window.panel("estimator", width, 1400.0):
             panel.draw(console)
     return {n.label: n.middle for n in window.noted if n.what == "control" and n.label != "end_plot"}
 
@@ -76,6 +77,37 @@ def declined(**stages: ByteArray) -> ComparedEstimate:
     )
 
 
+@pytest.mark.parametrize("width", [254.0, 420.0])
+def test_the_pose_of_the_last_answer_stands_whole_with_its_time_and_errors(
+    window: HeadlessWindow, console: Console, width: float
+) -> None:
+    pose = {
+        "q_camera_from_target_wxyz": (0.5, -0.5, 0.5, -0.5),
+        "t_camera_from_target_m": (-0.1234, 2.0, 110.25),
+    }
+    answered = declined()
+    answered = replace(
+        answered, answer=replace(answered.answer, accepted=True, reason="", **pose), E_R_deg=0.25, E_T_m=0.013
+    )
+    console.jobs.estimates.newest = answered
+    for _ in range(110):
+        console.pass_time(100)
+    draw(window, console, width)
+    texts = [" ".join(n.label.split()) for n in window.noted if n.what == "text"]
+    for figures in ("-0.123 +2.000 +110.250", "+0.5000 -0.5000 +0.5000 -0.5000", "0.250°", "13.0 mm"):
+        assert figures in texts
+    assert "accepted, 10.0 s ago" in texts
+    for reason, remedy in (("no edges", False), ("target too small in the picture", True)):
+        answer = replace(declined().answer, reason=reason)
+        console.jobs.estimates.newest = replace(declined(), answer=answer)
+        draw(window, console, width)
+        texts = [n.label for n in window.noted if n.what == "text"]
+        assert not any("0.5000" in text for text in texts)
+        assert "no pose" in texts
+        assert f"declined, 10.0 s ago: {reason}" in texts
+        assert any("fly nearer" in text for text in texts) is remedy
+
+
 def test_a_result_moves_no_control(window: HeadlessWindow, console: Console) -> None:
     before = draw(window, console)
     assert "Stages as pictures" in str(before)
@@ -95,7 +127,7 @@ def test_a_click_on_a_small_stage_shows_it_in_the_place_of_the_view() -> None:
     console.open_panel("camera", shown=True)
     for _ in range(3):
         screen.turn()
-    left, top, wide, tall = console.help.rects["camera"]
+    left, top, wide, tall = screen.rect("camera")
     screen.press("image")
     for _ in range(3):
         screen.turn()
@@ -103,7 +135,7 @@ def test_a_click_on_a_small_stage_shows_it_in_the_place_of_the_view() -> None:
     x, y = screen.place("image")
     assert left < x < left + wide
     assert top < y < top + tall
-    _, _, width, _ = console.help.rects["stage"]
+    _, _, width, _ = screen.rect("stage")
     assert width > 0.9 * wide
     # what the newest estimate lacks is said
     console.jobs.estimates.newest = declined()

@@ -24,7 +24,6 @@ from flyaround.gui.picture.view_settings import reduced_camera
 from flyaround.simulator.frame import Frame, take_frame
 from flyaround.simulator.piloting.docking_figures import judge_contact
 from flyaround.simulator.piloting.session import FlightSession
-from flyaround.simulator.piloting.telemetry import telemetry_of
 from flyaround.simulator.render.renderer import Renderer
 from flyaround.simulator.scenario.load import load_scenario
 from tests.gui.jobs.test_hil_session import row
@@ -69,9 +68,7 @@ def console(frame: Frame, table: CommandTable) -> Console:
     ):
         console.do_line(line)
     assert not [m for m in console.messages if m.level != "note"], console.messages
-    picture = Picture(
-        frame, session.state, session.plan.target, telemetry_of(session.craft.world, frame.scene), 4
-    )
+    picture = Picture(frame, session.state, session.plan.target, 4)
     console.feed.newest = picture
     for feed in (console.feeds.setdefault(n, Feed(NoRenderer())) for n in ("orbit-camera", "labels")):
         feed.newest = picture
@@ -106,9 +103,11 @@ def window(monkeypatch: pytest.MonkeyPatch) -> Iterator[HeadlessWindow]:
     window = HeadlessWindow()
     told = window.noted
 
-    def item_tip(imgui: Any, text: str, tell: Any = hover_text.item_tip) -> None:
+    tell = hover_text.item_tip
+
+    def item_tip(imgui: Any, text: str, **options: Any) -> None:
         told.append(Noted("tip", text))
-        tell(imgui, text)
+        tell(imgui, text, **options)
 
     def noting(draw: Any) -> Any:
         def letters(canvas: Canvas, at: Any, text: str, rgba: style.Rgba = style.INK, tip: str = "") -> None:

@@ -94,7 +94,7 @@ def test_abort_takes_two_clicks_and_its_guard_closes_by_itself(screen: Pointer) 
 def test_a_panel_fills_the_window_until_escape(screen: Pointer) -> None:
     screen.console.do("window.enlarge", "lvlh-map")
     screen.turn()
-    x, _, width, _ = screen.console.help.rects["lvlh-map"]
+    x, _, width, _ = screen.rect("enlarged")
     assert (x, width) == (0.0, screen.window.size[0])
     screen.escape()
     assert screen.console.window.enlarged == ""

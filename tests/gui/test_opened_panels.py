@@ -6,6 +6,7 @@ from collections.abc import Iterator
 
 import pytest
 
+from flyaround.gui.style import ACCENT
 from tests.harness.pointer import Pointer
 
 
@@ -45,24 +46,12 @@ def test_a_command_brings_a_tab_into_sight(at: Pointer, name: str) -> None:
 
 def test_it_is_framed_for_a_moment(at: Pointer) -> None:
     drawn: list[float] = []
-    real = at.window.plain.get_foreground_draw_list
-
-    class Frames:
-        def add_rect(self, low: object, high: object, colour: int, *_: object) -> None:
-            drawn.append(colour >> 24)
-
-        def __getattr__(self, name: str) -> object:
-            return getattr(real(), name)
-
-    at.window.imgui.get_foreground_draw_list = Frames
     at.console.do("panel.sensor", True)
-    for _ in range(12):
+    for _ in range(13):
         at.turn()
-    assert len(drawn) >= 2
+        drawn += at.framed(ACCENT, at.rect("sensor")).values()
+    assert 2 <= len(drawn) < 13
     assert drawn == sorted(drawn, reverse=True)
-    drawn.clear()
-    at.turn()
-    assert not drawn
 
 
 @pytest.mark.parametrize("hide", ["window.panels", "window.enlarge"])

@@ -161,7 +161,8 @@ def test_nothing_moves_when_a_job_begins_or_ends(tmp_path: Path, monkeypatch: py
     def places() -> list[tuple[float, ...]]:
         for _ in range(3):
             screen.turn()
-        return [*console.help.rects.values(), screen.place("ABORT"), screen.place("Pause")]
+        shown = [name for name, is_open in console.shown.items() if is_open]
+        return [*map(screen.rect, [*shown, "jobs"]), screen.place("ABORT"), screen.place("Pause")]
 
     before = places()
     console.do("film.start")

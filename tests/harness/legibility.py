@@ -74,8 +74,8 @@ def drawn_texts(window: Surface) -> list[TextRun]:
     glyphs = _glyphs(window)
     runs: list[TextRun] = []
     for part in imgui.get_draw_data().cmd_lists:
-        vertices = _array(part.vtx_buffer, VERTEX)
-        indices = _array(part.idx_buffer, np.dtype(np.uint32 if imgui.INDEX_SIZE == 4 else np.uint16))
+        vertices = array_of(part.vtx_buffer, VERTEX)
+        indices = array_of(part.idx_buffer, np.dtype(np.uint32 if imgui.INDEX_SIZE == 4 else np.uint16))
         for command in part.cmd_buffer:
             if command.elem_count == 0:
                 continue
@@ -86,7 +86,7 @@ def drawn_texts(window: Surface) -> list[TextRun]:
     return runs
 
 
-def _array(buffer: Any, kind: np.dtype) -> np.ndarray:
+def array_of(buffer: Any, kind: np.dtype) -> np.ndarray:
     size = buffer.size() * kind.itemsize
     if size == 0:
         return np.zeros(0, kind)

@@ -2,11 +2,17 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from flyaround.gui.console import Console
 from flyaround.gui.layout import Layout, SavedLayout
+from flyaround.gui.style import Rgba
 from tests.harness.flown_console import console_flying
 from tests.harness.headless_imgui import HeadlessWindow, Noted
+from tests.harness.legibility import VERTEX, array_of
 
+NEAR = 4.0
+"""Distance of a frame's corner from that of what it frames [px]."""
 FAR = (640.0, 500.0)
 """A place without menus."""
 STRIPS, STRIP = 90.0, ("ABORT", "ABORT? again", "HAND: OFF", "Pause", "Play")
@@ -148,6 +154,25 @@ class Pointer:
         for down in (True, False):
             io.add_key_event(escape, down)
             self.turn()
+
+    def rect(self, name: str) -> tuple[float, float, float, float]:
+        """Return left, top, width and height of a panel, or of a strip."""
+        find = self.window.plain.internal.find_window_by_name
+        native = find(name) or find(f"###{name}")
+        return native.pos.x, native.pos.y, native.size.x, native.size.y
+
+    def framed(self, rgba: Rgba, rect: tuple[float, ...] | None = None) -> dict[str, float]:
+        """Return windows, from the back, with this colour at a rectangle's corners, or anywhere, and its opacity."""
+        rgb = sum(round(255 * c) << 8 * k for k, c in enumerate(rgba[:3]))
+        x, y, wide, tall = rect or (0.0, 0.0, 0.0, 0.0)
+        corners = [(x, y), (x + wide, y), (x, y + tall), (x + wide, y + tall)] if rect else []
+        found = {}
+        for part in self.window.plain.get_draw_data().cmd_lists:
+            vertices = array_of(part.vtx_buffer, VERTEX)
+            vertices = vertices[(vertices["colour"] & 0xFFFFFF) == rgb]
+            if len(vertices) and all(np.abs(vertices["at"] - c).max(axis=1).min() < NEAR for c in corners):
+                found[part._owner_name] = float((vertices["colour"] >> 24).max()) / 255
+        return found
 
     def place(self, label: str, nth: int = 0) -> tuple[float, float]:
         """Return the middle of a control."""

@@ -10,12 +10,13 @@ from pathlib import Path
 
 FOLDER = Path("docs") / "images"
 PICTURES = {
-    "console": ("tango-flyaround", "30"),
+    # paused until a slow machine, too, has the whole picture
+    "console": ("tango-flyaround", "25 time.pause;38 time.pause;38.2"),
     "console-steering": ("tango-flyaround", "1 layout.fly;2 guidance.hold;2.5 burn.plan 150 0 0.02 0;75"),
     "console-docking": ("tango-flyaround", "1 layout.dock;2 docking.approach on;60"),
     "console-estimator": (
         "tango-vbar-closed-loop",
-        "1 layout.estimate;1.2 picture.detail full;1.4 time.rate 0.1;2 estimator.run on;40",
+        "1 layout.estimate;1.2 picture.detail full;1.4 time.rate 0.1;2 estimator.run on;170",
     ),
     "console-board-link": (
         "tango-vbar-closed-loop",

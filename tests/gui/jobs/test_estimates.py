@@ -23,7 +23,6 @@ from flyaround.simulator.camera.lens.files import load_camera
 from flyaround.simulator.errors import UserError
 from flyaround.simulator.frame import NO_RADIANCE, Frame
 from flyaround.simulator.piloting.session import FlightSession
-from flyaround.simulator.piloting.telemetry import telemetry_of
 from flyaround.simulator.runtime.worker_pool import MAX_CONSECUTIVE_DEATHS
 from flyaround.simulator.scenario.load import load_scenario
 from tests.harness.turned_clock import TurnedClock
@@ -90,7 +89,7 @@ def picture_of(session: FlightSession, t_s: float = 0.0, size: int = 64) -> Pict
     camera = replace(reduced_camera(scene.camera, 8), width_px=size, height_px=size)
     scene = replace(scene, t_s=t_s, camera=camera)
     frame = Frame(scene, np.full((size, size), 7, np.uint8), NO_RADIANCE)
-    return Picture(frame, session.state, session.plan.target, telemetry_of(session.craft.world, scene), 8)
+    return Picture(frame, session.state, session.plan.target, 8)
 
 
 def until(done: Callable[[], bool], turn: Callable[[], object]) -> float:
@@ -287,7 +286,7 @@ def test_the_estimators_themselves_answer_with_their_stages(session: FlightSessi
 
     scene = replace(session.scene(), camera=reduced_camera(session.plan.camera, 2), quality="draft")
     frame = render_scene(scene, session.plan.target)
-    picture = Picture(frame, session.state, session.plan.target, telemetry_of(session.craft.world, scene), 2)
+    picture = Picture(frame, session.state, session.plan.target, 2)
     found: dict[str, ComparedEstimate] = {}
     with contextlib.closing(Estimates()) as estimates:
         estimates.send_stages(on=True)

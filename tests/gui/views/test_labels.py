@@ -15,7 +15,6 @@ from flyaround.gui.picture.further import LABEL_VIEWS
 from flyaround.gui.picture.view_settings import reduced_camera
 from flyaround.gui.views.labels import DepthView
 from flyaround.simulator.frame import NO_RADIANCE, Frame
-from flyaround.simulator.piloting.telemetry import telemetry_of
 from tests.harness.flown_console import console_flying
 from tests.harness.headless_imgui import HeadlessWindow
 from tests.harness.no_renderer import NoRenderer
@@ -24,7 +23,7 @@ pytest.importorskip("imgui_bundle", reason="the gui extra is not installed")
 
 
 @pytest.mark.parametrize(
-    ("age_s", "rate", "said"), [(0.0, 1, None), (40.0, 1, "40 s old"), (40.0, 100, None)]
+    ("age_s", "rate", "said"), [(0.0, 1, None), (40.0, 1, "40.0 s old"), (40.0, 100, "40.0 s old")]
 )
 def test_an_old_picture_of_labels_says_so(
     monkeypatch: pytest.MonkeyPatch, age_s: float, rate: float, said: str | None
@@ -41,9 +40,7 @@ def test_an_old_picture_of_labels_says_so(
     truth: Any = SimpleNamespace(box_px=None)
     frame = Frame(scene, np.zeros(shape, np.uint8), NO_RADIANCE, truth=truth, layers={"depth": depth})
     console.feeds[LABEL_VIEWS] = Feed(NoRenderer())
-    console.feeds[LABEL_VIEWS].newest = Picture(
-        frame, session.state, session.plan.target, telemetry_of(session.craft.world, scene), 8
-    )
+    console.feeds[LABEL_VIEWS].newest = Picture(frame, session.state, session.plan.target, 8)
     session.clock.rate = rate
     window = HeadlessWindow()
     try:
