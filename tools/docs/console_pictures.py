@@ -10,8 +10,7 @@ from pathlib import Path
 
 FOLDER = Path("docs") / "images"
 PICTURES = {
-    # paused until a slow machine, too, has the whole picture
-    "console": ("tango-flyaround", "25 time.pause;38 time.pause;38.2"),
+    "console": ("tango-flyaround", "45"),
     "console-steering": ("tango-flyaround", "1 layout.fly;2 guidance.hold;2.5 burn.plan 150 0 0.02 0;75"),
     "console-docking": ("tango-flyaround", "1 layout.dock;2 docking.approach on;60"),
     "console-estimator": (
