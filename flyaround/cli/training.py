@@ -46,8 +46,9 @@ def train(
 
 
 POOR_PX = 12.0
-"""Median error of the keypoints [px of 128] above which `hybrid` finds fewer poses with the network than without; on a
-box with two panels 16.2 px did harm and 10.9 px helped."""
+"""Median error of the keypoints [px of 128] above which `hybrid` may find fewer poses with the network than without: on
+a box with two panels 16.2 px did harm and 10.9 px helped. On a craft with a near-symmetry, whose keypoints have two
+likely places each, 21.3 px helped."""
 
 
 def _check_suffix(output: Path) -> None:
@@ -84,8 +85,8 @@ def _train_craft(run: TrainRun, craft: str, report: Callable[[float, str], None]
     )
     if trained.median_px > POOR_PX:
         say(
-            f"with more than {POOR_PX:g} px it finds fewer poses than no network: train it longer (--minutes), or "
-            f"delete {output}"
+            f"with more than {POOR_PX:g} px, hybrid may find fewer poses than without it, unless {craft} looks alike "
+            f"from two sides: compare by flyaround evaluate, train it longer (--minutes), or delete {output}"
         )
     if trained.symmetries:
         say(
