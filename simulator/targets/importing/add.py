@@ -14,6 +14,7 @@ from flyaround.simulator.targets.convert import content_sha256
 from flyaround.simulator.targets.glb.read import holds_target, load_glb
 from flyaround.simulator.targets.importing.propose.keypoints import propose_keypoints
 from flyaround.simulator.targets.importing.propose.mass import mass_properties
+from flyaround.simulator.targets.importing.propose.near_symmetries import near_symmetries
 from flyaround.simulator.targets.importing.propose.occluders import propose_occluders
 from flyaround.simulator.targets.importing.propose.wireframe import propose_wireframe
 from flyaround.simulator.targets.importing.read.mesh_file import read_mesh
@@ -159,6 +160,11 @@ def import_mesh(path: Path, name: str, options: ImportOptions | None = None) -> 
     wireframe, n_omitted = propose_wireframe(bodies, extent, materials)
     occluders = propose_occluders(bodies, extent)
     lines += _proposals(len(keypoints), len(wireframe), n_omitted, len(occluders.triangles))
+    lines += [
+        f"the shape coincides with itself after {turn}: hybrid compares shapes, not paint, and declines "
+        "most poses of it as ambiguous"
+        for turn in near_symmetries(bodies)
+    ]
     lines.append(derivation)
     names_in_use = {p.material for p in parts}
     materials_in_use = tuple(m for m in materials if m.name in names_in_use)

@@ -125,3 +125,23 @@ def test_keypoints_are_spread_over_the_craft_and_not_along_its_boom(tmp_path):
     assert 1 <= on_boom.sum() <= 5
     assert points[:, 0].max() > 5.5
     assert np.ptp(points[~on_boom], axis=0).min() > 0.9
+
+
+@pytest.mark.parametrize(
+    ("bus", "boom_at_m", "turns"),
+    [
+        ((1.0, 0.8, 0.4), None, ["half a turn about x", "half a turn about y", "half a turn about z"]),
+        ((1.0, 1.0, 0.4), None, ["half a turn about x", "half a turn about y", "a quarter turn about z"]),
+        ((1.0, 0.8, 0.4), (0.5, 0.4, 0.6), []),
+    ],
+)
+def test_turns_that_leave_the_shape_as_it_is_are_said(tmp_path, bus, boom_at_m, turns):
+    pieces = [trimesh.creation.box(bus)]
+    if boom_at_m is not None:
+        there = trimesh.transformations.translation_matrix(boom_at_m)
+        pieces.append(trimesh.creation.box((0.2, 0.2, 1.0), there))
+    trimesh.util.concatenate(pieces).export(tmp_path / "craft.stl")
+    lines = import_mesh(tmp_path / "craft.stl", "craft")[1]
+    said = [line for line in lines if "coincides with itself" in line]
+    assert len(said) == len(turns)
+    assert all(turn in line for turn, line in zip(turns, said, strict=True))
