@@ -278,8 +278,8 @@ class PoseMessage:
         Returns
         -------
         bytes
-            Fixed fields, the first ``MAX_STAGES`` stages, the reason cut to ``MAX_TEXT_BYTES``, and the covariance if there is
-            one.
+            Fixed fields, the first ``MAX_STAGES`` stages, the reason cut to ``MAX_TEXT_BYTES``, and the covariance
+            if there is one.
 
         Raises
         ------
