@@ -12,6 +12,7 @@ from flyaround.hil.corner_code import CodePlace, read_code
 from flyaround.hil.host.picture_frames import pictures_in
 from flyaround.simulator.dataset.formats.native import read_png
 from flyaround.simulator.errors import UserError, missing_extra
+from flyaround.simulator.runtime.mcap_messages import mcap_messages
 from flyaround.simulator.world.time.instant import nanoseconds_utc
 
 if TYPE_CHECKING:
@@ -122,21 +123,21 @@ def pictures_of(source: Path) -> Iterator[tuple[str, NDArray[Any]]]:
             yield path.name, read_png(path)
         return
     try:
-        from mcap.exceptions import McapError  # noqa: PLC0415 - optional dependency
-        from mcap.reader import make_reader  # noqa: PLC0415
-        from mcap_ros2.decoder import DecoderFactory  # noqa: PLC0415
-        from zstandard import ZstdError  # noqa: PLC0415 - comes with mcap
+        from mcap_ros2.decoder import DecoderFactory  # noqa: PLC0415 - optional dependency
     except ImportError as error:
         raise missing_extra("an MCAP file", "logs", error) from error
     count = 0
+    decoders = DecoderFactory()
     try:
         with source.open("rb") as file:
-            reader = make_reader(file, validate_crcs=True, decoder_factories=[DecoderFactory()])
-            for _, _, message, image in reader.iter_decoded_messages(topics=[IMAGES_TOPIC]):
-                yield f"picture at {message.log_time} ns", _pixels(image)
-                count += 1
-    # damaged chunks end in ZstdError, damaged lengths in the others
-    except (OSError, McapError, ValueError, struct.error, ZstdError, OverflowError, MemoryError) as error:
+            for schema, channel, message in mcap_messages(file):
+                if channel.topic == IMAGES_TOPIC:
+                    decode = decoders.decoder_for(channel.message_encoding, schema)
+                    if decode is None:
+                        raise ValueError(f"{IMAGES_TOPIC} is no topic of ROS 2")
+                    yield f"picture at {message.log_time} ns", _pixels(decode(message.data))
+                    count += 1
+    except (OSError, ValueError, struct.error, OverflowError) as error:
         raise UserError(
             f"{source} cannot be read ({str(error) or type(error).__name__}): name a folder of PNG files, or a file "
             "written with --mcap"
