@@ -93,10 +93,13 @@ def audit_pictures(
             audit.unreadable.append(name)
             continue
         row = by_frame.get(code.frame_id)
-        if row is None:
-            audit.wrong.append(f"{name} has the code of frame {code.frame_id}, which is not in the ledger")
-        elif nanoseconds_utc(row.epoch_utc) != code.time_ns:
-            off_ms = 1e-6 * (code.time_ns - nanoseconds_utc(row.epoch_utc))
+        time_ns = None if row is None else _time_ns(row)
+        if row is None or time_ns is None:
+            audit.wrong.append(
+                f"{name} has the code of frame {code.frame_id}, which has no time in the ledger"
+            )
+        elif time_ns != code.time_ns:
+            off_ms = 1e-6 * (code.time_ns - time_ns)
             audit.wrong.append(
                 f"{name} has the code of frame {code.frame_id}, {off_ms:+.3f} ms from its time in the ledger"
             )
@@ -108,6 +111,14 @@ def audit_pictures(
     answered = (row.frame_id for row in rows if row.outcome in {"accepted", "declined"})
     audit.missing = [frame_id for frame_id in answered if frame_id not in matched_frames]
     return audit
+
+
+def _time_ns(row: FrameRecord) -> int | None:
+    """Return the time of a row, None if its text is no time."""
+    try:
+        return nanoseconds_utc(row.epoch_utc)
+    except ValueError:
+        return None
 
 
 def pictures_of(source: Path) -> Iterator[tuple[str, NDArray[Any]]]:

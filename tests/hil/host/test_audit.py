@@ -81,8 +81,15 @@ def test_a_row_that_is_changed_is_found(run):
     pictures = {name: image for name, image in pictures_of(run / "kept") if name != "997.png"}
     found = audit_pictures(rows[1:], [*pictures.items(), ("again", pictures["999.png"])])
     assert (found.missing, found.twice) == ([3], ["again"])
-    assert found.wrong == ["1000.png has the code of frame 0, which is not in the ledger"]
+    assert found.wrong == ["1000.png has the code of frame 0, which has no time in the ledger"]
     assert not found.passed
+
+
+def test_a_row_whose_time_is_none_is_wrong(run):
+    rows = read_ledger(run / "log")
+    found = audit_pictures([replace(rows[0], epoch_utc="noon"), *rows[1:]], pictures_of(run / "kept"))
+    assert found.wrong == ["1000.png has the code of frame 0, which has no time in the ledger"]
+    assert found.agree == N - 1
 
 
 def test_a_picture_without_a_code_is_told(run):
