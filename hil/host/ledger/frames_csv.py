@@ -201,8 +201,12 @@ def _row(cells: dict[str, str]) -> FrameRecord:
     for ms in stages_ms.values():
         _finite(ms)
     optional: dict[str, Any] = {
-        name: _finite(cells[name]) if cells[name] else None for name in (*DURATIONS, *_ERRORS)
+        name: _finite(cells[name]) if cells[name] else None
+        for name in (*DURATIONS, *_ERRORS)
+        if not name.startswith("E_")
     }
+    # an error that is not finite counts as wrong
+    optional |= {name: float(cells[name]) if cells[name] else None for name in ("E_T_m", "E_R_deg")}
     newer_columns: dict[str, Any] = {
         **{name: cells.get(name, "") for name in _TIMES},
         **{name: _finite(cells[name]) if cells.get(name) else None for name in _DELAYS},
