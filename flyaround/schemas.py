@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import inspect
 import json
+import re
 import sys
 from pathlib import Path
 from typing import Any
@@ -29,6 +30,10 @@ from flyaround.simulator.targets.records import TargetRecord
 
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
 
+# Heading of a numpydoc section, and an entry of one: names, then an indented description.
+_SECTION = re.compile(r"\n+([A-Z]\w+)\n-{3,}\n")
+_FIELD = re.compile(r"^(\w[\w, ]*) : .*((?:\n[ \n].*|\n)+)", re.MULTILINE)
+
 
 def all_schemas() -> dict[str, dict[str, Any]]:
     """Return the schema documents by format name."""
@@ -50,19 +55,33 @@ def all_schemas() -> dict[str, dict[str, Any]]:
         "delay_map": msgspec.json.schema(DelayMapOutcome),
     }
     return {
-        name: {"$schema": DIALECT, "title": f"flyaround {name}", **_dedented(schema)}
+        name: {"$schema": DIALECT, "title": f"flyaround {name}", **_described(schema)}
         for name, schema in schemas.items()
     }
 
 
-def _dedented(value: Any) -> Any:  # noqa: ANN401 - any JSON
-    """Return a document with dedented descriptions, like Python 3.13."""
-    if isinstance(value, dict):
-        return {
-            key: inspect.cleandoc(v) if key == "description" and isinstance(v, str) else _dedented(v)
-            for key, v in value.items()
-        }
-    return [_dedented(v) for v in value] if isinstance(value, list) else value
+def _described(value: Any) -> Any:  # noqa: ANN401 - any JSON
+    """Return a document with docstrings as plain sentences: those on a field become the description of its property."""
+    if isinstance(value, list):
+        return [_described(v) for v in value]
+    if not isinstance(value, dict):
+        return value
+    out = {key: _described(v) for key, v in value.items()}
+    if isinstance(value.get("description"), str):
+        text, *sections = _SECTION.split(inspect.cleandoc(value["description"]))
+        out["description"] = _sentences(text)
+        for title, body in zip(sections[::2], sections[1::2], strict=True):
+            if title in {"Parameters", "Attributes"}:
+                for names, field in _FIELD.findall(body):
+                    for name in names.split(", "):
+                        if name in out.get("properties", {}):
+                            out["properties"][name]["description"] = _sentences(inspect.cleandoc(field))
+    return out
+
+
+def _sentences(text: str) -> str:
+    """Return prose without the marks and line breaks of reStructuredText, except between paragraphs."""
+    return re.sub(r"(?<!\n)\n(?!\n)", " ", text.strip().replace("``", "").replace("`", ""))
 
 
 def write_schemas(folder: Path) -> None:

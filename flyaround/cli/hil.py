@@ -32,7 +32,7 @@ def bundle(
         raise UserError(f"{path} is a folder: name the file to write, e.g. {path / 'board.pyz'}")
     names = list(dict.fromkeys(targets or ["tango"]))
     size = write_bundle(path, [load_target(name) for name in names])
-    say(f"{path}: {size / 1024:.0f} kB. On the board: python3 {path.name} tcp://HOST:5600 --model {names[0]}")
+    say(f"{path}: {size / 1000:.0f} kB. On the board: python3 {path.name} tcp://HOST:5600 --model {names[0]}")
 
 
 def make_key(

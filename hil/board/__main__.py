@@ -162,7 +162,10 @@ def _answer(image: str, camera: Optional[str], model: str, method: str) -> str:
             f"camera {camera} cannot be used ({error}): give the camera object of a truth record"
         ) from error
     cv2.setNumThreads(1)
-    picture = cv2.imread(image, cv2.IMREAD_UNCHANGED)
+    try:
+        picture = cv2.imread(image, cv2.IMREAD_UNCHANGED)
+    except cv2.error as error:
+        raise LinkError(f"picture {image} cannot be used: it is damaged or too large") from error
     encoding = str(intrinsics.get("encoding", "linear"))
     try:
         result = estimator.estimate(None if picture is None else linear_picture(picture, encoding))

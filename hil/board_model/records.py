@@ -19,12 +19,27 @@ from flyaround.simulator.targets.records import (
 
 
 class OutlinesRecord(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """Occluding contours from `views` directions, `points` each.
+    """Occluding contours of the target from all sides, in its axes.
 
-    `data` is base64 of a zlib stream of little-endian rows, in order: directions to the camera (views, 3) int16/32767;
-    positions about `center_m` (views, points, 3) int16 x `step_m`; outward normals (views, points, 3) int8 / 127; radii
-    of curvature along the line of sight (views, points) uint8 x `radius_step_m`, 0 at sharp edges. `range_m` is the
-    distance of the camera from `center_m`.
+    Parameters
+    ----------
+    views : int
+        Number of directions.
+    points : int
+        Number of points of each contour.
+    center_m : tuple of float
+        Point that the directions start from [m].
+    range_m : float
+        Distance of the cameras from ``center_m`` [m].
+    step_m : float
+        Length of one unit of the positions [m].
+    radius_step_m : float
+        Length of one unit of the radii of curvature [m].
+    data : str
+        Base64 of a zlib stream of four little-endian arrays: unit vectors from ``center_m`` to the camera, int16 in
+        units of 1/32767, (views, 3); positions of the points relative to ``center_m``, int16 in units of ``step_m``,
+        (views, points, 3); outward unit normals, int8 in units of 1/127, (views, points, 3); radii of curvature along
+        the line of sight, uint8 in units of ``radius_step_m``, (views, points), 0 at a sharp edge.
     """
 
     views: Index
@@ -37,21 +52,22 @@ class OutlinesRecord(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw
 
 
 class FacesRecord(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """Outer faces of the target, and the BSP tree that orders them.
+    """Outer faces of the target, and the BSP tree that sorts them by depth.
 
     Parameters
     ----------
     step_m : float
         Length of one unit of ``corners`` [m].
     corners : str
-        Base64 of a zlib stream of little-endian int16 x `step_m`: (faces, 4 corners, xyz), target frame. Corners are in
-        order as seen from outside; a triangle repeats the last one.
+        Base64 of a zlib stream of little-endian int16 in units of ``step_m``: (faces, 4 corners, xyz), target axes. The
+        corners of a face are counter-clockwise as seen from outside; a triangle repeats its last one.
     material : tuple of int
         Index of each face's material.
     plane : tuple of tuple of float
-        Splitting plane (nx, ny, nz, d) of each node, zeros at a leaf.
+        Splitting plane (nx, ny, nz, d) of each node: the points x with n.x = d [m]. All four are 0 at a leaf.
     children : tuple of tuple of int
-        Child nodes in front of and behind the plane; -1 for none.
+        Child nodes of each node: first that on the side where n.x > d, then that where n.x < d; -1 for none. Node 0 is
+        the root, and a child has a higher number than its parent.
     members : tuple of tuple of int
         Indices of the faces of each node.
     """
@@ -67,7 +83,7 @@ class FacesRecord(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_on
 class BoardModelRecord(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """Data of a target that a board needs to estimate its pose: a few thousand faces at most.
 
-    `network` is base64 of the file of a keypoint head trained for the target.
+    The network is base64 of the file of a keypoint head trained for the target.
     """
 
     schema: Literal["flyaround.board_model"]

@@ -12,6 +12,7 @@ from flyaround.hil.corner_code import CodePlace, read_code
 from flyaround.hil.host.picture_frames import pictures_in
 from flyaround.simulator.dataset.formats.native import read_png
 from flyaround.simulator.errors import UserError, missing_extra
+from flyaround.simulator.runtime.mcap_messages import mcap_messages
 from flyaround.simulator.world.time.instant import nanoseconds_utc
 
 if TYPE_CHECKING:
@@ -92,10 +93,13 @@ def audit_pictures(
             audit.unreadable.append(name)
             continue
         row = by_frame.get(code.frame_id)
-        if row is None:
-            audit.wrong.append(f"{name} has the code of frame {code.frame_id}, which is not in the ledger")
-        elif nanoseconds_utc(row.epoch_utc) != code.time_ns:
-            off_ms = 1e-6 * (code.time_ns - nanoseconds_utc(row.epoch_utc))
+        time_ns = None if row is None else _time_ns(row)
+        if row is None or time_ns is None:
+            audit.wrong.append(
+                f"{name} has the code of frame {code.frame_id}, which has no time in the ledger"
+            )
+        elif time_ns != code.time_ns:
+            off_ms = 1e-6 * (code.time_ns - time_ns)
             audit.wrong.append(
                 f"{name} has the code of frame {code.frame_id}, {off_ms:+.3f} ms from its time in the ledger"
             )
@@ -107,6 +111,14 @@ def audit_pictures(
     answered = (row.frame_id for row in rows if row.outcome in {"accepted", "declined"})
     audit.missing = [frame_id for frame_id in answered if frame_id not in matched_frames]
     return audit
+
+
+def _time_ns(row: FrameRecord) -> int | None:
+    """Return the time of a row, None if its text is no time."""
+    try:
+        return nanoseconds_utc(row.epoch_utc)
+    except ValueError:
+        return None
 
 
 def pictures_of(source: Path) -> Iterator[tuple[str, NDArray[Any]]]:
@@ -122,21 +134,21 @@ def pictures_of(source: Path) -> Iterator[tuple[str, NDArray[Any]]]:
             yield path.name, read_png(path)
         return
     try:
-        from mcap.exceptions import McapError  # noqa: PLC0415 - optional dependency
-        from mcap.reader import make_reader  # noqa: PLC0415
-        from mcap_ros2.decoder import DecoderFactory  # noqa: PLC0415
-        from zstandard import ZstdError  # noqa: PLC0415 - comes with mcap
+        from mcap_ros2.decoder import DecoderFactory  # noqa: PLC0415 - optional dependency
     except ImportError as error:
         raise missing_extra("an MCAP file", "logs", error) from error
     count = 0
+    decoders = DecoderFactory()
     try:
         with source.open("rb") as file:
-            reader = make_reader(file, validate_crcs=True, decoder_factories=[DecoderFactory()])
-            for _, _, message, image in reader.iter_decoded_messages(topics=[IMAGES_TOPIC]):
-                yield f"picture at {message.log_time} ns", _pixels(image)
-                count += 1
-    # damaged chunks end in ZstdError, damaged lengths in the others
-    except (OSError, McapError, ValueError, struct.error, ZstdError, OverflowError, MemoryError) as error:
+            for schema, channel, message in mcap_messages(file):
+                if channel.topic == IMAGES_TOPIC:
+                    decode = decoders.decoder_for(channel.message_encoding, schema)
+                    if decode is None:
+                        raise ValueError(f"{IMAGES_TOPIC} is no topic of ROS 2")
+                    yield f"picture at {message.log_time} ns", _pixels(decode(message.data))
+                    count += 1
+    except (OSError, ValueError, struct.error, OverflowError) as error:
         raise UserError(
             f"{source} cannot be read ({str(error) or type(error).__name__}): name a folder of PNG files, or a file "
             "written with --mcap"

@@ -63,7 +63,7 @@ class PartCost:
     ms_p95 : float
         95th percentile of the duration.
     peak_mb : float, optional
-        Peak memory of the process; None if it was not measured.
+        Peak memory of the process [10^6 bytes]; None if it was not measured.
     kernels : str, optional
         Implementation of an estimator's inner loops; None for other parts.
     """

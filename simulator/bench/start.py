@@ -90,4 +90,4 @@ def start_once(cache_folder: str, early: str = "", late: str = "") -> tuple[floa
         remaining = out.read()
     if program.returncode != 0 or first.strip() != "frame":
         raise RuntimeError(f"the program that draws a first frame ended with {program.returncode}")
-    return elapsed_ms, float(remaining) / 1024 or None
+    return elapsed_ms, float(remaining) * 1024e-6 or None  # the kernel's kB has 1024 bytes

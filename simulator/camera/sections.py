@@ -13,7 +13,7 @@ import msgspec
 import numpy as np
 from msgspec import Meta
 
-from flyaround.simulator.camera.detector.limits import DETECTOR, OPTICS
+from flyaround.simulator.camera.detector.limits import DETECTOR, MAX_KERNEL_SIZE, OPTICS
 from flyaround.simulator.camera.detector.optics import Optics
 from flyaround.simulator.camera.detector.sensor import Detector, Sensor
 from flyaround.simulator.camera.lens.camera_model import Camera
@@ -182,6 +182,10 @@ def _read_kernel(path: Path) -> NDArray[Any]:
         picture = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
         if picture is None:
             raise ValueError("it is no picture")
+        if max(picture.shape) > MAX_KERNEL_SIZE:
+            raise ValueError(
+                f"it has {picture.shape[1]} x {picture.shape[0]} pixels, at most {MAX_KERNEL_SIZE} a side"
+            )
         if picture.ndim == 2 and picture.max() == 0:
             raise ValueError("it is black all over")
         return picture / picture.sum(dtype=float)

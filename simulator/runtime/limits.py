@@ -36,7 +36,7 @@ def limits_problem(*, drawing: bool) -> str | None:
     size = resource.getrlimit(resource.RLIMIT_AS)[0]
     if 0 <= size < least:
         return (
-            f"this shell allows {size / 2**20:.0f} MB of memory, at least {least / 2**20:.0f} are needed: raise it "
+            f"this shell allows {size / 2**20:.0f} MiB of memory, at least {least / 2**20:.0f} are needed: raise it "
             "with ulimit -v unlimited"
         )
     return None

@@ -153,7 +153,7 @@ def _is_within(path: Path, folder: Path) -> bool:
 def _size(n_bytes: int) -> str:
     if n_bytes < 2**20:
         return f"{n_bytes:,} bytes"
-    return f"{n_bytes / 2**20:,.1f} MB" if n_bytes < 2**30 else f"{n_bytes / 2**30:,.1f} GB"
+    return f"{n_bytes / 2**20:,.1f} MiB" if n_bytes < 2**30 else f"{n_bytes / 2**30:,.1f} GiB"
 
 
 def without_mark(data: bytes, source: str) -> bytes:

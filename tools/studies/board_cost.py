@@ -3,7 +3,7 @@
     python -m tools.studies.board_cost SET --target tango
 
 Printed are processor times on one thread, of accepted frames, of the others and of each stage, and the peak memory of
-the process including Python, numpy and OpenCV (Linux).
+the process including Python, NumPy, OpenCV and one image [10^6 bytes] (Linux).
 """
 
 from __future__ import annotations
@@ -27,14 +27,16 @@ from flyaround.simulator.targets.library import load_target
 
 BOARD = """
 import json, sys, time
-import cv2, numpy as np
+from pathlib import Path
+import cv2
 from flyaround.hil.board.estimation import BoardModel, CameraIntrinsics
 from flyaround.hil.board.methods import make_estimator
+from flyaround.hil.bench.board_process import images, peak_mb
 import flyaround.hil.board.estimation.record as record
 cv2.setNumThreads(1)
 # stages by processor time: other work on the machine counts nothing
 record.time.perf_counter = time.process_time
-memory = lambda key: int(dict(line.split(":", 1) for line in open("/proc/self/status"))[key].split()[0]) / 1024
+memory = lambda key: int(dict(line.split(":", 1) for line in open("/proc/self/status"))[key].split()[0]) * 1024e-6
 folder = sys.argv[1]
 bare = memory("VmRSS")
 model = BoardModel.read(folder + "/model.json")
@@ -42,13 +44,12 @@ camera = CameraIntrinsics.from_dict(json.load(open(folder + "/camera.json")))
 estimator = make_estimator(model, camera)
 ready = memory("VmRSS")
 rows = []
-for k in range(len(np.load(folder + "/frames.npy", mmap_mode="r"))):
-    image = np.array(np.load(folder + "/frames.npy", mmap_mode="r")[k])
+for image in images(Path(folder) / "frames.npy"):
     began = time.process_time()
     result = estimator.estimate(image)
     took = time.process_time() - began
     rows.append({"ms": 1000 * took, "accepted": bool(result.accepted), "stages": dict(result.stages_ms)})
-print(json.dumps({"rows": rows, "bare": bare, "ready": ready, "peak": memory("VmHWM")}))
+print(json.dumps({"rows": rows, "bare": bare, "ready": ready, "peak": peak_mb()}))
 """
 
 

@@ -10,6 +10,7 @@ import numpy as np
 
 from flyaround.hil.board.encoding import ENCODINGS
 from flyaround.hil.board.errors import BoardModelError
+from flyaround.hil.board.json_values import BAD_VALUE, whole
 
 Array = np.ndarray
 
@@ -101,8 +102,8 @@ class CameraIntrinsics:
         try:
             distortion = data.get("distortion") or {}
             return CameraIntrinsics(
-                _whole(data["width_px"]),
-                _whole(data["height_px"]),
+                whole(data["width_px"]),
+                whole(data["height_px"]),
                 float(data["fx_px"]),
                 float(data["fy_px"]),
                 float(data["cx_px"]),
@@ -111,10 +112,10 @@ class CameraIntrinsics:
                 tuple(float(c) for c in distortion.get("coefficients", ())),
                 str(data.get("encoding", "linear")),
             )
-        except (KeyError, TypeError, ValueError, AttributeError) as error:
+        except BAD_VALUE as error:
             if isinstance(error, BoardModelError):
                 raise
-            raise BoardModelError(f"camera has a bad field: {error!r}") from error
+            raise BoardModelError(f"camera has a bad field: {error!r:.200}") from error
 
     @property
     def distorted(self) -> bool:
@@ -163,13 +164,6 @@ class CameraIntrinsics:
         z = np.maximum(points_camera_m[..., 2], 1e-3)
         x, y = self.distort(points_camera_m[..., 0] / z, points_camera_m[..., 1] / z)
         return np.stack([self.fx_px * x + self.cx_px, self.fy_px * y + self.cy_px], axis=-1)
-
-
-def _whole(value: Any) -> int:  # noqa: ANN401 - parsed JSON
-    number = int(value)
-    if number != value:
-        raise ValueError(f"{value!r} is not a whole number of pixels")
-    return number
 
 
 def undistorted_rays(camera: CameraIntrinsics, pixels: Array) -> Array:

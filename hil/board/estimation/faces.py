@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import base64
-import zlib
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, Dict, Tuple
 
 import numpy as np
+
+from flyaround.hil.board.json_values import SMALLEST_M, indices, number, numbers, unpack
 
 Array = np.ndarray
 
@@ -65,29 +65,22 @@ class Faces:
 
         Raises
         ------
-        KeyError, ValueError
-            If a field is missing or an index is out of range.
+        KeyError, OverflowError, TypeError, ValueError
+            If a field is missing, a number is impossible or an index is out of range.
         """
-        try:
-            data = zlib.decompress(base64.b64decode(record["corners"], validate=True))
-        except zlib.error as error:
-            raise ValueError(f"faces cannot be unpacked: {error}") from error
-        corners = float(record["step_m"]) * np.frombuffer(data, "<i2").astype(float).reshape(-1, 4, 3)
-        material = np.asarray(record["material"], int).reshape(-1)
-        children = np.asarray(record["children"], int).reshape(-1, 2)
-        plane = np.asarray(record["plane"], float).reshape(-1, 4)
-        members = tuple(np.asarray(m, int).reshape(-1) for m in record["members"])
-        indices = np.concatenate(members) if members else np.zeros(0, int)
-        if (
-            not len(corners)
-            or len(material) != len(corners)
-            or not len(plane) == len(children) == len(members)
-        ):
-            raise ValueError("faces and the nodes of their tree do not fit together")
+        material = indices(record["material"], -1)
+        steps = np.frombuffer(unpack(record["corners"], material.size * 4 * 3 * 2), "<i2")
+        corners = number(record["step_m"], least=SMALLEST_M) * steps.astype(float).reshape(-1, 4, 3)
+        children = indices(record["children"], -1, 2)
+        plane = numbers(record["plane"], -1, 4)
+        members = tuple(indices(m, -1) for m in record["members"])
+        listed = np.concatenate([np.zeros(0, int), *members])
+        if not len(plane) == len(children) == len(members):
+            raise ValueError("the nodes of the tree of faces differ in number between its fields")
         below = np.arange(len(children))[:, None]
         if np.any((children >= len(children)) | ((children >= 0) & (children <= below))):
             raise ValueError("a node of the tree of faces refers to a node that is not below it")
-        if not np.all(np.isfinite(corners)) or np.any((indices < 0) | (indices >= len(corners))):
+        if np.any((listed < 0) | (listed >= len(corners))):
             raise ValueError("the tree of faces refers to a face that does not exist")
         n = np.cross(corners[:, 2] - corners[:, 0], corners[:, 3] - corners[:, 1])
         n = n / np.maximum(np.linalg.norm(n, axis=1, keepdims=True), 1e-18)

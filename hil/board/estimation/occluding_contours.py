@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import base64
-import zlib
 from dataclasses import dataclass
 from typing import Any, Dict, Tuple
 
 import numpy as np
+
+from flyaround.hil.board.json_values import SMALLEST_M, number, numbers, unpack, whole
 
 Array = np.ndarray
 
@@ -26,7 +26,7 @@ class Outlines:
         Outward unit surface normals, perpendicular to the line of sight.
     radius_m : (V, N) array
         Radius of curvature along the line of sight [m]; 0 at sharp edges.
-    center_m : (3,) array
+    centre_m : (3,) array
         Centre of the target, target frame [m].
     range_m : float
         Distance of the views from the centre [m].
@@ -36,7 +36,7 @@ class Outlines:
     points_m: Array
     normals: Array
     radius_m: Array
-    center_m: Array
+    centre_m: Array
     range_m: float
 
     @staticmethod
@@ -45,35 +45,35 @@ class Outlines:
 
         Raises
         ------
-        KeyError, ValueError
-            If a field is missing or the data are damaged.
+        KeyError, OverflowError, TypeError, ValueError
+            If a field is missing, a number is impossible or the data are damaged.
         """
-        v, n = int(record["views"]), int(record["points"])
-        try:
-            data = zlib.decompress(base64.b64decode(record["data"], validate=True))
-        except zlib.error as error:
-            raise ValueError(f"outlines cannot be unpacked: {error}") from error
-        sizes = np.array([v * 3 * 2, v * n * 3 * 2, v * n * 3, v * n])
-        if v < 1 or n < 1 or len(data) != sizes.sum():
-            raise ValueError(f"outlines hold {len(data)} bytes instead of {sizes.sum()}")
+        v, n = whole(record["views"]), whole(record["points"])
+        if v < 1 or n < 1:
+            raise ValueError(f"outlines of {v} views with {n} points")
+        sizes = [v * 3 * 2, v * n * 3 * 2, v * n * 3, v * n]
+        data = unpack(record["data"], sum(sizes))
+        step_m, radius_step_m, range_m = (
+            number(record[name], least=SMALLEST_M) for name in ("step_m", "radius_step_m", "range_m")
+        )
         bounds = np.concatenate([[0], np.cumsum(sizes)])
         rows = [
             np.frombuffer(data[a:b], dtype)
             for a, b, dtype in zip(bounds[:-1], bounds[1:], ("<i2", "<i2", "i1", "u1"))  # noqa: B905 - Python 3.9
         ]
-        center = np.asarray(record["center_m"], float).reshape(3)
+        centre = numbers(record["center_m"], 3)
         return Outlines(
             directions=_unit(rows[0].reshape(v, 3).astype(float)),
-            points_m=center + float(record["step_m"]) * rows[1].reshape(v, n, 3),
+            points_m=centre + step_m * rows[1].reshape(v, n, 3),
             normals=_unit(rows[2].reshape(v, n, 3).astype(float)),
-            radius_m=float(record["radius_step_m"]) * rows[3].reshape(v, n),
-            center_m=center,
-            range_m=float(record["range_m"]),
+            radius_m=radius_step_m * rows[3].reshape(v, n),
+            centre_m=centre,
+            range_m=range_m,
         )
 
     def nearest(self, C_m: Array) -> Array:
         """Return the index of the view nearest to each camera position (B, 3), target frame."""
-        return np.asarray(np.argmax(_unit(C_m - self.center_m) @ self.directions.T, axis=1))
+        return np.asarray(np.argmax(_unit(C_m - self.centre_m) @ self.directions.T, axis=1))
 
     def seen_from(self, view: int, C_m: Array) -> Tuple[Array, Array]:
         """Return a view's contour points and normals (N, 3), corrected for a camera at ``C_m`` (3,).

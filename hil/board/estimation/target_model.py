@@ -15,6 +15,7 @@ from flyaround.hil.board.errors import BoardModelError
 from flyaround.hil.board.estimation.faces import Faces
 from flyaround.hil.board.estimation.occluding_contours import Outlines
 from flyaround.hil.board.files import read_bounded
+from flyaround.hil.board.json_values import BAD_VALUE, indices, number, numbers
 
 Array = np.ndarray
 
@@ -126,7 +127,7 @@ class BoardModel:
         Raises
         ------
         BoardModelError
-            If a field is missing or has the wrong shape.
+            If a field is missing, has the wrong shape or holds an impossible number.
         """
         if not isinstance(data, dict) or data.get("schema") != SCHEMA or data.get("version") != VERSION:
             raise BoardModelError(f"not a board model: expected schema {SCHEMA!r}, version {VERSION}")
@@ -134,35 +135,33 @@ class BoardModel:
             edges = tuple(
                 WireEdge(
                     str(e["name"]),
-                    _points(e["a_m"]).reshape(3),
-                    _points(e["b_m"]).reshape(3),
-                    _points(e.get("normals", [])),
-                    _not_negative(e.get("radius_m", 0.0)),
+                    numbers(e["a_m"], 3),
+                    numbers(e["b_m"], 3),
+                    numbers(e.get("normals", []), -1, 3),
+                    number(e.get("radius_m", 0.0), least=0.0),
                 )
                 for e in data["wireframe"]
             )
             occluders = data.get("occluders") or {}
-            vertices = _points(occluders.get("vertices_m", []))
-            triangles = np.asarray(occluders.get("triangles", []), dtype=np.intp).reshape(-1, 3)
+            vertices = numbers(occluders.get("vertices_m", []), -1, 3)
+            triangles = indices(occluders.get("triangles", []), -1, 3)
             model = BoardModel(
                 name=str(data["name"]),
                 sha256=str(data["sha256"]),
-                keypoints={
-                    str(k["name"]): _points(k["position_m"]).reshape(3) for k in data.get("keypoints", [])
-                },
+                keypoints={str(k["name"]): numbers(k["position_m"], 3) for k in data.get("keypoints", [])},
                 wireframe=edges,
                 vertices_m=vertices,
                 triangles=triangles,
                 symmetry_wxyz=_rotations(data.get("symmetry_wxyz", [])),
-                mass_kg=_not_negative(data.get("mass_kg", 0.0)),
+                mass_kg=number(data.get("mass_kg", 0.0), least=0.0),
                 outlines=None if data.get("outlines") is None else Outlines.from_dict(data["outlines"]),
                 faces=None if data.get("faces") is None else Faces.from_dict(data["faces"]),
                 network=None
                 if data.get("network") is None
                 else base64.b64decode(data["network"], validate=True),
             )
-        except (KeyError, TypeError, ValueError, AttributeError) as error:
-            raise BoardModelError(f"board model has a bad field: {error!r}") from error
+        except BAD_VALUE as error:
+            raise BoardModelError(f"board model has a bad field: {error!r:.200}") from error
         if not edges:
             raise BoardModelError("board model has no wireframe edges")
         if triangles.size and (triangles.min() < 0 or triangles.max() >= len(vertices)):
@@ -186,22 +185,8 @@ class BoardModel:
         return np.array([p for e in self.wireframe for p in (e.a_m, e.b_m)])
 
 
-def _points(value: Any) -> Array:  # noqa: ANN401 - parsed JSON
-    points = np.asarray(value, dtype=float).reshape(-1, 3)
-    if not np.all(np.isfinite(points)):
-        raise ValueError("coordinates must be finite")
-    return points
-
-
-def _not_negative(value: Any) -> float:  # noqa: ANN401 - parsed JSON
-    number = float(value)
-    if not 0 <= number < np.inf:
-        raise ValueError(f"a radius or mass of {number}: 0 or more is needed")
-    return number
-
-
 def _rotations(value: Any) -> Array:  # noqa: ANN401 - parsed JSON
-    quaternions = np.asarray(value, float).reshape(-1, 4)
+    quaternions = numbers(value, -1, 4)
     # a thousandth allows for rounding in the file
     if not np.all(np.abs(np.linalg.norm(quaternions, axis=1) - 1) < 1e-3):
         raise ValueError("a symmetry is not a unit quaternion")

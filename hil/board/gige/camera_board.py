@@ -14,6 +14,7 @@ from flyaround.hil.board.frame_server import BoardSummary
 from flyaround.hil.board.gige.answer_line import AnswerLine
 from flyaround.hil.board.gige.camera import SCHEME, CameraFrame, CameraSettings, GigeCamera
 from flyaround.hil.board.gige.pose_file import PoseFile
+from flyaround.hil.board.json_values import BAD_VALUE
 from flyaround.hil.link.clock import now_ns
 from flyaround.hil.link.errors import LinkError
 from flyaround.hil.link.packets.messages import Hello
@@ -278,7 +279,7 @@ def camera_of_part(camera: Dict[str, Any], roi_px: Tuple[int, int, int, int]) ->
             "cx_px": float(camera["cx_px"]) - x,
             "cy_px": float(camera["cy_px"]) - y,
         }
-    except (KeyError, TypeError, ValueError) as error:
+    except BAD_VALUE as error:
         raise LinkError(
             f"the camera's intrinsics lack a principal point ({error!r}): check --camera"
         ) from error

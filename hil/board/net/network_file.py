@@ -16,6 +16,7 @@ import numpy as np
 
 from flyaround.hil.board.errors import BoardModelError
 from flyaround.hil.board.files import read_bounded, unpack_arrays
+from flyaround.hil.board.json_values import BAD_VALUE
 from flyaround.hil.board.net.network_camera import NetworkCamera
 from flyaround.hil.board.net.residual_network import ARCHITECTURES
 
@@ -112,7 +113,7 @@ class NetworkFile:
             raise BoardModelError(f"network {path!r} cannot be read: {error}") from error
         try:
             return _parse(Path(path).name, unpack_arrays(data, MAX_BYTES))
-        except (ValueError, KeyError, TypeError, RecursionError, OverflowError) as error:
+        except BAD_VALUE as error:
             reason = f"it lacks {error}" if isinstance(error, KeyError) else str(error)
             raise BoardModelError(
                 f"network {path} cannot be used: {reason}; name a file that flyaround train wrote"

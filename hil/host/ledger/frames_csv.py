@@ -6,6 +6,7 @@ import contextlib
 import csv
 import io
 import json
+import math
 from dataclasses import fields
 from typing import TYPE_CHECKING, Any
 
@@ -170,7 +171,7 @@ def read_ledger(folder: Path) -> list[FrameRecord]:
         for cells in reader:
             line = reader.line_num
             rows.append(_row(cells))
-    except (ValueError, TypeError, RecursionError, csv.Error) as error:
+    except (ValueError, TypeError, OverflowError, RecursionError, csv.Error) as error:
         where = f", line {line}," if line else ""
         raise UserError(
             f"{path}{where} is damaged ({error!s:.120}): copy the ledger again, or delete the damaged lines"
@@ -178,8 +179,15 @@ def read_ledger(folder: Path) -> list[FrameRecord]:
     return sorted(rows, key=lambda row: row.frame_id)
 
 
+def _finite(cell: str | float) -> float:
+    number = float(cell)
+    if not math.isfinite(number):
+        raise ValueError(f"{cell!s:.40} is no finite number")
+    return number
+
+
 def _vector(cells: dict[str, str], columns: tuple[str, ...]) -> tuple[float, ...] | None:
-    return tuple(float(cells[c]) for c in columns) if cells[columns[0]] else None
+    return tuple(_finite(cells[c]) for c in columns) if cells[columns[0]] else None
 
 
 def _row(cells: dict[str, str]) -> FrameRecord:
@@ -190,12 +198,18 @@ def _row(cells: dict[str, str]) -> FrameRecord:
     stages_ms = json.loads(cells["stages_ms"]) if cells["stages_ms"] else {}
     if not isinstance(stages_ms, dict) or not all(isinstance(ms, int | float) for ms in stages_ms.values()):
         raise ValueError("its stages_ms are not times by name")
+    for ms in stages_ms.values():
+        _finite(ms)
     optional: dict[str, Any] = {
-        name: float(cells[name]) if cells[name] else None for name in (*DURATIONS, *_ERRORS)
+        name: _finite(cells[name]) if cells[name] else None
+        for name in (*DURATIONS, *_ERRORS)
+        if not name.startswith("E_")
     }
+    # an error that is not finite counts as wrong
+    optional |= {name: float(cells[name]) if cells[name] else None for name in ("E_T_m", "E_R_deg")}
     newer_columns: dict[str, Any] = {
         **{name: cells.get(name, "") for name in _TIMES},
-        **{name: float(cells[name]) if cells.get(name) else None for name in _DELAYS},
+        **{name: _finite(cells[name]) if cells.get(name) else None for name in _DELAYS},
         **{name: cells[name] == "1" if cells.get(name) else None for name in _ANSWERS},
         "time_fault": text_of_table(cells.get("time_fault", "")),
     }
@@ -203,8 +217,8 @@ def _row(cells: dict[str, str]) -> FrameRecord:
     return FrameRecord(
         frame_id=int(cells["frame_id"]),
         epoch_utc=cells["epoch_utc"],
-        t_s=float(cells["t_s"]),
-        exposure_s=float(cells["exposure_s"]),
+        t_s=_finite(cells["t_s"]),
+        exposure_s=_finite(cells["exposure_s"]),
         outcome=cells["outcome"],
         reason=text_of_table(cells["reason"]),
         stages_ms=stages_ms,

@@ -22,6 +22,8 @@ HASH_BYTES = 32
 # Limits of a receiver [bytes]: a camera is a few hundred bytes of JSON, a truth record some ten thousand
 MAX_CAMERA_JSON_BYTES = 1 << 16
 MAX_TRUTH_JSON_BYTES = 1 << 20
+# Longest reason or error text that is sent or kept [bytes]
+MAX_TEXT_BYTES = 400
 # Largest nesting depth of objects and arrays; a truth record has six levels
 MAX_JSON_DEPTH = 32
 
@@ -48,6 +50,11 @@ def unpack_text(data: bytes) -> str:
         return _CONTROL.sub(" ", data.split(b"\0", 1)[0].decode("utf-8"))
     except UnicodeDecodeError as error:
         raise PacketError("a text field is not UTF-8") from error
+
+
+def unpack_sentence(data: bytes) -> str:
+    """Decode a text of variable length, truncated like a sent one to ``MAX_TEXT_BYTES``. Raises as `unpack_text`."""
+    return pack_text(unpack_text(data), MAX_TEXT_BYTES).decode("utf-8")
 
 
 def pack_hash(digest: str) -> bytes:

@@ -10,6 +10,7 @@ from typing import Any, ClassVar, Dict, Optional, Sequence, Tuple
 from flyaround.hil.link.errors import PacketError
 from flyaround.hil.link.packets.enums import Encoding, FieldTag, PixelFormat, Transfer
 from flyaround.hil.link.packets.fields import (
+    MAX_TEXT_BYTES,
     MAX_TRUTH_JSON_BYTES,
     REAL,
     FixedLayout,
@@ -18,6 +19,7 @@ from flyaround.hil.link.packets.fields import (
     pack_text,
     unpack_fixed,
     unpack_json,
+    unpack_sentence,
     unpack_text,
     wire_enum,
     wire_text,
@@ -276,8 +278,8 @@ class PoseMessage:
         Returns
         -------
         bytes
-            Fixed fields, the first ``MAX_STAGES`` stages, the reason cut to 400 bytes, and the covariance if there is
-            one.
+            Fixed fields, the first ``MAX_STAGES`` stages, the reason cut to ``MAX_TEXT_BYTES``, and the covariance
+            if there is one.
 
         Raises
         ------
@@ -292,7 +294,7 @@ class PoseMessage:
         )
         if not all(math.isfinite(x) for x in numbers) or (self.accepted and not has_pose):
             raise PacketError(f"frame {self.frame_id}: an accepted pose must be present and finite")
-        reason = pack_text(self.reason, 400)
+        reason = pack_text(self.reason, MAX_TEXT_BYTES)
         stages = self.stages_ms[:MAX_STAGES]
         _check_pose(self.frame_id, numbers, self.confidence, [ms for _, ms in stages], has_pose=has_pose)
         fixed = self.LAYOUT.pack(
@@ -319,7 +321,7 @@ class PoseMessage:
         Returns
         -------
         PoseMessage
-            Message; pose and covariance are None if they are absent.
+            Message; pose and covariance are None if they are absent, the reason is cut to ``MAX_TEXT_BYTES``.
 
         Raises
         ------
@@ -344,7 +346,7 @@ class PoseMessage:
         return cls(
             frame_id,
             bool(accepted),
-            unpack_text(data[offset:end]),
+            unpack_sentence(data[offset:end]),
             numbers[:4] if has_pose else None,
             numbers[4:] if has_pose else None,
             confidence,
@@ -408,6 +410,11 @@ class Credit:
         -------
         Credit
             Last frame that is released, and number of frames that may be in transit.
+
+        Raises
+        ------
+        PacketError
+            If the payload has another length.
         """
         return cls(*unpack_fixed(cls.LAYOUT, data, "CREDIT")[:2])
 

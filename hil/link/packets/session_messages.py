@@ -20,6 +20,7 @@ from flyaround.hil.link.packets.enums import (
 from flyaround.hil.link.packets.fields import (
     HASH,
     MAX_CAMERA_JSON_BYTES,
+    MAX_TEXT_BYTES,
     FixedLayout,
     WireField,
     known_value,
@@ -27,7 +28,7 @@ from flyaround.hil.link.packets.fields import (
     pack_text,
     unpack_fixed,
     unpack_json,
-    unpack_text,
+    unpack_sentence,
     wire_enum,
     wire_text,
 )
@@ -102,6 +103,11 @@ class Hello:
         -------
         Hello
             Message; its protocol version is not kept.
+
+        Raises
+        ------
+        PacketError
+            If the payload has another length or a text is not UTF-8.
         """
         values = cls.LAYOUT.unpack(data, "HELLO")
         del values["protocol"]
@@ -192,12 +198,13 @@ class HelloAck:
         Returns
         -------
         HelloAck
-            Message with the camera as a dictionary.
+            Message with the camera as a dictionary. Sizes and bits are left to `images.check_terms`; a window of 0
+            counts as 1.
 
         Raises
         ------
         PacketError
-            If the payload has another length or impossible values.
+            If the payload has another length, an unknown enumerator, text that is not UTF-8, or no JSON camera.
         """
         values, camera = cls.LAYOUT.unpack(data, "HELLO_ACK", tail=True), data[cls.LAYOUT.size :]
         size = values.pop("camera_bytes")
@@ -233,6 +240,11 @@ class TimeSyncRequest:
         -------
         TimeSyncRequest
             Message with the sender's clock [ns].
+
+        Raises
+        ------
+        PacketError
+            If the payload has another length.
         """
         return cls(*unpack_fixed(cls.LAYOUT, data, "TIME_SYNC_REQUEST"))
 
@@ -282,6 +294,11 @@ class TimeSyncReply:
         -------
         TimeSyncReply
             Message; ``newest_frame`` is None if the sender does not report it.
+
+        Raises
+        ------
+        PacketError
+            If the payload has another length.
         """
         asked_ns, received, sent, newest, has_newest = unpack_fixed(cls.LAYOUT, data, "TIME_SYNC_REPLY")
         return cls(asked_ns, received, sent, newest if has_newest else None)
@@ -302,9 +319,9 @@ class Bye:
         Returns
         -------
         bytes
-            Fixed fields, then the reason as UTF-8, cut to 400 bytes.
+            Fixed fields, then the reason as UTF-8, cut to ``MAX_TEXT_BYTES``.
         """
-        text = pack_text(self.reason, 400)
+        text = pack_text(self.reason, MAX_TEXT_BYTES)
         return self.LAYOUT.pack(len(text), 0) + text
 
     @classmethod
@@ -314,17 +331,17 @@ class Bye:
         Returns
         -------
         Bye
-            Message with the reason.
+            Message with the reason, cut to ``MAX_TEXT_BYTES``.
 
         Raises
         ------
         PacketError
-            If the payload has another length or impossible values.
+            If the payload has another length or the reason is not UTF-8.
         """
         size, _ = unpack_fixed(cls.LAYOUT, data, "BYE", tail=True)
         if len(data) - cls.LAYOUT.size != size:
             raise PacketError(f"a BYE payload has {len(data) - cls.LAYOUT.size} bytes, expected {size}")
-        return cls(unpack_text(data[cls.LAYOUT.size :]))
+        return cls(unpack_sentence(data[cls.LAYOUT.size :]))
 
 
 @dataclass(frozen=True)
@@ -344,9 +361,9 @@ class ErrorMessage:
         Returns
         -------
         bytes
-            Fixed fields, then the text as UTF-8, cut to 400 bytes.
+            Fixed fields, then the text as UTF-8, cut to ``MAX_TEXT_BYTES``.
         """
-        text = pack_text(self.text, 400)
+        text = pack_text(self.text, MAX_TEXT_BYTES)
         return self.LAYOUT.pack(self.code, len(text), self.frame_id) + text
 
     @classmethod
@@ -356,14 +373,16 @@ class ErrorMessage:
         Returns
         -------
         ErrorMessage
-            Message with its code, text and frame.
+            Message with its code, frame, and text cut to ``MAX_TEXT_BYTES``.
 
         Raises
         ------
         PacketError
-            If the payload has another length or impossible values.
+            If the payload has another length, the code is unknown, or the text is not UTF-8.
         """
         code, size, frame_id = unpack_fixed(cls.LAYOUT, data, "ERROR", tail=True)
         if len(data) - cls.LAYOUT.size != size:
             raise PacketError(f"an ERROR payload has {len(data) - cls.LAYOUT.size} bytes, expected {size}")
-        return cls(known_value(ErrorCode, code, "error code"), unpack_text(data[cls.LAYOUT.size :]), frame_id)
+        return cls(
+            known_value(ErrorCode, code, "error code"), unpack_sentence(data[cls.LAYOUT.size :]), frame_id
+        )

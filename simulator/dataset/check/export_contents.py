@@ -7,7 +7,6 @@ import io
 import json
 import math
 import re
-import struct
 import tarfile
 import tempfile
 import zipfile
@@ -23,7 +22,9 @@ from flyaround.simulator.dataset.formats.base import import_needed
 from flyaround.simulator.dataset.formats.exr import MAX_SIDE_PX
 from flyaround.simulator.dataset.formats.native import decode_png
 from flyaround.simulator.errors import UserError
+from flyaround.simulator.runtime.mcap_messages import mcap_messages
 from flyaround.simulator.runtime.untrusted_files import refuse_deep
+from flyaround.simulator.targets.textures import picture_size
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -38,6 +39,7 @@ RELATIVE, ABSOLUTE = 1e-9, 1e-9
 
 # Maximum unpacked size of an archive [bytes].
 MAX_ARRAYS_BYTES = 2**32
+_TOO_LARGE = "it is larger than any camera's picture"
 _PNG = b"\x89PNG\r\n\x1a\n"
 _ENDS = {".png": b"IEND\xaeB`\x82", ".jpg": b"\xff\xd9", ".csv": b"\n", ".txt": b"\n"}
 LONGEST_END = 8  # bytes at a file's end that show whether it is complete
@@ -142,6 +144,8 @@ def _png(data: bytes) -> Iterator[Entry]:
 
 
 def _jpeg(data: bytes) -> Iterator[Entry]:
+    if max(picture_size(data) or (0,)) > MAX_SIDE_PX:
+        raise ValueError(_TOO_LARGE)
     pixels = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
     if pixels is None:
         raise ValueError("not a JPEG")
@@ -231,15 +235,18 @@ def _exr(data: bytes) -> Iterator[Entry]:
         for part in OpenEXR.File(str(path), separate_channels=True, header_only=True).parts:
             low, high = (np.asarray(corner, np.int64) for corner in part.header["dataWindow"])
             if max((high - low + 1).tolist()) > MAX_SIDE_PX:
-                raise ValueError("it is larger than any camera's picture")
+                raise ValueError(_TOO_LARGE)
         channels = OpenEXR.File(str(path), separate_channels=True).channels()
         for name, channel in channels.items():
             yield Entry(name, np.asarray(channel.pixels))
 
 
 def _tar(data: bytes) -> Iterator[Entry]:
-    with tarfile.open(fileobj=io.BytesIO(data)) as tar:
+    # not compressed, as our shards: "r" alone would unpack a stream of any size
+    with tarfile.open(fileobj=io.BytesIO(data), mode="r:") as tar:
         for member in tar:
+            if member.size > len(data):  # a sparse file
+                raise ValueError(f"{member.name} is larger than its archive")
             file = tar.extractfile(member) if member.isfile() else None
             yield Entry(
                 member.name, b"" if file is None else file.read(), _number_in(member.name.split(".")[0])
@@ -255,22 +262,10 @@ def _parquet(data: bytes) -> Iterator[Entry]:
 
 
 def _mcap(data: bytes) -> Iterator[Entry]:
-    make_reader = import_needed("mcap.reader", "logs", "mcap").make_reader
-    damaged: tuple[type[Exception], ...] = (
-        import_needed("mcap.exceptions", "logs", "mcap").McapError,
-        import_needed("zstandard", "logs", "mcap").ZstdError,
-        struct.error,
-        # of a length that is damaged
-        OverflowError,
-        MemoryError,
-    )
-    try:
-        reader = make_reader(io.BytesIO(data), validate_crcs=True)
-        for _, channel, message in reader.iter_messages():
-            value = [message.log_time, message.data]
-            yield Entry(f"{channel.topic} {message.sequence}", value, message.sequence)
-    except damaged as error:
-        raise ValueError(error) from error
+    import_needed("mcap", "logs", "mcap")
+    for _, channel, message in mcap_messages(io.BytesIO(data)):
+        value = [message.log_time, message.data]
+        yield Entry(f"{channel.topic} {message.sequence}", value, message.sequence)
 
 
 _READERS: dict[str, Callable[[bytes], Iterator[Entry]]] = {

@@ -5,7 +5,9 @@ import subprocess
 import sys
 
 import numpy as np
+import pytest
 
+from flyaround.hil.bench.board_process import peak_mb
 from flyaround.hil.board_model.write import write_board_model
 from flyaround.simulator.targets.library import load_target
 
@@ -27,3 +29,24 @@ def test_the_process_times_single_and_tracked_frames(tmp_path):
     assert len(found["tracked"]) <= 2
     assert found["peak_mb"] is None or found["peak_mb"] > 10
     assert found["kernels"]
+
+
+def test_the_peak_does_not_hold_the_input(tmp_path):
+    stack = np.zeros((32, 2, 1 << 20), np.uint16)  # 4 MB an image
+    stack[:, 0, 0] = range(32)
+    np.save(tmp_path / "images.npy", stack)
+    program = (
+        "import sys; from pathlib import Path; from flyaround.hil.bench.board_process import images, peak_mb;"
+        "before = peak_mb(); read = [int(a[0, 0]) for a in images(Path(sys.argv[1])) if a.sum() == a[0, 0]];"
+        "assert read == list(range(32)); print((peak_mb() or 0) - (before or 0))"
+    )
+    words = [sys.executable, "-c", program, str(tmp_path / "images.npy")]
+    assert float(subprocess.run(words, stdout=subprocess.PIPE, check=True).stdout) < 30
+
+
+def test_a_status_without_a_peak_is_none(tmp_path):
+    (tmp_path / "status").write_text("Name:\tpython\nVmRSS:\t  9 kB\n")
+    assert peak_mb(tmp_path / "status") is None
+    (tmp_path / "status").write_text("VmHWM:\t  100000 kB\n")
+    assert peak_mb(tmp_path / "status") == pytest.approx(102.4)
+    assert peak_mb(tmp_path / "none") is None

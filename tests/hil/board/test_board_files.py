@@ -1,8 +1,12 @@
 """What a board reads by name: regular files of a bounded size, and nothing that waits or never ends."""
 
 import os
+import struct
+import zlib
 from pathlib import Path
 
+import cv2
+import numpy as np
 import pytest
 
 from flyaround.hil.board.__main__ import main
@@ -47,3 +51,25 @@ def test_so_is_a_camera(never_ending, monkeypatch, capsys):
         said = capsys.readouterr().err
         assert said.startswith(f"camera {path} cannot be used (")
         assert said.count("\n") == 1
+
+
+def test_a_picture_that_is_too_large_is_one_sentence(tmp_path, monkeypatch, capsys):
+    data = bytearray(cv2.imencode(".png", np.zeros((8, 8), np.uint8))[1].tobytes())
+    data[16:24] = struct.pack(">II", 60_000, 60_000)
+    data[29:33] = struct.pack(">I", zlib.crc32(data[12:29]))
+    (tmp_path / "large.png").write_bytes(data)
+    (tmp_path / "camera.json").write_text("{}")
+    monkeypatch.setattr("flyaround.hil.board.__main__.estimator_factory", lambda *_: (lambda _: None, "", ""))
+    words = [
+        "--image",
+        str(tmp_path / "large.png"),
+        "--model",
+        "x",
+        "--camera",
+        str(tmp_path / "camera.json"),
+    ]
+    assert main(words) == 2
+    assert (
+        capsys.readouterr().err
+        == f"picture {tmp_path / 'large.png'} cannot be used: it is damaged or too large\n"
+    )

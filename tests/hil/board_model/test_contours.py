@@ -72,7 +72,7 @@ def test_curvature_is_that_of_the_body():
     assert outlines.radius_m[~ball].max() == 0.0
     # a cylinder of radius r seen at angle a to its axis curves with r / sin^2 a along the sight
     rod = read(body(lathe([(0, -3), (0.4, -3), (0.4, 3), (0, 3)], (0, 0, 0), (0, 0, 1), 64)))
-    sight = rod.center_m + rod.range_m * rod.directions[:, None] - rod.points_m
+    sight = rod.centre_m + rod.range_m * rod.directions[:, None] - rod.points_m
     sine2 = 1 - sight[..., 2] ** 2 / (sight**2).sum(axis=-1)
     side = (np.abs(rod.points_m[..., 2]) < 2.8) & (rod.radius_m < 2.8)
     assert side.sum() > 500
@@ -86,7 +86,7 @@ def test_outline_is_outermost_and_evenly_spread():
     assert outlines.radius_m.max() == 0
     corners = np.array([[(low, high)[k][i] for i, k in enumerate(s)] for s in np.ndindex(2, 2, 2)])
     for view in range(60):
-        C = outlines.center_m + outlines.range_m * outlines.directions[view]
+        C = outlines.centre_m + outlines.range_m * outlines.directions[view]
         sight = corners[None] - outlines.points_m[view][:, None]
         # nothing of a convex body lies outside the plane through eye, point and the outline's tangent
         beyond = np.einsum("njk,nk->nj", sight, outlines.normals[view])
@@ -112,7 +112,7 @@ def test_board_file_carries_outlines_and_an_old_one_does_not(tmp_path):
     assert model.outlines is not None
     assert model.outlines.points_m.shape == (200, 72, 3)
     assert (
-        model.outlines.nearest(model.outlines.center_m + 50 * model.outlines.directions) == range(200)
+        model.outlines.nearest(model.outlines.centre_m + 50 * model.outlines.directions) == range(200)
     ).all()
     # the orbital module, a spheroid of 2.2 m: smooth outlines with its curvature
     round_share = (model.outlines.radius_m > 0.3).mean()

@@ -1,6 +1,8 @@
 """The ledger held against the time codes in the pictures, by whoever has both."""
 
+import io
 import json
+import tracemalloc
 from dataclasses import replace
 
 import cv2
@@ -8,14 +10,16 @@ import numpy as np
 import pytest
 from hil_loop import Loop, adds_up, board, made_frame
 from mcap.reader import make_reader
+from mcap.writer import CompressionType, Writer
 from typer.testing import CliRunner
 
 from flyaround.cli.app import app
-from flyaround.hil.host.audit import audit_pictures, pictures_of
+from flyaround.hil.host.audit import IMAGES_TOPIC, audit_pictures, pictures_of
 from flyaround.hil.host.flight_run import with_time_code
 from flyaround.hil.host.ledger.frames_csv import read_ledger
 from flyaround.hil.host.recording.ros_log import RosLog
 from flyaround.simulator.errors import UserError
+from flyaround.simulator.runtime.mcap_messages import mcap_messages
 from flyaround.simulator.scenario.faults import Faults, RepeatedNumber
 
 N = 6
@@ -77,8 +81,15 @@ def test_a_row_that_is_changed_is_found(run):
     pictures = {name: image for name, image in pictures_of(run / "kept") if name != "997.png"}
     found = audit_pictures(rows[1:], [*pictures.items(), ("again", pictures["999.png"])])
     assert (found.missing, found.twice) == ([3], ["again"])
-    assert found.wrong == ["1000.png has the code of frame 0, which is not in the ledger"]
+    assert found.wrong == ["1000.png has the code of frame 0, which has no time in the ledger"]
     assert not found.passed
+
+
+def test_a_row_whose_time_is_none_is_wrong(run):
+    rows = read_ledger(run / "log")
+    found = audit_pictures([replace(rows[0], epoch_utc="noon"), *rows[1:]], pictures_of(run / "kept"))
+    assert found.wrong == ["1000.png has the code of frame 0, which has no time in the ledger"]
+    assert found.agree == N - 1
 
 
 def test_a_picture_without_a_code_is_told(run):
@@ -124,3 +135,28 @@ def test_a_recording_without_images_is_refused(tmp_path):
     RosLog(tmp_path / "empty.mcap").close()
     with pytest.raises(UserError, match="holds no images"):
         list(pictures_of(tmp_path / "empty.mcap"))
+
+
+@pytest.mark.parametrize("compression", CompressionType)
+@pytest.mark.parametrize("declared", [True, False])
+def test_a_recording_that_unpacks_to_gigabytes_is_refused_before_that(tmp_path, compression, declared):
+    path = tmp_path / "large.mcap"
+    writer = Writer(str(path), compression=compression, chunk_size=1 << 20)
+    writer.start()
+    channel = writer.register_channel(IMAGES_TOPIC, "cdr", writer.register_schema("x", "ros2msg", b"uint8 x"))
+    writer.add_message(channel, 0, bytes(64 << 20), 0)
+    writer.finish()
+    if compression is CompressionType.NONE:
+        assert [m.data for _, _, m in mcap_messages(io.BytesIO(path.read_bytes()))] == [bytes(64 << 20)]
+        return
+    assert path.stat().st_size < 1 << 20
+    data = path.read_bytes()
+    start = make_reader(io.BytesIO(data)).get_summary().chunk_indexes[-1].chunk_start_offset + 9 + 16
+    size = 2 << 30 if declared else 1000
+    path.write_bytes(data[:start] + size.to_bytes(8, "little") + data[start + 8 :])
+    tracemalloc.start()
+    with pytest.raises(UserError, match="cannot be read"):
+        list(pictures_of(path))
+    _, peak = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert peak < 16 << 20

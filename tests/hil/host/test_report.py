@@ -1,6 +1,8 @@
 """Ledger files and the report made from them."""
 
 import base64
+import csv
+import io
 import os
 import re
 from dataclasses import replace
@@ -184,6 +186,28 @@ def test_a_damaged_ledger_is_one_sentence(tmp_path, body, said):
         write_report(tmp_path)
     assert "\n" not in str(caught.value)
     assert len(str(caught.value)) < len(str(tmp_path)) + 300
+
+
+VECTORS = [f"{pose}_{axis}" for pose in ("q", "truth_q") for axis in "wxyz"] + ["t_x_m", "truth_t_z_m"]
+
+
+@pytest.mark.parametrize("column", [n for n in COLUMNS if n.endswith(("_s", "_ms", "confidence"))] + VECTORS)
+@pytest.mark.parametrize("value", ["nan", "inf", "1e999", "1" * 400])
+def test_a_ledger_has_finite_numbers(tmp_path, column, value):
+    complete = replace(
+        answered(0, "accepted", 10.0), truth_q_wxyz=(1.0, 0.0, 0.0, 0.0), truth_t_m=(0.0, 0.0, 9.0)
+    )
+    write(tmp_path, [complete])
+    path = tmp_path / "frames.csv"
+    (cells,) = csv.DictReader(io.StringIO(path.read_text()))
+    names = {"nan": "NaN", "inf": "Infinity"}
+    cells[column] = f'{{"sum": {names.get(value, value)}}}' if column == "stages_ms" else value
+    with path.open("w", newline="") as file:
+        writer = csv.DictWriter(file, COLUMNS, lineterminator="\n")
+        writer.writeheader()
+        writer.writerow(cells)
+    with pytest.raises(UserError, match=r"frames\.csv, line 2, is damaged"):
+        read_ledger(tmp_path)
 
 
 def test_a_line_cut_off_within_a_letter_is_left_out(tmp_path):

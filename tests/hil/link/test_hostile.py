@@ -190,6 +190,17 @@ def test_control_characters_become_spaces():
     assert Bye.decode(Bye("half \ud800 pair").encode()).reason == "half ? pair"
 
 
+def test_a_received_text_is_no_longer_than_a_sent_one():
+    for text in ("x" * 60_000, "\N{DEGREE SIGN}" * 30_000):
+        data = text.encode()
+        bye = Bye.decode(Bye.LAYOUT.pack(len(data), 0) + data)
+        error = ErrorMessage.decode(ErrorMessage.LAYOUT.pack(0, len(data), 7) + data)
+        assert bye.reason == error.text == text[: 400 // len(text[0].encode())]
+        pose = PoseMessage(1, accepted=False).encode()
+        long = pose[:-4] + len(data).to_bytes(2, "little") + pose[-2:] + data
+        assert PoseMessage.decode(long).reason == bye.reason
+
+
 # --- images ------------------------------------------------------------------------------------
 
 

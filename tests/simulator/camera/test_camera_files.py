@@ -2,6 +2,7 @@
 
 import json
 import subprocess
+import tracemalloc
 from dataclasses import replace
 from pathlib import Path
 
@@ -314,3 +315,12 @@ def test_matrices_have_as_many_numbers_as_rows_and_columns_say(camera, form):
         P = np.reshape(matrices["projection_matrix"]["data"], (3, 4))
         assert np.array_equal(P[:, :3], np.reshape(matrices["camera_matrix"]["data"], (3, 3)))
         assert not P[:, 3].any()
+
+
+def test_a_picture_of_a_kernel_is_measured_before_it_is_divided(tmp_path):
+    assert cv2.imwrite(str(tmp_path / "large.png"), np.full((6000, 6000), 9, np.uint8))
+    tracemalloc.start()
+    with pytest.raises(UserError, match="6000 x 6000 pixels, at most 63 a side"):
+        OpticsSection(psf="kernel", kernel_file="large.png").with_kernel(tmp_path, "x")
+    assert tracemalloc.get_traced_memory()[1] < 100_000_000  # as floats it has 288 MB
+    tracemalloc.stop()

@@ -275,6 +275,33 @@ REFUSED = {
         f'{{"0": {{"cam_K": {K}, "depth_scale": 1}}}}',
         "give the data set's camera.json",
     ),
+    "skew of matlab, f below 0": (
+        json.dumps(without(MATLAB, "IntrinsicMatrix") | {"FocalLength": [-800, 800], "Skew": 0}),
+        "focal lengths are -800 and 800",
+    ),
+    "matlab of three focal lengths": (
+        json.dumps(MATLAB | {"FocalLength": [600, 601, 5]}),
+        "2 numbers as FocalLength, not 3",
+    ),
+    "matlab of one focal length": (
+        json.dumps(without(MATLAB, "IntrinsicMatrix") | {"FocalLength": 800}),
+        "2 numbers as FocalLength, not 1",
+    ),
+    "matlab without principal point": (
+        json.dumps(without(MATLAB, "PrincipalPoint")),
+        "2 numbers as PrincipalPoint, not 0",
+    ),
+    "matlab of two matrices": (
+        json.dumps(
+            without(MATLAB, "FocalLength", "PrincipalPoint") | {"K": [[7, 0, 3], [0, 7, 3], [0, 0, 1]]}
+        ),
+        "key K that disagrees with IntrinsicMatrix",
+    ),
+    "matlab of four radial terms": (
+        json.dumps(MATLAB | {"RadialDistortion": [1, 2, 3, 4]}),
+        "4 radial and 2 tangential terms, allowed",
+    ),
+    "infinite text": (json.dumps(MATLAB | {"ImageSize": ["1e999", 640]}), "ImageSize holds '1e999', finite"),
     "matlab that disagrees": (json.dumps(MATLAB | {"FocalLength": [500, 601]}), "disagrees"),
     "matlab without image size": (json.dumps(MATLAB | {"ImageSize": []}), "ImageSize"),
     "vins of two files": (

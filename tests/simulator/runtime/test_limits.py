@@ -17,9 +17,9 @@ GB = 2**30
     [
         ("RLIMIT_NOFILE", 24, False, "24 open files"),
         ("RLIMIT_NOFILE", MIN_FILES, True, None),
-        ("RLIMIT_AS", GB, True, "1024 MB of memory"),
+        ("RLIMIT_AS", GB, True, "1024 MiB of memory"),
         ("RLIMIT_AS", GB, False, None),
-        ("RLIMIT_AS", GB // 2, False, "512 MB of memory"),
+        ("RLIMIT_AS", GB // 2, False, "512 MiB of memory"),
         ("RLIMIT_AS", resource.RLIM_INFINITY, True, None),
     ],
 )

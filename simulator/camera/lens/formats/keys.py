@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from typing import TYPE_CHECKING, Any
 
@@ -200,7 +201,7 @@ def flat_numbers(value: Any, source: str) -> list[float]:  # noqa: ANN401 - a va
     Raises
     ------
     UserError
-        If there is anything but numbers.
+        If there is anything but finite numbers.
     """
     if isinstance(value, dict):
         unexpected = [key for key in value if key not in _MATRIX_KEYS]
@@ -225,7 +226,10 @@ def flat_numbers(value: Any, source: str) -> list[float]:  # noqa: ANN401 - a va
     words = re.split(r"[\s,]+", value.strip()) if isinstance(value, str) else [""]
     if not all(_NUMBER.fullmatch(word) for word in words):
         raise UserError(f"{source} holds {_abbreviate(value)}, numbers are needed")
-    return [float(word) for word in words]
+    numbers = [float(word) for word in words]
+    if not all(map(math.isfinite, numbers)):
+        raise UserError(f"{source} holds {_abbreviate(value)}, finite numbers are needed")
+    return numbers
 
 
 def camera_matrix(elements: list[float], source: str) -> Matrix:

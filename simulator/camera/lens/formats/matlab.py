@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from flyaround.simulator.camera.lens.files_native import CameraFile
     from flyaround.simulator.camera.lens.formats.document import Document
 
-ONE_BASED_PX = -1.0  # MATLAB counts pixels from (1, 1) at the centre of the first
+PRINCIPAL_POINT_SHIFT_PX = -1.0  # from MATLAB's pixels, counted from 1, to ours, counted from 0
 _FISHEYE = ("MappingCoefficients", "StretchMatrix", "DistortionCenter")
 _REPORT = """
     RotationVectors TranslationVectors RotationMatrices PatternExtrinsics ReprojectionErrors ReprojectedPoints
@@ -64,9 +64,11 @@ def read_matlab(document: Document, source: str) -> CameraFile:
     if radial is not None or tangential is not None:
         radial, tangential = radial or [0.0, 0.0], tangential or [0.0, 0.0]
         if len(radial) not in (2, 3) or len(tangential) != 2:
-            raise keys.error("has other than 2 or 3 radial and 2 tangential terms, which MATLAB does not")
+            raise keys.error(
+                f"has {len(radial)} radial and {len(tangential)} tangential terms, allowed: 2 or 3, and 2"
+            )
         coefficients = [*radial[:2], *tangential, *radial[2:]]
-    if abs(keys.number("Skew", default=0.0)) > 1e-9 * intrinsics[0]:
+    if abs(keys.number("Skew", default=0.0)) > 1e-9 * abs(intrinsics[0]):
         raise keys.error("has a Skew, which is not drawn: calibrate with EstimateSkew false")
     return camera_file(
         keys, size[::-1], intrinsics, "brown_conrady" if coefficients else "none", coefficients
@@ -79,20 +81,26 @@ def _intrinsics(keys: Keys) -> list[float]:
     Raises
     ------
     UserError
-        If there are none, or they disagree.
+        If there are none, one has another count of numbers, or they disagree.
     """
-    matrices = []
-    focal, centre = keys.numbers("FocalLength"), keys.numbers("PrincipalPoint")
-    if focal and centre and len(focal) == len(centre) == 2:
-        matrices.append([*focal, *centre])
+    matrices = {}
+    names = ("FocalLength", "PrincipalPoint")
+    pairs = [keys.numbers(name) for name in names]
+    if pairs != [None, None]:
+        for name, pair in zip(names, pairs, strict=True):
+            if pair is None or len(pair) != 2:
+                raise keys.error(f"needs 2 numbers as {name}, not {len(pair or [])}")
+        matrices[" and ".join(names)] = [v for pair in pairs for v in pair or []]
     for name, transposed in (("IntrinsicMatrix", True), ("K", False)):
         m = keys.numbers(name)
         if m is not None:
             rows = np.reshape(m, (3, 3)).T.ravel().tolist() if transposed and len(m) == 9 else m
-            matrices.append(list(camera_matrix(rows, f"{keys.where}: key {name}")))
+            matrices[name] = list(camera_matrix(rows, f"{keys.where}: key {name}"))
     if not matrices:
         raise keys.error("lacks FocalLength and PrincipalPoint, or K; add them")
-    if not np.allclose(matrices, matrices[0], rtol=1e-6):
-        raise keys.error("has a matrix that disagrees with FocalLength and PrincipalPoint; delete one")
-    fx, fy, cx, cy = matrices[0]
-    return [fx, fy, cx + ONE_BASED_PX, cy + ONE_BASED_PX]
+    first, *others = matrices
+    for name in others:
+        if not np.allclose(matrices[name], matrices[first], rtol=1e-6):
+            raise keys.error(f"has a key {name} that disagrees with {first}; delete one")
+    fx, fy, cx, cy = matrices[first]
+    return [fx, fy, cx + PRINCIPAL_POINT_SHIFT_PX, cy + PRINCIPAL_POINT_SHIFT_PX]

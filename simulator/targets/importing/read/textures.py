@@ -139,7 +139,7 @@ class PictureReader:
         if self.pixels > MAX_PIXELS_OF_ALL or self.n_bytes > MAX_BYTES_OF_ALL or self.count > MAX_PICTURES:
             raise UserError(
                 f"{self.model}: its textures are more than {MAX_PICTURES}, or have together more than "
-                f"{MAX_PIXELS_OF_ALL >> 20} million pixels or {MAX_BYTES_OF_ALL >> 20} MB; make them fewer or smaller"
+                f"{MAX_PIXELS_OF_ALL >> 20} million pixels or {MAX_BYTES_OF_ALL >> 20} MiB; make them fewer or smaller"
             )
         image = decode_image(data)
         if image is None:

@@ -87,7 +87,7 @@ ENTITIES = """<?xml version="1.0"?><!DOCTYPE RegisterDescription [<!ENTITY a "aa
         ("a.xml", ENTITIES.encode(), "document type"),
         ("a.xml", b"<!DOCTYPE r SYSTEM 'http://192.0.2.1/x'><RegisterDescription/>", "document type"),
         ("a.xml", b"<RegisterDescription>" + b"<a>" * 100, "deeper than"),
-        ("a.xml", bytes(MAX_XML_BYTES + 1), "at most 1.0 MB"),
+        ("a.xml", bytes(MAX_XML_BYTES + 1), "at most 1.0 MiB"),
         ("a.zip", b"PK no zip", "damaged"),
         ("a.zip", zipped(OWN, OWN), "holds 2 files"),
         ("a.zip", zipped(), "holds 0 files"),

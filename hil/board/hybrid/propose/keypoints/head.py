@@ -16,6 +16,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 from flyaround.hil.board.errors import BoardModelError
 from flyaround.hil.board.files import unpack_arrays
 from flyaround.hil.board.hybrid.propose.keypoints.network_output import BINS, KEYPOINTS
+from flyaround.hil.board.json_values import BAD_VALUE
 
 Array = np.ndarray
 
@@ -123,7 +124,7 @@ class KeypointHead:
                 np.asarray(weights.pop("keypoints_m"), float),
                 weights,
             )
-        except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
+        except BAD_VALUE as error:
             reason = f"it lacks {error}" if isinstance(error, KeyError) else str(error)
             raise BoardModelError(
                 f"keypoint network {name} cannot be used: {reason}; name a file that flyaround train wrote"
