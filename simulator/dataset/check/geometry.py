@@ -13,7 +13,12 @@ from flyaround.simulator.geometry.triangle_fill import FILL_SCALE, fill_triangle
 from flyaround.simulator.imaging.rolling_shutter import pose_at_rows
 from flyaround.simulator.runtime.arrays import vec3
 from flyaround.simulator.targets.joined_mesh import joined_mesh
-from flyaround.simulator.world.frames.rotation import matrix_from_quat, quat_from_rotvec, rotation_angle_rad
+from flyaround.simulator.world.frames.rotation import (
+    matrix_from_quat,
+    quat_from_rotvec,
+    rotation_angle_rad,
+    rotvec_from_quat,
+)
 
 if TYPE_CHECKING:
     from flyaround.simulator.camera.lens.camera_model import Camera
@@ -53,7 +58,8 @@ def project_with_opencv(
     (K, 2) array
         Columns and rows [px] in the order of the points; those behind the camera are projected too.
     """
-    rotation = cv2.Rodrigues(matrix_from_quat(q_wxyz))[0]
+    # not cv2.Rodrigues of the matrix: within 1e-5 rad of no turn or half a turn its vector is off by 1e-6 rad
+    rotation = rotvec_from_quat(q_wxyz)
     coefficients = np.array(camera.distortion.coefficients or [0.0] * 5)
     if camera.distortion.model == "kannala_brandt":
         projected, _ = cv2.fisheye.projectPoints(
@@ -172,7 +178,6 @@ def _projected(truth: Truth, points: FloatArray, scenes: tuple[SceneState, ...])
 
 def _check_pose(truth: Truth, points: FloatArray, pixels: FloatArray) -> list[str]:
     """Check the labelled pose by PnP on the keypoints, with the label as initial value."""
-    R = matrix_from_quat(truth.q_camera_from_target_wxyz)
     t = np.asarray(truth.t_camera_from_target_m)
     coefficients = np.array(truth.camera.distortion.coefficients or [0.0] * 5)
     if truth.camera.distortion.model == "kannala_brandt":  # solvePnP has no fish-eye model, so it gets rays
@@ -184,7 +189,7 @@ def _check_pose(truth: Truth, points: FloatArray, pixels: FloatArray) -> list[st
         pixels,
         truth.camera.K,
         coefficients,
-        cv2.Rodrigues(R)[0],
+        rotvec_from_quat(truth.q_camera_from_target_wxyz),
         t.reshape(3, 1).copy(),
         True,
         cv2.SOLVEPNP_ITERATIVE,
