@@ -202,14 +202,14 @@ class Console:
     def do(self, name: str, *arguments: Value, asks: bool = True) -> None:
         """Run a command, as its key, its button or a script does; show a refusal as a message.
 
-        A command that drops or leaves a flight that is in no file first asks, unless ``asks`` is False.
-
         Parameters
         ----------
         name : str
             Name of the command.
         arguments : Value
             Values in the order of the command's declaration.
+        asks : bool, optional
+            True if a command that drops or leaves a flight that is in no file first asks.
         """
         self.say(self.attempt(name, *arguments, asks=asks), "caution", name)
 

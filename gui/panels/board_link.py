@@ -1,4 +1,4 @@
-"""The link to a board: a session on this flight, what came back, how long it took, faults at a button."""
+"""Panel of the link to a board: session on this flight, answers, latencies and fault injection."""
 
 from __future__ import annotations
 

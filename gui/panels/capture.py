@@ -1,4 +1,4 @@
-"""A data set beside the flight: what, how many, where; how far it is, and its last pictures."""
+"""Panel of a data-set capture beside the flight: options, progress and the last pictures."""
 
 from __future__ import annotations
 

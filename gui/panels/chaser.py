@@ -1,4 +1,4 @@
-"""The chaser: hands or guidance that fly it, and its figures."""
+"""Panel of the chaser: manual steering or guidance, and its figures."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Docking in figures: each beside its limit, hold points with go and no-go, abort, the last contact's score."""
+"""Panel of the docking figures with their limits, hold points with go and no-go, abort, and the last contact."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ DECISION_COLOURS = {"open": style.INK, "go": style.WITHIN, "no-go": style.OUTSID
 
 
 class DockingPanel(Panel):
-    """The approach to the port, and what decides it."""
+    """Figures of the approach to the port, and the limits that decide a docking."""
 
     name, title, place, shown = "docking", "Docking", "left", False
 

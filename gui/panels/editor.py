@@ -1,4 +1,4 @@
-"""The text of a scenario: edit, check, save, fly."""
+"""Panel of a scenario's text: edit, check, save and fly it."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ MARGIN = 4.0  # added to the height of a framed line
 
 
 class EditorPanel(Panel):
-    """A scenario's TOML with what is wrong with it."""
+    """Editor of a scenario's TOML, with its errors."""
 
     name, title, place, shown = "editor", "Scenario text", "left", False
 

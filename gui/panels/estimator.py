@@ -1,4 +1,4 @@
-"""The estimator: method at a click, what it says of the newest picture, errors over time, stages as pictures."""
+"""Panel of the estimator: choice of method, its answer for the newest picture, errors over time, and its stages."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Kept flights, the newest first: name, date, scenario and length; a click opens one."""
+"""Panel of the kept flights, newest first, with name, date, scenario and length."""
 
 from __future__ import annotations
 
@@ -70,7 +70,7 @@ def kept_flights(known: Iterable[str]) -> list[str]:
 
 
 def flight_row(path: str) -> tuple[str, str, str]:
-    """Return a replay's path, its date, scenario and length, and why it cannot be flown, if it cannot."""
+    """Return a replay's path, its date, scenario and length, and the reason if it cannot be flown."""
     try:
         scenario = load_scenario(path)
         when = datetime.fromtimestamp(Path(path).stat().st_mtime).astimezone()

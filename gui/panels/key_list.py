@@ -1,4 +1,4 @@
-"""Every command with its key, found by a few of its letters, and done."""
+"""Searchable list of all commands and their keys."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 class KeyList(Panel):
-    """The commands by group; a click does one, Enter the one that was typed with its arguments, or the first match."""
+    """Commands by group; a click executes one, Enter the typed one with its arguments, or the first match."""
 
     name, title, place, shown = "keys", "Find a command", "over", False
     keys = ("f1", "h", "ctrl+p")

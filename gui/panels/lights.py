@@ -1,4 +1,4 @@
-"""The lights on the target: the Sun's share, the lamp on the chaser, and luminous boxes."""
+"""Panel of the lights on the target: the Sun's share, the lamp on the chaser, and luminous boxes."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ FIELDS = texts("lights")
 
 
 class LightsPanel(Panel):
-    """Lamps and boxes: switched, moved, made brighter, added and taken away."""
+    """Controls that switch, move, brighten, add and remove lamps and boxes."""
 
     name, title, place, shown = "lights", "Lights", "left", False
 

@@ -1,4 +1,4 @@
-"""Messages of the console, and the commands that were done, as a script that does them again."""
+"""Panel of the console's messages, and of the executed commands as a script that repeats them."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ COLOURS = {"note": style.QUIET, "caution": style.WARN, "warning": style.BAD}
 
 
 class LogPanel(Panel):
-    """Messages, and the commands as a script."""
+    """Messages, and the executed commands as a script."""
 
     name, title, place, shown = "log", "Log", "bottom", False
 

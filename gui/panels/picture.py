@@ -1,4 +1,4 @@
-"""Settings of the view: exposure, detail, overlays, layers of the world."""
+"""Panel of the view's settings: exposure, detail, overlays and layers of the world."""
 
 from __future__ import annotations
 

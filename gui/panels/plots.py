@@ -1,4 +1,4 @@
-"""Figures of the flight over time: dragged here from the panel Chaser, or chosen."""
+"""Panel of plots over time of figures chosen here or dragged from the panel Chaser."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ COLOURS = (style.ACCENT, style.WARN, style.GOOD)
 
 
 class PlotsPanel(Panel):
-    """A plot for each figure that is watched; the newest number stands beside its title."""
+    """One plot per watched figure, with the newest value beside its title."""
 
     name, title, place, shown = "plots", "Plots", "left", False
 

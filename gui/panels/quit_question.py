@@ -1,4 +1,4 @@
-"""Questions before something is lost, which nothing else waits for."""
+"""Questions before flights, texts or jobs are lost; they do not block the console."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
 
 class QuitQuestion(Panel):
-    """The jobs that quitting ends, and the flights and texts that it discards."""
+    """Question before quitting, with the jobs that it ends and the flights and texts that it discards."""
 
     name, title, place, shown = "quit", "Quit?", "over", False
     size = (470.0, 230.0)
@@ -40,7 +40,7 @@ class QuitQuestion(Panel):
 
 
 class Question(Panel):
-    """Asked once before a command drops a flight, or leaves one that is not kept."""
+    """Question before a command drops a flight, or leaves one that is not kept."""
 
     name, title, place, shown = "question", "Before you go on", "over", False
     size = (470.0, 140.0)

@@ -1,4 +1,4 @@
-"""The scenarios to choose from, with a picture each."""
+"""Panel of the built-in scenarios, each with a picture."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Steering: axes, pulses, attitude, guidance modes at a click, what it has cost, planned burns, jumps."""
+"""Panel of steering: axes, pulses, attitude, guidance modes, propellant used, planned burns and jumps."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ PLUME = "whether the exhaust, 30 deg wide to each side, meets the target's spher
 
 
 def fly_to_warning(craft: PilotedCraft, place: FloatArray) -> tuple[str, style.Rgba]:
-    """Return what speaks against a straight flight to a place, and its colour; its length if nothing does."""
+    """Return the warning against a straight flight to a point, or else its length, and the text's colour."""
     here = craft.state_lvlh()[0]
     try:
         FlyTo(vec3(place)).mode((here, here), craft.docking.radius_m)
@@ -94,7 +94,7 @@ class SteeringPanel(Panel):
             w.text("plume clear of the target", style.QUIET, PLUME)
 
     def _to_a_point(self, console: Console) -> None:
-        """Draw the components of a point, or of a way from here, a line on the flight there, and its button."""
+        """Draw the fields of a point or of a displacement, a line about the flight there, and its button."""
         w, craft = self._w, console.session.craft
         w.section("Fly to: radial, along, cross [m]")
         changed, self._from_here = w.imgui.checkbox("counted from here", self._from_here)

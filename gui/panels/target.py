@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 
 class TargetPanel(Panel):
-    """The craft and its materials. Another one is a new flight."""
+    """Choice of the craft, which starts a new flight, and its materials."""
 
     name, title, place, shown = "target", "Target", "right-low", True
 

@@ -1,4 +1,4 @@
-"""The timeline: steps along what was flown, bookmarks with notes, and what can be made of the flight."""
+"""Panel of the timeline: steps through the recorded flight, bookmarks with notes, and exports of the flight."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ BUTTONS = ["back", "step-back", "forward", "end", "fly-on", "other-future", "kee
 
 
 class TimelinePanel(Panel):
-    """Steps and bookmarks. The strip's slider looks back, Space replays, steering or Ctrl+Enter flies on from there."""
+    """Steps and bookmarks. The slider seeks back, Space replays, steering or Ctrl+Enter flies on from there."""
 
     name, title, place, shown = "timeline", "Timeline", "bottom", False
     keys = ("ctrl+t",)

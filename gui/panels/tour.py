@@ -1,4 +1,4 @@
-"""The tour: six things to do, each ticked when it was done. Shown at the first start, and by Help, Tour."""
+"""Panel of the tour: six tasks, each ticked when done. Shown at the first start, and by Help, Tour."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ FLY = STEPS[list(texts("tour")).index("fly")]
 
 
 class TourPanel(Panel):
-    """A list of things to do; the next one is described, and what it is about is framed."""
+    """List of tasks; the next one is described, and its panel or bar is framed."""
 
     name, title, place, shown = "tour", "Tour", "left", False
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from flyaround.simulator.dataset.check.geometry import subdivide_for_lens
 from flyaround.simulator.geometry.triangle_fill import fill_triangles, filled_mask
-from flyaround.simulator.labels.boxes import NEAREST_M
+from flyaround.simulator.labels.boxes import NEAREST_M, projected_bounds
 from flyaround.simulator.targets.joined_mesh import joined_mesh
 
 if TYPE_CHECKING:
@@ -31,7 +31,7 @@ class Silhouette:
     mask : (H, W) uint8 array
         255 where at least half of the pixel is covered.
     box_amodal_px : Box or None
-        Bounds of all projected vertices; None, with an empty mask, if a part is behind the camera.
+        Bounds of the whole projected craft; None, with an empty mask, if a part is behind the camera.
     inside : float
         Share of the whole silhouette inside the image.
     """
@@ -48,10 +48,10 @@ def silhouette(camera: Camera, pose: Pose, target: Target) -> Silhouette:
     in_camera = pose.apply(mesh.positions_m)
     if in_camera[:, 2].min() <= NEAREST_M:
         return Silhouette(empty, None, 0.0)
-    vertices = camera.project(in_camera)
-    (x0, y0), (x1, y1) = np.nanmin(vertices, axis=0).tolist(), np.nanmax(vertices, axis=0).tolist()
-    corners = vertices[mesh.triangles]
-    if not camera.distortion.is_none:
+    x0, y0, x1, y1 = box = projected_bounds(camera, in_camera, mesh.triangles)
+    if camera.distortion.is_none:
+        corners = camera.project(in_camera)[mesh.triangles]
+    else:
         triangles = mesh.positions_m[mesh.triangles]
         subdivided = subdivide_for_lens(camera, triangles, pose.R, np.asarray(pose.t_m))
         corners = camera.project(pose.apply(subdivided.reshape(-1, 3))).reshape(-1, 3, 2)
@@ -59,7 +59,7 @@ def silhouette(camera: Camera, pose: Pose, target: Target) -> Silhouette:
     size = (camera.width_px, camera.height_px)
     inside = x0 >= -0.5 and y0 >= -0.5 and x1 <= size[0] - 0.5 and y1 <= size[1] - 0.5
     share = 1.0 if inside else _share_inside(corners, size)
-    return Silhouette(filled_mask(corners, size), (x0, y0, x1, y1), share)
+    return Silhouette(filled_mask(corners, size), box, share)
 
 
 def _share_inside(corners_px: FloatArray, size: tuple[int, int]) -> float:

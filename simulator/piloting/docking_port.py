@@ -16,6 +16,8 @@ from flyaround.simulator.world.frames.rotation import matrix_from_quat, quat_fro
 from flyaround.simulator.world.guidance.paths import Glideslope, Hold, RbarApproach, VbarApproach, Waypoints
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from flyaround.simulator.geometry.ray_cast import RayCaster
     from flyaround.simulator.runtime.arrays import FloatArray
     from flyaround.simulator.targets.model import Target
@@ -60,9 +62,8 @@ def docking_port(target: Target, flight: Flight) -> DockingPort:
     """Return the port of a target at the start of a flight.
 
     It is the frame ``docking`` of the model, or the tip of the probe that protrudes from this frame. A model without
-    the frame gets a port where the approach axis through the centre of mass leaves the body. The approach axis is that
-    of the scenario's corridor or hold point, towards the end of a replayed flight, or else V-bar. The port then rotates
-    with the target.
+    the frame gets a port where the approach axis of the scenario (`approach_axis_lvlh`; of a replay, towards its end)
+    leaves the body from its centre of mass. The port then rotates with the target.
 
     Parameters
     ----------
@@ -115,23 +116,28 @@ def port_along(
 
 
 def approach_axis_lvlh(chaser: Chaser) -> Vec3:
-    """Return the unit vector from the target along the direction of approach, LVLH."""
+    """Return the unit vector from the target along the direction of approach, LVLH.
+
+    It points along the axis of the corridor, or else to the last point of the path that is not the centre of mass.
+    Without either it is V-bar.
+    """
     keep_out = chaser.keep_out
-    axis: Vec3 | None = None if keep_out is None else keep_out.corridor_axis_lvlh
-    if axis is None:
+    points: Sequence[Vec3] = ()
+    if keep_out is not None and keep_out.corridor_axis_lvlh is not None:
+        points = (keep_out.corridor_axis_lvlh,)
+    else:
         match chaser:
             case Hold():
-                axis = chaser.position_lvlh_m
+                points = (chaser.position_lvlh_m,)
             case VbarApproach() | RbarApproach():
-                axis = vec3(chaser.hold_m * np.array(chaser.axis_lvlh))
+                axis = np.array(chaser.axis_lvlh)
+                points = (vec3(chaser.start_m * axis), vec3(chaser.hold_m * axis))
             case Glideslope():
-                axis = chaser.end_lvlh_m
+                points = (chaser.start_lvlh_m, chaser.end_lvlh_m)
             case Waypoints():
-                axis = chaser.points_lvlh_m[-1]
-            case _:
-                axis = VBAR
-    length = float(np.linalg.norm(axis))
-    return VBAR if length == 0.0 else vec3(np.array(axis) / length)
+                points = chaser.points_lvlh_m
+    last = next((point for point in reversed(points) if any(point)), VBAR)
+    return vec3(np.array(last) / np.linalg.norm(last))
 
 
 def target_from_lvlh(flight: Flight, t_s: float) -> FloatArray:

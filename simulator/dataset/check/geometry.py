@@ -13,12 +13,18 @@ from flyaround.simulator.geometry.triangle_fill import FILL_SCALE, fill_triangle
 from flyaround.simulator.imaging.rolling_shutter import pose_at_rows
 from flyaround.simulator.runtime.arrays import vec3
 from flyaround.simulator.targets.joined_mesh import joined_mesh
-from flyaround.simulator.world.frames.rotation import matrix_from_quat, quat_from_rotvec, rotation_angle_rad
+from flyaround.simulator.world.frames.rotation import (
+    matrix_from_quat,
+    quat_from_rotvec,
+    rotation_angle_rad,
+    rotvec_from_quat,
+)
 
 if TYPE_CHECKING:
     from flyaround.simulator.camera.lens.camera_model import Camera
     from flyaround.simulator.dataset.card import DatasetCard
     from flyaround.simulator.geometry.mesh import TriangleMesh
+    from flyaround.simulator.labels.imported import ImportedTruth
     from flyaround.simulator.labels.truth import Truth
     from flyaround.simulator.runtime.arrays import BoolArray, ByteArray, FloatArray, IntArray
     from flyaround.simulator.scene.state import SceneState
@@ -34,6 +40,9 @@ POSE_TOLERANCE_RELATIVE = 1e-6
 OUTLINE_TOLERANCE_PX = 1
 # termination of OpenCV's iterative undistortion
 ITERATIONS = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 50, 1e-12)
+# Spacing of the points of edges from which bounds are taken under a lens, and largest bow between two of them. The
+# limit on points is for edges that reach far beyond the lens's domain.
+EDGE_STEP_PX, EDGE_STEP_BOW_PX, MAX_EDGE_POINTS = 2.0, 0.02, 4096
 MAX_EDGE_SAG_PX = 0.1  # largest distance of an edge's midpoint from the line between its ends
 # least covered share of a pixel in the inner and in the outer mask
 INNER_COVERAGE, OUTER_COVERAGE = 0.9, 0.1  # a tenth is left to the sampling of a pixel
@@ -49,7 +58,8 @@ def project_with_opencv(
     (K, 2) array
         Columns and rows [px] in the order of the points; those behind the camera are projected too.
     """
-    rotation = cv2.Rodrigues(matrix_from_quat(q_wxyz))[0]
+    # not cv2.Rodrigues of the matrix: within 1e-5 rad of no turn or half a turn its vector is off by 1e-6 rad
+    rotation = rotvec_from_quat(q_wxyz)
     coefficients = np.array(camera.distortion.coefficients or [0.0] * 5)
     if camera.distortion.model == "kannala_brandt":
         projected, _ = cv2.fisheye.projectPoints(
@@ -78,6 +88,39 @@ def rays_with_opencv(camera: Camera, pixels_px: FloatArray) -> FloatArray:
     else:
         rays = cv2.undistortPoints(pixels, camera.K, coefficients, R=None, P=None, criteria=ITERATIONS)
     return np.asarray(rays, float).reshape(-1, 2)
+
+
+def check_box_by_edges(truth: Truth | ImportedTruth, mesh: TriangleMesh) -> list[str]:
+    """Check the amodal box against OpenCV's projection of all vertices and, under a lens, of points along all edges.
+
+    A lens bows straight edges, so that their ends do not suffice. Points beyond its domain can only enlarge the box.
+    """
+    camera, box = truth.camera, truth.box_amodal_px
+    R = matrix_from_quat(truth.q_camera_from_target_wxyz)
+    in_camera = mesh.positions_m @ R.T + truth.t_camera_from_target_m
+    if box is None or in_camera[:, 2].min() <= 0:
+        return [f"box_amodal_px is {box}, the craft is not all before the camera"]
+    rays = in_camera[:, :2] / in_camera[:, 2:]
+    corners = rays[np.zeros((0, 3), int) if camera.distortion.is_none else mesh.triangles]
+    way = np.roll(corners, -1, axis=1) - corners
+    length_px = np.linalg.norm(way * (camera.fx_px, camera.fy_px), axis=2)
+    count = np.minimum(length_px / EDGE_STEP_PX, MAX_EDGE_POINTS).astype(int).ravel()  # between the ends
+    position = 1 + np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count)
+    share = position / np.repeat(count + 1, count)
+    along = np.repeat(corners.reshape(-1, 2), count, axis=0)
+    along += share[:, None] * np.repeat(way.reshape(-1, 2), count, axis=0)
+    points = np.column_stack([np.concatenate([rays, along]), np.ones(len(rays) + len(along))])
+    inside = in_lens(camera, points)
+    pixels = project_with_opencv(camera, points[inside], (1.0, 0.0, 0.0, 0.0), np.zeros(3))
+    low, high = pixels.min(axis=0, initial=np.inf), pixels.max(axis=0, initial=-np.inf)
+    bow_px = 0.0 if camera.distortion.is_none else EDGE_STEP_BOW_PX
+    excess = np.concatenate([low - box[:2], box[2:] - high])
+    # far outside the image, coordinates are large and rounding errors grow with them
+    rounding = PIXEL_TOLERANCE_PX * np.maximum(1, np.abs([*low, *high]) / 1e3)
+    if np.all(excess >= -rounding) and (not inside.all() or np.all(excess <= rounding + bow_px)):
+        return []
+    expected = tuple(round(float(x), 3) for x in (*low, *high))
+    return [f"box_amodal_px {box} is not the projected craft's {expected}"]
 
 
 def check_keypoints(truth: Truth, card: DatasetCard) -> list[str]:
@@ -135,7 +178,6 @@ def _projected(truth: Truth, points: FloatArray, scenes: tuple[SceneState, ...])
 
 def _check_pose(truth: Truth, points: FloatArray, pixels: FloatArray) -> list[str]:
     """Check the labelled pose by PnP on the keypoints, with the label as initial value."""
-    R = matrix_from_quat(truth.q_camera_from_target_wxyz)
     t = np.asarray(truth.t_camera_from_target_m)
     coefficients = np.array(truth.camera.distortion.coefficients or [0.0] * 5)
     if truth.camera.distortion.model == "kannala_brandt":  # solvePnP has no fish-eye model, so it gets rays
@@ -147,7 +189,7 @@ def _check_pose(truth: Truth, points: FloatArray, pixels: FloatArray) -> list[st
         pixels,
         truth.camera.K,
         coefficients,
-        cv2.Rodrigues(R)[0],
+        rotvec_from_quat(truth.q_camera_from_target_wxyz),
         t.reshape(3, 1).copy(),
         True,
         cv2.SOLVEPNP_ITERATIVE,

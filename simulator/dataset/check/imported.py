@@ -6,7 +6,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from flyaround.simulator.dataset.check.geometry import PIXEL_TOLERANCE_PX, in_lens, project_with_opencv
+from flyaround.simulator.dataset.check.geometry import (
+    PIXEL_TOLERANCE_PX,
+    check_box_by_edges,
+    in_lens,
+    project_with_opencv,
+)
 from flyaround.simulator.dataset.check.mask_statistics import is_binary
 from flyaround.simulator.labels.boxes import mask_box
 from flyaround.simulator.labels.feasible import infeasible_reason
@@ -69,13 +74,5 @@ def _check_places(truth: ImportedTruth, target: Target | None) -> list[str]:
             if (p.state == "out_of_frame") == bool(inside)
         ]
     if target is not None and truth.box_amodal_px is not None:
-        vertices = joined_mesh(target).positions_m
-        if in_lens(truth.camera, vertices @ matrix_from_quat(q).T + t).all():
-            vertices_px = project_with_opencv(truth.camera, vertices, q, t)
-            box = np.concatenate([vertices_px.min(axis=0), vertices_px.max(axis=0)])
-            # beyond 1000 px, rounding of the pose grows with the box
-            if np.abs(box - truth.box_amodal_px).max() > PIXEL_TOLERANCE_PX * max(
-                1.0, np.abs(box).max() / 1e3
-            ):
-                faults.append("box_amodal_px is not the box about the projected craft")
+        faults += check_box_by_edges(truth, joined_mesh(target))
     return faults

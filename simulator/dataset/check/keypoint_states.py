@@ -14,9 +14,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from flyaround.simulator.dataset.check.geometry import PIXEL_TOLERANCE_PX, in_lens, project_with_opencv
+from flyaround.simulator.dataset.check.geometry import PIXEL_TOLERANCE_PX, check_box_by_edges
 from flyaround.simulator.dataset.check.row_poses import pose_of_row
 from flyaround.simulator.runtime.memory import cached_per_object
+from flyaround.simulator.targets.joined_mesh import joined_mesh
 from flyaround.simulator.world.frames.rotation import matrix_from_quat
 
 if TYPE_CHECKING:
@@ -143,7 +144,7 @@ def _possible(
 
 
 def check_amodal_box(truth: Truth, target: Target) -> list[str]:
-    """Check the amodal box against the bounds of all vertices, projected by OpenCV if the lens distorts."""
+    """Check the amodal box against the bounds of all vertices, and of all edges if a lens bows them."""
     points = triangles_of(target).vertices_m
     t, R = np.asarray(truth.t_camera_from_target_m), matrix_from_quat(truth.q_camera_from_target_wxyz)
     depth = points @ R[2] + t[2]
@@ -156,20 +157,10 @@ def check_amodal_box(truth: Truth, target: Target) -> list[str]:
         ]
     if truth.box_amodal_px is None:
         return []
-    if truth.camera.distortion.is_none:
-        sides = R[:2] @ points.T + t[:2, None]
-        c = truth.camera
-        pixels = (sides / depth).T * (c.fx_px, c.fy_px) + (c.cx_px, c.cy_px)
-    else:
-        inside = in_lens(truth.camera, points @ R.T + t)
-        pixels = project_with_opencv(truth.camera, points[inside], truth.q_camera_from_target_wxyz, t)
-        if not inside.all():  # points outside the lens's domain can only enlarge the box
-            low, high = pixels.min(axis=0, initial=np.inf), pixels.max(axis=0, initial=-np.inf)
-            box = np.array(truth.box_amodal_px)
-            holds = np.all(box[:2] <= low + PIXEL_TOLERANCE_PX) and np.all(
-                box[2:] >= high - PIXEL_TOLERANCE_PX
-            )
-            return [] if holds else [f"box_amodal_px {truth.box_amodal_px} does not hold the projected craft"]
+    if not truth.camera.distortion.is_none:
+        return check_box_by_edges(truth, joined_mesh(target))
+    c = truth.camera
+    pixels = ((R[:2] @ points.T + t[:2, None]) / depth).T * (c.fx_px, c.fy_px) + (c.cx_px, c.cy_px)
     expected = (*pixels.min(axis=0), *pixels.max(axis=0))
     error = np.abs(np.subtract(expected, truth.box_amodal_px))
     # far outside the image, coordinates are large and rounding errors grow with them

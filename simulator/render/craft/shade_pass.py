@@ -36,8 +36,8 @@ if TYPE_CHECKING:
     from flyaround.simulator.render.gl.programs import Program
     from flyaround.simulator.scene.state import SceneState
 
-# Distinct (material, normal) groups shaded per pixel, and per quarter of a pixel with exact areas. Samples of further
-# groups are added to the last one.
+# Distinct (material, normal) groups shaded per pixel, without and with exact areas. The last one takes the weight of
+# the samples of further groups. No study supports the limits; they bound the shading time of a pixel.
 MAX_SURFACES, MAX_SURFACES_EXACT = 4, 17
 # A pixel of a distant craft holds dozens of groups. With a small limit the last group would get too large an area, and
 # pixels would flicker where it faces the Sun.
@@ -50,7 +50,7 @@ TARGET_LIGHT: Resource[AtlasTextures] = Resource("target light")
 
 
 class LightPass(Pass):
-    """Computes the light that the target's parts reflect on each other."""
+    """Pass of the light that the target's parts reflect on each other."""
 
     name = "target.light"
     reads = (SCENE, VIEW, TARGET)
@@ -62,7 +62,7 @@ class LightPass(Pass):
 
 
 class ShadePass(Pass):
-    """Shades the target's pixels: writes radiance, multiplied by coverage, and coverage."""
+    """Shading pass of the target's pixels: writes radiance, multiplied by coverage, and coverage."""
 
     name = "target.shading"
     reads = (SCENE, TARGET, TARGET_TILES, SAMPLES, SHADOW, EDGE_SLOPES, TARGET_LIGHT, *IMAGES)
@@ -167,7 +167,10 @@ def _light_defines(bands: int, mesh: GpuMesh, shadow_window: int) -> dict[str, o
 
 
 def _shadow_defines(window: int) -> dict[str, object]:
-    """Return the defines of the shadow filter: ``window`` x ``window`` texels in blocks of four, one gather each."""
+    """Return the defines of the shadow filter over ``window`` x ``window`` texels; ``window`` is even.
+
+    The texels are read in blocks of four, one gather each.
+    """
     starts = [(i, j) for j in range(0, window, 2) for i in range(0, window, 2)]
     all_blocks = " ".join(f"F({k}, {i}, {j})" for k, (i, j) in enumerate(starts))
     return {"SHADOW_WINDOW": window, "FOR_EACH_SHADOW_BLOCK(F)": all_blocks}

@@ -44,13 +44,7 @@ class Band:
 
     @cached_property
     def sun_irradiance_w_m2(self) -> float:
-        """Return the solar irradiance per band at a distance from the Sun, normal incidence.
-
-        Returns
-        -------
-        (n,) array
-            Irradiance [W m-2], in the order of the image's channels.
-        """
+        """Solar irradiance in the band at 1 au, normal incidence [W m-2]."""
         return sun_irradiance_between_w_m2(self.low_nm, self.high_nm)
 
 
@@ -72,7 +66,13 @@ def bands_of(bands: Bands) -> tuple[Band, ...]:
 
 
 def sun_irradiance_w_m2(bands: Bands, distance_m: float) -> FloatArray:
-    """Return the solar irradiance per band at a distance from the Sun, normal incidence [W m-2]."""
+    """Return the solar irradiance per band at a distance from the Sun, normal incidence.
+
+    Returns
+    -------
+    (n,) array
+        Irradiance [W m-2], in the order of the image's channels.
+    """
     scale = (AU_M / distance_m) ** 2
     return np.array([band.sun_irradiance_w_m2 * scale for band in bands_of(bands)])
 

@@ -283,7 +283,7 @@ def _bodies(model: RawModel, options: ImportOptions, findings: Findings) -> tupl
         )
     if options.fill_holes:
         capped = cap_solids(bodies, extent)
-        tally.filled, tally.left_open = capped.filled, capped.left
+        tally.filled_holes, tally.open_holes = capped.filled, capped.left
         bodies = [drop_slivers(b, extent, tally) for b in capped.bodies]
     oriented = _check_surfaces(model, bodies, options, tally, findings, reduced=reduced)
     findings.repairs += tally.lines()

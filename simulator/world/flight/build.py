@@ -170,8 +170,11 @@ def with_wheels(flight: Flight, wheels: Wheels | None) -> Flight:
 def with_best_down(flight: Flight, samples: int = 61) -> Flight:
     """Choose the reference of the image's down side.
 
-    It is the first reference that stays 10 degrees away from the boresight during the flight, or else the one that
-    stays farthest away.
+    Returns
+    -------
+    Flight
+        The flight with the first reference that stays 10 degrees away from the boresight during the flight, or else the
+        one that stays farthest away.
     """
     boresights = []
     for t in np.linspace(0.0, flight.duration_s, samples):

@@ -5,7 +5,8 @@ import numpy as np
 import pytest
 
 import flyaround as fa
-from flyaround.simulator.dataset.check.geometry import in_lens
+from flyaround.simulator.dataset.check.geometry import in_lens, project_with_opencv
+from flyaround.simulator.world.frames.pose import Pose
 
 CAMERAS = ("speed", "speedplus", "fisheye-140")
 
@@ -42,3 +43,14 @@ def test_a_point_beyond_the_lens_stays_outside_the_image(name):
     assert not camera.contains(ours[beyond]).any()
     if name == "speedplus":  # OpenCV's polynomial turns back: no label may be taken from there
         assert np.abs(ours - theirs)[beyond].max() > 1
+
+
+@pytest.mark.parametrize("near", [(1.0, 0.0, 0.0, 0.0), (0.0, 1.0, 0.0, 0.0), (0.0, 0.6, -0.8, 0.0)])
+@pytest.mark.parametrize("off_rad", [0.0, 1e-9, 1e-7, 3e-6, 1e-5, 1e-3])
+def test_the_check_projects_exactly_near_no_turn_and_half_a_turn(near, off_rad):
+    """A board seen face-on has such a pose."""
+    camera, q = fa.load_camera("speed"), np.array(near) + off_rad * np.array([0.3, -0.2, 0.5, 0.7])
+    pose = Pose.from_arrays("camera", "target", tuple(q / np.linalg.norm(q)), np.array([0.0, 0.1, 2.0]))
+    points = np.random.default_rng(4).uniform(-0.3, 0.3, (50, 3))
+    theirs = project_with_opencv(camera, points, pose.q_wxyz, np.asarray(pose.t_m))
+    np.testing.assert_allclose(theirs, camera.project(pose.apply(points)), rtol=0, atol=1e-9)

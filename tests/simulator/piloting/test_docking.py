@@ -38,7 +38,7 @@ from flyaround.simulator.world.frames.rotation import (
 )
 from flyaround.simulator.world.guidance.keep_out import KeepOut
 from flyaround.simulator.world.guidance.manual_control import ChaserState
-from flyaround.simulator.world.guidance.paths import Hold, Waypoints
+from flyaround.simulator.world.guidance.paths import Glideslope, Hold, RbarApproach, VbarApproach, Waypoints
 
 REST = DockingFigures(
     t_s=0.0,
@@ -153,6 +153,27 @@ def test_the_axis_is_the_corridors_or_that_of_the_hold_point():
         Waypoints(points_lvlh_m=[(9.0, 0.0, 0.0), (0.0, -3.0, 0.0)], speed_m_s=0.1)
     ) == (0.0, -1.0, 0.0)
     assert approach_axis_lvlh(plan_of("tango-flyaround").scenario.chaser) == (0.0, 1.0, 0.0)
+
+
+@pytest.mark.parametrize(
+    ("path", "axis"),
+    [
+        (RbarApproach(start_m=-50.0, hold_m=0.0, speed_m_s=0.1), (-1.0, 0.0, 0.0)),
+        (RbarApproach(start_m=-50.0, hold_m=-0.5, speed_m_s=0.1), (-1.0, 0.0, 0.0)),
+        (VbarApproach(start_m=-50.0, hold_m=0.0, speed_m_s=0.1), (0.0, -1.0, 0.0)),
+        (
+            Glideslope(start_lvlh_m=(0.0, 0.0, 7.0), end_lvlh_m=(0.0, 0.0, 0.0), start_m_s=0.2, end_m_s=0.1),
+            (0.0, 0.0, 1.0),
+        ),
+        (
+            Waypoints(points_lvlh_m=[(0.0, 9.0, 0.0), (0.0, 0.0, -3.0), (0.0, 0.0, 0.0)], speed_m_s=0.1),
+            (0.0, 0.0, -1.0),
+        ),
+        (Hold(position_lvlh_m=(0.0, 0.0, 0.0)), (0.0, 1.0, 0.0)),
+    ],
+)
+def test_the_axis_of_a_path_to_the_centre_is_the_side_that_it_comes_from(path, axis):
+    assert approach_axis_lvlh(path) == axis
 
 
 def test_a_docked_camera_has_the_earth_below_where_it_can():

@@ -27,38 +27,43 @@ MIN_FACE_HEIGHT = 3e-7
 MAX_OPEN_SHARE = 0.02
 """Share of open edges up to which the signed volume decides which side is outside."""
 
+WHY_OPEN = "caps would not make a solid, or would lie on other faces"
+
+
+def plural(count: int, singular: str, plural: str = "") -> str:
+    """Return a count with its noun; the plural ends in s unless given."""
+    return f"{count:,} {singular if count == 1 else plural or singular + 's'}"
+
 
 @dataclass
 class RepairCounts:
     """Counts of repairs over all parts."""
 
-    merged: int = 0
-    zero_area: int = 0
-    twice: int = 0
-    turned: int = 0
-    filled: int = 0
-    left_open: int = 0
-    parts_turned: list[str] = field(default_factory=list)
+    merged_vertices: int = 0
+    thin_faces: int = 0
+    duplicate_faces: int = 0
+    reversed_faces: int = 0
+    filled_holes: int = 0
+    open_holes: int = 0
+    reversed_parts: list[str] = field(default_factory=list)
 
     def lines(self) -> list[str]:
         """Return one line per kind of repair."""
         out = []
-        if self.merged:
-            out.append(f"merged {self.merged:,} duplicate vertices")
-        if self.zero_area:
-            out.append(f"dropped {self.zero_area:,} faces without area")
-        if self.twice:
-            out.append(f"dropped {self.twice:,} faces that were there twice")
-        if self.filled:
-            out.append(f"filled {self.filled:,} holes with flat fans")
-        if self.left_open:
-            out.append(
-                f"left {self.left_open:,} openings as they are: capped they would leave no solid, or caps that lie on "
-                "other faces"
-            )
-        if self.turned:
-            names = ", ".join(repr(n) for n in self.parts_turned[:4]) + ", ..." * (len(self.parts_turned) > 4)
-            out.append(f"turned {self.turned:,} faces to look outwards (part {names})")
+        if self.merged_vertices:
+            out.append(f"merged {plural(self.merged_vertices, 'duplicate vertex', 'duplicate vertices')}")
+        if self.thin_faces:
+            out.append(f"dropped {plural(self.thin_faces, 'face')} without area")
+        if self.duplicate_faces:
+            out.append(f"dropped {plural(self.duplicate_faces, 'duplicate face')}")
+        if self.filled_holes:
+            out.append(f"filled {plural(self.filled_holes, 'hole')} with flat fans")
+        if self.open_holes:
+            out.append(f"left {plural(self.open_holes, 'hole')} open: {WHY_OPEN}")
+        if self.reversed_faces:
+            parts = self.reversed_parts
+            names = ", ".join(repr(n) for n in parts[:4]) + ", ..." * (len(parts) > 4)
+            out.append(f"turned {plural(self.reversed_faces, 'face')} to look outwards (part {names})")
         return out
 
 
@@ -66,7 +71,7 @@ def weld_body(part: RawPart, low: FloatArray, extent: float, counts: RepairCount
     """Weld the part's vertices and drop degenerate and duplicate faces."""
     vertices = used_vertices(part.triangles, len(part.positions_m))
     positions, index = weld(part.positions_m[vertices], low, extent)
-    counts.merged += len(vertices) - len(positions)
+    counts.merged_vertices += len(vertices) - len(positions)
     new_index = np.empty(len(part.positions_m), np.int64)
     new_index[vertices] = index
     triangles = new_index[part.triangles]
@@ -84,16 +89,16 @@ def weld_body(part: RawPart, low: FloatArray, extent: float, counts: RepairCount
 
 
 def drop_slivers(body: MeshBody, extent: float, counts: RepairCounts) -> MeshBody:
-    """Drop faces too thin for float32, and duplicates in either winding."""
+    """Drop faces too thin for float32, and faces that repeat another with the same winding."""
     corners = body.positions_m[body.triangles]
     longest = np.linalg.norm(corners - np.roll(corners, -1, axis=1), axis=2).max(axis=1)
     twice_area = np.linalg.norm(body.face_vectors, axis=1)
     # twice the smallest area that `check_target` accepts: float32 may still shrink it
     is_thin = twice_area <= np.maximum(MIN_FACE_HEIGHT * extent * longest, 4 * MIN_AREA_M2)
-    counts.zero_area += int(is_thin.sum())
+    counts.thin_faces += int(is_thin.sum())
     body = body.submesh(~is_thin)
     is_copy = _copies(body.triangles)
-    counts.twice += int(is_copy.sum())
+    counts.duplicate_faces += int(is_copy.sum())
     return body.submesh(~is_copy)
 
 
@@ -152,8 +157,8 @@ def orient_body(body: MeshBody, source: str, counts: RepairCounts, *, lenient: b
     is_one_sided = label_kept == label_reversed
     if is_one_sided.any() and not lenient:
         raise UserError(
-            f"{source}: {int(is_one_sided.sum())} faces form a one-sided surface (the first is face "
-            f"{int(np.argmax(is_one_sided))}); cut it in the modelling tool, or add "
+            f"{source}: {plural(int(is_one_sided.sum()), 'face forms', 'faces form')} a one-sided surface (the first "
+            f"is face {int(np.argmax(is_one_sided))}); cut it in the modelling tool, or add "
             "--keep-non-manifold to take it as it is"
         )
     is_flipped = (label_kept > label_reversed) & ~is_one_sided
@@ -161,8 +166,8 @@ def orient_body(body: MeshBody, source: str, counts: RepairCounts, *, lenient: b
     piece = piece.ravel()
     is_flipped ^= _is_inverted(body, table, piece, is_flipped)[piece] & ~is_one_sided
     if is_flipped.any():
-        counts.turned += int(is_flipped.sum())
-        counts.parts_turned.append(body.name)
+        counts.reversed_faces += int(is_flipped.sum())
+        counts.reversed_parts.append(body.name)
     triangles = body.triangles.copy()
     triangles[is_flipped] = triangles[is_flipped][:, ::-1]
     normals = body.corner_normals
@@ -215,14 +220,15 @@ def check_surface(
     Raises
     ------
     UserError
-        If there are some; the message names part, counts, the first place, and the options.
+        If there are holes or non-manifold edges that no option allows; the message names part, counts, the first
+        place, and the options.
     """
     table = edge_table(body.triangles)
     bad = table.non_manifold
     if bad.any() and not keep_non_manifold:
         first = int(np.argmax(bad))
         raise UserError(
-            f"{source}: {int(bad.sum())} edges belong to three or more faces (the first at "
+            f"{source}: {plural(int(bad.sum()), 'edge belongs', 'edges belong')} to three or more faces (the first at "
             f"{_place(body, table.ends[first])}, face {int(table.first[first]) // 3}); separate the surfaces in the "
             "modelling tool, or add --keep-non-manifold"
         )
@@ -235,14 +241,14 @@ def check_surface(
     if not keep_holes:
         first = int(np.argmax(table.open))
         raise UserError(
-            f"{source}: {holes} hole{'s' * (holes > 1)} with {len(ends)} open edges (the first at "
+            f"{source}: {plural(holes, 'hole')} with {plural(len(ends), 'open edge')} (the first at "
             f"{_place(body, table.ends[first])}, face {int(table.first[first]) // 3}); close them in the modelling "
             "tool, or "
             + (
-                "add --keep-holes too, for capped they would leave no solid, or caps that lie on other faces"
+                f"add --keep-holes too: {WHY_OPEN}"
                 if tried_to_fill
                 else "add --keep-holes to take open surfaces as sheets seen from both sides, or --fill-holes to cap "
-                "what then is a solid"
+                "the holes where that gives a solid"
             )
         )
     return holes, len(ends), int(bad.sum())

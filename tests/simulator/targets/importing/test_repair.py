@@ -87,7 +87,7 @@ def test_faces_that_look_inwards_are_turned(tmp_path, turned):
     faces[turned] = faces[turned][:, ::-1]
     target, lines = surface(save(tmp_path / "a.stl", raw_mesh(BOX.vertices, faces)))
     assert volume(target) == pytest.approx(1.0)
-    assert f"turned {len(turned)} faces to look outwards (part 'body')" in lines
+    assert f"turned {len(turned)} face{'s' * (len(turned) > 1)} to look outwards (part 'body')" in lines
 
 
 def test_a_cavity_and_a_body_apart_are_each_turned(tmp_path):
@@ -153,7 +153,7 @@ def test_faces_without_area_and_copies_are_dropped(tmp_path):
     )
     target, lines = surface(path)
     assert "dropped 2 faces without area" in lines
-    assert "dropped 4 faces that were there twice" in lines
+    assert "dropped 4 duplicate faces" in lines
     assert sum(len(p.triangles) for p in target.parts) == 12
 
 
@@ -162,8 +162,8 @@ def test_a_sheet_keeps_its_back_and_a_face_that_float32_cannot_turn_goes(tmp_pat
     faces = [[0, 1, 2], [0, 2, 1], [1, 2, 0], [0, 1, 3]]
     mesh, lines = surface(save(tmp_path / "a.stl", raw_mesh(corners, faces)))
     (part,) = mesh.parts
-    assert "dropped 1 faces that were there twice" in lines
-    assert "dropped 1 faces without area" in lines
+    assert "dropped 1 duplicate face" in lines
+    assert "dropped 1 face without area" in lines
     assert sorted(np.sign(facing(part)[:, 2])) == [-1, 1]
 
 
@@ -192,7 +192,7 @@ def test_holes_are_refused_filled_or_kept(tmp_path):
     ):
         surface(path, ImportOptions(strict=True))
     target, lines = surface(path, ImportOptions(fill_holes=True))
-    assert "filled 1 holes with flat fans" in lines
+    assert "filled 1 hole with flat fans" in lines
     assert volume(target) == pytest.approx(1.0)
     kept, lines = surface(path, SHEETS)
     assert any(line.startswith("kept 1 open outlines (4 open edges)") for line in lines)
@@ -209,7 +209,7 @@ def test_holes_that_meet_in_a_corner_are_not_filled_and_said_so(tmp_path):
     other = next(k for k, f in enumerate(ball.faces) if len(set(f) & set(first)) == 1)
     kept = [k for k in range(len(ball.faces)) if k not in (0, other)]
     path = save(tmp_path / "ball.stl", raw_mesh(ball.vertices, ball.faces[kept]))
-    with pytest.raises(UserError, match="add --keep-holes too, for capped they would leave no solid"):
+    with pytest.raises(UserError, match="add --keep-holes too: caps would not make a solid"):
         import_mesh(path, "ball", ImportOptions(fill_holes=True, strict=True))
     target, lines, _ = import_mesh(path, "ball", ImportOptions(fill_holes=True, keep_holes=True))
     assert any("open outlines" in line for line in lines)
@@ -222,7 +222,7 @@ def test_edges_of_three_faces_are_refused_or_kept(tmp_path):
     mesh = raw_mesh(np.concatenate([BOX.vertices, fin]), np.concatenate([BOX.faces, [[*shared, 8]]]))
     path = save(tmp_path / "a.stl", mesh)
     with pytest.raises(
-        UserError, match=r"part 'body': 1 edges belong to three or more faces .*--keep-non-manifold"
+        UserError, match=r"part 'body': 1 edge belongs to three or more faces .*--keep-non-manifold"
     ):
         surface(path, replace(SHEETS, strict=True))
     _, lines = surface(path, replace(SHEETS, keep_non_manifold=True))
