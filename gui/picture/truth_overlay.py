@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
 from flyaround.simulator.labels.boxes import amodal_box
+from flyaround.simulator.labels.overlay import edge_points
 from flyaround.simulator.labels.visibility import hidden_from_direction, occluded_from_camera
 from flyaround.simulator.targets.joined_mesh import joined_mesh
 from flyaround.simulator.world.frames.rotation import rotation_angle_rad
@@ -136,19 +138,20 @@ def _axes(scene: SceneState) -> tuple[Segment, ...]:
 
 
 def wireframe_at(camera: Camera, pose: Pose, target: Target) -> tuple[Segment, ...]:
-    """Return the edges of the target that face the camera, at a pose."""
+    """Return the edges of the target that face the camera, at a pose; under a lens each is a chain of segments."""
     ends = np.array([(e.a_m, e.b_m) for e in target.wireframe], float).reshape(-1, 2, 3)
     eye = pose.inverse().t_m
-    in_camera = pose.apply(ends)
+    share = np.linspace(0.0, 1.0, edge_points(camera))[:, None]
+    in_camera = pose.apply(ends[:, :1] + share * (ends[:, 1:] - ends[:, :1]))
     pixels = camera.project(in_camera)
-    segments = []
+    segments: list[Segment] = []
     for k, edge in enumerate(target.wireframe):
         if in_camera[k, :, 2].min() < NEAR_M:
             continue
         towards = np.asarray(eye) - ends[k].mean(axis=0)
         if edge.normals and max(float(np.dot(n, towards)) for n in edge.normals) <= 0:
             continue
-        segments.append((_pixel(pixels[k, 0]), _pixel(pixels[k, 1])))
+        segments += itertools.pairwise(map(_pixel, pixels[k]))
     return tuple(segments)
 
 

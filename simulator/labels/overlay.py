@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from typing import TYPE_CHECKING
 
 import cv2
@@ -93,8 +94,21 @@ def draw_wireframe(
     picture = canvas.copy()
     for view in view_edges(camera, pose, target, joined_mesh(target)):
         for interval in view.intervals:
-            _line(picture, view.at(np.array(interval)), colour, _line_width(camera))
+            points = view.at(np.linspace(*interval, edge_points(camera)))
+            for ends in itertools.pairwise(points):
+                _line(picture, np.array(ends), colour, _line_width(camera))
     return picture
+
+
+def edge_points(camera: Camera) -> int:
+    """Return the number of points through which a projected edge is drawn.
+
+    Returns
+    -------
+    int
+        2 without distortion; under a lens, which bows straight edges, 17: 1/256 of the bow remains.
+    """
+    return 2 if camera.distortion.is_none else 17
 
 
 def draw_box(canvas: ByteArray, camera: Camera, box_px: Box | None) -> ByteArray:
