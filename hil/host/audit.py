@@ -134,7 +134,8 @@ def pictures_of(source: Path) -> Iterator[tuple[str, NDArray[Any]]]:
             yield path.name, read_png(path)
         return
     try:
-        from mcap_ros2.decoder import DecoderFactory  # noqa: PLC0415 - optional dependency
+        import mcap  # noqa: F401, PLC0415 - optional dependency
+        from mcap_ros2.decoder import DecoderFactory  # noqa: PLC0415
     except ImportError as error:
         raise missing_extra("an MCAP file", "logs", error) from error
     count = 0

@@ -157,7 +157,7 @@ def test_what_is_safe_is_repaired_and_said(capsys, tmp_path):
     code, out, error = command(capsys, "add", tmp_path / "box.obj", "--up", "z", "--no-sheet", "--json")
     assert code == 0, error
     said = " / ".join(json.loads(out)["report"])
-    for word in ("turned", "without area", "twice", "normals"):
+    for word in ("turned", "without area", "duplicate", "normals"):
         assert word in said, said
     body = load_target("box").parts[0]
     corner = body.positions_m[body.triangles]

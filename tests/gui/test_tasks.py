@@ -29,9 +29,9 @@ def at(request: pytest.FixtureRequest) -> Iterator[Pointer]:
     done: list[str] = []
     real = made.console.attempt
 
-    def attempt(name: str, *arguments: Any) -> str:
+    def attempt(name: str, *arguments: Any, **options: Any) -> str:
         done.append(name)
-        return "" if name in BESIDE else real(name, *arguments)
+        return "" if name in BESIDE else real(name, *arguments, **options)
 
     made.console.attempt = attempt  # type: ignore[method-assign]
     made.done = done  # type: ignore[attr-defined]

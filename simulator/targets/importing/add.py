@@ -160,11 +160,12 @@ def import_mesh(path: Path, name: str, options: ImportOptions | None = None) -> 
     wireframe, n_omitted = propose_wireframe(bodies, extent, materials)
     occluders = propose_occluders(bodies, extent)
     lines += _proposals(len(keypoints), len(wireframe), n_omitted, len(occluders.triangles))
-    lines += [
-        f"the shape coincides with itself after {turn}: hybrid compares shapes, not paint, and declines "
-        "most poses of it as ambiguous"
-        for turn in near_symmetries(bodies)
-    ]
+    turns = near_symmetries(bodies)
+    if turns:
+        lines.append(
+            f"the shape coincides with itself after {', or '.join(turns)}: hybrid compares shapes, not paint, and "
+            "declines most poses of it as ambiguous"
+        )
     lines.append(derivation)
     names_in_use = {p.material for p in parts}
     materials_in_use = tuple(m for m in materials if m.name in names_in_use)

@@ -143,5 +143,5 @@ def test_turns_that_leave_the_shape_as_it_is_are_said(tmp_path, bus, boom_at_m, 
     trimesh.util.concatenate(pieces).export(tmp_path / "craft.stl")
     lines = import_mesh(tmp_path / "craft.stl", "craft")[1]
     said = [line for line in lines if "coincides with itself" in line]
-    assert len(said) == len(turns)
-    assert all(turn in line for turn, line in zip(turns, said, strict=True))
+    assert len(said) == bool(turns)
+    assert all(turn in said[0] for turn in turns)
