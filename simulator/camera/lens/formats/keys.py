@@ -17,6 +17,7 @@ Matrix = tuple[float, float, float, float]
 """fx, fy, cx, cy [px]."""
 _MATRIX_KEYS = {"rows", "cols", "dt", "data", "type_id", "sizes"}  # keys of a matrix in OpenCV's FileStorage
 _NUMBER = re.compile(NUMBER)
+_SWITCH = {"true": True, "1": True, "1.0": True, "false": False, "0": False, "0.0": False}
 _SKEW_TOLERANCE = 1e-9  # largest skew over fx that counts as rounding
 
 
@@ -107,6 +108,22 @@ class Keys:
         if value != int(value):
             raise UserError(f"{self._location(*names)} is {value:g}, a whole number of pixels is needed")
         return int(value)
+
+    def flag(self, *names: str) -> bool:
+        """Return a switch, False if it is missing: true, false, 1 or 0, also as text.
+
+        Raises
+        ------
+        UserError
+            If it is anything else.
+        """
+        value = self.get(*names)
+        if value is None:
+            return False
+        switch = _SWITCH.get(str(value).strip().lower())
+        if switch is None:
+            raise UserError(f"{self._location(*names)} is {_abbreviate(value)}, true or false is needed")
+        return switch
 
     def numbers(self, *names: str) -> list[float] | None:
         """Return a flat list of numbers from nested lists, OpenCV's matrix or text; None if it is missing.
