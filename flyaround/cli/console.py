@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 from flyaround.cli.run_options import with_run_options
-from flyaround.cli.scenario_argument import load_flown
+from flyaround.cli.scenario_argument import load_flyable
 from flyaround.runs.console import ConsoleRun
 from flyaround.runs.document import write_run
 from flyaround.simulator.errors import UserError
@@ -36,7 +36,7 @@ def sim(
             typer.echo(f"{form:44} {command.shown:16} {command.help}")
         return
     name = run.scenario or DEFAULT_SCENARIO
-    load_flown(name, "sim")  # report an unknown name here, like the other commands
+    load_flyable(name, "sim")  # report an unknown name here, like the other commands
     # the console's packages are optional: only this command may need them
     from flyaround.gui.app import Request  # noqa: PLC0415
     from flyaround.gui.app import run as run_console  # noqa: PLC0415

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated
 import numpy as np
 import typer
 
-from flyaround.cli.scenario_argument import load_flown
+from flyaround.cli.scenario_argument import load_flyable
 from flyaround.cli.terminal import say
 from flyaround.hil.corner_code import CodePlace, read_code
 from flyaround.hil.display.calibration import SCREEN_PX, calibrate, read_calibration, write_calibration
@@ -73,7 +73,7 @@ def display(
         with FullScreen(monitor) as screen:
             _show_patterns(screen, hold_s, save, step=step)
         return
-    plan = plan_flight(load_flown(str(scenario), "hil display"), n=n)
+    plan = plan_flight(load_flyable(str(scenario), "hil display"), n=n)
     predistorter = None if calibration is None else Predistorter(read_calibration(calibration))
     # the window's context and the renderer's must not share a thread: frames come from another process
     with (
