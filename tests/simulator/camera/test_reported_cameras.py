@@ -156,6 +156,10 @@ REFUSED = {
         VINS_FISHEYE + "distortion_parameters:\n   k1: 0.3\n",
         "distortion_parameters.k1",
     ),
+    "focal lengths of speed that disagree": (
+        '{"Nu": 640, "Nv": 480, "fx": 6e-3, "fy": 6e-3, "ppx": 1e-5, "ppy": 1e-5, "fx_px": 9999}',
+        "fx_px and fy_px that disagree",
+    ),
     "unknown key of matlab": (json.dumps(MATLAB | {"Zoom": 1}), "key Zoom"),
     "unknown key of speed": (
         '{"Nu": 640, "Nv": 480, "cameraMatrix": KKK, "zoom": 1}'.replace("KKK", K),
@@ -223,7 +227,7 @@ REFUSED = {
         ROS + f"distortion_model: inverse_brown_conrady\nD: {D}\n",
         "inverse_brown_conrady",
     ),
-    "omni": (KALIBR.replace("pinhole", "omni"), "'omni', a lens that is not drawn.*calibrate with"),
+    "omni": (KALIBR.replace("pinhole", "omni"), "'omni', a lens that is not supported.*calibrate with"),
     "ds": (KALIBR.replace("pinhole", "ds"), "'ds', a lens"),
     "eucm": (KALIBR.replace("pinhole", "eucm"), "'eucm', a lens"),
     "fov": (KALIBR.replace("equidistant", "fov"), "'fov', a lens"),

@@ -41,7 +41,7 @@ class Keys:
     Raises
     ------
     UserError
-        If it is no table, or two of its keys say the same.
+        If it is not a table, or two of its keys say the same.
     """
 
     def __init__(self, table: Any, source: str, form: str, path: str = "") -> None:  # noqa: ANN401 - any value
@@ -182,7 +182,8 @@ class Keys:
         value = self.get(name, *aliases)
         if value is not None and value not in values:
             raise UserError(
-                f"{self._location(name, *aliases)} is {_abbreviate(value)}, which is not drawn{advice and '; '}{advice}"
+                f"{self._location(name, *aliases)} is {_abbreviate(value)}, which is not supported"
+                f"{advice and '; '}{advice}"
             )
 
     def done(self) -> None:
@@ -269,7 +270,7 @@ def camera_matrix(elements: list[float], source: str) -> Matrix:
         )
     if abs(elements[1]) > _SKEW_TOLERANCE * abs(elements[0]):
         raise UserError(
-            f"{source} has a skew of {elements[1]:g} px, which is not drawn; calibrate with the skew fixed at 0"
+            f"{source} has a skew of {elements[1]:g} px, which is not supported; calibrate with the skew fixed at 0"
         )
     return elements[0], elements[4], elements[2], elements[5]
 
