@@ -230,7 +230,13 @@ def refuse_deep(data: bytes, source: str, skip: re.Pattern[bytes] = JSON_TEXT) -
 
 
 def whole_number(text: str) -> int | None:
-    """Return decimal digits as a number; None for other text, or for more than `MAX_DIGITS`."""
+    """Convert decimal digits to a number.
+
+    Returns
+    -------
+    int or None
+        None for other text, or for more than `MAX_DIGITS`.
+    """
     return int(text) if text.isdecimal() and len(text) <= MAX_DIGITS else None
 
 
