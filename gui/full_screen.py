@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, Self
 import moderngl
 
 from flyaround.gui.surface import import_parts
-from flyaround.gui.window import NO_DISPLAY, open_glfw
+from flyaround.gui.window import no_display, open_glfw
 from flyaround.simulator.errors import UserError
 
 if TYPE_CHECKING:
@@ -47,7 +47,7 @@ class FullScreen:
         glfw = self._glfw
         glfw.ERROR_REPORTING = False
         if not glfw.init():
-            raise UserError(NO_DISPLAY.replace("flyaround sim", "flyaround hil display"))
+            raise UserError(no_display("flyaround hil display"))
         monitors = glfw.get_monitors()
         if not 0 <= monitor < len(monitors):
             glfw.terminate()

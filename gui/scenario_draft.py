@@ -18,7 +18,7 @@ from flyaround.simulator.scenario.show import show_scenario
 from flyaround.simulator.targets.library import load_target
 
 _HEADER = re.compile(r"^\s*\[+\s*([\w.]+)\s*\]+")
-_AT_LINE = re.compile(r"\bat line (\d+)\b")
+_AT_LINE = re.compile(r"\bat line (\d{1,9})\b")
 _UNKNOWN = re.compile(r"unknown key (\w+) (?:in section \[([\w.]+)[\]\[]|at the top level)")
 _LACKS = re.compile(r"section \[([\w.]+)[^\]]*\] lacks")
 _KEY = re.compile(r"\b(?:key|unknown(?! key)) ([\w.]+)")

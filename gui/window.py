@@ -8,13 +8,16 @@ from flyaround.gui.keyboard import Keyboard
 from flyaround.gui.surface import Surface, import_parts
 from flyaround.simulator.errors import UserError
 
-NO_DISPLAY = (
-    "no window can be opened here (no X or Wayland display answers); start flyaround sim in a desktop "
-    "session, on a virtual screen with: xvfb-run -s '-screen 0 1280x800x24' flyaround sim, or, for a script, "
-    "without any: flyaround sim --off-screen"
-)
 MOST_DROPPED = 4
 """Largest number of files of one drop that are opened."""
+
+
+def no_display(command: str) -> str:
+    """Return the message that no display answers, with two ways to start ``command``."""
+    return (
+        f"no window can be opened here (no X or Wayland display answers); start {command} in a desktop session, or on "
+        f"a virtual screen with: xvfb-run -s '-screen 0 1280x800x24' {command}"
+    )
 
 
 def open_glfw(
@@ -107,7 +110,9 @@ class Window(Surface):
         glfw = self._glfw
         glfw.ERROR_REPORTING = False
         if not glfw.init():
-            raise UserError(NO_DISPLAY)
+            raise UserError(
+                f"{no_display('flyaround sim')}, or, for a script, without any: flyaround sim --off-screen"
+            )
         native = open_glfw(glfw, size, title, SCALE_TO_MONITOR=glfw.TRUE)
         if not native:
             glfw.terminate()

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import logging
+import math
 from importlib import import_module
 from typing import Annotated, Any
 
@@ -122,10 +123,26 @@ class LazyCommand(TyperCommand):
         module, _, name = self._home.partition(":")
         thing = getattr(import_module(f"flyaround.cli.{module}"), name)
         if isinstance(thing, typer.Typer):
-            return with_literal_help(get_group(thing)).make_context(*call, **options)
+            return _with_finite_numbers(with_literal_help(get_group(thing))).make_context(*call, **options)
         group = typer.Typer(add_completion=False)
         group.command(self.name)(thing)
-        return with_literal_help(get_command(group)).make_context(*call, **options)
+        return _with_finite_numbers(with_literal_help(get_command(group))).make_context(*call, **options)
+
+
+def _with_finite_numbers(command: Any) -> Any:  # noqa: ANN401 - click's commands and groups
+    """Return a command whose options refuse NaN and infinity, which pass typer's bounds."""
+    for parameter in command.params:
+        parameter.callback = parameter.callback or _refuse_not_finite
+    for inner in getattr(command, "commands", {}).values():
+        _with_finite_numbers(inner)
+    return command
+
+
+def _refuse_not_finite(_context: Any, parameter: Any, value: Any) -> Any:  # noqa: ANN401 - click's callback
+    for number in value if isinstance(value, list | tuple) else (value,):
+        if isinstance(number, float) and not math.isfinite(number):
+            raise UserError(f"{parameter.opts[0]} {number} is invalid: give a finite number")
+    return value
 
 
 class Commands(TyperGroup):

@@ -9,14 +9,14 @@ from typing import Annotated
 import typer
 
 from flyaround.cli.run_options import with_run_options
-from flyaround.cli.scenario_argument import load_flown
+from flyaround.cli.scenario_argument import load_flyable
+from flyaround.cli.size_option import parse_size
 from flyaround.runs.console import ConsoleRun
 from flyaround.runs.document import write_run
-from flyaround.simulator.errors import UserError
 
 DEFAULT_SCENARIO = "tango-flyaround"
 # side of the window [px]: smallest that holds a panel, and the largest texture of common drivers
-MIN_SIDE_PX, MAX_SIDE_PX = 320, 16384
+SIDE_PX = (320, 16384)
 
 
 @with_run_options
@@ -36,7 +36,7 @@ def sim(
             typer.echo(f"{form:44} {command.shown:16} {command.help}")
         return
     name = run.scenario or DEFAULT_SCENARIO
-    load_flown(name, "sim")  # report an unknown name here, like the other commands
+    load_flyable(name, "sim")  # report an unknown name here, like the other commands
     # the console's packages are optional: only this command may need them
     from flyaround.gui.app import Request  # noqa: PLC0415
     from flyaround.gui.app import run as run_console  # noqa: PLC0415
@@ -46,7 +46,7 @@ def sim(
         Request(
             scenario=name,
             choose=run.scenario is None,
-            size=_size(run.size),
+            size=parse_size(run.size, "--size", SIDE_PX, "1280x800"),
             off_screen=run.off_screen,
             seed=run.seed,
             device_index=run.gpu,
@@ -62,19 +62,6 @@ def sim(
         write_run(record, run)
     if as_json:
         typer.echo(json.dumps(state))
-
-
-def _size(text: str) -> tuple[int, int]:
-    parts = text.lower().split("x")
-    if (
-        len(parts) == 2
-        and all(p.isdecimal() for p in parts)
-        and all(MIN_SIDE_PX <= int(p) <= MAX_SIDE_PX for p in parts)
-    ):
-        return int(parts[0]), int(parts[1])
-    raise UserError(
-        f"--size is '{text}', allowed: WIDTHxHEIGHT of {MIN_SIDE_PX} to {MAX_SIDE_PX} each, for example 1280x800"
-    )
 
 
 def _path(text: str | None) -> Path | None:

@@ -13,7 +13,8 @@ from typing import TYPE_CHECKING, Annotated
 import numpy as np
 import typer
 
-from flyaround.cli.scenario_argument import load_flown
+from flyaround.cli.scenario_argument import load_flyable
+from flyaround.cli.size_option import parse_size
 from flyaround.cli.terminal import say
 from flyaround.hil.corner_code import CodePlace, read_code
 from flyaround.hil.display.calibration import SCREEN_PX, calibrate, read_calibration, write_calibration
@@ -39,7 +40,7 @@ def display(
         Path | None,
         typer.Option(help="File written by display-calibrate: frames are pre-distorted for that camera."),
     ] = None,
-    n: Annotated[int, typer.Option("-n", min=1, help="Frames, evenly in time.")] = 30,
+    n: Annotated[int | None, typer.Option("-n", min=1, help="Frames, evenly in time (default 30).")] = None,
     hold_s: Annotated[
         float, typer.Option("--hold", min=0.0, help="Seconds for which each picture is shown.")
     ] = 0.5,
@@ -65,6 +66,8 @@ def display(
     """
     if (scenario is None) != patterns:
         raise UserError("name a scenario, or give --patterns")
+    if patterns and not (n is None and calibration is None and code):
+        raise UserError("--patterns shows no flight: leave out -n, --calibration and --no-code")
     if save is not None:
         empty_folder(save, option="--save")
     from flyaround.gui.full_screen import FullScreen  # noqa: PLC0415 - optional dependency
@@ -73,7 +76,7 @@ def display(
         with FullScreen(monitor) as screen:
             _show_patterns(screen, hold_s, save, step=step)
         return
-    plan = plan_flight(load_flown(str(scenario), "hil display"), n=n)
+    plan = plan_flight(load_flyable(str(scenario), "hil display"), n=n or 30)
     predistorter = None if calibration is None else Predistorter(read_calibration(calibration))
     # the window's context and the renderer's must not share a thread: frames come from another process
     with (
@@ -111,7 +114,8 @@ def _announce(name: str, *, step: bool) -> None:
     if step:
         typer.echo(name)
         sys.stdout.flush()
-        sys.stdin.readline()
+        if not sys.stdin.readline():
+            raise UserError(f"standard input ended at {name}, and --step needs a line for each picture")
 
 
 def display_calibrate(
@@ -126,12 +130,7 @@ def display_calibrate(
     as_json: Annotated[bool, typer.Option("--json", help="Print the figures as JSON.")] = False,
 ) -> None:
     """Calibrate the screen from images of the patterns: pixel map between camera and screen, and brightness."""
-    parts = screen.lower().split("x")
-    if len(parts) != 2 or not all(p.isdecimal() and SCREEN_PX[0] <= int(p) <= SCREEN_PX[1] for p in parts):
-        raise UserError(
-            f"--screen is {screen}, expected WIDTHxHEIGHT of the monitor in pixels, e.g. 1920x1200"
-        )
-    size = (int(parts[0]), int(parts[1]))
+    size = parse_size(screen, "--screen", SCREEN_PX, "1920x1200")
     screen_map = calibrate(_read_grabs(grabs, size), size)
     write_calibration(screen_map, output)
     figures = {
@@ -158,8 +157,13 @@ def _read_grabs(folder: Path, screen_px: tuple[int, int]) -> dict[str, FloatArra
         paths = sorted([*folder.glob(f"{pattern.name}.png"), *folder.glob(f"{pattern.name}_[0-9]*.png")])
         if not paths:
             raise UserError(f"{pattern.name}.png is missing in {folder}: grab every pattern")
-        total = sum(_read_grey(path) for path in paths)
-        grabs[pattern.name] = np.asarray(total / len(paths))
+        total = _read_grey(paths[0])
+        for path in paths[1:]:
+            image = _read_grey(path)
+            if image.shape != total.shape:
+                raise UserError(f"{path} and {paths[0].name} differ in size: grab both again")
+            total = total + image
+        grabs[pattern.name] = total / len(paths)
     return grabs
 
 

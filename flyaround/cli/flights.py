@@ -14,7 +14,7 @@ from rich.table import Table
 from rich.text import Text
 
 from flyaround.cli.run_options import with_run_options
-from flyaround.cli.scenario_argument import load_flown, refuse_recipe
+from flyaround.cli.scenario_argument import load_flyable, refuse_recipe
 from flyaround.cli.terminal import say, terminal
 from flyaround.runs.document import RUN_TOML, run_toml
 from flyaround.runs.flights import FlyRun
@@ -38,7 +38,7 @@ def fly(
     as_json: Annotated[bool, typer.Option("--json", help="Print a summary as JSON.")] = False,
 ) -> None:
     """Propagate without images: states of both craft as a table, with phases, thrust, events and delta-v."""
-    plan = plan_flight(load_flown(run.scenario, "fly"), every_s=run.every_s)
+    plan = plan_flight(load_flyable(run.scenario, "fly"), every_s=run.every_s)
     output = Path(run.output)
     earlier = _earlier_flight(output) if run.overwrite else ()
     if not earlier:

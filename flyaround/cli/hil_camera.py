@@ -9,7 +9,7 @@ import msgspec
 
 from flyaround.cli.command_line import command_line
 from flyaround.cli.run_options import with_run_options
-from flyaround.cli.scenario_argument import load_flown
+from flyaround.cli.scenario_argument import load_flyable
 from flyaround.cli.terminal import say
 from flyaround.hil.host.camera_endpoint.camera_ledger import CameraLedger
 from flyaround.hil.host.camera_endpoint.genicam_xml import OWN_NAME, read_xml, write_xml
@@ -60,7 +60,7 @@ def camera(run: CameraRun) -> None:
 
 def serve_camera(run: CameraRun) -> None:
     """Serve a flight's images until Ctrl-C."""
-    plan = plan_flight(load_flown(run.scenario, "hil camera"), n=run.loop or 1, seed=run.seed)
+    plan = plan_flight(load_flyable(run.scenario, "hil camera"), n=run.loop or 1, seed=run.seed)
     check_one_channel(plan)
     terms = _terms(plan, run.rate_hz)
     if run.write is not None:

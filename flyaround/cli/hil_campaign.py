@@ -10,7 +10,7 @@ import typer
 from rich.text import Text
 
 from flyaround.cli.run_options import with_run_options
-from flyaround.cli.scenario_argument import load_flown
+from flyaround.cli.scenario_argument import load_flyable
 from flyaround.cli.terminal import progress_bar, say
 from flyaround.hil.campaign.campaign import CAMPAIGN_JSON, PAGE, run_campaign
 from flyaround.hil.campaign.delay_map import OUTCOME_JSON, map_delays, settings_for
@@ -73,7 +73,7 @@ def delay_map(
     No images are rendered: the poses are the truth with the estimator's measured errors (docs/hil_campaign.md).
     """
     output = Path(run.output)
-    load_flown(run.scenario, "hil delay-map")
+    load_flyable(run.scenario, "hil delay-map")
     settings = settings_for(
         run.scenario,
         latencies_s=_levels(run.latency, "--latency", 60.0),

@@ -9,7 +9,7 @@ from typing import Annotated
 import msgspec
 import typer
 
-from flyaround.cli.scenario_argument import load_flown
+from flyaround.cli.scenario_argument import load_flyable
 from flyaround.cli.terminal import progress_bar, say
 from flyaround.hil.host.attitude_forecast import FORECAST_PNG, fly_forecasts, write_forecasts
 from flyaround.simulator.runtime.files import empty_folder
@@ -33,7 +33,7 @@ def forecast(
     Horizon 0 is the filtered attitude itself. The filter's predicted sigma is shown next to the error
     (docs/hil_closed_loop.md).
     """
-    plan = plan_flight(load_flown(scenario, "hil forecast"), n=1, seed=seed)
+    plan = plan_flight(load_flyable(scenario, "hil forecast"), n=1, seed=seed)
     empty_folder(output, option="--output")
     with progress_bar("flights", quiet=as_json) as progress:
         errors = fly_forecasts(plan, runs=runs, horizon_s=horizon_s, progress=progress)

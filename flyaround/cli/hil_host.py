@@ -13,7 +13,7 @@ from flyaround.cli.command_line import command_line
 from flyaround.cli.hil_camera import SCHEME, serve_camera
 from flyaround.cli.hil_words import listening_text, summary_text
 from flyaround.cli.run_options import with_run_options
-from flyaround.cli.scenario_argument import load_flown
+from flyaround.cli.scenario_argument import load_flyable
 from flyaround.cli.terminal import progress_bar, say
 from flyaround.hil.host.closed_loop_run import (
     fly_without_pictures,
@@ -82,7 +82,7 @@ def host(
 
 def _stream(run: HostRun, *, as_json: bool) -> None:
     """Send the images of a flight to a board."""
-    scenario = load_flown(run.scenario, "hil host")
+    scenario = load_flyable(run.scenario, "hil host")
     link = _link(run, scenario)
     check_access(link)
     every_s = run.pictures.every_s
@@ -201,7 +201,7 @@ def _serve_as_camera(run: HostRun, context: typer.Context) -> None:
 def _fly_without_pictures(run: HostRun, *, as_json: bool) -> None:
     """Fly a closed loop without a board and without images."""
     pose: Literal["truth", "noisy"] = "truth" if run.closed_loop.pose == "truth" else "noisy"
-    scenario = load_flown(run.scenario, "hil host")
+    scenario = load_flyable(run.scenario, "hil host")
     plan = plan_flight(scenario, n=1, seed=run.seed)
     settings = ClosedLoopConfig(seed=plan.seed, frame_every=frame_every(run.pictures.every_s, plan))
     faults = _faults(run, scenario)

@@ -16,7 +16,7 @@ from rich.table import Table
 from rich.text import Text
 
 from flyaround.cli.run_options import with_run_options
-from flyaround.cli.scenario_argument import load_flown
+from flyaround.cli.scenario_argument import load_flyable
 from flyaround.cli.terminal import progress_bar, say, terminal
 from flyaround.runs.document import write_run
 from flyaround.runs.pictures import RenderRun
@@ -101,7 +101,7 @@ def _recorded_view(path: Path) -> _View:
 def _flown_view(run: RenderRun) -> _View:
     """Return the view of the scenario at the requested time."""
     bands: Bands | None = "rgb" if run.rgb else None
-    scenario = load_flown(run.scenario or "", "render")
+    scenario = load_flyable(run.scenario or "", "render")
     if run.environment is not None:
         scenario = msgspec.structs.replace(scenario, environment=environment_section(run.environment))
     scenario = with_image_options(scenario, run.encoding, auto_exposure=run.auto_exposure)

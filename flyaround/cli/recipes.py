@@ -155,7 +155,7 @@ def backgrounds(
         int | None, typer.Option("-n", min=1, help="Number of views, from the first (default: all).")
     ] = None,
     gpu: Annotated[
-        int | None, typer.Option(help="EGL device to render on (default: the driver's choice).")
+        int | None, typer.Option(min=0, help="EGL device to render on (default: the driver's choice).")
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print a summary as JSON.")] = False,
 ) -> None:

@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from flyaround.simulator.scenario.scenario import Scenario
 
 
-def load_flown(name: str, command: str) -> Scenario:
+def load_flyable(name: str, command: str) -> Scenario:
     """Return the scenario of that name or file, for a command that does not accept recipes.
 
     Raises
@@ -33,12 +33,21 @@ def load_flown(name: str, command: str) -> Scenario:
 def refuse_recipe(name: str, command: str, advice: str) -> None:
     """Raise if ``name`` is a recipe.
 
+    Parameters
+    ----------
+    name : str
+        Name or file that the user gave.
+    command : str
+        Command that takes a scenario, as typed: ``hil host``.
+    advice : str
+        Advice that ends the message.
+
     Raises
     ------
     UserError
-        If so.
+        If ``name`` is a recipe; the message ends with ``advice``.
     """
     if name not in list_scenarios() and is_recipe(name):
         raise UserError(
             f"{name} is a recipe of independent samples, and {command} takes a scenario: {advice}"
-        ) from None
+        )

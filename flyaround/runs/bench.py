@@ -8,6 +8,7 @@ import typer
 from msgspec import Meta
 
 from flyaround.runs.document import NOT_RECORDED, Run
+from flyaround.runs.fields import Device
 
 
 class BenchRun(Run, frozen=True, kw_only=True, tag="flyaround.run.bench"):
@@ -15,4 +16,4 @@ class BenchRun(Run, frozen=True, kw_only=True, tag="flyaround.run.bench"):
 
     frames: Annotated[Annotated[int, Meta(ge=3)], typer.Option("-n", help="Frames timed per scene.")] = 20
     scene: Annotated[tuple[str, ...], typer.Option(help="Only these scenes (repeat the option).")] = ()
-    gpu: Annotated[int | None, typer.Option(help="EGL device to render on."), NOT_RECORDED] = None
+    gpu: Annotated[Device | None, typer.Option(help="EGL device to render on."), NOT_RECORDED] = None

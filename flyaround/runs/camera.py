@@ -9,7 +9,7 @@ from msgspec import Meta
 
 from flyaround.hil.host.camera_endpoint.registers import RATE_HZ
 from flyaround.runs.document import NOT_RECORDED, Only, Run
-from flyaround.runs.fields import File, FlightSeed, ScenarioArgument
+from flyaround.runs.fields import Device, File, FlightSeed, ScenarioArgument
 
 _NEEDS_ANSWERS = "--log and --key concern a board's answers: also give --answers tcp://127.0.0.1:5602"
 
@@ -66,4 +66,4 @@ class CameraRun(Run, frozen=True, kw_only=True, tag="flyaround.run.hil-camera"):
     ] = None
     key: Annotated[File | None, typer.Option(help="File with the key required of a board's --answer.")] = None
     seed: FlightSeed = None
-    gpu: Annotated[int | None, typer.Option(help="EGL device to render on."), NOT_RECORDED] = None
+    gpu: Annotated[Device | None, typer.Option(help="EGL device to render on."), NOT_RECORDED] = None

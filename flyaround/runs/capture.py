@@ -8,7 +8,17 @@ import typer
 from msgspec import Meta
 
 from flyaround.runs.document import NOT_RECORDED, Only, Run
-from flyaround.runs.fields import AutoExposureOption, Count, Curve, File, Gpu, Labels, Preset, Seed, World
+from flyaround.runs.fields import (
+    AutoExposureOption,
+    Count,
+    EncodingOption,
+    EnvironmentOption,
+    File,
+    Gpu,
+    Labels,
+    QualityOption,
+    Seed,
+)
 from flyaround.simulator.dataset.formats.registry import writable
 from flyaround.simulator.runtime.sections import Section
 
@@ -26,10 +36,10 @@ class CapturedPictures(Section, frozen=True, kw_only=True):
         float | None, typer.Option("--every", help="Seconds between frames, instead of -n.")
     ] = None
     rgb: Annotated[bool, typer.Option("--rgb", help="Colour images instead of the scenario's bands.")] = False
-    encoding: Curve = None
+    encoding: EncodingOption = None
     auto_exposure: AutoExposureOption = False
-    quality: Preset = None
-    environment: World = None
+    quality: QualityOption = None
+    environment: EnvironmentOption = None
     camera: Annotated[
         str | None, typer.Option(help="Built-in camera or file, instead of the scenario's own.")
     ] = None

@@ -11,7 +11,7 @@ from flyaround.hil.board.method_names import ALL_METHODS, HYBRID
 from flyaround.hil.board.net.residual_network import ARCHITECTURES
 from flyaround.hil.board.svd.settings import SOLVERS, STREAMS
 from flyaround.runs.document import NOT_RECORDED, Run
-from flyaround.runs.fields import AnySeed, Count, File
+from flyaround.runs.fields import AnySeed, Count, Device, File
 from flyaround.simulator.runtime.sections import Section
 
 Methods = ", ".join(ALL_METHODS)
@@ -151,4 +151,4 @@ class CompareRun(Run, frozen=True, kw_only=True, tag="flyaround.run.compare"):
             help="Sensor preset of the simulated pictures (default: the noise of each reference picture)."
         ),
     ] = None
-    gpu: Annotated[int | None, typer.Option(help="EGL device to render on."), NOT_RECORDED] = None
+    gpu: Annotated[Device | None, typer.Option(help="EGL device to render on."), NOT_RECORDED] = None

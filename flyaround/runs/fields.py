@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, get_args
 
 import typer
 from msgspec import Meta
@@ -16,6 +16,7 @@ from flyaround.simulator.scene.state import Quality
 File = Annotated[str, Meta(extra={PATH: True})]
 Count = Annotated[int, Meta(ge=1)]
 AnySeed = Annotated[int, Meta(ge=0)]
+Device = Annotated[int, Meta(ge=0)]
 Duration = Annotated[float, Meta(ge=0)]
 
 ScenarioArgument = Annotated[str, typer.Argument(help="Built-in name or TOML file.")]
@@ -25,14 +26,15 @@ Labels = Annotated[
     str | None,
     typer.Option(help=f"Label layers besides truth and mask: all, none, or any of {', '.join(LAYERS)}."),
 ]
-World = Annotated[
+EnvironmentOption = Annotated[
     str | None,
-    typer.Option(help=f"Layers of the world instead of the scenario's: {', '.join(ENVIRONMENTS)}."),
+    typer.Option(help=f"Preset of the environment instead of the scenario's: {', '.join(ENVIRONMENTS)}."),
 ]
-Curve = Annotated[
+EncodingOption = Annotated[
     Encoding | None,
     typer.Option(
-        help="Transfer function of the image: linear, srgb or gamma (default: the scenario's; srgb for 8-bit colour)."
+        help=f"Transfer function of the image: {', '.join(get_args(Encoding))} (default: the scenario's; srgb for 8-bit"
+        " colour)."
     ),
 ]
 AutoExposureOption = Annotated[
@@ -42,7 +44,7 @@ AutoExposureOption = Annotated[
         help="Use automatic exposure even if the scenario does not.",
     ),
 ]
-Preset = Annotated[Quality | None, typer.Option(help="draft, default or high.")]
+QualityOption = Annotated[Quality | None, typer.Option(help=f"{', '.join(get_args(Quality))}.")]
 Gpu = Annotated[
-    int | None, typer.Option(help="EGL device to render on (default: the driver's choice)."), NOT_RECORDED
+    Device | None, typer.Option(help="EGL device to render on (default: the driver's choice)."), NOT_RECORDED
 ]

@@ -10,7 +10,7 @@ from msgspec import Meta
 from flyaround.hil.host.link_process.ipc import Compression, PixelFormatName
 from flyaround.hil.link.session import SILENCE_S
 from flyaround.runs.document import NOT_RECORDED, Only, Run
-from flyaround.runs.fields import Count, Duration, File, FlightSeed, ScenarioArgument
+from flyaround.runs.fields import Count, Device, Duration, File, FlightSeed, ScenarioArgument
 from flyaround.simulator.runtime.sections import Section
 
 POSE_S, CONNECT_S = 30.0, 60.0
@@ -103,7 +103,7 @@ class SentPictures(Section, frozen=True, kw_only=True):
         typer.Option(help="Number of render processes, for higher frame rates."),
         NOT_RECORDED,
     ] = 1
-    gpu: Annotated[int | None, typer.Option(help="EGL device to render on."), NOT_RECORDED] = None
+    gpu: Annotated[Device | None, typer.Option(help="EGL device to render on."), NOT_RECORDED] = None
 
 
 class Timing(Section, frozen=True, kw_only=True):

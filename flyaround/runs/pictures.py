@@ -7,7 +7,16 @@ from typing import Annotated, ClassVar
 import typer
 
 from flyaround.runs.document import NOT_RECORDED, Only, Run
-from flyaround.runs.fields import AutoExposureOption, Curve, File, Gpu, Labels, Preset, Seed, World
+from flyaround.runs.fields import (
+    AutoExposureOption,
+    EncodingOption,
+    EnvironmentOption,
+    File,
+    Gpu,
+    Labels,
+    QualityOption,
+    Seed,
+)
 
 
 class RenderRun(Run, frozen=True, kw_only=True, tag="flyaround.run.render"):
@@ -62,10 +71,10 @@ class RenderRun(Run, frozen=True, kw_only=True, tag="flyaround.run.render"):
         ),
     ] = None
     rgb: Annotated[bool, typer.Option("--rgb", help="Colour image instead of the scenario's bands.")] = False
-    encoding: Curve = None
+    encoding: EncodingOption = None
     auto_exposure: AutoExposureOption = False
-    quality: Preset = None
-    environment: World = None
+    quality: QualityOption = None
+    environment: EnvironmentOption = None
     labels: Labels = None
     seed: Seed = None
     gpu: Gpu = None

@@ -15,6 +15,7 @@ from flyaround.simulator.runtime.untrusted_files import (
     read_regular,
     refuse_deep,
     refuse_link_out,
+    whole_number,
     without_mark,
 )
 
@@ -29,7 +30,6 @@ MAX_BYTES = 200_000_000
 
 # Maximum number in a ratio such as 8:1:1.
 MAX_SHARE = 1_000_000
-MAX_DIGITS = 20  # of one number, with leading zeros and spaces
 # Number of groups after which the shares are exact, in multiples of the sum of the ratio. More would leave each stratum
 # freer to follow the ratio, fewer would make small sets exact; the splits of existing data sets depend on it.
 BLOCKS_PER_EXACT_RUN = 10
@@ -53,8 +53,7 @@ def parse_split(text: str) -> Ratio:
         If it is not three whole numbers up to `MAX_SHARE`, of which one is above 0.
     """
     parts = text.split(":")
-    # Python refuses to convert very long numbers
-    numbers = [int(word) for word in parts if word.strip().isdecimal() and len(word) <= MAX_DIGITS]
+    numbers = [n for word in parts if (n := whole_number(word.strip())) is not None]
     if len(parts) != 3 or len(numbers) != 3 or not any(numbers) or max(numbers) > MAX_SHARE:
         raise UserError(
             f"--split '{text[:40]}' is not three whole numbers train:validation:test of at most {MAX_SHARE}; "

@@ -21,6 +21,7 @@ import numpy as np
 from flyaround.simulator.errors import UserError
 
 MAX_DEPTH = 64  # brackets that may be open at once
+MAX_DIGITS = 18  # such numbers fit into 64 bits; Python raises ValueError above 4300
 MAX_INTEGER = 10**300  # from 1.8e308 on float() overflows
 
 # Tables of bytes that open and close a JSON value.
@@ -226,6 +227,17 @@ def refuse_deep(data: bytes, source: str, skip: re.Pattern[bytes] = JSON_TEXT) -
     steps -= _CLOSING[numbers]
     if np.cumsum(steps, dtype=np.int32).max(initial=0) > MAX_DEPTH:
         raise UserError(f"{source} nests more than {MAX_DEPTH} brackets, the limit of such a file")
+
+
+def whole_number(text: str) -> int | None:
+    """Convert decimal digits to a number.
+
+    Returns
+    -------
+    int or None
+        None for other text, or for more than `MAX_DIGITS`.
+    """
+    return int(text) if text.isdecimal() and len(text) <= MAX_DIGITS else None
 
 
 def refuse_not_finite(value: Any, source: str, key: str = "") -> None:  # noqa: ANN401 - a document is anything

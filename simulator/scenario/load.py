@@ -40,6 +40,8 @@ if TYPE_CHECKING:
 Kind = Literal["scenario", "recipe"]
 _Document = TypeVar("_Document", Scenario, Recipe)
 
+_RECIPE_SCHEMA = re.compile(rb"^\s*schema\s*=\s*[\"']flyaround\.recipe[\"']", re.MULTILINE)
+
 # Maximum number of recipes that stand on each other, which ends a circle.
 MAX_BASES = 8
 
@@ -148,14 +150,14 @@ def is_recipe(name_or_path: str) -> bool:
     Returns
     -------
     bool
-        False also if there is no such file, or it cannot be read. Its contents are searched for the name of the
-        format but not checked.
+        False also if there is no such file, or it cannot be read. Its contents are searched for the key ``schema``
+        of a recipe but not checked.
     """
     if name_or_path in list_recipes() or target_in(name_or_path) is not None:
         return True
     path = Path(name_or_path)
     try:
-        return path.is_file() and b"flyaround.recipe" in read_regular(path, MAX_TOML_BYTES)
+        return path.is_file() and _RECIPE_SCHEMA.search(read_regular(path, MAX_TOML_BYTES)) is not None
     except (OSError, UserError):
         return False
 

@@ -57,6 +57,13 @@ def test_unknown_scenario_names_the_nearest(capsys, command):
     _fails(capsys, *command, "tango-flyaruond", says=("tango-flyaruond", "tango-flyaround"))
 
 
+def test_a_scenario_that_mentions_a_recipe_is_no_recipe(capsys, scenario_file):
+    path = scenario_file(f"# see flyaround.recipe\nzoom = 2\n{GOOD}")
+    assert "samples" not in _fails(capsys, "fly", path, "-o", "x", says=("mine.toml", "unknown key zoom"))
+    path = scenario_file("schema = 'flyaround.recipe'\nzoom = 2\n")
+    _fails(capsys, "fly", path, "-o", "x", says=("is a recipe of independent samples, and fly takes",))
+
+
 @pytest.mark.parametrize("content", [b"", b"0.5 hello 0.5\n", b"\x93NUMPY"])
 def test_a_kernel_file_that_is_no_table_of_numbers(capsys, scenario_file, tmp_path, content):
     (tmp_path / "k.txt").write_bytes(content)
@@ -86,6 +93,27 @@ MISTAKES = [
     ("estimate SMALL --target cubesat-1u --camera speed", ("640 x 480", "1920 x 1200", "--camera")),
     ("estimate a.png --camera nikon", ("nikon", "speed")),
     ("hil board ftp://127.0.0.1:5600", ("ftp://127.0.0.1:5600", "tcp://")),
+    *(
+        (f"{command} {option} {value}", (f"{option} {value} is invalid: give a finite number",))
+        for command, option in (
+            (f"capture {FLIGHT} -o OUT", "--every"),
+            (f"fly {FLIGHT} -o OUT", "--every"),
+            (f"render {FLIGHT} -o OUT.png", "--time"),
+            ("sim", "--seconds"),
+            ("check OUT", "--redraw"),
+            ("targets add OUT.obj", "--scale"),
+            (f"hil host {FLIGHT}", "--silence"),
+            ("hil display --patterns", "--hold"),
+        )
+        for value in ("nan", "inf")
+        if option != "--redraw" or value == "nan"  # 1 is the most
+    ),
+    (f"sim --size {'9' * 5000}x800", ("--size", "WIDTHxHEIGHT of 320 to 16384")),
+    (f"hil display-calibrate OUT --screen {'9' * 5000}x64", ("--screen", "WIDTHxHEIGHT")),
+    ("hil display-calibrate OUT --screen 64x64x64", ("--screen", "WIDTHxHEIGHT")),
+    ("hil display --patterns -n 5", ("--patterns", "leave out -n")),
+    ("hil display --patterns --calibration OUT.json", ("leave out -n, --calibration",)),
+    (f"render {FLIGHT} --gpu -5", ("--gpu", "-5", "x>=0")),
     ("hil board nonsense", ("nonsense", "tcp://")),
 ]
 

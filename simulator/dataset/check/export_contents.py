@@ -23,7 +23,7 @@ from flyaround.simulator.dataset.formats.exr import MAX_SIDE_PX
 from flyaround.simulator.dataset.formats.native import decode_png
 from flyaround.simulator.errors import UserError
 from flyaround.simulator.runtime.mcap_messages import mcap_messages
-from flyaround.simulator.runtime.untrusted_files import refuse_deep
+from flyaround.simulator.runtime.untrusted_files import refuse_deep, whole_number
 from flyaround.simulator.targets.textures import picture_size
 
 if TYPE_CHECKING:
@@ -165,7 +165,7 @@ def _json(data: bytes) -> Iterator[Entry]:
                 frame = row.get("image_id", row["id"] if name == "images" else None)
                 yield Entry(f"{name} {row['id']}", row, frame)
         else:
-            yield Entry(str(name), value, int(name) if name.isdecimal() else None)  # BOP
+            yield Entry(str(name), value, whole_number(name))  # BOP
 
 
 def _without_repeats(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
@@ -195,7 +195,7 @@ def refuse_repeated_keys(data: bytes, source: str) -> None:
 
 def _number_in(name: str) -> int | None:
     digits = re.search(r"\d+", Path(name).stem)
-    return int(digits[0]) if digits else None
+    return whole_number(digits[0]) if digits else None
 
 
 def _lines(data: bytes) -> Iterator[Entry]:
@@ -205,7 +205,7 @@ def _lines(data: bytes) -> Iterator[Entry]:
         text = ",".join(_rounded(cell) for cell in line.split(","))
         counts[text] = counts.get(text, 0) + 1
         name = re.search(r"\w*?(\d+)(_rgb)?\.png", line)
-        yield Entry(f"line {text} ({counts[text]})", "", int(name[1]) if name else None)
+        yield Entry(f"line {text} ({counts[text]})", "", whole_number(name[1]) if name else None)
 
 
 def _rounded(cell: str) -> str:

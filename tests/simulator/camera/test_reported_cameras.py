@@ -96,6 +96,7 @@ def sample(path):
 
 OPENCV_2_XML, ROS_INI = sample("five/opencv2.xml"), sample("five/ros.ini")
 KALIBR, VINS = sample("fisheye/kalibr.yaml"), sample("four/vins.yaml")
+VINS_FISHEYE = sample("fisheye/vins_fisheye.yaml")
 ORB_SLAM_2, ORB_SLAM_3 = sample("five/orb_slam2.yaml"), sample("fisheye/orb_slam3.yaml")
 STELLA = sample("five/stella.yaml")
 BASALT, BOP = json.loads(sample("fisheye/basalt.json")), json.loads(sample("none/bop.json"))
@@ -145,6 +146,19 @@ REFUSED = {
     "unknown key of a frame of nerf": (
         json.dumps(NERF | {"frames": [{"k5": 1, "fl_x": 1}]}),
         r"frames\[0\].k5",
+    ),
+    "other frames of nerf than a list": (json.dumps(NERF | {"frames": {"0": {"k1": 0.3}}}), "not a list"),
+    "frame of nerf that is no table": (json.dumps(NERF | {"frames": [3]}), r"frames\[0\] is 3, a table"),
+    "skew of nerf in capitals": (json.dumps(NERF | {"SK_X": 0.5}), "sk_x is 0.5"),
+    "nerf with two spellings": (json.dumps(NERF | {"K1": 0.1}), "k1 and K1, which say the same"),
+    "nerf with a fish-eye of text": (json.dumps(NERF | {"is_fisheye": "maybe"}), "is_fisheye is 'maybe'"),
+    "vins fish-eye with other terms": (
+        VINS_FISHEYE + "distortion_parameters:\n   k1: 0.3\n",
+        "distortion_parameters.k1",
+    ),
+    "focal lengths of speed that disagree": (
+        '{"Nu": 640, "Nv": 480, "fx": 6e-3, "fy": 6e-3, "ppx": 1e-5, "ppy": 1e-5, "fx_px": 9999}',
+        "fx_px and fy_px that disagree",
     ),
     "unknown key of matlab": (json.dumps(MATLAB | {"Zoom": 1}), "key Zoom"),
     "unknown key of speed": (
@@ -213,7 +227,7 @@ REFUSED = {
         ROS + f"distortion_model: inverse_brown_conrady\nD: {D}\n",
         "inverse_brown_conrady",
     ),
-    "omni": (KALIBR.replace("pinhole", "omni"), "'omni', a lens that is not drawn.*calibrate with"),
+    "omni": (KALIBR.replace("pinhole", "omni"), "'omni', a lens that is not supported.*calibrate with"),
     "ds": (KALIBR.replace("pinhole", "ds"), "'ds', a lens"),
     "eucm": (KALIBR.replace("pinhole", "eucm"), "'eucm', a lens"),
     "fov": (KALIBR.replace("equidistant", "fov"), "'fov', a lens"),
@@ -270,6 +284,7 @@ REFUSED = {
         "1 PINHOLE 640 480 600 601 320 240\n2 PINHOLE 640 480 600 602 320 240\n",
         "2 cameras that differ",
     ),
+    "colmap of a 5000-digit width": (f"1 PINHOLE {'9' * 5000} 480 600 601 320 240\n", "too many digits"),
     "colmap too short": ("1 PINHOLE 640 480 600 601 320\n", "PINHOLE takes fx fy cx cy"),
     "scene_camera of bop": (
         f'{{"0": {{"cam_K": {K}, "depth_scale": 1}}}}',
@@ -456,6 +471,31 @@ def test_four_coefficients_without_a_model_are_said_to_be_no_fish_eye_s():
 def test_nerf_without_a_principal_point_looks_through_the_middle():
     table = without(NERF, "cx", "cy", "fl_x", "fl_y", "k1", "k2", "p1", "p2")
     check(parse_camera(json.dumps(table).encode(), "x"), (640, 480, 600, 600, 319.5, 239.5), "none")
+
+
+def test_nerf_keys_in_another_spelling_are_read():
+    camera = parse_camera(json.dumps(NERF).encode(), "x")
+    spelled = {"K1": NERF["k1"], "CX": NERF["cx"], "flX": NERF["fl_x"]}
+    table = without(NERF, "k1", "cx", "fl_x")
+    assert parse_camera(json.dumps(table | spelled).encode(), "x") == camera
+    # keys of a frame precede those of the file, however each is spelled
+    framed = table | {"frames": [spelled | {"transform_matrix": []}]}
+    assert parse_camera(json.dumps(framed | {"k1": 0.5}).encode(), "x") == camera
+    fisheye = without(NERF, "p1", "p2", "camera_model") | {"isFisheye": True}
+    assert parse_camera(json.dumps(fisheye).encode(), "x").distortion.model == "kannala_brandt"
+
+
+@pytest.mark.parametrize("value", [False, 0, "false", "False", "0"])
+def test_text_of_a_switch_that_is_off_selects_no_fish_eye(value):
+    camera = parse_camera(json.dumps(NERF).encode(), "x")
+    assert parse_camera(json.dumps(NERF | {"is_fisheye": value}).encode(), "x") == camera
+    table = {"width": 640, "height": 480, "K": json.loads(K), "D": json.loads(D), "fisheye": value}
+    assert parse_camera(json.dumps(table).encode(), "x").distortion.model == "brown_conrady"
+
+
+def test_colmap_cameras_that_are_equal_in_another_notation_are_one():
+    text = "1 PINHOLE 640 480 600 601 320 240\n2 PINHOLE 640 480 600.0 6.01e2 320 240\n"
+    assert parse_camera(text.encode(), "x") == parse_camera(text.splitlines()[0].encode(), "x")
 
 
 def test_an_ideal_fish_eye_is_no_pinhole():

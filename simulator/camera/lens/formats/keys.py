@@ -17,6 +17,7 @@ Matrix = tuple[float, float, float, float]
 """fx, fy, cx, cy [px]."""
 _MATRIX_KEYS = {"rows", "cols", "dt", "data", "type_id", "sizes"}  # keys of a matrix in OpenCV's FileStorage
 _NUMBER = re.compile(NUMBER)
+_SWITCH = {"true": True, "1": True, "1.0": True, "false": False, "0": False, "0.0": False}
 _SKEW_TOLERANCE = 1e-9  # largest skew over fx that counts as rounding
 
 
@@ -40,7 +41,7 @@ class Keys:
     Raises
     ------
     UserError
-        If it is no table, or two of its keys say the same.
+        If it is not a table, or two of its keys say the same.
     """
 
     def __init__(self, table: Any, source: str, form: str, path: str = "") -> None:  # noqa: ANN401 - any value
@@ -108,6 +109,22 @@ class Keys:
             raise UserError(f"{self._location(*names)} is {value:g}, a whole number of pixels is needed")
         return int(value)
 
+    def flag(self, *names: str) -> bool:
+        """Return a switch, False if it is missing: true, false, 1 or 0, also as text.
+
+        Raises
+        ------
+        UserError
+            If it is anything else.
+        """
+        value = self.get(*names)
+        if value is None:
+            return False
+        switch = _SWITCH.get(str(value).strip().lower())
+        if switch is None:
+            raise UserError(f"{self._location(*names)} is {_abbreviate(value)}, true or false is needed")
+        return switch
+
     def numbers(self, *names: str) -> list[float] | None:
         """Return a flat list of numbers from nested lists, OpenCV's matrix or text; None if it is missing.
 
@@ -165,7 +182,8 @@ class Keys:
         value = self.get(name, *aliases)
         if value is not None and value not in values:
             raise UserError(
-                f"{self._location(name, *aliases)} is {_abbreviate(value)}, which is not drawn{advice and '; '}{advice}"
+                f"{self._location(name, *aliases)} is {_abbreviate(value)}, which is not supported"
+                f"{advice and '; '}{advice}"
             )
 
     def done(self) -> None:
@@ -252,7 +270,7 @@ def camera_matrix(elements: list[float], source: str) -> Matrix:
         )
     if abs(elements[1]) > _SKEW_TOLERANCE * abs(elements[0]):
         raise UserError(
-            f"{source} has a skew of {elements[1]:g} px, which is not drawn; calibrate with the skew fixed at 0"
+            f"{source} has a skew of {elements[1]:g} px, which is not supported; calibrate with the skew fixed at 0"
         )
     return elements[0], elements[4], elements[2], elements[5]
 

@@ -78,7 +78,7 @@ def unsupported_model(location: str, value: object, supported: str) -> UserError
         Names of the models that are read.
     """
     return UserError(
-        f"{location} is {str(value)[:60]!r}, a lens that is not drawn (read are {supported}); {_RECALIBRATE}"
+        f"{location} is {str(value)[:60]!r}, a lens that is not supported (read are {supported}); {_RECALIBRATE}"
     )
 
 
@@ -166,7 +166,7 @@ def _distortion(
     if len(coefficients) > counts[-1]:
         if model == "brown_conrady" and any(coefficients[counts[-1] :]):
             raise UserError(
-                f"{source}: thin prism and tilt terms of the distortion are not drawn; calibrate without them"
+                f"{source}: thin prism and tilt terms of the distortion are not supported; calibrate without them"
             )
         if model == "brown_conrady":
             coefficients = coefficients[: counts[-1]]

@@ -69,7 +69,7 @@ def read_matlab(document: Document, source: str) -> CameraFile:
             )
         coefficients = [*radial[:2], *tangential, *radial[2:]]
     if abs(keys.number("Skew", default=0.0)) > 1e-9 * abs(intrinsics[0]):
-        raise keys.error("has a Skew, which is not drawn: calibrate with EstimateSkew false")
+        raise keys.error("has a Skew, which is not supported; calibrate with EstimateSkew false")
     return camera_file(
         keys, size[::-1], intrinsics, "brown_conrady" if coefficients else "none", coefficients
     )

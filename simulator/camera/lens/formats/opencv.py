@@ -98,7 +98,7 @@ def _read(keys: Keys, notes: list[str]) -> CameraFile:
         raise keys.error("lacks the camera matrix; add it")
     _check_roi(keys, size)
     models = [(key, keys.get(key)) for key in _MODELS]
-    models += [(key, "fisheye") for key in _FISHEYE if keys.get(key)]
+    models += [(key, "fisheye") for key in _FISHEYE if keys.flag(key)]
     flags = keys.get("flags")
     if "fisheye" in str(flags).lower():
         models.append(("flags", "fisheye"))

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 from flyaround.simulator.camera.lens.formats.keys import Keys, camera_matrix, flat_numbers
 from flyaround.simulator.camera.lens.formats.lens import camera_file, unsupported_model
 from flyaround.simulator.errors import UserError
+from flyaround.simulator.runtime.untrusted_files import whole_number
 
 if TYPE_CHECKING:
     from flyaround.simulator.camera.lens.distortion import DistortionModel
@@ -43,6 +44,7 @@ _NERF_FRAME = """
     transform_matrix depth_file_path normal_file_path colmap_im_id camera_index rotation frame_index cam_id
     semantic_path timestamp time camera_id file_path mask_path sharpness
 """
+_NERF = "NeRF's transforms.json"
 _LENGTH_TOLERANCE = 2e-3  # relative tolerance between a focal length and an angle, which files round
 CORNER_TO_CENTRE_PX = -0.5  # COLMAP's and NeRF's pixel (0, 0) is a corner, ours the centre of the first pixel
 
@@ -61,15 +63,15 @@ def read_colmap(document: Document, source: str) -> CameraFile:
         If they differ, or the lens is not supported.
     """
     cameras = document.table["cameras"]
-    if any(camera[1:] != cameras[0][1:] for camera in cameras[1:]):
+    number = cameras[0][0]
+    name, size, values = lens = _colmap_lens(cameras[0], source)
+    if any(_colmap_lens(camera, source) != lens for camera in cameras[1:]):
         raise UserError(f"{source} holds {len(cameras)} cameras that differ; keep the line of one")
-    number, name, width, height, *words = cameras[0]
     if name not in _COLMAP_MODELS:
         raise unsupported_model(
             f"{source}: COLMAP's model of camera {number}", name, ", ".join(_COLMAP_MODELS)
         )
     model, parameters, order = _COLMAP_MODELS[name]
-    values = flat_numbers(words, f"{source}: camera {number}")
     if len(values) != len(parameters.split()):
         raise UserError(f"{source}: camera {number} has {len(values)} parameters, {name} takes {parameters}")
     table = {"0": 0.0} | dict(zip(parameters.split(), values, strict=True))
@@ -77,11 +79,21 @@ def read_colmap(document: Document, source: str) -> CameraFile:
     centre = (table["cx"] + CORNER_TO_CENTRE_PX, table["cy"] + CORNER_TO_CENTRE_PX)
     return camera_file(
         Keys({}, source, "COLMAP's cameras.txt"),
-        (int(width), int(height)),
+        size,
         (table.get("fx", f), table.get("fy", f), *centre),
         model,
         [table[key] for key in order.split()],
     )
+
+
+def _colmap_lens(camera: list[str], source: str) -> tuple[str, tuple[int, int], list[float]]:
+    """Return model, image size and parameters of a line of cameras.txt."""
+    number, name, *side_words = camera[:4]
+    where = f"{source}: camera {number[:20]}"
+    width, height = map(whole_number, side_words)
+    if width is None or height is None:
+        raise UserError(f"{where} has an image size of too many digits; correct it")
+    return name, (width, height), flat_numbers(camera[4:], where)
 
 
 def is_nerf(document: Document) -> bool:
@@ -103,10 +115,7 @@ def read_nerf(document: Document, source: str) -> CameraFile:
     UserError
         If a key is unknown, frames have different cameras, or the lens is not supported.
     """
-    file_keys = Keys(document.table, source, "NeRF's transforms.json")
-    file_keys.ignore(_NERF_SCENE, *_NERF_LENS)
-    file_keys.done()
-    keys = Keys(_common_lens(document.table, source), source, "NeRF's transforms.json")
+    keys = Keys(_common_lens(document.table, source), source, _NERF)
     if not keys.find("w") or not keys.find("h"):
         raise keys.error("lacks w and h, the size of its images in pixels; add them")
     width, height = keys.count("w"), keys.count("h")
@@ -128,24 +137,26 @@ def read_nerf(document: Document, source: str) -> CameraFile:
 
 def _common_lens(table: dict[str, Any], source: str) -> dict[str, Any]:
     """Return the intrinsics common to all frames; a frame's own take precedence over those of the file."""
-    common = {key: table[key] for key in _NERF_LENS if key in table}
-    frames = table.get("frames")
-    lenses = []
-    for k, frame in enumerate(frames if isinstance(frames, list) else []):
-        if not isinstance(frame, dict):
-            raise UserError(f"{source}: key frames[{k}] is no table of keys")
-        unexpected = next(
-            (key for key in frame if key not in _NERF_FRAME.split() and key not in _NERF_LENS), None
-        )
-        if unexpected is not None:
-            raise UserError(
-                f"{source}: key frames[{k}].{unexpected} is not known in a file of NeRF's transforms.json, so it could "
-                "change the lens unseen: delete it"
-            )
-        lenses.append(common | {key: frame[key] for key in _NERF_LENS if key in frame})
+    keys = Keys(table, source, _NERF)
+    frames = keys.get("frames")
+    if not isinstance(frames, list | None):
+        raise keys.error("has frames that are not a list; write one")
+    common = _lens_keys(keys, _NERF_SCENE)
+    lenses = [
+        common | _lens_keys(Keys(frame, source, _NERF, f"frames[{k}]."), _NERF_FRAME)
+        for k, frame in enumerate(frames or [])
+    ]
     if any(lens != lenses[0] for lens in lenses[1:]):
         raise UserError(f"{source} has frames with different cameras; keep the frames of one")
     return lenses[0] if lenses else common
+
+
+def _lens_keys(keys: Keys, others: str) -> dict[str, Any]:
+    """Return the values of the lens under the names of `_NERF_LENS`; raise for a key that is not in ``others``."""
+    lens = {name: keys.get(name) for name in _NERF_LENS if keys.find(name)}
+    keys.ignore(others)
+    keys.done()
+    return lens
 
 
 def _nerf_focal_px(keys: Keys, length: str, angle: str, count: int) -> float | None:
@@ -169,7 +180,7 @@ def _nerf_focal_px(keys: Keys, length: str, angle: str, count: int) -> float | N
 
 def _nerf_lens(keys: Keys) -> tuple[DistortionModel, list[float] | None]:
     model_name = str(keys.get("camera_model") or "").upper()
-    fisheye = bool(keys.get("is_fisheye")) or model_name == "OPENCV_FISHEYE"
+    fisheye = keys.flag("is_fisheye") or model_name == "OPENCV_FISHEYE"
     if model_name not in ("", "OPENCV", "OPENCV_FISHEYE", "PINHOLE", "SIMPLE_PINHOLE", "PERSPECTIVE"):
         raise unsupported_model(
             f"{keys.where}: key camera_model", model_name, "OPENCV, OPENCV_FISHEYE, PINHOLE"
@@ -182,11 +193,11 @@ def _nerf_lens(keys: Keys) -> tuple[DistortionModel, list[float] | None]:
     k1, k2, k3, k4, p1, p2 = (keys.number(name, default=0.0) for name in ("k1", "k2", "k3", "k4", "p1", "p2"))
     if fisheye:
         if p1 or p2:
-            raise UserError(f"{keys.where}: keys p1 and p2 are no terms of a fish-eye; delete them")
+            raise UserError(f"{keys.where}: keys p1 and p2 do not apply to a fish-eye; delete them")
         return "kannala_brandt", [k1, k2, k3, k4] if coefficient_names else None
     if k4:
         raise UserError(
-            f"{keys.where}: key k4 is {k4:g}, a term of the eighth power, which is not drawn; calibrate without"
+            f"{keys.where}: key k4 is {k4:g}, a term of the eighth power, which is not supported; calibrate without it"
         )
     if not coefficient_names:
         return "brown_conrady" if model_name == "OPENCV" else "none", None

@@ -146,6 +146,8 @@ def read_vins(document: Document, source: str) -> CameraFile:
         # camodocal's k2 is OpenCV's k1: the coefficient of the angle cubed
         model, names = "kannala_brandt", ("k2", "k3", "k4", "k5")
         if lens is None or not lens.find("k2"):
+            if lens is not None:
+                lens.done()
             lens = projection
     coefficients = None if lens is None else [lens.number(name) for name in names]
     projection.done()

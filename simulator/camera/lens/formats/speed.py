@@ -42,9 +42,12 @@ def read_speed(document: Document, source: str) -> CameraFile:
     width, height = keys.count("Nu"), keys.count("Nv")
     matrix = keys.matrix("cameraMatrix", "K")
     by_length = _by_length(keys, width, height)
-    if matrix is None and by_length is None:
+    taken = matrix or by_length
+    if taken is None:
         raise keys.error("lacks cameraMatrix, or fx, fy, ppx, ppy; add them")
-    notes = [] if matrix is None else _disagreement(keys, matrix, by_length)
+    notes = _disagreement(keys, taken, by_length)
+    if notes and matrix is None:
+        raise keys.error("has keys fx_px and fy_px that disagree with fx, fy, ppx, ppy; delete one pair")
     pitch = None
     if keys.find("ppx") and keys.find("ppy"):
         pitch_x_um, pitch_y_um = (round(keys.number(name) * 1e6, 6) for name in ("ppx", "ppy"))
@@ -66,7 +69,7 @@ def read_speed(document: Document, source: str) -> CameraFile:
     return camera_file(
         keys,
         (width, height),
-        matrix or by_length or (),
+        taken,
         "brown_conrady" if coefficients is not None else "none",
         coefficients,
         pixel_pitch_um=pitch,

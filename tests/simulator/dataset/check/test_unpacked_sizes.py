@@ -44,6 +44,10 @@ def large_jpeg():
     return bytes(data)
 
 
+def test_a_frame_number_of_5000_digits_belongs_to_no_frame():
+    assert next(iter(entries("scene_gt.json", b'{"%s": []}' % (b"9" * 5000)))).frame is None
+
+
 @pytest.mark.parametrize(
     ("name", "make"), [("a.tar", packed_shard), ("a.tar", sparse_shard), ("a.jpg", large_jpeg)]
 )
