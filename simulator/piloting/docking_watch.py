@@ -58,6 +58,10 @@ REARM_DISTANCE_M = 0.5
 # Attributes that a seek must restore.
 SAVED_ATTRIBUTES = frozenset({"limits", "contacts", "docked", "_armed", "_port", "hold_points"})
 
+CORRIDOR_SPAN_S, CORRIDOR_SAMPLES = 600.0, 31
+"""Time ahead for which the port should stay in front of the corridor [s], that of an approach from 30 m at 0.05 m/s;
+and the number of times that are checked."""
+
 
 class Docking:
     """Monitor of the approach to one docking port: misalignment, hold points and contacts.
@@ -86,6 +90,7 @@ class Docking:
     def __init__(self, target: Target, flight: Flight, keep_out: KeepOut | None) -> None:
         self._target = target
         self._initial_flight = flight
+        self._keep_out = keep_out
         self.limits: DockingLimits = TWO_TENTHS
         self.corridor_deg = CORRIDOR_DEG
         if keep_out is not None and keep_out.corridor_axis_lvlh is not None:
@@ -129,6 +134,32 @@ class Docking:
             Figures at ``chaser.t_s``, with the target's attitude of ``flight``.
         """
         return docking_figures(chaser, flight.attitude(chaser.t_s), self.port)
+
+    def closed_by(self, flight: Flight, t_s: float) -> str:
+        """Describe why the keep-out sphere stops an approach to the port.
+
+        Returns
+        -------
+        str
+            Clause for the operator; empty without a sphere, or if the port stays in front of the corridor for
+            `CORRIDOR_SPAN_S` from ``t_s`` on.
+        """
+        sphere = self._keep_out
+        if sphere is None:
+            return ""
+        stops = f"the keep-out sphere of {sphere.radius_m:g} m stops the chaser"
+        if sphere.corridor_axis_lvlh is None:
+            return f"{stops}: it has no corridor"
+        corridor = np.array(sphere.corridor_axis_lvlh) / np.linalg.norm(sphere.corridor_axis_lvlh)
+        end_s = max(t_s, min(t_s + CORRIDOR_SPAN_S, flight.duration_s))
+        cosines = [
+            float(self.port.axis_target @ target_from_lvlh(flight, t) @ corridor)
+            for t in np.linspace(t_s, end_s, CORRIDOR_SAMPLES).tolist()
+        ]
+        away_deg = float(np.degrees(np.arccos(np.clip(min(cosines), -1.0, 1.0))))
+        if away_deg <= sphere.corridor_half_angle_deg:
+            return ""
+        return f"{stops}: the port turns {away_deg:.0f}° away from its corridor of {sphere.corridor_half_angle_deg:g}°"
 
     def take_axis_here(self, chaser: ChaserState, flight: Flight) -> None:
         """Move the port to the point where the line from the chaser to the centre of mass enters the target."""

@@ -284,7 +284,7 @@ class Approach(Order):
         Returns
         -------
         News
-            Note of the next destination, or that the autopilot is off.
+            Note of the next destination, or that the autopilot is off; a caution if the keep-out sphere will stop it.
         """
         if not self.on:
             craft.steering.guide(None)
@@ -295,6 +295,9 @@ class Approach(Order):
         craft.steering.engage_autopilot()
         point = docking.hold_points.next
         where = "the port" if point is None else f"{point.name}, {point.axial_m:g} m before the port"
+        closed = docking.closed_by(craft.flight, craft.t_s)
+        if closed:
+            return "caution", f"the autopilot flies to {where}, but {closed}"
         return "note", f"the autopilot flies to {where}"
 
 

@@ -394,6 +394,19 @@ def test_a_steered_flight_is_replayed_bit_for_bit(tmp_path):
     assert not recorder.long_enough
 
 
+def test_an_approach_that_the_keep_out_sphere_will_stop_is_a_caution_from_the_start():
+    """Tango tumbles before a corridor along V-bar; a port that keeps its place in LVLH is let in."""
+    tumbling = load_scenario("tango-vbar-approach")
+    news = FlightSession.of(tumbling).order(Approach())
+    assert news[0] == "caution"
+    assert "the keep-out sphere of 12 m stops the chaser" in news[1]
+    assert "corridor of 15°" in news[1]
+    free = msgspec.structs.replace(tumbling, chaser=msgspec.structs.replace(tumbling.chaser, keep_out=None))
+    assert FlightSession.of(free).order(Approach())[0] == "note"
+    still = load_scenario(str(Path(__file__).parents[3] / "examples" / "docking.toml"))
+    assert FlightSession.of(still).order(Approach())[0] == "note"
+
+
 def test_hold_points_and_a_contact_are_marked_and_stay_when_one_looks_back():
     session = FlightSession.of(load_scenario("tango-vbar-approach"))
     session.order(Approach())
