@@ -376,4 +376,4 @@ def _next_message(pipe: Connection) -> tuple[bytes, tuple[int, ...]] | None:
         message = pipe.recv_bytes()
     except (EOFError, ConnectionError):
         return None
-    return pickle.loads(message)  # type: ignore[no-any-return]  # noqa: S301 - our own parent
+    return pickle.loads(message)  # noqa: S301 - our own parent
