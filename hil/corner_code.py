@@ -39,10 +39,20 @@ class CornerCode:
         Frame number, below 2**32.
     time_ns : int
         Nanoseconds since 1970-01-01 UTC, below 2**64.
+
+    Raises
+    ------
+    ValueError
+        If a number does not fit its bits.
     """
 
     frame_id: int
     time_ns: int
+
+    def __post_init__(self) -> None:
+        for name, number, bits in (("frame number", self.frame_id, 32), ("time [ns]", self.time_ns, 64)):
+            if not 0 <= number < 2**bits:
+                raise ValueError(f"the code's {name} {number} is outside 0 to 2**{bits} - 1")
 
 
 @dataclass(frozen=True)
@@ -120,7 +130,7 @@ def draw_code(
     """
     if not place.fits(image.shape[0], image.shape[1]):
         raise ValueError(
-            f"a code at {place.box_px} does not fit a picture of {image.shape[1]} x {image.shape[0]}"
+            f"a code at {place.box_px} does not fit an image of {image.shape[1]} x {image.shape[0]}"
         )
     left, top, right, bottom = place.box_px
     output = image.copy()

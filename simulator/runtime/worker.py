@@ -79,7 +79,7 @@ class WorkerProcess(Generic[T]):
     Raises
     ------
     UserError
-        From ``info``, ``result`` and ``results``, if ``open_resource`` or ``work`` raised one.
+        From ``info``, ``ready``, ``result`` and ``results``, if ``open_resource`` or ``work`` raised one.
     RuntimeError
         For any other failure in the process, with its traceback; `ProcessDiedError` if it died.
     """
@@ -99,6 +99,7 @@ class WorkerProcess(Generic[T]):
         self._capacity = capacity
         self._submitted = self._in_flight = 0
         self._info: Any = None
+        self._is_open = False  # the first message has been read
         self._name = name
         # one carrier per job, reused for its result, because both ends take before they send; the last one carries the
         # resource's info
@@ -109,15 +110,20 @@ class WorkerProcess(Generic[T]):
             daemon=True,
             name=f"flyaround {name}",
         )
-        self._process.start()
-        child_pipe.close()
+        try:
+            self._process.start()
+        except BaseException:
+            self._close_channels()
+            raise
+        finally:
+            child_pipe.close()
 
     @property
     def info(self) -> Any:  # noqa: ANN401 - the resource's own
         """Description of the resource; waits until it is open."""
-        if self._info is None:
+        if not self._is_open:
             self._wait_for_start()
-            self._info = self._receive(self._carriers[-1])
+            self._receive_info()
         return self._info
 
     def _wait_for_start(self) -> None:
@@ -176,10 +182,10 @@ class WorkerProcess(Generic[T]):
 
     def ready(self, timeout_s: float = 0.0) -> bool:
         """Return True if ``result`` would return or raise at once; wait up to ``timeout_s``."""
-        if self._info is None:
+        if not self._is_open:
             if not self._pipe.poll(timeout_s):
                 return False
-            self._info = self._receive(self._carriers[-1])
+            self._receive_info()
             timeout_s = 0.0
         return self._in_flight > 0 and self._pipe.poll(timeout_s)
 
@@ -211,7 +217,7 @@ class WorkerProcess(Generic[T]):
     def close(self) -> None:
         """End the process; a job in progress is abandoned."""
         if self._process.is_alive():
-            if self._in_flight or self._info is None:
+            if self._in_flight or not self._is_open:
                 self._process.terminate()
             else:
                 with contextlib.suppress(OSError):  # it may have died in the meantime
@@ -220,10 +226,13 @@ class WorkerProcess(Generic[T]):
             if self._process.is_alive():
                 self._process.kill()
         self._process.join()
+        self._close_channels()
+        self._in_flight = 0
+
+    def _close_channels(self) -> None:
         self._pipe.close()
         for carrier in self._carriers:
             carrier.close()
-        self._in_flight = 0
 
     def __enter__(self) -> Self:
         return self
@@ -234,6 +243,10 @@ class WorkerProcess(Generic[T]):
     def _carrier(self, job: int) -> Carrier:
         """Return the carrier of a job, numbered from 0, and of its result."""
         return self._carriers[job % self._capacity]
+
+    def _receive_info(self) -> None:
+        self._info = self._receive(self._carriers[-1])
+        self._is_open = True
 
     def _receive(self, carrier: Carrier) -> Any:  # noqa: ANN401 - whatever `work` returns
         try:
@@ -313,22 +326,19 @@ def _serve(
     *of_jobs, of_info = carriers
     try:
         with open_resource() as resource:
-            _answer(pipe, of_info, resource.info)
+            _send(pipe, _answer(of_info, resource.info))
             for carrier in itertools.cycle(of_jobs):
-                message = pickle.loads(pipe.recv_bytes())  # noqa: S301 - our own parent
+                message = _next_message(pipe)
                 if message is None:
                     return
-                arguments, options = carrier.take(*message)
                 try:
-                    value = work(resource, *arguments, **options)
+                    arguments, options = carrier.take(*message)
+                    answer = _answer(carrier, work(resource, *arguments, **options))
                 except Exception as error:  # noqa: BLE001 - every failure is reported to the caller
-                    _report(pipe, error)
-                else:
-                    _answer(pipe, carrier, value)
-    except (EOFError, ConnectionError):
-        return  # the parent is gone
-    except Exception as error:  # noqa: BLE001 - the resource could not be opened
-        _report(pipe, error)
+                    answer = _failure(error)
+                _send(pipe, answer)
+    except Exception as error:  # noqa: BLE001 - the resource could not be opened, described or closed
+        _send(pipe, _failure(error))
 
 
 def leave_with_parent() -> None:
@@ -340,13 +350,30 @@ def leave_with_parent() -> None:
     os._exit(1)
 
 
-def _answer(pipe: Connection, carrier: Carrier, value: object) -> None:
-    pipe.send_bytes(pickle.dumps(("value", *carrier.put(value))))
+# Message to the parent: kind, payload, sizes of the arrays [bytes].
+_Message = tuple[str, "bytes | str", tuple[int, ...]]
 
 
-def _report(pipe: Connection, error: Exception) -> None:
+def _answer(carrier: Carrier, value: object) -> _Message:
+    return "value", *carrier.put(value)
+
+
+def _failure(error: Exception) -> _Message:
     if isinstance(error, UserError):
-        message = ("user_error", str(error), ())
-    else:
-        message = ("error", "".join(traceback.format_exception(error)), ())
-    pipe.send_bytes(pickle.dumps(message))
+        return "user_error", str(error), ()
+    return "error", "".join(traceback.format_exception(error)), ()
+
+
+def _send(pipe: Connection, message: _Message) -> None:
+    """Send a message, unless the parent is gone; then `_next_message` returns None."""
+    with contextlib.suppress(ConnectionError):
+        pipe.send_bytes(pickle.dumps(message))
+
+
+def _next_message(pipe: Connection) -> tuple[bytes, tuple[int, ...]] | None:
+    """Wait for the next job's message; None means the end, or that the parent is gone."""
+    try:
+        message = pipe.recv_bytes()
+    except (EOFError, ConnectionError):
+        return None
+    return pickle.loads(message)  # noqa: S301 - our own parent

@@ -69,12 +69,15 @@ def fly(scenario: Scenario, target: Target, duration_s: float | None = None) -> 
     Raises
     ------
     UserError
-        If a craft hits the ground, is below 80 km under drag or leaves its body, or a file cannot be read.
+        If the duration is not positive, a craft hits the ground, is below 80 km under drag or leaves its body, or a
+        file cannot be read.
     """
     orbit, chaser = orbit_at_epoch(scenario), scenario.chaser
     r, v = orbit.state()
     epoch = Instant.from_utc(scenario.epoch_utc)
-    span_s = duration_s or scenario.duration_s
+    span_s = scenario.duration_s if duration_s is None else duration_s
+    if not 0 < span_s < np.inf:
+        raise UserError(f"the duration of the flight is {span_s} s, allowed: more than 0")
     replay = chaser if isinstance(chaser, Replay) else None
     flight = propagate_flight(
         TargetStart(
@@ -130,7 +133,8 @@ def _attitude_history(scenario: Scenario, epoch: Instant) -> AttitudeTrack | Non
 def _check_height(flight: Flight, name: str) -> None:
     """Raise if a craft hits the ground, leaves its body's sphere of influence, or has no finite position.
 
-    The time step is limited by altitude over speed, so that no dive to the surface is missed.
+    The time step is half of altitude over speed, so that no dive to the surface is missed, except within the shortest
+    step.
     """
     t_s, body = 0.0, flight.body
     while True:
@@ -154,7 +158,7 @@ def _position_problem(craft: str, r_m: FloatArray, body: Body) -> str | None:
     """Return why a craft cannot be at a position."""
     distance = float(np.linalg.norm(r_m))
     if not np.isfinite(distance):
-        return f"the place of {craft} is not a finite number"
+        return f"the position of {craft} is not finite"
     if distance < body.radius_m:
         return f"{craft} is below the surface of {body.title}"
     if distance > body.reach_m:
@@ -217,13 +221,13 @@ def frame_times(duration_s: float, n: int | None = None, every_s: float | None =
     if not (np.isfinite(every_s) and every_s > 0):
         raise UserError(f"the time between frames is {every_s} s, allowed: more than 0")
     # tolerance for rounding, so that 60 s hold 601 frames 0.1 s apart
-    if duration_s / every_s > MAX_FRAMES:
+    n_fitting = np.floor(duration_s / every_s + 1e-9) + 1
+    if n is None and n_fitting > MAX_FRAMES:
         raise UserError(
             f"frames every {every_s:g} s are more than {MAX_FRAMES} in {duration_s:g} s; choose a longer spacing"
         )
-    n_fitting = int(np.floor(duration_s / every_s + 1e-9)) + 1
     if n is not None and n > n_fitting:
         raise UserError(
-            f"{n} frames every {every_s:g} s do not fit the flight of {duration_s:g} s: {n_fitting} do"
+            f"{n} frames every {every_s:g} s do not fit the flight of {duration_s:g} s: {n_fitting:.0f} do"
         )
     return np.minimum(np.arange(n or n_fitting, dtype=float) * every_s, duration_s)

@@ -1,8 +1,9 @@
-"""Independent checks of the two labels that decide whether a frame is feasible.
+"""Checks of the two labels that decide whether a frame is feasible.
 
 ``silhouette_inside``, the share of the silhouette inside the image, is recomputed from triangles filled by OpenCV.
 ``wireframe_step_share``, the share of the visible edges with a brightness step above the noise, is recomputed in double
-precision from a noise-free image. Steps within the tolerance of the threshold may count either way.
+precision from a noise-free image, on the edges that the labels' own code finds visible. Steps within the tolerance of
+the threshold may count either way.
 """
 
 from __future__ import annotations

@@ -1,4 +1,7 @@
-"""Independent checks of projected labels: keypoints, pose, boxes, silhouette."""
+"""Checks of projected labels with OpenCV: keypoints, pose, boxes, silhouette.
+
+Only the pose of each row under a rolling shutter is that of the labels.
+"""
 
 from __future__ import annotations
 

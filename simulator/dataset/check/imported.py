@@ -12,8 +12,7 @@ from flyaround.simulator.dataset.check.geometry import (
     in_lens,
     project_with_opencv,
 )
-from flyaround.simulator.dataset.check.mask_statistics import is_binary
-from flyaround.simulator.labels.boxes import mask_box
+from flyaround.simulator.dataset.check.mask_statistics import box_with_opencv, is_binary
 from flyaround.simulator.labels.feasible import infeasible_reason
 from flyaround.simulator.labels.layers import pixel_hash
 from flyaround.simulator.targets.joined_mesh import joined_mesh
@@ -41,6 +40,7 @@ def check_imported(
     if image.shape[:2] != size or mask.shape != size:
         return [f"image is {image.shape[:2]}, mask {mask.shape}, camera says {size}"]
     reason = infeasible_reason(truth.silhouette_inside, 1.0, truth.box_amodal_px)
+    box = box_with_opencv(mask)
     faults = {
         "the image is not the one that the record describes": truth.image_sha256 != pixel_hash(image),
         "the mask is not the one that the record describes": truth.mask_sha256 != pixel_hash(mask),
@@ -48,7 +48,7 @@ def check_imported(
         f"frame_index is {truth.frame_index} in the record of frame {k}": truth.frame_index != k,
         "mask has values other than 0 and 255": not is_binary(mask),
         "quaternion is not of unit length": abs(np.linalg.norm(truth.q_camera_from_target_wxyz) - 1) > 1e-9,
-        f"box_px {truth.box_px} is not the mask's {mask_box(mask)}": truth.box_px != mask_box(mask),
+        f"box_px {truth.box_px} is not the mask's {box}": truth.box_px != box,
         "feasible is not what silhouette_inside says": (truth.feasible, truth.infeasible_reason)
         != (reason == "", reason),
         "keypoints differ from the card's": [(p.name, tuple(p.target_m)) for p in truth.keypoints]

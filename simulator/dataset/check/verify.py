@@ -1,7 +1,8 @@
-"""Verification of every label of a data set from its files alone, independent of the code that made them.
+"""Verification of the labels of a data set from its files alone.
 
 Pixels by ``cv2.projectPoints``, the pose by PnP on the exported keypoints, the mask against a silhouette filled by
-OpenCV on the CPU, boxes against the mask, redrawn images, exports against the records.
+OpenCV on the CPU, boxes against the mask, redrawn images, exports against the records. The package's docstring says
+where the check shares code with the labels.
 """
 
 from __future__ import annotations
@@ -23,7 +24,7 @@ from flyaround.simulator.dataset.check.geometry import check_box_3d, check_keypo
 from flyaround.simulator.dataset.check.imported import check_imported
 from flyaround.simulator.dataset.check.keypoint_states import check_amodal_box, check_states
 from flyaround.simulator.dataset.check.layers import check_against_mesh, check_layers
-from flyaround.simulator.dataset.check.mask_statistics import is_binary
+from flyaround.simulator.dataset.check.mask_statistics import box_with_opencv, is_binary
 from flyaround.simulator.dataset.check.recomputed_scenes import check_scenes
 from flyaround.simulator.dataset.check.redraw import SHARE as REDRAWN_SHARE
 from flyaround.simulator.dataset.check.redraw import Redrawn, check_pictures, fresh_seed, sample
@@ -36,7 +37,6 @@ from flyaround.simulator.dataset.split import SplitAssigner
 from flyaround.simulator.dataset.stereo import pair_faults, second_folder
 from flyaround.simulator.dataset.storage.manifest import MANIFEST_NAME
 from flyaround.simulator.errors import UserError
-from flyaround.simulator.labels.boxes import mask_box
 from flyaround.simulator.labels.feasible import infeasible_reason
 from flyaround.simulator.labels.imported import ImportedTruth, read_label_record
 from flyaround.simulator.labels.layers import pixel_hash
@@ -321,8 +321,9 @@ def check_frame(
         problems.append("mask has values other than 0 and 255")
     if abs(float(np.linalg.norm(truth.q_camera_from_target_wxyz)) - 1) > 1e-9:
         problems.append("quaternion is not of unit length")
-    if truth.box_px != mask_box(mask):
-        problems.append(f"box_px {truth.box_px} is not the mask's {mask_box(mask)}")
+    box = box_with_opencv(mask)
+    if truth.box_px != box:
+        problems.append(f"box_px {truth.box_px} is not the mask's {box}")
     scene = truth.scene
     if (scene.q_camera_from_target_wxyz, scene.t_camera_from_target_m) != (
         truth.q_camera_from_target_wxyz,

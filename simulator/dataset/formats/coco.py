@@ -19,6 +19,7 @@ import numpy as np
 
 from flyaround.simulator.dataset.formats.base import DatasetFormat, FormatOutput, FormatWriter, encoding_key
 from flyaround.simulator.dataset.formats.speed_writer import json_bytes
+from flyaround.simulator.errors import UserError
 from flyaround.simulator.labels.boxes import craft_window
 from flyaround.simulator.labels.part_classes import PART_CLASSES
 
@@ -35,6 +36,9 @@ CORNER_PX = 0.5
 
 # Category numbers of the target, and of its first part class.
 CRAFT_ID, FIRST_CLASS_ID = 1, 2
+
+# Factor of the frame's number in the id of a part annotation, above every category number.
+IDS_OF_FRAME = 16
 
 # COCO's visibility flags of a keypoint.
 NOT_LABELLED, HIDDEN, SEEN = 0, 1, 2
@@ -131,7 +135,7 @@ class CocoWriter:
             "segmentation": run_lengths(frame.mask),
         }
         self._objects.setdefault(split, []).append((annotation, polygons(frame.mask)))
-        if "parts" in frame.layers:
+        if "parts" in frame.layers and self._card.target.part_classes:  # cards of earlier versions lack them
             self._parts.setdefault(split, []).extend(self._parts_of(frame))
 
     def _parts_of(self, frame: LabelledFrame) -> list[dict[str, Any]]:
@@ -139,14 +143,19 @@ class CocoWriter:
         of_part = np.array(
             [0, *(FIRST_CLASS_ID + classes.index(name) for name in self._card.target.part_classes)], np.uint8
         )
-        ids = of_part[np.minimum(parts, len(of_part) - 1)]
+        last = int(parts.max(initial=0))
+        if last >= len(of_part):
+            raise UserError(
+                f"{frame.where}: part {last} has no class among the {len(of_part) - 1} of the card; draw it again"
+            )
+        ids = of_part[parts]
         annotations = []
         for category in np.unique(ids[ids > 0]).tolist():
             mask = (ids == category).astype(np.uint8)
             x, y, width, height = cv2.boundingRect(mask)
             annotations.append(
                 {
-                    "id": frame.number * 16 + category,
+                    "id": frame.number * IDS_OF_FRAME + category,
                     "image_id": frame.number,
                     "category_id": category,
                     "bbox": [x, y, width, height],
@@ -198,6 +207,6 @@ COCO = DatasetFormat(
     name="coco",
     title="COCO keypoints and segmentation",
     carries="image, keypoints (v by state), box, mask as run lengths and polygons, parts by class, pose and camera",
-    lacks="the reason why a keypoint is not to be seen, depth and other layers",
+    lacks="why a keypoint is not visible, depth and other layers",
     writer=_coco,
 )

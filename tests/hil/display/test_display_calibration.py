@@ -160,3 +160,9 @@ def test_code_round_trip_and_damage(bits):
     assert read_code(np.zeros_like(image), place) is None
     with pytest.raises(ValueError, match="does not fit"):
         draw_code(image, code, CodePlace(cell_px=40), white)
+
+
+@pytest.mark.parametrize(("frame_id", "time_ns"), [(-1, 0), (2**32, 0), (0, -1), (0, 2**64)])
+def test_a_code_that_does_not_fit_its_bits_is_refused(frame_id, time_ns):
+    with pytest.raises(ValueError, match="is outside 0 to 2"):
+        draw_code(np.zeros((600, 800), np.uint8), CornerCode(frame_id, time_ns), CodePlace(), 255)

@@ -1,14 +1,16 @@
 """The filter: late poses count as if they had come in time; wrong ones are gated; what jumps is lost and found."""
 
+import math
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.special import digamma
 
 from flyaround.hil.navigation.approach import ApproachRules
 from flyaround.hil.navigation.closed_loop import ClosedLoopConfig
 from flyaround.hil.navigation.consistency import chi_square_quantile, fisher_quantile, nees, nees_band
-from flyaround.hil.navigation.error_scale import ScaleSettings
+from flyaround.hil.navigation.error_scale import ErrorScale, ScaleSettings
 from flyaround.hil.navigation.measurement import ErrorCorrelation, PoseNoise, Snapshot
 from flyaround.hil.navigation.navigation_filter import FilterSettings, NavigationFilter
 from flyaround.hil.navigation.pose_sources import PoseErrors
@@ -351,3 +353,16 @@ def test_a_pose_of_a_snapshot_is_its_label():
 def test_settings_that_mean_nothing_are_refused(make, key):
     with pytest.raises(UserError, match=key):
         make()
+
+
+def test_the_first_factor_is_the_geometric_mean_of_the_prior():
+    """Of an inverse gamma distribution with shape and scale 2; SciPy's digamma function gives 1.145."""
+    assert ErrorScale().factors == pytest.approx(math.exp((math.log(2.0) - digamma(2.0)) / 2.0), rel=0.01)
+    sure = ErrorScale(settings=ScaleSettings(prior_poses=1e9))
+    assert sure.factors == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize("prior_poses", [1.0, 0.5, 0.0, float("nan")])
+def test_a_prior_of_one_pose_or_less_has_no_mean(prior_poses):
+    with pytest.raises(ValueError, match="prior_poses must be more than 1"):
+        ScaleSettings(prior_poses=prior_poses)

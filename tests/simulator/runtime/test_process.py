@@ -272,3 +272,61 @@ def test_a_worker_tells_the_processor_time_that_it_uses(tmp_path):
         assert process.processor_time_s() > at_first + 0.2
         busy.unlink()
         process.result()
+
+
+class CannotOpen:
+    """A resource whose opening raises an error of the kinds that a broken pipe raises too."""
+
+    def __init__(self, error):
+        self.error = error
+
+    def __call__(self):
+        raise self.error
+
+
+@pytest.mark.parametrize(
+    "error", [EOFError("truncated texture"), ConnectionRefusedError("no licence server")]
+)
+def test_an_error_at_opening_is_reported_whatever_its_kind(error):
+    with (
+        WorkerProcess(fail, open_resource=CannotOpen(error)) as process,
+        pytest.raises(RuntimeError, match=f"{type(error).__name__}: {error}"),
+    ):
+        _ = process.info
+
+
+def answer(_opened, how):
+    if how == "pipe":
+        raise BrokenPipeError("of the job, not of the worker")
+    return (lambda: 0) if how == "local" else how
+
+
+def test_jobs_go_on_after_one_with_a_pipe_error_or_a_result_that_cannot_be_sent():
+    with WorkerProcess(answer, open_resource=Opens(0.0)) as process:
+        for how, message in (("pipe", "of the job"), ("local", "answer.<locals>")):
+            process.submit(how)
+            with pytest.raises(RuntimeError, match=message):
+                process.result()
+        process.submit("well")
+        assert process.result() == "well"
+
+
+class OpensSilently(Opens):
+    """A resource without a description."""
+
+    info = None
+
+
+def test_info_may_be_none():
+    with WorkerProcess(answer, open_resource=OpensSilently(0.0)) as process:
+        process.submit(1)
+        process.submit(2)
+        assert list(process.results()) == [1, 2]
+        assert process.info is None
+
+
+def test_a_failed_start_leaves_no_descriptor_open():
+    before = set(Path("/proc/self/fd").iterdir())
+    with pytest.raises((AttributeError, pickle.PicklingError), match=r"pickle|local object"):
+        WorkerProcess(answer, open_resource=lambda: Opens(0.0))
+    assert set(Path("/proc/self/fd").iterdir()) <= before

@@ -15,7 +15,7 @@ from flyaround.simulator.camera.detector.presets import list_sensor_presets, sen
 from flyaround.simulator.camera.lens.files import list_cameras, load_camera
 from flyaround.simulator.errors import UserError
 from flyaround.simulator.scenario.document import SensorSection
-from flyaround.simulator.scenario.flight import fly, frame_times
+from flyaround.simulator.scenario.flight import MAX_FRAMES, fly, frame_times
 from flyaround.simulator.scenario.load import list_scenarios, load_scenario
 from flyaround.simulator.scenario.scenario import Scenario
 from flyaround.simulator.scene.environments import ENVIRONMENTS, Environment, environment_section
@@ -260,6 +260,18 @@ def test_frame_times():
     for n, every in ((0, None), (8, 10.0), (3, -1.0), (3, float("nan"))):
         with pytest.raises(UserError, match=r"allowed|do not fit"):
             frame_times(60, n, every)
+    # the limit counts the frames that are taken
+    assert frame_times(60, 10, 1e-9)[-1] == pytest.approx(9e-9)
+    assert frame_times(1e300, 2, 1e-300).size == 2
+    assert frame_times(MAX_FRAMES - 1, every_s=1.0).size == MAX_FRAMES
+    with pytest.raises(UserError, match=f"more than {MAX_FRAMES}"):
+        frame_times(MAX_FRAMES, every_s=1.0)
+
+
+@pytest.mark.parametrize("duration_s", [0.0, -1.0, float("nan"), float("inf")])
+def test_a_flight_needs_a_positive_duration(duration_s):
+    with pytest.raises(UserError, match="more than 0"):
+        fly(load_scenario("tango-eclipse-pass"), BOX, duration_s)
 
 
 @pytest.mark.parametrize("name", ENVIRONMENTS)

@@ -29,15 +29,12 @@ class PoseFit:
         Attitude quaternion, camera from target.
     t : (3,) array
         Target position, camera frame [m].
-    cost : float
-        Mean robust residual, in units of the noise.
-    covariance : (6, 6) array
+    covariance : (6, 6) array, optional
         Covariance of rotation [rad] and translation [m], camera axes.
     """
 
     q: Array
     t: Array
-    cost: float = 9.9
     covariance: Array = field(default_factory=lambda: np.eye(6))
 
 

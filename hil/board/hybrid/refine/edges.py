@@ -17,9 +17,29 @@ from flyaround.hil.board.hybrid.model.prepared_target import PreparedTarget
 from flyaround.hil.board.hybrid.model.silhouette import inward_sign, silhouette
 from flyaround.hil.board.hybrid.model.view_tables import ViewTable
 from flyaround.hil.board.hybrid.refine.robust import geman_mcclure, tukey
-from flyaround.hil.board.svd.refinement import apply_step, gauss_newton_step, parameter_scale
+from flyaround.hil.board.svd.refinement import MIN_RANGE_RADII, apply_step, gauss_newton_step, parameter_scale
 
 Array = np.ndarray
+
+# Bounds of a step, within which the linearisation holds; hand-tuned, as are the values below: rotation [rad], and
+# change of range as a share of it. The sideways shift is bounded by the target's radius.
+MAX_ROTATION_RAD, MAX_RANGE_SHARE = 0.25, 0.2
+
+# Scale of the Geman-McClure weights as a share of the reach.
+WEIGHT_SCALE = 0.4
+
+# Lower bound of the residuals' standard deviation for the biweight [field px].
+MIN_SPREAD_PX = 0.35
+
+# Scale of the offsets that count as very near [field px].
+TIGHT_PX = 0.7
+
+# Gradient strength above which an edge is not preferred any more, in units of the noise.
+MAX_STRENGTH = 30.0
+
+# Factor of the covariance of the normal equations, which take neighbouring samples as independent, and the least
+# residual that it assumes [field px].
+COVARIANCE_INFLATION, MIN_RMS_PX = 4.0, 0.1
 
 
 def align_to_field(
@@ -72,13 +92,13 @@ def align_to_field(
         r = np.einsum("bmi,bmi->bm", e - uv, pr.normals)
         # points less than 0.1 m before the camera project too unsteadily
         w = weight * inside * (d < reach) * (pr.points_camera_m[..., 2] > 0.1)
-        w = geman_mcclure(w, r, 0.4 * reach)
+        w = geman_mcclure(w, r, WEIGHT_SCALE * reach)
         J = jacobian(pr, camera, t) / field.factor
         depth = float(np.median(np.maximum(t[:, 2], radius_m)))
         step, _ = gauss_newton_step(J, r, w, parameter_scale(depth, radius_m), 1e-3)
         step = limit_step(step, t, radius_m)
         q, t = apply_step(q, t, step)
-        t[:, 2] = np.maximum(t[:, 2], 1.2 * radius_m)
+        t[:, 2] = np.maximum(t[:, 2], MIN_RANGE_RADII * radius_m)
     return q, t
 
 
@@ -86,8 +106,8 @@ def limit_one_step(step: Array, t: Array, radius_m: float) -> Array:
     """Limit one step (6,) as `limit_step` does, in scalar arithmetic, which is faster than NumPy for six numbers."""
     a, b, c, x, y, z = step.tolist()
     ratio = max(
-        math.sqrt(a * a + b * b + c * c) / 0.25,
-        abs(z) / (0.2 * max(float(t[2]), radius_m)),
+        math.sqrt(a * a + b * b + c * c) / MAX_ROTATION_RAD,
+        abs(z) / (MAX_RANGE_SHARE * max(float(t[2]), radius_m)),
         math.sqrt(x * x + y * y) / radius_m,
         1.0,
     )
@@ -100,15 +120,20 @@ def limit_one_step(step: Array, t: Array, radius_m: float) -> Array:
 def limit_step(step: Array, t: Array, radius_m: float) -> Array:
     """Scale down steps (B, 6) that leave the region where the linearisation holds.
 
-    A step rotates by at most 0.25 rad, changes the range by at most a fifth, and shifts sideways by at most the radius.
+    A step rotates by at most ``MAX_ROTATION_RAD``, changes the range by at most ``MAX_RANGE_SHARE`` of it, and shifts
+    sideways by at most the radius. A step that is not finite, or whose length overflows, becomes zero.
     """
     depth = np.maximum(t[:, 2], radius_m)
-    ratio = np.maximum(
-        np.linalg.norm(step[:, :3], axis=1) / 0.25,
-        np.maximum(np.abs(step[:, 5]) / (0.2 * depth), np.linalg.norm(step[:, 3:5], axis=1) / radius_m),
-    )
-    step = np.nan_to_num(step)
-    return step / np.maximum(1.0, np.nan_to_num(ratio, nan=1.0, posinf=1e6))[:, None]
+    step = np.where(np.isfinite(step).all(axis=1, keepdims=True), step, 0.0)
+    with np.errstate(over="ignore"):
+        ratio = np.maximum(
+            np.linalg.norm(step[:, :3], axis=1) / MAX_ROTATION_RAD,
+            np.maximum(
+                np.abs(step[:, 5]) / (MAX_RANGE_SHARE * depth),
+                np.linalg.norm(step[:, 3:5], axis=1) / radius_m,
+            ),
+        )
+    return step / np.maximum(1.0, np.nan_to_num(ratio, nan=np.inf, posinf=np.inf))[:, None]
 
 
 @dataclass(frozen=True, eq=False)
@@ -168,7 +193,7 @@ def fine_align(
     Returns
     -------
     PoseFit
-        Aligned pose with its residual and covariance.
+        Aligned pose with its covariance; the initial pose if no sample is visible.
     EdgeFit
         Share and accuracy of the samples that found an edge.
 
@@ -180,6 +205,8 @@ def fine_align(
     camera, radius_m, f = target.camera, target.radius_m, gradients.factor
     origin = gradients.x0, gradients.y0
     H, rms, matched_share, tight, inliers = np.eye(6), 9.9, 0.0, 0.0, 0.0
+    if not len(idx):
+        return PoseFit(q[0], t[0]), EdgeFit(matched_share, tight, rms * f)
     h, w = gradients.gx.shape
     for reach in reach_px:
         pr = project(target.samples, camera, quat.matrix(q), t, idx[None])
@@ -193,7 +220,7 @@ def fine_align(
         # 4 sigma of the gradient noise: one of 16,000 noise samples
         is_edge = strength > 4.0
         r = np.where(is_edge, offset, 0.0)
-        spread = max(0.35, 1.4826 * float(np.median(np.abs(r[is_edge]))) if is_edge.any() else 1.0)
+        spread = max(MIN_SPREAD_PX, 1.4826 * float(np.median(np.abs(r[is_edge]))) if is_edge.any() else 1.0)
         weight = is_edge * tukey(r, 4.0 * spread)
         J = jacobian(pr, camera, t) / f
         step, normal = gauss_newton_step(
@@ -203,11 +230,11 @@ def fine_align(
         q, t = apply_step(q, t, step)
         H = normal[0]
         inliers = float(weight.sum())
-        matched_share = inliers / max(len(idx), 1)
-        tight = float((is_edge * np.exp(-((r / 0.7) ** 2))).sum()) / max(len(idx), 1)
+        matched_share = inliers / len(idx)
+        tight = float((is_edge * np.exp(-((r / TIGHT_PX) ** 2))).sum()) / len(idx)
         rms = float(np.sqrt((weight * r * r).sum() / max(inliers, 1e-9)))
-    covariance = np.linalg.pinv(H) * max(rms, 0.1) ** 2 * 4.0
-    return PoseFit(q[0], t[0], rms, covariance), EdgeFit(matched_share, tight, rms * f)
+    covariance = np.linalg.pinv(H) * max(rms, MIN_RMS_PX) ** 2 * COVARIANCE_INFLATION
+    return PoseFit(q[0], t[0], covariance), EdgeFit(matched_share, tight, rms * f)
 
 
 def search_normals(
@@ -236,7 +263,7 @@ def search_normals(
     mid = g[:, 1:-1]
     is_peak = (mid >= g[:, :-2]) & (mid > g[:, 2:])
     # clip the strength: a distant strong edge must not win over a near moderate one
-    weight = np.minimum(mid, 30.0) * (1 - 0.6 * np.abs(k[1:-1]) / (reach + 1e-6))
+    weight = np.minimum(mid, MAX_STRENGTH) * (1 - 0.6 * np.abs(k[1:-1]) / (reach + 1e-6))
     peak[:, 1:-1] = np.where(is_peak, weight, 0.0)
     best = np.argmax(peak, axis=1)
     rows = np.arange(len(g))

@@ -143,15 +143,14 @@ def photo_step(
     noise = patch.sigma / max(1.0, 2 * np.sqrt(np.pi) * blur)
     blurs = OPTICS_PX / patch.factor, blur, float(np.hypot(blur, OPTICS_PX / patch.factor))
     slack = (EDGE_ERROR_PX + EDGE_ERROR_PER_BLUR * blur) ** 2
-    G, total, rows = _gram(shading, faces, patch, camera, R, t, blurs, noise, slack, BIWEIGHT_LIMIT**2, joint)
+    G, _, rows = _gram(shading, faces, patch, camera, R, t, blurs, noise, slack, BIWEIGHT_LIMIT**2, joint)
     if rows < 30:
         return None
-    H, g, cost = projected(G)
+    H, g = projected(G)
     scale = parameter_scale(float(t[2]), radius_m)
     step = relax * damped_step(H, g, scale, 1e-5)
     step = limit_one_step(step, t, radius_m)
-    cost = float(np.sqrt(cost / max(total, 1e-12))) / noise
-    return PoseFit(quat.rotate(fit.q, step[:3]), t + step[3:], cost, COVARIANCE_INFLATION * _inverse(H))
+    return PoseFit(quat.rotate(fit.q, step[:3]), t + step[3:], COVARIANCE_INFLATION * _inverse(H))
 
 
 def _inverse(H: Array) -> Array:
@@ -228,8 +227,8 @@ def _gram(
     return out[: k * k].reshape(k, k), float(total[0]), int(rows)
 
 
-def projected(G: Array) -> Tuple[Array, Array, float]:
-    """Return normal matrix (6, 6), right side (6,) and squared residual of weighted rows, brightnesses projected out.
+def projected(G: Array) -> Tuple[Array, Array]:
+    """Return normal matrix (6, 6) and right side (6,) of weighted rows, brightnesses projected out.
 
     Variable projection (Golub & Pereyra 1973), because the brightnesses were estimated at the previous pose.
 
@@ -241,7 +240,7 @@ def projected(G: Array) -> Tuple[Array, Array, float]:
     k = len(G) - 7
     L = _regularised(G[:k, :k], 1e-6, 1e-12)
     left = G[k:, k:] - G[k:, :k] @ np.linalg.solve(L, G[:k, k:])
-    return left[:6, :6], left[:6, 6], max(float(left[6, 6]), 0.0)
+    return left[:6, :6], left[:6, 6]
 
 
 def damped_step(H: Array, g: Array, scale: Array, damping: float) -> Array:

@@ -92,7 +92,7 @@ def align_photometrically(
     first = int(np.argmax(scores))
     if scores[first] < scores[0] + MIN_SCORE_GAIN:
         first = 0
-    view, fit = shadings[first], PoseFit(*poses[first], 9.9, np.eye(6))
+    view, fit = shadings[first], PoseFit(*poses[first])
     if shadow is not None and follow_sun:
         shadow, view = _follow_sun(craft, patch, fit, shadow, view)
     for k, blur in enumerate(BLURS_PX):

@@ -88,7 +88,7 @@ def aligned(
     relax: float = OVER_RELAXATION,
 ) -> PoseFit:
     """A pose after one step for each blur, those on blurred pictures made longer."""
-    fit = PoseFit(q, t, 9.9, np.eye(6))
+    fit = PoseFit(q, t)
     for blur in blurs_px:
         shading = photo_draw(fit.q, fit.t, faces, c, CAMERA)
         step = photo_step(fit, shading, faces, c, CAMERA, radius_m, blur, relax if blur > 0 else 1.0)

@@ -55,7 +55,7 @@ def choice_of(craft: PreparedTarget, frame: Observation, q: np.ndarray, t: np.nd
     s = support(craft, q, t, field)
     source = Source(Region(*map(float, box), "learned"), field)
     score = explained(photo_draw(q, t, faces, close, CAMERA), close)
-    start = Hypothesis(PoseFit(q, t, 1.0, 1e-4 * np.eye(6)), source, score, s)
+    start = Hypothesis(PoseFit(q, t, 1e-4 * np.eye(6)), source, score, s)
     end = replace(start, start=start)
     return Selection(end, image_evidence(craft, end, s, score), (), close, (start,))
 

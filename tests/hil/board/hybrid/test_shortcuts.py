@@ -32,7 +32,7 @@ def test_what_a_canvas_keeps_of_a_craft_is_not_taken_for_another_ones() -> None:
     frame = Observation(RNG.integers(0, 60, (160, 240)).astype(np.uint8))
     frame.noise = 3.0
     q = quat.normalise(np.array([0.2, 0.3, 0.8, -0.4]))
-    box, fit = target_box(craft, q, T_M), PoseFit(q, T_M, 9.9, np.eye(6))
+    box, fit = target_box(craft, q, T_M), PoseFit(q, T_M)
     assert craft.model.faces is not None
     fine, other = craft.model.faces.grouped(6), replace(CAMERA, fx_px=360.0, cx_px=118.0)
     shared = cut_patch(craft, frame, box, 90)

@@ -6,6 +6,7 @@ import json
 import math
 import shutil
 import tarfile
+from types import SimpleNamespace
 
 import cv2
 import msgspec
@@ -20,9 +21,11 @@ from flyaround.__main__ import run
 from flyaround.simulator.camera.lens.camera_model import Distortion
 from flyaround.simulator.dataset.card import read_card
 from flyaround.simulator.dataset.check.verify import check_dataset
+from flyaround.simulator.dataset.formats.coco import CocoWriter
 from flyaround.simulator.dataset.formats.labelled_frame import frame_from_folder
 from flyaround.simulator.dataset.formats.registry import find_format, formats, read_foreign, writable
 from flyaround.simulator.dataset.formats.ros_messages import camera_info
+from flyaround.simulator.errors import UserError
 from flyaround.simulator.labels.truth import read_truth
 
 pytestmark = pytest.mark.gl
@@ -240,6 +243,18 @@ def test_coco(everything, frames):
                 numbers = {n for n, c in enumerate(of_part, start=1) if c == classes[a["category_id"]]}
                 assert (decoded(a["segmentation"]) == np.isin(layer, list(numbers))).all()
     assert len(states) > 1
+
+
+def test_coco_refuses_a_part_that_the_card_does_not_name():
+    def written(*numbers):
+        target = SimpleNamespace(part_classes=("body", "antenna"))
+        writer = CocoWriter(None, SimpleNamespace(target=target))
+        parts = np.array([numbers], np.uint16)
+        return writer._parts_of(SimpleNamespace(where="000003", number=3, layer=lambda _name: parts))
+
+    assert sorted(a["area"] for a in written(0, 1, 2, 2)) == [1, 2]
+    with pytest.raises(UserError, match="000003: part 7 has no class among the 2 of the card"):
+        written(0, 1, 2, 7)
 
 
 def test_yolo(everything, frames):

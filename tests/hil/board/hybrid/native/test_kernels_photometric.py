@@ -131,7 +131,7 @@ def test_derivatives_and_steps_are_numpys(craft: BoardModel, by_numpy: Callable[
         # the last reaches farther than any that is worked out by itself
         blur, joint = ((2.0, 16), (0.8, 40), (0.0, 62), (0.3, 0), (3.0, 16))[k % 5]
         moving = (shading, faces, canvas, CAMERA)
-        fit = photometric.PoseFit(q, t, 9.9, np.eye(6))
+        fit = photometric.PoseFit(q, t)
         cases.append((moving, quat.matrix(q), t, fit, blur, joint))
         native.append(
             (
@@ -149,7 +149,6 @@ def test_derivatives_and_steps_are_numpys(craft: BoardModel, by_numpy: Callable[
         moved = np.abs(other.t - t).max() + craft.radius_m * quat.angle_rad(other.q, fit.q)
         assert np.abs(one.t - other.t).max() < 1e-3 * moved
         assert craft.radius_m * quat.angle_rad(one.q, other.q) < 1e-3 * moved
-        assert one.cost == pytest.approx(other.cost, rel=1e-4)
         np.testing.assert_allclose(
             np.sqrt(np.diag(one.covariance)), np.sqrt(np.diag(other.covariance)), rtol=1e-3
         )
