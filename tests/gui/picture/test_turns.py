@@ -220,7 +220,7 @@ def test_a_picture_of_the_camera_that_fails_is_told_once_there_was_one(session: 
     producer.fail = UserError("the graphics memory is full")
     assert not feed.update(session, settings)
     assert feed.take_trouble() == (
-        "no picture of the chaser's camera: the graphics memory is full; it is not saved"
+        "no picture of the chaser's camera: the graphics memory is full; the picture is not saved"
     )
     assert not feed.saving
     assert feed.newest is not None
