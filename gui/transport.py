@@ -114,7 +114,7 @@ class TransportStrip:
         ]
         marks += [(m.t_s, style.BAD if m.kind == "contact" else style.INK, m.text) for m in session.marks]
         marks += [(b.start_s, style.ACCENT, "burn") for b in session.craft.steering.burns.burns]
-        near = [f"drag to look back, Ctrl and click types a time ({console.table['timeline.seek'].form})"]
+        near = [f"drag to look back, Ctrl+click to type a time ({console.table['timeline.seek'].form})"]
         for at_s, colour, text in marks:
             if at_s <= end_s:
                 x = x_of(at_s)
