@@ -118,7 +118,7 @@ def word(name: str, text: str, choices: tuple[str, ...] = (), *, optional: bool 
     return Argument(name, "word", text, choices, optional=optional)
 
 
-STATE = Argument("state", "switch", "on or off; left out: the other one", optional=True)
+STATE = Argument("state", "switch", "on or off; toggles if omitted", optional=True)
 """The argument of a switch."""
 
 

@@ -254,7 +254,7 @@ class Console:
         try:
             self.log.add(line)
         except OSError as error:
-            self.say(f"the log's file takes no more lines: {error.strerror}", "warning")
+            self.say(f"the log file can no longer be written: {error.strerror}", "warning")
 
     def _asks(self, command: Command, values: tuple[Value, ...]) -> bool:
         """Ask before a command drops or leaves a flight; return True if the command must wait."""
@@ -287,7 +287,7 @@ class Console:
         try:
             name, *words = shlex.split(line)
         except ValueError:
-            self.say(f"this is no command: {line[:120]}", "caution")
+            self.say(f"unknown command: {line[:120]}; F1 lists the commands", "caution")
             return
         self.do(name, *words)
 
@@ -410,9 +410,7 @@ class Console:
             If there are not so many.
         """
         if which > len(self.former):
-            raise UserError(
-                "there was no flight before this one" if which == 1 else f"no flight {which} was left"
-            )
+            raise UserError("there is no earlier flight" if which == 1 else f"no flight {which} was left")
         session, source = self.former[-which]
         session.clock.paused = True
         self._begin(session, source)
@@ -438,7 +436,7 @@ class Console:
         settings.sensor_changes, settings.lights, settings.exposure_stops = {}, None, 0.0
         name = session.plan.scenario.title or session.plan.scenario.name
         replay = "REPLAY, paused: Space plays it, the slider seeks" if session.look_back.active else ""
-        self.say(replay or f"flying {name}; File, Flight before returns to the last one")
+        self.say(replay or f"flying {name}; File, Previous flight returns to the last one")
 
     # --- messages
 

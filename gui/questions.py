@@ -18,7 +18,7 @@ NO_FLYING = frozenset({"steer.arm", "steer.stick-lost"})
 NEW_FLIGHT = frozenset({"scenario.open", "scenario.target", "scenario.fly", "light.fly"})
 """Commands that begin another flight."""
 SWAP_BACK = "Timeline, Swap future brings back the part dropped last."
-GO_BACK = "File, Flight before and Kept flights return to it, until you quit."
+GO_BACK = "File, Previous flight and Kept flights return to it, until you quit."
 
 
 @dataclass(frozen=True)

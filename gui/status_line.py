@@ -87,7 +87,7 @@ class StatusLine:
             console.do("window.acknowledge")
         imgui.pop_style_color(2)
         newest = "\n".join(m.text for m in reversed(waiting[-8:]))
-        w.tip(f"{newest}\nclick, or F9: seen" if waiting else "master caution: nothing waits to be seen")
+        w.tip(f"{newest}\nclick, or F9: mark as seen" if waiting else "master caution: no unseen messages")
 
 
 def message_texts(console: Console) -> list[tuple[str, style.Rgba]]:

@@ -65,7 +65,7 @@ class TransportStrip:
         imgui.align_text_to_frame_padding()
         w.one_line(text, style.WARN if session.look_back.active else style.INK)
         w.tip(
-            "where one is, and the end of what was flown [h:min:s since the start]; yellow while looking back"
+            "time shown, and end of the recorded flight [h:min:s since the start]; yellow while looking back"
         )
         imgui.same_line()
         right = 18 * em
@@ -109,10 +109,12 @@ class TransportStrip:
         self._scale(end_s, x_of)
         session = console.session
         marks = [(m.t_s, style.GOOD, m.note or "bookmark") for m in timeline.bookmarks]
-        marks += [(t, style.WARN, "here one flew on: Swap future") for t in (timeline.left_s or ())[:1]]
+        marks += [
+            (t, style.WARN, "the flight branches off here: Swap future") for t in (timeline.left_s or ())[:1]
+        ]
         marks += [(m.t_s, style.BAD if m.kind == "contact" else style.INK, m.text) for m in session.marks]
         marks += [(b.start_s, style.ACCENT, "burn") for b in session.craft.steering.burns.burns]
-        near = [f"drag to look back, Ctrl and click types a time ({console.table['timeline.seek'].form})"]
+        near = [f"drag to look back, Ctrl+click to type a time ({console.table['timeline.seek'].form})"]
         for at_s, colour, text in marks:
             if at_s <= end_s:
                 x = x_of(at_s)

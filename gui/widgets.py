@@ -255,7 +255,7 @@ class Widgets:
         text = self._number(key, self._refused.get((key, of), (shown, ""))[0])
         ended = imgui.is_item_deactivated_after_edit() and not imgui.is_key_pressed(imgui.Key.escape)
         flaw = self.answer((key, of), text, take(text) if ended else None)
-        self.tip(flaw or f"{tip}; Enter takes it, Esc does not")
+        self.tip(flaw or f"{tip}; Enter applies it, Esc discards it")
 
     def answer(self, key: object, text: str, refusal: str | None) -> str:
         """Keep and return why a text of the last item was refused, until another is taken; None is no answer."""

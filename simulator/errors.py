@@ -104,7 +104,7 @@ def machine_sentence(error: BaseException) -> str | None:
     if isinstance(error, ImportError):
         return f"a part of the installation cannot be loaded: {reason}; install it again, or raise this shell's limits"
     if isinstance(error, RecursionError):
-        return "something given nests too deep to be read; look at the file for brackets within brackets"
+        return "the input is nested too deeply to be read; check the file for nested brackets"
     if not isinstance(error, OSError):
         return None
     file = f": {error.filename}" if error.filename is not None else ""

@@ -171,7 +171,7 @@ class Commands(TyperGroup):
 app = typer.Typer(
     name="flyaround",
     cls=Commands,
-    help="What a camera on a chaser sees of a spacecraft: pictures, truth, hardware in the loop.",
+    help="Simulate the camera of a chaser near a spacecraft: images, ground truth, hardware in the loop.",
     no_args_is_help=True,
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},

@@ -67,9 +67,9 @@ def _start(
 def _resume(console: Console) -> None:
     last = console.jobs.capture.request
     if last is None:
-        raise UserError("there is no capture to go on with: start one")
+        raise UserError("there is no capture to resume: start one")
     console.jobs.capture.start(replace(last, resume=True))
-    console.say(f"going on with {last.folder}")
+    console.say(f"resuming {last.folder}")
 
 
 COMMANDS = (

@@ -88,12 +88,12 @@ def _open(console: Console, path: str) -> None:
 
 def _undo(console: Console) -> None:
     what = console.history.next("settings.undo") and console.history.undo(console.options)
-    console.say(f"undone: {what} (Ctrl+Y does it again)" if what else "there is no change to undo")
+    console.say(f"undone: {what} (Ctrl+Y redoes it)" if what else "there is no change to undo")
 
 
 def _redo(console: Console) -> None:
     what = console.history.next("settings.redo") and console.history.redo(console.options)
-    console.say(f"done again: {what}" if what else "there is no undone change to do again")
+    console.say(f"redone: {what}" if what else "there is nothing to redo")
 
 
 def _enlarge(console: Console, panel: str | None = None) -> None:

@@ -71,8 +71,8 @@ def _stick(part: str, console: Console, *shares: float) -> None:
 def _stick_lost(console: Console) -> None:
     pushed = (console.hand.thrust, console.hand.turn) != (NO_DEMAND, NO_DEMAND)
     console.hand.centre_sticks()
-    stopped = ": what it pushed and turned has stopped" * pushed
-    console.say(f"the gamepad is gone{stopped}", "warning" if pushed else "note")
+    stopped = ": its thrust and rotation commands have stopped" * pushed
+    console.say(f"the gamepad was disconnected{stopped}", "warning" if pushed else "note")
 
 
 COMMANDS = (

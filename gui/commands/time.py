@@ -55,7 +55,7 @@ COMMANDS = (
         Command(
             f"time.next-{event}",
             f"Jump to the next {event}",
-            f"hurry to when {EVENTS[event]}, then 1x; a rate ends it",
+            f"jump to when {EVENTS[event]}, then 1x; a rate ends it",
             partial(_jump, event),
         )
         for event in EVENTS

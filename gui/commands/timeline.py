@@ -125,7 +125,7 @@ def _stop_keeping(console: Console) -> None:
     if not console.jobs.keeping:
         raise UserError("no flight is being written")
     console.jobs.keeping.pop(0).cancel()
-    console.say("the flight was not written, and nothing of it is left on disk: Keep flight begins again")
+    console.say("writing was stopped and its files removed: Keep flight starts again")
 
 
 def _report_kept(console: Console, replay: str) -> None:

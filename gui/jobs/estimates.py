@@ -259,7 +259,7 @@ class Estimates:
 
     def _take(self, answer: Answer) -> None:
         if self._under_way is None:
-            raise RuntimeError("an answer came that nobody asked for")
+            raise RuntimeError("the estimator process sent an unexpected answer")
         under_way, self._under_way = self._under_way, None
         picture, method = under_way
         self._answered = True

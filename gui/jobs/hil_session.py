@@ -131,7 +131,7 @@ class HilSession:
             If there is no session.
         """
         if self._process is None or self._stop_s is not None:
-            raise UserError("there is no session with a board that a fault could strike: start one")
+            raise UserError("a fault needs a session with a board: start one first")
         self._send(fault)
 
     @property

@@ -33,7 +33,7 @@ class BoardLinkPanel(Panel):
         """Draw into the current panel."""
         w, imgui, hil = self._w, self._w.imgui, console.jobs.hil
         state = f"session: {hil.state}{', ' * bool(hil.board_name)}{hil.board_name}"
-        tip = "what the session is at, and the board that is connected, as it calls itself"
+        tip = "state of the session, and the name that the connected board reports"
         w.cut_line(state, w.width, SEEN.get(hil.state, style.WARN), tip)
         # nothing moves when a session begins: the next click is on the board below
         imgui.begin_disabled(hil.on)
@@ -60,8 +60,8 @@ class BoardLinkPanel(Panel):
     def _answers(self, hil: HilSession) -> None:
         w = self._w
         w.row("Pictures", (hil.sent,), "{:d}", "sent since the session began")
-        w.row("Accepted", (hil.accepted,), "{:d}", "poses that the board stands by")
-        w.row("Declined", (hil.outcomes["declined"],), "{:d}", "answers without a pose to be used")
+        w.row("Accepted", (hil.accepted,), "{:d}", "poses that the board accepts")
+        w.row("Declined", (hil.outcomes["declined"],), "{:d}", "answers without a usable pose")
         w.row("Rate", (hil.per_s,), "{:.2f}/s", "answers a second, over five seconds")
         for cause, n in hil.drops.items():
             w.coloured(style.BAD)
@@ -71,7 +71,7 @@ class BoardLinkPanel(Panel):
         if len(latencies):
             middle, most = np.percentile(latencies, [50, 99])
             w.row("Latency", (middle,), "{:.0f} ms", "from the first byte out to the pose back, median")
-            w.row("  99 of 100", (most,), "{:.0f} ms", "no longer in 99 of 100 answers")
+            w.row("  99 of 100", (most,), "{:.0f} ms", "99th percentile of the same latency")
             self._distribution(hil)
         poses = [r for r in hil.rows if r.outcome == "accepted" and r.E_R_deg is not None]
         if poses:
@@ -122,4 +122,4 @@ class BoardLinkPanel(Panel):
         on = console.jobs.hil.on
         w.button(console, "hil.fault", self._fault, self._seconds, label="Inject fault", enabled=on)
         for kind, n in console.jobs.hil.struck.items():
-            w.row(kind.replace("_", " "), (n,), "{:d}", "pictures or answers that it struck")
+            w.row(kind.replace("_", " "), (n,), "{:d}", "pictures or answers affected by the fault")

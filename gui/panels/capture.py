@@ -34,7 +34,7 @@ class CapturePanel(Panel):
         if console.jobs.capture.running:
             self._under_way(console)
         elif console.jobs.keeping:
-            self._w.text("The flown flight is being written.", style.QUIET)
+            self._w.text("The flight is being written.", style.QUIET)
         else:
             self._form(console)
         self._thumbnails(console.jobs.capture)
@@ -88,9 +88,9 @@ class CapturePanel(Panel):
         w.text(f"into {request.folder}", style.QUIET, "folder of the data set")
         share = min(job.done / max(request.frames, 1), 1.0)
         imgui.progress_bar(share, w.vec(-1, 0), f"{job.done} of {request.frames}")
-        w.tip("frames on the disk, of those that were asked for")
+        w.tip("frames written, of those requested")
         text = "stopping ..." if job.stopping else time_text(job.elapsed_s) + left_text(job.left_s)
-        w.text(text, style.QUIET, "time since it began, and what is left at the pace so far")
+        w.text(text, style.QUIET, "time elapsed, and time left at the rate so far")
         w.button(console, "capture.stop", width=w.width, label="End it at once" if job.stopping else None)
 
     def _thumbnails(self, job: CaptureJob) -> None:

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from flyaround.simulator.piloting.docking_figures import JudgedFigure
 
 STATES = texts("limits")
-HOLDS = "the autopilot rests here, so many metres before the port, until it is given go; > is the next"
+HOLDS = "the autopilot waits here, at this distance before the port, for go; > marks the next hold point"
 # colours of the decisions at a hold point
 DECISION_COLOURS = {"open": style.INK, "go": style.WITHIN, "no-go": style.OUTSIDE, "passed": style.QUIET}
 
@@ -32,7 +32,7 @@ class DockingPanel(Panel):
         docking = session.craft.docking
         text, colour = status(console)
         # one line, because buttons stand below it
-        w.cut_line(text, w.width, colour, "what flies, and what it waits for")
+        w.cut_line(text, w.width, colour, "active guidance, and what it waits for")
         w.buttons(console, ("docking.approach", "docking.go", "docking.no-go"), 3)
         w.button(console, "time.next-hold-point", width=w.width)
         w.switch(console, "overlay.docking", "Display over the view")
@@ -51,7 +51,7 @@ class DockingPanel(Panel):
             short = row.name.replace("offset ", "").replace("rate ", "").replace(" rate", "")
             now, colour = f"{row.text}{style.LIMIT_MARKS[row.state]}", style.LIMIT_COLORS[row.state]
             state = f"{row.name} now [{row.unit}]; {STATES[row.state]}"
-            most = f"how large it may be at this distance [{row.unit}]"
+            most = f"limit at this distance [{row.unit}]"
             head = partial(w.text, f"{short} {row.unit}", style.QUIET, FIGURE_TIPS[row.name])
             limit = partial(w.text, f"{row.limit:.2g}", style.QUIET, most)
             cells.append((head, partial(w.text, now, colour, state), limit))
@@ -68,7 +68,7 @@ class DockingPanel(Panel):
         w.section("Hold points")
         points = session.craft.docking.hold_points.points
         if not points:
-            w.text("none: the approach begins inside the last one", style.QUIET)
+            w.text("none: the approach begins inside the last hold point", style.QUIET)
         following = session.craft.docking.hold_points.next
         w.imgui.push_font(w.window.figure_font, 0.0)
         for p in points:
@@ -88,10 +88,8 @@ class DockingPanel(Panel):
         w.section("Contact")
         colour = style.WITHIN if contact.docked else style.OUTSIDE
         docked = "docked" if contact.docked else "no docking"
-        w.text(f"T+{contact.t_s:.1f} s: {docked}", colour, "when the last contact was, since the start")
-        tip = (
-            "each figure at contact: 100 points at zero, 50 at its limit, none from twice that on; their mean"
-        )
+        w.text(f"T+{contact.t_s:.1f} s: {docked}", colour, "time of the last contact since the start")
+        tip = "mean over the figures at contact: 100 points at zero, 50 at the limit, 0 from twice the limit"
         w.text(f"score {contact.score} of 100", colour, tip)
         for miss in contact.misses:
-            w.text(miss, style.OUTSIDE, "why it was no docking: the figure at contact, and its limit")
+            w.text(miss, style.OUTSIDE, "why the contact did not dock: figure at contact, and its limit")

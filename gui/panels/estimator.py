@@ -41,7 +41,7 @@ class EstimatorPanel(Panel):
         w.button(console, "estimator.forget")
         # below the controls, which must not move when a result comes
         colour = style.GOOD if estimates.on else style.BAD if estimates.refusal else style.QUIET
-        w.text(estimates.doing, colour, "what it is at, and estimates a second")
+        w.text(estimates.doing, colour, "current step, and estimates per second")
         newest = estimates.newest
         if newest is None:
             w.text(
@@ -75,12 +75,10 @@ class EstimatorPanel(Panel):
     def _figures(self, e: ComparedEstimate, t_s: float) -> None:
         w, answer = self._w, e.answer
         w.section(f"{e.method} at T+{e.t_s:.2f} s")
-        w.tip("method, and mid-exposure of the picture that it was given, since the start")
+        w.tip("method, and mid-exposure time of its picture since the start")
         said, colour = ("accepted", style.GOOD) if answer.accepted else ("declined", style.WARN)
         said = f"{said}, {abs(t_s - e.t_s):.1f} s ago{answer.reason and ': '}{answer.reason}"
-        w.text(
-            said, colour, "whether the estimator stands by its best pose; simulated time since its picture"
-        )
+        w.text(said, colour, "whether the estimator accepts its best pose; simulated time since its picture")
         if (position := answer.t_camera_from_target_m) is not None:
             w.row("Position m", position, "{:+z.3f}", "of the target in camera axes: right, down, forward")
         if (attitude := answer.q_camera_from_target_wxyz) is not None:
@@ -99,9 +97,14 @@ class EstimatorPanel(Panel):
         slowest = sorted(answer.stages_ms.items(), key=lambda item: -item[1])[:3]
         stages = ", ".join(f"{name.replace('_', ' ')} {ms:.0f} ms" for name, ms in slowest)
         w.row("Took", (e.took_ms,), "{:.0f} ms", f"all stages but the preparation; longest: {stages}")
-        w.row("Picture", ("{} x {}".format(*e.size_px),), "{} px", "pixels of the picture that it was given")
+        w.row(
+            "Picture",
+            ("{} x {}".format(*e.size_px),),
+            "{} px",
+            "size in pixels of the picture that the estimator received",
+        )
         if answer.network:
-            tip = "own: trained for this craft by flyaround train; shipped: comes with Flyaround; none: edges alone"
+            tip = "own: trained for this craft by flyaround train; shipped: comes with Flyaround; none: edges only"
             colour = style.GOOD if answer.network == "own" else style.QUIET
             w.text(f"keypoint network: {answer.network}", colour, tip)
 

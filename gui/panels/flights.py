@@ -40,7 +40,7 @@ class FlightsPanel(Panel):
             self._known = tuple(console.flights)
             self._rows = tuple(flight_row(path) for path in kept_flights(self._known))
         if console.former:
-            w.section("Left in this sitting")
+            w.section("Left since the console was opened")
         # the one left last comes first
         for k, (session, _) in enumerate(reversed(console.former), 1):
             if imgui.selectable(f"{session.plan.scenario.name}##left{k}", False)[0]:

@@ -29,7 +29,7 @@ class LightsPanel(Panel):
         lights = console.options.settings.lights
         w.text(
             f"Sun: {100 * scene.sun_visible_fraction:.0f} % of its disc",
-            tip="what the target sees of the Sun past the Earth and the Moon; the orbit and the time decide it",
+            tip="share of the Sun's disc visible from the target, past the Earth and the Moon",
         )
         for k, switched in enumerate(lights_of(scene) if lights is None else lights):
             self._light(console, k, switched)
@@ -77,5 +77,5 @@ class LightsPanel(Panel):
             step = max(0.01 * abs(value), 0.01)
             changed, number = imgui.drag_float(f"##{name}", value, step, format="%.5g")
             new = f"{number:.6g}"
-        w.tip(tip if name in CHOICES else f"{tip}\ndrag it, or Ctrl and click types it")
+        w.tip(tip if name in CHOICES else f"{tip}\ndrag to change, Ctrl+click to type")
         w.answer(f"{k} {name}", "", console.attempt("light.set", k, name, new) if changed else None)

@@ -25,15 +25,13 @@ class PicturePanel(Panel):
         exposure_s = console.session.plan.scenario.sensor.exposure_s * 2.0**settings.exposure_stops
         w.text(
             f"Exposure {exposure_text(exposure_s)}, {settings.exposure_stops:+.1f} stops",
-            tip="how long a picture is exposed, and powers of two off the scenario's exposure",
+            tip="exposure time, and its difference from the scenario's in powers of two",
         )
         imgui.set_next_item_width(-1)
         changed, stops = imgui.slider_float(
             "##exposure", settings.exposure_stops, -MOST_STOPS, MOST_STOPS, ""
         )
-        w.tip(
-            f"{console.table['picture.exposure'].hover_text()}\nCtrl and click types it; right click resets it"
-        )
+        w.tip(f"{console.table['picture.exposure'].hover_text()}\nCtrl+click to type, right-click to reset")
         if imgui.is_item_clicked(imgui.MouseButton_.right):
             changed, stops = True, 0.0
         w.answer("exposure", "", console.attempt("picture.exposure", round(stops, 2)) if changed else None)
@@ -45,5 +43,5 @@ class PicturePanel(Panel):
         w.section("Over the view")
         w.switches(console, [f"overlay.{name}" for name in OVERLAYS])
         w.section("World")
-        w.text("Left out of the console's pictures, not of the scenario.", style.QUIET)
+        w.text("Omitted from the console's pictures; the scenario is unchanged.", style.QUIET)
         w.switches(console, [f"world.{name.replace('_', '-')}" for name in LAYERS])

@@ -37,7 +37,7 @@ class PlotsPanel(Panel):
         self._keep(console.telemetry)
         unwatched = [name for name in FIGURES if name not in self._watched]
         imgui.set_next_item_width(-1)
-        if imgui.begin_combo("##add", "watch another figure ..."):
+        if imgui.begin_combo("##add", "plot another figure ..."):
             for name in unwatched:
                 if imgui.selectable(FIGURES[name].title, False)[0]:
                     self._watched.append(name)
@@ -61,7 +61,7 @@ class PlotsPanel(Panel):
         values = values.reshape(len(values), -1)
         if imgui.small_button(f"x##{name}"):
             self._watched.remove(name)
-        w.tip("watch it no longer")
+        w.tip("remove this plot")
         imgui.same_line()
         newest = ", ".join(f"{v:.4g}" for v in values[-1])
         w.cut_line(f"{title}: {newest}", w.width, style.INK, f"{title}, now")

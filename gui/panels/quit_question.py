@@ -51,11 +51,11 @@ class Question(Panel):
         if asked is None:
             console.open_panel(self.name, shown=False)
             return
-        w.text(asked.text, style.WARN, "what the command would drop or leave")
+        w.text(asked.text, style.WARN, "flights and texts that the command would discard or leave")
         w.text(asked.way_back, style.QUIET)
         w.imgui.dummy(w.vec(0, 1))
         goes = w.filled_button(asked.answer, w.width / 2 - 4, style.GUARDED)
-        w.tip(f"do what was asked for: {asked.command.title}")
+        w.tip(f"carry out the command: {asked.command.title}")
         w.imgui.same_line()
         stays = w.filled_button("Stay here", -1, style.PRIMARY)
         w.tip("change nothing; Esc does the same")

@@ -29,7 +29,7 @@ FIRST_AFTER_S, FIRST_M_S = 60.0, 0.01
 """Defaults of an added burn: time after the last one, and its along-track delta-v."""
 LEAST_WAY_M = 0.05  # a nearer point is where the chaser is
 WAY_POINTS = 65  # points of a straight way at which the keep-out sphere is looked for
-PLUME = "whether the exhaust, 30 deg wide to each side, meets the target's sphere within 20 m"
+PLUME = "whether the exhaust (half angle 30 deg) hits the target's bounding sphere within 20 m"
 
 
 def fly_to_warning(craft: PilotedCraft, place: FloatArray) -> tuple[str, style.Rgba]:
@@ -69,7 +69,7 @@ class SteeringPanel(Panel):
         colour = style.ACCENT if steering.doing else style.QUIET
         phase = "" if steering.guided is None else f": {steering.guided.phase(console.session.t_s)}"
         # one line, because buttons stand below it
-        tip = "what flies the chaser while nothing is pressed"
+        tip = "guidance that flies the chaser while no key is pressed"
         w.cut_line(console.flown_by + phase, w.width, colour, tip)
         w.buttons(console, GUIDANCE, 2)
         self._to_a_point(console)
@@ -82,11 +82,11 @@ class SteeringPanel(Panel):
         w, steering = self._w, console.session.craft.steering
         spent = steering.propellant
         w.section("Spent by steering")
-        tip = "change of velocity that the thrusters gave since the start, all pushes added up"
+        tip = "delta-v of the thrusters since the start, summed over all burns"
         w.row("Delta-v", (spent.delta_v_m_s,), "{:.3f} m/s", tip)
         tip = f"burnt since the start, at a specific impulse of {spent.thrusters.specific_impulse_s:g} s"
         w.row("Propellant", (spent.used_kg,), "{:.3f} kg", tip)
-        tip = "of the chaser, as the scenario gives it; 100 kg unless it does"
+        tip = "mass of the chaser in the scenario; 100 kg if the scenario gives none"
         w.row("Mass", (spent.mass_kg,), "{:.2f} kg", tip)
         if steering.plume:
             w.text("# the plume strikes the target", style.OUTSIDE, PLUME)
@@ -98,7 +98,7 @@ class SteeringPanel(Panel):
         w, craft = self._w, console.session.craft
         w.section("Fly to: radial, along, cross [m]")
         changed, self._from_here = w.imgui.checkbox("counted from here", self._from_here)
-        w.tip("the numbers are a way from where the chaser is; off: a point beside the target")
+        w.tip("on: offsets from the chaser's position; off: a point relative to the target")
         if changed:
             self._point = [""] * 3
         # a component that nobody typed stays where the chaser is
@@ -114,7 +114,7 @@ class SteeringPanel(Panel):
         place = here if flawed else np.round(start + np.array(shown, float), 3)
         warning, colour = ("", style.QUIET) if flawed else fly_to_warning(craft, place)
         w.cut_line(warning, w.width, colour)
-        label, fill = ("Fly there", None) if colour == style.QUIET else ("Fly there all the same", colour)
+        label, fill = ("Fly there", None) if colour == style.QUIET else ("Fly there anyway", colour)
         look: dict[str, Any] = {"label": label, "width": w.width, "fill": fill, "enabled": not flawed}
         w.button(console, "guidance.waypoint", *place.tolist(), **look)
 
@@ -164,5 +164,5 @@ class SteeringPanel(Panel):
         total = sum(b.size_m_s for b in craft.steering.burns.burns)
         self._w.row("Delta-v", (total,), "{:.3f} m/s", "of all planned burns together")
         if np.isfinite(self._nearest_m):
-            tip = "nearest that the path through the burns comes to the target's centre of mass"
+            tip = "closest approach to the target's centre of mass on the path with these burns"
             self._w.row("Closest", (self._nearest_m,), "{:.2f} m", tip)

@@ -30,7 +30,7 @@ class TimelinePanel(Panel):
         w, session = self._w, console.session
         timeline = session.look_back.timeline
         back = session.look_back.active
-        looking_back = "looking back: steering, or Fly on, takes the flight up from here"
+        looking_back = "looking back: steering or Fly on continues the flight from here"
         w.text(*(looking_back, style.WARN) if back else ("at the end of the flight", style.QUIET))
         # a disabled button stays in place
         usable = {"fly-on": back, "other-future": timeline.left_s is not None}

@@ -268,7 +268,7 @@ class Feed:
         self._save_due = self.saving
         self._waiting, self._last = [], None
 
-    def _rest(self, error: Exception, then: str = "it is tried again") -> bool:
+    def _rest(self, error: Exception, then: str = "the console tries again") -> bool:
         """Report a failure, unless it repeats the previous one, and pause requests for `REST_S`; return False."""
         self._rests_until_s = self._clock() + REST_S
         self._last = None
@@ -338,7 +338,7 @@ class Feed:
                 raise
             # reported each time, because each was requested separately
             self._reported_failure = ""
-            self._rest(error, "it is not saved")
+            self._rest(error, "the picture is not saved")
 
     def write(self, frame: Frame) -> None:
         """Store a frame as the newest picture; frames arrive in the order of their requests."""

@@ -73,7 +73,7 @@ class SettingsHistory:
             If nothing was.
         """
         self._last = ("", -ONE_DRAG_MS)
-        return _swap(options, self._redo, self._undo, "there is nothing to do again")
+        return _swap(options, self._redo, self._undo, "there is nothing to redo")
 
 
 Steps = list[tuple[str, "Options"]]

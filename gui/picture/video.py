@@ -91,7 +91,7 @@ class Film:
         if self._thread.is_alive():
             # it continues alone, and names the file if it ends before the console does
             self.trouble = (
-                f"the film {self.path} is not whole yet: its encoder has not ended after {END_S:g} s"
+                f"the film {self.path} is incomplete: its encoder has not finished after {END_S:g} s"
             )
 
     def _run(self) -> None:

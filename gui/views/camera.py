@@ -194,7 +194,7 @@ class CameraView(Panel):
         t = f"{clock(r.t_s)[2:]}   {session.clock.rate:g}x"
         return (
             (
-                Row("", badge, colour, "what flies the chaser / how its attitude is kept"),
+                Row("", badge, colour, "guidance of the chaser / attitude mode"),
                 Row("", rate + speed, style.QUIET, "pictures a second, time and pixels of one"),
             ),
             (
@@ -206,7 +206,12 @@ class CameraView(Panel):
                 row("RANGE", style.ACCENT),
                 row("CLOSING"),
                 row("ACROSS"),
-                Row("RATE", f"{turning:9.3f} °/s", style.INK, "how fast the target turns before the camera"),
+                Row(
+                    "RATE",
+                    f"{turning:9.3f} °/s",
+                    style.INK,
+                    "rotation rate of the target relative to the camera",
+                ),
             ),
             (
                 *(

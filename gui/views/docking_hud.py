@@ -204,7 +204,7 @@ class DockingHud:
             y = box.y + box.height - 1.8 * line
         elif box.width < WIDE * self._window.scale:
             x, y = centre[0], centre[1] - radius + 0.8 * line
-        self._text(canvas, (x, y), text, colour, 0.5, "what flies, and what it waits for")
+        self._text(canvas, (x, y), text, colour, 0.5, "active guidance, and what it waits for")
 
 
 _SQUARE = ((-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0))  # corners of a gate

@@ -185,7 +185,7 @@ class EarthMap(Panel):
         sun_share = world.sun_visible_fraction
         state = "in the shadow" if sun_share <= 0 else f"{100 * sun_share:.0f} % of the Sun"
         state, colour = ("in sunlight", style.GOOD) if sun_share >= 1 else (state, style.WARN)
-        rows.append((state, colour, "what the target sees of the Sun's disc"))
+        rows.append((state, colour, "share of the Sun's disc that the target sees"))
         track = self._track
         if track is not None:
             for name, event_s in (("shadow in", track.enters_s), ("sunlight in", track.leaves_s)):

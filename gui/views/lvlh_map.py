@@ -46,7 +46,7 @@ WHEEL_FACTOR = 1.2  # change of the width per step of the wheel
 FLOWN, PLANNED, DRIFT = style.ACCENT, style.QUIET, style.ORANGE  # colours of the trajectories
 LINES = (
     "blue: flown; grey: the scenario's path; orange: free drift over ten minutes; purple: planned burns; "
-    "red: keep-out sphere; green: its corridor. Wheel: zoom, drag: move, double click: all of it, right click: a burn"
+    "red: keep-out sphere; green: its corridor. Wheel: zoom, drag: move, double-click: show all, right click: a burn"
 )
 SUN = "direction of the Sun, as long as it lies in this plane; grey while the target is in shadow"
 
@@ -276,7 +276,7 @@ class LvlhMap(Panel):
         if self._imgui.is_item_hovered() and port.inside(mouse.x, mouse.y):
             p = port.point(mouse.x, mouse.y)
             text = f"{p[plane.right]:+.2f}, {p[plane.up]:+.2f} m"
-            canvas.label((x + 6, foot - 4 - 1.8 * line), text, tip="the place under the pointer")
+            canvas.label((x + 6, foot - 4 - 1.8 * line), text, tip="position under the pointer")
 
     def _buttons(self, console: Console) -> None:
         """Draw the buttons that fit and enlarge the map, in the upper right corner."""

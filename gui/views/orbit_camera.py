@@ -1,9 +1,11 @@
-"""The free camera's view: drag to turn, wheel to come nearer, double click for the first place."""
+"""The free camera's view: drag to rotate, scroll to zoom, double-click to reset."""
 
 from __future__ import annotations
 
 from functools import partial
 from typing import TYPE_CHECKING
+
+import numpy as np
 
 from flyaround.gui import style
 from flyaround.gui.canvas import Canvas, point
@@ -14,6 +16,7 @@ from flyaround.gui.picture.orbit_picture import TRAIL_POINTS, ChaserMarks, chase
 from flyaround.gui.picture.screen import screen_picture
 from flyaround.gui.views.letterbox import Letterbox
 from flyaround.gui.widgets import Panel
+from flyaround.simulator.piloting.docking_port import radius_m
 
 if TYPE_CHECKING:
     from flyaround.gui.console import Console
@@ -21,8 +24,8 @@ if TYPE_CHECKING:
 
 DEGREES_PER_UNIT = 0.4  # turn per unit of mouse movement
 WHEEL_FACTOR = 1.15  # change of the distance per step of the wheel
-SMALL = 14.0
-"""Size in screen units per metre below which the target is marked."""
+MARKED_BELOW_UNITS = 14.0
+"""Projected diameter of the target [screen units] below which it is marked: the height of a letter."""
 
 
 class OrbitCameraView(Panel):
@@ -63,8 +66,8 @@ class OrbitCameraView(Panel):
         canvas.text(
             (place[0] + 8, place[1] + 6),
             f"about {look.about}, {look.azimuth_deg:.0f}°, {look.elevation_deg:.0f}°, {look.distance_m:.1f} m",
-            tip="what the free camera circles, its azimuth (0 looks along the flight), elevation above the orbit "
-            "and distance. A drag turns, the wheel comes nearer, a double click is the first place again",
+            tip="the centre of rotation, then the free camera's azimuth (0 looks along the flight), elevation above "
+            "the orbit and distance. Drag to rotate, scroll to zoom, double-click to reset the view",
         )
         age, colour = age_text(console.session, picture.frame.scene.t_s)
         rate = f"{image.shape[1]}x{image.shape[0]}  {feed.frames_s:.0f}/s  {age}"
@@ -87,10 +90,10 @@ class OrbitCameraView(Panel):
         return self._marks
 
     def _target(self, canvas: Canvas, box: Letterbox, picture: Picture) -> None:
-        """Draw a mark if the target would be smaller than a letter."""
-        scene = picture.frame.scene
-        x, y, z = scene.t_camera_from_target_m
-        if z > 0 and box.scale * scene.camera.fx_px / z < SMALL:
+        """Mark the target if its bounding sphere is smaller on the screen than a letter."""
+        scene, target = picture.frame.scene, picture.target
+        x, y, z = scene.camera_from_target.apply(np.array(target.mass.com_m))
+        if z > 0 and box.scale * scene.camera.fx_px * 2 * radius_m(target) / z < MARKED_BELOW_UNITS:
             place = box.at(point(scene.camera.project([x, y, z])))
             canvas.diamond(place, 4.0, style.WARN)
             canvas.text((place[0] + 8, place[1] + 4), "target", style.WARN)
@@ -106,10 +109,10 @@ class OrbitCameraView(Panel):
             canvas.dot((x, y), 3.0, style.ACCENT)
             canvas.text((x + 8, y + 4), "chaser", style.ACCENT)
         else:
-            away = f"the chaser is out of view, {marks.range_m:.0f} m away: First place"
+            away = f"the chaser is out of view, {marks.range_m:.0f} m away: Reset view"
             at = (box.x + 8, box.y + box.height / 2)
             canvas.text(
-                at, away, style.WARN, "distance from the free camera; First place brings it into view"
+                at, away, style.WARN, "distance from the free camera; Reset view brings the chaser into view"
             )
 
     def _buttons(self, console: Console, place: tuple[float, float, float, float]) -> None:
@@ -126,10 +129,10 @@ class OrbitCameraView(Panel):
                 console, "orbit-camera.about", about, label=about.capitalize(), on=look.about == about
             )
         imgui.same_line()
-        self._w.button(console, "orbit-camera.reset", label="First place")
+        self._w.button(console, "orbit-camera.reset", label="Reset view")
 
     def _mouse(self, console: Console) -> None:
-        """Rotate and zoom at once; a whole gesture is one command, at its end."""
+        """Rotate and zoom at once. A drag is one command, at its end; each event of the wheel is one, too."""
         imgui, look = self._imgui, console.options.orbit
         io = imgui.get_io()
         if imgui.is_item_hovered():

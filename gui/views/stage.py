@@ -38,7 +38,7 @@ class StageView(Panel):
         box = Letterbox.fit((picture.shape[1], picture.shape[0]), place)
         w.imgui.set_cursor_screen_pos(w.vec(box.x, box.y))
         w.imgui.image(w.window.show_picture(self.name, picture, picture), w.vec(box.width, box.height))
-        w.tip(f"what the stage {estimates.stage.replace('_', ' ')} made of the picture")
+        w.tip(f"result of the stage {estimates.stage.replace('_', ' ')}")
 
 
 @lru_cache(maxsize=2)

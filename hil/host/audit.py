@@ -146,7 +146,7 @@ def pictures_of(source: Path) -> Iterator[tuple[str, NDArray[Any]]]:
                 if channel.topic == IMAGES_TOPIC:
                     decode = decoders.decoder_for(channel.message_encoding, schema)
                     if decode is None:
-                        raise ValueError(f"{IMAGES_TOPIC} is no topic of ROS 2")
+                        raise ValueError(f"topic {IMAGES_TOPIC} does not hold ROS 2 messages")
                     yield f"picture at {message.log_time} ns", _pixels(decode(message.data))
                     count += 1
     except (OSError, ValueError, struct.error, OverflowError) as error:

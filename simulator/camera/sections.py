@@ -181,7 +181,7 @@ def _read_kernel(path: Path) -> NDArray[Any]:
     if path.suffix in {".png", ".tif", ".tiff"}:
         picture = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
         if picture is None:
-            raise ValueError("it is no picture")
+            raise ValueError("it is not a readable image")
         if max(picture.shape) > MAX_KERNEL_SIZE:
             raise ValueError(
                 f"it has {picture.shape[1]} x {picture.shape[0]} pixels, at most {MAX_KERNEL_SIZE} a side"

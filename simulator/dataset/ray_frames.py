@@ -142,7 +142,7 @@ class RayFrames(FrameProducer[Result]):
         resources = self._ray.cluster_resources()
         if resources.get("GPU", 0.0) < self._cluster.gpu_share:
             raise UserError(
-                f"--gpu-share {self._cluster.gpu_share:g} asks for GPUs, and the Ray cluster {self._cluster.address} "
+                f"--gpu-share {self._cluster.gpu_share:g} requests GPUs, but the Ray cluster {self._cluster.address} "
                 f"has {resources.get('GPU', 0.0):g}; leave it out, or start its nodes with --num-gpus"
             )
 
@@ -307,7 +307,7 @@ def _require_answer(address: str, advice: str) -> None:
     except ValueError:
         host, port = None, None
     if host is None or port is None or parts.scheme not in {"", "ray"}:
-        raise UserError(f"--ray {address} is no address; give auto, HOST:PORT or ray://HOST:PORT")
+        raise UserError(f"--ray {address} is not an address; give auto, HOST:PORT or ray://HOST:PORT")
     try:
         socket.create_connection((host, port), timeout=_CONNECT_TIMEOUT_S).close()
     except OSError as error:

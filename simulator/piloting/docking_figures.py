@@ -382,7 +382,7 @@ def judge_contact(figures: DockingFigures, limits: DockingLimits, *, at_port: bo
     if figures.closing_m_s < limits.slowest_m_s:
         misses.append(f"closing {figures.closing_m_s:.3g} m/s (at least {limits.slowest_m_s:g})")
     if not at_port:
-        misses.insert(0, "the body was touched beside the port")
+        misses.insert(0, "contact outside the port")
     points = float(np.mean([max(0.0, 100.0 - 50.0 * r.share) for r in rows]))
     return Contact(
         t_s=figures.t_s,

@@ -322,4 +322,4 @@ def _camera_point(chaser: ChaserState, q_eci_from_target_wxyz: FloatArray) -> Fl
 def _contact_news(contact: Contact) -> News:
     if contact.docked:
         return "note", f"docked at T+{contact.t_s:.1f} s, score {contact.score}"
-    return "warning", f"contact at T+{contact.t_s:.1f} s is no docking: {'; '.join(contact.misses)}"
+    return "warning", f"contact at T+{contact.t_s:.1f} s without docking: {'; '.join(contact.misses)}"

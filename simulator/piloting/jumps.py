@@ -22,8 +22,8 @@ Event = Literal["eclipse", "sunrise", "terminator"]
 
 EVENTS: dict[Event, str] = {
     "eclipse": "the target begins to enter the shadow",
-    "sunrise": "the target is wholly in sunlight again",
-    "terminator": "the target flies over the line between day and night",
+    "sunrise": "the target is in full sunlight again",
+    "terminator": "the target crosses the terminator between day and night",
 }
 
 # Tolerance of the time of an event [s].

@@ -394,7 +394,9 @@ class FlightSession:
             If the autopilot does not fly.
         """
         if not self.craft.steering.autopilot:
-            raise UserError("nothing flies to a hold point; engage the autopilot first (docking.approach)")
+            raise UserError(
+                "the chaser is not flying to a hold point; engage the autopilot first (docking.approach)"
+            )
         self.look_back.fly_on()
         self.clock.start_jump("hold-point", self.t_s + MAX_JUMP_S)
 
@@ -431,7 +433,9 @@ class CautionWatch:
         range_m = float(np.linalg.norm(world.relative_eci_m))
         if drifts and range_m > DRIFTED_AWAY * self._nearest_m:
             self._nearest_m = range_m
-            news.append(("caution", f"the chaser drifts away: {range_m:.0f} m, and nothing flies it"))
+            news.append(
+                ("caution", f"the chaser drifts away: {range_m:.0f} m from the target, without guidance")
+            )
         self._nearest_m = min(self._nearest_m, range_m) if drifts else range_m
         if guarded and not self._guarded_s <= t_s < self._guarded_s + GUARD_RELEASE_S:
             news.append(("caution", "keep-out sphere: the steering is overruled, the chaser turned away"))

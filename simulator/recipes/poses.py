@@ -130,8 +130,8 @@ def _depth_m(rng: Generator, kind: AnyRange, target: Target) -> float:
             if kind.near_m <= z <= kind.far_m:
                 return z
         raise UserError(
-            f"section [range]: a normal of mean_m {kind.mean_m:g} and sigma_m {kind.sigma_m:g} gives nothing between "
-            f"near_m {kind.near_m:g} and far_m {kind.far_m:g}: widen one of them"
+            f"section [range]: no draw from the normal of mean_m {kind.mean_m:g} and sigma_m {kind.sigma_m:g} is "
+            f"between near_m {kind.near_m:g} and far_m {kind.far_m:g}: widen one of them"
         )
     return float(rng.uniform(kind.near_m, kind.far_m))
 

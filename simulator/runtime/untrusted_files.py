@@ -73,7 +73,7 @@ def read_regular(path: Path, max_bytes: int) -> bytes:
         if stat.S_ISDIR(status.st_mode):
             raise UserError(f"{path} is a folder; name a file")
         if not stat.S_ISREG(status.st_mode):
-            raise UserError(f"{path} is no regular file but a pipe or a device; name a file")
+            raise UserError(f"{path} is a pipe or a device; name a regular file")
         if status.st_size > max_bytes:
             raise UserError(
                 f"{path} has {_size(status.st_size)} and at most {_size(max_bytes)} are read; make it smaller"

@@ -140,10 +140,14 @@ def _motion_problems(a: Attitude) -> Iterator[str]:
         yield f"key attitude.rate_deg_s is given, but attitude.motion is {a.motion}: remove one of them"
     if (a.motion == "aem") != (a.aem_file is not None):
         yield (
-            f"attitude.motion is {a.motion}, which goes with key attitude.aem_file and no other: give the file"
+            f"attitude.motion is {a.motion}, and motion aem and key attitude.aem_file require each other: "
+            "give both or neither"
         )
     if (a.motion == "point") != (a.point is not None):
-        yield f"attitude.motion is {a.motion}, but section [attitude.point] goes with motion point alone"
+        yield (
+            f"attitude.motion is {a.motion}, and motion point and section [attitude.point] require each other: "
+            "give both or neither"
+        )
     if a.point is not None:
         yield from _point_problems(a.point)
 

@@ -202,7 +202,7 @@ def built_in_text(kind: Kind, name: str) -> str:
     try:
         return str(file.read_text(encoding="utf-8"))
     except (AttributeError, OSError, ValueError) as error:
-        raise plugin.wrong(f"is no file that can be read ({error})") from error
+        raise plugin.wrong(f"cannot be read ({error})") from error
 
 
 def toml_table(content: bytes, source: str) -> dict[str, Any]:

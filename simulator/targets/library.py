@@ -113,7 +113,7 @@ def _load_plugin(plugin: Plugin) -> Target:
         except Exception as error:
             raise plugin.wrong(f"cannot be built ({type(error).__name__}: {error})") from error
     if getattr(target, "name", None) != plugin.name:
-        raise plugin.wrong(f"is no Target called {plugin.name}")
+        raise plugin.wrong(f"is not a Target named {plugin.name}")
     return target
 
 

@@ -257,7 +257,7 @@ def test_pictures_to_compare_with_must_be_there(capsys, tmp_path):
     [
         (MemoryError(), ("not enough memory", "fewer workers")),
         (np.exceptions.AxisError(9, 1), None),
-        (RecursionError("maximum recursion depth exceeded"), ("nests too deep",)),
+        (RecursionError("maximum recursion depth exceeded"), ("nested too deeply",)),
         (PermissionError(13, "Permission denied", "/data/x"), ("/data/x", "Permission denied")),
         (OSError(28, "No space left on device", "/data/x"), ("/data/x", "free some space")),
     ],

@@ -204,7 +204,7 @@ def test_a_full_disk_ends_the_logs_file_and_not_the_abort(table: CommandTable) -
     console.log.write_to(Path("/dev/full"))
     console.do("docking.abort")
     assert console.session.craft.steering.doing == "abort"
-    assert any("takes no more lines" in m.text for m in console.messages)
+    assert any("can no longer be written" in m.text for m in console.messages)
     console.do("time.rate", "1")
 
 

@@ -23,11 +23,11 @@ def test_the_message_says_what_was_undone(at: Pointer) -> None:
     console.clock_ms += 5000
     console.do("picture.noise", False)
     console.do("settings.undo")
-    assert console.messages[-1].text == "undone: noise off (Ctrl+Y does it again)"
+    assert console.messages[-1].text == "undone: noise off (Ctrl+Y redoes it)"
     console.do("settings.undo")
-    assert console.messages[-1].text == f"undone: exposure {2 * exposure_ms:.2f} ms (Ctrl+Y does it again)"
+    assert console.messages[-1].text == f"undone: exposure {2 * exposure_ms:.2f} ms (Ctrl+Y redoes it)"
     console.do("settings.redo")
-    assert console.messages[-1].text == f"done again: exposure {2 * exposure_ms:.2f} ms"
+    assert console.messages[-1].text == f"redone: exposure {2 * exposure_ms:.2f} ms"
 
 
 def test_a_drag_is_named_by_its_end(at: Pointer) -> None:

@@ -182,7 +182,7 @@ def read_ledger(folder: Path) -> list[FrameRecord]:
 def _finite(cell: str | float) -> float:
     number = float(cell)
     if not math.isfinite(number):
-        raise ValueError(f"{cell!s:.40} is no finite number")
+        raise ValueError(f"{cell!s:.40} is not a finite number")
     return number
 
 

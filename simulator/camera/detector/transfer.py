@@ -51,7 +51,7 @@ def encoding_problem(encoding: Encoding, sensor: Sensor) -> str | None:
     if sensor.bits != ENCODED_BITS:
         return (
             f"output.encoding is {encoding} and sensor.bits {sensor.bits}, allowed: {ENCODED_BITS} bits, or linear; "
-            "a curve is defined for 8 bits alone"
+            "a curve is defined only for 8 bits"
         )
     detector = sensor.detector
     if detector is not None and detector.colour_filter != "none" and not detector.demosaic:

@@ -87,7 +87,7 @@ def check_frames_listed(
     """
     for q in card.quarantined:
         if q.frame >= card.n_frames or is_frame_complete(folder, q.frame):
-            yield f"quarantined names frame {q.frame}, which is not kept apart"
+            yield f"quarantined names frame {q.frame}, which is not in quarantine"
     if not card.complete:
         return
     numbers = range(card.n_frames)
@@ -142,7 +142,7 @@ def check_manifest(
 
     if card.complete:
         for k in sorted(manifest.keys() - files.keys())[:MAX_NAMED]:
-            yield None, f"{MANIFEST_NAME} lists frame {k}, which is not there"
+            yield None, f"{MANIFEST_NAME} lists frame {k}, which is missing"
     with ThreadPoolExecutor(threads()) as pool:  # hashing releases Python's lock
         for k, problems in zip(frames, pool.map(faults, frames), strict=True):
             yield from ((k, message) for message in problems)

@@ -145,7 +145,7 @@ def check_dataset(
         faults.append(
             Fault(
                 None,
-                f"target {card.target.name} here is not the one drawn; masks were not compared",
+                f"target {card.target.name} here differs from the rendered one; masks were not compared",
             )
         )
         target = None
@@ -268,7 +268,7 @@ def _check_count(folder: Path, card: DatasetCard, n_complete: int) -> list[Fault
             Fault(None, f"images/ holds {len(unexpected)} frames beyond the card's {card.n_frames}")
         )
     if n_complete == 0:
-        faults.append(Fault(None, "there is no whole frame to check"))
+        faults.append(Fault(None, "the data set has no complete frame"))
     return faults
 
 

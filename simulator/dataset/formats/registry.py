@@ -47,7 +47,7 @@ def _load_plugin(plugin: Plugin) -> DatasetFormat:
     """
     format_ = plugin.load()
     if not isinstance(format_, DatasetFormat) or format_.name != plugin.name:
-        raise plugin.wrong(f"is no DatasetFormat called {plugin.name}")
+        raise plugin.wrong(f"is not a DatasetFormat named {plugin.name}")
     return format_
 
 

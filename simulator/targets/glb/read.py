@@ -279,4 +279,4 @@ def _finite(text: str) -> float:
 
 def _refuse_constant(text: str) -> None:
     """Raise for NaN and Infinity, which JSON lacks but Python's reader accepts."""
-    raise ValueError(f"{text} is no number of JSON")
+    raise ValueError(f"{text} is not a JSON number")

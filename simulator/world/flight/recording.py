@@ -146,7 +146,9 @@ class Recording:
         if any(arrays[name].shape != shape for name, shape in shapes.items()) or len(t) < 2:
             raise UserError(f"recording {path} has arrays of unequal length, or fewer than two samples")
         if t[0] != 0.0 or np.any(np.diff(t) <= 0) or not all(np.isfinite(a).all() for a in arrays.values()):
-            raise UserError(f"recording {path} must start at 0 s, rise in time and hold finite numbers alone")
+            raise UserError(
+                f"recording {path} must start at 0 s, increase in time and hold only finite numbers"
+            )
         return Recording(arrays)
 
     def _locate(self, t_s: float) -> tuple[int, float]:

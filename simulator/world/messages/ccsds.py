@@ -75,9 +75,7 @@ def refuse_unknown_key(key: str, allowed: Sequence[str], source: str) -> None:
     if key in allowed:
         return
     if key.upper() in allowed:
-        raise UserError(
-            f"{source}: key {key} is not in capitals, in which CCSDS keys are: write {key.upper()}"
-        )
+        raise UserError(f"{source}: key {key} is not in upper case, as CCSDS keys are: write {key.upper()}")
     suggestions = near_names(key.upper(), allowed)
     hint = f"did you mean {suggestions[0]}?" if suggestions else "remove it, or export the file again"
     raise UserError(f"{source}: unknown key {key[:40]!r}, {hint}")

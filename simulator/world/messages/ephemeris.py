@@ -210,8 +210,8 @@ def _refuse_impossible(piece: Piece, body: Body) -> None:
     if len(is_wrong):
         k = int(is_wrong[0])
         raise UserError(
-            f"{segment.where}, line {segment.rows[k + 1][0]}: the velocities are {error_m_s[k]:.4g} m/s from those "
-            "that the positions move with: look at their units, axes and frame"
+            f"{segment.where}, line {segment.rows[k + 1][0]}: the velocities differ by {error_m_s[k]:.4g} m/s "
+            "from the rate of change of the positions: check units, axes and frame"
         )
 
 

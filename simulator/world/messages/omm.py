@@ -78,7 +78,7 @@ def read_json_objects(text: str, source: str) -> list[Segment]:
         raise UserError(f"{source} is not valid JSON: {error}: download it again") from error
     rows = document if isinstance(document, list) else [document]
     if not rows or not all(isinstance(row, dict) for row in rows):
-        raise UserError(f"{source} is JSON, but no list of mean elements (OMM): download it again")
+        raise UserError(f"{source} is JSON, but not a list of mean elements (OMM): download it again")
     return [_segment(row, source) for row in rows]
 
 
@@ -99,7 +99,7 @@ def read_csv_objects(text: str, source: str) -> list[Segment]:
     try:
         rows: list[dict[Any, Any]] = list(csv.DictReader(io.StringIO(text), skipinitialspace=True))
     except csv.Error as error:
-        raise UserError(f"{source} is no table of mean elements: {error}: download it again") from error
+        raise UserError(f"{source} is not a table of mean elements: {error}: download it again") from error
     if not rows or any(None in row or None in row.values() for row in rows):
         raise UserError(
             f"{source} has no elements, or a line with more or fewer columns than the first: download it again"
@@ -120,7 +120,7 @@ def _segment(row: dict[str, Any], source: str) -> Segment:
     for key, value in row.items():
         refuse_unknown_key(key, (*KEYS["OMM"], *HEADER_KEYS, *_CATALOGUE_KEYS), source)
         if isinstance(value, dict | list | bool):
-            raise UserError(f"{source}: key {key} is no number or text: download the file again")
+            raise UserError(f"{source}: key {key} is neither a number nor text: download the file again")
         if value is not None and value != "":
             segment.meta[key] = str(value)
     return segment

@@ -92,14 +92,13 @@ def sgp4_state(satellite: Satrec, epoch: Instant, description: str) -> tuple[Flo
     error, r_km, v_km_s = satellite.sgp4(utc1, utc2)
     if error:
         raise UserError(
-            f"SGP4 cannot carry {description} to the epoch: {SGP4_ERRORS[error]}: take a set nearer to it"
+            f"SGP4 cannot propagate {description} to the epoch: {SGP4_ERRORS[error]}: use a set closer to it"
         )
     problem = EARTH.distance_problem(float(np.linalg.norm(r_km)) * 1e3)
     if problem or not np.isfinite(v_km_s).all():
         raise UserError(
-            f"SGP4 carries {description} over {abs(days):.1f} days to a place that "
-            f"{problem or 'is no number'}: take a set nearer "
-            "to the epoch"
+            f"SGP4 propagates {description} over {abs(days):.1f} days to a position that "
+            f"{problem or 'is not finite'}: use a set closer to the epoch"
         )
     R = R_eci_from_teme(epoch)
     return R @ np.array(r_km) * 1e3, R @ np.array(v_km_s) * 1e3
@@ -149,7 +148,8 @@ def read_element_sets(text: str, source: str) -> list[ElementSet]:
         if not digit:
             if name:
                 raise UserError(
-                    f"{location}: {name[:30]!r} has no two lines after it, is this a file of two-line elements?"
+                    f"{location}: {name[:30]!r} is not followed by two lines of elements: "
+                    "is this a file of two-line elements?"
                 )
             name = line.removeprefix("0 ").strip()
             continue

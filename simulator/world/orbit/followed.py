@@ -205,8 +205,8 @@ def refuse_thrust(target: FollowedCraft, duration_s: float, forces: ForceModel) 
         excess = float(np.linalg.norm(velocity_change, axis=1).min())
         if excess > _THRUST_M_S2 * (b - a):
             raise UserError(
-                f"{target.ephemeris.where} changes the target's velocity by {excess:.3g} m/s beside gravity between "
-                f"{a:.0f} and {b:.0f} s, and a chaser in free flight or under thrusters is not flown beside a burning "
-                'target: give orbit.motion = "propagate" with [[burns]], the chaser its own file by mode "oem", or '
-                "the forces that the file was made with"
+                f"{target.ephemeris.where} changes the target's velocity by {excess:.3g} m/s in addition to gravity "
+                f"between {a:.0f} and {b:.0f} s, and a chaser in free flight or under thrusters cannot be flown "
+                'relative to a burning target: give orbit.motion = "propagate" with [[burns]], the chaser its own file '
+                'by mode "oem", or the forces that the file was made with'
             )

@@ -36,7 +36,7 @@ def test_changes_are_undone_and_done_again(options: Options) -> None:
     history.redo(options)
     history.redo(options)
     assert options.settings.exposure_stops == 2.0
-    with pytest.raises(UserError, match="nothing to do again"):
+    with pytest.raises(UserError, match="nothing to redo"):
         history.redo(options)
 
 

@@ -194,7 +194,7 @@ def test_a_picture_of_a_further_view_that_fails_is_told_and_the_others_go_on(ses
         assert not further.update(session, settings)
         assert camera.update(session, settings)
         assert camera.take_trouble() is None
-        told = "no picture of the orbit camera: GL_OUT_OF_MEMORY; it is tried again"
+        told = "no picture of the orbit camera: GL_OUT_OF_MEMORY; the console tries again"
         # the same again and again is told once
         assert further.take_trouble() == (told if k == 0 else None)
         further.update(session, settings)
@@ -220,7 +220,7 @@ def test_a_picture_of_the_camera_that_fails_is_told_once_there_was_one(session: 
     producer.fail = UserError("the graphics memory is full")
     assert not feed.update(session, settings)
     assert feed.take_trouble() == (
-        "no picture of the chaser's camera: the graphics memory is full; it is not saved"
+        "no picture of the chaser's camera: the graphics memory is full; the picture is not saved"
     )
     assert not feed.saving
     assert feed.newest is not None

@@ -125,7 +125,7 @@ def test_an_encoder_that_does_not_end_is_said(tmp_path: Path, monkeypatch: pytes
     monkeypatch.setattr(film, "_stream", waits)
     noise(film, 1)
     film.close()
-    assert film.trouble == f"the film {film.path} is not whole yet: its encoder has not ended after 0.1 s"
+    assert film.trouble == f"the film {film.path} is incomplete: its encoder has not finished after 0.1 s"
     assert not film.path.exists()
     go_on.set()
     film._thread.join()

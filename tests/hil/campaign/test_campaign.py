@@ -199,7 +199,7 @@ def test_what_is_no_file_of_ours(tmp_path, capsys):
     big = tmp_path / "big.toml"
     big.write_bytes(b"#" * 1_000_001)
     for path, says in (
-        (pipe, "no regular file"),
+        (pipe, "is a pipe or a device"),
         (big, "make it smaller"),
         (tmp_path / "no.toml", "cannot be read"),
     ):

@@ -295,7 +295,11 @@ def test_a_measured_psf_is_read_from_numbers_text_and_pictures(tmp_path):
     cv2.imwrite(str(tmp_path / "colour.png"), np.ones((3, 3, 3), np.uint8))
     cv2.imwrite(str(tmp_path / "black.png"), np.zeros((3, 3), np.uint8))
     (tmp_path / "text.png").write_text("no picture")
-    for name, says in (("colour.png", "3 axes"), ("black.png", "black all over"), ("text.png", "no picture")):
+    for name, says in (
+        ("colour.png", "3 axes"),
+        ("black.png", "black all over"),
+        ("text.png", "not a readable image"),
+    ):
         with pytest.raises(UserError, match=says):
             OpticsSection(psf="kernel", kernel_file=name).with_kernel(tmp_path, "x")
 

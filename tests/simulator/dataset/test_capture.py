@@ -174,7 +174,7 @@ def test_missing_damaged_and_resized_files_are_caught(copy):
     cv2.imwrite(str(frame_paths(copy, 2).image), image[:-1])
     faults = check_dataset(copy, redraw=0).faults
     assert {fault.frame for fault in faults} == {0, 1, 2, None}
-    assert any("manifest.sha256 lists frame 0, which is not there" in fault.what for fault in faults)
+    assert any("manifest.sha256 lists frame 0, which is missing" in fault.what for fault in faults)
 
 
 def test_another_picture_in_its_place_is_caught(copy):

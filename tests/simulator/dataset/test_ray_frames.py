@@ -37,7 +37,7 @@ def test_an_address_that_does_not_answer_is_refused_in_one_sentence(tmp_path):
         capture(_plan(), tmp_path / "set", cluster=RayCluster(f"127.0.0.1:{port}"))
     assert list(tmp_path.iterdir()) == []
     for wrong in ("here", "http://there:80", "there:notaport"):
-        with pytest.raises(UserError, match="is no address; give auto, HOST:PORT"):
+        with pytest.raises(UserError, match="is not an address; give auto, HOST:PORT"):
             capture(_plan(), tmp_path / "set", cluster=RayCluster(wrong))
 
 
@@ -79,7 +79,7 @@ def test_four_nodes_give_the_bytes_of_one_process(cluster, alone, tmp_path):
     summary = capture(_plan(), tmp_path / "set", cluster=RayCluster(cluster.address))
     assert summary.n_written == N
     assert _files(tmp_path / "set") == _files(alone)
-    with pytest.raises(UserError, match="asks for GPUs, and the Ray cluster"):
+    with pytest.raises(UserError, match="requests GPUs, but the Ray cluster"):
         capture(_plan(), tmp_path / "other", cluster=RayCluster(cluster.address, gpu_share=0.5))
 
 

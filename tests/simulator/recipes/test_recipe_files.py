@@ -42,7 +42,7 @@ def recipe_file(tmp_path, text):
         ("[range]\nnear_m = 1.0\nfar_m = 3.0\n", r"lacks the key kind"),
         (
             '[range]\nkind = "normal"\nmean_m = 900.0\nsigma_m = 0.1\nnear_m = 3.0\nfar_m = 9.0\n',
-            r"gives nothing",
+            r"no draw from the normal",
         ),
         ('[range]\nkind = "uniform"\nnear_m = 0.1\nfar_m = 0.15\n', r"inside of tango"),
         ("[[sky]]\nnadir_off_boresight_deg = [60.0, 10.0]\n", r"the smaller first"),

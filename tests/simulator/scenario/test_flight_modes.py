@@ -111,8 +111,11 @@ def test_burn_of_the_target_is_seen_from_the_chaser(tmp_path):
         (HOLD + "[chaser.wheels]\ninertia_kg_m2 = [1, 1, 5]\n", "wheels.inertia_kg_m2: no rigid body"),
         (HOLD + "[chaser.wheels]\nperiod_s = 5.0\n", "wheels.period_s is 5, allowed with this bandwidth"),
         (HOLD + '[attitude]\nmotion = "spin"\n', "allowed: the rate and axis of the spin"),
-        (HOLD + '[attitude]\nmotion = "aem"\n', "motion is aem, which goes with key attitude.aem_file"),
-        (HOLD + '[attitude]\nmotion = "point"\n', r"section \[attitude.point\] goes with motion point"),
+        (
+            HOLD + '[attitude]\nmotion = "aem"\n',
+            "motion is aem, and motion aem and key attitude.aem_file require",
+        ),
+        (HOLD + '[attitude]\nmotion = "point"\n', r"motion point and section \[attitude.point\] require"),
         (HOLD + POINT + 'second_at = "sun"\n', "are sun and sun, allowed: two different"),
         (
             HOLD + POINT.replace("[1, 0, 0]", "[0, 0, 2]") + 'second_at = "nadir"\n',

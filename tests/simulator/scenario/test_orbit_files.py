@@ -179,7 +179,7 @@ def test_segments_meet_at_a_burn_and_nothing_is_interpolated_across_it(tmp_path)
     )
     drifting = 'mode = "drift"\nposition_lvlh_m = [0.0, -9.0, 0.0]'
     with pytest.raises(
-        UserError, match=r"changes the target's velocity by 1 m/s beside gravity between 5\d\d"
+        UserError, match=r"changes the target's velocity by 1 m/s in addition to gravity between 5\d\d"
     ):
         plan_flight(load_scenario(scenario(tmp_path, orbit=orbit, chaser=drifting)), n=2)
 
@@ -225,7 +225,7 @@ def test_reported_elements_and_states_are_read():
         ("orbit_other_files/stk", r"is an STK ephemeris \(\.e\)"),
         (
             "tle_long_before_epoch/decay_25d_before",
-            "SGP4 carries the two-line elements over 25.1 days to a place",
+            "SGP4 propagates the two-line elements over 25.1 days to a position",
         ),
     ],
 )
@@ -240,7 +240,7 @@ GOOD = oem(np.arange(-60.0, 121.0, 60.0))
 @pytest.mark.parametrize(
     ("data", "sentence"),
     [
-        (GOOD.replace("OBJECT_NAME", "object_name").encode(), "key object_name is not in capitals"),
+        (GOOD.replace("OBJECT_NAME", "object_name").encode(), "key object_name is not in upper case"),
         (GOOD.replace("REF_FRAME", "REF_FRAM").encode(), "unknown key 'REF_FRAM', did you mean REF_FRAME"),
         (GOOD.replace("GCRF", "MOD").encode(), "REF_FRAME is MOD, allowed: GCRF"),
         (GOOD.replace("= UTC", "= SCLK").encode(), "TIME_SYSTEM is SCLK, allowed: UTC"),
@@ -307,7 +307,7 @@ def test_fortran_exponents_are_numbers():
         (lambda y: np.c_[y[:, :3], y[:, 3:] * 1e3], "the velocities look like m/s"),
         (
             lambda y: np.c_[y[:, :3], y[:, [4, 3, 5]]],
-            "the velocities are .* m/s from those that the positions move with",
+            "the velocities differ by .* m/s from the rate of change of the positions",
         ),
     ],
 )

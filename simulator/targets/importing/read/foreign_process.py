@@ -134,7 +134,7 @@ def _3mf_axes(scene: Any) -> dict[str, Any]:  # noqa: ANN401 - of trimesh
     """Return metres per unit and the up axis of a 3MF file; raise `ContentError` if its unit is unknown."""
     unit = str(next(iter(scene.geometry.values())).metadata.get("units", "millimeters"))
     if unit not in METRES:
-        raise ContentError(f"its unit {unit[:40]!r} is none of 3MF")
+        raise ContentError(f"its unit {unit[:40]!r} is not a unit of 3MF")
     return {"metres": METRES[unit], "up": "z"}
 
 
@@ -148,7 +148,9 @@ def _collada_axes(data: bytes) -> dict[str, Any]:
     asset = document.assetInfo
     axis = {"Y_UP": "y", "Z_UP": "z", None: "y"}.get(asset.upaxis)
     if axis is None:
-        raise ContentError(f"its axis {asset.upaxis} points up, which is not read; export it with Y or Z up")
+        raise ContentError(
+            f"its axis {asset.upaxis} points up, which is not supported; export it with Y or Z up"
+        )
     return {"metres": float(asset.unitmeter or 1.0), "up": axis}
 
 

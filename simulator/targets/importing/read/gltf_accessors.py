@@ -75,7 +75,7 @@ def _view(
     begin, item = view.get("byteOffset", 0) + start, width * dtype.itemsize
     stride = view.get("byteStride", item)
     if not all(isinstance(x, int) for x in (begin, count, stride)):
-        raise TypeError("an accessor's offsets are no whole numbers")
+        raise TypeError("an accessor's offsets are not whole numbers")
     if (
         begin < 0
         or count < 0

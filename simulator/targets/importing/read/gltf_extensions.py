@@ -91,13 +91,13 @@ def check_extensions(path: Path, document: dict[str, Any]) -> tuple[list[str], l
     present = extension_names(document)
     if any(name in required for name in MESHOPT) or _lacks_plain_data(document):
         raise UserError(
-            f"{path} is compressed with meshopt, which is not read; export it without mesh compression, or unpack it "
-            "with `npx @gltf-transform/cli copy IN.glb OUT.glb`"
+            f"{path} is compressed with meshopt, which is not supported; export it without mesh compression, or "
+            "unpack it with `npx @gltf-transform/cli copy IN.glb OUT.glb`"
         )
     for name in required:
         if name not in READ and name not in IGNORED_STATEMENTS and name not in LOST:
             raise UserError(
-                f"{path} requires the glTF extension {name[:80]}, which is not read; export it without"
+                f"{path} requires the glTF extension {name[:80]}, which is not supported; export the model without it"
             )
     lost = [LOST[name] for name in present if name in LOST]
     unknown = [

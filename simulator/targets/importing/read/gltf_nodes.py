@@ -159,7 +159,7 @@ def as_triangles(index: IntArray, mode: int) -> IntArray:
     """
     if mode == TRIANGLES:
         if len(index) % 3:
-            raise ValueError(f"{len(index)} indices are no whole number of triangles")
+            raise ValueError(f"{len(index)} indices do not form whole triangles")
         return index.reshape(-1, 3)
     if mode == FAN:
         first = np.full(max(len(index) - 2, 0), index[0] if len(index) else 0)

@@ -49,7 +49,7 @@ def read_mesh(path: Path) -> RawModel:
     kind = path.suffix.lower().lstrip(".")
     if kind not in ENDINGS:
         raise UserError(
-            f"{path}: meshes of kind {path.suffix or 'without ending'} are not read; export it as .glb"
+            f"{path}: meshes of kind {path.suffix or 'without ending'} are not supported; export it as .glb"
         )
     try:
         data = read_regular(path, MAX_FILE_BYTES)

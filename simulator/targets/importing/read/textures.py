@@ -29,11 +29,11 @@ MAX_PICTURE_BYTES, MAX_BYTES_OF_ALL = 256 << 20, 512 << 20
 MAX_PICTURES = 1000
 """Largest number of images, for files that name very many tiny ones."""
 NOT_READ = {
-    b"\xabKTX": "a KTX texture (KHR_texture_basisu), which is not read",
-    b"DDS ": "a DDS texture, which is not read",
-    b"ftypavi": "an AVIF picture, which is not read",
-    b"8BPS": "a Photoshop file, which is not read",
-    b"<svg": "an SVG drawing, which is not read",
+    b"\xabKTX": "a KTX texture (KHR_texture_basisu), which is not supported",
+    b"DDS ": "a DDS texture, which is not supported",
+    b"ftypavi": "an AVIF picture, which is not supported",
+    b"8BPS": "a Photoshop file, which is not supported",
+    b"<svg": "an SVG drawing, which is not supported",
 }
 """Signatures of image formats that are not supported."""
 MAX_COLOURS = 6

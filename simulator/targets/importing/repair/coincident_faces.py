@@ -246,7 +246,7 @@ def coincidence_lines(bodies: list[MeshBody], extent_m: float) -> list[str]:
     faces = FaceTable.from_bodies(bodies)
     pairs = coincident_pairs(faces.corners_m, extent_m)
     if pairs is None:
-        return ["too many faces lie in one plane to look for those that coincide: look at the contact sheet"]
+        return ["too many faces are coplanar to search for coincident ones: check the contact sheet"]
     pairs = faces.visible_conflicts(pairs)
     if not len(pairs):
         return []

@@ -198,7 +198,7 @@ def test_a_file_of_no_frame_is_found(copy, kind):
 def test_a_line_of_the_manifest_for_no_frame_is_found(copy):
     with (copy / "manifest.sha256").open("a") as file:
         file.write(f"{'0' * 64}  images/000099.png\n")
-    assert wrong(copy) == [(None, "manifest.sha256 lists frame 99, which is not there")]
+    assert wrong(copy) == [(None, "manifest.sha256 lists frame 99, which is missing")]
 
 
 def test_a_file_whose_name_is_no_number_is_of_no_frame(copy):

@@ -95,7 +95,7 @@ def test_what_never_ends_or_unpacks_to_too_much_is_one_sentence(tmp_path, monkey
         os.mkfifo(tmp_path / f"pipe.{ending}")
         (tmp_path / f"zero.{ending}").symlink_to("/dev/zero")
         for name in ("pipe", "zero"):
-            with pytest.raises(UserError, match="is no regular file but a pipe or a device"):
+            with pytest.raises(UserError, match="is a pipe or a device"):
                 Recording.read(tmp_path / f"{name}.{ending}")
     bomb = tmp_path / "bomb.npz"
     with zipfile.ZipFile(bomb, "w", zipfile.ZIP_DEFLATED) as file:

@@ -1,0 +1,59 @@
+"""The free camera's view: the target is marked when it is too small to recognise."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import msgspec
+import numpy as np
+import pytest
+
+from flyaround.gui.canvas import Canvas
+from flyaround.gui.picture.feed import Feed, Picture
+from flyaround.gui.picture.further import ORBIT_CAMERA
+from flyaround.gui.picture.orbit_picture import orbit_scene
+from flyaround.gui.picture.view_settings import ViewSettings
+from flyaround.gui.views.letterbox import Letterbox
+from flyaround.gui.views.orbit_camera import OrbitCameraView
+from flyaround.simulator.frame import NO_RADIANCE, Frame
+from flyaround.simulator.piloting.docking_port import radius_m
+from flyaround.simulator.scenario.load import load_scenario
+from tests.harness.flown_console import console_flying
+from tests.harness.headless_imgui import HeadlessWindow
+from tests.harness.no_renderer import NoRenderer
+
+pytest.importorskip("imgui_bundle", reason="the gui extra is not installed")
+
+VIEW = (600.0, 400.0)
+
+
+@pytest.mark.parametrize(("diameter_units", "marks"), [(60.0, []), (12.0, ["target"])])
+@pytest.mark.parametrize("target", ["envisat", "tango", "cubesat-1u"])
+def test_the_target_is_marked_by_its_projected_diameter(
+    monkeypatch: pytest.MonkeyPatch, target: str, diameter_units: float, marks: list[str]
+) -> None:
+    written: list[str] = []
+    monkeypatch.setattr(Canvas, "text", lambda _canvas, _at, text, *_rest, **_options: written.append(text))
+    scenario = msgspec.structs.replace(load_scenario("tango-space-10m"), target=target)
+    console = console_flying(scenario)
+    session, look = console.session, console.options.orbit
+    settings = ViewSettings(bands="mono", environment=session.scene().environment)
+    # a preliminary scene gives the scale of the picture in the view
+    camera = orbit_scene(session, settings, look, 1, "draft").camera
+    box = Letterbox.fit((camera.width_px, camera.height_px), (0.0, 0.0, *VIEW))
+    distance_m = camera.fx_px * box.scale * 2 * radius_m(session.plan.target) / diameter_units
+    look.place(look.azimuth_deg, look.elevation_deg, distance_m)
+    scene = orbit_scene(session, settings, look, 1, "draft")
+    truth: Any = None
+    image = np.zeros((camera.height_px, camera.width_px), np.uint8)
+    frame = Frame(scene, image, NO_RADIANCE, truth=truth)
+    console.feeds[ORBIT_CAMERA] = Feed(NoRenderer())
+    console.feeds[ORBIT_CAMERA].newest = Picture(frame, session.state, session.plan.target, 1)
+    window = HeadlessWindow()
+    try:
+        with window.panel("Orbit camera", *VIEW):
+            OrbitCameraView(window).draw(console)
+    finally:
+        window.close()
+        console.close()
+    assert [text for text in written if text == "target"] == marks
