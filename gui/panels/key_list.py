@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from functools import partial
 from typing import TYPE_CHECKING
 
@@ -45,11 +46,14 @@ class KeyList(Panel):
             matching = [c for c in console.table if matches(c, first)]
         else:
             rest = ""
+        # "light" means lights, not flights
+        matching.sort(key=lambda c: not has_word(c, first))
         # the list stays in place while the typed line is seen
         imgui.begin_child("commands")
         for group in dict.fromkeys(c.group for c in matching):
             w.section(group.capitalize())
-            command_rows(w, console, [c for c in matching if c.group == group])
+            if command_rows(w, console, [c for c in matching if c.group == group]):
+                console.open_panel(self.name, shown=False)
         imgui.end_child()
         if not matching:
             w.text(f"no command has {first!r}", style.QUIET)
@@ -60,13 +64,22 @@ class KeyList(Panel):
             console.do_line(f"{name} {rest}")
 
 
-def command_rows(w: Widgets, console: Console, commands: Iterable[Command]) -> None:
-    """Draw a table of commands: key, title and help; a click on a title does the command."""
+def command_rows(w: Widgets, console: Console, commands: Iterable[Command]) -> bool:
+    """Draw a table of commands: key, title and help; a click on a title does the command.
+
+    Returns
+    -------
+    bool
+        True if a command was done.
+    """
+    done = False
 
     def title(c: Command) -> None:
+        nonlocal done
         if c.at_once and not c.held:
             if w.imgui.selectable(f"{w.elided(c.title, w.width)}##{c.name}", False)[0]:
                 console.do(c.name)
+                done = True
         else:
             w.text(c.title)
         w.command_tip(console, c.name)
@@ -76,9 +89,16 @@ def command_rows(w: Widgets, console: Console, commands: Iterable[Command]) -> N
         return partial(w.text, c.shown, style.ACCENT), partial(title, c), about
 
     w.table("rows", (0.15, 0.3, 0.55), map(row, commands))
+    return done
 
 
 def matches(command: Command, words: str) -> bool:
     """Return True if every word is in the command's name, title, help or keys."""
     text = f"{command.name} {command.title} {command.help} {command.shown}".lower()
     return all(word in text for word in words.lower().split())
+
+
+def has_word(command: Command, start: str) -> bool:
+    """Return True if a word of the command's name or title begins with some letters."""
+    words = re.split(r"\W+", f"{command.name} {command.title}".lower())
+    return any(word.startswith(start.lower()) for word in words)

@@ -23,7 +23,10 @@ class QuitQuestion(Panel):
         lost = console.losses
         # the rows of buttons stay where they are when a job ends
         imgui.begin_child("lost", w.vec(0, -2 * imgui.get_frame_height_with_spacing()))
-        w.text("If you quit now:" if lost else "Everything is saved.")
+        saved = (
+            "Flights are saved as they were when you kept them." if console.flights else "Nothing is lost."
+        )
+        w.text("If you quit now:" if lost else saved)
         for line in lost:
             w.text(f"- {line}", style.WARN, "lost for good if you quit")
         imgui.end_child()

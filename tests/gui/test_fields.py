@@ -61,6 +61,33 @@ def test_a_search_that_finds_no_command_says_so(
     assert (f"no command has '{words}'" in texts) is empty
 
 
+def search(window: Any, console: Console, words: str) -> KeyList:
+    """Type words into the list of commands, without Enter."""
+    panel = KeyList(window)
+    window.press("##find", lambda: panel.draw(console))
+    window.plain.get_io().add_input_characters_utf8(words)
+    for _ in range(3):
+        window.noted.clear()
+        with window.panel("pressed", 420.0, 780.0):
+            panel.draw(console)
+    return panel
+
+
+def test_commands_with_a_word_that_begins_as_typed_come_first(window: Any, console: Console) -> None:
+    search(window, console, "light")
+    height = {n.label: n.middle[1] for n in window.noted if n.what == "text"}
+    assert height["Add light"] < height["open or close: Kept flights"]
+
+
+def test_the_list_of_commands_closes_when_one_is_clicked(window: Any, console: Console) -> None:
+    console.open_panel("keys", shown=True)
+    panel = search(window, console, "night lights")
+    before = len(console.log.lines)
+    window.press("Night lights", lambda: panel.draw(console))
+    assert [line.name for line in console.log.lines[before:]] == ["world.night-lights"]
+    assert not console.shown["keys"]
+
+
 @pytest.mark.parametrize(
     ("typed", "done"),
     [
