@@ -148,7 +148,13 @@ def target_from_lvlh(flight: Flight, t_s: float) -> FloatArray:
 
 @cached_per_object
 def radius_m(target: Target) -> float:
-    """Return the radius of the target's bounding sphere about the centre of mass [m]."""
+    """Return the radius of the target's bounding sphere about its centre of mass.
+
+    Returns
+    -------
+    float
+        Distance of the farthest vertex [m].
+    """
     com = np.array(target.mass.com_m)
     return max(float(np.linalg.norm(part.positions_m - com, axis=1).max()) for part in target.parts)
 

@@ -132,7 +132,7 @@ def test_a_text_is_edited_checked_and_kept(tmp_path: Path) -> None:
 
 def test_a_flight_that_was_left_is_returned_to(console: Console) -> None:
     console.do("scenario.back")
-    assert "no flight before" in console.messages[-1].text
+    assert "no earlier flight" in console.messages[-1].text
     console.do("steer.pulse", "forward")
     console.pass_time(100)
     left = console.session

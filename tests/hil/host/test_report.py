@@ -223,7 +223,7 @@ def test_a_report_waits_for_no_pipe_and_reads_no_text_that_is_none(tmp_path, nam
     path = tmp_path / name
     path.unlink(missing_ok=True)
     os.mkfifo(path)
-    with pytest.raises(UserError, match=f"{name} is no regular file"):
+    with pytest.raises(UserError, match=f"{name} is a pipe or a device"):
         write_report(tmp_path)
     path.unlink()
     path.write_bytes(b'{"schema": "\xff"}\n')
