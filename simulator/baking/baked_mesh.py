@@ -140,6 +140,12 @@ def geometry_of(
         Material numbers, from 1.
     texel : float
         Spacing of the nodes of baked light, as a share of the mesh's radius.
+
+    Returns
+    -------
+    Geometry
+        Geometry unpacked from its cache entry, also where it is new. Larger meshes than `MAX_CACHED_TRIANGLES` are not
+        cached.
     """
 
     # always unpack, even without a cache, because another memory layout may change the order of summation
@@ -156,7 +162,13 @@ def geometry_of(
 
 
 def unpack_geometry(packed: ByteArray) -> Geometry:
-    """Return the geometry of a cache entry."""
+    """Unpack the geometry of a cache entry.
+
+    Returns
+    -------
+    Geometry
+        Geometry that `geometry_of` packed.
+    """
     return unpack(packed, *_PACKED)
 
 

@@ -45,7 +45,13 @@ _FACET_VARIANCE = 4.0  # variance of the small facets relative to the mottle
 
 
 def crease_levels() -> list[ByteArray]:
-    """Return (S, S, 4) per level: slope along u and v, deviation of slopes within the texel, mottle."""
+    """Return the levels of detail of the crease texture.
+
+    Returns
+    -------
+    list of (S, S, 4) array
+        Levels from the finest, 8 bits: slope along u and v, deviation of slopes within the texel, mottle.
+    """
     slopes = cached_array(entry_name("creases", (make_creases,)), make_creases)
     levels = []
     for level, deviation in slope_levels(slopes):

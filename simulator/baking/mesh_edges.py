@@ -68,7 +68,13 @@ class MeshEdges:
     is_closed: bool
 
     def take(self, order: IntArray) -> MeshEdges:
-        """Return a selection or permutation of the edges."""
+        """Select or permute the edges.
+
+        Returns
+        -------
+        MeshEdges
+            Edges at the indices ``order``, of the same vertices.
+        """
         return replace(
             self,
             ends=self.ends[order],
@@ -78,9 +84,15 @@ class MeshEdges:
         )
 
     def cut(self, longest_m: float) -> tuple[MeshEdges, IntArray]:
-        """Halve the edges until none is longer than ``longest_m``; return them, and the original edge of each piece.
+        """Halve the edges until none is longer than ``longest_m``.
 
-        The pieces of an edge are consecutive, and end where `subdivision.subdivide` cuts the same edge of a triangle.
+        Returns
+        -------
+        edges : MeshEdges
+            Pieces; those of an edge are consecutive, and end where `subdivision.subdivide` cuts the same edge of a
+            triangle.
+        original : (E,) array
+            Index of the original edge of each piece, ascending.
         """
         places, ends, original = self.vertices_m, self.ends, np.arange(len(self.ends))
         while True:
@@ -97,10 +109,13 @@ class MeshEdges:
         return replace(self.take(original[order]), vertices_m=places, ends=ends[order]), original[order]
 
     def quads(self) -> Float32Array:
-        """Return the (E, 4, 8) vertices of quadrilaterals along the edges.
+        """Return the vertices of quadrilaterals along the edges.
 
-        A vertex holds both ends of the edge, the corner's number 0..3 (end = number // 2, side = number % 2), and the
-        edge's entry in `materials`.
+        Returns
+        -------
+        (E, 4, 8) array
+            Both ends of the edge [m], the corner's number 0..3 (end = number // 2, side = number % 2), and the edge's
+            entry in `materials`.
         """
         out = np.empty((len(self.ends), 4, 8), np.float32)
         out[..., :3] = self.vertices_m[self.ends[:, 0], None]
@@ -177,10 +192,13 @@ def _edges_of_part(part: Part) -> tuple[FloatArray, IntArray, IntArray, BoolArra
 
 
 def edge_gaps(edges: MeshEdges) -> Float32Array:
-    """Return the (E, 2) gap between each edge and the creases that run next to its whole length, from the cache [m].
+    """Return the gap between each edge and the creases that run next to its whole length, from the cache.
 
-    Column k is the gap to the nearest crease that is visible whenever face k of the edge is visible, infinite if there
-    is none nearby.
+    Returns
+    -------
+    (E, 2) array
+        Gap [m]. Column k is that to the nearest crease that is visible whenever face k of the edge is visible, infinite
+        if there is none nearby.
     """
     return np.asarray(
         cached_array(

@@ -67,8 +67,13 @@ class RadianceTransfer:
 
 
 def harmonics(directions: FloatArray) -> FloatArray:
-    """Return (..., 9) real spherical harmonics to the second degree, orthonormal; Ramamoorthi & Hanrahan (2001), eq.
-    3.
+    """Return real spherical harmonics to the second degree; Ramamoorthi & Hanrahan (2001), eq. 3.
+
+    Returns
+    -------
+    (..., 9) array
+        Values of the orthonormal harmonics in the directions (..., 3): degree 0, then y, z and x of degree 1, then
+        xy, yz, xz, 3 z^2 - 1 and x^2 - y^2 of degree 2.
     """
     x, y, z = np.moveaxis(np.asarray(directions, float), -1, 0)
     ones = np.ones_like(x)
@@ -95,6 +100,11 @@ def baked_transfer(mesh: BakedMesh, reflectance: FloatArray, patch: int = PATCH)
         Of each material, per band.
     patch : int, optional
         Nodes along each side of a patch.
+
+    Returns
+    -------
+    RadianceTransfer
+        Visibility of the sky and interreflected light of each node, in the order of the mesh's charts.
     """
     charts = mesh.charts
     visibility_key = _visibility_entry(mesh, patch)
@@ -115,7 +125,15 @@ def baked_transfer(mesh: BakedMesh, reflectance: FloatArray, patch: int = PATCH)
 def visibility_to_ship(
     mesh: BakedMesh, patch: int = PATCH
 ) -> tuple[str, np.typing.NDArray[np.unsignedinteger]]:
-    """Return the cache entry and codes of a mesh's visibility, the slowest part of baking, free of materials."""
+    """Return the visibility of a mesh, the slowest part of baking, which does not depend on materials.
+
+    Returns
+    -------
+    entry : str
+        Name of the cache entry.
+    codes : array
+        Code of each node and direction, of 16 bits where they suffice.
+    """
     codes = encode_visibility(_traced_visibility(mesh), _patches(mesh.charts, patch)[0])
     small = codes.max() <= np.iinfo(np.uint16).max
     return _visibility_entry(mesh, patch), codes.astype(np.uint16) if small else codes

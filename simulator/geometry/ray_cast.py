@@ -31,9 +31,7 @@ class RayCaster(Protocol):
     """A mesh to cast rays at; thread-safe."""
 
     def first_hits(self, origins_m: FloatArray, directions: FloatArray) -> tuple[Float32Array, Int32Array]:
-        """Return the distance (K,) to the first triangle along each ray [m], and its index (K,), -1 for none.
-
-        The distance is undefined for rays that hit nothing.
+        """Find the first triangle along each ray.
 
         Parameters
         ----------
@@ -41,6 +39,13 @@ class RayCaster(Protocol):
             Origins.
         directions : (K, 3) array
             Unit vectors, or one (3,) for all rays.
+
+        Returns
+        -------
+        distance_m : (K,) array
+            Distance to the triangle; undefined for rays that hit nothing.
+        triangle : (K,) array
+            Index of the triangle, -1 for none.
         """
         ...
 
@@ -52,12 +57,23 @@ def make_ray_caster(corners_m: FloatArray) -> RayCaster:
     ----------
     corners_m : (T, 3, 3) array
         Corners of the triangles.
+
+    Returns
+    -------
+    RayCaster
+        Embree's where `has_embree`, or else one in NumPy.
     """
     return EmbreeCaster(corners_m) if has_embree() else GridCaster(corners_m)
 
 
 def has_embree() -> bool:
-    """Return True if the package embreex is installed; there is no wheel for Linux on ARM."""
+    """Return True if the package embreex is installed.
+
+    Returns
+    -------
+    bool
+        False on Linux on ARM, for which there is no wheel.
+    """
     return importlib.util.find_spec("embreex") is not None
 
 

@@ -84,7 +84,14 @@ class Atmosphere:
         return self.radius_m + self.thickness_m
 
     def density(self, height_m: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return Rayleigh, aerosol and ozone density at a height, relative to sea level (ozone: to its peak)."""
+        """Return the densities of the air's parts at a height.
+
+        Returns
+        -------
+        tuple of array
+            Rayleigh and aerosol density relative to sea level, and ozone density relative to its peak, each in the
+            shape of ``height_m``; below sea level those of sea level.
+        """
         h = np.maximum(height_m, 0.0)
         fall = np.zeros_like(h)
         for layer, more in zip(self.layers_m, self.falls_m, strict=True):
@@ -93,7 +100,13 @@ class Atmosphere:
         return np.exp(-fall), np.exp(-h / self.mie_height_m), ozone
 
     def extinction_m(self, height_m: FloatArray) -> FloatArray:
-        """Return the extinction (..., n) at a height [m-1]."""
+        """Return the extinction at a height.
+
+        Returns
+        -------
+        (..., n) array
+            Extinction per band [m-1].
+        """
         rayleigh, mie, ozone = self.density(height_m)
         return (
             rayleigh[..., None] * self.rayleigh_m
@@ -106,14 +119,20 @@ class Atmosphere:
 def earth_atmosphere(
     bands: Bands, thickness_m: float = 100_000.0, aerosol_depth: float | None = None
 ) -> Atmosphere:
-    """Return the Earth's atmosphere; the parameters are those of `body_atmosphere`."""
+    """Return the Earth's atmosphere; the parameters are those of `body_atmosphere`.
+
+    Returns
+    -------
+    Atmosphere
+        Cached: the same object for the same arguments.
+    """
     return body_atmosphere(EARTH, bands, thickness_m, aerosol_depth)
 
 
 def body_atmosphere(
     body: Body, bands: Bands, thickness_m: float | None = None, aerosol_depth: float | None = None
 ) -> Atmosphere:
-    """Return the atmosphere of a body, per band; without air it scatters nothing.
+    """Return the atmosphere of a body, per band.
 
     Optical depths are unweighted means over a band's wavelengths.
 
@@ -127,6 +146,11 @@ def body_atmosphere(
         Height of the top, by default the body's; densities below do not change.
     aerosol_depth : float, optional
         Vertical optical depth of the aerosol at 550 nm, by default the body's.
+
+    Returns
+    -------
+    Atmosphere
+        Atmosphere; that of a body without air scatters and absorbs nothing.
     """
     air = body.air or _NO_AIR
     a, b = air.rayleigh_dispersion_um
@@ -165,12 +189,24 @@ def _layers(air: BodyAir) -> tuple[FloatArray, FloatArray]:
 
 
 def rayleigh_phase(cosine: FloatArray) -> FloatArray:
-    """Return the Rayleigh phase function [sr-1]."""
+    """Return the Rayleigh phase function.
+
+    Returns
+    -------
+    array
+        Values [sr-1] at cosines of the scattering angle, normalised to 1 over the sphere.
+    """
     return 3 / (16 * np.pi) * (1 + cosine**2)
 
 
 def mie_phase(cosine: FloatArray, g: float) -> FloatArray:
-    """Return the phase function of Cornette & Shanks (1992) [sr-1]."""
+    """Return the phase function of Cornette & Shanks (1992) with asymmetry ``g``.
+
+    Returns
+    -------
+    array
+        Values [sr-1] at cosines of the scattering angle, normalised to 1 over the sphere.
+    """
     scale = 3 / (8 * np.pi) * (1 - g * g) / (2 + g * g)
     return scale * (1 + cosine**2) / (1 + g * g - 2 * g * cosine) ** 1.5
 
@@ -195,7 +231,13 @@ def sun_share(radius_m: FloatArray, mu_sun: FloatArray, ground_m: float) -> Floa
 def optical_depth_to_top(
     air: Atmosphere, radius_m: FloatArray, mu: FloatArray, steps: int = 64
 ) -> FloatArray:
-    """Return the optical depth (..., n) from a radius along zenith cosine ``mu`` to the top, ignoring the ground."""
+    """Return the optical depth from a radius along zenith cosine ``mu`` to the top.
+
+    Returns
+    -------
+    (..., n) array
+        Optical depth per band. The ground does not end the ray.
+    """
     r, mu = np.broadcast_arrays(np.asarray(radius_m, float), np.asarray(mu, float))
     length = np.asarray(-r * mu + np.sqrt(np.clip((r * mu) ** 2 + air.top_m**2 - r * r, 0, None)))
     # denser samples near the lowest point of the ray: its start, or its perigee if it descends
@@ -317,6 +359,11 @@ def path_light(
         Number of integration steps.
     multiple : MultipleScattering, optional
         Table of light scattered at least twice, to be added.
+
+    Returns
+    -------
+    PathLight
+        In-scattered light and transmittance of each ray, per band.
     """
     d = np.asarray(directions, float)
     b = d @ camera_m
@@ -383,7 +430,7 @@ def ground_irradiance(
     diffuse: bool = True,
     multiple: MultipleScattering | None = None,
 ) -> tuple[FloatArray, FloatArray]:
-    """Compute direct and diffuse irradiance (K, n) on level ground, relative to the Sun's above the air.
+    """Compute the irradiance of level ground.
 
     Parameters
     ----------
@@ -395,6 +442,13 @@ def ground_irradiance(
         False to omit the diffuse part, which takes most of the time.
     multiple : MultipleScattering, optional
         Table of light scattered at least twice, added to the diffuse part.
+
+    Returns
+    -------
+    direct : (K, n) array
+        Direct irradiance per band, relative to the Sun's above the air at normal incidence.
+    diffuse : (K, n) array
+        The same of the sky; zero if it is omitted.
     """
     mu_sun = np.asarray(mu_sun, float)
     direct = (
