@@ -39,6 +39,6 @@ def replay_scenario(scenario: Scenario, recording_file: str, duration_s: float |
         orbit=orbit_at_epoch(scenario),
         # the recording has flown them
         burns=[],
-        duration_s=duration_s or scenario.duration_s,
+        duration_s=scenario.duration_s if duration_s is None else duration_s,
     )
     return to_toml(msgspec.to_builtins(replay))

@@ -59,7 +59,7 @@ class LearnedProposal:
     crop : ImageCrop
         Corrected crop.
     q : (N, 4) array
-        Attitude quaternions, camera from target, most likely first.
+        Attitude quaternions, camera from target, in the order of `PoseModes`; the first one is the most likely.
     t : (N, 3) array
         Target positions, camera frame [m].
     log_likelihood : (N,) array

@@ -47,7 +47,7 @@ MIN_DEPTH_RADII = 0.3
 
 @dataclass(frozen=True, eq=False)
 class PoseModes:
-    """Poses in a crop's camera, most likely first.
+    """Poses in a crop's camera: refined ones, most likely first, then maxima of the grid of attitudes.
 
     Parameters
     ----------
