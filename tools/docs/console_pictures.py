@@ -10,7 +10,7 @@ from pathlib import Path
 
 FOLDER = Path("docs") / "images"
 PICTURES = {
-    "console": ("tango-flyaround", "45"),
+    "console": ("tango-flyaround", "1 picture.detail full;28"),
     "console-steering": ("tango-flyaround", "1 layout.fly;2 guidance.hold;2.5 burn.plan 150 0 0.02 0;75"),
     "console-docking": ("tango-flyaround", "1 layout.dock;2 docking.approach on;60"),
     "console-estimator": (
