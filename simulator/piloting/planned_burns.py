@@ -84,7 +84,7 @@ class BurnPlan:
         Raises
         ------
         UserError
-            If a number of the burn is not finite; if it is zero or too large, would already have begun, is too far
+            If a number of the burn is not finite; if it is zero or too large, would start in the past, is too far
             ahead, or overlaps another; or if there are too many.
         """
         if not np.isfinite([burn.t_s, *burn.delta_v_lvlh_m_s]).all():

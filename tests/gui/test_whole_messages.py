@@ -1,4 +1,4 @@
-"""What a line has no room for is read whole: by hovering over it, and in the log, which wraps."""
+"""Texts that are cut in a line are read whole by hovering, and in the log, which wraps."""
 
 from __future__ import annotations
 

@@ -356,7 +356,7 @@ def test_settings_that_mean_nothing_are_refused(make, key):
 
 
 def test_the_first_factor_is_the_geometric_mean_of_the_prior():
-    """Of an inverse gamma distribution with shape and scale 2; SciPy's digamma function gives 1.145."""
+    """The reference is the geometric mean of an inverse gamma distribution with shape and scale 2."""
     assert ErrorScale().factors == pytest.approx(math.exp((math.log(2.0) - digamma(2.0)) / 2.0), rel=0.01)
     sure = ErrorScale(settings=ScaleSettings(prior_poses=1e9))
     assert sure.factors == pytest.approx(1.0)
