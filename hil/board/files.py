@@ -37,7 +37,7 @@ def read_bounded(path: Union[str, Path], max_bytes: int) -> bytes:
     try:
         status = os.fstat(handle)
         if not stat.S_ISREG(status.st_mode):
-            raise OSError(errno.EINVAL, "it is no regular file", str(path))
+            raise OSError(errno.EINVAL, "it is not a regular file", str(path))
         if status.st_size > max_bytes:
             raise OSError(errno.EFBIG, f"it holds more than {max_bytes // 10**6} MB", str(path))
         with os.fdopen(handle, "rb", closefd=False) as file:
@@ -80,4 +80,4 @@ def unpack_arrays(data: bytes, max_bytes: int) -> Dict[str, np.ndarray]:
         zipfile.BadZipFile,
         zlib.error,
     ) as error:
-        raise ValueError("it is no .npz file, or a damaged one") from error
+        raise ValueError("it is not an .npz file, or it is damaged") from error

@@ -38,7 +38,7 @@ def test_a_file_is_read_to_its_last_byte_and_no_longer_one(tmp_path):
 def test_a_board_model_is_a_regular_file(never_ending):
     for path in never_ending:
         with pytest.raises(
-            BoardModelError, match=f"board model {path} cannot be read: it (is no regular file|holds)"
+            BoardModelError, match=f"board model {path} cannot be read: it (is not a regular file|holds)"
         ):
             BoardModel.read(path)
 

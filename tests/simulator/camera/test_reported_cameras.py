@@ -262,7 +262,7 @@ REFUSED = {
         MESSAGE + "roi: {x_offset: 10, y_offset: 0, height: 100, width: 100, do_rectify: false}\n",
         "roi.x_offset",
     ),
-    "R is no rotation": (MESSAGE + "r: [1, 2, 3, 4, 5, 6, 7, 8, 9]\n", "no rotation"),
+    "R is not a rotation": (MESSAGE + "r: [1, 2, 3, 4, 5, 6, 7, 8, 9]\n", "not a rotation"),
     "P of nine": (MESSAGE + f"p: {K}\n", "3 x 4"),
     "without image size": (
         f'{{"camera_matrix": {K}, "dist_coeff": {D}}}',

@@ -82,7 +82,7 @@ def parse_document(content: bytes, source: str) -> Document:
     """
     for magic, kind in _BINARY:
         if content.startswith(magic):
-            raise UserError(f"{source} is no camera file but {kind}")
+            raise UserError(f"{source} is not a camera file but {kind}")
     text = decode_text(content, source)
     if "\0" in text:
         raise UserError(f"{source} is not text: give a camera file, for example JSON or YAML")

@@ -153,7 +153,9 @@ def _rectified_note(keys: Keys) -> list[str]:
             or abs(R).max() > 2
             or not np.allclose(R.reshape(3, 3) @ R.reshape(3, 3).T, np.eye(3), atol=1e-3)
         ):
-            raise keys.error("has a rectification matrix that is no rotation; calibrate again or delete it")
+            raise keys.error(
+                "has a rectification matrix that is not a rotation; calibrate again or delete it"
+            )
         is_rectified |= not np.allclose(R.reshape(3, 3), np.eye(3), atol=1e-9)
     if projection is not None and any(projection):
         if len(projection) != 12:

@@ -112,7 +112,7 @@ class _Composer:
         while not isinstance(event := next(self._events), yaml.MappingEndEvent):
             line = event.start_mark.line + 1
             if not isinstance(event, yaml.ScalarEvent):
-                raise yaml.YAMLError(f"line {line} has a key that is no word")
+                raise yaml.YAMLError(f"line {line} has a key that is not a word")
             if event.value in table:
                 raise ValueError(f"line {line} has the key {event.value[:60]} a second time; delete one")
             table[event.value] = self.value(next(self._events))

@@ -181,8 +181,8 @@ def with_long_header() -> bytes:
 @pytest.mark.parametrize(
     ("data", "reason"),
     [
-        (b"", "no .npz file"),
-        (b"PK\x03\x04 nothing", "no .npz file"),
+        (b"", "not an .npz file"),
+        (b"PK\x03\x04 nothing", "not an .npz file"),
         (head_bytes(bins=None), "lacks"),
         (head_bytes(sheet=np.frombuffer(b"{}", np.uint8)), "not flyaround.keypoint_head"),
         (head_bytes(sheet=np.frombuffer(b"[1]", np.uint8)), "cannot be used"),

@@ -125,7 +125,7 @@ def test_no_file_a_pipe_another_file_and_a_large_one_are_refused(tmp_path, monke
         with pytest.raises(BoardModelError, match="cannot be read"):
             NetworkFile.read(path)
     os.mkfifo(tmp_path / "pipe.npz")
-    with pytest.raises(BoardModelError, match="no regular file"):
+    with pytest.raises(BoardModelError, match="not a regular file"):
         NetworkFile.read(tmp_path / "pipe.npz")
     refusal(tmp_path, b"")
     refusal(tmp_path, b"\x89PNG\r\n\x1a\n" + bytes(100))
