@@ -94,7 +94,7 @@ def _farthest_place(
     best, best_place = -np.inf, None
     for ray in rays:
         # rotate with the ray, so that the board also faces the camera away from the optical axis
-        R = _turn_between(np.array([0.0, 0.0, 1.0]), ray)
+        R = _rotation_between(np.array([0.0, 0.0, 1.0]), ray)
         outline = camera.project(rim_m @ R.T + distance_m * ray)
         if (
             not np.all(np.isfinite(outline))
@@ -126,10 +126,13 @@ def _rotation(rotvec_rad: FloatArray) -> FloatArray:
     return matrix_from_quat(quat_from_rotvec(rotvec_rad))
 
 
-def _turn_between(a: FloatArray, b: FloatArray) -> FloatArray:
+def _rotation_between(a: FloatArray, b: FloatArray) -> FloatArray:
     """Return the smallest rotation that carries one unit vector to another."""
     axis = np.cross(a, b)
     sine = float(np.linalg.norm(axis))
     if sine < 1e-12:
-        return np.eye(3)
+        # opposite vectors: half a turn about an axis across them
+        across = np.eye(3)[np.argmin(np.abs(a))]
+        across = across - (across @ a) * a
+        return np.eye(3) if a @ b > 0 else _rotation(across / np.linalg.norm(across) * np.pi)
     return _rotation(axis / sine * np.arctan2(sine, float(a @ b)))
