@@ -198,8 +198,6 @@ def cameras(
             )
         if export is not None:
             write_atomic(export, camera_text(camera_file, form or "native", camera).encode())
-        if camera_file.notes and camera not in list_cameras():
-            say(f"{camera}: {camera_file.notes}", stderr=True)
         rows = {camera_file.name or Path(camera).stem: model}
     if as_json:
         typer.echo(msgspec.json.encode(rows).decode())

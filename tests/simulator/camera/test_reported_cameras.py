@@ -318,6 +318,24 @@ REFUSED = {
     ),
     "infinite text": (json.dumps(MATLAB | {"ImageSize": ["1e999", 640]}), "ImageSize holds '1e999', finite"),
     "matlab that disagrees": (json.dumps(MATLAB | {"FocalLength": [500, 601]}), "disagrees"),
+    "matlab of two focal lengths": (
+        json.dumps({"Intrinsics": MATLAB, "FocalLength": [500, 501]}),
+        "FocalLength beside Intrinsics that disagrees",
+    ),
+    "matlab of two counts of terms": (
+        json.dumps({"Intrinsics": MATLAB, "RadialDistortion": [-0.3, 0.1]}),
+        "RadialDistortion beside Intrinsics that disagrees",
+    ),
+    "matlab of a matrix beside": (
+        json.dumps(
+            {"Intrinsics": without(MATLAB, "IntrinsicMatrix"), "K": [[7, 0, 3], [0, 7, 3], [0, 0, 1]]}
+        ),
+        "K that disagrees",
+    ),
+    "unknown key in matlab's intrinsics": (
+        json.dumps({"Intrinsics": MATLAB | {"Zoom": 1}}),
+        "Intrinsics.Zoom",
+    ),
     "matlab without image size": (json.dumps(MATLAB | {"ImageSize": []}), "ImageSize"),
     "vins of two files": (
         "%YAML:1.0\ncam0_calib: cam0.yaml\nimage_width: 640\nimage_height: 480\n",
@@ -334,6 +352,14 @@ REFUSED = {
     "speed, f below 0 beside its matrix": (
         '{"Nu": 640, "Nv": 480, "fx": -0.01, "cameraMatrix": KKK}'.replace("KKK", K),
         "fx is -0.01",
+    ),
+    "speed, lengths that disagree with fpx": (
+        '{"Nu": 640, "Nv": 480, "fx": 0.01, "fy": 0.01, "ppx": 1e-5, "ppy": 1e-5, "fpx": 900, "fpy": 900}',
+        "fpx and fpy",
+    ),
+    "speed, two focal lengths in pixels": (
+        '{"Nu": 640, "Nv": 480, "cameraMatrix": KKK, "fx_px": 600, "fpx": 600}'.replace("KKK", K),
+        "fx_px and fpx, which say the same",
     ),
     "radtan of eight": (
         KALIBR.replace("equidistant", "radtan").replace("-0.001]", "-0.001, 0, 0, 0.1, 0]"),
@@ -399,6 +425,38 @@ def test_first_camera_of_a_rig_is_used_and_reported():
     assert scale_bands.width_px == 640
     own_size = parse_camera((ORB_SLAM_3 + "Camera.newWidth: 640\nCamera.newHeight: 480\n").encode(), "x")
     assert "before the program scales" not in own_size.notes
+
+
+def test_notes_of_another_program_s_file_are_said_and_words_of_the_user_s_own_are_not(caplog):
+    two = json.loads(json.dumps(BASALT))
+    two["value0"]["intrinsics"] *= 2
+    parse_camera(json.dumps(two).encode(), "rig.json")
+    assert "rig.json: the first of 2 cameras was taken" in caplog.text
+    caplog.clear()
+    matrix = [[600, 0, 320], [0, 600, 240], [0, 0, 1]]
+    speed = {"Nu": 640, "Nv": 480, "cameraMatrix": matrix}
+    parse_camera(json.dumps(speed | {"fpx": 600, "fpy": 600}).encode(), "x")
+    assert not caplog.text
+    parse_camera(json.dumps(speed | {"fpx": 900, "fpy": 900}).encode(), "x")
+    assert "the other keys say 900, 900, 320, 240 px" in caplog.text
+    caplog.clear()
+    native = (
+        '{"width_px": 64, "height_px": 48, "fx_px": 60, "fy_px": 60, "cx_px": 3, "cy_px": 2, "notes": "mine"}'
+    )
+    assert parse_camera(native.encode(), "x").notes == "mine"
+    assert not caplog.text
+
+
+def test_matlab_s_lens_may_stand_beside_its_intrinsics():
+    inside = parse_camera(json.dumps({"Intrinsics": MATLAB} | MATLAB).encode(), "x")
+    apart = without(MATLAB, "RadialDistortion", "TangentialDistortion")
+    beside = {
+        "Intrinsics": apart,
+        "RadialDistortion": MATLAB["RadialDistortion"],
+        "TangentialDistortion": [0, 0],
+    }
+    assert inside == parse_camera(json.dumps(MATLAB).encode(), "x")
+    assert parse_camera(json.dumps(beside).encode(), "x").distortion.coefficients[:2] == (-0.3, 0.1)
 
 
 def test_a_key_that_is_both_nested_and_dotted_is_refused():

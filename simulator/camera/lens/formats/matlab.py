@@ -19,6 +19,10 @@ if TYPE_CHECKING:
 
 PRINCIPAL_POINT_SHIFT_PX = -1.0  # from MATLAB's pixels, counted from 1, to ours, counted from 0
 _FISHEYE = ("MappingCoefficients", "StretchMatrix", "DistortionCenter")
+_LENS = (
+    *("FocalLength", "PrincipalPoint", "ImageSize", "RadialDistortion", "TangentialDistortion", "Skew"),
+    *("IntrinsicMatrix", "K"),
+)
 _REPORT = """
     RotationVectors TranslationVectors RotationMatrices PatternExtrinsics ReprojectionErrors ReprojectedPoints
     WorldPoints WorldUnits EstimateSkew EstimateTangentialDistortion Version NumRadialDistortionCoefficients
@@ -43,14 +47,7 @@ def read_matlab(document: Document, source: str) -> CameraFile:
     keys = Keys(document.table, source, "MATLAB's cameraParameters")
     keys.ignore(_REPORT)
     if keys.find("Intrinsics"):
-        inner = keys.inner("Intrinsics")
-        # cameraParameters repeats its intrinsics next to the object
-        keys.ignore(
-            "FocalLength", "PrincipalPoint", "ImageSize", "RadialDistortion", "TangentialDistortion", "Skew"
-        )
-        keys.ignore("IntrinsicMatrix", "K")
-        keys.done()
-        keys = inner
+        keys = _joined(keys, source)
     if any(keys.find(name) for name in _FISHEYE):
         raise unsupported_model(
             f"{source}: its class", "fisheyeIntrinsics", "cameraParameters, cameraIntrinsics"
@@ -73,6 +70,28 @@ def read_matlab(document: Document, source: str) -> CameraFile:
     return camera_file(
         keys, size[::-1], intrinsics, "brown_conrady" if coefficients else "none", coefficients
     )
+
+
+def _joined(outer: Keys, source: str) -> Keys:
+    """Return the keys of Intrinsics with those of the lens beside it, which cameraParameters repeats.
+
+    Raises
+    ------
+    UserError
+        If a key has other numbers beside Intrinsics than in it, or is unknown.
+    """
+    inner = outer.inner("Intrinsics")
+    table = dict(outer.get("Intrinsics"))
+    for name in filter(outer.find, _LENS):
+        beside, within = outer.numbers(name), inner.numbers(name)
+        if within is None:
+            table[name] = outer.get(name)
+        elif np.shape(beside) != np.shape(within) or not np.allclose(beside, within, rtol=1e-6):
+            raise outer.error(
+                f"has a key {name} beside Intrinsics that disagrees with the one in it; delete one"
+            )
+    outer.done()
+    return Keys(table, source, outer.form, inner.path)
 
 
 def _intrinsics(keys: Keys) -> list[float]:

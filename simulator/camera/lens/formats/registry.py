@@ -6,6 +6,7 @@ To add a format, write a module with functions that recognise, read and optional
 
 from __future__ import annotations
 
+import logging
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -27,6 +28,8 @@ if TYPE_CHECKING:
 
     from flyaround.simulator.camera.lens.files_native import CameraFile
     from flyaround.simulator.camera.lens.formats.document import Document
+
+log = logging.getLogger(__name__)
 
 __all__ = ["CAMERA_FORMATS", "WRITABLE_FORMATS", "CameraFormat", "camera_text", "read_camera_document"]
 
@@ -101,7 +104,11 @@ def read_camera_document(document: Document, source: str) -> CameraFile:
         raise UserError(f"{source} {_unrecognised(document)}")
     if document.several and form.name != "ros":
         raise UserError(f"{source} holds several YAML documents; keep the one of the camera")
-    return form.read(document, source)
+    camera = form.read(document, source)
+    # notes of a reader say what it left out; those of our own files are the user's
+    if camera.notes and form.name != "native":
+        log.warning("%s: %s", source, camera.notes)
+    return camera
 
 
 def _unrecognised(document: Document) -> str:

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from flyaround.simulator.camera.lens.files_native import CameraFile
     from flyaround.simulator.camera.lens.formats.document import Document
 
+_FOCAL_PX = (("fx_px", "fpx"), ("fy_px", "fpy"))  # focal length, the second as SPEED's utilities name it
 _PITCH_UM = 5.86  # pixel pitch of SPEED's camera
 _CENTRE_PX = 1.0  # tolerance between matrix and ccx, ccy: some sets count from corners
 _LENGTH_TOLERANCE = 2e-3  # tolerance between lengths and matrix, which the sets round
@@ -47,7 +48,8 @@ def read_speed(document: Document, source: str) -> CameraFile:
         raise keys.error("lacks cameraMatrix, or fx, fy, ppx, ppy; add them")
     notes = _disagreement(keys, taken, by_length)
     if notes and matrix is None:
-        raise keys.error("has keys fx_px and fy_px that disagree with fx, fy, ppx, ppy; delete one pair")
+        found = " and ".join(keys.find(*names) or names[0] for names in _FOCAL_PX)
+        raise keys.error(f"has keys {found} that disagree with fx, fy, ppx, ppy; delete one pair")
     pitch = None
     if keys.find("ppx") and keys.find("ppy"):
         pitch_x_um, pitch_y_um = (round(keys.number(name) * 1e6, 6) for name in ("ppx", "ppy"))
@@ -63,8 +65,6 @@ def read_speed(document: Document, source: str) -> CameraFile:
         "verticalFOV",
         "fov_x",
         "fov_y",
-        "fpx",
-        "fpy",
     )
     return camera_file(
         keys,
@@ -97,7 +97,7 @@ def _disagreement(keys: Keys, matrix: Matrix, by_length: Matrix | None) -> list[
         *(keys.number(name, default=value) for name, value in zip(("ccx", "ccy"), matrix[2:], strict=True)),
     ]
     focal_px = [
-        keys.number(name, default=value) for name, value in zip(("fx_px", "fy_px"), matrix[:2], strict=True)
+        keys.number(*names, default=value) for names, value in zip(_FOCAL_PX, matrix[:2], strict=True)
     ]
     is_consistent = np.allclose(matrix[2:], values[2:], rtol=0, atol=_CENTRE_PX)
     if is_consistent and all(
