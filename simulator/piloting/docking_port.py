@@ -13,22 +13,16 @@ from flyaround.simulator.runtime.memory import cached_per_object
 from flyaround.simulator.targets.joined_mesh import joined_mesh
 from flyaround.simulator.world.attitude.pointing import DOWN_AXES_LVLH
 from flyaround.simulator.world.frames.rotation import matrix_from_quat, quat_from_matrix
-from flyaround.simulator.world.guidance.paths import Glideslope, Hold, RbarApproach, VbarApproach, Waypoints
+from flyaround.simulator.world.guidance.paths import approach_axis_lvlh
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
     from flyaround.simulator.geometry.ray_cast import RayCaster
     from flyaround.simulator.runtime.arrays import FloatArray
     from flyaround.simulator.targets.model import Target
     from flyaround.simulator.world.flight.flight import Flight
-    from flyaround.simulator.world.guidance.chaser import Chaser
 
 FRAME = "docking"
 """Name of the frame of a target's model that is the port."""
-
-# Unit vector along the V-bar, LVLH.
-VBAR: Vec3 = (0.0, 1.0, 0.0)
 
 _MIN_SINE = 0.2
 """Sine of the angle to the port's axis below which a reference direction is rejected."""
@@ -62,8 +56,8 @@ def docking_port(target: Target, flight: Flight) -> DockingPort:
     """Return the port of a target at the start of a flight.
 
     It is the frame ``docking`` of the model, or the tip of the probe that protrudes from this frame. A model without
-    the frame gets a port where the approach axis of the scenario (`approach_axis_lvlh`; of a replay, towards its end)
-    leaves the body from its centre of mass. The port then rotates with the target.
+    the frame gets a port where the approach axis of the scenario (`approach_axis_lvlh`; of a replay, that of the
+    recorded one) leaves the body from its centre of mass. The port then rotates with the target.
 
     Parameters
     ----------
@@ -82,8 +76,8 @@ def docking_port(target: Target, flight: Flight) -> DockingPort:
         distance = distance_to_surface_m(target, origin + body_reach * axis, -axis)
         tip = 0.0 if distance is None else max(body_reach - distance, 0.0)
         return _with_axes("docking port", origin - com + tip * axis, axis, R_target_from_lvlh, flight)
-    lvlh = approach_axis_lvlh(flight.guidance)
-    return port_along(target, R_target_from_lvlh @ np.array(lvlh), R_target_from_lvlh, flight)
+    axis_lvlh = flight.approach_axis_lvlh or approach_axis_lvlh(flight.guidance)
+    return port_along(target, R_target_from_lvlh @ np.array(axis_lvlh), R_target_from_lvlh, flight)
 
 
 def port_along(
@@ -113,31 +107,6 @@ def port_along(
         else body_reach - distance
     )
     return _with_axes("approach axis", out * axis, axis, R_target_from_lvlh, flight)
-
-
-def approach_axis_lvlh(chaser: Chaser) -> Vec3:
-    """Return the unit vector from the target along the direction of approach, LVLH.
-
-    It points along the axis of the corridor, or else to the last point of the path that is not the centre of mass.
-    Without either it is V-bar.
-    """
-    keep_out = chaser.keep_out
-    points: Sequence[Vec3] = ()
-    if keep_out is not None and keep_out.corridor_axis_lvlh is not None:
-        points = (keep_out.corridor_axis_lvlh,)
-    else:
-        match chaser:
-            case Hold():
-                points = (chaser.position_lvlh_m,)
-            case VbarApproach() | RbarApproach():
-                axis = np.array(chaser.axis_lvlh)
-                points = (vec3(chaser.start_m * axis), vec3(chaser.hold_m * axis))
-            case Glideslope():
-                points = (chaser.start_lvlh_m, chaser.end_lvlh_m)
-            case Waypoints():
-                points = chaser.points_lvlh_m
-    last = next((point for point in reversed(points) if any(point)), VBAR)
-    return vec3(np.array(last) / np.linalg.norm(last))
 
 
 def target_from_lvlh(flight: Flight, t_s: float) -> FloatArray:

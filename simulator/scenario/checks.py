@@ -172,6 +172,8 @@ def _chaser_problems(chaser: AnyChaser) -> Iterator[str]:
         for name in ("thrusters", "wheels", "keep_out"):
             if getattr(chaser, name) is not None:
                 yield f"a replay has no [chaser.{name}], the recording flies: remove the section"
+        if chaser.approach_axis_lvlh is not None and not any(chaser.approach_axis_lvlh):
+            yield "key chaser.approach_axis_lvlh is [0, 0, 0], allowed: a direction"
     if isinstance(chaser, FollowedChaser):
         return
     start = (

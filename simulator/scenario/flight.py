@@ -114,7 +114,14 @@ def _replayed(flight: Flight, replay: Replay) -> Flight:
     track, attitude = recorded_tracks(
         recording, flight.orbit.forces, flight.duration_s, flight.epoch, flight.body
     )
-    flight = replace(flight, orbit=track, attitude=attitude, recording=recording, pointing=replay.pointing)
+    flight = replace(
+        flight,
+        orbit=track,
+        attitude=attitude,
+        recording=recording,
+        pointing=replay.pointing,
+        approach_axis_lvlh=replay.approach_axis_lvlh,
+    )
     end_s = min(recording.duration_s, flight.duration_s)
     position, _ = flight.lvlh(end_s).from_eci(*flight.relative(end_s))
     flight = replace(flight, guidance=Hold(position_lvlh_m=vec3(position), pointing=replay.pointing))

@@ -9,6 +9,7 @@ import msgspec
 from flyaround.simulator.runtime.toml_text import to_toml
 from flyaround.simulator.scenario.messages import orbit_at_epoch
 from flyaround.simulator.world.flight.recording import Replay
+from flyaround.simulator.world.guidance.paths import approach_axis_lvlh
 
 if TYPE_CHECKING:
     from flyaround.simulator.scenario.scenario import Scenario
@@ -31,7 +32,14 @@ def replay_scenario(scenario: Scenario, recording_file: str, duration_s: float |
     str
         TOML text.
     """
-    chaser = Replay(file=recording_file, minimum_start_range_m=scenario.chaser.minimum_start_range_m)
+    flown = scenario.chaser
+    chaser = Replay(
+        file=recording_file,
+        minimum_start_range_m=flown.minimum_start_range_m,
+        approach_axis_lvlh=flown.approach_axis_lvlh
+        if isinstance(flown, Replay)
+        else approach_axis_lvlh(flown),
+    )
     replay = msgspec.structs.replace(
         scenario,
         name=f"{scenario.name}-replay",

@@ -21,7 +21,7 @@ from flyaround.simulator.world.guidance.manual_control import ChaserState
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-    from flyaround.simulator.runtime.arrays import FloatArray
+    from flyaround.simulator.runtime.arrays import FloatArray, Vec3
     from flyaround.simulator.world.attitude.pointing import Pointing
     from flyaround.simulator.world.attitude.reaction_wheels import WheelTrack
     from flyaround.simulator.world.attitude.rigid_body import AttitudeTrack
@@ -69,6 +69,8 @@ class Flight:
         Central body, by default the Earth.
     burns : tuple of Burn, optional
         Burns of both craft, already included in the orbits.
+    approach_axis_lvlh : tuple of float, optional
+        Axis of approach of a recorded flight, by default that of ``guidance``.
     """
 
     epoch: Instant
@@ -84,6 +86,7 @@ class Flight:
     recording: Recording | None = None
     body: Body = EARTH
     burns: tuple[Burn, ...] = ()
+    approach_axis_lvlh: Vec3 | None = None
 
     def lvlh(self, t_s: float) -> Lvlh:
         """Return the target's LVLH frame.

@@ -14,6 +14,7 @@ import numpy as np
 
 from flyaround.simulator.errors import UserError
 from flyaround.simulator.runtime.arrays import quat, vec3
+from flyaround.simulator.runtime.sections import DirectionXyz
 from flyaround.simulator.runtime.untrusted_files import decode_text, read_regular
 from flyaround.simulator.world.bodies.earth import EARTH
 from flyaround.simulator.world.frames.rotation import quat_conjugate, quat_from_rotvec, quat_multiply
@@ -226,6 +227,8 @@ class Replay(Chaser, tag_field="mode", tag="replay", frozen=True, kw_only=True):
     """A recorded flight of both craft (path relative to the scenario's folder), with orbit and attitude."""
 
     file: str
+    # of the scenario that was recorded; by default from the target to the end of the recording
+    approach_axis_lvlh: DirectionXyz | None = None
 
     def read(self) -> Recording:
         """Read the recording from ``file``.

@@ -8,12 +8,17 @@ from typing import TYPE_CHECKING, Annotated, ClassVar
 import numpy as np
 from msgspec import Meta
 
-from flyaround.simulator.runtime.arrays import Vec3
+from flyaround.simulator.runtime.arrays import Vec3, vec3
 from flyaround.simulator.runtime.sections import Degrees, Inclination, Metres, MetresXyz, Range, Seconds
 from flyaround.simulator.world.guidance.chaser import Chaser
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from flyaround.simulator.runtime.arrays import FloatArray
+
+# Unit vector along the V-bar, LVLH.
+_VBAR: Vec3 = (0.0, 1.0, 0.0)
 
 
 class Hold(Chaser, tag_field="mode", tag="hold", frozen=True, kw_only=True):
@@ -251,3 +256,28 @@ class Glideslope(Chaser, tag_field="mode", tag="glideslope", frozen=True, kw_onl
         """
         p, _ = self.state_lvlh(t_s, 0.0)
         return "hold" if np.array_equal(p, np.array(self.end_lvlh_m, float)) else "glideslope"
+
+
+def approach_axis_lvlh(chaser: Chaser) -> Vec3:
+    """Return the unit vector from the target along the direction of approach, LVLH.
+
+    It points along the axis of the corridor, or else to the last point of the path that is not the centre of mass.
+    Without either it is V-bar.
+    """
+    keep_out = chaser.keep_out
+    points: Sequence[Vec3] = ()
+    if keep_out is not None and keep_out.corridor_axis_lvlh is not None:
+        points = (keep_out.corridor_axis_lvlh,)
+    else:
+        match chaser:
+            case Hold():
+                points = (chaser.position_lvlh_m,)
+            case VbarApproach() | RbarApproach():
+                axis = np.array(chaser.axis_lvlh)
+                points = (vec3(chaser.start_m * axis), vec3(chaser.hold_m * axis))
+            case Glideslope():
+                points = (chaser.start_lvlh_m, chaser.end_lvlh_m)
+            case Waypoints():
+                points = chaser.points_lvlh_m
+    last = next((point for point in reversed(points) if any(point)), _VBAR)
+    return vec3(np.array(last) / np.linalg.norm(last))

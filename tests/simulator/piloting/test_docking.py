@@ -18,13 +18,7 @@ from flyaround.simulator.piloting.docking_figures import (
     judge_contact,
     touches_port,
 )
-from flyaround.simulator.piloting.docking_port import (
-    approach_axis_lvlh,
-    docking_port,
-    port_along,
-    radius_m,
-    target_from_lvlh,
-)
+from flyaround.simulator.piloting.docking_port import docking_port, port_along, radius_m, target_from_lvlh
 from flyaround.simulator.piloting.docking_watch import Docking
 from flyaround.simulator.piloting.hold_points import HoldPoints, not_ready
 from flyaround.simulator.runtime.arrays import quat, vec3
@@ -38,7 +32,14 @@ from flyaround.simulator.world.frames.rotation import (
 )
 from flyaround.simulator.world.guidance.keep_out import KeepOut
 from flyaround.simulator.world.guidance.manual_control import ChaserState
-from flyaround.simulator.world.guidance.paths import Glideslope, Hold, RbarApproach, VbarApproach, Waypoints
+from flyaround.simulator.world.guidance.paths import (
+    Glideslope,
+    Hold,
+    RbarApproach,
+    VbarApproach,
+    Waypoints,
+    approach_axis_lvlh,
+)
 
 REST = DockingFigures(
     t_s=0.0,

@@ -36,7 +36,9 @@ def test_replay_about_the_moon_draws_the_same(tmp_path):
     assert [again.scene(k) for k in range(7)] == [plan.scene(k) for k in range(7)]
 
 
-@pytest.mark.parametrize("name", ["tango-vbar-approach", "tango-earth-10m", "geo-inspection", "lunar-orbit"])
+@pytest.mark.parametrize(
+    "name", ["tango-vbar-approach", "tango-earth-10m", "geo-inspection", "lunar-orbit", "tango-flyaround"]
+)
 def test_a_replay_has_the_docking_port_of_the_flight(name, tmp_path):
     """The port is on the approach axis, LVLH, or in the model; its roll follows the camera's down side."""
     plan = plan_flight(load_scenario(name), n=20)
@@ -46,6 +48,19 @@ def test_a_replay_has_the_docking_port_of_the_flight(name, tmp_path):
     flown, replayed = (docking_port(p.target, p.flight) for p in (plan, again))
     assert replayed.origin_m == pytest.approx(flown.origin_m, abs=1e-4)
     assert rotation_angle_rad(replayed.q_target_from_port_wxyz, flown.q_target_from_port_wxyz) < 1e-4
+
+
+def test_a_replay_of_a_replay_keeps_the_axis_of_approach_and_one_of_no_length_is_refused(tmp_path):
+    plan = plan_flight(load_scenario("tango-flyaround"), n=5)
+    (tmp_path / "flight.npz").write_bytes(record(plan.flight, plan.times_s).to_bytes())
+    text = replay_scenario(plan.scenario, "flight.npz")
+    (tmp_path / "replay.toml").write_text(text)
+    assert "approach_axis_lvlh = [0.0, 1.0, 0.0]" in text
+    again = replay_scenario(load_scenario(tmp_path / "replay.toml"), "flight.npz")
+    assert "approach_axis_lvlh = [0.0, 1.0, 0.0]" in again
+    (tmp_path / "replay.toml").write_text(text.replace("[0.0, 1.0, 0.0]", "[0.0, 0.0, 0.0]"))
+    with pytest.raises(UserError, match=r"approach_axis_lvlh is \[0, 0, 0\], allowed: a direction"):
+        load_scenario(tmp_path / "replay.toml")
 
 
 def test_a_replay_has_no_keep_out_sphere(tmp_path):
