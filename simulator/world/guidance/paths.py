@@ -259,10 +259,15 @@ class Glideslope(Chaser, tag_field="mode", tag="glideslope", frozen=True, kw_onl
 
 
 def approach_axis_lvlh(chaser: Chaser) -> Vec3:
-    """Return the unit vector from the target along the direction of approach, LVLH.
+    """Return the direction of approach, from the target outwards, LVLH.
 
     It points along the axis of the corridor, or else to the last point of the path that is not the centre of mass.
     Without either it is V-bar.
+
+    Returns
+    -------
+    (3,) tuple of float
+        Unit vector.
     """
     keep_out = chaser.keep_out
     points: Sequence[Vec3] = ()
