@@ -39,6 +39,9 @@ RELATIVE, ABSOLUTE = 1e-9, 1e-9
 
 # Maximum unpacked size of an archive [bytes].
 MAX_ARRAYS_BYTES = 2**32
+# Maximum unpacked size of a Parquet shard [bytes]; `Shards` gathers 128 MB, or a single larger frame.
+MAX_SHARD_BYTES = 2**30
+_NUMBER_BYTES, _MAX_SHIFT = 8, 63  # of the largest number in a column, and in a page's header
 _TOO_LARGE = "it is larger than any camera's picture"
 _PNG = b"\x89PNG\r\n\x1a\n"
 _ENDS = {".png": b"IEND\xaeB`\x82", ".jpg": b"\xff\xd9", ".csv": b"\n", ".txt": b"\n"}
@@ -84,7 +87,7 @@ def entries(name: str, data: bytes) -> Iterator[Entry]:
         raise UserError("it is cut off")
     try:
         yield from _READERS.get(suffix, _bytes)(data)
-    except (ValueError, KeyError, TypeError, RecursionError, OSError, RuntimeError, EOFError) as error:
+    except (ValueError, LookupError, TypeError, RecursionError, OSError, RuntimeError, EOFError) as error:
         raise UserError(f"it cannot be read ({error})") from error
     except (tarfile.TarError, zipfile.BadZipFile) as error:
         raise UserError(f"it cannot be read ({error})") from error
@@ -255,10 +258,79 @@ def _tar(data: bytes) -> Iterator[Entry]:
 
 def _parquet(data: bytes) -> Iterator[Entry]:
     parquet = import_needed("pyarrow.parquet", "formats", "parquet")
-    for batch in parquet.ParquetFile(io.BytesIO(data)).iter_batches(batch_size=10):
+    file = parquet.ParquetFile(io.BytesIO(data))
+    size = sum(
+        _unpacked_size(data, file.metadata.row_group(group).column(k), file.schema.column(k))
+        for group in range(file.metadata.num_row_groups)
+        for k in range(file.metadata.num_columns)
+    )
+    if size > MAX_SHARD_BYTES:
+        raise ValueError(f"it unpacks to {size:,} bytes, at most {MAX_SHARD_BYTES:,} are read")
+    # one row, because all of them may repeat the largest value
+    for batch in file.iter_batches(batch_size=1):
         for row in batch.to_pylist():
             for column, value in row.items():
                 yield Entry(f"row {row['number']} {column}", value, row["number"])
+
+
+def _unpacked_size(data: bytes, column: Any, schema: Any) -> int:  # noqa: ANN401 - the library has no types
+    """Return the unpacked size of a column chunk by the headers of its pages, which the decoder follows.
+
+    References
+    ----------
+    parquet-format, parquet.thrift: PageHeader 2 is the unpacked size, 3 the packed size; of the headers of data pages
+    (5, 8) 1 is the number of values.
+    """
+    starts = (column.dictionary_page_offset, column.data_page_offset)
+    at = min(start for start in starts if start is not None)
+    end = at + column.total_compressed_size
+    size = n_values = dictionary = 0
+    while at < end:
+        header, at = _thrift_struct(data, at)
+        size, at = size + header[2], at + header[3]
+        n_values += sum(header[k][1] for k in (5, 8) if k in header)
+        dictionary = max(dictionary, header[2] if 7 in header else 0)
+        if min(header[2], header[3], n_values) < 0:
+            raise ValueError("a page has a size below 0")
+    is_text = column.physical_type == "BYTE_ARRAY"
+    # a page repeats a value in few bits: the values of a list are unpacked together, each perhaps the whole dictionary
+    return size + n_values * (dictionary if is_text and schema.max_repetition_level else _NUMBER_BYTES)
+
+
+def _thrift_struct(data: bytes, at: int) -> tuple[dict[int, Any], int]:
+    """Return the integers and structures of a structure in Thrift's compact protocol, and the offset of its end."""
+    fields: dict[int, Any] = {}
+    number = 0
+    while kind := data[at] & 15:
+        step, at = data[at] >> 4, at + 1
+        if not step:
+            step, at = _thrift_integer(data, at)
+            number = 0
+        number += step
+        if kind in (4, 5, 6):
+            fields[number], at = _thrift_integer(data, at)
+        elif kind == 8:
+            length, at = _varint(data, at)
+            at += length
+        elif kind == 12:
+            fields[number], at = _thrift_struct(data, at)
+        elif kind not in (1, 2):  # true, false
+            raise ValueError(f"a page's header has a field of type {kind}")
+    return fields, at + 1
+
+
+def _thrift_integer(data: bytes, at: int) -> tuple[int, int]:
+    value, at = _varint(data, at)
+    return value >> 1 ^ -(value & 1), at
+
+
+def _varint(data: bytes, at: int) -> tuple[int, int]:
+    value = shift = 0
+    while data[at] & 128:
+        if shift > _MAX_SHIFT:
+            raise ValueError("a page's header has a number of more than 64 bits")
+        value, shift, at = value | (data[at] & 127) << shift, shift + 7, at + 1
+    return value | data[at] << shift, at + 1
 
 
 def _mcap(data: bytes) -> Iterator[Entry]:
