@@ -176,9 +176,11 @@ def cameras(
             "--format", help=f"Format of the written file: {', '.join(WRITABLE_FORMATS)} (default native)."
         ),
     ] = None,
-    width_px: Annotated[int | None, typer.Option("--width", help="Required image width in pixels.")] = None,
+    width_px: Annotated[
+        int | None, typer.Option("--width", min=1, help="Required image width in pixels.")
+    ] = None,
     height_px: Annotated[
-        int | None, typer.Option("--height", help="Required image height in pixels.")
+        int | None, typer.Option("--height", min=1, help="Required image height in pixels.")
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
 ) -> None:

@@ -257,6 +257,11 @@ def _bin_name(low: float, high: float | None) -> str:
     return f"from {low:g} m" if high is None else f"{low:g} to {high:g} m"
 
 
+def _rotation_error_deg(frame: EvaluatedFrame) -> float:
+    """Return the error, the largest one of all if there is no pose."""
+    return 180.0 if frame.record.E_R_deg is None else frame.record.E_R_deg
+
+
 def _failures(
     tile_folder: Path,
     folder: Path,
@@ -272,7 +277,7 @@ def _failures(
     for kind, frames in kinds.items():
         if not frames:
             continue
-        worst = sorted(frames, key=lambda r: -(r.record.E_R_deg or 180.0))[:TILES_PER_KIND]
+        worst = sorted(frames, key=_rotation_error_deg, reverse=True)[:TILES_PER_KIND]
         title = "falsely accepted" if kind == "accepted" else kind
         tiles = []
         for r in worst:

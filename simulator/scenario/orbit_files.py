@@ -194,7 +194,7 @@ def _opm_state(segment: Segment, epoch: Instant, centre: str) -> State:
 def _state_of_elements(opm: OrbitParameters, mu_m3_s2: float) -> State:
     assert opm.elements is not None  # noqa: S101 - an OPM has one of the two
     (a, e, i, node, argp, anomaly), mean, gm = opm.elements
-    mu = gm or mu_m3_s2
+    mu = mu_m3_s2 if gm is None else gm
     orbit = Elements(
         semi_major_axis_m=a,
         eccentricity=e,

@@ -3,6 +3,8 @@
 import json
 from pathlib import Path
 
+import pytest
+
 from flyaround.__main__ import run
 from flyaround.simulator.camera.lens.formats.registry import CAMERA_FORMATS
 
@@ -23,6 +25,12 @@ def test_what_is_left_out_is_said_beside_the_numbers(tmp_path, capsys):
     assert "cam0 was taken of cam0, cam1" in " ".join(said.err.split())
     assert run(["cameras", "speed", "--json"]) == 0
     assert not capsys.readouterr().err
+
+
+@pytest.mark.parametrize("side", ["--width", "--height"])
+def test_an_image_of_no_pixels_is_refused(side, capsys):
+    assert run(["cameras", "speed", side, "0"]) == 2
+    assert side in capsys.readouterr().err
 
 
 def test_a_file_that_is_not_understood_whole_writes_nothing(tmp_path, capsys):

@@ -37,6 +37,8 @@ from flyaround.simulator.targets.importing.repair.normals import (
     split_by_material,
 )
 from flyaround.simulator.targets.importing.repair.placement import (
+    MAX_TRIANGLES,
+    MIN_TRIANGLES,
     bounds,
     check_count,
     check_numbers,
@@ -286,6 +288,13 @@ def _bodies(model: RawModel, options: ImportOptions, findings: Findings) -> tupl
         capped = cap_solids(bodies, extent)
         tally.filled_holes, tally.open_holes = capped.filled, capped.left
         bodies = [drop_slivers(b, extent, tally) for b in capped.bodies]
+        n_capped = sum(len(b.triangles) for b in bodies)
+        limit = MAX_TRIANGLES if options.decimate is None else options.decimate
+        if n_capped > limit:
+            findings.shape.append(
+                f"the caps of its holes make {n_capped:,} triangles, more than {limit:,}"
+                f" (--decimate {max(2 * limit - n_capped, MIN_TRIANGLES)} leaves room for them)"
+            )
     oriented = _check_surfaces(model, bodies, options, tally, findings, reduced=reduced)
     findings.repairs += tally.lines()
     findings.shape += coincidence_lines(oriented, extent)

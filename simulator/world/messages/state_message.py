@@ -132,7 +132,7 @@ class OrbitParameters:
         Position [m] and velocity [m s-1], or None if there are only elements.
     elements : tuple or None
         Elements (SEMI_MAJOR_AXIS [m], ECCENTRICITY, INCLINATION, RA_OF_ASC_NODE, ARG_OF_PERICENTER and anomaly [rad]),
-        True if the anomaly is the mean one, and the gravitational parameter [m3 s-2] or 0; None without elements.
+        True if the anomaly is the mean one, and the gravitational parameter [m3 s-2] or None; None without elements.
     unused : tuple of str
         Contents of the message that are not used, for the user.
     """
@@ -142,7 +142,7 @@ class OrbitParameters:
     epoch: Instant
     frozen: Instant
     state: tuple[FloatArray, FloatArray] | None
-    elements: tuple[list[float], bool, float] | None
+    elements: tuple[list[float], bool, float | None] | None
     unused: tuple[str, ...]
 
 
@@ -178,10 +178,13 @@ def read_opm(segment: Segment) -> OrbitParameters:
             )
         is_mean = "MEAN_ANOMALY" in segment.meta
         anomaly = read_value(segment, "MEAN_ANOMALY" if is_mean else "TRUE_ANOMALY")
+        gm = read_value(segment, "GM") if "GM" in segment.meta else None
+        if gm is not None and gm <= 0:
+            raise UserError(f"{source}: GM is {gm:g} km**3/s**2, allowed: more than 0")
         elements = (
             [a_km * 1e3, e, *np.radians([*angles, anomaly]).tolist()],
             is_mean,
-            read_value(segment, "GM") * 1e9 if "GM" in segment.meta else 0.0,
+            None if gm is None else gm * 1e9,
         )
     return OrbitParameters(
         frame=frame,

@@ -419,6 +419,9 @@ def test_an_opm_has_a_state_or_elements_or_both(caplog):
     mean = elements.replace("TRUE_ANOMALY = 30", "MEAN_ANOMALY = 29.4317")
     other, _ = read_orbit_file(OPM.format(values=mean).encode(), "a.opm", EPOCH)  # type: ignore[misc]
     assert np.allclose(other, r, rtol=0, atol=200.0)
+    for gm in ("0", "-398600.4418"):
+        with pytest.raises(UserError, match=rf"GM is {gm[:5]}.* km\*\*3/s\*\*2, allowed: more than 0"):
+            read_orbit_file(OPM.format(values=mean.replace("398600.4418", gm)).encode(), "a.opm", EPOCH)
     with pytest.raises(UserError, match="the Keplerian elements put the craft"):
         read_orbit_file(OPM.format(values=cartesian + "\n" + elements).encode(), "a.opm", EPOCH)
     with pytest.raises(UserError, match="X is in m, allowed: km"):

@@ -19,7 +19,7 @@ MIN_DRAWABLE_M, MAX_DRAWABLE_M = 0.005, 10_000.0
 """Sizes that the depth buffer and the ranges of the cameras support [m]."""
 MAX_PROPOSED_SIZE_M = 30.0
 """Largest size for which a unit is proposed."""
-MAX_TRIANGLES, MAX_PARTS = 500_000, 4000
+MIN_TRIANGLES, MAX_TRIANGLES, MAX_PARTS = 500, 500_000, 4000
 """Largest number of triangles, and of parts, of a target. They bound memory and the time to draw a frame."""
 ORIGIN_OFFSET_WARNING, MAX_ORIGIN_OFFSET = 0.1, 100.0
 """Distance of the origin from the model, in extents, that is reported; and that loses too much precision."""
@@ -59,8 +59,10 @@ def check_count(model: RawModel, decimate: int | None) -> None:
         If there are; the message states the count and the option.
     """
     # fewer than 500 triangles hold no spacecraft's shape
-    if decimate is not None and not 500 <= decimate <= MAX_TRIANGLES:
-        raise UserError(f"--decimate {decimate} is out of range; choose 500 to {MAX_TRIANGLES} triangles")
+    if decimate is not None and not MIN_TRIANGLES <= decimate <= MAX_TRIANGLES:
+        raise UserError(
+            f"--decimate {decimate} is out of range; choose {MIN_TRIANGLES} to {MAX_TRIANGLES} triangles"
+        )
     if decimate is None and model.triangle_count > MAX_TRIANGLES:
         raise UserError(
             f"{model.path} has {model.triangle_count:,} triangles and at most {MAX_TRIANGLES:,} are taken; add "

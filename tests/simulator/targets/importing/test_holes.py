@@ -114,6 +114,21 @@ def test_nested_openings_are_not_capped(tmp_path):
         surface(path, replace(FILL, strict=True))
 
 
+def test_caps_beyond_the_wanted_number_of_triangles_are_said(tmp_path):
+    fine = trimesh.creation.box((1.0, 1.0, 1.0)).subdivide().subdivide().subdivide()
+    opened = raw(fine.vertices, fine.faces[fine.face_normals[:, 2] < 0.9])
+    assert len(opened.faces) == 640
+    path = save(tmp_path / "box.glb", box=opened)
+    bodies, lines = surface(path, replace(FILL, decimate=640))
+    n = sum(len(b.triangles) for b in bodies)
+    assert n > 640
+    said = f"the caps of its holes make {n} triangles, more than 640"
+    assert f"{said} (--decimate {1280 - n} leaves room for them)" in lines
+    bodies, lines = surface(path, replace(FILL, decimate=1280 - n))
+    assert sum(len(b.triangles) for b in bodies) <= 640
+    assert not any("the caps" in line for line in lines)
+
+
 def test_advice_names_keeping_before_filling(tmp_path):
     path = save(tmp_path / "a.glb", hull=open_box())
     with pytest.raises(
