@@ -1,7 +1,6 @@
 """The operator's session without a window: clock, rates, steering, restart, what is asked to be drawn."""
 
 import pickle
-import shutil
 from dataclasses import replace
 from pathlib import Path
 
@@ -42,17 +41,12 @@ from flyaround.simulator.piloting.orders import (
     Stop,
 )
 from flyaround.simulator.piloting.planned_burns import burn_of
-from flyaround.simulator.piloting.recorder import FlightRecorder
 from flyaround.simulator.piloting.session import FRAME_STEP_S, FlightSession
 from flyaround.simulator.scenario.load import load_scenario
-from flyaround.simulator.scenario.plan import plan_flight
-from flyaround.simulator.world.flight.recording import Recording, csv_header
 from flyaround.simulator.world.frames.rotation import matrix_from_quat
 from flyaround.simulator.world.guidance.keep_out import KeepOut
 from flyaround.simulator.world.guidance.thrusters import Thrusters
 from tests.harness.pilot import TICK_S, fly, holding
-from tests.harness.small_disk import small_disk
-from tests.harness.turned_clock import TurnedClock
 
 
 @pytest.fixture
@@ -267,131 +261,6 @@ def test_keep_out_sphere_stops_an_operator_who_pushes_on():
     free.order(Centre())
     fly(free, 9.0, "forward", "coarse")
     assert free.craft.world.range_m < 7.0
-
-
-def test_a_flight_is_on_disk_while_it_is_flown(tmp_path):
-    clock = TurnedClock()
-    recorder = FlightRecorder(clock)
-    session = FlightSession.of(load_scenario("tango-flyaround"), recorder=recorder)
-    recorder.keep_in(tmp_path / "flown", session.plan.scenario)
-    for _ in range(3):
-        fly(session, 0.5, "forward", "yaw-left")
-        clock.now_s += 1.01
-    fly(session, 0.5)
-    lines = tmp_path / "flown" / "flight.csv"
-    # what a console leaves that is killed while it writes a line
-    with lines.open("a") as file:
-        file.write("2.0,6778137.0,")
-    replay = load_scenario(tmp_path / "flown" / "replay.toml")
-    assert replay.duration_s == pytest.approx(1.5)
-    flight = plan_flight(replay, n=1).flight
-    flown = recorder.recording.arrays
-    times = [t for t in flown["t_s"] if t <= replay.duration_s]
-    for name, values in Recording.from_states(flight.state(float(t)) for t in times).arrays.items():
-        assert np.array_equal(values, flown[name][: len(times)]), name
-    assert recorder.close() == tmp_path / "flown" / "replay.toml"
-    assert sorted(path.name for path in (tmp_path / "flown").iterdir()) == ["flight.npz", "replay.toml"]
-    assert load_scenario(tmp_path / "flown" / "replay.toml").duration_s == recorder.end_s
-
-
-def test_a_restart_begins_another_recording(tmp_path):
-    clock = TurnedClock()
-    recorder = FlightRecorder(clock)
-    session = FlightSession.of(load_scenario("tango-flyaround"), recorder=recorder)
-    recorder.keep_in(tmp_path, session.plan.scenario)
-    clock.now_s = 2.0
-    fly(session, 1.0)
-    assert (tmp_path / "replay.toml").is_file()
-    session.restart()
-    assert [path.name for path in tmp_path.iterdir()] == ["flight.csv"]
-    # nothing to replay
-    assert recorder.close() is None
-    assert list(tmp_path.iterdir()) == []
-
-
-def test_a_recording_is_not_written_over(tmp_path):
-    (tmp_path / "flight.npz").write_bytes(b"an earlier one")
-    with pytest.raises(UserError, match="is not empty; name a new one with --record"):
-        FlightRecorder().keep_in(tmp_path, load_scenario("tango-flyaround"))
-
-
-def test_a_full_disk_ends_the_recording_and_not_the_flight(tmp_path):
-    full = Path("/dev/full")
-    if not full.exists():
-        pytest.skip("no /dev/full")
-    recorder = FlightRecorder()
-    session = FlightSession.of(load_scenario("tango-flyaround"), recorder=recorder)
-    recorder.keep_in(tmp_path, session.plan.scenario)
-    (tmp_path / "flight.csv").unlink()
-    (tmp_path / "flight.csv").symlink_to(full)
-    session.restart()
-    fly(session, 1.0)
-    assert "No space left on device" in str(recorder.take_trouble())
-    assert recorder.take_trouble() is None
-    # whole at the end, from memory
-    replay = recorder.close()
-    assert replay is not None
-    assert load_scenario(replay).duration_s == recorder.end_s
-
-
-def test_a_recording_whose_folder_is_gone_is_told_and_made_again_at_the_end(tmp_path):
-    clock = TurnedClock()
-    recorder = FlightRecorder(clock)
-    session = FlightSession.of(load_scenario("tango-flyaround"), recorder=recorder)
-    recorder.keep_in(tmp_path / "flown", session.plan.scenario)
-    shutil.rmtree(tmp_path / "flown")
-    clock.now_s = 2.0
-    fly(session, 1.0)
-    assert "recording stopped" in str(recorder.take_trouble())
-    replay = recorder.close()
-    assert replay is not None
-    assert load_scenario(replay).duration_s == recorder.end_s
-
-
-def test_a_disk_that_stays_full_leaves_no_half_flight(tmp_path):
-    with small_disk(tmp_path / "disk", 40) as disk:
-        recorder = FlightRecorder()
-        session = FlightSession.of(load_scenario("tango-flyaround"), recorder=recorder)
-        recorder.keep_in(disk / "flown", session.plan.scenario)
-        (disk / "other").write_bytes(bytes(24 * 1024))
-        fly(session, 8.0)
-        # either file may be the first to meet the full disk; the replay file's message is the simulator's own
-        assert "no space left" in str(recorder.take_trouble()).lower()
-        assert session.t_s > 7.0
-        with pytest.raises(UserError, match="no space left"):
-            recorder.close()
-        assert not (disk / "flown" / "flight.npz").exists()
-        # its lines stay, as far as they went
-        assert Recording.read(disk / "flown" / "flight.csv").duration_s > 0.5
-
-
-def test_lines_that_are_no_flight_are_refused(tmp_path):
-    path = tmp_path / "flight.csv"
-    for text in ("", "t_s,x\n0.0,1.0\n", csv_header() + "0.0,1.0\n", csv_header()):
-        path.write_text(text)
-        with pytest.raises(UserError, match=r"flight\.csv"):
-            Recording.read(path)
-
-
-def test_a_steered_flight_is_replayed_bit_for_bit(tmp_path):
-    recorder = FlightRecorder()
-    session = FlightSession.of(load_scenario("tango-flyaround"), recorder=recorder)
-    fly(session, 1.0)
-    fly(session, 1.5, "forward", "yaw-left")
-    fly(session, 0.5)
-    recorder.keep_in(tmp_path / "flown", session.plan.scenario)
-    path = recorder.close()
-    assert path is not None
-    replay = load_scenario(path)
-    assert replay.duration_s == pytest.approx(2.9)
-    flight = plan_flight(replay, n=1).flight
-    flown = recorder.recording.arrays
-    assert flown["t_s"][:3] == pytest.approx([0.0, 0.1, 0.2])
-    for name, values in Recording.from_states(flight.state(float(t)) for t in flown["t_s"]).arrays.items():
-        assert np.array_equal(values, flown[name]), name
-    # back to the start: another flight
-    session.restart()
-    assert not recorder.long_enough
 
 
 def test_an_approach_that_the_keep_out_sphere_will_stop_is_a_caution_from_the_start():
