@@ -35,6 +35,9 @@ ROD_WIDTH, ROD_WIDTH_OF_REGION = 0.4, 0.08
 PARALLEL_RAD, CORNER_RAD = np.radians(8.0), np.radians(12.0)
 CORNER_REACH, TETRAD_GAP = 0.08, 0.25
 
+# Largest distance between centres of one tetrad that is detected twice, from noise of its corners; chosen by eye.
+SAME_TETRAD_PX = 3.0
+
 # Largest number of triads, from which tetrads are made; chosen by eye.
 MAX_TRIADS = 48
 
@@ -246,8 +249,7 @@ def _unique(quads: Array) -> Array:
     out: List[Array] = []
     for q in quads:
         centre = q.mean(axis=0)
-        # 3 px: noise of the corners of one tetrad; chosen by eye
-        if all(np.abs(centre - o.mean(axis=0)).max() > 3.0 for o in out):
+        if all(np.abs(centre - o.mean(axis=0)).max() > SAME_TETRAD_PX for o in out):
             out.append(q)
     return np.array(out).reshape(-1, 4, 2)
 

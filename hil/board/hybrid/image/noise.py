@@ -15,6 +15,9 @@ Array = np.ndarray
 # Mask of Immerkaer (1996), Fast noise variance estimation.
 IMMERKAER = np.array([[1, -2, 1], [-2, 4, -2], [1, -2, 1]], np.float32)
 
+# Euclidean norm of that mask, and standard deviation of normal noise over its median absolute value.
+MASK_NORM, MAD_TO_SIGMA = 6.0, 1.4826
+
 # Side of the tiles of a reduced image [px], and the share of them assumed flat in any image.
 TILE_PX, FLAT_SHARE = 16, 0.1
 
@@ -24,8 +27,10 @@ CLIPPED_RESPONSE = 0.58
 # Zeros in a 3 x 3 neighbourhood from which it counts as dark; mask response there; minimum share of dark pixels.
 MIN_ZEROS, DARK_RESPONSE, MIN_DARK_SHARE = 4, 0.512, 0.02
 
-# Minimum number of pixels well inside the scale.
+# Minimum number of pixels well inside the scale, and the means of nine pixels that are: distance above black [sigma
+# and share of full scale], and largest share of full scale. The native library has the same; hand-tuned.
 MIN_UNCLIPPED_PIXELS = 300
+UNCLIPPED_SIGMA, UNCLIPPED_SHARES = 4, (0.02, 0.85)
 
 # Quantile that bounds the darkest part of a reduced image, and its distance below that part's mean [sigma].
 DARK_QUANTILE, DARK_OFFSET_SIGMA = 0.01, 2.0
@@ -53,9 +58,9 @@ def noise_sigma(image: Array, full_scale: float) -> float:
     if min(image.shape) < 3:
         return 0.0
     middle, inside, bright = _mask_medians(image, step, full_scale)
-    overall = middle / 6.0 * 1.4826
+    overall = middle / MASK_NORM * MAD_TO_SIGMA
     if inside > MIN_UNCLIPPED_PIXELS:
-        overall = max(overall, bright / 6.0 * 1.4826)
+        overall = max(overall, bright / MASK_NORM * MAD_TO_SIGMA)
     elif overall > 0:
         overall /= CLIPPED_RESPONSE
     return overall
@@ -80,7 +85,7 @@ def coarse_noise(reduced: Array, reduction: int) -> float:
     mask = np.abs(cv2.filter2D(reduced, cv2.CV_32F, IMMERKAER)[1 : h + 1, 1 : w + 1])
     tiles = mask.reshape(h // TILE_PX, TILE_PX, w // TILE_PX, TILE_PX).transpose(0, 2, 1, 3)
     middles = np.median(tiles.reshape(-1, TILE_PX * TILE_PX), axis=1)
-    return float(np.quantile(middles, FLAT_SHARE)) / 6.0 * 1.4826 * reduction
+    return float(np.quantile(middles, FLAT_SHARE)) / MASK_NORM * MAD_TO_SIGMA * reduction
 
 
 def black_level(reduced: Array, noise: float) -> float:
@@ -124,9 +129,9 @@ def _mask_medians(image: Array, step: int, full_scale: float) -> Tuple[float, in
     total = a[:, 0] + a[:, 1] + a[:, 2]
     total = total[:, :-2] + total[:, 1:-1] + total[:, 2:]
     overall = integer_median(absolute)
-    # mean of the nine pixels 4 sigma and 2 % of full scale above black, and below 85 %: noise is clipped at neither
-    inside = total > 9 * (4 * (overall / 6.0 * 1.4826) + 0.02 * full_scale)
-    inside &= total < 9 * 0.85 * full_scale
+    low, high = UNCLIPPED_SHARES
+    inside = total > 9 * (UNCLIPPED_SIGMA * (overall / MASK_NORM * MAD_TO_SIGMA) + low * full_scale)
+    inside &= total < 9 * high * full_scale
     number = int(np.count_nonzero(inside))
     return overall, number, integer_median(absolute[inside]) if number else 0.0
 
@@ -150,7 +155,7 @@ def clipped_noise(image: Array) -> float:
     # for integers, the mean of the middle fifth is finer than the median
     n = len(lap)
     middle = np.partition(lap, (2 * n // 5, 3 * n // 5))[2 * n // 5 : 3 * n // 5 + 1]
-    return float(middle.mean()) * 1.4826 / DARK_RESPONSE
+    return float(middle.mean()) * MAD_TO_SIGMA / DARK_RESPONSE
 
 
 def _widen(a: Array) -> Array:

@@ -22,6 +22,10 @@ OPTICS_PX, LOCAL_PX = 1.0, 8.0
 # Number of the largest groups that are checked for saturation.
 MAX_SATURATED_GROUPS = 4
 
+# Least share of a face, and of its surroundings, in a pixel of the border that shows the blur, and least number of such
+# pixels; hand-tuned.
+MIN_BORDER_SHARE, MIN_BORDER_PIXELS = 0.02, 10
+
 # Candidates for a saturated face's brightness above full scale [full scales].
 EXCESS_CANDIDATES = np.array([0.0, 0.15, 0.35, 0.6, 1.0, 1.6, 2.4, 3.5])
 
@@ -134,9 +138,8 @@ def _saturated_excess(picture: Array, part: Array, patch: ImagePatch) -> float:
     """Return a saturated face's excess over full scale, estimated from the blur that it spreads over its border."""
     optics = OPTICS_PX / patch.factor
     base, part_share = blurred(picture, optics), blurred(part, optics)
-    # pixels with less than 2 % of the face or of its surroundings tell little of the blur
-    ring = (part_share > 0.02) & (part_share < 0.98)
-    if int(ring.sum()) < 10:
+    ring = (part_share > MIN_BORDER_SHARE) & (part_share < 1 - MIN_BORDER_SHARE)
+    if int(ring.sum()) < MIN_BORDER_PIXELS:
         return 0.0
     base, part_share, gray = base[ring], part_share[ring], patch.gray[ring]
     excess = EXCESS_CANDIDATES * patch.full_scale

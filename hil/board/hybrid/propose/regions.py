@@ -34,6 +34,13 @@ MIN_SEGMENT_PX = 8.0
 JOIN_PX = 31
 JOIN_SCALES_PX = (13, JOIN_PX, 7)
 
+# Shortest side of a region [px of the reduced image], least number of edges of a part that is merged with the main one,
+# and of edges in the image for which their share outside the main group is taken; hand-tuned.
+MIN_SIDE_PX, MIN_PART_EDGES, MIN_EDGES = 3, 4, 200
+
+# Side of a tile [px of the reduced image], and its least number of edges: two may be noise.
+TILE_PX, MIN_TILE_EDGES = 16, 3
+
 # Share of the edges on the target above which the background is empty space and the target fills the frame; hand-tuned.
 MIN_CRAFT_SHARE = 0.8
 
@@ -104,7 +111,7 @@ def propose_regions(
     def add(x0: float, y0: float, x1: float, y1: float, source: str) -> None:
         f = REDUCTION
         r = Region(x0 * f, y0 * f, (x1 + 1) * f - 1, (y1 + 1) * f - 1, source)
-        if min(x1 - x0, y1 - y0) < 3 or any(overlap(r[:4], o[:4]) > SAME_REGION for o in regions):
+        if min(x1 - x0, y1 - y0) < MIN_SIDE_PX or any(overlap(r[:4], o[:4]) > SAME_REGION for o in regions):
             return
         regions.append(r)
 
@@ -117,7 +124,7 @@ def propose_regions(
         diagonal = np.hypot(x1 - x0, y1 - y0)
         for g in groups[1:]:
             gap = max(g[0] - x1, x0 - g[2], g[1] - y1, y0 - g[3], 0)
-            if gap < MAX_GAP * diagonal and g[4] >= 4:
+            if gap < MAX_GAP * diagonal and g[4] >= MIN_PART_EDGES:
                 x0, y0, x1, y1 = min(x0, g[0]), min(y0, g[1]), max(x1, g[2]), max(y1, g[3])
         if busy < BUSY_SHARE:
             add(x0, y0, x1, y1, f"clusters-{join}")
@@ -205,7 +212,7 @@ def _craft_share(mask: Array, craft_probability: Array) -> float:
 
 def _share_outside(groups: List[Tuple[int, int, int, int, int]], total: int) -> float:
     """Return the share of ``total`` edges outside the main group; 0 for a few specks."""
-    if len(groups) < 2 or total < 200:
+    if len(groups) < 2 or total < MIN_EDGES:
         return 0.0
     x0, y0, x1, y1, count = groups[0]
     max_gap = MAX_GAP * float(np.hypot(x1 - x0, y1 - y0))
@@ -216,11 +223,12 @@ def _share_outside(groups: List[Tuple[int, int, int, int, int]], total: int) -> 
 
 
 def _busy_share(mask: Array) -> float:
-    """Return the share of 16 x 16 tiles of the frame with edges: small for black space, large for the Earth."""
+    """Return the share of tiles of the frame with edges: small for black space, large for the Earth."""
     h, w = mask.shape
-    th, tw = h // 16, w // 16
+    th, tw = h // TILE_PX, w // TILE_PX
     if not th or not tw:
         return 0.0
-    tiles = cv2.resize(mask[: th * 16, : tw * 16].astype(np.float32), (tw, th), interpolation=cv2.INTER_AREA)
-    # two edge pixels in a tile may be noise
-    return float((tiles > 3.0 / 256.0).mean())
+    tiles = cv2.resize(
+        mask[: th * TILE_PX, : tw * TILE_PX].astype(np.float32), (tw, th), interpolation=cv2.INTER_AREA
+    )
+    return float((tiles > MIN_TILE_EDGES / TILE_PX**2).mean())

@@ -31,6 +31,10 @@ SEGMENT_PX = 5.0
 # Cells processed at once.
 BLOCK_CELLS = 4096
 
+# Lengths that part short, medium and long segments, largest length that weighs, and neighbourhood in which segments
+# cross [cells]; the weights were trained with them.
+SHORT_CELLS, MAX_WEIGHT_CELLS, CROSSING_CELLS = (6, 14), 20.0, (11, 11)
+
 WEIGHTS = "saliency.npz"
 
 
@@ -159,13 +163,14 @@ def _segments(segments: Array, w: int, h: int) -> List[Array]:
     y = np.clip(np.rint(p[:, 1]).astype(int), 0, h - 1)
     size = length[segment]
     cell, cells = y * w + x, h * w
-    for k, part in enumerate((size < 6, (size >= 6) & (size < 14), size >= 14)):
+    short, long = SHORT_CELLS
+    for k, part in enumerate((size < short, (size >= short) & (size < long), size >= long)):
         out[k] += np.bincount(cell[part], minlength=cells).reshape(h, w)
-    weight = np.minimum(size, 20.0)
+    weight = np.minimum(size, MAX_WEIGHT_CELLS)
     u, v = d[segment, 0], d[segment, 1]
     moments = (weight, weight * (u * u - v * v), weight * 2 * u * v)
     total, out[3], out[4] = (np.bincount(cell, t, cells).reshape(h, w).astype(np.float32) for t in moments)
-    mean, c, s = (cv2.blur(v, (11, 11)) for v in (total, out[3], out[4]))
+    mean, c, s = (cv2.blur(v, CROSSING_CELLS) for v in (total, out[3], out[4]))
     return [*out[:3], mean - np.hypot(c, s)]
 
 

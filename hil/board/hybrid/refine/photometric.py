@@ -41,6 +41,9 @@ OVER_RELAXATION = 1.5
 # development frames have the median of the chi-square distribution.
 COVARIANCE_INFLATION = 150.0
 
+# Least number of pixels of a fit, five for each of its six parameters.
+MIN_ROWS = 30
+
 # Maximum number of groups of faces whose brightness is estimated with the pose: in general, and at the end (forty:
 # docs/lab/2026-11-estimator.md).
 JOINT_GROUPS, FINAL_JOINT_GROUPS = 16, 40
@@ -144,7 +147,7 @@ def photo_step(
     blurs = OPTICS_PX / patch.factor, blur, float(np.hypot(blur, OPTICS_PX / patch.factor))
     slack = (EDGE_ERROR_PX + EDGE_ERROR_PER_BLUR * blur) ** 2
     G, _, rows = _gram(shading, faces, patch, camera, R, t, blurs, noise, slack, BIWEIGHT_LIMIT**2, joint)
-    if rows < 30:
+    if rows < MIN_ROWS:
         return None
     H, g = projected(G)
     scale = parameter_scale(float(t[2]), radius_m)

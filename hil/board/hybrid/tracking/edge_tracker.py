@@ -37,6 +37,17 @@ STRENGTH_BONUS_PX = 0.04
 # Minimum strength of an edge [sigma of the noise].
 MIN_STRENGTH_SIGMA = 4.5
 
+# Polarity in earlier frames from which a reversed edge counts as another one, and the factor on its strength; largest
+# strength that earns the bonus [sigma]. Hand-tuned, as are the values below.
+REVERSED, REVERSED_FACTOR, MAX_BONUS_SIGMA = 0.4, 0.3, 40.0
+
+# Least standard deviation of the residuals [px of the reduced image], and limit of the biweight in standard deviations.
+# Its upper bound is three gates: at the start a share of a profile's half length, from there falling to a pixel.
+MIN_SPREAD_PX, BIWEIGHT_LIMIT, START_GATE, LIMIT_GATES = 0.4, 4.0, 0.35, 3.0
+
+# Shortest side of the image around the target [px].
+MIN_SIDE_PX = 16
+
 # Weight above which a sample counts as tracked; chosen by eye.
 MIN_WEIGHT = 0.2
 
@@ -239,7 +250,7 @@ def _edge_candidates(
     offset, strength = _peaks(profile, noise / factor)
     # a candidate of opposite polarity belongs to another edge
     sign = np.sign(strength)
-    strength = np.abs(strength) * np.where(sign * polarity[:, None] < -0.4, 0.3, 1.0)
+    strength = np.abs(strength) * np.where(sign * polarity[:, None] < -REVERSED, REVERSED_FACTOR, 1.0)
     return np.where(strength > MIN_STRENGTH_SIGMA, offset * factor, np.nan), strength, sign
 
 
@@ -259,15 +270,17 @@ def _weighted_residuals(gaps: Array, strength: Array, factor: int, k: int) -> Tu
     """
     # the nearest edge is preferred, unless it is faint and a clear one is little farther away
     cost = np.where(
-        np.isfinite(gaps), np.abs(gaps) / factor - STRENGTH_BONUS_PX * np.minimum(strength, 40.0), 1e9
+        np.isfinite(gaps),
+        np.abs(gaps) / factor - STRENGTH_BONUS_PX * np.minimum(strength, MAX_BONUS_SIGMA),
+        1e9,
     )
     choice = cost.argmin(axis=1)
     r = gaps[np.arange(len(gaps)), choice]
     ok = np.isfinite(r)
     r = np.where(ok, r, 0.0)
-    spread = max(0.4 * factor, 1.4826 * float(np.median(np.abs(r[ok]))) if ok.any() else factor)
-    gate = 0.35 * HALF_PROFILE_PX * factor
-    limit = min(4.0 * spread, max(gate * (1.0 - k / ITERATIONS) * 3.0, 3.0 * factor))
+    spread = max(MIN_SPREAD_PX * factor, 1.4826 * float(np.median(np.abs(r[ok]))) if ok.any() else factor)
+    gate = max(START_GATE * HALF_PROFILE_PX * factor * (1.0 - k / ITERATIONS), factor)
+    limit = min(BIWEIGHT_LIMIT * spread, LIMIT_GATES * gate)
     return r, ok * tukey(r, limit), choice
 
 
@@ -275,7 +288,7 @@ def _crop(image: Array, pixels: Array, margin: float) -> "Optional[Tuple[Array, 
     h, w = image.shape
     x0, y0 = (int(v) for v in np.clip(pixels.min(axis=0) - margin, 0, [w, h]))
     x1, y1 = (int(v) for v in np.clip(pixels.max(axis=0) + margin + 2, 0, [w, h]))
-    if min(x1 - x0, y1 - y0) < 16:
+    if min(x1 - x0, y1 - y0) < MIN_SIDE_PX:
         return None
     return image[y0:y1, x0:x1], x0, y0
 
