@@ -7,6 +7,7 @@ import re
 import shlex
 from copy import deepcopy
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
@@ -16,7 +17,7 @@ from flyaround.gui.jobs.scenario_opening import ScenarioOpener
 from flyaround.gui.operator_state import HandControl, Help, WindowRequests
 from flyaround.gui.picture.settings_history import SettingsHistory
 from flyaround.gui.picture.view_settings import exposure_text
-from flyaround.gui.questions import acts_on_chaser, flight_text, question_before
+from flyaround.gui.questions import FLOWN, acts_on_chaser, flight_text, question_before
 from flyaround.gui.scenario_draft import ScenarioDraft
 from flyaround.gui.script import CommandLog, Line, Player, Script
 from flyaround.simulator.errors import UserError
@@ -65,6 +66,8 @@ class Message:
     """Command that was refused or failed."""
     blocked: Path | None = None
     """File or folder that cannot be written."""
+    over: Callable[[], bool] | None = None
+    """Function that returns True once the cause of a caution has ended."""
 
 
 @dataclass(eq=False)
@@ -231,14 +234,21 @@ class Console:
             self._note(Line(self.clock_ms, "do", name, values))
             before = deepcopy(self.options)
             command.call(self, values)
-            self.acknowledge([m for m in self.waiting if m.of == name])
+            self.acknowledge([m for m in self.waiting if self._settles(command, m)])
             self._note_flown(name)
             if command.group != "settings":
+                self.options.guard = self.session.craft.steering.guard
                 self.history.note(name, before, self.options, self.clock_ms, self._change(command, values))
         except (UserError, OSError) as error:
             # the flight continues, whatever happens in a command
             return str(error)
         return ""
+
+    def _settles(self, command: Command, message: Message) -> bool:
+        """Return True if a command that was carried out ends a caution: its own, of flying, or of a wrong name."""
+        of = message.of
+        flown = command.group in FLOWN and of.partition(".")[0] in FLOWN
+        return bool(of) and (of == command.name or flown or of not in self.table)
 
     def _change(self, command: Command, values: Sequence[Value]) -> str:
         """Return a change of the settings in words, with the exposure as a time."""
@@ -254,7 +264,9 @@ class Console:
         try:
             self.log.add(line)
         except OSError as error:
-            self.say(f"the log file can no longer be written: {error.strerror}", "warning")
+            text = f"the log file can no longer be written: {error.strerror}"
+            # it stays closed
+            self.say(text, "warning", over=lambda: False)
 
     def _asks(self, command: Command, values: tuple[Value, ...]) -> bool:
         """Ask before a command drops or leaves a flight; return True if the command must wait."""
@@ -287,7 +299,7 @@ class Console:
         try:
             name, *words = shlex.split(line)
         except ValueError:
-            self.say(f"unknown command: {line[:120]}; F1 lists the commands", "caution")
+            self.say(f"unknown command: {line[:120]}; F1 lists the commands", "caution", line)
             return
         self.do(name, *words)
 
@@ -368,22 +380,22 @@ class Console:
         self.jobs.update(self.session, self.feed.newest, self.clock_ms)
 
     def _advance(self, t_ms: int) -> None:
-        jumped, before = self.session.clock.jump, self.session.state
+        before = self.session.state
         try:
             state = self.session.step(self.hand.command(), (t_ms - self.clock_ms) / 1000)
         except UserError as error:
             # for example an orbit that reaches the ground: the flown part can still be replayed
-            self.session.clock.paused = True
-            self.say(f"the flight is paused: {error}", "warning")
+            session = self.session
+            session.clock.paused = True
+            self.say(f"the flight is paused: {error}", "warning", over=lambda: not session.clock.paused)
         else:
             pulsed = not state.doing and state.propellant != before.propellant
             pushed = pulsed or self.session.craft.steering.takes_over
             self.hand.flown |= pushed and state.t_s > before.t_s
             for level, text in state.news:
                 self.say(text, level)
-            if jumped and not self.session.clock.jump:
-                self.say(f"the jump has ended at T+{state.t_s:.1f} s, at 1x")
-        over = [m for m in self.waiting if self.session.is_over(m.text)]
+        self.options.guard = self.session.craft.steering.guard
+        over = [m for m in self.waiting if (m.over or partial(self.session.is_over, m.text))()]
         if t_ms // 1000 != self.clock_ms // 1000:
             over += [m for m in self.waiting if m.blocked and not probe_writing(m.blocked)]
         self.clock_ms = t_ms
@@ -394,7 +406,7 @@ class Console:
         try:
             session = self.opener.take()
         except UserError as error:
-            self.say(str(error), "caution")
+            self.say(str(error), "caution", "scenario.open")
             if self.opener.scenario is self.draft.flown:
                 self.draft.problem = str(error)
             return
@@ -420,7 +432,7 @@ class Console:
         recorder = self.session.look_back.recorder
         if recorder is not None:
             self.session.look_back.recorder = None
-            self.say("the recording ends with the scenario that was flown", "caution")
+            self.say("the recording ends with the scenario that was flown", "caution", "scenario.open")
         left = [f for f in self.former if f[0] in self.unsaved and f[0] is not session]
         self.former = [*left, (self.session, self.source)]
         self.session, self.source = session, source
@@ -449,12 +461,26 @@ class Console:
         except (UserError, OSError) as error:
             self.say(f"not saved: {error}", "caution", command)
 
-    def say(self, text: str, level: Level = "note", of: str = "") -> None:
-        """Show a message, of a command if it was refused; an immediate repetition, and an empty text, are dropped."""
+    def say(
+        self, text: str, level: Level = "note", of: str = "", over: Callable[[], bool] | None = None
+    ) -> None:
+        """Show a message; an immediate repetition, and an empty text, are dropped.
+
+        Parameters
+        ----------
+        text : str
+            Message.
+        level : str, optional
+            A caution or warning stays until it is seen, or until its cause has ended.
+        of : str, optional
+            Command that was refused or failed; the caution ends when it is carried out.
+        over : callable, optional
+            Function that returns True once the cause of a caution has ended; by default `FlightSession.is_over`.
+        """
         newest = self.messages[-1] if self.messages else None
         if not text or (newest is not None and newest.text == text and not newest.acknowledged):
             return
-        message = Message(self.clock_ms, level, text, of=of)
+        message = Message(self.clock_ms, level, text, of=of, over=over)
         if level == "caution" and (found := UNWRITABLE.search(text)):
             path = Path(found[1] or found[2])
             message.blocked = path if probe_writing(path) else None

@@ -19,6 +19,8 @@ NEW_FLIGHT = frozenset({"scenario.open", "scenario.target", "scenario.fly", "lig
 """Commands that begin another flight."""
 SWAP_BACK = "Timeline, Swap future brings back the part dropped last."
 GO_BACK = "File, Previous flight and Kept flights return to it, until you quit."
+LIFTS = "Lift the keep-out sphere? Nothing then keeps the chaser from hitting the target."
+KEEPS_OUT = "The same list, in Docking, brings it back; until then the bottom line says that it is lifted."
 
 
 @dataclass(frozen=True)
@@ -93,13 +95,15 @@ def question_before(
     if name == "time.restart" and unsaved:
         text = f"Restart? T{flight_text(session)[1:]} is not kept."
         return Question(command, values, text, SWAP_BACK, "Restart")
+    lifts = name == "docking.keep-out" and values == ("lifted",) and session.craft.steering.sphere is not None
     # an abort acts on the present, and a stick that is let go on nothing
     flies = acts_on_chaser(name) and name != "docking.abort"
     flies &= any(values) or not name.startswith("steer.stick-")
     flies |= name.startswith("time.next-") or (name == "timeline.fly-on" and unsaved)
     if not flies or not drops_future(session):
-        return None
+        return Question(command, values, LIFTS, KEEPS_OUT, "Lift it") if lifts else None
     flown = time_text(session.look_back.timeline.end_s - session.t_s)
     text = f"Fly on from T+{duration_text(int(session.t_s))}? The {flown} flown after it are dropped."
     first = "" if name == "timeline.fly-on" else "timeline.fly-on"
+    text = f"{text} {LIFTS}" if lifts else text
     return Question(command, values, text, SWAP_BACK, "Fly on", first)

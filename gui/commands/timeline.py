@@ -50,7 +50,9 @@ def _end(console: Console) -> None:
 def _fly_on(console: Console) -> None:
     session = console.session
     if not session.look_back.active:
-        raise UserError("this is the end of what was flown: Space flies on")
+        # at the end there is nothing to leave
+        session.clock.paused = False
+        return
     session.look_back.fly_on()
     session.clock.slow_down()
     console.say(f"flies on from {clock(session.t_s)}; Swap future brings the other future back")

@@ -85,7 +85,7 @@ class Jobs:
         """
         self._update_estimates(picture)
         for note in self.hil.update(session):
-            self.say(note.text, "caution" if note.warning else "note")
+            self.say(note.text, "caution" if note.warning else "note", "hil.start")
         if (outcome := self.capture.update()) is not None:
             expected = outcome.startswith(("captured", "the capture was stopped"))
             self.say(outcome, "note" if expected else "caution", "capture.start")
@@ -107,7 +107,7 @@ class Jobs:
                     f"{1e3 * (first.E_T_m or 0.0):.0f} mm off at {first.range_m:.1f} m"
                 )
         for trouble in estimates.take_troubles():
-            self.say(trouble, "caution")
+            self.say(trouble, "caution", "estimator.run")
 
     def _update_film(self, film: Film, picture: Picture, t_ms: int) -> None:
         if film.trouble is not None:
@@ -124,7 +124,7 @@ class Jobs:
             return
         target, self.mesh = self.mesh.name, None
         if mistake:
-            self.say(f"{target} was not imported: {mistake}", "caution")
+            self.say(f"{target} was not imported: {mistake}", "caution", "file.open")
         else:
             self.do("scenario.target", target)
 
@@ -159,9 +159,11 @@ class RunningJob:
     silent: bool = False
 
 
-def running_jobs(jobs: Jobs, opening: str = "") -> list[RunningJob]:
-    """Return the running jobs, ``opening`` a scenario among them."""
-    rows = [RunningJob(f"opening {opening}", silent=True)] if opening else []
+def running_jobs(jobs: Jobs, opening: str = "", flight: FlightSession | None = None) -> list[RunningJob]:
+    """Return the running jobs, among them ``opening`` a scenario, and a jump of the flight."""
+    rows = [RunningJob(f"opening {opening}", None, "scenario.open-stop", silent=True)] if opening else []
+    if flight is not None and flight.clock.jump:
+        rows.append(RunningJob(f"jump, to {flight.jump_text}", flight.jump_share, "time.jump-end"))
     if jobs.estimates.on:
         rows.append(RunningJob(f"{jobs.estimates.method} {jobs.estimates.doing}", None, "estimator.run"))
     capture = jobs.capture
@@ -175,7 +177,7 @@ def running_jobs(jobs: Jobs, opening: str = "") -> list[RunningJob]:
         text = f"board: {jobs.hil.state}, {jobs.hil.sent} sent"
         rows.append(RunningJob(text, None, "hil.stop", silent=jobs.hil.sent == 0))
     if jobs.mesh is not None:
-        rows.append(RunningJob(f"importing {jobs.mesh.name}", silent=True))
+        rows.append(RunningJob(f"importing {jobs.mesh.name}", None, "file.open-stop", silent=True))
     for keep in jobs.keeping[:1]:
         text = f"writing the flight, {keep.files.share:.0%}{left_text(keep.left_s)}"
         rows.append(RunningJob(text, keep.files.share, "timeline.keep-stop"))
