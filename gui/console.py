@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 import re
 import shlex
+import time
 from copy import deepcopy
 from dataclasses import dataclass, field
 from functools import partial
@@ -20,6 +21,7 @@ from flyaround.gui.picture.view_settings import exposure_text
 from flyaround.gui.questions import FLOWN, acts_on_chaser, flight_text, question_before
 from flyaround.gui.scenario_draft import ScenarioDraft
 from flyaround.gui.script import CommandLog, Line, Player, Script
+from flyaround.gui.texts import time_text
 from flyaround.simulator.errors import UserError
 from flyaround.simulator.piloting.control_laws import SWITCHES
 from flyaround.simulator.piloting.telemetry import telemetry_of
@@ -40,6 +42,8 @@ if TYPE_CHECKING:
 log = logging.getLogger(__name__)
 
 Level = Literal["note", "caution", "warning"]
+CLOCK = "%H:%M:%S"
+LEAST_LOST_S = 1.0  # time flown after a flight was kept that is named
 KEPT_MESSAGES, KEPT_RECENT = 500, 6  # numbers of messages and of recent scenarios that are kept
 UNARMED = "keys, mouse and gamepad do not fly: arm hand control first (Ctrl+H or Insert)"
 STEERING = frozenset(f"steer.{switch}" for switch in SWITCHES)
@@ -56,12 +60,14 @@ UNWRITABLE = re.compile(r"cannot write (?:the film )?(.+?): |\[Errno \d+\] .+?: 
 class Message:
     """A message; cautions and warnings stay until they are acknowledged, or until their cause ends."""
 
-    t_ms: int
+    t_s: float
+    """Simulated time of the flight."""
     level: Level
     text: str
     acknowledged: bool = False
-    acknowledged_ms: int | None = None
-    """Time of the acknowledgement, or None."""
+    at: str = field(default_factory=partial(time.strftime, CLOCK))
+    until: str = ""
+    """Times of day of the message, and of its acknowledgement or of the end of its cause."""
     of: str = ""
     """Command that was refused or failed."""
     blocked: Path | None = None
@@ -119,7 +125,9 @@ class Console:
     flights : list of str, optional
         Absolute paths of the replays of kept flights.
     unsaved : list of FlightSession, optional
-        Flights that the operator flew and that are in no file.
+        Flights that the operator flew and that are in no file, or flew on since.
+    kept : dict of FlightSession to float, optional
+        Time until which the file of a kept flight is the flight [s].
     history : SettingsHistory, optional
         Settings to undo and redo.
     held : frozenset of str, optional
@@ -158,6 +166,7 @@ class Console:
     recent: list[str] = field(default_factory=list)
     flights: list[str] = field(default_factory=list)
     unsaved: list[FlightSession] = field(default_factory=list)
+    kept: dict[FlightSession, float] = field(default_factory=dict)
     history: SettingsHistory = field(default_factory=SettingsHistory)
     held: frozenset[str] = frozenset()
     hand: HandControl = field(default_factory=HandControl)
@@ -183,8 +192,26 @@ class Console:
     def losses(self) -> list[str]:
         """The jobs that quitting ends and the unsaved work that it discards, one sentence each."""
         jobs = [f"{job.text}: ends" for job in running_jobs(self.jobs) if job.end != "estimator.run"]
-        flights = [f"{flight_text(flight)} is not kept" for flight in self.unsaved]
+        flights = [f"{flight_text(flight)} {self.lost_text(flight)}" for flight in self.unsaved]
         return jobs + flights + [f"the text of {self.draft.name} is not saved"] * self.draft.changed
+
+    def lost_text(self, flight: FlightSession) -> str:
+        """Return how much of a flight is in no file, as a predicate; empty if nothing is lost."""
+        if flight not in self.unsaved:
+            return ""
+        if flight not in self.kept:
+            return "is not kept"
+        since_s = max(flight.look_back.timeline.end_s, flight.t_s) - self.kept[flight]
+        return f"has {time_text(since_s)} flown since its file was written"
+
+    def _note_flown_on(self, from_s: float) -> None:
+        """Count a kept flight as unsaved again once it has flown on, from a time on."""
+        flight = self.session
+        if flight not in self.kept or flight.look_back.active or flight.craft.steered is None:
+            return
+        self.kept[flight] = kept_s = min(self.kept[flight], from_s)
+        if flight.t_s > kept_s + LEAST_LOST_S and flight not in self.unsaved:
+            self.unsaved.append(flight)
 
     @property
     def telemetry(self) -> Telemetry:
@@ -270,8 +297,8 @@ class Console:
 
     def _asks(self, command: Command, values: tuple[Value, ...]) -> bool:
         """Ask before a command drops or leaves a flight; return True if the command must wait."""
-        unsaved = self.session in self.unsaved
-        question = question_before(self.session, command, values, self.draft.name, unsaved=unsaved)
+        lost = self.lost_text(self.session)
+        question = question_before(self.session, command, values, self.draft.name, lost)
         if question is None:
             return False
         self.asked = question
@@ -394,6 +421,7 @@ class Console:
             self.hand.flown |= pushed and state.t_s > before.t_s
             for level, text in state.news:
                 self.say(text, level)
+        self._note_flown_on(before.t_s)
         self.options.guard = self.session.craft.steering.guard
         over = [m for m in self.waiting if (m.over or partial(self.session.is_over, m.text))()]
         if t_ms // 1000 != self.clock_ms // 1000:
@@ -480,7 +508,7 @@ class Console:
         newest = self.messages[-1] if self.messages else None
         if not text or (newest is not None and newest.text == text and not newest.acknowledged):
             return
-        message = Message(self.clock_ms, level, text, of=of, over=over)
+        message = Message(self.session.t_s, level, text, of=of, over=over)
         if level == "caution" and (found := UNWRITABLE.search(text)):
             path = Path(found[1] or found[2])
             message.blocked = path if probe_writing(path) else None
@@ -495,7 +523,7 @@ class Console:
     def acknowledge(self, messages: Sequence[Message] | None = None) -> None:
         """Acknowledge cautions and warnings: those whose cause has ended, or by default all."""
         for message in self.waiting if messages is None else messages:
-            message.acknowledged, message.acknowledged_ms = True, self.clock_ms
+            message.acknowledged, message.until = True, time.strftime(CLOCK)
 
     @property
     def preparing(self) -> str:

@@ -68,7 +68,7 @@ def drops_future(session: FlightSession) -> bool:
 
 
 def question_before(
-    session: FlightSession, command: Command, values: tuple[Value, ...], edited: str, *, unsaved: bool
+    session: FlightSession, command: Command, values: tuple[Value, ...], edited: str, lost: str
 ) -> Question | None:
     """Return the question before a command that drops or leaves a flight; None if nothing is lost.
 
@@ -82,24 +82,24 @@ def question_before(
         Its arguments.
     edited : str
         Name of the scenario whose text is edited.
-    unsaved : bool
-        True if the flight was flown by hand and is in no file.
+    lost : str
+        How much of the flight is in no file, as a predicate; empty if nothing is lost.
     """
     name = command.name
-    if name in NEW_FLIGHT and (unsaved or session.look_back.recorder is not None):
+    if name in NEW_FLIGHT and (lost or session.look_back.recorder is not None):
         what = {"scenario.fly": edited}.get(name, str(values[0]) if values else "these lights")
-        text = f"Leave {flight_text(session)} for {what}? It is not kept."
-        if not unsaved:
+        text = f"Leave {flight_text(session)} for {what}? It {lost}."
+        if not lost:
             text = f"Leave {flight_text(session)} for {what}? Its recording ends."
         return Question(command, values, text, GO_BACK, "Fly it")
-    if name == "time.restart" and unsaved:
-        text = f"Restart? T{flight_text(session)[1:]} is not kept."
+    if name == "time.restart" and lost:
+        text = f"Restart? T{flight_text(session)[1:]} {lost}."
         return Question(command, values, text, SWAP_BACK, "Restart")
     lifts = name == "docking.keep-out" and values == ("lifted",) and session.craft.steering.sphere is not None
     # an abort acts on the present, and a stick that is let go on nothing
     flies = acts_on_chaser(name) and name != "docking.abort"
     flies &= any(values) or not name.startswith("steer.stick-")
-    flies |= name.startswith("time.next-") or (name == "timeline.fly-on" and unsaved)
+    flies |= name.startswith("time.next-") or (name == "timeline.fly-on" and bool(lost))
     if not flies or not drops_future(session):
         return Question(command, values, LIFTS, KEEPS_OUT, "Lift it") if lifts else None
     flown = time_text(session.look_back.timeline.end_s - session.t_s)

@@ -121,6 +121,7 @@ class Keeping:
         self.files.cancel()
         if self.session.look_back.recorder is None and self.session not in self.console.unsaved:
             self.console.unsaved.append(self.session)
+            self.console.kept.pop(self.session, None)
 
 
 def _stop_keeping(console: Console) -> None:
@@ -149,6 +150,7 @@ def keep_flight(
     seen = scenario_as_seen(scenario, console.options.settings) if as_seen else None
     files = FlownFiles(session, where, seen)
     console.jobs.keeping.append(Keeping(console, session, files, then))
+    console.kept[session] = session.look_back.timeline.end_s
     console.unsaved = [flight for flight in console.unsaved if flight is not session]
 
 
