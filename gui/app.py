@@ -17,7 +17,7 @@ from flyaround.gui.console import LONGEST_TICK_MS, Console
 from flyaround.gui.gamepad import Gamepad
 from flyaround.gui.jobs.program import new_path
 from flyaround.gui.layout import Layout, layout_file, panel_commands, read_layout
-from flyaround.gui.picture.feed import Feed
+from flyaround.gui.picture.feed import Feed, Picture
 from flyaround.gui.picture.further import CAMERA_SHARE, LaterFrames, further_feeds
 from flyaround.gui.picture.turns import Turns
 from flyaround.gui.picture.view_settings import Options, ViewSettings
@@ -399,13 +399,11 @@ class ConsoleLoop:
     def _report_failures(self) -> None:
         """Report failures of pictures, each once; the flight continues."""
         recorder = self._console.session.look_back.recorder
-        for trouble in (
-            self._console.feed.take_trouble(),
-            *(feed.take_trouble() for feed in self._console.feeds.values()),
-            None if recorder is None else recorder.take_trouble(),
-        ):
-            if trouble is not None:
-                self._console.say(trouble, "warning")
+        for feed in (self._console.feed, *self._console.feeds.values()):
+            if (trouble := feed.take_trouble()) is not None:
+                self._console.say(trouble, "warning", over=partial(_has_newer, feed, feed.newest))
+        if recorder is not None and (trouble := recorder.take_trouble()) is not None:
+            self._console.say(trouble, "warning", over=lambda: recorder.trouble is None)
 
     def _last_state(self) -> dict[str, Any]:
         console = self._console
@@ -436,6 +434,10 @@ class ConsoleLoop:
             "window_per_s": round(console.window_hz, 1),
             "window_gl": console.window_gl,
         }
+
+
+def _has_newer(feed: Feed, picture: Picture | None) -> bool:
+    return feed.newest is not picture
 
 
 def _check_screenshot(path: Path | None) -> None:

@@ -5,8 +5,10 @@ from __future__ import annotations
 import logging
 import re
 import shlex
+import time
 from copy import deepcopy
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
@@ -16,9 +18,10 @@ from flyaround.gui.jobs.scenario_opening import ScenarioOpener
 from flyaround.gui.operator_state import HandControl, Help, WindowRequests
 from flyaround.gui.picture.settings_history import SettingsHistory
 from flyaround.gui.picture.view_settings import exposure_text
-from flyaround.gui.questions import acts_on_chaser, flight_text, question_before
+from flyaround.gui.questions import FLOWN, acts_on_chaser, flight_text, question_before
 from flyaround.gui.scenario_draft import ScenarioDraft
 from flyaround.gui.script import CommandLog, Line, Player, Script
+from flyaround.gui.texts import time_text
 from flyaround.simulator.errors import UserError
 from flyaround.simulator.piloting.control_laws import SWITCHES
 from flyaround.simulator.piloting.telemetry import telemetry_of
@@ -39,6 +42,8 @@ if TYPE_CHECKING:
 log = logging.getLogger(__name__)
 
 Level = Literal["note", "caution", "warning"]
+CLOCK = "%H:%M:%S"
+LEAST_LOST_S = 1.0  # time flown after a flight was kept that is named
 KEPT_MESSAGES, KEPT_RECENT = 500, 6  # numbers of messages and of recent scenarios that are kept
 UNARMED = "keys, mouse and gamepad do not fly: arm hand control first (Ctrl+H or Insert)"
 STEERING = frozenset(f"steer.{switch}" for switch in SWITCHES)
@@ -55,16 +60,20 @@ UNWRITABLE = re.compile(r"cannot write (?:the film )?(.+?): |\[Errno \d+\] .+?: 
 class Message:
     """A message; cautions and warnings stay until they are acknowledged, or until their cause ends."""
 
-    t_ms: int
+    t_s: float
+    """Simulated time of the flight."""
     level: Level
     text: str
     acknowledged: bool = False
-    acknowledged_ms: int | None = None
-    """Time of the acknowledgement, or None."""
+    at: str = field(default_factory=partial(time.strftime, CLOCK))
+    until: str = ""
+    """Times of day of the message, and of its acknowledgement or of the end of its cause."""
     of: str = ""
     """Command that was refused or failed."""
     blocked: Path | None = None
     """File or folder that cannot be written."""
+    over: Callable[[], bool] | None = None
+    """Function that returns True once the cause of a caution has ended."""
 
 
 @dataclass(eq=False)
@@ -116,7 +125,9 @@ class Console:
     flights : list of str, optional
         Absolute paths of the replays of kept flights.
     unsaved : list of FlightSession, optional
-        Flights that the operator flew and that are in no file.
+        Flights that the operator flew and that are in no file, or flew on since.
+    kept : dict of FlightSession to float, optional
+        Time until which the file of a kept flight is the flight [s].
     history : SettingsHistory, optional
         Settings to undo and redo.
     held : frozenset of str, optional
@@ -155,6 +166,7 @@ class Console:
     recent: list[str] = field(default_factory=list)
     flights: list[str] = field(default_factory=list)
     unsaved: list[FlightSession] = field(default_factory=list)
+    kept: dict[FlightSession, float] = field(default_factory=dict)
     history: SettingsHistory = field(default_factory=SettingsHistory)
     held: frozenset[str] = frozenset()
     hand: HandControl = field(default_factory=HandControl)
@@ -180,8 +192,26 @@ class Console:
     def losses(self) -> list[str]:
         """The jobs that quitting ends and the unsaved work that it discards, one sentence each."""
         jobs = [f"{job.text}: ends" for job in running_jobs(self.jobs) if job.end != "estimator.run"]
-        flights = [f"{flight_text(flight)} is not kept" for flight in self.unsaved]
+        flights = [f"{flight_text(flight)} {self.lost_text(flight)}" for flight in self.unsaved]
         return jobs + flights + [f"the text of {self.draft.name} is not saved"] * self.draft.changed
+
+    def lost_text(self, flight: FlightSession) -> str:
+        """Return how much of a flight is in no file, as a predicate; empty if nothing is lost."""
+        if flight not in self.unsaved:
+            return ""
+        if flight not in self.kept:
+            return "is not kept"
+        since_s = max(flight.look_back.timeline.end_s, flight.t_s) - self.kept[flight]
+        return f"has {time_text(since_s)} flown since its file was written"
+
+    def _note_flown_on(self, from_s: float) -> None:
+        """Count a kept flight as unsaved again once it has flown on, from a time on."""
+        flight = self.session
+        if flight not in self.kept or flight.look_back.active or flight.craft.steered is None:
+            return
+        self.kept[flight] = kept_s = min(self.kept[flight], from_s)
+        if flight.t_s > kept_s + LEAST_LOST_S and flight not in self.unsaved:
+            self.unsaved.append(flight)
 
     @property
     def telemetry(self) -> Telemetry:
@@ -231,14 +261,21 @@ class Console:
             self._note(Line(self.clock_ms, "do", name, values))
             before = deepcopy(self.options)
             command.call(self, values)
-            self.acknowledge([m for m in self.waiting if m.of == name])
+            self.acknowledge([m for m in self.waiting if self._settles(command, m)])
             self._note_flown(name)
             if command.group != "settings":
+                self.options.guard = self.session.craft.steering.guard
                 self.history.note(name, before, self.options, self.clock_ms, self._change(command, values))
         except (UserError, OSError) as error:
             # the flight continues, whatever happens in a command
             return str(error)
         return ""
+
+    def _settles(self, command: Command, message: Message) -> bool:
+        """Return True if a command that was carried out ends a caution: its own, of flying, or of a wrong name."""
+        of = message.of
+        flown = command.group in FLOWN and of.partition(".")[0] in FLOWN
+        return bool(of) and (of == command.name or flown or of not in self.table)
 
     def _change(self, command: Command, values: Sequence[Value]) -> str:
         """Return a change of the settings in words, with the exposure as a time."""
@@ -254,12 +291,14 @@ class Console:
         try:
             self.log.add(line)
         except OSError as error:
-            self.say(f"the log file can no longer be written: {error.strerror}", "warning")
+            text = f"the log file can no longer be written: {error.strerror}"
+            # it stays closed
+            self.say(text, "warning", over=lambda: False)
 
     def _asks(self, command: Command, values: tuple[Value, ...]) -> bool:
         """Ask before a command drops or leaves a flight; return True if the command must wait."""
-        unsaved = self.session in self.unsaved
-        question = question_before(self.session, command, values, self.draft.name, unsaved=unsaved)
+        lost = self.lost_text(self.session)
+        question = question_before(self.session, command, values, self.draft.name, lost)
         if question is None:
             return False
         self.asked = question
@@ -287,7 +326,7 @@ class Console:
         try:
             name, *words = shlex.split(line)
         except ValueError:
-            self.say(f"unknown command: {line[:120]}; F1 lists the commands", "caution")
+            self.say(f"unknown command: {line[:120]}; F1 lists the commands", "caution", line)
             return
         self.do(name, *words)
 
@@ -368,22 +407,23 @@ class Console:
         self.jobs.update(self.session, self.feed.newest, self.clock_ms)
 
     def _advance(self, t_ms: int) -> None:
-        jumped, before = self.session.clock.jump, self.session.state
+        before = self.session.state
         try:
             state = self.session.step(self.hand.command(), (t_ms - self.clock_ms) / 1000)
         except UserError as error:
             # for example an orbit that reaches the ground: the flown part can still be replayed
-            self.session.clock.paused = True
-            self.say(f"the flight is paused: {error}", "warning")
+            session = self.session
+            session.clock.paused = True
+            self.say(f"the flight is paused: {error}", "warning", over=lambda: not session.clock.paused)
         else:
             pulsed = not state.doing and state.propellant != before.propellant
             pushed = pulsed or self.session.craft.steering.takes_over
             self.hand.flown |= pushed and state.t_s > before.t_s
             for level, text in state.news:
                 self.say(text, level)
-            if jumped and not self.session.clock.jump:
-                self.say(f"the jump has ended at T+{state.t_s:.1f} s, at 1x")
-        over = [m for m in self.waiting if self.session.is_over(m.text)]
+        self._note_flown_on(before.t_s)
+        self.options.guard = self.session.craft.steering.guard
+        over = [m for m in self.waiting if (m.over or partial(self.session.is_over, m.text))()]
         if t_ms // 1000 != self.clock_ms // 1000:
             over += [m for m in self.waiting if m.blocked and not probe_writing(m.blocked)]
         self.clock_ms = t_ms
@@ -394,7 +434,7 @@ class Console:
         try:
             session = self.opener.take()
         except UserError as error:
-            self.say(str(error), "caution")
+            self.say(str(error), "caution", "scenario.open")
             if self.opener.scenario is self.draft.flown:
                 self.draft.problem = str(error)
             return
@@ -420,7 +460,7 @@ class Console:
         recorder = self.session.look_back.recorder
         if recorder is not None:
             self.session.look_back.recorder = None
-            self.say("the recording ends with the scenario that was flown", "caution")
+            self.say("the recording ends with the scenario that was flown", "caution", "scenario.open")
         left = [f for f in self.former if f[0] in self.unsaved and f[0] is not session]
         self.former = [*left, (self.session, self.source)]
         self.session, self.source = session, source
@@ -449,12 +489,26 @@ class Console:
         except (UserError, OSError) as error:
             self.say(f"not saved: {error}", "caution", command)
 
-    def say(self, text: str, level: Level = "note", of: str = "") -> None:
-        """Show a message, of a command if it was refused; an immediate repetition, and an empty text, are dropped."""
+    def say(
+        self, text: str, level: Level = "note", of: str = "", over: Callable[[], bool] | None = None
+    ) -> None:
+        """Show a message; an immediate repetition, and an empty text, are dropped.
+
+        Parameters
+        ----------
+        text : str
+            Message.
+        level : str, optional
+            A caution or warning stays until it is seen, or until its cause has ended.
+        of : str, optional
+            Command that was refused or failed; the caution ends when it is carried out.
+        over : callable, optional
+            Function that returns True once the cause of a caution has ended; by default `FlightSession.is_over`.
+        """
         newest = self.messages[-1] if self.messages else None
         if not text or (newest is not None and newest.text == text and not newest.acknowledged):
             return
-        message = Message(self.clock_ms, level, text, of=of)
+        message = Message(self.session.t_s, level, text, of=of, over=over)
         if level == "caution" and (found := UNWRITABLE.search(text)):
             path = Path(found[1] or found[2])
             message.blocked = path if probe_writing(path) else None
@@ -469,7 +523,7 @@ class Console:
     def acknowledge(self, messages: Sequence[Message] | None = None) -> None:
         """Acknowledge cautions and warnings: those whose cause has ended, or by default all."""
         for message in self.waiting if messages is None else messages:
-            message.acknowledged, message.acknowledged_ms = True, self.clock_ms
+            message.acknowledged, message.until = True, time.strftime(CLOCK)
 
     @property
     def preparing(self) -> str:

@@ -19,6 +19,8 @@ NEW_FLIGHT = frozenset({"scenario.open", "scenario.target", "scenario.fly", "lig
 """Commands that begin another flight."""
 SWAP_BACK = "Timeline, Swap future brings back the part dropped last."
 GO_BACK = "File, Previous flight and Kept flights return to it, until you quit."
+LIFTS = "Lift the keep-out sphere? Nothing then keeps the chaser from hitting the target."
+KEEPS_OUT = "The same list, in Docking, brings it back; until then the bottom line says that it is lifted."
 
 
 @dataclass(frozen=True)
@@ -66,7 +68,7 @@ def drops_future(session: FlightSession) -> bool:
 
 
 def question_before(
-    session: FlightSession, command: Command, values: tuple[Value, ...], edited: str, *, unsaved: bool
+    session: FlightSession, command: Command, values: tuple[Value, ...], edited: str, lost: str
 ) -> Question | None:
     """Return the question before a command that drops or leaves a flight; None if nothing is lost.
 
@@ -80,26 +82,28 @@ def question_before(
         Its arguments.
     edited : str
         Name of the scenario whose text is edited.
-    unsaved : bool
-        True if the flight was flown by hand and is in no file.
+    lost : str
+        How much of the flight is in no file, as a predicate; empty if nothing is lost.
     """
     name = command.name
-    if name in NEW_FLIGHT and (unsaved or session.look_back.recorder is not None):
+    if name in NEW_FLIGHT and (lost or session.look_back.recorder is not None):
         what = {"scenario.fly": edited}.get(name, str(values[0]) if values else "these lights")
-        text = f"Leave {flight_text(session)} for {what}? It is not kept."
-        if not unsaved:
+        text = f"Leave {flight_text(session)} for {what}? It {lost}."
+        if not lost:
             text = f"Leave {flight_text(session)} for {what}? Its recording ends."
         return Question(command, values, text, GO_BACK, "Fly it")
-    if name == "time.restart" and unsaved:
-        text = f"Restart? T{flight_text(session)[1:]} is not kept."
+    if name == "time.restart" and lost:
+        text = f"Restart? T{flight_text(session)[1:]} {lost}."
         return Question(command, values, text, SWAP_BACK, "Restart")
+    lifts = name == "docking.keep-out" and values == ("lifted",) and session.craft.steering.sphere is not None
     # an abort acts on the present, and a stick that is let go on nothing
     flies = acts_on_chaser(name) and name != "docking.abort"
     flies &= any(values) or not name.startswith("steer.stick-")
-    flies |= name.startswith("time.next-") or (name == "timeline.fly-on" and unsaved)
+    flies |= name.startswith("time.next-") or (name == "timeline.fly-on" and bool(lost))
     if not flies or not drops_future(session):
-        return None
+        return Question(command, values, LIFTS, KEEPS_OUT, "Lift it") if lifts else None
     flown = time_text(session.look_back.timeline.end_s - session.t_s)
     text = f"Fly on from T+{duration_text(int(session.t_s))}? The {flown} flown after it are dropped."
     first = "" if name == "timeline.fly-on" else "timeline.fly-on"
+    text = f"{text} {LIFTS}" if lifts else text
     return Question(command, values, text, SWAP_BACK, "Fly on", first)

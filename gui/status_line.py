@@ -40,6 +40,8 @@ class StatusLine:
             and imgui.begin_menu_bar()
         ):
             self._master_caution(console)
+            if console.options.guard == "lifted":
+                w.button(console, "docking.keep-out", "scenario", label="KEEP-OUT LIFTED", fill=style.WARN)
             rates = rates_text(console)
             free = w.width - imgui.calc_text_size(rates).x - 44 * self._w.window.scale
             self._messages(console, free)

@@ -151,7 +151,8 @@ class TransportStrip:
         opened = console.clock_ms - self._opened_ms < GUARD_MS
         if not opened and self._opened_ms > -GUARD_MS:
             self._opened_ms = -GUARD_MS
-            console.say("not aborted: the second click did not come within five seconds", "caution")
+            late = "not aborted: the second click did not come within five seconds"
+            console.say(late, "caution", "docking.abort")
         fill = style.BAD if opened else style.GUARDED
         label = "ABORT? again" if opened else labelled("docking.abort", "ABORT")
         if w.filled_button(f"{label}###abort", width, fill):
@@ -181,7 +182,10 @@ class JobStrip:
         """Draw into the current side bar."""
         w, imgui = self._w, self._w.imgui
         opening, now_s = console.opener.name if console.opener.is_busy() else "", imgui.get_time()
-        jobs = {job.end or job.text.partition(",")[0]: job for job in running_jobs(console.jobs, opening)}
+        jobs = {
+            job.end or job.text.partition(",")[0]: job
+            for job in running_jobs(console.jobs, opening, console.session)
+        }
         self._columns = {name: column for name, column in self._columns.items() if name in jobs}
         columns = max([JOB_COLUMNS, *(column + 1 for column, _ in self._columns.values())])
         left, width = imgui.get_cursor_pos_x(), w.width / columns

@@ -15,7 +15,7 @@ from flyaround.runs.console import ConsoleRun
 from flyaround.runs.conversion import ConvertRun
 from flyaround.runs.document import Run, run_fields
 from flyaround.runs.estimation import CompareRun, EstimateRun, EvaluateRun, TrainRun
-from flyaround.runs.flights import FlyRun
+from flyaround.runs.flights import FilmRun, FlyRun
 from flyaround.runs.host import HostRun
 from flyaround.runs.importing import ImportRun
 from flyaround.runs.pictures import RenderRun
@@ -24,6 +24,7 @@ RUNS: dict[str, type[Run]] = {
     "sim": ConsoleRun,
     "render": RenderRun,
     "fly": FlyRun,
+    "film": FilmRun,
     "capture": CaptureRun,
     "convert": ConvertRun,
     "estimate": EstimateRun,

@@ -1,4 +1,4 @@
-"""Commands of captures beside the flight."""
+"""Commands of captures and films beside the flight."""
 
 from __future__ import annotations
 
@@ -8,11 +8,12 @@ from typing import TYPE_CHECKING
 
 import msgspec
 
-from flyaround.gui.command_table import Argument, command, word
+from flyaround.gui.command_table import Argument, command, number, word
 from flyaround.gui.commands.scenario import built_in_name
 from flyaround.gui.commands.timeline import keep_flight
 from flyaround.gui.jobs.capture_job import MOST_FRAMES, MOST_WORKERS, CaptureRequest
-from flyaround.gui.jobs.program import new_path
+from flyaround.gui.jobs.flight_film import FlightFilm
+from flyaround.gui.jobs.program import new_path, output_file
 from flyaround.gui.picture.view_settings import scenario_as_seen
 from flyaround.simulator.errors import UserError
 from flyaround.simulator.runtime.files import write_atomic
@@ -23,6 +24,7 @@ if TYPE_CHECKING:
 
 FOLDER = Path("out") / "console"
 THIS, NEW = "this-flight", "new"  # what to capture, and into which folder, by default
+WIDTH_PX, FPS = 1280, 25.0  # of films
 FLOWN = "what-i-flew"
 """The flown flight, instead of its scenario from the start."""
 
@@ -72,6 +74,37 @@ def _resume(console: Console) -> None:
     console.say(f"resuming {last.folder}")
 
 
+def _film(
+    console: Console,
+    width: int = WIDTH_PX,
+    fps: float = FPS,
+    speed: float = 1.0,
+    start_s: float = 0.0,
+    end_s: float | None = None,
+    path: str | None = None,
+) -> None:
+    if console.jobs.flight_film is not None:
+        raise UserError(f"{console.jobs.flight_film.path} is being rendered: stop it, or wait for its end")
+    name = console.session.plan.scenario.name
+    where = output_file(path, FOLDER, f"{name}-flight", ".mp4")
+    options = {"--width": width, "--fps": fps, "--speed": speed, "--from": start_s, "--to": end_s}
+    options |= {"--gpu": console.device_index}
+    words = [str(word) for option in options.items() if option[1] is not None for word in option]
+
+    def begin(console: Console, replay: str) -> None:
+        where.parent.mkdir(parents=True, exist_ok=True)
+        console.jobs.flight_film = FlightFilm(where, (replay, *words))
+        console.say(f"rendering {where}, {width} pixels wide; Capture chooses size, speed and part")
+
+    keep_flight(console, None, begin, as_seen=True)
+
+
+def _stop_film(console: Console) -> None:
+    if console.jobs.flight_film is None:
+        raise UserError("no film of a flight is being rendered")
+    console.jobs.flight_film.stop()
+
+
 COMMANDS = (
     command(
         "capture.start",
@@ -84,4 +117,15 @@ COMMANDS = (
     ),
     command("capture.stop", lambda console: console.jobs.capture.stop()),
     command("capture.resume", _resume),
+    command(
+        "film.flight",
+        _film,
+        Argument("width", "whole", f"{WIDTH_PX} unless given", (), 16, 7680, optional=True, unit="px"),
+        number("fps", f"pictures per second; {FPS:g} unless given", 1.0, 120.0, "1/s", optional=True),
+        number("speed", "of the flight; 1 unless given", 0.001, 1e4, "times", optional=True),
+        number("start", "time of the flight; its start unless given", 0.0, 1e9, "s", optional=True),
+        number("end", "time of the flight; its end unless given", 0.0, 1e9, "s", optional=True),
+        word("path", "of the file, .mp4", optional=True),
+    ),
+    command("film.flight-stop", _stop_film),
 )

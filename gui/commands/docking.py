@@ -8,8 +8,9 @@ from flyaround.gui.command_table import command, switch, word
 from flyaround.gui.commands.steering import order
 from flyaround.gui.commands.timeline import clock
 from flyaround.gui.questions import drops_future
+from flyaround.simulator.piloting.chaser_control import GUARDS
 from flyaround.simulator.piloting.docking_figures import PRESETS
-from flyaround.simulator.piloting.orders import Abort, Approach, Go, JudgeBy, NoGo, TakeAxisHere
+from flyaround.simulator.piloting.orders import Abort, Approach, Go, GuardBy, JudgeBy, NoGo, TakeAxisHere
 
 if TYPE_CHECKING:
     from flyaround.gui.console import Console
@@ -25,9 +26,8 @@ def _abort(console: Console) -> None:
     session = console.session
     if drops_future(session):
         session.look_back.seek(session.look_back.timeline.end_s)
-        console.say(
-            f"aborted the present flight, at {clock(session.t_s)}: an earlier time was shown", "caution"
-        )
+        text = f"aborted the present flight, at {clock(session.t_s)}: an earlier time was shown"
+        console.say(text, "caution", over=lambda: not session.craft.steering.aborting)
     console.order(Abort())
     console.hand.let_go()
 
@@ -45,4 +45,5 @@ COMMANDS = (
     command("docking.abort", _abort, "delete"),
     command("docking.limits", order(JudgeBy), word("preset", "of which", tuple(PRESETS))),
     command("docking.axis-here", order(TakeAxisHere)),
+    command("docking.keep-out", order(GuardBy), word("guard", "its corridor, or lifted", GUARDS)),
 )

@@ -86,13 +86,29 @@ def _open(console: Console, path: str) -> None:
         )
 
 
+def _stop_import(console: Console) -> None:
+    mesh, console.jobs.mesh = console.jobs.mesh, None
+    if mesh is None:
+        raise UserError("no mesh is being imported")
+    mesh.close()
+    console.say(f"{mesh.name} is not imported")
+
+
+def _keep_guard(console: Console) -> None:
+    """Give the flight the choice of the keep-out sphere that a step brought back; lifting it asks."""
+    if console.options.guard != console.session.craft.steering.guard:
+        console.do("docking.keep-out", console.options.guard)
+
+
 def _undo(console: Console) -> None:
     what = console.history.next("settings.undo") and console.history.undo(console.options)
+    _keep_guard(console)
     console.say(f"undone: {what} (Ctrl+Y redoes it)" if what else "there is no change to undo")
 
 
 def _redo(console: Console) -> None:
     what = console.history.next("settings.redo") and console.history.redo(console.options)
+    _keep_guard(console)
     console.say(f"redone: {what}" if what else "there is nothing to redo")
 
 
@@ -123,4 +139,5 @@ COMMANDS = (
     command("film.start", _film, word("path", "of the file, .mp4", optional=True)),
     command("film.stop", _film_end),
     command("file.open", _open, word("path", "a .toml, or a mesh")),
+    command("file.open-stop", _stop_import),
 )

@@ -13,7 +13,7 @@ from flyaround.simulator.piloting.control_laws import NO_DEMAND, SWITCHES
 from flyaround.simulator.piloting.orders import Centre, Control, FollowGuidance, Order, Pulse, Stop, TakeOver
 
 if TYPE_CHECKING:
-    from flyaround.gui.console import Console
+    from flyaround.gui.console import Console, Level
 
 
 def order(make: Callable[..., Order]) -> Callable[..., None]:
@@ -72,7 +72,9 @@ def _stick_lost(console: Console) -> None:
     pushed = (console.hand.thrust, console.hand.turn) != (NO_DEMAND, NO_DEMAND)
     console.hand.centre_sticks()
     stopped = ": its thrust and rotation commands have stopped" * pushed
-    console.say(f"the gamepad was disconnected{stopped}", "warning" if pushed else "note")
+    level: Level = "warning" if pushed else "note"
+    # ends when the chaser is flown again
+    console.say(f"the gamepad was disconnected{stopped}", level, "steer.stick-thrust")
 
 
 COMMANDS = (

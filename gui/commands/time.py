@@ -6,6 +6,8 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 from flyaround.gui.command_table import Command, command, word
+from flyaround.gui.commands.timeline import clock
+from flyaround.simulator.errors import UserError
 from flyaround.simulator.piloting.clock import RATES
 from flyaround.simulator.piloting.jumps import EVENTS
 
@@ -35,6 +37,13 @@ def _jump_to_hold_point(console: Console) -> None:
     console.say("on the way to " + ("the port" if point is None else f"{point.name}, {point.axial_m:g} m"))
 
 
+def _end_jump(console: Console) -> None:
+    if not console.session.clock.jump:
+        raise UserError("no jump is under way")
+    console.session.clock.end_jump()
+    console.say(f"the jump was stopped at {clock(console.session.t_s)}, at 1x")
+
+
 COMMANDS = (
     command(
         "time.pause",
@@ -61,4 +70,5 @@ COMMANDS = (
         for event in EVENTS
     ),
     command("time.next-hold-point", _jump_to_hold_point),
+    command("time.jump-end", _end_jump),
 )

@@ -50,7 +50,9 @@ def _end(console: Console) -> None:
 def _fly_on(console: Console) -> None:
     session = console.session
     if not session.look_back.active:
-        raise UserError("this is the end of what was flown: Space flies on")
+        # at the end there is nothing to leave
+        session.clock.paused = False
+        return
     session.look_back.fly_on()
     session.clock.slow_down()
     console.say(f"flies on from {clock(session.t_s)}; Swap future brings the other future back")
@@ -119,6 +121,7 @@ class Keeping:
         self.files.cancel()
         if self.session.look_back.recorder is None and self.session not in self.console.unsaved:
             self.console.unsaved.append(self.session)
+            self.console.kept.pop(self.session, None)
 
 
 def _stop_keeping(console: Console) -> None:
@@ -147,6 +150,7 @@ def keep_flight(
     seen = scenario_as_seen(scenario, console.options.settings) if as_seen else None
     files = FlownFiles(session, where, seen)
     console.jobs.keeping.append(Keeping(console, session, files, then))
+    console.kept[session] = session.look_back.timeline.end_s
     console.unsaved = [flight for flight in console.unsaved if flight is not session]
 
 

@@ -14,6 +14,7 @@ from flyaround.gui.texts import left_text
 if TYPE_CHECKING:
     from collections.abc import Callable
 
+    from flyaround.gui.jobs.flight_film import FlightFilm
     from flyaround.gui.jobs.mesh_import import MeshImport
     from flyaround.gui.picture.feed import Picture
     from flyaround.gui.picture.video import Film
@@ -55,6 +56,8 @@ class Jobs:
         The capture of a data set.
     film : Film or None, optional
         The film being recorded.
+    flight_film : FlightFilm or None, optional
+        The film of a whole flight that is being rendered.
     mesh : MeshImport or None, optional
         The import of a mesh.
     keeping : list of FlightBeingWritten, optional
@@ -67,6 +70,7 @@ class Jobs:
     hil: HilSession = field(default_factory=HilSession)
     capture: CaptureJob = field(default_factory=CaptureJob)
     film: Film | None = None
+    flight_film: FlightFilm | None = None
     mesh: MeshImport | None = None
     keeping: list[FlightBeingWritten] = field(default_factory=list)
     _filmed: Picture | None = None
@@ -85,12 +89,17 @@ class Jobs:
         """
         self._update_estimates(picture)
         for note in self.hil.update(session):
-            self.say(note.text, "caution" if note.warning else "note")
+            self.say(note.text, "caution" if note.warning else "note", "hil.start")
         if (outcome := self.capture.update()) is not None:
             expected = outcome.startswith(("captured", "the capture was stopped"))
             self.say(outcome, "note" if expected else "caution", "capture.start")
         if self.film is not None and picture is not None:
             self._update_film(self.film, picture, t_ms)
+        if self.flight_film is not None and (why := self.flight_film.update()) is not None:
+            path, self.flight_film = self.flight_film.path, None
+            ended = why in {"", "it was stopped"}
+            text = f"the film {path} is not kept: {why}" if why else f"filmed {path}"
+            self.say(text, "note" if ended else "caution", "film.flight")
         self._update_mesh()
         # one after the other, so that each has its line of progress
         if self.keeping and not (keep := self.keeping[0])():
@@ -107,7 +116,7 @@ class Jobs:
                     f"{1e3 * (first.E_T_m or 0.0):.0f} mm off at {first.range_m:.1f} m"
                 )
         for trouble in estimates.take_troubles():
-            self.say(trouble, "caution")
+            self.say(trouble, "caution", "estimator.run")
 
     def _update_film(self, film: Film, picture: Picture, t_ms: int) -> None:
         if film.trouble is not None:
@@ -124,7 +133,7 @@ class Jobs:
             return
         target, self.mesh = self.mesh.name, None
         if mistake:
-            self.say(f"{target} was not imported: {mistake}", "caution")
+            self.say(f"{target} was not imported: {mistake}", "caution", "file.open")
         else:
             self.do("scenario.target", target)
 
@@ -132,7 +141,7 @@ class Jobs:
         """End all jobs; of a flight that is being written nothing is left."""
         for keep in self.keeping:
             keep.cancel()
-        for job in (self.estimates, self.hil, self.capture, self.film, self.mesh):
+        for job in (self.estimates, self.hil, self.capture, self.film, self.flight_film, self.mesh):
             if job is not None:
                 job.close()
 
@@ -159,9 +168,11 @@ class RunningJob:
     silent: bool = False
 
 
-def running_jobs(jobs: Jobs, opening: str = "") -> list[RunningJob]:
-    """Return the running jobs, ``opening`` a scenario among them."""
-    rows = [RunningJob(f"opening {opening}", silent=True)] if opening else []
+def running_jobs(jobs: Jobs, opening: str = "", flight: FlightSession | None = None) -> list[RunningJob]:
+    """Return the running jobs, among them ``opening`` a scenario, and a jump of the flight."""
+    rows = [RunningJob(f"opening {opening}", None, "scenario.open-stop", silent=True)] if opening else []
+    if flight is not None and flight.clock.jump:
+        rows.append(RunningJob(f"jump, to {flight.jump_text}", flight.jump_share, "time.jump-end"))
     if jobs.estimates.on:
         rows.append(RunningJob(f"{jobs.estimates.method} {jobs.estimates.doing}", None, "estimator.run"))
     capture = jobs.capture
@@ -171,11 +182,14 @@ def running_jobs(jobs: Jobs, opening: str = "") -> list[RunningJob]:
         rows.append(RunningJob(text, share, "capture.stop", silent=capture.done == 0))
     if jobs.film is not None:
         rows.append(RunningJob(f"film {jobs.film.pictures} pictures", None, "film.stop"))
+    if (film := jobs.flight_film) is not None:
+        text = f"film of the flight, {film.share:.0%}{left_text(film.left_s)}"
+        rows.append(RunningJob(text, film.share, "film.flight-stop", silent=not film.share))
     if jobs.hil.on:
         text = f"board: {jobs.hil.state}, {jobs.hil.sent} sent"
         rows.append(RunningJob(text, None, "hil.stop", silent=jobs.hil.sent == 0))
     if jobs.mesh is not None:
-        rows.append(RunningJob(f"importing {jobs.mesh.name}", silent=True))
+        rows.append(RunningJob(f"importing {jobs.mesh.name}", None, "file.open-stop", silent=True))
     for keep in jobs.keeping[:1]:
         text = f"writing the flight, {keep.files.share:.0%}{left_text(keep.left_s)}"
         rows.append(RunningJob(text, keep.files.share, "timeline.keep-stop"))

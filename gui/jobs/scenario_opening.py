@@ -44,6 +44,12 @@ class ScenarioOpener:
         self.source = scenario if isinstance(scenario, str) else ""
         self._pending = self._pool.submit(_open, scenario, flies)
 
+    def abandon(self) -> None:
+        """Discard the scenario that is being opened; its thread ends by itself."""
+        self._pending = None
+        self._pool.shutdown(wait=False, cancel_futures=True)
+        self._pool = ThreadPoolExecutor(1, thread_name_prefix="scenario")
+
     def take(self) -> FlightSession | None:
         """Return the opened flight, once.
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from flyaround.gui import style
-from flyaround.gui.commands.capture import FLOWN, NEW, THIS
+from flyaround.gui.commands.capture import FLOWN, FPS, NEW, THIS, WIDTH_PX
 from flyaround.gui.texts import left_text, time_text
 from flyaround.gui.widgets import Panel
 from flyaround.simulator.dataset.formats.registry import writable
@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from flyaround.gui.jobs.capture_job import CaptureJob
 
 TITLES = {FLOWN: "what I flew", THIS: "this flight's scenario"}
+FILM = ("Width, px", "Pictures/s", "Speed", "From, s", "To, s")
 THUMB = 120.0  # least width of a small picture
 
 
@@ -28,6 +29,7 @@ class CapturePanel(Panel):
     _names: tuple[str, ...] = ()
     _frames, _workers = "20", "1"
     _formats: frozenset[str] = frozenset()
+    _film = (str(WIDTH_PX), f"{FPS:g}", "10", "0", "")
 
     def draw(self, console: Console) -> None:
         """Draw into the current panel."""
@@ -37,6 +39,8 @@ class CapturePanel(Panel):
             self._w.text("The flight is being written.", style.QUIET)
         else:
             self._form(console)
+        if not console.jobs.keeping:
+            self._film_form(console)
         self._thumbnails(console.jobs.capture)
 
     def _form(self, console: Console) -> None:
@@ -79,6 +83,26 @@ class CapturePanel(Panel):
             w.text(job.outcome, colour, "how the last capture ended")
             if not job.outcome.startswith("captured"):
                 w.button(console, "capture.resume", width=w.width)
+
+    def _film_form(self, console: Console) -> None:
+        """Draw size, rate, speed and part of a film of the flight, and its length."""
+        w, look_back = self._w, console.session.look_back
+        w.section("Film of this flight")
+        shown = list(self._film)
+        shown[-1] = shown[-1] or f"{int(max(look_back.timeline.end_s, console.session.t_s))}"
+        arguments = console.table["film.flight"].arguments[: len(shown)]
+        for k, (label, argument) in enumerate(zip(FILM, arguments, strict=True)):
+            w.field(label, argument.description, 0.7)
+            if (text := w.typed(f"film{k}", shown[k], argument)) != shown[k]:
+                shown[k] = text
+                self._film = (*self._film[:k], text, *self._film[k + 1 :])
+        flawed = any(a.flaw(text) for a, text in zip(arguments, shown, strict=True))
+        busy = console.jobs.flight_film is not None
+        if not flawed:
+            _, fps, speed, start, end = map(float, shown)
+            length_s = max(end - start, 0.0) / speed
+            w.text(f"{time_text(length_s)} of film, {length_s * fps:.0f} pictures", style.QUIET)
+        w.button(console, "film.flight", *shown, width=w.width, enabled=not (flawed or busy))
 
     def _under_way(self, console: Console) -> None:
         w, imgui, job = self._w, self._w.imgui, console.jobs.capture

@@ -9,6 +9,7 @@ from flyaround.gui import style
 from flyaround.gui.texts import texts
 from flyaround.gui.views.docking_hud import DISTANCE, FIGURE_TIPS, status
 from flyaround.gui.widgets import Panel
+from flyaround.simulator.piloting.chaser_control import GUARDS
 from flyaround.simulator.piloting.docking_figures import PRESETS, judge
 
 if TYPE_CHECKING:
@@ -16,6 +17,7 @@ if TYPE_CHECKING:
     from flyaround.simulator.piloting.docking_figures import JudgedFigure
 
 STATES = texts("limits")
+NAMED = texts("guards")
 HOLDS = "the autopilot waits here, at this distance before the port, for go; > marks the next hold point"
 # colours of the decisions at a hold point
 DECISION_COLOURS = {"open": style.INK, "go": style.WITHIN, "no-go": style.OUTSIDE, "passed": style.QUIET}
@@ -35,6 +37,10 @@ class DockingPanel(Panel):
         w.cut_line(text, w.width, colour, "active guidance, and what it waits for")
         w.buttons(console, ("docking.approach", "docking.go", "docking.no-go"), 3)
         w.button(console, "time.next-hold-point", width=w.width)
+        if session.craft.steering.keep_out is not None:
+            w.choice(
+                console, "docking.keep-out", console.options.guard, list(GUARDS), shown=NAMED.__getitem__
+            )
         w.switch(console, "overlay.docking", "Display over the view")
         figures = docking.figures(session.craft.chaser, session.flight)
         w.section(docking.port.name.capitalize())

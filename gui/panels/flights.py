@@ -46,11 +46,9 @@ class FlightsPanel(Panel):
             if imgui.selectable(f"{session.plan.scenario.name}##left{k}", False)[0]:
                 console.do("scenario.back", k)
             w.command_tip(console, "scenario.back", k)
-            kept = session not in console.unsaved
+            lost = console.lost_text(session)
             length = time_text(max(session.look_back.timeline.end_s, session.t_s))
-            w.text(
-                f"{length}, {'nothing to keep' if kept else 'not kept'}", style.QUIET if kept else style.WARN
-            )
+            w.text(f"{length}, {lost or 'nothing to keep'}", style.WARN if lost else style.QUIET)
         w.section("On disk")
         if not self._rows:
             w.text("None yet: Keep flight, in File, writes the flight so far.", style.QUIET)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from flyaround.gui import style
+from flyaround.gui.commands.timeline import clock
 from flyaround.gui.widgets import Panel
 
 if TYPE_CHECKING:
@@ -28,22 +29,23 @@ class LogPanel(Panel):
         for title, messages in (("Messages", console.messages), ("Cautions", raised)):
             if imgui.begin_tab_item_simple(title):
                 w.button(console, "window.acknowledge")
+                w.text("T+ is the time of the flight, after it the time of day", style.QUIET)
                 for message in reversed(messages[-SHOWN_LINES:]):
                     self._message(message)
                 imgui.end_tab_item()
         if imgui.begin_tab_item_simple("Commands"):
             w.button(console, "log.save")
+            w.text("seconds since the console was opened, as in a script", style.QUIET)
             for line in reversed(console.log.lines[-SHOWN_LINES:]):
                 w.text(str(line))
             imgui.end_tab_item()
         imgui.end_tab_bar()
 
     def _message(self, message: Message) -> None:
-        """Write a message; for a caution, also the time of its acknowledgement."""
-        seen_ms = message.acknowledged_ms
-        acknowledged = "" if seen_ms is None else f", seen {seen_ms / 1000:.1f} s"
-        level = "" if message.level == "note" else f"{message.level}{acknowledged}: "
+        """Write a message; for a caution, also the time of day until which it waited."""
+        until = f" until {message.until}" if message.until else ""
+        level = "" if message.level == "note" else f"{message.level}{until}: "
         colour = style.QUIET if message.acknowledged else COLOURS[message.level]
-        self._w.one_line(f"{message.t_ms / 1000:.1f} s", colour)
-        self._imgui.same_line(5 * self._imgui.get_font_size())
+        self._w.one_line(f"{clock(message.t_s)}  {message.at}", colour)
+        self._imgui.same_line(12 * self._imgui.get_font_size())
         self._w.text(f"{level}{message.text}", colour)

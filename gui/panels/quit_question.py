@@ -23,10 +23,7 @@ class QuitQuestion(Panel):
         lost = console.losses
         # the rows of buttons stay where they are when a job ends
         imgui.begin_child("lost", w.vec(0, -2 * imgui.get_frame_height_with_spacing()))
-        saved = (
-            "Flights are saved as they were when you kept them." if console.flights else "Nothing is lost."
-        )
-        w.text("If you quit now:" if lost else saved)
+        w.text("If you quit now:" if lost else "Nothing is lost.")
         for line in lost:
             w.text(f"- {line}", style.WARN, "lost for good if you quit")
         imgui.end_child()

@@ -39,7 +39,7 @@ def fly_to_warning(craft: PilotedCraft, place: FloatArray) -> tuple[str, style.R
         FlyTo(vec3(place)).mode((here, here), craft.docking.radius_m)
     except UserError as error:
         return f"refused: {error}", style.BAD
-    keep_out, shares = craft.steering.keep_out, np.linspace(0.0, 1.0, WAY_POINTS)
+    keep_out, shares = craft.sphere, np.linspace(0.0, 1.0, WAY_POINTS)
     if keep_out is not None and any(keep_out.violated(here + s * (place - here)) for s in shares):
         return f"leads through the keep-out sphere of {keep_out.radius_m:g} m", style.WARN
     away_m = float(np.linalg.norm(place - here))

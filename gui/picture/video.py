@@ -36,6 +36,8 @@ class Film:
     ----------
     path : Path
         File, whose name ends in .mp4.
+    rate_hz : float, optional
+        Nominal frame rate; each picture has its own time.
 
     Raises
     ------
@@ -43,14 +45,14 @@ class Film:
         If the encoder is not installed or the file cannot be made.
     """
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, rate_hz: float = 30.0) -> None:
         try:
             import av  # noqa: PLC0415 - an optional part
         except ImportError as error:
             raise missing_extra("a film", "gui", error) from error
         if path.suffix != ".mp4":
             raise UserError(f"cannot write '{path.suffix}' films ({path}); end its name in .mp4")
-        self.path = path
+        self.path, self._rate, self._kept = path, Fraction(rate_hz).limit_denominator(1001), True
         self._part = path.with_name(f".{path.name}.{os.getpid()}.part")
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
@@ -65,8 +67,8 @@ class Film:
         self._thread = threading.Thread(target=self._run, name="film", daemon=True)
         self._thread.start()
 
-    def add(self, t_ms: int, image: ByteArray) -> None:
-        """Queue a picture without waiting.
+    def add(self, t_ms: int, image: ByteArray, *, waits: bool = False) -> None:
+        """Queue a picture.
 
         Parameters
         ----------
@@ -74,17 +76,20 @@ class Film:
             Presentation time, later than the last.
         image : ByteArray
             (H, W) or (H, W, 3), eight bits.
+        waits : bool, optional
+            True to wait for the encoder instead of leaving out a picture.
         """
         if self.trouble is not None or t_ms <= self._last_ms:
             return
         try:
-            self._queue.put_nowait((t_ms, image))
+            self._queue.put((t_ms, image), waits, END_S)
             self._last_ms = t_ms
         except queue.Full:
             self.left_out += 1
 
-    def close(self) -> None:
-        """Finish the file; queued pictures are still written."""
+    def close(self, *, keep: bool = True) -> None:
+        """Finish the file with the queued pictures, or with ``keep=False`` remove it."""
+        self._kept = keep
         with contextlib.suppress(queue.Full):
             self._queue.put(None, timeout=END_S)
         self._thread.join(timeout=END_S)
@@ -115,8 +120,8 @@ class Film:
             if stream is not None:
                 self._file.mux(stream.encode())
             self._file.close()
-            if stream is None:
-                self._give_up("no picture came")
+            if stream is None or not self._kept:
+                self._give_up("no picture came" if stream is None else "it was stopped")
             else:
                 self._part.replace(self.path)
         except OSError as error:
@@ -135,7 +140,9 @@ class Film:
         self.trouble = f"the film {self.path} is not kept: {why}"
 
     def _stream(self, size: tuple[int, int]) -> Any:  # noqa: ANN401 - libav's own
-        stream = self._file.add_stream("libx264", rate=30, options={"preset": "veryfast", "crf": "18"})
+        stream = self._file.add_stream(
+            "libx264", rate=self._rate, options={"preset": "veryfast", "crf": "18"}
+        )
         stream.width, stream.height, stream.pix_fmt = *size, "yuv420p"
         stream.codec_context.time_base = CLOCK
         return stream

@@ -186,19 +186,20 @@ class LvlhMap(Panel):
                 canvas.stroke(ends, (*style.QUIET[:3], 0.55 if strong else 0.16), 1.0, halo=False)
 
     def _keep_out(self, canvas: Canvas, port: MapPort, session: FlightSession) -> None:
-        keep_out = session.plan.scenario.chaser.keep_out
-        if keep_out is None:
+        whole, keep_out = session.plan.scenario.chaser.keep_out, session.craft.sphere
+        if whole is None:
             return
         centre = point(port.at(np.zeros(3)))
-        radius = keep_out.radius_m * port.scale
-        canvas.disc(centre, radius, (*style.BAD[:3], 0.10))
-        outline = corridor_outline(keep_out, port.plane)
-        if len(outline) > 2:
-            canvas.area(port.at(outline), (*style.GOOD[:3], 0.22))
-            canvas.stroke(port.at(outline), (*style.GOOD[:3], 0.9), 1.2, closed=True, halo=False)
+        radius = whole.radius_m * port.scale
+        if keep_out is not None:
+            canvas.disc(centre, radius, (*style.BAD[:3], 0.10))
+            outline = corridor_outline(keep_out, port.plane)
+            if len(outline) > 2:
+                canvas.area(port.at(outline), (*style.GOOD[:3], 0.22))
+                canvas.stroke(port.at(outline), (*style.GOOD[:3], 0.9), 1.2, closed=True, halo=False)
         turn = np.linspace(0, 2 * np.pi, 181)
         ring = np.array(centre) + radius * np.stack([np.cos(turn), np.sin(turn)], axis=1)
-        canvas.stroke(ring, style.BAD, 1.6, dashed=True, halo=False)
+        canvas.stroke(ring, style.QUIET if keep_out is None else style.BAD, 1.6, dashed=True, halo=False)
 
     def _edges(self, canvas: Canvas, port: MapPort) -> tuple[Place, ...]:
         """Return the places of title, Sun, V-bar and scale, which burns leave free."""
@@ -265,13 +266,14 @@ class LvlhMap(Panel):
         keep_out = session.plan.scenario.chaser.keep_out
         if keep_out is not None:
             top = port.at(np.zeros(3)) - (0.0, keep_out.radius_m * port.scale)
-            text = f"keep out {metres_text(keep_out.radius_m)}"
+            lifted = session.craft.sphere is None
+            text = f"keep out {metres_text(keep_out.radius_m)}{', lifted' * lifted}"
             if y + 3 * line < top[1] < y + h - 3 * line and not narrow:
                 wide = canvas.size(text)[0]
                 left = min(max(top[0] - wide / 2, x + 4), x + w - wide - 4)
                 at = (left, top[1] - 1.3 * line)
                 tip = "radius of the sphere that the scenario keeps the chaser out of"
-                canvas.label(at, text, style.BAD, tip)
+                canvas.label(at, text, style.QUIET if lifted else style.BAD, tip)
         mouse = self._imgui.get_io().mouse_pos
         if self._imgui.is_item_hovered() and port.inside(mouse.x, mouse.y):
             p = port.point(mouse.x, mouse.y)

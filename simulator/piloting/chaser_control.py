@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any, Literal, get_args
 
+import msgspec
 import numpy as np
 
 from flyaround.simulator.piloting import control_laws as laws
@@ -14,6 +15,7 @@ from flyaround.simulator.piloting.guidance_modes import CONTROL_PERIOD_S
 from flyaround.simulator.piloting.planned_burns import BurnPlan
 from flyaround.simulator.piloting.propellant import Propellant, plume_strikes
 from flyaround.simulator.runtime.arrays import Vec3, vec3
+from flyaround.simulator.world.frames.lvlh import Lvlh
 from flyaround.simulator.world.frames.rotation import matrix_from_quat
 from flyaround.simulator.world.guidance.keep_out import KeepOut
 from flyaround.simulator.world.guidance.manual_control import guarded_command
@@ -25,7 +27,6 @@ if TYPE_CHECKING:
     from flyaround.simulator.piloting.guidance_modes import ActiveGuidance
     from flyaround.simulator.runtime.arrays import FloatArray
     from flyaround.simulator.world.flight.flight import Flight
-    from flyaround.simulator.world.frames.lvlh import Lvlh
     from flyaround.simulator.world.guidance.manual_control import ChaserState, SteeringCommand
     from flyaround.simulator.world.guidance.thrusters import Thrusters
 
@@ -33,6 +34,9 @@ Axes = Literal["camera", "lvlh"]
 Thrust = Literal["continuous", "pulse"]
 AttitudeMode = Literal["rate", "hold", "target", "dock"]
 ATTITUDE_MODES: tuple[AttitudeMode, ...] = get_args(AttitudeMode)
+Guard = Literal["scenario", "port", "lifted"]
+GUARDS: tuple[Guard, ...] = get_args(Guard)
+"""The keep-out sphere with the scenario's corridor, with one that turns with the docking port, or lifted."""
 
 # Boresight of the camera in its own frame.
 BORESIGHT: Vec3 = (0.0, 0.0, 1.0)
@@ -81,6 +85,7 @@ class Steering:
         self.keep_out = keep_out
         self.axes: Axes = "camera"
         self.thrust: Thrust = "continuous"
+        self.guard: Guard = "scenario"
         self.burns = BurnPlan()
         self.propellant = Propellant(thrusters)
         self.news: list[News] = []
@@ -113,6 +118,15 @@ class Steering:
     def restore_state(self, state: dict[str, Any]) -> None:
         """Restore a state that `saved_state` returned."""
         vars(self).update(state)
+
+    @property
+    def sphere(self) -> KeepOut | None:
+        """The keep-out sphere; its corridor's axis is in target axes if it turns with the port. None if lifted."""
+        if self.keep_out is None or self.guard == "lifted":
+            return None
+        if self.guard == "scenario":
+            return self.keep_out
+        return msgspec.structs.replace(self.keep_out, corridor_axis_lvlh=vec3(self.docking.port.axis_target))
 
     # --- the pilot's demand
 
@@ -241,8 +255,12 @@ class Steering:
         thrust_camera, thrust_lvlh = self._thrust(chaser, flight, frame, h)
         rate = laws.slewed_command(thrust_camera, self._turn(chaser, flight, frame, h), chaser, h)
         command = replace(rate, acceleration_lvlh_m_s2=vec3(thrust_lvlh))
-        if self.keep_out is not None:
-            command, self.guarded = guarded_command(chaser, command, h, frame, self.keep_out, laws.BRAKE_M_S2)
+        self.guarded = False
+        if (sphere := self.sphere) is not None:
+            turning = target_frame(flight, chaser.t_s) if self.guard == "port" else None
+            command, self.guarded = guarded_command(
+                chaser, command, h, frame, sphere, laws.BRAKE_M_S2, turning
+            )
         thrust = np.array(command.acceleration_camera_m_s2) + R_camera_from_lvlh @ np.array(
             command.acceleration_lvlh_m_s2
         )
@@ -364,3 +382,10 @@ class Steering:
                     R_camera_from_eci = matrix_from_quat(chaser.q_camera_from_eci_wxyz)
                     demanded_rate = demanded_rate + R_camera_from_eci @ frame.omega_eci_rad_s
                 return demanded_rate
+
+
+def target_frame(flight: Flight, t_s: float) -> Lvlh:
+    """Return the target's body axes as a rotating frame, of the form of LVLH."""
+    q, omega_target_rad_s = flight.attitude(t_s)
+    R_eci_from_target = matrix_from_quat(q)
+    return Lvlh(R_eci_from_target, R_eci_from_target @ omega_target_rad_s)

@@ -58,6 +58,8 @@ REARM_DISTANCE_M = 0.5
 # Attributes that a seek must restore.
 SAVED_ATTRIBUTES = frozenset({"limits", "contacts", "docked", "_armed", "_port", "hold_points"})
 
+STOPS, CONTACT = "stops the chaser", "without docking"  # parts of cautions
+
 CORRIDOR_SPAN_S, CORRIDOR_SAMPLES = 600.0, 31
 """Time ahead for which the port should stay in front of the corridor [s], that of an approach from 30 m at 0.05 m/s;
 and the number of times that are checked."""
@@ -147,7 +149,7 @@ class Docking:
         sphere = self._keep_out
         if sphere is None:
             return ""
-        stops = f"the keep-out sphere of {sphere.radius_m:g} m stops the chaser"
+        stops = f"the keep-out sphere of {sphere.radius_m:g} m {STOPS}"
         if sphere.corridor_axis_lvlh is None:
             return f"{stops}: it has no corridor"
         corridor = np.array(sphere.corridor_axis_lvlh) / np.linalg.norm(sphere.corridor_axis_lvlh)
@@ -322,4 +324,4 @@ def _camera_point(chaser: ChaserState, q_eci_from_target_wxyz: FloatArray) -> Fl
 def _contact_news(contact: Contact) -> News:
     if contact.docked:
         return "note", f"docked at T+{contact.t_s:.1f} s, score {contact.score}"
-    return "warning", f"contact at T+{contact.t_s:.1f} s without docking: {'; '.join(contact.misses)}"
+    return "warning", f"contact at T+{contact.t_s:.1f} s {CONTACT}: {'; '.join(contact.misses)}"

@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from flyaround.simulator.errors import UserError
-from flyaround.simulator.piloting.chaser_control import BORESIGHT
+from flyaround.simulator.piloting.chaser_control import BORESIGHT, GUARDS
 from flyaround.simulator.piloting.control_laws import SWITCHES, Demand
 from flyaround.simulator.piloting.docking_figures import PRESETS
 
 if TYPE_CHECKING:
-    from flyaround.simulator.piloting.chaser_control import AttitudeMode, Axes, Thrust
+    from flyaround.simulator.piloting.chaser_control import AttitudeMode, Axes, Guard, Thrust
     from flyaround.simulator.piloting.control_laws import Switch
     from flyaround.simulator.piloting.docking_watch import News
     from flyaround.simulator.piloting.piloted_craft import PilotedCraft
@@ -167,6 +167,9 @@ class Stop(Order):
         craft.steering.brake()
 
 
+ABORTS = "abort: the chaser retreats from the target"
+
+
 @dataclass(frozen=True)
 class Abort(Order):
     """Retreat from the target in the next step, at no more than real time."""
@@ -181,7 +184,7 @@ class Abort(Order):
         """
         craft.take_over()
         craft.steering.abort()
-        return "warning", "abort: the chaser retreats from the target"
+        return "warning", ABORTS
 
 
 # --- guidance and burns
@@ -271,6 +274,9 @@ class CancelBurns(Order):
 
 # --- docking
 
+LIFTED = "the keep-out sphere is lifted: nothing keeps the chaser away from the target"
+REMEDY = "let the corridor turn with the port (docking.keep-out port)"
+
 
 @dataclass(frozen=True)
 class Approach(Order):
@@ -295,9 +301,9 @@ class Approach(Order):
         craft.steering.engage_autopilot()
         point = docking.hold_points.next
         where = "the port" if point is None else f"{point.name}, {point.axial_m:g} m before the port"
-        closed = docking.closed_by(craft.flight, craft.t_s)
+        closed = craft.steering.guard == "scenario" and docking.closed_by(craft.flight, craft.t_s)
         if closed:
-            return "caution", f"the autopilot flies to {where}, but {closed}"
+            return "caution", f"the autopilot flies to {where}, but {closed}; {REMEDY}"
         return "note", f"the autopilot flies to {where}"
 
 
@@ -368,6 +374,43 @@ class JudgeBy(Order):
             raise UserError(f"unknown limits {self.preset}, allowed: {', '.join(PRESETS)}")
         limits = craft.docking.limits = PRESETS[self.preset]
         return "note", f"limits: {limits.title} ({limits.source})"
+
+
+@dataclass(frozen=True)
+class GuardBy(Order):
+    """Choose the corridor of the keep-out sphere, or lift the sphere.
+
+    Parameters
+    ----------
+    guard : str
+        ``scenario``: its own corridor; ``port``: a corridor that turns with the docking port; ``lifted``: no sphere.
+    """
+
+    guard: Guard
+
+    def carry_out(self, craft: PilotedCraft) -> News:
+        """Apply the choice.
+
+        Returns
+        -------
+        News
+            Note of the choice; a caution if the sphere is lifted.
+
+        Raises
+        ------
+        UserError
+            If the scenario has no sphere, or there is no such choice.
+        """
+        steering = craft.steering
+        if self.guard not in GUARDS:
+            raise UserError(f"unknown keep-out sphere {self.guard}, allowed: {', '.join(GUARDS)}")
+        if steering.keep_out is None:
+            raise UserError("this scenario has no keep-out sphere")
+        steering.guard = self.guard
+        if self.guard == "lifted":
+            return "caution", LIFTED
+        corridor = {"scenario": "as in the scenario", "port": "turns with the docking port"}[self.guard]
+        return "note", f"keep-out sphere of {steering.keep_out.radius_m:g} m, corridor {corridor}"
 
 
 @dataclass(frozen=True)

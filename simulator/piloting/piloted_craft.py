@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any, Literal
 
+import msgspec
 import numpy as np
 
 from flyaround.simulator.piloting.chaser_control import Steering
+from flyaround.simulator.piloting.docking_port import target_from_lvlh
 from flyaround.simulator.piloting.docking_watch import Docking
 from flyaround.simulator.piloting.open_end import longer_flight
 from flyaround.simulator.piloting.planned_burns import predicted_path
@@ -21,6 +23,7 @@ if TYPE_CHECKING:
     from flyaround.simulator.scenario.plan import Plan
     from flyaround.simulator.world.flight.flight import Flight
     from flyaround.simulator.world.flight.world_state import WorldState
+    from flyaround.simulator.world.guidance.keep_out import KeepOut
     from flyaround.simulator.world.guidance.manual_control import ChaserState
 
 Mode = Literal["guidance", "steer"]
@@ -78,6 +81,11 @@ class PilotedCraft:
         return self.steered is not None and self.steering.attitude == "target"
 
     @property
+    def drifts(self) -> bool:
+        """True while neither guidance nor pilot flies the chaser."""
+        return self.steered is not None and not (self.steering.doing or self.steering.takes_over)
+
+    @property
     def chaser(self) -> ChaserState:
         """Present state of the chaser."""
         if self.steered is not None:
@@ -105,6 +113,16 @@ class PilotedCraft:
         chaser = self.chaser
         p, v = np.array(chaser.position_eci_m), np.array(chaser.velocity_eci_m_s)
         return self.flight.orbit.frame(chaser.t_s).from_eci(p, v)
+
+    @property
+    def sphere(self) -> KeepOut | None:
+        """The keep-out sphere now, with its corridor along LVLH axes; None if there is none, or it is lifted."""
+        sphere = self.steering.sphere
+        if sphere is None or sphere.corridor_axis_lvlh is None or self.steering.guard == "scenario":
+            return sphere
+        R_target_from_lvlh = target_from_lvlh(self.flight, self.t_s)
+        axis = vec3(R_target_from_lvlh.T @ np.array(sphere.corridor_axis_lvlh))
+        return msgspec.structs.replace(sphere, corridor_axis_lvlh=axis)
 
     def predicted_burns(
         self, plan: BurnPlan | None = None, after_s: float = PREDICTION_S, samples: int = 60

@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from flyaround.simulator.errors import UserError
-from flyaround.simulator.piloting.chaser_control import PLUME_CAUTION
+from flyaround.simulator.piloting.cautions import NOT_REACHED, CautionWatch, cause_ended
 from flyaround.simulator.piloting.clock import FlightClock
 from flyaround.simulator.piloting.jumps import event_ahead_s
 from flyaround.simulator.piloting.look_back import LookBack
-from flyaround.simulator.piloting.orders import WOULD_TAKE_BACK, Abort, planned_text
+from flyaround.simulator.piloting.orders import REMEDY, Abort
 from flyaround.simulator.piloting.piloted_craft import PilotedCraft
 from flyaround.simulator.scenario.plan import plan_flight
 
@@ -33,26 +33,21 @@ if TYPE_CHECKING:
     from flyaround.simulator.world.flight.world_state import WorldState
     from flyaround.simulator.world.guidance.manual_control import ChaserState
 
-MAX_JUMP_S = 7200.0
-"""Longest jump to a hold point that is not reached [s]."""
+MAX_JUMP_S, PATIENCE_S = 7200.0, 400.0
+"""Longest jump to a hold point, and the longest time for which it does not come nearer [s]: that of a way round the
+target."""
+
+NEARER = 0.98
+"""Ratio of the distance to the least one, below which the chaser has come nearer."""
 
 FRAME_STEP_S = 0.1
 """Simulated time of a single frame at 1x [s]."""
-
-GUARD_RELEASE_S = 5.0
-"""Minimum time without an intervention after which the keep-out guard counts as released [s]."""
-
-DRIFTED_AWAY = 4.0
-"""Ratio of the range to the least one since the drift began, from which on it is a caution."""
 
 LIT_S = 300.0
 """Less than the time between two eclipses, and more than that between two calls of `FlightSession.step` [s]."""
 
 ECLIPSE_STEP_S, MAX_ECLIPSE_STEPS = 20.0, 500
 """Interval at which a recording is searched for eclipses [s], and the largest number of intervals."""
-
-FUEL_SHARE = 0.04
-"""Propellant as a share of the chaser's initial mass; the tanks of small craft hold some 5 %."""
 
 
 @dataclass(frozen=True)
@@ -142,6 +137,8 @@ class FlightSession:
     eclipses_s : list of tuple of float
         Start and end of each eclipse that was flown through [s], in the order flown. Pilots do not change them, so a
         seek or a restart leaves them.
+    cautions : CautionWatch
+        Cautions that began.
     marks : list of Mark
         Hold points and contacts of the flight in order of time, also those after a time that was sought.
     """
@@ -151,10 +148,11 @@ class FlightSession:
         self.clock = FlightClock()
         self.craft = PilotedCraft(plan)
         self.look_back = LookBack(self.craft, self.clock, recorder)
-        self._cautions = CautionWatch()
+        self.cautions = CautionWatch()
         self.eclipses_s: list[tuple[float, float]] = []
         self.marks: list[Mark] = []
         self._left: frozenset[str] = frozenset()
+        self._jump_from, self._nearest = 0.0, (0.0, 0.0)
 
     @staticmethod
     def of(
@@ -199,18 +197,14 @@ class FlightSession:
         )
 
     def is_over(self, caution: str) -> bool:
-        """Return True if the cause of a caution has ended: a clear plume, or a burn that nothing takes back.
+        """Return True if the cause of a caution or warning of the flight has ended.
 
         Returns
         -------
         bool
-            True if the caution may go.
+            True if it may go; False also for a text that is none of the flight's.
         """
-        steering = self.craft.steering
-        if caution == PLUME_CAUTION:
-            return steering.plume_clear(self.t_s)
-        named = [b for b in steering.burns.burns if planned_text(b) in caution]
-        return WOULD_TAKE_BACK in caution and not (named and steering.doing)
+        return cause_ended(self, caution)
 
     def scene(self) -> SceneState:
         """Return the present scene, for the scenario's own camera.
@@ -267,9 +261,8 @@ class FlightSession:
             self._run()
             self._note_eclipse(self.craft.world)
         self._note_marks()
-        drifts = self.craft.steered is not None and not (steering.doing or steering.takes_over)
-        new_cautions = self._cautions.news(
-            self.craft.world, steering.propellant, guarded=steering.guarded, drifts=drifts
+        new_cautions = self.cautions.news(
+            self.craft.world, steering.propellant, guarded=steering.guarded, drifts=self.craft.drifts
         )
         return replace(self.state, news=(*news, *steering.pop_news(), *new_cautions))
 
@@ -313,7 +306,7 @@ class FlightSession:
         self.clock.reset()
         self.craft.restart()
         self.look_back.leave_trail()
-        self._cautions = CautionWatch()
+        self.cautions = CautionWatch()
 
     def _run(self) -> None:
         while not self.clock.paused and self.clock.consume(h := self._step_s()):
@@ -362,8 +355,9 @@ class FlightSession:
         self.craft.reach(self.t_s + 2 * h)
         self.look_back.record()
         self.craft.step(h)
-        if self.clock.jump and self._jump_is_done():
+        if self.clock.jump and (end := self._jump_end()):
             self.clock.end_jump()
+            self.craft.steering.news.append(end)
 
     # --- jumps
 
@@ -383,6 +377,7 @@ class FlightSession:
         when = event_ahead_s(self.plan, self.flight, event, self.t_s)
         self.look_back.fly_on()
         self.clock.start_jump("event", when)
+        self._jump_from = self.t_s
         return when
 
     def jump_to_hold_point(self) -> None:
@@ -399,53 +394,61 @@ class FlightSession:
             )
         self.look_back.fly_on()
         self.clock.start_jump("hold-point", self.t_s + MAX_JUMP_S)
+        self._nearest = self._hold_point_away_m(), self.t_s
+        self._jump_from = self._nearest[0]
 
-    def _jump_is_done(self) -> bool:
+    @property
+    def at_hold_point(self) -> bool:
+        """True if the chaser may leave the next hold point, or has left the last one."""
         craft = self.craft
-        if self.t_s >= self.clock.jump_until_s - 1e-9:
-            return True
+        return craft.docking.hold_points.next is None or not craft.docking.not_ready(
+            craft.chaser, craft.flight
+        )
+
+    @property
+    def jump_text(self) -> str:
+        """Destination of a jump and what it waits for, in words; empty without a jump."""
         if self.clock.jump != "hold-point":
-            return False
-        if not craft.steering.autopilot or craft.steered is None:
-            return True
-        if craft.docking.hold_points.next is None:
-            return False
-        return not craft.docking.not_ready(craft.steered, craft.flight)
+            return self.clock.jump and f"the next {self.clock.jump}, at T+{self.clock.jump_until_s:.0f} s"
+        craft = self.craft
+        point = craft.docking.hold_points.next
+        if point is None:
+            return "the port"
+        return f"{point.name}: {', '.join(craft.docking.not_ready(craft.chaser, craft.flight)[:1])}"
 
+    @property
+    def jump_share(self) -> float:
+        """Flown share of a jump: of its time, or of the way to the hold point."""
+        if self.clock.jump == "hold-point":
+            return max(1.0 - self._nearest[0] / max(self._jump_from, 1e-9), 0.0)
+        span_s = self.clock.jump_until_s - self._jump_from
+        return (self.t_s - self._jump_from) / max(span_s, 1e-9)
 
-class CautionWatch:
-    """Compares a flight with its last state, and reports each caution once when it begins."""
+    def _hold_point_away_m(self) -> float:
+        """Return the distance of the docking point from the next hold point, or from the port."""
+        craft = self.craft
+        figures, point = (
+            craft.docking.figures(craft.chaser, craft.flight),
+            craft.docking.hold_points.next,
+        )
+        return float(np.hypot(figures.axial_m - (0.0 if point is None else point.axial_m), figures.lateral_m))
 
-    def __init__(self) -> None:
-        self._guarded_s = -GUARD_RELEASE_S
-        self._nearest_m = np.inf
-        self._before: tuple[bool, bool] | None = None
-
-    def news(
-        self, world: WorldState, propellant: Propellant, *, guarded: bool, drifts: bool = False
-    ) -> list[News]:
-        """Return the cautions that began since the last call; none at the first."""
-        t_s = world.t_s
-        is_sunlit = world.sun_visible_fraction > 0.0
-        fuel_low = propellant.used_kg >= FUEL_SHARE * propellant.thrusters.mass_kg
-        was_lit, was_low = self._before or (is_sunlit, fuel_low)
-        news: list[News] = []
-        range_m = float(np.linalg.norm(world.relative_eci_m))
-        if drifts and range_m > DRIFTED_AWAY * self._nearest_m:
-            self._nearest_m = range_m
-            news.append(
-                ("caution", f"the chaser drifts away: {range_m:.0f} m from the target, without guidance")
-            )
-        self._nearest_m = min(self._nearest_m, range_m) if drifts else range_m
-        if guarded and not self._guarded_s <= t_s < self._guarded_s + GUARD_RELEASE_S:
-            news.append(("caution", "keep-out sphere: the steering is overruled, the chaser turned away"))
-        if is_sunlit and not was_lit:
-            news.append(("note", "the target is in sunlight again"))
-        if was_lit and not is_sunlit:
-            news.append(("caution", "eclipse: the target has lost the Sun"))
-        if fuel_low and not was_low:
-            news.append(("caution", f"fuel is low: {propellant.used_kg:.1f} kg of propellant are burnt"))
-        if guarded:
-            self._guarded_s = t_s
-        self._before = is_sunlit, fuel_low
-        return news
+    def _jump_end(self) -> News | None:
+        """Return the report on a jump that ends now; None if it goes on."""
+        craft, at = self.craft, f"the jump has ended at T+{self.t_s:.1f} s, at 1x"
+        if self.clock.jump == "event":
+            return ("note", at) if self.t_s >= self.clock.jump_until_s - 1e-9 else None
+        if not craft.steering.autopilot:
+            return "note", at
+        point = craft.docking.hold_points.next
+        if point is not None and self.at_hold_point:
+            return "note", f"{at}: the chaser waits at {point.name}"
+        away_m = self._hold_point_away_m()
+        if away_m < NEARER * self._nearest[0]:
+            self._nearest = away_m, self.t_s
+        if self.t_s < min(self.clock.jump_until_s, self._nearest[1] + PATIENCE_S):
+            return None
+        goal = "the port" if point is None else point.name
+        why = f"no nearer than {self._nearest[0]:.1f} m for {self.t_s - self._nearest[1]:.0f} s"
+        held = craft.steering.guard == "scenario" and craft.docking.closed_by(craft.flight, self.t_s)
+        return "caution", f"{at}: {goal} {NOT_REACHED}, {why}{f'; {held}; {REMEDY}' if held else ''}"

@@ -21,6 +21,7 @@ WORDS = {
     "sim": "tango-flyaround --size 1600x1000 --overlays keypoints,times --seconds 60",
     "render": "tango-flyaround -t 12.5 --quality high --labels depth,normals",
     "fly": "tango-flyaround --every 0.5 --oem --aem --record",
+    "film": "tango-flyaround --width 1280 --fps 30 --speed 20 --from 60 --to 360 --rgb",
     "capture": "tango-flyaround -n 200 --quality high --seed 7 --format coco,speed --labels depth,parts"
     " --split 8:1:1 --workers 4",
     "convert": "out/set --format coco --split 8:1:1",
@@ -40,7 +41,7 @@ WORDS = {
     " --mass 410",
 }
 """The words that ask for the run of each example."""
-PLACED = {"fly", "capture", "convert", "train", "hil campaign", "hil delay-map"}
+PLACED = {"fly", "film", "capture", "convert", "train", "hil campaign", "hil delay-map"}
 """Commands that need to be told where their result goes."""
 
 

@@ -110,11 +110,12 @@ def test_the_caution_of_a_folder_goes_when_another_one_is_written(
 
 
 def test_the_caution_of_a_refused_command_goes_once_it_is_done(console: Console) -> None:
+    console.do("time.pause")
     console.do("guidance.vbar", 0.2)
-    console.do("burn.cancel", 5.0)
-    assert len(waiting(console)) == 2
-    console.do("guidance.vbar", 12.0)
+    console.do("picture.detail", "full")
     assert len(waiting(console)) == 1
+    console.do("guidance.vbar", 12.0)
+    assert waiting(console) == []
 
 
 def test_other_cautions_stay(console: Console) -> None:

@@ -132,6 +132,7 @@ def guarded_command(
     frame: Lvlh,
     keep_out: KeepOut,
     brake_m_s2: float,
+    corridor_frame: Lvlh | None = None,
 ) -> tuple[SteeringCommand, bool]:
     """Limit a command by the keep-out sphere; see `KeepOut.guard`.
 
@@ -149,21 +150,27 @@ def guarded_command(
         Sphere around the target.
     brake_m_s2 : float
         Available deceleration.
+    corridor_frame : Lvlh, optional
+        Rotating frame in which the corridor's axis is given; by default ``frame``.
 
     Returns
     -------
     tuple
         Allowed command, and True if it differs from the given one.
     """
-    p, v = frame.from_eci(np.array(state.position_eci_m), np.array(state.velocity_eci_m_s))
-    R_lvlh_from_camera = frame.R_eci_from_lvlh.T @ matrix_from_quat(state.q_camera_from_eci_wxyz).T
-    requested = R_lvlh_from_camera @ np.array(command.acceleration_camera_m_s2)
-    requested = requested + np.array(command.acceleration_lvlh_m_s2)
+    axes = frame if corridor_frame is None else corridor_frame
+    p, v = axes.from_eci(np.array(state.position_eci_m), np.array(state.velocity_eci_m_s))
+    R_axes_from_camera = axes.R_eci_from_lvlh.T @ matrix_from_quat(state.q_camera_from_eci_wxyz).T
+    R_axes_from_lvlh = axes.R_eci_from_lvlh.T @ frame.R_eci_from_lvlh
+    requested = R_axes_from_camera @ np.array(command.acceleration_camera_m_s2)
+    requested = requested + R_axes_from_lvlh @ np.array(command.acceleration_lvlh_m_s2)
     allowed, overruled = keep_out.guard(p, v, requested, dt_s, brake_m_s2)
     if not overruled:
         return command, False
     return replace(
-        command, acceleration_camera_m_s2=(0.0, 0.0, 0.0), acceleration_lvlh_m_s2=vec3(allowed)
+        command,
+        acceleration_camera_m_s2=(0.0, 0.0, 0.0),
+        acceleration_lvlh_m_s2=vec3(R_axes_from_lvlh.T @ allowed),
     ), True
 
 

@@ -1,0 +1,133 @@
+"""Cautions of a flight: reported once when they begin, and over when their cause has ended."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Protocol
+
+import numpy as np
+
+from flyaround.simulator.piloting.chaser_control import PLUME_CAUTION
+from flyaround.simulator.piloting.docking_watch import CONTACT, STOPS
+from flyaround.simulator.piloting.orders import ABORTS, LIFTED, WOULD_TAKE_BACK, planned_text
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from flyaround.simulator.piloting.clock import FlightClock
+    from flyaround.simulator.piloting.docking_watch import News
+    from flyaround.simulator.piloting.piloted_craft import PilotedCraft
+    from flyaround.simulator.piloting.propellant import Propellant
+    from flyaround.simulator.world.flight.world_state import WorldState
+
+GUARD_RELEASE_S = 5.0
+"""Minimum time without an intervention after which the keep-out guard counts as released [s]."""
+
+DRIFTED_AWAY = 4.0
+"""Ratio of the range to the least one since the drift began, from which on it is a caution."""
+
+FUEL_SHARE = 0.04
+"""Propellant as a share of the chaser's initial mass; the tanks of small craft hold some 5 %."""
+
+AWAY, OVERRULED, ECLIPSE, FUEL = "drifts away", "the steering is overruled", "eclipse:", "fuel is low"
+NOT_REACHED = "is not reached"
+
+
+class PilotedFlight(Protocol):
+    """The parts of a session that decide whether a cause has ended."""
+
+    clock: FlightClock
+    craft: PilotedCraft
+    cautions: CautionWatch
+
+    @property
+    def t_s(self) -> float:
+        """Simulated time [s]."""
+
+    @property
+    def at_hold_point(self) -> bool:
+        """True if the chaser may leave the next hold point."""
+
+
+def is_low(propellant: Propellant) -> bool:
+    """Return True if little propellant is left."""
+    return propellant.used_kg >= FUEL_SHARE * propellant.thrusters.mass_kg
+
+
+class CautionWatch:
+    """Compares a flight with its last state, and reports each caution once when it begins."""
+
+    def __init__(self) -> None:
+        self._guarded_s = -GUARD_RELEASE_S
+        self._nearest_m = np.inf
+        self._before: tuple[bool, bool] | None = None
+
+    def guarded(self, t_s: float) -> bool:
+        """Return True until the keep-out guard has been released."""
+        return self._guarded_s <= t_s < self._guarded_s + GUARD_RELEASE_S
+
+    def news(
+        self, world: WorldState, propellant: Propellant, *, guarded: bool, drifts: bool = False
+    ) -> list[News]:
+        """Return the cautions that began since the last call; none at the first."""
+        t_s = world.t_s
+        is_sunlit, fuel_low = world.sun_visible_fraction > 0.0, is_low(propellant)
+        was_lit, was_low = self._before or (is_sunlit, fuel_low)
+        news: list[News] = []
+        range_m = float(np.linalg.norm(world.relative_eci_m))
+        if drifts and range_m > DRIFTED_AWAY * self._nearest_m:
+            self._nearest_m = range_m
+            news.append(("caution", f"the chaser {AWAY}: {range_m:.0f} m from the target, without guidance"))
+        self._nearest_m = min(self._nearest_m, range_m) if drifts else range_m
+        if guarded and not self.guarded(t_s):
+            news.append(("caution", f"keep-out sphere: {OVERRULED}, the chaser turned away"))
+        if is_sunlit and not was_lit:
+            news.append(("note", "the target is in sunlight again"))
+        if was_lit and not is_sunlit:
+            news.append(("caution", f"{ECLIPSE} the target has lost the Sun"))
+        if fuel_low and not was_low:
+            news.append(("caution", f"{FUEL}: {propellant.used_kg:.1f} kg of propellant are burnt"))
+        if guarded:
+            self._guarded_s = t_s
+        self._before = is_sunlit, fuel_low
+        return news
+
+
+def _nothing_takes_back(session: PilotedFlight, caution: str) -> bool:
+    steering = session.craft.steering
+    named = [b for b in steering.burns.burns if planned_text(b) in caution]
+    return not (named and steering.doing)
+
+
+def _was_no_contact(session: PilotedFlight, caution: str) -> bool:
+    docking = session.craft.docking
+    return docking.docked or not any(f"T+{c.t_s:.1f} s" in caution for c in docking.contacts)
+
+
+def _corridor_is_open(session: PilotedFlight, _: str) -> bool:
+    return not session.craft.steering.autopilot or session.craft.steering.guard != "scenario"
+
+
+def _jump_may_go_on(session: PilotedFlight, _: str) -> bool:
+    steering = session.craft.steering
+    return bool(session.clock.jump) or not steering.autopilot or session.at_hold_point
+
+
+ENDS: dict[str, Callable[[PilotedFlight, str], bool]] = {
+    PLUME_CAUTION: lambda session, _: session.craft.steering.plume_clear(session.t_s),
+    WOULD_TAKE_BACK: _nothing_takes_back,
+    AWAY: lambda session, _: not session.craft.drifts,
+    OVERRULED: lambda session, _: not session.cautions.guarded(session.t_s),
+    ECLIPSE: lambda session, _: session.craft.world.sun_visible_fraction > 0.0,
+    FUEL: lambda session, _: not is_low(session.craft.steering.propellant),
+    ABORTS: lambda session, _: not session.craft.steering.aborting,
+    LIFTED: lambda session, _: session.craft.steering.guard != "lifted",
+    STOPS: _corridor_is_open,
+    CONTACT: _was_no_contact,
+    NOT_REACHED: _jump_may_go_on,
+}
+"""Phrase in each caution and warning of a flight, and the function that returns True once its cause has ended."""
+
+
+def cause_ended(session: PilotedFlight, caution: str) -> bool:
+    """Return True if the cause of a caution has ended; False for a text that is none of a flight's."""
+    return any(phrase in caution and ended(session, caution) for phrase, ended in ENDS.items())

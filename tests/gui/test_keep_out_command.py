@@ -1,0 +1,129 @@
+"""The keep-out sphere: its corridor turns with the port, or it is lifted, after a question, by one command."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import pytest
+
+from flyaround.gui.console import Console
+from flyaround.gui.script import Script
+from tests.harness.flown_console import console_flying
+from tests.harness.pointer import Pointer
+
+TUMBLING = "tango-vbar-approach"
+
+
+@pytest.fixture
+def screen() -> Iterator[Pointer]:
+    made = Pointer(TUMBLING, panels=False, opened=("docking",))
+    yield made
+    made.close()
+
+
+def dock(console: Console, longest_s: float = 400.0) -> Console:
+    """Fly by the autopilot, with a go at each hold point."""
+    session = console.session
+    docking = session.craft.docking
+    console.do("docking.approach", True)
+    console.do("time.rate", "50")
+    while session.t_s < longest_s and not docking.contacts:
+        ready = not docking.not_ready(session.craft.chaser, session.flight)
+        if docking.hold_points.next is not None and ready:
+            console.do("docking.go")
+        console.pass_time(100)
+    return console
+
+
+@pytest.mark.parametrize("guard", ["scenario", "port", "lifted"])
+def test_the_autopilot_reaches_a_tumbling_port_unless_the_corridor_is_fixed(guard: str) -> None:
+    console = console_flying(TUMBLING)
+    for m in console.attempt("docking.keep-out", guard, asks=False), console.attempt("time.rate", "1"):
+        assert not m
+    dock(console)
+    contact = console.session.craft.docking.contact
+    assert (contact is not None and contact.docked) == (guard != "scenario")
+    overruled = [m for m in console.messages if "overruled" in m.text]
+    assert bool(overruled) == (guard == "scenario")
+    # the log, as a script, does it again
+    lines = [str(line) for line in console.log.lines]
+    again = console_flying(TUMBLING)
+    again.play(Script.parse("\n".join(lines), again.table))
+    while again.clock_ms < console.clock_ms:
+        again.pass_time(100)
+    assert again.session.craft.steering.guard == guard
+    assert again.session.craft.chaser == console.session.craft.chaser
+
+
+def test_the_caution_names_the_remedy_and_ends_with_it() -> None:
+    console = console_flying(TUMBLING)
+    console.do("docking.approach", True)
+    (caution,) = console.waiting
+    assert "docking.keep-out port" in caution.text
+    console.do("docking.keep-out", "port")
+    console.pass_time(20)
+    assert console.waiting == []
+    console.do("docking.approach", False)
+    console.do("docking.approach", True)
+    assert console.waiting == []
+
+
+def test_lifting_asks_and_is_seen_until_it_is_taken_back(screen: Pointer) -> None:
+    console = screen.console
+    steering = console.session.craft.steering
+    console.do("docking.keep-out", "lifted")
+    screen.turn()
+    assert any("hitting the target" in text for text in screen.texts())
+    screen.press("Stay here")
+    screen.turn()
+    assert steering.guard == "scenario"
+    assert not screen.has("KEEP-OUT LIFTED")
+    console.do("docking.keep-out", "lifted")
+    screen.turn()
+    screen.press("Lift it")
+    screen.turn()
+    assert steering.guard == "lifted"
+    assert steering.sphere is None
+    console.do("window.acknowledge")
+    screen.turn()
+    assert screen.has("KEEP-OUT LIFTED")
+    screen.press("KEEP-OUT LIFTED")
+    screen.turn()
+    assert steering.guard == "scenario"
+    assert not screen.has("KEEP-OUT LIFTED")
+
+
+def test_it_is_undone_and_follows_the_timeline(screen: Pointer) -> None:
+    console = screen.console
+    steering = console.session.craft.steering
+    console.pass_time(200)
+    console.do("docking.keep-out", "port")
+    console.do("settings.undo")
+    assert console.messages[-1].text.startswith("undone: keep-out sphere port")
+    assert steering.guard == "scenario"
+    console.do("settings.redo")
+    assert steering.guard == "port"
+    for _ in range(5):
+        console.pass_time(200)
+    console.do("timeline.seek", 0.0)
+    console.pass_time(20)
+    assert (steering.guard, console.options.guard) == ("scenario", "scenario")
+    console.do("timeline.end")
+    console.pass_time(20)
+    assert (steering.guard, console.options.guard) == ("port", "port")
+
+
+def test_a_redo_does_not_lift_without_a_question(screen: Pointer) -> None:
+    console = screen.console
+    console.do("docking.keep-out", "lifted", asks=False)
+    console.do("settings.undo")
+    assert console.session.craft.steering.guard == "scenario"
+    console.do("settings.redo")
+    console.pass_time(20)
+    assert console.asked is not None
+    assert console.session.craft.steering.guard == "scenario"
+
+
+def test_a_scenario_without_a_sphere_refuses() -> None:
+    console = console_flying("tango-space-10m")
+    assert console.attempt("docking.keep-out", "lifted") == "this scenario has no keep-out sphere"
