@@ -254,17 +254,13 @@ class Widgets:
         imgui = self.imgui
         text = self._number(key, self._refused.get((key, of), (shown, ""))[0])
         ended = imgui.is_item_deactivated_after_edit() and not imgui.is_key_pressed(imgui.Key.escape)
-        flaw = self.answer((key, of), text, take(text) if ended else None)
+        given_up = self._given_up((key, of))
+        if ended and (refusal := take(text)):
+            self._refused[key, of] = text, refusal
+        elif ended or given_up:
+            self._refused.pop((key, of), None)
+        self.flaw(flaw := self._refused.get((key, of), ("", ""))[1])
         self.tip(flaw or f"{tip}; Enter applies it, Esc discards it")
-
-    def answer(self, key: object, text: str, refusal: str | None) -> str:
-        """Keep and return why a text of the last item was refused, until another is taken; None is no answer."""
-        if self._given_up(key) or refusal == "":
-            self._refused.pop(key, None)
-        elif refusal is not None:
-            self._refused[key] = text, refusal
-        self.flaw(flaw := self._refused.get(key, ("", ""))[1])
-        return flaw
 
     def _given_up(self, key: object) -> bool:
         """Return True on Esc, and if the field was out of sight since it was last drawn."""

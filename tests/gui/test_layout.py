@@ -8,6 +8,8 @@ import msgspec
 import pytest
 
 from flyaround.gui.layout import LARGEST_BYTES, SavedLayout, layout_file, read_layout
+from flyaround.gui.style import apply_style
+from flyaround.gui.texts import texts
 from tests.harness.pointer import Pointer
 
 
@@ -42,4 +44,62 @@ def test_a_window_that_is_resized_does_not_take_letters_from_a_field() -> None:
     for _ in range(14):
         screen.turn()
     assert imgui.get_io().want_text_input
+    screen.close()
+
+
+@pytest.mark.parametrize("tour", [False, True], ids=("alone", "with the tour"))
+@pytest.mark.parametrize("size", [(1280, 800), (800, 600)], ids=("wide", "narrow"))
+def test_a_layout_brings_its_task_to_the_front(size: tuple[int, int], *, tour: bool) -> None:
+    screen = Pointer(size=size, opened=("tour",) * tour)
+    for name, panels in texts("layouts").items():
+        task = next(p.name for p in screen.layout.panels if p.name in panels and p.place == "left")
+        # opened last, and so in front of others of its place
+        screen.console.do("panel.plots", True)
+        screen.turn()
+        screen.console.do(f"layout.{name}")
+        for _ in range(14):
+            screen.turn()
+        assert task not in screen.console.help.behind, name
+        if tour and size[0] > 900:
+            assert "tour" not in screen.console.help.behind, name
+    screen.close()
+
+
+def test_a_layout_comes_to_the_front_while_a_dialog_is_open() -> None:
+    screen = Pointer(opened=("tour",))
+    screen.console.open_panel("keys", shown=True)
+    screen.turn()
+    screen.console.do("layout.link")
+    for _ in range(14):
+        screen.turn()
+    assert "board-link" not in screen.console.help.behind
+    screen.close()
+
+
+@pytest.mark.parametrize("tour", [False, True], ids=("alone", "with the tour"))
+def test_the_first_layout_uses_the_middle_of_the_window(*, tour: bool) -> None:
+    screen = Pointer("tango-flyaround", opened=("tour",) * tour)
+    _, _, wide, tall = screen.rect("camera")
+    assert wide > 900.0
+    # the picture, and six lines of figures below or over it
+    assert tall - wide / 1.6 < 8 * 18.0
+    screen.close()
+
+
+def test_no_tab_cuts_its_title() -> None:
+    screen = Pointer()
+    apply_style(screen.window.plain, 1.0)
+    for panel in screen.layout.panels:
+        if panel.place != "over":
+            screen.console.do(f"panel.{panel.name}", True)
+            screen.turn()
+    for _ in range(12):
+        screen.turn()
+    inner = screen.window.plain.internal
+    for panel in screen.layout.panels:
+        if panel.place in {"over", "centre"}:
+            continue
+        native = inner.find_window_by_name(f"{panel.title}###{panel.name}")
+        found = inner.tab_bar_find_tab_by_id(native.dock_node.tab_bar, native.tab_id)
+        assert found.width >= found.content_width - 1.0, panel.title
     screen.close()
