@@ -51,7 +51,7 @@ class TransportStrip:
         em, session = imgui.get_font_size(), console.session
         paused = session.clock.paused
         look = ("Play", "play") if paused else ("Pause", "time.pause")
-        w.button(console, "time.pause", label=look[0], icon=look[1], width=5.2 * em, fill=style.PRIMARY)
+        w.button(console, "time.pause", label=look[0], icon=look[1], width=5.2 * em, on=paused)
         imgui.same_line()
         w.button(console, "time.step", width=4.4 * em)
         imgui.same_line()

@@ -335,8 +335,8 @@ class Widgets:
             imgui.pop_style_color(3)
         return clicked
 
-    def buttons(self, console: Console, names: Sequence[str], per_row: int) -> None:
-        """Draw buttons of one width, ``per_row`` in a row, or fewer in a narrow panel."""
+    def buttons(self, console: Console, names: Sequence[str], per_row: int, primary: str = "") -> None:
+        """Draw buttons of one width, ``per_row`` in a row, or fewer in a narrow panel; ``primary`` is filled."""
         imgui = self.imgui
         widest = max(self.button_width(labelled(n, console.table[n].title)) for n in names)
         widest = (
@@ -344,7 +344,8 @@ class Widgets:
         )
         for name, width in zip(names, self.grid(len(names), widest), strict=True):
             state = console.table[name].state
-            self.button(console, name, width=width, on=state is not None and state(console))
+            fill = style.PRIMARY if name == primary else None
+            self.button(console, name, width=width, on=state is not None and state(console), fill=fill)
 
     def switch(self, console: Console, name: str, label: str | None = None) -> None:
         """Draw a tick box of a switch."""

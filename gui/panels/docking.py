@@ -33,7 +33,9 @@ class DockingPanel(Panel):
         text, colour = status(console)
         # one line, because buttons stand below it
         w.cut_line(text, w.width, colour, "active guidance, and what it waits for")
-        w.buttons(console, ("docking.approach", "docking.go", "docking.no-go"), 3)
+        primary = "" if docking.docked or docking.hold_points.next is None else "docking.go"
+        primary = primary if session.craft.steering.autopilot else "docking.approach"
+        w.buttons(console, ("docking.approach", "docking.go", "docking.no-go"), 3, primary)
         w.button(console, "time.next-hold-point", width=w.width)
         w.switch(console, "overlay.docking", "Display over the view")
         figures = docking.figures(session.craft.chaser, session.flight)

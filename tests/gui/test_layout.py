@@ -8,8 +8,9 @@ import msgspec
 import pytest
 
 from flyaround.gui.layout import LARGEST_BYTES, SavedLayout, layout_file, read_layout
-from flyaround.gui.style import apply_style
+from flyaround.gui.style import PRIMARY, Rgba, apply_style
 from flyaround.gui.texts import texts
+from flyaround.gui.widgets import Widgets
 from tests.harness.pointer import Pointer
 
 
@@ -102,4 +103,44 @@ def test_no_tab_cuts_its_title() -> None:
         native = inner.find_window_by_name(f"{panel.title}###{panel.name}")
         found = inner.tab_bar_find_tab_by_id(native.dock_node.tab_bar, native.tab_id)
         assert found.width >= found.content_width - 1.0, panel.title
+    screen.close()
+
+
+def bright(screen: Pointer, monkeypatch: pytest.MonkeyPatch) -> list[str]:
+    """Draw once more; return the labels of primary buttons that can be clicked."""
+    labels: list[str] = []
+    real = Widgets.filled_button
+
+    def filled_button(w: Widgets, label: str, width: float, fill: Rgba | None) -> bool:
+        if fill == PRIMARY and screen.window.plain.get_style().alpha == 1.0:
+            labels.append(label.partition("###")[2].split()[0])
+        return real(w, label, width, fill)
+
+    with monkeypatch.context() as patched:
+        patched.setattr(Widgets, "filled_button", filled_button)
+        screen.turn()
+    return labels
+
+
+def test_each_layout_has_one_bright_button_at_most(monkeypatch: pytest.MonkeyPatch) -> None:
+    screen = Pointer("tango-vbar-approach", opened=("tour",))
+    found = {}
+    for name in ("first", *texts("layouts")):
+        screen.console.do(f"layout.{name}")
+        for _ in range(14):
+            screen.turn()
+        found[name] = bright(screen, monkeypatch)
+    screen.console.do("layout.dock")
+    screen.console.do("docking.approach", True)
+    for _ in range(14):
+        screen.turn()
+    assert bright(screen, monkeypatch) == ["docking.go"]
+    assert found == {
+        "first": [],
+        "fly": [],
+        "dock": ["docking.approach"],
+        "capture": ["capture.start"],
+        "estimate": ["estimator.run"],
+        "link": ["hil.start"],
+    }
     screen.close()
