@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -19,6 +19,27 @@ MOST_POINTS = 600
 """Largest number of points per line; more than a panel has pixels would be invisible."""
 # offsets of the dark halo around a text
 _AROUND = ((-1, -1), (0, -1), (1, -1), (-1, 0), (1, 0), (-1, 1), (0, 1), (1, 1))
+
+
+class Key(NamedTuple):
+    """An entry of a legend.
+
+    Parameters
+    ----------
+    sample : str
+        Form of the sample: ``line``, ``dashes``, ``dot``, ``diamond`` or ``area``.
+    rgba : Rgba
+        Colour.
+    name : str
+        Name of what is drawn so.
+    tip : str, optional
+        Hover text.
+    """
+
+    sample: str
+    rgba: style.Rgba
+    name: str
+    tip: str = ""
 
 
 class Canvas:
@@ -95,6 +116,27 @@ class Canvas:
         width, height = self.size(text)
         self.box((at[0] - 3, at[1] - 1), (width + 6, height + 2), (*style.RAISED[:3], 0.9), 3.0)
         self.plain_text(at, text, rgba, tip)
+
+    def legend(self, corner: Point, width: float, keys: Iterable[Key]) -> float:
+        """Draw keys from left to right, in lines up to a width; return the height of all lines."""
+        (x, y), line = corner, self.line
+        for key in keys:
+            wide = self.size(key.name)[0] + 2.0 * line
+            if x > corner[0] and x + wide > corner[0] + width:
+                x, y = corner[0], y + line
+            left, middle, right = x, y + 0.45 * line, x + line
+            if key.sample == "area":
+                self.box((left, y + 0.15 * line), (0.6 * line, 0.6 * line), key.rgba, 2.0)
+            elif key.sample == "dot":
+                self.dot((left + 0.5 * line, middle), 0.2 * line, key.rgba)
+            elif key.sample == "diamond":
+                self.diamond((left + 0.5 * line, middle), 0.22 * line, key.rgba)
+            else:
+                dashed = key.sample == "dashes"
+                self.stroke([(left, middle), (right, middle)], key.rgba, 2.0, halo=False, dashed=dashed)
+            self.plain_text((x + 1.2 * line, y), key.name, style.INK, key.tip)
+            x += wide
+        return y + line - corner[1]
 
     def tip(self, corner: Point, size: Point, text: str) -> None:
         """Give a rectangle a hover text."""
