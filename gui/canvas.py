@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from flyaround.gui import hover_text, style
+from flyaround.gui.texts import texts
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Sequence
@@ -40,6 +41,12 @@ class Key(NamedTuple):
     rgba: style.Rgba
     name: str
     tip: str = ""
+
+
+def legend_keys(subject: str) -> list[Key]:
+    """Return the legend of a map, in the order of the texts."""
+    rows = texts(subject).items()
+    return [Key(sample, getattr(style, colour), name, tip) for name, (sample, colour, tip) in rows]
 
 
 class Canvas:
@@ -124,16 +131,14 @@ class Canvas:
             wide = self.size(key.name)[0] + 2.0 * line
             if x > corner[0] and x + wide > corner[0] + width:
                 x, y = corner[0], y + line
-            left, middle, right = x, y + 0.45 * line, x + line
+            middle = (x + 0.5 * line, y + 0.45 * line)
             if key.sample == "area":
-                self.box((left, y + 0.15 * line), (0.6 * line, 0.6 * line), key.rgba, 2.0)
-            elif key.sample == "dot":
-                self.dot((left + 0.5 * line, middle), 0.2 * line, key.rgba)
-            elif key.sample == "diamond":
-                self.diamond((left + 0.5 * line, middle), 0.22 * line, key.rgba)
+                self.box((x, y + 0.15 * line), (0.6 * line, 0.6 * line), key.rgba, 2.0)
+            elif key.sample in {"dot", "diamond"}:
+                getattr(self, key.sample)(middle, 0.21 * line, key.rgba)
             else:
-                dashed = key.sample == "dashes"
-                self.stroke([(left, middle), (right, middle)], key.rgba, 2.0, halo=False, dashed=dashed)
+                ends = [(x, middle[1]), (x + line, middle[1])]
+                self.stroke(ends, key.rgba, 2.0, halo=False, dashed=key.sample == "dashes")
             self.plain_text((x + 1.2 * line, y), key.name, style.INK, key.tip)
             x += wide
         return y + line - corner[1]

@@ -413,7 +413,7 @@ class Layout:
         else:
             split("right", "centre", imgui.Dir.right, RIGHT)
             split("right-upper", "right", imgui.Dir.down, 0.81)
-            split("right-middle", "right-upper", imgui.Dir.down, 0.59)
+            split("right-middle", "right-upper", imgui.Dir.down, 0.57)
             split("right-low", "right-middle", imgui.Dir.down, 0.52)
             # docks whose panels are all closed take no space
             split("left", "centre", imgui.Dir.left, LEFT)

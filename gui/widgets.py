@@ -189,7 +189,7 @@ class Widgets:
         figures = " ".join(form.format(v) for v in values)
         self.one_line(name, style.QUIET)
         self.tip(tip)
-        label = max(imgui.calc_text_size(name).x, imgui.calc_text_size("Velocity mm/s").x)
+        label = max(imgui.calc_text_size(name).x, imgui.calc_text_size("Velocity [mm/s]").x)
         imgui.push_font(self.window.figure_font, 0.0)
         width = imgui.calc_text_size(figures).x
         if label + 8 + width <= self.width:

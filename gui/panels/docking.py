@@ -35,7 +35,8 @@ class DockingPanel(Panel):
         w.cut_line(text, w.width, colour, "active guidance, and what it waits for")
         primary = "" if docking.docked or docking.hold_points.next is None else "docking.go"
         primary = primary if session.craft.steering.autopilot else "docking.approach"
-        w.buttons(console, ("docking.approach", "docking.go", "docking.no-go"), 3, primary)
+        w.buttons(console, ("docking.approach",), 1, primary)
+        w.buttons(console, ("docking.go", "docking.no-go"), 2, primary)
         w.button(console, "time.next-hold-point", width=w.width)
         w.switch(console, "overlay.docking", "Display over the view")
         figures = docking.figures(session.craft.chaser, session.flight)
@@ -54,15 +55,15 @@ class DockingPanel(Panel):
             now, colour = f"{row.text}{style.LIMIT_MARKS[row.state]}", style.LIMIT_COLORS[row.state]
             state = f"{row.name} now [{row.unit}]; {STATES[row.state]}"
             most = f"limit at this distance [{row.unit}]"
-            head = partial(w.text, f"{short} {row.unit}", style.QUIET, FIGURE_TIPS[row.name])
+            head = partial(w.text, f"{short.capitalize()} [{row.unit}]", style.QUIET, FIGURE_TIPS[row.name])
             limit = partial(w.text, f"{row.limit:.2g}", style.QUIET, most)
             cells.append((head, partial(w.text, now, colour, state), limit))
         w.table("figures", (0.46, 0.29, 0.25), cells, ("Figure", "Now", "At most"))
 
     def _limits(self, console: Console) -> None:
         w, now = self._w, console.session.craft.docking.limits
+        w.field("Limits", f"{now.source}; ! near a limit, # outside", 0.7)
         w.choice(console, "docking.limits", now.name, list(PRESETS), shown=lambda name: PRESETS[name].title)
-        w.tip(f"now: {now.source}; ! near a limit, # outside")
         w.button(console, "docking.axis-here", width=w.width)
 
     def _points(self, console: Console) -> None:

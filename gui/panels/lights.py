@@ -69,7 +69,7 @@ class LightsPanel(Panel):
         tip = f"{text}: {about}\nlight.set {k} {name} VALUE"
         if name in CHOICES:
             names = CHOICES[name]
-            w.field(text, tip, 0.6)
+            w.field(text, tip, 0.45)
             changed, at = imgui.combo(f"##{name}", names.index(value), list(names))
             w.tip(tip)
             if changed:
@@ -87,5 +87,5 @@ class LightsPanel(Panel):
                 imgui.set_next_item_width(width)
                 w.entry(f"{name}{axis}", numbers[axis], partial(place, axis), tip, k)
         else:
-            w.field(text, tip, 0.6)
+            w.field(text, tip, 0.45)
             w.entry(name, f"{value:.6g}", lambda new: console.attempt("light.set", k, name, new), tip, k)

@@ -98,7 +98,7 @@ class SteeringPanel(Panel):
         """Draw the fields of a point or of a displacement, a line about the flight there, and its button."""
         w, craft = self._w, console.session.craft
         w.section("Fly to: radial, along, cross [m]")
-        changed, self._from_here = w.imgui.checkbox("counted from here", self._from_here)
+        changed, self._from_here = w.imgui.checkbox("Counted from here", self._from_here)
         w.tip("on: offsets from the chaser's position; off: a point relative to the target")
         if changed:
             self._point = [""] * 3
@@ -143,7 +143,7 @@ class SteeringPanel(Panel):
         def replan(which: int, text: str) -> str:
             return console.attempt("burn.plan", *now[:which], text, *now[which + 1 :], burn.t_s)
 
-        if imgui.small_button(f"x##burn{k}"):
+        if imgui.button(f"x##burn{k}"):
             console.do("burn.cancel", burn.t_s)
         w.command_tip(console, "burn.cancel", burn.t_s)
         imgui.same_line()

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from flyaround.gui import style
-from flyaround.gui.canvas import Canvas, Key
+from flyaround.gui.canvas import Canvas, legend_keys
 from flyaround.gui.picture.ground_map import GroundMap, load_ground_map
 from flyaround.gui.texts import duration_text
 from flyaround.gui.views.letterbox import Letterbox
@@ -38,15 +38,7 @@ TRACK_EVERY_S = 60.0
 SHADE_EVERY_DEG = 0.5
 """Angular step in which day and night follow the Sun."""
 PAST, SUNLIT, SHADOWED = style.ACCENT, style.YELLOW, style.SHADOW  # colours of the ground track
-KEYS = (
-    Key("dot", style.INK, "target", "the place below it"),
-    Key("line", PAST, "past orbit", "ground track of the last orbit"),
-    Key("dashes", SUNLIT, "next, sunlit", "ground track of the next orbit, where the target is in sunlight"),
-    Key(
-        "dashes", SHADOWED, "next, in shadow", "ground track of the next orbit, where the target is in shadow"
-    ),
-    Key("line", style.ORANGE, "day and night", "terminator on the ground"),
-)
+KEYS = legend_keys("ground-map")
 AHEAD = "simulated time until then [min:s], by an orbit under J2 alone, which is right to a second an orbit"
 
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from flyaround.gui import style
-from flyaround.gui.canvas import Canvas, Key, point
+from flyaround.gui.canvas import Canvas, legend_keys, point
 from flyaround.gui.picture.relative_map import (
     MapLook,
     MapPort,
@@ -50,16 +50,7 @@ LINES = (
 )
 LEGEND_EM = 16
 """Height of the map, in text heights, from which on it has a legend."""
-KEYS = (
-    Key("dot", FLOWN, "chaser", "the arrow is its camera's boresight"),
-    Key("diamond", style.WARN, "target", "its outline where the map is large enough"),
-    Key("line", FLOWN, "flown", "path of the chaser so far"),
-    Key("line", PLANNED, "planned", "path of the scenario"),
-    Key("dashes", DRIFT, "drift", "path over ten minutes without thrust"),
-    Key("dashes", style.PURPLE, "burns", "path with the planned burns; drag a node or its handle"),
-    Key("dashes", style.BAD, "keep-out", "sphere that the scenario keeps the chaser out of"),
-    Key("area", (*style.GOOD[:3], 0.6), "corridor", "way through the keep-out sphere"),
-)
+KEYS = legend_keys("relative-map")
 SUN = "direction of the Sun, as long as it lies in this plane; grey while the target is in shadow"
 
 

@@ -115,6 +115,6 @@ def test_an_undone_change_is_named_as_the_panel_names_it(console: Console) -> No
         console.do(name, *values)
         console.do("settings.undo")
     undone = [m.text for m in console.messages]
-    assert undone[0].startswith("undone: change sensor depth [bit] 10")
+    assert undone[0].startswith("undone: change sensor Depth [bit] 10")
     assert undone[1].startswith("undone: change light 0 Power [W] 55")
     assert console.options.settings == Options(console.options.settings).settings

@@ -168,7 +168,7 @@ def test_what_a_command_refuses_is_said_at_the_field(window: HeadlessWindow, con
     typist = Typist(window, console, SensorPanel(window))
     typist.type("##bits", "99")
     assert typist.shown["##bits"] == "99"
-    assert typist.reasons == ["depth [bit] is 99, allowed: 8 to 16"]
+    assert typist.reasons == ["Depth [bit] is 99, allowed: 8 to 16"]
     assert console.options.settings.sensor_changes == {}
 
 
