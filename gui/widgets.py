@@ -356,10 +356,10 @@ class Widgets:
             console.do(name, value) if command.arguments else console.do(name)
         self.command_tip(console, name)
 
-    def switches(self, console: Console, names: Sequence[str]) -> None:
-        """Draw tick boxes in as many columns as fit."""
-        widest = max(self.imgui.calc_text_size(console.table[n].title).x for n in names)
-        column = (widest + 2.5 * self.imgui.get_frame_height()) / self.window.scale
+    def switches(self, console: Console, names: Sequence[str], beside: Sequence[str] = ()) -> None:
+        """Draw tick boxes in as many columns as fit, which are also those of the switches ``beside``."""
+        widest = max(self.imgui.calc_text_size(console.table[n].title).x for n in (*names, *beside))
+        column = (widest + 1.9 * self.imgui.get_frame_height()) / self.window.scale
         for name, _ in zip(names, self.grid(len(names), column), strict=True):
             self.switch(console, name)
 

@@ -80,8 +80,10 @@ class DockingPanel(Panel):
             w.text(text, DECISION_COLOURS[p.decision], HOLDS)
         w.imgui.pop_font()
         if following is not None:
-            for why in session.craft.docking.not_ready(session.craft.chaser, session.flight):
-                w.text(f"not yet: {why}", style.QUIET, "why go would be refused now")
+            whys = session.craft.docking.not_ready(session.craft.chaser, session.flight)
+            w.text("Go waits for:" if whys else "ready for Go", style.INK)
+            for why in whys:
+                w.text(f"  {why}", style.QUIET, "why go would be refused now")
 
     def _contacts(self, console: Console) -> None:
         w = self._w

@@ -106,7 +106,7 @@ class _LabelView(Panel):
     ) -> tuple[Place, Place]:
         """Return the places of the picture and its legend, at the right, or below in a narrow view."""
         x, y, w, h = place
-        width = max((canvas.size(n)[0] for n in names), default=0.0) + canvas.line + 20.0
+        width = max((canvas.size(n)[0] for n in names), default=0.0) + 1.2 * canvas.line + 20.0
         if h < (w if w > 2.4 * width else 0.6 * w):
             width = min(width, 0.6 * w)
             return (x, y, w - width, h), (x + w - width, y, width, h)

@@ -53,7 +53,7 @@ def change_scenario(at: Pointer) -> None:
 
 def move_by_five_metres(at: Pointer) -> None:
     layout(at, "Fly")
-    at.press("counted from here")
+    at.press("Counted from here")
     at.type(at.sight("##point0"), "5")
     at.press("Fly there")
 
