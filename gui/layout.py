@@ -42,7 +42,7 @@ NARROW = 900.0
 """Window width in screen units, at scale 1, below which panels go under the view."""
 VERSION = 1  # version of the saved layout's file
 LARGEST_BYTES = 400_000
-RIGHT, LEFT, BOTTOM = 0.27, 0.31, 0.26  # shares of the window that the docks take
+RIGHT, LEFT, BOTTOM = 0.295, 0.31, 0.26  # shares of the window that the docks take
 LOWEST, HIGHEST = 0.22, 0.5
 """Bounds of the bottom dock's share of the height, chosen for the view's aspect ratio."""
 PRESETS: dict[str, frozenset[str]] = {
@@ -229,6 +229,9 @@ class Layout:
             imgui.end_main_menu_bar()
         self._status.draw(console)
         self._strip(console)
+        if imgui.get_frame_count() < 2:
+            # the bars have taken no height yet, of which docks have shares
+            return
         self._dockspace = imgui.get_id("panels of the console")
         if self._build:
             self._build_docks()
