@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from flyaround.gui import hover_text, style
+from flyaround.gui.texts import texts
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Sequence
@@ -19,6 +20,33 @@ MOST_POINTS = 600
 """Largest number of points per line; more than a panel has pixels would be invisible."""
 # offsets of the dark halo around a text
 _AROUND = ((-1, -1), (0, -1), (1, -1), (-1, 0), (1, 0), (-1, 1), (0, 1), (1, 1))
+
+
+class Key(NamedTuple):
+    """An entry of a legend.
+
+    Parameters
+    ----------
+    sample : str
+        Form of the sample: ``line``, ``dashes``, ``dot``, ``diamond`` or ``area``.
+    rgba : Rgba
+        Colour.
+    name : str
+        Name of what is drawn so.
+    tip : str, optional
+        Hover text.
+    """
+
+    sample: str
+    rgba: style.Rgba
+    name: str
+    tip: str = ""
+
+
+def legend_keys(subject: str) -> list[Key]:
+    """Return the legend of a map, in the order of the texts."""
+    rows = texts(subject).items()
+    return [Key(sample, getattr(style, colour), name, tip) for name, (sample, colour, tip) in rows]
 
 
 class Canvas:
@@ -95,6 +123,25 @@ class Canvas:
         width, height = self.size(text)
         self.box((at[0] - 3, at[1] - 1), (width + 6, height + 2), (*style.RAISED[:3], 0.9), 3.0)
         self.plain_text(at, text, rgba, tip)
+
+    def legend(self, corner: Point, width: float, keys: Iterable[Key]) -> float:
+        """Draw keys from left to right, in lines up to a width; return the height of all lines."""
+        (x, y), line = corner, self.line
+        for key in keys:
+            wide = self.size(key.name)[0] + 2.0 * line
+            if x > corner[0] and x + wide > corner[0] + width:
+                x, y = corner[0], y + line
+            middle = (x + 0.5 * line, y + 0.45 * line)
+            if key.sample == "area":
+                self.box((x, y + 0.15 * line), (0.6 * line, 0.6 * line), key.rgba, 2.0)
+            elif key.sample in {"dot", "diamond"}:
+                getattr(self, key.sample)(middle, 0.21 * line, key.rgba)
+            else:
+                ends = [(x, middle[1]), (x + line, middle[1])]
+                self.stroke(ends, key.rgba, 2.0, halo=False, dashed=key.sample == "dashes")
+            self.plain_text((x + 1.2 * line, y), key.name, style.INK, key.tip)
+            x += wide
+        return y + line - corner[1]
 
     def tip(self, corner: Point, size: Point, text: str) -> None:
         """Give a rectangle a hover text."""

@@ -59,13 +59,17 @@ class Argument:
     @property
     def description(self) -> str:
         """Description: name, unit and bounds, meaning, and allowed words."""
-        unit = f" [{self.unit}]" if self.unit else ""
         bounds = f", {self.least:g} to {self.most:g}" if math.isfinite(self.most - self.least) else ""
         words = f" ({', '.join(self.choices)})" if self.choices else ""
-        return f"{self.name}{unit}{bounds}: {self.help}{words}"
+        return f"{self.label}{bounds}: {self.help}{words}"
+
+    @property
+    def label(self) -> str:
+        """Name and unit."""
+        return f"{self.name} [{self.unit}]" if self.unit else self.name
 
     def read(self, text: str, command: str) -> Value:
-        """Return the value of a script's word.
+        """Return the value of a word of the command with this name or title.
 
         Raises
         ------
@@ -74,7 +78,8 @@ class Argument:
         """
         value, allowed = self._value(text)
         if allowed:
-            raise UserError(f"{command}: {self.name} is '{text}', allowed: {allowed}")
+            where = self.label if self.label == command.lower() else f"{command}: {self.label}"
+            raise UserError(f"{where} is '{text}', allowed: {allowed}")
         return value
 
     def flaw(self, text: str) -> str:
@@ -205,8 +210,15 @@ class Command:
         open_ = [a.description for a in self.arguments[len(supplied) :] if a.kind != "switch"]
         return "\n".join([f"{help_}{keys}", *open_, line_of(self.name, supplied) if supplied else self.form])
 
-    def read(self, words: Sequence[str]) -> tuple[Value, ...]:
+    def read(self, words: Sequence[str], by: str = "") -> tuple[Value, ...]:
         """Return the arguments of a script's line.
+
+        Parameters
+        ----------
+        words : sequence of str
+            Texts of the arguments.
+        by : str, optional
+            Name of the command in messages, by default that of scripts.
 
         Returns
         -------
@@ -218,10 +230,12 @@ class Command:
         UserError
             If there are too many or too few, or one is invalid.
         """
-        n_required = sum(not a.optional for a in self.arguments)
-        if not n_required <= len(words) <= len(self.arguments):
-            raise UserError(f"{self.name} was given {len(words)} arguments; its form is: {self.form}")
-        return tuple(a.read(w, self.name) for a, w in zip(self.arguments, words, strict=False))
+        by = by or self.name
+        if missing := [a.label for a in self.arguments[len(words) :] if not a.optional]:
+            raise UserError(f"{by} needs {', '.join(missing)}")
+        if len(words) > len(self.arguments):
+            raise UserError(f"{by} takes {len(self.arguments) or 'no'} values, and {len(words)} were given")
+        return tuple(a.read(w, by) for a, w in zip(self.arguments, words, strict=False))
 
     def call(self, console: object, values: Sequence[Value]) -> None:
         """Run the command with the console and its arguments."""
@@ -237,7 +251,7 @@ class Command:
         tuple of Value
             The values as a script would give them, as of `read`, which also raises.
         """
-        return self.read([word_of(v) for v in values])
+        return self.read([word_of(v) for v in values], self.title)
 
 
 def command(

@@ -21,7 +21,7 @@ from flyaround.gui.picture.view_settings import exposure_text
 from flyaround.gui.questions import FLOWN, acts_on_chaser, flight_text, question_before
 from flyaround.gui.scenario_draft import ScenarioDraft
 from flyaround.gui.script import CommandLog, Line, Player, Script
-from flyaround.gui.texts import time_text
+from flyaround.gui.texts import time_text, titles
 from flyaround.simulator.errors import UserError
 from flyaround.simulator.piloting.control_laws import SWITCHES
 from flyaround.simulator.piloting.telemetry import telemetry_of
@@ -284,7 +284,8 @@ class Console:
             return f"exposure {exposure_text(self.session.plan.scenario.sensor.exposure_s * 2.0**stops)}"
         if command.arguments == (STATE,) and command.state is not None:
             values = (command.state(self),)
-        return " ".join([command.title[:1].lower() + command.title[1:], *map(word_of, values)])
+        words = (titles().get(word, word) for word in map(word_of, values))
+        return " ".join([command.title[:1].lower() + command.title[1:], *words])
 
     def _note(self, line: Line) -> None:
         """Add a line to the log; a full disk must not prevent an abort."""

@@ -7,10 +7,8 @@ from flyaround.gui.texts import texts
 FONT = "Font_Awesome_6_Free-Solid-900.otf"
 ICONS = {name: chr(int(code, 16)) for name, code in texts("icons").items()}
 """Glyphs by the name of a command, or of a state of its button."""
-PRIMARY = frozenset(
-    {"capture.start", "hil.start", "docking.approach", "docking.go", "scenario.fly", "guidance.waypoint"}
-)
-"""Primary commands of their panels, with filled buttons."""
+PRIMARY = frozenset({"capture.start", "hil.start"})
+"""Commands that are always the primary one of their panel, with filled buttons."""
 
 
 def labelled(name: str, text: str) -> str:

@@ -42,8 +42,8 @@ NARROW = 900.0
 """Window width in screen units, at scale 1, below which panels go under the view."""
 VERSION = 1  # version of the saved layout's file
 LARGEST_BYTES = 400_000
-RIGHT, LEFT, BOTTOM = 0.27, 0.31, 0.26  # shares of the window that the docks take
-LOWEST, HIGHEST = 0.2, 0.5
+RIGHT, LEFT, BOTTOM = 0.295, 0.31, 0.26  # shares of the window that the docks take
+LOWEST, HIGHEST = 0.22, 0.5
 """Bounds of the bottom dock's share of the height, chosen for the view's aspect ratio."""
 PRESETS: dict[str, frozenset[str]] = {
     "first": frozenset(p.name for p in PANELS if p.shown),
@@ -152,8 +152,8 @@ class Layout:
         self._saved = saved
         self._form: Form | None = None
         self._build = False
-        self._aspect, self._bottom_open = 1.6, False
-        """Aspect ratio of the camera's picture, and True if a panel is below the view."""
+        self._aspect, self._left_open, self._bottom_open = 1.6, False, False
+        """Aspect ratio of the camera's picture, and True if a panel is at the left of the view, or below it."""
         self._to_raise: list[str] = []
         self._opened, self._opened_s, self._raises = "", -FRAMED_S, 0
         """Panel that a command opened last, the time at which it did, and the frames in which it is still raised."""
@@ -184,7 +184,7 @@ class Layout:
             open_ = PRESETS[console.window.preset]
             console.window.preset = ""
             self._saved.docking.clear()
-            # the tour goes on behind what a task needs
+            # the tour goes on below what a task needs
             open_ |= {"tour"} & {name for name, shown in console.shown.items() if shown}
             console.shown.update({p.name: p.name in open_ for p in self.panels if p.place != "over"})
             self._form = None
@@ -201,7 +201,10 @@ class Layout:
             console.options.panel, console.window.enlarged = True, ""
         camera = console.session.plan.camera
         self._aspect = camera.width_px / camera.height_px
-        self._bottom_open = any(console.shown.get(p.name) for p in self.panels if p.place == "bottom")
+        self._left_open, self._bottom_open = (
+            any(console.shown.get(p.name) for p in self.panels if p.place == place)
+            for place in ("left", "bottom")
+        )
 
     def keep(self, console: Console, path: Path) -> None:
         """Write the layout; a full disk is ignored."""
@@ -226,6 +229,9 @@ class Layout:
             imgui.end_main_menu_bar()
         self._status.draw(console)
         self._strip(console)
+        if imgui.get_frame_count() < 2:
+            # the bars have taken no height yet, of which docks have shares
+            return
         self._dockspace = imgui.get_id("panels of the console")
         if self._build:
             self._build_docks()
@@ -242,11 +248,11 @@ class Layout:
                 hovered = panel.name if self._panel(console, panel) else hovered
         floating = any(panel.place == "over" and console.shown.get(panel.name) for panel in self.panels)
         if self._build:
-            # new tabs raise themselves for some frames; one window per frame takes the focus,
-            # unless a floating window has it
+            # new tabs raise themselves for some frames; one window per frame takes the focus
             self._build, self._to_raise = False, [""] * 4 + self._first_tabs(console)
-        elif self._to_raise and not floating and (name := self._to_raise.pop(0)):
-            imgui.set_window_focus(name)
+        elif self._to_raise and (name := self._to_raise.pop(0)):
+            # a floating window keeps it
+            (self._show_tab if floating else imgui.set_window_focus)(name)
         console.help.hovered = hovered
         self._saved.tour_seen |= bool(self._was_shown.get("tour")) and not console.shown.get("tour")
         self._was_shown = dict(console.shown)
@@ -269,9 +275,9 @@ class Layout:
         imgui.pop_style_var()
 
     def _first_tabs(self, console: Console) -> list[str]:
-        """Return the windows of the first open panel of each place, the centre's last."""
+        """Return the windows of the first open panel of each place, the centre's last; the tour is before others."""
         first: dict[str, str] = {}
-        for panel in self.panels:
+        for panel in sorted(self.panels, key=lambda p: p.name != "tour"):
             if console.shown.get(panel.name) and panel.place != "over":
                 first.setdefault(panel.place, _window_name(panel))
         # panels on the left belong to a task: in a narrow window, with a single dock, theirs is raised last
@@ -355,11 +361,16 @@ class Layout:
             return
         self._raises -= 1
         imgui.set_next_window_focus()
-        native = imgui.internal.find_window_by_name(_window_name(panel))
+        self._show_tab(_window_name(panel))
+
+    def _show_tab(self, window_name: str) -> None:
+        """Bring the tab of a window to the front of its dock, without the focus."""
+        internal = self._window.imgui.internal
+        native = internal.find_window_by_name(window_name)
         if native is not None and native.dock_node is not None and (bar := native.dock_node.tab_bar):
-            tab = imgui.internal.tab_bar_find_tab_by_id(bar, native.tab_id)
+            tab = internal.tab_bar_find_tab_by_id(bar, native.tab_id)
             if tab is not None:
-                imgui.internal.tab_bar_queue_focus(bar, tab)
+                internal.tab_bar_queue_focus(bar, tab)
 
     def _enlarged(self, console: Console, panel: Panel) -> None:
         """Draw a panel over all others, keeping its dock."""
@@ -405,11 +416,11 @@ class Layout:
         else:
             split("right", "centre", imgui.Dir.right, RIGHT)
             split("right-upper", "right", imgui.Dir.down, 0.81)
-            split("right-middle", "right-upper", imgui.Dir.down, 0.59)
+            split("right-middle", "right-upper", imgui.Dir.down, 0.57)
             split("right-low", "right-middle", imgui.Dir.down, 0.52)
             # docks whose panels are all closed take no space
             split("left", "centre", imgui.Dir.left, LEFT)
-            view = screen.work_size.x * (1 - RIGHT) * (1 - LEFT) / self._aspect
+            view = screen.work_size.x * (1 - RIGHT) * (1 - LEFT * self._left_open) / self._aspect
             share = min(max(1 - view / screen.work_size.y, LOWEST), HIGHEST)
             split("bottom", "centre", imgui.Dir.down, share if self._bottom_open else BOTTOM)
         for panel in self.panels:

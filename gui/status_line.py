@@ -1,4 +1,4 @@
-"""The line at the bottom of the window: master caution, newest message, rates."""
+"""The two lines at the bottom of the window: master caution, newest messages, rates."""
 
 from __future__ import annotations
 
@@ -12,11 +12,8 @@ if TYPE_CHECKING:
     from flyaround.gui.surface import Surface
 
 
-LEAST = 40.0  # width below which a message is not worth reading
-
-
 class StatusLine:
-    """The status line of one window.
+    """The two lines at the bottom of one window.
 
     Parameters
     ----------
@@ -30,46 +27,56 @@ class StatusLine:
     def draw(self, console: Console) -> None:
         """Draw into the current frame."""
         imgui, w = self._w.window.imgui, self._w
-        kinds = imgui.WindowFlags_
-        flags = kinds.no_scrollbar | kinds.no_saved_settings | kinds.menu_bar
-        height = imgui.get_frame_height()
-        if (
-            imgui.internal.begin_viewport_side_bar(
-                "status", imgui.get_main_viewport(), imgui.Dir.down, height, flags
-            )
-            and imgui.begin_menu_bar()
+        flags = imgui.WindowFlags_.no_scrollbar | imgui.WindowFlags_.no_saved_settings
+        padding = imgui.get_style().window_padding
+        low = w.vec(padding.x, 0.3 * padding.y)
+        imgui.push_style_var(imgui.StyleVar_.window_padding, low)
+        imgui.push_style_color(imgui.Col_.window_bg, imgui.ImVec4(*style.RAISED))
+        height = imgui.get_text_line_height() + w.line + 2 * low.y
+        if imgui.internal.begin_viewport_side_bar(
+            "status", imgui.get_main_viewport(), imgui.Dir.down, height, flags
         ):
             self._master_caution(console)
+            imgui.same_line()
             if console.options.guard == "lifted":
                 w.button(console, "docking.keep-out", "scenario", label="KEEP-OUT LIFTED", fill=style.WARN)
+                imgui.same_line()
+            imgui.begin_group()
             rates = rates_text(console)
-            free = w.width - imgui.calc_text_size(rates).x - 44 * self._w.window.scale
-            self._messages(console, free)
-            imgui.same_line(
-                imgui.get_window_width() - imgui.calc_text_size(rates).x - 28 * self._w.window.scale
-            )
+            right = imgui.get_cursor_pos_x() + w.width - imgui.calc_text_size(rates).x
+            self._messages(console, w.width, right - imgui.get_cursor_pos_x() - w.line)
+            imgui.end_group()
+            imgui.set_cursor_pos(w.vec(right, low.y + w.line))
             w.one_line(rates, style.QUIET)
             w.tip(f"how often the window and the pictures are drawn a second; window by {console.window_gl}")
-            imgui.end_menu_bar()
         imgui.end()
+        imgui.pop_style_color()
+        imgui.pop_style_var()
 
-    def _messages(self, console: Console, free: float) -> None:
-        """Draw the newest caution that waits, and after it the newest message, each of which has half of the line."""
+    def _messages(self, console: Console, first: float, second: float) -> None:
+        """Draw the newest caution that waits, and below it the newest message; one alone has both lines.
+
+        Parameters
+        ----------
+        console : Console
+            The console.
+        first, second : float
+            Widths of the lines [px].
+        """
         w = self._w
-        texts = message_texts(console)
+        texts, tip = message_texts(console), "a click opens the log of all messages"
         # panels are drawn later, and say it again for the next frame
         if flaw := w.window.flaw:
             texts, w.window.flaw = [(flaw, style.BAD)], ""
-        gap = 16 * w.window.scale
-        wide = [w.imgui.calc_text_size(text).x for text, _ in texts]
-        for k, (text, colour) in enumerate(texts):
-            others = sum(wide) - wide[k] + gap * (len(texts) - 1)
-            room = max(free - others, free / len(texts) - gap)
-            if room < LEAST:
-                return
-            if k:
-                w.imgui.same_line(0, gap)
-            w.cut_line(text, room, colour, "a click opens the log of all messages", typing=True)
+        if len(texts) == 1:
+            text, colour = texts[0]
+            n = len(text)
+            while n > 1 and w.imgui.calc_text_size(text[:n]).x > first:
+                n = text.rfind(" ", 0, n) if " " in text[:n] else n - 1
+            texts = [(text[:n], colour), (text[n:].lstrip(), colour)][: 1 + (n < len(text))]
+            tip = f"{text}\n{tip}" if n < len(text) else tip
+        for (text, colour), room in zip(texts, (first, second), strict=False):
+            w.cut_line(text, room, colour, tip, typing=True)
             if w.imgui.is_item_clicked():
                 console.do("panel.log", True)
 

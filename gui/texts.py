@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from functools import cache
 from importlib.resources import files
 from typing import Any
@@ -15,6 +16,18 @@ def texts(subject: str) -> dict[str, Any]:
     name = "texts.toml"
     table: dict[str, Any] = parse_toml(files("flyaround.gui").joinpath(name).read_bytes(), name)[subject]
     return table
+
+
+@cache
+def titles() -> dict[str, str]:
+    """Return the titles, with units, of parameters of sensor and lights by their keys in a scenario's file."""
+    return {key: title for panel in ("sensor", "lights") for key, (title, _) in texts(panel).items()}
+
+
+def with_titles(sentence: str) -> str:
+    """Return a sentence in which the key of a scenario's file is replaced by its title."""
+    key = rf"(?:light: key |sensor\.(?:detector\.)?)({'|'.join(titles())})\b"
+    return re.sub(key, lambda m: titles()[m[1]], sentence)
 
 
 def time_text(seconds: float) -> str:

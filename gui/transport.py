@@ -51,7 +51,7 @@ class TransportStrip:
         em, session = imgui.get_font_size(), console.session
         paused = session.clock.paused
         look = ("Play", "play") if paused else ("Pause", "time.pause")
-        w.button(console, "time.pause", label=look[0], icon=look[1], width=5.2 * em, fill=style.PRIMARY)
+        w.button(console, "time.pause", label=look[0], icon=look[1], width=5.2 * em, on=paused)
         imgui.same_line()
         w.button(console, "time.step", width=4.4 * em)
         imgui.same_line()
@@ -85,7 +85,7 @@ class TransportStrip:
         k = min(range(len(RATES)), key=lambda i: abs(math.log(RATES[i] / flight.rate)))
         imgui.set_next_item_width(width)
         text = "jump" if flight.jump else f"{flight.rate:g}x"
-        changed, new_k = imgui.slider_int("##rate", k, 0, len(RATES) - 1, text)
+        changed, new_k = imgui.slider_int("##rate", k, 0, len(RATES) - 1, text, imgui.SliderFlags_.no_input)
         w.command_tip(console, "time.rate")
         if changed and new_k != k:
             console.do("time.rate", f"{RATES[new_k]:g}")
@@ -114,7 +114,7 @@ class TransportStrip:
         ]
         marks += [(m.t_s, style.BAD if m.kind == "contact" else style.INK, m.text) for m in session.marks]
         marks += [(b.start_s, style.ACCENT, "burn") for b in session.craft.steering.burns.burns]
-        near = [f"drag to look back, Ctrl+click to type a time ({console.table['timeline.seek'].form})"]
+        near = ["drag to look back, Ctrl+click to type a time [s]"]
         for at_s, colour, text in marks:
             if at_s <= end_s:
                 x = x_of(at_s)

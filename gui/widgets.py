@@ -189,7 +189,7 @@ class Widgets:
         figures = " ".join(form.format(v) for v in values)
         self.one_line(name, style.QUIET)
         self.tip(tip)
-        label = max(imgui.calc_text_size(name).x, imgui.calc_text_size("Velocity mm/s").x)
+        label = max(imgui.calc_text_size(name).x, imgui.calc_text_size("Velocity [mm/s]").x)
         imgui.push_font(self.window.figure_font, 0.0)
         width = imgui.calc_text_size(figures).x
         if label + 8 + width <= self.width:
@@ -254,17 +254,13 @@ class Widgets:
         imgui = self.imgui
         text = self._number(key, self._refused.get((key, of), (shown, ""))[0])
         ended = imgui.is_item_deactivated_after_edit() and not imgui.is_key_pressed(imgui.Key.escape)
-        flaw = self.answer((key, of), text, take(text) if ended else None)
+        given_up = self._given_up((key, of))
+        if ended and (refusal := take(text)):
+            self._refused[key, of] = text, refusal
+        elif ended or given_up:
+            self._refused.pop((key, of), None)
+        self.flaw(flaw := self._refused.get((key, of), ("", ""))[1])
         self.tip(flaw or f"{tip}; Enter applies it, Esc discards it")
-
-    def answer(self, key: object, text: str, refusal: str | None) -> str:
-        """Keep and return why a text of the last item was refused, until another is taken; None is no answer."""
-        if self._given_up(key) or refusal == "":
-            self._refused.pop(key, None)
-        elif refusal is not None:
-            self._refused[key] = text, refusal
-        self.flaw(flaw := self._refused.get(key, ("", ""))[1])
-        return flaw
 
     def _given_up(self, key: object) -> bool:
         """Return True on Esc, and if the field was out of sight since it was last drawn."""
@@ -339,8 +335,8 @@ class Widgets:
             imgui.pop_style_color(3)
         return clicked
 
-    def buttons(self, console: Console, names: Sequence[str], per_row: int) -> None:
-        """Draw buttons of one width, ``per_row`` in a row, or fewer in a narrow panel."""
+    def buttons(self, console: Console, names: Sequence[str], per_row: int, primary: str = "") -> None:
+        """Draw buttons of one width, ``per_row`` in a row, or fewer in a narrow panel; ``primary`` is filled."""
         imgui = self.imgui
         widest = max(self.button_width(labelled(n, console.table[n].title)) for n in names)
         widest = (
@@ -348,7 +344,8 @@ class Widgets:
         )
         for name, width in zip(names, self.grid(len(names), widest), strict=True):
             state = console.table[name].state
-            self.button(console, name, width=width, on=state is not None and state(console))
+            fill = style.PRIMARY if name == primary else None
+            self.button(console, name, width=width, on=state is not None and state(console), fill=fill)
 
     def switch(self, console: Console, name: str, label: str | None = None) -> None:
         """Draw a tick box of a switch."""
@@ -359,10 +356,10 @@ class Widgets:
             console.do(name, value) if command.arguments else console.do(name)
         self.command_tip(console, name)
 
-    def switches(self, console: Console, names: Sequence[str]) -> None:
-        """Draw tick boxes in as many columns as fit."""
-        widest = max(self.imgui.calc_text_size(console.table[n].title).x for n in names)
-        column = (widest + 2.5 * self.imgui.get_frame_height()) / self.window.scale
+    def switches(self, console: Console, names: Sequence[str], beside: Sequence[str] = ()) -> None:
+        """Draw tick boxes in as many columns as fit, which are also those of the switches ``beside``."""
+        widest = max(self.imgui.calc_text_size(console.table[n].title).x for n in (*names, *beside))
+        column = (widest + 1.9 * self.imgui.get_frame_height()) / self.window.scale
         for name, _ in zip(names, self.grid(len(names), column), strict=True):
             self.switch(console, name)
 

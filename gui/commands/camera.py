@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from flyaround.gui.command_table import STATE, Argument, command, number, word
+from flyaround.gui.command_table import STATE, Argument, command, word
 from flyaround.gui.picture.light_settings import (
     NEW_LIGHTS,
     Lights,
@@ -32,7 +32,7 @@ def _use(console: Console, camera: str) -> None:
     console.options.settings.camera = None if camera == SCENARIO else load_camera(camera)
 
 
-def _set(console: Console, name: str, value: float) -> None:
+def _set(console: Console, name: str, value: str) -> None:
     settings, sensor = console.options.settings, console.session.scene().sensor
     settings.sensor_changes = checked_change(sensor, settings.sensor_changes, name, value)
 
@@ -76,7 +76,7 @@ COMMANDS = (
         "sensor.set",
         _set,
         word("name", "of the number"),
-        number("value", "its value, in the unit that the panel shows", unit="its unit"),
+        word("value", "a number, in the unit that the panel shows"),
     ),
     command("sensor.reset", _reset),
     command("light.switch", _switch, LIGHT, STATE),

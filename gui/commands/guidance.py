@@ -59,9 +59,9 @@ COMMANDS = (
     command(
         "burn.plan",
         order(lambda *burn: PlanBurn(burn_of(*burn[:4]), *burn[4:])),
-        number("t", SINCE_START, 0.0, 1e6 + MAX_BURN_LEAD_S, "s"),
+        number("time", SINCE_START, 0.0, 1e6 + MAX_BURN_LEAD_S, "s"),
         *_lvlh(MAX_DELTA_V_M_S, "m/s"),
         number("replaces", "time of the planned burn that it replaces", unit="s", optional=True),
     ),
-    command("burn.cancel", order(CancelBurns), number("t", SINCE_START, unit="s", optional=True)),
+    command("burn.cancel", order(CancelBurns), number("time", SINCE_START, unit="s", optional=True)),
 )

@@ -61,7 +61,7 @@ def _film(console: Console, path: str | None = None) -> None:
 def _film_end(console: Console) -> None:
     film, console.jobs.film = console.jobs.film, None
     if film is None:
-        raise UserError("no film is being made: begin one with film.start")
+        raise UserError("no film is being made: Film the view begins one")
     film.close()
     skipped = f", {film.left_out} left out" if film.left_out else ""
     if film.trouble is None:
@@ -115,7 +115,7 @@ def _redo(console: Console) -> None:
 def _enlarge(console: Console, panel: str | None = None) -> None:
     window, panel_name = console.window, panel or console.help.hovered or "lvlh-map"
     if f"panel.{panel_name}" not in console.table:
-        raise UserError(f"there is no panel '{panel_name}' to enlarge; F1 lists them as panel.NAME")
+        raise UserError(f"there is no panel '{panel_name}' to enlarge")
     window.enlarged = "" if window.enlarged else panel_name
 
 

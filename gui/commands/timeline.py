@@ -181,7 +181,7 @@ def clock(t_s: float) -> str:
 
 
 COMMANDS = (
-    command("timeline.seek", _seek, number("t_s", "since the scenario's start", 0.0, 1e9, "s")),
+    command("timeline.seek", _seek, number("time", "since the scenario's start", 0.0, 1e9, "s")),
     command("timeline.step-back", _step_back, "comma"),
     command("timeline.back", partial(_skip, -SKIP_S), "page_up"),
     command("timeline.forward", partial(_skip, SKIP_S), "page_down"),
@@ -192,7 +192,7 @@ COMMANDS = (
     command(
         "timeline.unbookmark",
         lambda c, t_s=None: c.session.look_back.timeline.unbookmark(c.session.t_s if t_s is None else t_s),
-        number("t_s", "near this time; left out: near now", 0.0, 1e9, "s", optional=True),
+        number("time", "near this time; left out: near now", 0.0, 1e9, "s", optional=True),
     ),
     command("timeline.keep", keep_flight, word("folder", "empty or to be made", optional=True)),
     command("timeline.keep-all", _keep_all),

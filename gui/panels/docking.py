@@ -35,7 +35,10 @@ class DockingPanel(Panel):
         text, colour = status(console)
         # one line, because buttons stand below it
         w.cut_line(text, w.width, colour, "active guidance, and what it waits for")
-        w.buttons(console, ("docking.approach", "docking.go", "docking.no-go"), 3)
+        primary = "" if docking.docked or docking.hold_points.next is None else "docking.go"
+        primary = primary if session.craft.steering.autopilot else "docking.approach"
+        w.buttons(console, ("docking.approach",), 1, primary)
+        w.buttons(console, ("docking.go", "docking.no-go"), 2, primary)
         w.button(console, "time.next-hold-point", width=w.width)
         if session.craft.steering.keep_out is not None:
             w.choice(
@@ -58,15 +61,15 @@ class DockingPanel(Panel):
             now, colour = f"{row.text}{style.LIMIT_MARKS[row.state]}", style.LIMIT_COLORS[row.state]
             state = f"{row.name} now [{row.unit}]; {STATES[row.state]}"
             most = f"limit at this distance [{row.unit}]"
-            head = partial(w.text, f"{short} {row.unit}", style.QUIET, FIGURE_TIPS[row.name])
+            head = partial(w.text, f"{short.capitalize()} [{row.unit}]", style.QUIET, FIGURE_TIPS[row.name])
             limit = partial(w.text, f"{row.limit:.2g}", style.QUIET, most)
             cells.append((head, partial(w.text, now, colour, state), limit))
         w.table("figures", (0.46, 0.29, 0.25), cells, ("Figure", "Now", "At most"))
 
     def _limits(self, console: Console) -> None:
         w, now = self._w, console.session.craft.docking.limits
+        w.field("Limits", f"{now.source}; ! near a limit, # outside", 0.7)
         w.choice(console, "docking.limits", now.name, list(PRESETS), shown=lambda name: PRESETS[name].title)
-        w.tip(f"now: {now.source}; ! near a limit, # outside")
         w.button(console, "docking.axis-here", width=w.width)
 
     def _points(self, console: Console) -> None:
@@ -83,8 +86,10 @@ class DockingPanel(Panel):
             w.text(text, DECISION_COLOURS[p.decision], HOLDS)
         w.imgui.pop_font()
         if following is not None:
-            for why in session.craft.docking.not_ready(session.craft.chaser, session.flight):
-                w.text(f"not yet: {why}", style.QUIET, "why go would be refused now")
+            whys = session.craft.docking.not_ready(session.craft.chaser, session.flight)
+            w.text("Go waits for:" if whys else "ready for Go", style.INK)
+            for why in whys:
+                w.text(f"  {why}", style.QUIET, "why go would be refused now")
 
     def _contacts(self, console: Console) -> None:
         w = self._w

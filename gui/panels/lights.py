@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import TYPE_CHECKING, Any, get_args
+
+import numpy as np
 
 from flyaround.gui.picture.light_settings import NEW_LIGHTS, SwitchedLight, lights_of
 from flyaround.gui.texts import texts
@@ -64,18 +67,25 @@ class LightsPanel(Panel):
         w, imgui = self._w, self._w.imgui
         text, about = FIELDS[name]
         tip = f"{text}: {about}\nlight.set {k} {name} VALUE"
-        w.field(text, tip, 0.6)
         if name in CHOICES:
             names = CHOICES[name]
+            w.field(text, tip, 0.45)
             changed, at = imgui.combo(f"##{name}", names.index(value), list(names))
-            new = names[at]
+            w.tip(tip)
+            if changed:
+                console.do("light.set", k, name, names[at])
         elif name in PLACES:
-            numbers = list(value or (0.0, 0.0, 0.0))
-            changed, numbers = imgui.drag_float3(f"##{name}", numbers, 0.02, format="%.2f")
-            new = ",".join(f"{x:.6g}" for x in numbers)
+            numbers = [f"{x:.6g}" for x in value or (0.0, 0.0, 0.0)]
+
+            def place(axis: int, new: str) -> str:
+                return console.attempt(
+                    "light.set", k, name, ",".join([*numbers[:axis], new, *numbers[axis + 1 :]])
+                )
+
+            w.text(text, tip=tip)
+            for axis, width in enumerate(w.grid(3, np.inf, 3)):
+                imgui.set_next_item_width(width)
+                w.entry(f"{name}{axis}", numbers[axis], partial(place, axis), tip, k)
         else:
-            step = max(0.01 * abs(value), 0.01)
-            changed, number = imgui.drag_float(f"##{name}", value, step, format="%.5g")
-            new = f"{number:.6g}"
-        w.tip(tip if name in CHOICES else f"{tip}\ndrag to change, Ctrl+click to type")
-        w.answer(f"{k} {name}", "", console.attempt("light.set", k, name, new) if changed else None)
+            w.field(text, tip, 0.45)
+            w.entry(name, f"{value:.6g}", lambda new: console.attempt("light.set", k, name, new), tip, k)

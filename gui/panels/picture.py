@@ -23,25 +23,26 @@ class PicturePanel(Panel):
         w, settings = self._w, console.options.settings
         imgui = w.imgui
         exposure_s = console.session.plan.scenario.sensor.exposure_s * 2.0**settings.exposure_stops
-        w.text(
-            f"Exposure {exposure_text(exposure_s)}, {settings.exposure_stops:+.1f} stops",
-            tip="exposure time, and its difference from the scenario's in powers of two",
-        )
+        tip = "exposure time, and its difference from the scenario's in powers of two"
+        w.field(f"Exposure {exposure_text(exposure_s)} [stops]", tip, 0.3)
+        now = settings.exposure_stops
+        w.entry("stops", f"{now:+.1f}", lambda text: console.attempt("picture.exposure", text), tip)
         imgui.set_next_item_width(-1)
-        changed, stops = imgui.slider_float(
-            "##exposure", settings.exposure_stops, -MOST_STOPS, MOST_STOPS, ""
-        )
-        w.tip(f"{console.table['picture.exposure'].hover_text()}\nCtrl+click to type, right-click to reset")
+        typed_above = imgui.SliderFlags_.no_input
+        changed, stops = imgui.slider_float("##exposure", now, -MOST_STOPS, MOST_STOPS, "", typed_above)
+        w.tip(f"{console.table['picture.exposure'].hover_text()}\nright-click to reset")
         if imgui.is_item_clicked(imgui.MouseButton_.right):
             changed, stops = True, 0.0
-        w.answer("exposure", "", console.attempt("picture.exposure", round(stops, 2)) if changed else None)
+        if changed:
+            console.do("picture.exposure", round(stops, 2))
         w.button(console, "picture.meter", width=w.width)
         w.field("Detail", console.table["picture.detail"].hover_text(), 0.6)
         w.choice(console, "picture.detail", settings.detail, DETAILS)
-        w.switches(console, ("picture.colour", "picture.noise"))
+        overlays = [f"overlay.{name}" for name in OVERLAYS]
+        w.switches(console, ("picture.colour", "picture.noise"), overlays)
         w.button(console, "picture.save", label="Saving ..." if console.feed.saving else None, width=w.width)
         w.section("Over the view")
-        w.switches(console, [f"overlay.{name}" for name in OVERLAYS])
+        w.switches(console, overlays)
         w.section("World")
         w.text("Omitted from the console's pictures; the scenario is unchanged.", style.QUIET)
-        w.switches(console, [f"world.{name.replace('_', '-')}" for name in LAYERS])
+        w.switches(console, [f"world.{name.replace('_', '-')}" for name in LAYERS], overlays)

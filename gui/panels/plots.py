@@ -59,11 +59,12 @@ class PlotsPanel(Panel):
         title, values_of = FIGURES[name].title, FIGURES[name].values
         values = np.array([values_of(r) for r in self._kept], float)
         values = values.reshape(len(values), -1)
-        if imgui.small_button(f"x##{name}"):
+        if imgui.button(f"x##{name}"):
             self._watched.remove(name)
         w.tip("remove this plot")
         imgui.same_line()
         newest = ", ".join(f"{v:.4g}" for v in values[-1])
+        imgui.align_text_to_frame_padding()
         w.cut_line(f"{title}: {newest}", w.width, style.INK, f"{title}, now")
         axis = implot.AxisFlags_
         with w.plot(name, 110, f"{title} over the flight [s since the start]", still=False) as is_open:

@@ -29,6 +29,7 @@ FIRST_AFTER_S, FIRST_M_S = 60.0, 0.01
 """Defaults of an added burn: time after the last one, and its along-track delta-v."""
 LEAST_WAY_M = 0.05  # a nearer point is where the chaser is
 WAY_POINTS = 65  # points of a straight way at which the keep-out sphere is looked for
+HERE = "where the chaser is"
 PLUME = "whether the exhaust (half angle 30 deg) hits the target's bounding sphere within 20 m"
 
 
@@ -43,7 +44,7 @@ def fly_to_warning(craft: PilotedCraft, place: FloatArray) -> tuple[str, style.R
     if keep_out is not None and any(keep_out.violated(here + s * (place - here)) for s in shares):
         return f"leads through the keep-out sphere of {keep_out.radius_m:g} m", style.WARN
     away_m = float(np.linalg.norm(place - here))
-    return "where the chaser is" if away_m < LEAST_WAY_M else f"{away_m:.2f} m from here", style.QUIET
+    return HERE if away_m < LEAST_WAY_M else f"{away_m:.2f} m from here", style.QUIET
 
 
 class SteeringPanel(Panel):
@@ -97,7 +98,7 @@ class SteeringPanel(Panel):
         """Draw the fields of a point or of a displacement, a line about the flight there, and its button."""
         w, craft = self._w, console.session.craft
         w.section("Fly to: radial, along, cross [m]")
-        changed, self._from_here = w.imgui.checkbox("counted from here", self._from_here)
+        changed, self._from_here = w.imgui.checkbox("Counted from here", self._from_here)
         w.tip("on: offsets from the chaser's position; off: a point relative to the target")
         if changed:
             self._point = [""] * 3
@@ -114,7 +115,8 @@ class SteeringPanel(Panel):
         place = here if flawed else np.round(start + np.array(shown, float), 3)
         warning, colour = ("", style.QUIET) if flawed else fly_to_warning(craft, place)
         w.cut_line(warning, w.width, colour)
-        label, fill = ("Fly there", None) if colour == style.QUIET else ("Fly there anyway", colour)
+        fill = colour if colour != style.QUIET else None if warning == HERE else style.PRIMARY
+        label = "Fly there" if colour == style.QUIET else "Fly there anyway"
         look: dict[str, Any] = {"label": label, "width": w.width, "fill": fill, "enabled": not flawed}
         w.button(console, "guidance.waypoint", *place.tolist(), **look)
 
@@ -141,7 +143,7 @@ class SteeringPanel(Panel):
         def replan(which: int, text: str) -> str:
             return console.attempt("burn.plan", *now[:which], text, *now[which + 1 :], burn.t_s)
 
-        if imgui.small_button(f"x##burn{k}"):
+        if imgui.button(f"x##burn{k}"):
             console.do("burn.cancel", burn.t_s)
         w.command_tip(console, "burn.cancel", burn.t_s)
         imgui.same_line()

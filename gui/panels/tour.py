@@ -46,7 +46,7 @@ FLY = STEPS[list(texts("tour")).index("fly")]
 class TourPanel(Panel):
     """List of tasks; the next one is described, and its panel or bar is framed."""
 
-    name, title, place, shown = "tour", "Tour", "left", False
+    name, title, place, shown = "tour", "Tour", "bottom", False
 
     def draw(self, console: Console) -> None:
         """Draw into the current panel."""
@@ -60,15 +60,15 @@ class TourPanel(Panel):
         if step < len(STEPS) and STEPS[step].commands & done_by:
             console.help.tour_step = step = step + 1
         for k, tour_step in enumerate(STEPS):
-            colour = style.GOOD if k < step else style.ACCENT if k == step else style.QUIET
-            w.text(f"{k + 1}  {tour_step.title}{'  done' if k < step else ''}", colour)
-            if k == step:
-                w.text(tour_step.text)
-                self._frame(tour_step.place)
-        imgui.dummy(w.vec(0, 4 * w.window.scale))
-        if step == len(STEPS):
+            title = f"{k + 1}  {tour_step.title}{', done' if k < step else ''}   "
+            w.flow(imgui.calc_text_size(title).x, first=k == 0)
+            w.one_line(title, style.GOOD if k < step else style.ACCENT if k == step else style.QUIET)
+        if step < len(STEPS):
+            w.text(STEPS[step].text)
+            self._frame(STEPS[step].place)
+        else:
             w.text("F1 lists every command and key; ? tells about the panel under the mouse.")
-        elif step:
+        if 0 < step < len(STEPS):
             w.button(console, "help.tour-back", label="Back")
             imgui.same_line()
         if step < len(STEPS):

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import msgspec
 
+from flyaround.gui.texts import with_titles
 from flyaround.simulator.errors import UserError
 from flyaround.simulator.runtime.validation_errors import convert_document
 from flyaround.simulator.scene.illumination.area_light import MAX_LIGHTS, AreaLight
@@ -98,7 +99,10 @@ def changed_light(switched: SwitchedLight, field: str, text: str) -> SwitchedLig
     else:
         value = numbers if len(numbers) > 1 else numbers[0]
     raw = {**msgspec.structs.asdict(switched.light), field: value}
-    return replace(switched, light=convert_document(raw, kind, "light"))
+    try:
+        return replace(switched, light=convert_document(raw, kind, "light"))
+    except UserError as error:
+        raise UserError(with_titles(str(error))) from error
 
 
 def _lamp_and_boxes(lights: Lights) -> tuple[Lamp | None, list[AreaLight]]:

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from flyaround.gui.picture.view_settings import changed_sensor
-from flyaround.gui.texts import texts
+from flyaround.gui.texts import texts, with_titles
 from flyaround.simulator.camera.detector.limits import sensor_problem
 from flyaround.simulator.errors import UserError
 
@@ -90,7 +91,7 @@ def _value(sensor: Sensor, name: str) -> float:
     return float(getattr(sensor, name))
 
 
-def checked_change(sensor: Sensor, changes: dict[str, float], name: str, value: float) -> dict[str, float]:
+def checked_change(sensor: Sensor, changes: dict[str, float], name: str, text: str) -> dict[str, float]:
     """Return the changes with one more, after checking it.
 
     Raises
@@ -98,13 +99,19 @@ def checked_change(sensor: Sensor, changes: dict[str, float], name: str, value: 
     UserError
         If the sensor has no such parameter, or the value is not allowed.
     """
-    names = [term.name for term in terms_of(sensor)]
-    if name not in names:
-        raise UserError(f"this sensor has no {name[:60]}; it has {', '.join(names)}")
+    titles = {term.name: term.text for term in terms_of(sensor)}
+    if name not in titles:
+        raise UserError(f"this sensor has no {name[:60]}; it has {', '.join(titles)}")
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not math.isfinite(value):
+        raise UserError(f"{titles[name]} is '{text}', allowed: a number")
     new_changes = {**changes, name: value}
     problem = sensor_problem(changed_sensor(sensor, new_changes))
     if problem is not None:
-        raise UserError(problem)
+        raise UserError(with_titles(problem))
     return new_changes
 
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from flyaround.gui import style
-from flyaround.gui.canvas import Canvas
+from flyaround.gui.canvas import Canvas, legend_keys
 from flyaround.gui.picture.ground_map import GroundMap, load_ground_map
 from flyaround.gui.texts import duration_text
 from flyaround.gui.views.letterbox import Letterbox
@@ -38,6 +38,7 @@ TRACK_EVERY_S = 60.0
 SHADE_EVERY_DEG = 0.5
 """Angular step in which day and night follow the Sun."""
 PAST, SUNLIT, SHADOWED = style.ACCENT, style.YELLOW, style.SHADOW  # colours of the ground track
+KEYS = legend_keys("ground-map")
 AHEAD = "simulated time until then [min:s], by an orbit under J2 alone, which is right to a second an orbit"
 
 
@@ -70,7 +71,9 @@ class EarthMap(Panel):
         rows = self._figures(session, world)
         line = canvas.line
         below = place[3] > 0.5 * place[2] + 2 * line
-        side = max(canvas.size(text)[0] for text, _, _ in rows) + 20
+        keys = KEYS if place[3] > (len(rows) + len(KEYS) + 0.8) * line else ()
+        sizes = [canvas.size(text)[0] for text, _, _ in rows]
+        side = max(*sizes, *(canvas.size(key.name)[0] + 1.2 * line for key in keys)) + 20
         wide = not below and place[2] - side > 1.1 * place[3]
         across = place[2] - side if wide else place[2]
         box = Letterbox.fit((360, 180), (place[0], place[1], across, place[3]))
@@ -85,6 +88,8 @@ class EarthMap(Panel):
         for k, (text, colour, tip) in enumerate(rows):
             if top + (k + 1) * line < place[1] + place[3]:
                 canvas.text((left, top + k * line), text, colour, tip)
+        if wide or below:
+            canvas.legend((left, top + (len(rows) + 0.5) * line), 0.0 if wide else place[2], keys)
         canvas.unclip()
 
     # --- computed in a thread

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from flyaround.gui import style
-from flyaround.gui.canvas import Canvas
+from flyaround.gui.canvas import Canvas, Key
 from flyaround.gui.picture.figures import AGE_TIP, age_text
 from flyaround.gui.picture.further import LABEL_VIEWS
 from flyaround.gui.picture.label_images import (
@@ -96,22 +96,17 @@ class _LabelView(Panel):
         return Letterbox(left, top, image.shape[1] * box.scale, image.shape[0] * box.scale, box.scale)
 
     def _legend(self, canvas: Canvas, place: Place, rows: Sequence[tuple[str, style.Rgba]]) -> None:
-        """Draw names with their colours in a rectangle."""
+        """Draw names with their colours in a rectangle, as many as have room."""
         x, y, _, h = place
-        line = canvas.line
-        left, top = x + 10, y + 6
-        for k, (name, colour) in enumerate(rows):
-            if top + (k + 1) * line > y + h:
-                return
-            canvas.box((left, top + k * line + 0.15 * line), (0.6 * line, 0.6 * line), colour, 2.0)
-            canvas.plain_text((left + line, top + k * line), name, tip=self.legend_tip)
+        keys = [Key("area", colour, name, self.legend_tip) for name, colour in rows]
+        canvas.legend((x + 10, y + 6), 0.0, keys[: int((h - 6) / canvas.line)])
 
     def _split(
         self, canvas: Canvas, place: Place, names: Sequence[str], rows: int | None = None
     ) -> tuple[Place, Place]:
         """Return the places of the picture and its legend, at the right, or below in a narrow view."""
         x, y, w, h = place
-        width = max((canvas.size(n)[0] for n in names), default=0.0) + canvas.line + 20.0
+        width = max((canvas.size(n)[0] for n in names), default=0.0) + 1.2 * canvas.line + 20.0
         if h < (w if w > 2.4 * width else 0.6 * w):
             width = min(width, 0.6 * w)
             return (x, y, w - width, h), (x + w - width, y, width, h)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from flyaround.gui import style
-from flyaround.gui.canvas import Canvas, point
+from flyaround.gui.canvas import Canvas, legend_keys, point
 from flyaround.gui.picture.relative_map import (
     MapLook,
     MapPort,
@@ -48,6 +48,9 @@ LINES = (
     "blue: flown; grey: the scenario's path; orange: free drift over ten minutes; purple: planned burns; "
     "red: keep-out sphere; green: its corridor. Wheel: zoom, drag: move, double-click: show all, right click: a burn"
 )
+LEGEND_EM = 16
+"""Height of the map, in text heights, from which on it has a legend."""
+KEYS = legend_keys("relative-map")
 SUN = "direction of the Sun, as long as it lies in this plane; grey while the target is in shadow"
 
 
@@ -73,7 +76,12 @@ class LvlhMap(Panel):
         """Draw into the current view."""
         imgui, session, look = self._imgui, console.session, console.options.map
         self._remember(session)
-        rect = self._free(40.0)
+        x, y, width, height = self._free(40.0)
+        legend, canvas = 0.0, Canvas(self._window)
+        if height >= LEGEND_EM * imgui.get_text_line_height():
+            legend = self._legend(canvas, session, (x, y), width)
+        rect = x, y + legend, width, height - legend
+        imgui.set_cursor_screen_pos(self._w.vec(*rect[:2]))
         world = session.craft.world
         frame = session.flight.lvlh(session.t_s)
         here = np.array(world.position_lvlh_m)
@@ -88,7 +96,6 @@ class LvlhMap(Panel):
         imgui.set_next_item_allow_overlap()
         imgui.invisible_button("map", self._w.vec(rect[2], rect[3]))
         self._mouse(console)
-        canvas = Canvas(self._window)
         for port in self.ports:
             canvas.clip(port.rect[:2], port.rect[2:])
             self._ground(canvas, port)
@@ -279,6 +286,19 @@ class LvlhMap(Panel):
             p = port.point(mouse.x, mouse.y)
             text = f"{p[plane.right]:+.2f}, {p[plane.up]:+.2f} m"
             canvas.label((x + 6, foot - 4 - 1.8 * line), text, tip="position under the pointer")
+
+    def _legend(self, canvas: Canvas, session: FlightSession, corner: Point, width: float) -> float:
+        """Draw what lines and marks are, as far as there are any, above the map; return the height."""
+        keep_out = session.plan.scenario.chaser.keep_out
+        there = {
+            "burns": bool(len(self._burns) or session.craft.steering.burns.burns),
+            "keep-out": keep_out is not None,
+            "corridor": keep_out is not None and keep_out.corridor_axis_lvlh is not None,
+        }
+        self._imgui.push_font(self._window.text_font, 0.85 * self._imgui.get_style().font_size_base)
+        height = canvas.legend(corner, width, [key for key in KEYS if there.get(key.name, True)])
+        self._imgui.pop_font()
+        return height + 4.0
 
     def _buttons(self, console: Console) -> None:
         """Draw the buttons that fit and enlarge the map, in the upper right corner."""

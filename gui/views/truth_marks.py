@@ -98,7 +98,9 @@ class TruthMarks:
             canvas.stroke(ends, (*style.ACCENT[:3], 0.9), 1.2)
         for degrees, radius in rings(box, picture):
             canvas.circle((cx, cy), radius, (*style.ACCENT[:3], 0.45), 1.0)
-            canvas.text((cx + radius + 3, cy + 1), f"{degrees}°", (*style.ACCENT[:3], 0.85))
+            at, text = (cx + radius + 5, cy + 2), f"{degrees}°"
+            canvas.box((at[0] - 3, at[1]), (canvas.size(text)[0] + 6, canvas.size(text)[1]), style.PLATE, 3.0)
+            canvas.plain_text(at, text, style.ACCENT)
 
     def _remember(self, picture: Picture, options: Options, *, paused: bool) -> None:
         on = options.overlays

@@ -308,7 +308,7 @@ class Timeline:
             If there is none.
         """
         if self._rows.left is None:
-            raise UserError("no future was left: go back with timeline.seek and fly on from there first")
+            raise UserError("no future was left: go back in time and fly on from there first")
         shared = self._rows.swap_future()
         if not self._rows.left[1]:
             self._rows.left = None
@@ -330,7 +330,7 @@ class Timeline:
             If there are too many.
         """
         if len(self.bookmarks) >= MAX_BOOKMARKS:
-            raise UserError(f"there are {MAX_BOOKMARKS} bookmarks; remove one first (timeline.unbookmark)")
+            raise UserError(f"there are {MAX_BOOKMARKS} bookmarks; remove one first")
         mark = Bookmark(t_s, " ".join(note.split())[:MAX_NOTE_LENGTH])
         other_bookmarks = (b for b in self.bookmarks if abs(b.t_s - t_s) > ROUNDING_S)
         self.bookmarks = tuple(sorted((*other_bookmarks, mark), key=lambda b: b.t_s))

@@ -269,7 +269,8 @@ class CancelBurns(Order):
         """
         before = craft.steering.burns
         craft.steering.burns = before.without(self.t_s)
-        return "note", f"{len(before.burns) - len(craft.steering.burns.burns)} planned burn(s) cancelled"
+        n = len(before.burns) - len(craft.steering.burns.burns)
+        return "note", f"{n} planned burn{'s' * (n > 1)} cancelled" if n else "no burn was planned"
 
 
 # --- docking

@@ -389,9 +389,7 @@ class FlightSession:
             If the autopilot does not fly.
         """
         if not self.craft.steering.autopilot:
-            raise UserError(
-                "the chaser is not flying to a hold point; engage the autopilot first (docking.approach)"
-            )
+            raise UserError("the chaser is not flying to a hold point; engage the autopilot first")
         self.look_back.fly_on()
         self.clock.start_jump("hold-point", self.t_s + MAX_JUMP_S)
         self._nearest = self._hold_point_away_m(), self.t_s

@@ -20,7 +20,7 @@ def test_what_go_waits_for_moves_no_control(monkeypatch: pytest.MonkeyPatch) -> 
                 window.noted.clear()
                 with window.panel("docking", 420.0, 1400.0):
                     panel.draw(console)
-            assert [n.label for n in window.noted].count("not yet: too fast") == bool(waits)
+            assert [n.label for n in window.noted].count("  too fast") == bool(waits)
             places.append({n.label: n.middle for n in window.noted if n.what == "control"})
     finally:
         window.close()

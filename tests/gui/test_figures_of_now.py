@@ -82,7 +82,7 @@ def test_figures_are_of_the_time_on_the_clock(
     expected = {
         "camera": [f"{world.range_m:9.3f} m", f"{x:+z9.3f} m", "T+00:08:20.0   500x"[2:], axial],
         "chaser": [" ".join(f"{v:+z8.3f}" for v in (x, y, z))],
-        "plots": [f"range [m]: {world.range_m:.4g}"],
+        "plots": [f"Range [m]: {world.range_m:.4g}"],
         "docking": [axial],
     }[name]
     shown = texts(name, console, window, monkeypatch)

@@ -57,7 +57,7 @@ def test_a_box_is_added_moved_and_seen_from_outside(console: Console) -> None:
 @pytest.mark.parametrize(
     ("line", "why"),
     [
-        ("light.set 0 power_w -3", "power_w"),
+        ("light.set 0 power_w -3", r"Power [W] is -3"),
         ("light.set 0 colour red", "colour"),
         ("light.set 7 power_w 3", "there is no light 7"),
         ("light.add lamp", "at most 1 lamp"),

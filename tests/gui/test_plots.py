@@ -44,7 +44,7 @@ def test_the_newest_number_stands_beside_the_plot_before_any_picture(scene):
     console.do("time.rate", "500")
     for _ in range(4):
         turn()
-        assert f"range [m]: {console.session.craft.world.range_m:.4g}" in texts(window)
+        assert f"Range [m]: {console.session.craft.world.range_m:.4g}" in texts(window)
 
 
 def test_a_row_of_figures_is_dragged_into_a_plot(scene):
@@ -65,4 +65,4 @@ def test_a_row_of_figures_is_dragged_into_a_plot(scene):
     io.add_mouse_button_event(0, False)
     turn()
     turn()
-    assert any(text.startswith("off the boresight [°]: ") for text in texts(window))
+    assert any(text.startswith("Off the boresight [°]: ") for text in texts(window))

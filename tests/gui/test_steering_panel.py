@@ -52,7 +52,7 @@ def test_fly_there_stays_here_unless_a_point_was_typed(window: HeadlessWindow, c
 def test_a_way_from_here_begins_with_none(window: HeadlessWindow, console: Console) -> None:
     panel = SteeringPanel(window)
     here = console.session.craft.state_lvlh()[0]
-    window.press("counted from here", lambda: panel.draw(console), height=1400.0)
+    window.press("Counted from here", lambda: panel.draw(console), height=1400.0)
     name, *place = flown_to(window, console, panel, "Fly there")
     assert name == "guidance.waypoint"
     assert place == pytest.approx(here, abs=1e-3)

@@ -98,3 +98,38 @@ def test_a_panels_cut_text_is_read_by_hovering(screen: Pointer, width: float) ->
             if not any(n.label.startswith(text.label[:-3]) and n.label != text.label for n in tips):
                 told.append(f"{name}: {text.label}")
     assert told == []
+
+
+AUTOPILOT = (
+    "the autopilot flies to H1, 20 m before the port, but the keep-out sphere of 12 m stops the chaser: "
+    "the port turns 163° away from its corridor of 15°"
+)
+
+
+def test_a_caution_and_the_message_after_it_have_a_line_each(screen: Pointer) -> None:
+    screen.console.say("the view is filmed into out/console/film.mp4")
+    screen.console.say(AUTOPILOT, "caution")
+    screen.turn()
+    low, high = screen.rect("status")[1::2]
+    assert AUTOPILOT.partition(":")[0] in " ".join(screen.texts())
+    screen.console.say("the estimator is ready")
+    screen.turn()
+    places = {n.label: n.middle for n in screen.window.noted}
+    (_, first), (x, second) = (
+        next(at for label, at in places.items() if label.startswith(start))
+        for start in ("the autopilot flies", "the estimator is")
+    )
+    assert low < first < second < low + high
+    screen.click((x, second))
+    assert screen.console.shown["log"]
+
+
+def test_a_caution_alone_is_whole_in_two_lines() -> None:
+    screen = Pointer("tango-flyaround", (1280, 800), panels=False)
+    before = screen.rect("transport")
+    screen.console.say(f"{AUTOPILOT}; {AUTOPILOT[:60]}", "caution")
+    screen.turn()
+    said = [t for t in screen.texts() if t in f"{AUTOPILOT}; {AUTOPILOT[:60]} (F9: seen)" and len(t) > 20]
+    assert " ".join(said) == f"{AUTOPILOT}; {AUTOPILOT[:60]} (F9: seen)"
+    assert screen.rect("transport") == before
+    screen.close()

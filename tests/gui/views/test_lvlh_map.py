@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import Any
 
 import pytest
 
-from flyaround.gui.canvas import point
+from flyaround.gui.canvas import Canvas, point
 from flyaround.gui.picture.relative_map import MapPort
 from flyaround.gui.views.burn_nodes import handle
-from flyaround.gui.views.lvlh_map import LvlhMap
+from flyaround.gui.views.lvlh_map import KEYS, LvlhMap
 from tests.harness.pointer import FAR, Pointer
 
 
@@ -47,3 +48,41 @@ def test_the_scale_stays_while_a_handle_is_dragged_and_fits_again_after(screen: 
     for _ in range(3):
         screen.turn()
     assert port().scale < before.scale
+
+
+def drawn_texts(screen: Pointer, monkeypatch: pytest.MonkeyPatch) -> dict[str, tuple[float, float]]:
+    """The texts that the map draws in a frame, with their places."""
+    found: dict[str, tuple[float, float]] = {}
+    real, left = Canvas.plain_text, screen.rect("lvlh-map")[0]
+
+    def plain_text(canvas: Canvas, at: tuple[float, float], text: str, *rest: Any, **more: Any) -> None:
+        found.update({text: at} if at[0] >= left else {})
+        real(canvas, at, text, *rest, **more)
+
+    with monkeypatch.context() as patched:
+        patched.setattr(Canvas, "plain_text", plain_text)
+        screen.turn()
+    return found
+
+
+def test_the_legend_names_what_the_map_has_above_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    made = Pointer("tango-vbar-approach")
+    made.console.do("layout.fly")
+    for _ in range(14):
+        made.turn()
+    view = next(panel for panel in made.layout.panels if isinstance(panel, LvlhMap))
+    found = drawn_texts(made, monkeypatch)
+    names = {"chaser", "target", "flown", "planned", "drift", "keep-out", "corridor"}
+    assert {key.name for key in KEYS} & set(found) == names
+    low = view.ports[0].rect[1] - 10.0
+    _, y, _, _ = made.rect("lvlh-map")
+    for name in names:
+        assert y < found[name][1] < low
+    made.console.do("burn.plan", 600.0, 0.0, 0.02, 0.0)
+    made.turn()
+    assert "burns" in drawn_texts(made, monkeypatch)
+    made.console.do("layout.first")
+    for _ in range(14):
+        made.turn()
+    assert "keep-out" not in drawn_texts(made, monkeypatch), "a small map has hover texts"
+    made.close()
