@@ -73,7 +73,6 @@ def test_a_stopped_film_leaves_nothing(console: Console, tmp_path: Path) -> None
     assert "is not kept: it was stopped" in console.messages[-1].text
     assert console.waiting == []
     assert [p for p in (tmp_path / "out" / "console").iterdir() if "mp4" in p.name] == []
-    assert console.attempt("film.flight-stop") == "no film of a flight is being rendered"
 
 
 def test_a_film_that_cannot_be_made_says_why(console: Console) -> None:
