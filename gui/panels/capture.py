@@ -94,14 +94,15 @@ class CapturePanel(Panel):
         end_s = max(console.session.look_back.timeline.end_s, console.session.t_s)
         shown = [*self._film[:-1], self._film[-1] or f"{int(end_s)}"]
         for k, argument in enumerate(command.arguments[: len(shown)]):
-            w.field(f"{argument.name.capitalize()}{f' [{argument.unit}]' * bool(argument.unit)}", "", 0.7)
+            w.field(f"{argument.name.capitalize()} [{argument.unit}]", argument.description, 0.5)
             if (text := w.typed(f"film{k}", shown[k], argument)) != shown[k]:
                 shown[k] = self._film[k] = text
         right = not any(a.flaw(text) for a, text in zip(command.arguments, shown, strict=False))
         if right:
             _, fps, speed, start, end = map(float, shown)
             length_s = max(end - start, 0.0) / speed
-            w.text(f"{time_text(length_s)} of film, {length_s * fps:.0f} pictures", style.QUIET)
+            text = f"{time_text(length_s)} of film, {length_s * fps:.0f} pictures"
+            w.text(text, style.QUIET, "length of the film")
         w.button(console, command.name, *shown, width=w.width, enabled=right and not console.jobs.flight_film)
 
     def _under_way(self, console: Console) -> None:
