@@ -152,8 +152,7 @@ class TransportStrip:
         opened = console.clock_ms - self._opened_ms < GUARD_MS
         if not opened and self._opened_ms > -GUARD_MS:
             self._opened_ms = -GUARD_MS
-            late = "not aborted: the second click did not come within five seconds"
-            console.say(late, "caution", "docking.abort")
+            console.say("not aborted: no second click came within five seconds", "caution", "docking.abort")
         fill = style.BAD if opened else style.GUARDED
         label = "ABORT? again" if opened else labelled("docking.abort", "ABORT")
         if w.filled_button(f"{label}###abort", width, fill):

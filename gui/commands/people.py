@@ -87,9 +87,9 @@ def _open(console: Console, path: str) -> None:
 
 
 def _stop_import(console: Console) -> None:
-    mesh, console.jobs.mesh = console.jobs.mesh, None
-    if mesh is not None:
-        mesh.close()
+    if console.jobs.mesh is not None:
+        console.jobs.mesh.close()
+    console.jobs.mesh = None
 
 
 def _step_settings(name: str, console: Console) -> None:

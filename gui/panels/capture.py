@@ -101,8 +101,7 @@ class CapturePanel(Panel):
         if right:
             _, fps, speed, start, end = map(float, shown)
             length_s = max(end - start, 0.0) / speed
-            text = f"{time_text(length_s)} of film, {length_s * fps:.0f} pictures"
-            w.text(text, style.QUIET, "length of the film")
+            w.text(f"{time_text(length_s)}, {length_s * fps:.0f} pictures", style.QUIET, "of the film")
         w.button(console, command.name, *shown, width=w.width, enabled=right and not console.jobs.flight_film)
 
     def _under_way(self, console: Console) -> None:

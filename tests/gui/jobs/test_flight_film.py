@@ -91,8 +91,8 @@ def test_the_capture_panel_says_how_long_the_film_is(tmp_path: Path, monkeypatch
     for _ in range(53):
         screen.console.pass_time(200)
     screen.turn()
-    assert "1 s of film, 25 pictures" in screen.texts()
+    assert "1 s, 25 pictures" in screen.texts()
     screen.sight("Film the whole flight")
     screen.type(screen.sight("##film2"), "2")
-    assert "5 s of film, 125 pictures" in screen.texts()
+    assert "5 s, 125 pictures" in screen.texts()
     screen.close()
