@@ -196,7 +196,13 @@ class Console:
         return jobs + flights + [f"the text of {self.draft.name} is not saved"] * self.draft.changed
 
     def lost_text(self, flight: FlightSession) -> str:
-        """Return how much of a flight is in no file, as a predicate; empty if nothing is lost."""
+        """Return how much of a flight is in no file.
+
+        Returns
+        -------
+        str
+            Predicate of a sentence on the flight; empty if nothing is lost.
+        """
         if flight not in self.unsaved:
             return ""
         if flight not in self.kept:

@@ -20,7 +20,7 @@ NEW_FLIGHT = frozenset({"scenario.open", "scenario.target", "scenario.fly", "lig
 SWAP_BACK = "Timeline, Swap future brings back the part dropped last."
 GO_BACK = "File, Previous flight and Kept flights return to it, until you quit."
 LIFTS = "Lift the keep-out sphere? Nothing then keeps the chaser from hitting the target."
-KEEPS_OUT = "The same list, in Docking, brings it back; until then the bottom line says that it is lifted."
+KEEPS_OUT = "A click on KEEP-OUT LIFTED, in the bottom line, brings it back."
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,7 @@ from flyaround.gui import style
 from flyaround.gui.commands.timeline import clock
 from flyaround.gui.icons import labelled
 from flyaround.gui.jobs.all import running_jobs
-from flyaround.gui.texts import duration_text
+from flyaround.gui.texts import duration_text, left_text
 from flyaround.gui.widgets import Widgets
 from flyaround.simulator.piloting.clock import RATES
 
@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 
 NARROW_EM = 56
 """Window width, in text heights, below which the strip shortens its texts."""
+FIRST_GUESS_S = 1.0  # time after which the time left is estimated
 SILENT_S = 2.0  # time after which a job that has given nothing yet tells how long it has been at work
 JOB_COLUMNS = 3  # columns of the line of jobs; more jobs get narrower ones
 STEPS_S = (1, 5, 10, 30, 60, 300, 600, 1800, 3600, 7200, 21_600, 86_400)
@@ -151,8 +152,7 @@ class TransportStrip:
         opened = console.clock_ms - self._opened_ms < GUARD_MS
         if not opened and self._opened_ms > -GUARD_MS:
             self._opened_ms = -GUARD_MS
-            late = "not aborted: the second click did not come within five seconds"
-            console.say(late, "caution", "docking.abort")
+            console.say("not aborted: no second click came within five seconds", "caution", "docking.abort")
         fill = style.BAD if opened else style.GUARDED
         label = "ABORT? again" if opened else labelled("docking.abort", "ABORT")
         if w.filled_button(f"{label}###abort", width, fill):
@@ -182,10 +182,7 @@ class JobStrip:
         """Draw into the current side bar."""
         w, imgui = self._w, self._w.imgui
         opening, now_s = console.opener.name if console.opener.is_busy() else "", imgui.get_time()
-        jobs = {
-            job.end or job.text.partition(",")[0]: job
-            for job in running_jobs(console.jobs, opening, console.session)
-        }
+        jobs = {job.end: job for job in running_jobs(console.jobs, opening, console.session)}
         self._columns = {name: column for name, column in self._columns.items() if name in jobs}
         columns = max([JOB_COLUMNS, *(column + 1 for column, _ in self._columns.values())])
         left, width = imgui.get_cursor_pos_x(), w.width / columns
@@ -196,16 +193,17 @@ class JobStrip:
             column, began_s = self._columns.setdefault(name, (min(free), now_s))
             imgui.same_line(left + column * width)
             # the estimator's button also starts it
-            title = console.table[job.end].title if job.end else ""
-            title = "Stop estimating" if job.end == "estimator.run" else title
-            button = w.button_width(labelled("film.stop", title)) if title else 0.0
-            slow = job.silent and now_s - began_s > SILENT_S
-            text = f"{job.text}, {now_s - began_s:.0f} s" if slow else job.text
+            title = "Stop estimating" if name == "estimator.run" else console.table[name].title
+            button = w.button_width(labelled("film.stop", title))
+            spent_s, text = now_s - began_s, job.text
+            if job.share and spent_s > FIRST_GUESS_S:
+                text += left_text(spent_s * (1 - job.share) / job.share)
+            elif job.silent and spent_s > SILENT_S:
+                text += f", {spent_s:.0f} s"
             w.cut_line(text, width - button - 1.5 * imgui.get_font_size(), style.ACCENT, typing=True)
             if job.share is not None:
                 low, high = imgui.get_item_rect_min(), imgui.get_item_rect_max()
                 end = w.vec(low.x + job.share * (high.x - low.x), high.y + 3.0)
                 imgui.get_window_draw_list().add_rect_filled(w.vec(low.x, high.y), end, w.color(style.ACCENT))
-            if job.end:
-                imgui.same_line(left + (column + 1) * width - button - imgui.get_font_size())
-                w.button(console, job.end, label=title, icon="film.stop")
+            imgui.same_line(left + (column + 1) * width - button - imgui.get_font_size())
+            w.button(console, name, label=title, icon="film.stop")

@@ -99,12 +99,6 @@ def _film(
     keep_flight(console, None, begin, as_seen=True)
 
 
-def _stop_film(console: Console) -> None:
-    if console.jobs.flight_film is None:
-        raise UserError("no film of a flight is being rendered")
-    console.jobs.flight_film.stop()
-
-
 COMMANDS = (
     command(
         "capture.start",
@@ -122,10 +116,10 @@ COMMANDS = (
         _film,
         Argument("width", "whole", f"{WIDTH_PX} unless given", (), 16, 7680, optional=True, unit="px"),
         number("fps", f"pictures per second; {FPS:g} unless given", 1.0, 120.0, "1/s", optional=True),
-        number("speed", "of the flight; 1 unless given", 0.001, 1e4, "times", optional=True),
+        number("speed", "of the flight in the film; 1 unless given", 0.001, 1e4, "x", optional=True),
         number("start", "time of the flight; its start unless given", 0.0, 1e9, "s", optional=True),
         number("end", "time of the flight; its end unless given", 0.0, 1e9, "s", optional=True),
         word("path", "of the file, .mp4", optional=True),
     ),
-    command("film.flight-stop", _stop_film),
+    command("film.flight-stop", lambda c: c.jobs.flight_film and c.jobs.flight_film.stop()),
 )

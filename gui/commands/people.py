@@ -87,29 +87,20 @@ def _open(console: Console, path: str) -> None:
 
 
 def _stop_import(console: Console) -> None:
-    mesh, console.jobs.mesh = console.jobs.mesh, None
-    if mesh is None:
-        raise UserError("no mesh is being imported")
-    mesh.close()
-    console.say(f"{mesh.name} is not imported")
+    if console.jobs.mesh is not None:
+        console.jobs.mesh.close()
+    console.jobs.mesh = None
 
 
-def _keep_guard(console: Console) -> None:
-    """Give the flight the choice of the keep-out sphere that a step brought back; lifting it asks."""
+def _step_settings(name: str, console: Console) -> None:
+    """Undo or redo the last change; a choice of the keep-out sphere is given to the flight, and lifting it asks."""
+    what = console.history.next(f"settings.{name}") and getattr(console.history, name)(console.options)
     if console.options.guard != console.session.craft.steering.guard:
         console.do("docking.keep-out", console.options.guard)
-
-
-def _undo(console: Console) -> None:
-    what = console.history.next("settings.undo") and console.history.undo(console.options)
-    _keep_guard(console)
-    console.say(f"undone: {what} (Ctrl+Y redoes it)" if what else "there is no change to undo")
-
-
-def _redo(console: Console) -> None:
-    what = console.history.next("settings.redo") and console.history.redo(console.options)
-    _keep_guard(console)
-    console.say(f"redone: {what}" if what else "there is nothing to redo")
+    if not what:
+        console.say("there is no change to undo" if name == "undo" else "there is nothing to redo")
+    else:
+        console.say(f"undone: {what} (Ctrl+Y redoes it)" if name == "undo" else f"redone: {what}")
 
 
 def _enlarge(console: Console, panel: str | None = None) -> None:
@@ -120,8 +111,8 @@ def _enlarge(console: Console, panel: str | None = None) -> None:
 
 
 COMMANDS = (
-    command("settings.undo", _undo, "ctrl+z"),
-    command("settings.redo", _redo, "ctrl+y"),
+    command("settings.undo", partial(_step_settings, "undo"), "ctrl+z"),
+    command("settings.redo", partial(_step_settings, "redo"), "ctrl+y"),
     command(
         "window.text-size",
         _font_scale,

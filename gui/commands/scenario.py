@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 import msgspec
 
 from flyaround.gui.command_table import Argument, command, word
-from flyaround.simulator.errors import UserError
 from flyaround.simulator.scenario.load import list_scenarios, load_scenario
 
 if TYPE_CHECKING:
@@ -19,13 +18,6 @@ if TYPE_CHECKING:
 def _open(console: Console, scenario: str) -> None:
     console.opener.open(scenario)
     console.say(f"opening {scenario} ...")
-
-
-def _stop_opening(console: Console) -> None:
-    if not console.opener.is_busy():
-        raise UserError("no scenario is being opened")
-    console.opener.abandon()
-    console.say(f"{console.opener.name} is not opened; this flight goes on")
 
 
 def built_in_name(scenario: Scenario) -> str:
@@ -70,7 +62,7 @@ def _target(console: Console, target: str) -> None:
 
 COMMANDS = (
     command("scenario.open", _open, word("scenario", "built-in name or TOML file")),
-    command("scenario.open-stop", _stop_opening),
+    command("scenario.open-stop", lambda console: console.opener.abandon()),
     command("scenario.edit", _edit, word("scenario", "built-in name or file", optional=True)),
     command(
         "scenario.back",

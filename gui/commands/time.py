@@ -6,8 +6,6 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 from flyaround.gui.command_table import Command, command, word
-from flyaround.gui.commands.timeline import clock
-from flyaround.simulator.errors import UserError
 from flyaround.simulator.piloting.clock import RATES
 from flyaround.simulator.piloting.jumps import EVENTS
 
@@ -33,15 +31,7 @@ def _jump(event: Event, console: Console) -> None:
 
 def _jump_to_hold_point(console: Console) -> None:
     console.session.jump_to_hold_point()
-    point = console.session.craft.docking.hold_points.next
-    console.say("on the way to " + ("the port" if point is None else f"{point.name}, {point.axial_m:g} m"))
-
-
-def _end_jump(console: Console) -> None:
-    if not console.session.clock.jump:
-        raise UserError("no jump is under way")
-    console.session.clock.end_jump()
-    console.say(f"the jump was stopped at {clock(console.session.t_s)}, at 1x")
+    console.say(f"on the way to {console.session.jump_text}")
 
 
 COMMANDS = (
@@ -70,5 +60,5 @@ COMMANDS = (
         for event in EVENTS
     ),
     command("time.next-hold-point", _jump_to_hold_point),
-    command("time.jump-end", _end_jump),
+    command("time.jump-end", lambda console: console.session.clock.end_jump()),
 )

@@ -22,7 +22,6 @@ if TYPE_CHECKING:
 FOLDER = Path("out") / "console" / "flights"
 SLICE_S, SLICE_SHARE, LONGEST_SLICE_S = 0.008, 0.25, 0.05
 """Time per turn of the window for writing a flight: at least, as a share of the turn, and at most."""
-FIRST_GUESS_S = 1.0  # time after which the time left is estimated
 SKIP_S = 10.0
 FRAMES = 50
 """Default number of frames of a data set."""
@@ -91,13 +90,7 @@ class Keeping:
     then: Callable[[Console, str], None]
 
     def __post_init__(self) -> None:
-        self._began_s = self._last_s = time.monotonic()
-
-    @property
-    def left_s(self) -> float | None:
-        """Estimated remaining time [s]; None while unknown."""
-        share, spent_s = self.files.share, self._last_s - self._began_s
-        return spent_s * (1 - share) / share if spent_s > FIRST_GUESS_S and share else None
+        self._last_s = time.monotonic()
 
     def __call__(self) -> bool:
         """Write a portion; return False at the end."""
@@ -125,10 +118,9 @@ class Keeping:
 
 
 def _stop_keeping(console: Console) -> None:
-    if not console.jobs.keeping:
-        raise UserError("no flight is being written")
-    console.jobs.keeping.pop(0).cancel()
-    console.say("writing was stopped and its files removed: Keep flight starts again")
+    if console.jobs.keeping:
+        console.jobs.keeping.pop(0).cancel()
+        console.say("writing was stopped and its files removed: Keep flight starts again")
 
 
 def _report_kept(console: Console, replay: str) -> None:

@@ -9,7 +9,6 @@ from flyaround.gui.jobs.capture_job import CaptureJob
 from flyaround.gui.jobs.estimates import Estimates
 from flyaround.gui.jobs.hil_session import HilSession
 from flyaround.gui.picture.screen import screen_picture
-from flyaround.gui.texts import left_text
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -26,10 +25,6 @@ class FlightBeingWritten(Protocol):
     """A flight that is written in portions."""
 
     files: FlownFiles
-
-    @property
-    def left_s(self) -> float | None:
-        """Time left [s], None while it is unknown."""
 
     def __call__(self) -> bool:
         """Write a portion; return False at the end."""
@@ -96,10 +91,9 @@ class Jobs:
         if self.film is not None and picture is not None:
             self._update_film(self.film, picture, t_ms)
         if self.flight_film is not None and (why := self.flight_film.update()) is not None:
-            path, self.flight_film = self.flight_film.path, None
-            ended = why in {"", "it was stopped"}
+            path, stopped, self.flight_film = self.flight_film.path, self.flight_film.stopped, None
             text = f"the film {path} is not kept: {why}" if why else f"filmed {path}"
-            self.say(text, "note" if ended else "caution", "film.flight")
+            self.say(text, "caution" if why and not stopped else "note", "film.flight")
         self._update_mesh()
         # one after the other, so that each has its line of progress
         if self.keeping and not (keep := self.keeping[0])():
@@ -154,17 +148,17 @@ class RunningJob:
     ----------
     text : str
         Description and progress.
-    share : float, optional
+    share : float or None
         Completed share; None if unknown.
-    end : str, optional
-        Command that ends it, or empty.
+    end : str
+        Command that ends it.
     silent : bool, optional
         True while it has given nothing yet, so that only its duration shows that it is at work.
     """
 
     text: str
-    share: float | None = None
-    end: str = ""
+    share: float | None
+    end: str
     silent: bool = False
 
 
@@ -172,18 +166,18 @@ def running_jobs(jobs: Jobs, opening: str = "", flight: FlightSession | None = N
     """Return the running jobs, among them ``opening`` a scenario, and a jump of the flight."""
     rows = [RunningJob(f"opening {opening}", None, "scenario.open-stop", silent=True)] if opening else []
     if flight is not None and flight.clock.jump:
-        rows.append(RunningJob(f"jump, to {flight.jump_text}", flight.jump_share, "time.jump-end"))
+        rows.append(RunningJob(f"jump to {flight.jump_text}", flight.jump_share, "time.jump-end"))
     if jobs.estimates.on:
         rows.append(RunningJob(f"{jobs.estimates.method} {jobs.estimates.doing}", None, "estimator.run"))
     capture = jobs.capture
     if capture.running and capture.request is not None:
-        text = f"capture {capture.done} of {capture.request.frames}{left_text(capture.left_s)}"
+        text = f"capture {capture.done} of {capture.request.frames}"
         share = min(capture.done / max(capture.request.frames, 1), 1.0)
         rows.append(RunningJob(text, share, "capture.stop", silent=capture.done == 0))
     if jobs.film is not None:
         rows.append(RunningJob(f"film {jobs.film.pictures} pictures", None, "film.stop"))
     if (film := jobs.flight_film) is not None:
-        text = f"film of the flight, {film.share:.0%}{left_text(film.left_s)}"
+        text = f"film of the flight, {film.share:.0%}"
         rows.append(RunningJob(text, film.share, "film.flight-stop", silent=not film.share))
     if jobs.hil.on:
         text = f"board: {jobs.hil.state}, {jobs.hil.sent} sent"
@@ -191,6 +185,6 @@ def running_jobs(jobs: Jobs, opening: str = "", flight: FlightSession | None = N
     if jobs.mesh is not None:
         rows.append(RunningJob(f"importing {jobs.mesh.name}", None, "file.open-stop", silent=True))
     for keep in jobs.keeping[:1]:
-        text = f"writing the flight, {keep.files.share:.0%}{left_text(keep.left_s)}"
+        text = f"writing the flight, {keep.files.share:.0%}"
         rows.append(RunningJob(text, keep.files.share, "timeline.keep-stop"))
     return rows

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import time
 from typing import TYPE_CHECKING
 
 from flyaround.gui.jobs.program import ChildProgram
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Sequence
     from pathlib import Path
 
 
@@ -21,13 +20,11 @@ class FlightFilm:
         File of the film, which exists once it is complete.
     words : sequence of str
         Scenario and options of `flyaround film`.
-    clock : callable, optional
-        Monotonic time [s].
     """
 
-    def __init__(self, path: Path, words: Sequence[str], clock: Callable[[], float] = time.monotonic) -> None:
-        self.path, self._clock, self._began_s = path, clock, clock()
-        self._program = ChildProgram(("film", *words, "-o", str(path), "--json"), clock)
+    def __init__(self, path: Path, words: Sequence[str]) -> None:
+        self.path, self.stopped = path, False
+        self._program = ChildProgram(("film", *words, "-o", str(path), "--json"))
 
     @property
     def share(self) -> float:
@@ -35,14 +32,9 @@ class FlightFilm:
         done, _, count = self._program.last_error_line().partition(" of ")
         return int(done) / int(count) if done.isdecimal() and count.isdecimal() else 0.0
 
-    @property
-    def left_s(self) -> float | None:
-        """Estimated remaining time [s]; None while unknown."""
-        share = self.share
-        return (self._clock() - self._began_s) * (1 - share) / share if share else None
-
     def stop(self) -> None:
         """Ask it to end; a second time ends it at once."""
+        self.stopped = True
         self._program.stop()
 
     def update(self) -> str | None:
@@ -50,10 +42,9 @@ class FlightFilm:
         program = self._program
         if program.running:
             return None
-        code, why = program.exit_code, program.last_error_line()
-        stopped = program.stopped
+        code, why = program.exit_code, program.last_error_line() or f"exit code {program.exit_code}"
         self.close()
-        return "" if not code else "it was stopped" if stopped else why or f"exit code {code}"
+        return "" if not code else "it was stopped" if self.stopped else why
 
     def close(self) -> None:
         """End it; of an incomplete film nothing is left."""

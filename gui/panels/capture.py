@@ -14,9 +14,9 @@ from flyaround.simulator.scenario.load import list_recipes, list_scenarios
 if TYPE_CHECKING:
     from flyaround.gui.console import Console
     from flyaround.gui.jobs.capture_job import CaptureJob
+    from flyaround.gui.surface import Surface
 
 TITLES = {FLOWN: "what I flew", THIS: "this flight's scenario"}
-FILM = ("Width, px", "Pictures/s", "Speed", "From, s", "To, s")
 THUMB = 120.0  # least width of a small picture
 
 
@@ -29,7 +29,10 @@ class CapturePanel(Panel):
     _names: tuple[str, ...] = ()
     _frames, _workers = "20", "1"
     _formats: frozenset[str] = frozenset()
-    _film = (str(WIDTH_PX), f"{FPS:g}", "10", "0", "")
+
+    def __init__(self, window: Surface) -> None:
+        super().__init__(window)
+        self._film = [str(WIDTH_PX), f"{FPS:g}", "10", "0", ""]
 
     def draw(self, console: Console) -> None:
         """Draw into the current panel."""
@@ -86,23 +89,20 @@ class CapturePanel(Panel):
 
     def _film_form(self, console: Console) -> None:
         """Draw size, rate, speed and part of a film of the flight, and its length."""
-        w, look_back = self._w, console.session.look_back
+        w, command = self._w, console.table["film.flight"]
         w.section("Film of this flight")
-        shown = list(self._film)
-        shown[-1] = shown[-1] or f"{int(max(look_back.timeline.end_s, console.session.t_s))}"
-        arguments = console.table["film.flight"].arguments[: len(shown)]
-        for k, (label, argument) in enumerate(zip(FILM, arguments, strict=True)):
-            w.field(label, argument.description, 0.7)
+        end_s = max(console.session.look_back.timeline.end_s, console.session.t_s)
+        shown = [*self._film[:-1], self._film[-1] or f"{int(end_s)}"]
+        for k, argument in enumerate(command.arguments[: len(shown)]):
+            w.field(f"{argument.name.capitalize()} [{argument.unit}]", argument.description, 0.5)
             if (text := w.typed(f"film{k}", shown[k], argument)) != shown[k]:
-                shown[k] = text
-                self._film = (*self._film[:k], text, *self._film[k + 1 :])
-        flawed = any(a.flaw(text) for a, text in zip(arguments, shown, strict=True))
-        busy = console.jobs.flight_film is not None
-        if not flawed:
+                shown[k] = self._film[k] = text
+        right = not any(a.flaw(text) for a, text in zip(command.arguments, shown, strict=False))
+        if right:
             _, fps, speed, start, end = map(float, shown)
             length_s = max(end - start, 0.0) / speed
-            w.text(f"{time_text(length_s)} of film, {length_s * fps:.0f} pictures", style.QUIET)
-        w.button(console, "film.flight", *shown, width=w.width, enabled=not (flawed or busy))
+            w.text(f"{time_text(length_s)}, {length_s * fps:.0f} pictures", style.QUIET, "of the film")
+        w.button(console, command.name, *shown, width=w.width, enabled=right and not console.jobs.flight_film)
 
     def _under_way(self, console: Console) -> None:
         w, imgui, job = self._w, self._w.imgui, console.jobs.capture

@@ -47,5 +47,5 @@ class LogPanel(Panel):
         level = "" if message.level == "note" else f"{message.level}{until}: "
         colour = style.QUIET if message.acknowledged else COLOURS[message.level]
         self._w.one_line(f"{clock(message.t_s)}  {message.at}", colour)
-        self._imgui.same_line(12 * self._imgui.get_font_size())
+        self._imgui.same_line(10.5 * self._imgui.get_font_size())
         self._w.text(f"{level}{message.text}", colour)

@@ -23,7 +23,13 @@ BRIGHTEST, DARK = 0.9995, 0.03
 
 
 def screen_picture(frame: Frame, *, raw: bool = False) -> ByteArray:
-    """Return a frame's image developed for the screen, or with ``raw`` the upper eight bits of its digital numbers."""
+    """Return a frame's image for the screen.
+
+    Returns
+    -------
+    array
+        (H, W) or (H, W, 3) image, eight bits: developed, or with ``raw`` the upper eight bits of the digital numbers.
+    """
     sensor = frame.scene.sensor
     if raw:
         return raw_picture(frame.image, sensor.bits)

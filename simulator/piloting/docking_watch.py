@@ -59,6 +59,7 @@ REARM_DISTANCE_M = 0.5
 SAVED_ATTRIBUTES = frozenset({"limits", "contacts", "docked", "_armed", "_port", "hold_points"})
 
 STOPS, CONTACT = "stops the chaser", "without docking"  # parts of cautions
+REMEDY = "remedy: docking.keep-out port"
 
 CORRIDOR_SPAN_S, CORRIDOR_SAMPLES = 600.0, 31
 """Time ahead for which the port should stay in front of the corridor [s], that of an approach from 30 m at 0.05 m/s;
@@ -149,7 +150,7 @@ class Docking:
         sphere = self._keep_out
         if sphere is None:
             return ""
-        stops = f"the keep-out sphere of {sphere.radius_m:g} m {STOPS}"
+        stops = f"the keep-out sphere of {sphere.radius_m:g} m {STOPS}; {REMEDY}"
         if sphere.corridor_axis_lvlh is None:
             return f"{stops}: it has no corridor"
         corridor = np.array(sphere.corridor_axis_lvlh) / np.linalg.norm(sphere.corridor_axis_lvlh)

@@ -276,7 +276,6 @@ class CancelBurns(Order):
 # --- docking
 
 LIFTED = "the keep-out sphere is lifted: nothing keeps the chaser away from the target"
-REMEDY = "let the corridor turn with the port (docking.keep-out port)"
 
 
 @dataclass(frozen=True)
@@ -304,7 +303,7 @@ class Approach(Order):
         where = "the port" if point is None else f"{point.name}, {point.axial_m:g} m before the port"
         closed = craft.steering.guard == "scenario" and docking.closed_by(craft.flight, craft.t_s)
         if closed:
-            return "caution", f"the autopilot flies to {where}, but {closed}; {REMEDY}"
+            return "caution", f"{closed}; the autopilot flies to {where}"
         return "note", f"the autopilot flies to {where}"
 
 

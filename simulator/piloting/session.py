@@ -13,7 +13,7 @@ from flyaround.simulator.piloting.cautions import NOT_REACHED, CautionWatch, cau
 from flyaround.simulator.piloting.clock import FlightClock
 from flyaround.simulator.piloting.jumps import event_ahead_s
 from flyaround.simulator.piloting.look_back import LookBack
-from flyaround.simulator.piloting.orders import REMEDY, Abort
+from flyaround.simulator.piloting.orders import Abort
 from flyaround.simulator.piloting.piloted_craft import PilotedCraft
 from flyaround.simulator.scenario.plan import plan_flight
 
@@ -449,4 +449,4 @@ class FlightSession:
         goal = "the port" if point is None else point.name
         why = f"no nearer than {self._nearest[0]:.1f} m for {self.t_s - self._nearest[1]:.0f} s"
         held = craft.steering.guard == "scenario" and craft.docking.closed_by(craft.flight, self.t_s)
-        return "caution", f"{at}: {goal} {NOT_REACHED}, {why}{f'; {held}; {REMEDY}' if held else ''}"
+        return "caution", f"{at}: {goal} {NOT_REACHED}, {why}{f'; {held}' if held else ''}"

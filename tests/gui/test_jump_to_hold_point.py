@@ -26,7 +26,7 @@ def test_a_hold_point_that_is_not_reached_ends_the_jump_with_the_reason() -> Non
             if not session.clock.jump:
                 break
             (job,) = running_jobs(console.jobs, flight=session)
-            assert job.text.startswith(f"jump, to {goal}: ")
+            assert job.text.startswith(f"jump to {goal}: ")
             assert job.end == "time.jump-end"
             shares.append(job.share)
             console.pass_time(250)
@@ -69,12 +69,11 @@ def test_a_jump_is_shown_and_stopped_in_the_strip_of_jobs(event: str) -> None:
     console.do("docking.approach", True)
     console.do(f"time.next-{event}")
     screen.turn()
-    assert any(text.startswith("jump, to ") for text in screen.texts())
+    assert any(text.startswith("jump to ") for text in screen.texts())
     screen.press("Stop the jump")
     screen.turn()
     assert not console.session.clock.jump
-    assert "the jump was stopped" in console.messages[-1].text
+    assert console.session.clock.rate == 1.0
     assert not screen.has("Stop the jump")
-    assert console.attempt("time.jump-end") == "no jump is under way"
     assert console.losses[:-1] == []
     screen.close()
