@@ -25,7 +25,7 @@ def bare_target(parts: list[Part], materials: list[Material]) -> Target:
     """Return a target of these parts, without labels."""
     digest = hashlib.sha256(repr(materials).encode())
     for part in parts:
-        digest.update(part.positions_m.tobytes())
+        digest.update(part.positions_m.tobytes() + part.material.encode())
     return Target(
         name="proof",
         title="proof",
