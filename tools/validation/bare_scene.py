@@ -27,8 +27,8 @@ def bare_target(parts: list[Part], materials: list[Material]) -> Target:
     for part in parts:
         digest.update(part.positions_m.tobytes() + part.material.encode())
     return Target(
-        name="proof",
-        title="proof",
+        name="test",
+        title="test",
         sha256=digest.hexdigest(),
         materials=tuple(materials),
         parts=tuple(parts),
