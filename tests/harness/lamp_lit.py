@@ -14,6 +14,10 @@ from flyaround.hil.board.hybrid.model.prepared_target import PreparedTarget, fac
 from flyaround.hil.board.hybrid.model.rasteriser import draw_faces, order_faces
 
 FINE, SIGMA = 3, 3.0
+CAMERA = CameraIntrinsics(480, 300, 750.0, 750.0, 239.5, 149.5)
+SUN = np.array([0.3, -0.2, -0.93])
+Q = quat.normalise(np.array([0.2, 0.3, 0.8, -0.4]))
+T_M = np.array([0.05, -0.05, 4.2])
 
 # What is seen of a mock-up at the right pose.
 MOCK_UP = Evidence(

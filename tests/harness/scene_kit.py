@@ -1,6 +1,5 @@
 """Small scenes and targets made by hand, for tests that draw; the fixture `draw_kit` hands them out."""
 
-import hashlib
 from dataclasses import replace
 
 import msgspec
@@ -11,9 +10,10 @@ from flyaround.simulator.camera.lens.camera_model import Camera, Distortion
 from flyaround.simulator.runtime.arrays import quat, vec3
 from flyaround.simulator.scene import environments
 from flyaround.simulator.scene.state import SceneState, TargetRef
-from flyaround.simulator.targets.model import MassProperties, Material, Part, Target
+from flyaround.simulator.targets.model import Material, Part
 from flyaround.simulator.world.ephemeris.body import earth_and_moon
 from flyaround.simulator.world.frames.rotation import quat_from_matrix, quat_from_rotvec, quat_normalize
+from tools.validation.bare_scene import bare_target
 
 AU_M = 149_597_870_700.0
 CAMERA = Camera(width_px=320, height_px=240, fx_px=600.0, fy_px=590.0, cx_px=161.3, cy_px=118.6)
@@ -26,6 +26,7 @@ LENS_CAMERA = replace(
 )
 """A camera on which no two intrinsics may be taken for each other: for tests of labels, formats and messages."""
 NOTHING = msgspec.structs.replace(environments.NOTHING, seasons=False, relief=False)
+build_target = bare_target
 
 
 def quad(name, material, corners_m):
@@ -47,23 +48,6 @@ def plate(name, material, center_m, half_m):
     x, y, z = center_m
     h = half_m
     return quad(name, material, [(x - h, y - h, z), (x - h, y + h, z), (x + h, y + h, z), (x + h, y - h, z)])
-
-
-def build_target(parts, materials):
-    """A target of parts alone."""
-    digest = hashlib.sha256(repr(materials).encode())
-    for part in parts:
-        digest.update(part.positions_m.tobytes() + part.material.encode())
-    return Target(
-        name="test",
-        title="test",
-        sha256=digest.hexdigest(),
-        materials=tuple(materials),
-        parts=tuple(parts),
-        keypoints=(),
-        wireframe=(),
-        mass=MassProperties(mass_kg=1.0, com_m=(0, 0, 0), inertia_kg_m2=((1, 0, 0), (0, 1, 0), (0, 0, 1))),
-    )
 
 
 def white(**changes):

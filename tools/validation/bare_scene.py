@@ -25,10 +25,10 @@ def bare_target(parts: list[Part], materials: list[Material]) -> Target:
     """Return a target of these parts, without labels."""
     digest = hashlib.sha256(repr(materials).encode())
     for part in parts:
-        digest.update(part.positions_m.tobytes())
+        digest.update(part.positions_m.tobytes() + part.material.encode())
     return Target(
-        name="proof",
-        title="proof",
+        name="test",
+        title="test",
         sha256=digest.hexdigest(),
         materials=tuple(materials),
         parts=tuple(parts),

@@ -60,6 +60,17 @@ class Row:
         return "**missed**" if self.asked else "above it, not asked here"
 
 
+def table_lines(rows: list[Row]) -> list[str]:
+    """Return the lines of a Markdown table of rows."""
+    lines = ["| quantity | against | goal | measured | |", "|---|---|---|---|---|"]
+    for row in rows:
+        unit = "" if row.unit == "1" else f" {row.unit}"
+        lines.append(
+            f"| {row.what} | {row.against} | {row.goal:g}{unit} | {row.measured:.2g}{unit} | {row.verdict} |"
+        )
+    return lines
+
+
 def arcsec(a: FloatArray, b: FloatArray) -> FloatArray:
     """Return the angles between (..., 3) directions [arcsec], accurate for small angles."""
     sine = np.linalg.norm(np.cross(a, b), axis=-1)

@@ -53,9 +53,7 @@ def detector_sigma(sensor: Sensor, signal: float, exposure_s: float) -> float:
     ValueError
         If the sensor counts no electrons.
     """
-    d = sensor.detector
-    if d is None:
-        raise ValueError("a noise recipe on a 0..1 image has no electrons")
+    d = sensor.electron_detector
     electrons = signal * sensor.saturation_e
     dark = d.dark_e_s * exposure_s * d.pixels_per_bin
     variance = (
@@ -106,9 +104,7 @@ def detect(
     ValueError
         If the sensor counts no electrons.
     """
-    d = sensor.detector
-    if d is None:
-        raise ValueError("a noise recipe on a 0..1 image has no electrons")
+    d = sensor.electron_detector
     if signal.ndim == 2:
         return read_out(signal, sensor, d, seed, frame_index, exposure_s)
     balance = np.asarray(band_gain, float)

@@ -118,9 +118,7 @@ def electrons_per_radiance(sensor: Sensor, optics: Optics, exposure_s: float, ba
     ValueError
         If the sensor counts no electrons.
     """
-    d = sensor.detector
-    if d is None:
-        raise ValueError("a noise recipe on a 0..1 image has no electrons")
+    d = sensor.electron_detector
     energy = np.pi / (4 * optics.f_number**2) * sensor.pixel_pitch_x_m * sensor.pixel_pitch_y_m * exposure_s
     return energy * electrons_per_joule(d, optics, bands)
 
@@ -147,10 +145,8 @@ def white_balance(sensor: Sensor, optics: Optics, sunlight: ArrayLike) -> FloatA
     ValueError
         If the sensor counts no electrons.
     """
-    if sensor.detector is None:
-        raise ValueError("a noise recipe on a 0..1 image has no electrons")
     target = np.asarray(sunlight, float)
-    electrons = electrons_per_joule(sensor.detector, optics, target.size)
+    electrons = electrons_per_joule(sensor.electron_detector, optics, target.size)
     has_signal = electrons > 0  # channels without signal cannot be balanced
     gain = np.divide(target, electrons, out=np.full(target.size, np.inf), where=has_signal)
     return np.where(has_signal, gain / gain.min(), 1.0)

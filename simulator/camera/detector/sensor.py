@@ -167,6 +167,19 @@ class Sensor:
     detector: Detector | None = None
 
     @property
+    def electron_detector(self) -> Detector:
+        """The detector that counts electrons.
+
+        Raises
+        ------
+        ValueError
+            If the sensor has none.
+        """
+        if self.detector is None:
+            raise ValueError("a noise recipe on a 0..1 image has no electrons")
+        return self.detector
+
+    @property
     def saturation_e(self) -> float:
         """Return the charge of an image pixel at saturation [e], of the full well or the converter.
 
@@ -175,9 +188,7 @@ class Sensor:
         ValueError
             If the sensor has no detector.
         """
-        d = self.detector
-        if d is None:
-            raise ValueError("a noise recipe on a 0..1 image has no electrons")
+        d = self.electron_detector
         converter = (2**self.bits - 1 - d.black_level_dn) * d.gain_e_per_dn
         return min(d.full_well_e * d.pixels_per_bin, converter)
 

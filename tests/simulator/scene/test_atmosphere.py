@@ -15,6 +15,7 @@ from flyaround.simulator.scene.illumination.atmosphere import (
 )
 from flyaround.simulator.scene.illumination.multiple_scattering import multiple_scattering
 from flyaround.simulator.world.ephemeris.body import BodyAir
+from tools.validation.rendering.colours import OZONE_NM, OZONE_PER_CM
 
 DENSITY_KG_M3 = {
     0: 1.2250, 2: 1.0066, 4: 0.81935, 6: 0.66011, 8: 0.52579, 10: 0.41351, 12: 0.31194, 15: 0.19476, 25: 0.040084,
@@ -115,54 +116,7 @@ def test_share_of_the_sky_in_the_light_of_a_clear_day():
 
 def test_ozone_takes_what_was_published_of_each_band():
     """300 Dobson units straight down, by the coefficients of Bird & Riordan (1986), table 1 (Leckner 1978)."""
-    nm = [
-        450,
-        460,
-        470,
-        480,
-        490,
-        500,
-        510,
-        520,
-        530,
-        540,
-        550,
-        570,
-        593,
-        610,
-        630,
-        656,
-        667.6,
-        690,
-        710,
-        718,
-        724.4,
-    ]
-    nm = np.array([*nm, 740, 752.5])
-    per_cm = [
-        3,
-        6,
-        9,
-        14,
-        21,
-        30,
-        40,
-        48,
-        63,
-        75,
-        85,
-        120,
-        119,
-        120,
-        90,
-        65,
-        51,
-        28,
-        18,
-        15,
-        12,
-    ]  # thousandths
-    per_cm = np.array([*per_cm, 10, 8]) * 1e-3
+    nm, per_cm = np.array(OZONE_NM), 1e-3 * np.array(OZONE_PER_CM)
     for bands, limits, tolerance in (("rgb", ((600, 700), (500, 600)), 0.05), ("mono", ((450, 750),), 0.06)):
         air = earth_atmosphere(bands)
         # the tent from 10 to 40 km holds half its width times its peak

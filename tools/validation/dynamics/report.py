@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 from flyaround.simulator.runtime.files import write_atomic
 from tools.validation.dynamics.independent import independent
 from tools.validation.dynamics.physics import physics
-from tools.validation.rows import Row
+from tools.validation.rows import Row, table_lines
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -40,15 +40,7 @@ def page(rows: list[Row]) -> str:
         "Made by `python -m tools.validation.dynamics` from the raw outputs of independent programs in",
         "`tests/reference` (their generators lie beside them) and from what physics conserves.",
         "",
-        "| quantity | against | goal | measured | |",
-        "|---|---|---|---|---|",
-    ]
-    for row in rows:
-        unit = "" if row.unit == "1" else f" {row.unit}"
-        lines.append(
-            f"| {row.what} | {row.against} | {row.goal:g}{unit} | {row.measured:.2g}{unit} | {row.verdict} |"
-        )
-    lines += [
+        *table_lines(rows),
         "",
         "Basilisk was handed our EGM96 coefficients, Earth orientation and geometric Sun and Moon by message and",
         "integrated with its own force models: the comparison proves the equations and the integration, not the",

@@ -32,11 +32,10 @@ from tools.validation.rendering import (
 from tools.validation.rendering import (
     surfaces as rendering_surfaces,
 )
+from tools.validation.rows import Row, table_lines
 
 if TYPE_CHECKING:
     from collections.abc import Callable
-
-    from tools.validation.rows import Row
 
 PAGE = Path("docs/validation/rendering.md")
 Part = tuple[str, "Callable[[Renderer], list[Row]]", str]
@@ -62,19 +61,7 @@ def page(tables: list[tuple[str, list[Row], str]], driver: str) -> str:
         f"Made by `python -m tools.validation.rendering` with {driver}; goals are upper bounds.",
     ]
     for title, rows, notes in tables:
-        lines += [
-            "",
-            f"## {title}",
-            "",
-            "| quantity | against | goal | measured | |",
-            "|---|---|---|---|---|",
-        ]
-        for row in rows:
-            unit = "" if row.unit == "1" else f" {row.unit}"
-            lines.append(
-                f"| {row.what} | {row.against} | {row.goal:g}{unit} | {row.measured:.2g}{unit} | {row.verdict} |"
-            )
-        lines += ["", notes.strip()]
+        lines += ["", f"## {title}", "", *table_lines(rows), "", notes.strip()]
     return "\n".join(lines) + "\n"
 
 

@@ -83,7 +83,7 @@ def _joined(outer: Keys, source: str) -> Keys:
     inner = outer.inner("Intrinsics")
     table = dict(outer.get("Intrinsics"))
     for name in filter(outer.find, _LENS):
-        beside, within = outer.numbers(name), inner.numbers(name)
+        beside, within = outer.numbers(name) or [], inner.numbers(name)
         if within is None:
             table[name] = outer.get(name)
         elif np.shape(beside) != np.shape(within) or not np.allclose(beside, within, rtol=1e-6):

@@ -6,9 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from lamp_lit import lamp_lit
+from lamp_lit import CAMERA, T_M, Q
 
-from flyaround.hil.board.estimation import CameraIntrinsics
 from flyaround.hil.board.estimation import quaternion as quat
 from flyaround.hil.board.hybrid.decide.discrete_symmetry import Prior, check_discrete_symmetry, preference
 from flyaround.hil.board.hybrid.decide.selection import Selection, image_evidence, select_by_image
@@ -24,25 +23,8 @@ from flyaround.hil.board.hybrid.refine.close import CLOSE_PX
 from flyaround.hil.board.hybrid.refine.photometric import explained, photo_draw
 from flyaround.hil.board.hybrid.refine.shadows import search_sun
 from flyaround.hil.board.svd.region_of_interest import Region
-from flyaround.hil.evaluate.method_choice import board_model
-from flyaround.simulator.targets.library import load_target
-
-CAMERA = CameraIntrinsics(480, 300, 750.0, 750.0, 239.5, 149.5)
-SUN = np.array([0.3, -0.2, -0.93])
-Q = quat.normalise(np.array([0.2, 0.3, 0.8, -0.4]))
-T_M = np.array([0.05, -0.05, 4.2])
 
 pytestmark = pytest.mark.usefixtures("one_thread")
-
-
-@pytest.fixture(scope="module")
-def craft() -> PreparedTarget:
-    return PreparedTarget.prepare(board_model(load_target("tango")), CAMERA)
-
-
-@pytest.fixture(scope="module")
-def frame(craft: PreparedTarget) -> Observation:
-    return lamp_lit(craft, CAMERA, Q, T_M, SUN)
 
 
 def choice_of(craft: PreparedTarget, frame: Observation, q: np.ndarray, t: np.ndarray) -> Selection:

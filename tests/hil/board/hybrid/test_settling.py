@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from lamp_lit import lamp_lit
+from lamp_lit import T_M, Q
 
-from flyaround.hil.board.estimation import CameraIntrinsics
 from flyaround.hil.board.estimation import quaternion as quat
 from flyaround.hil.board.hybrid.hypotheses.hypothesis import Hypothesis, PoseFit, Source
 from flyaround.hil.board.hybrid.image.edge_field import edge_field
@@ -17,25 +16,8 @@ from flyaround.hil.board.hybrid.model.shadow_map import ShadowMap
 from flyaround.hil.board.hybrid.refine.close import CLOSE_PX
 from flyaround.hil.board.hybrid.refine.settling import settle
 from flyaround.hil.board.svd.region_of_interest import Region
-from flyaround.hil.evaluate.method_choice import board_model
-from flyaround.simulator.targets.library import load_target
-
-CAMERA = CameraIntrinsics(480, 300, 750.0, 750.0, 239.5, 149.5)
-SUN = np.array([0.3, -0.2, -0.93])
-Q = quat.normalise(np.array([0.2, 0.3, 0.8, -0.4]))
-T_M = np.array([0.05, -0.05, 4.2])
 
 pytestmark = pytest.mark.usefixtures("one_thread")
-
-
-@pytest.fixture(scope="module")
-def craft() -> PreparedTarget:
-    return PreparedTarget.prepare(board_model(load_target("tango")), CAMERA)
-
-
-@pytest.fixture(scope="module")
-def frame(craft: PreparedTarget) -> Observation:
-    return lamp_lit(craft, CAMERA, Q, T_M, SUN)
 
 
 def settled(
