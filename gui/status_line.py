@@ -67,7 +67,7 @@ class StatusLine:
         texts, tip = message_texts(console), "a click opens the log of all messages"
         # panels are drawn later, and say it again for the next frame
         if flaw := w.window.flaw:
-            texts, w.window.flaw = [(flaw, style.BAD)], ""
+            texts, w.window.flaw = [*texts[: bool(console.waiting)], (flaw, style.BAD)], ""
         if len(texts) == 1:
             text, colour = texts[0]
             n = len(text)

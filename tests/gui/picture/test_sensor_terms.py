@@ -23,16 +23,16 @@ def test_each_number_that_is_listed_can_be_changed(preset: str) -> None:
         # the unit beside the name, and what a change does
         assert term.text.endswith("]")
         assert term.effect
-        changes = checked_change(sensor, {}, term.name, term.value)
+        changes = checked_change(sensor, {}, term.name, repr(term.value))
         assert changed_sensor(sensor, changes) == sensor, term.name
 
 
 def test_a_number_out_of_its_limits_or_of_another_sensor_is_refused() -> None:
     sensor = sensor_preset("speed")
-    with pytest.raises(UserError, match="gaussian_variance is 2"):
-        checked_change(sensor, {}, "gaussian_variance", 2.0)
+    with pytest.raises(UserError, match=r"Additive noise, variance \[1\] is 2, allowed: 0 to 1"):
+        checked_change(sensor, {}, "gaussian_variance", "2.0")
     with pytest.raises(UserError, match="has no read_noise_e"):
-        checked_change(sensor, {}, "read_noise_e", 2.0)
+        checked_change(sensor, {}, "read_noise_e", "2.0")
 
 
 def test_changes_reach_the_scene_and_no_noise_is_none() -> None:
