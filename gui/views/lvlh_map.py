@@ -289,11 +289,11 @@ class LvlhMap(Panel):
 
     def _legend(self, canvas: Canvas, session: FlightSession, corner: Point, width: float) -> float:
         """Draw what lines and marks are, as far as there are any, above the map; return the height."""
-        keep_out = session.plan.scenario.chaser.keep_out
+        keep_out, sphere = session.plan.scenario.chaser.keep_out, session.craft.sphere
         there = {
             "burns": bool(len(self._burns) or session.craft.steering.burns.burns),
             "keep-out": keep_out is not None,
-            "corridor": keep_out is not None and keep_out.corridor_axis_lvlh is not None,
+            "corridor": sphere is not None and sphere.corridor_axis_lvlh is not None,
         }
         self._imgui.push_font(self._window.text_font, 0.85 * self._imgui.get_style().font_size_base)
         height = canvas.legend(corner, width, [key for key in KEYS if there.get(key.name, True)])
