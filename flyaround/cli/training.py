@@ -29,8 +29,8 @@ def train(
     """Train a network on a data set, or with --craft the keypoint network that hybrid uses for a craft.
 
     On a data set, every tenth frame is held out for evaluation. The file needs no PyTorch where it is used: flyaround
-    evaluate --method net:FILE. For a craft, views are rendered here, hybrid finds the file by the craft's name, and hil
-    bundle includes it. An interrupted run is resumed.
+    evaluate --method net:FILE. For a craft, views are rendered here, the confidence is calibrated on further frames,
+    hybrid finds the file by the craft's name, and hil bundle includes it. An interrupted run is resumed.
     """
     if (run.folder is None) == (run.craft is None):
         raise UserError("train needs a data set or a craft: give a folder or --craft NAME")
@@ -72,6 +72,7 @@ def _train_craft(run: TrainRun, craft: str, report: Callable[[float, str], None]
         budget=Budget(minutes=run.minutes, steps=run.steps),
         seed=run.seed,
         workers=run.threads,
+        calibration_frames=run.calibrate,
         report=report,
     )
     write_run(output, run)
@@ -83,6 +84,11 @@ def _train_craft(run: TrainRun, craft: str, report: Callable[[float, str], None]
         f"{trained.median_px:.1f} of 128 px, {100 * trained.within_10_px:.0f} % are within 10 px, "
         f"{100 * trained.present:.0f} % of craft detected"
     )
+    if trained.frames:
+        say(
+            f"calibrated on {trained.frames} other frames: {trained.right} are right within 5 deg and 5 % of the "
+            f"range, {trained.accepted} are accepted, {trained.wrong} of these wrong"
+        )
     if trained.median_px > POOR_PX:
         say(
             f"with more than {POOR_PX:g} px, hybrid may find fewer poses than without it, unless {craft} looks alike "

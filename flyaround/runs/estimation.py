@@ -105,6 +105,12 @@ class TrainRun(Run, frozen=True, kw_only=True, tag="flyaround.run.train"):
         Annotated[int, Meta(ge=25)],
         typer.Option("-n", "--views", help="Number of views of a craft to render."),
     ] = 2000
+    calibrate: Annotated[
+        Annotated[int, Meta(ge=0, le=10_000)],
+        typer.Option(
+            help="Number of further frames of a craft, on which confidence and covariance are calibrated."
+        ),
+    ] = 160
     steps: Annotated[
         Count | None,
         typer.Option(help="Training steps instead of minutes, for a reproducible result."),

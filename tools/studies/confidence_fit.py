@@ -18,91 +18,45 @@ from typing import Any
 
 import msgspec
 import numpy as np
-from scipy.optimize import minimize
 
-from flyaround.hil.board.estimation import CameraIntrinsics
-from flyaround.hil.board.hybrid.decide.confidence import ACCEPT_AT, BIAS, WEIGHTS, Evidence, terms
-from flyaround.hil.board.hybrid.estimator import PoseEstimator
-from flyaround.hil.evaluate.greyscale import grey
+from flyaround.hil.board.hybrid.decide.confidence import ACCEPT_AT, BIAS, WEIGHTS, terms
 from flyaround.hil.evaluate.method_choice import board_model
-from flyaround.hil.evaluate.pose_errors import COARSE_DEG, COARSE_SHARE, frame_errors, frame_record
+from flyaround.hil.train.keypoints.calibrate import CHI2_95, answers, ridge_weights
 from flyaround.simulator.dataset.card import read_card
-from flyaround.simulator.dataset.formats.native import frame_paths, is_frame_complete, read_png
-from flyaround.simulator.labels.imported import read_label_record
 from flyaround.simulator.targets.library import load_target
 
 Array = np.ndarray[Any, Any]
 
-# Penalty on squared standardised weights, and number of cross-validation folds.
-RIDGE, FOLDS = 0.5, 10
-
-# Upper 5 % point of the chi-square distribution with six degrees of freedom.
-CHI2_95 = 12.592
+# Number of cross-validation folds.
+FOLDS = 10
 
 
 def collected(folder: Path, target: str | None) -> list[dict[str, Any]]:
     """Return one row for each feasible frame: the terms of its evidence, and whether its answer is right."""
-    card = read_card(folder)
-    camera = CameraIntrinsics.from_dict(msgspec.to_builtins(card.camera))
-    estimator = PoseEstimator(board_model(load_target(target or card.target.name)), camera)
+    model = board_model(load_target(target or read_card(folder).target.name))
     rows = []
-    for k in range(card.n_frames):
-        paths = frame_paths(folder, k)
-        if not is_frame_complete(folder, k):
-            continue
-        truth = read_label_record(paths.truth)
-        if not truth.feasible:
-            continue
-        result = estimator.estimate(grey(read_png(paths.image), camera.encoding))
-        evidence = result.evidence
-        q, t = result.q_camera_from_target_wxyz, result.t_camera_from_target_m
-        if not isinstance(evidence, Evidence) or evidence.score is None or q is None or t is None:
-            continue
-        off_m, share, turn_deg = frame_errors(
-            truth.q_camera_from_target_wxyz, truth.t_camera_from_target_m, q, t
-        )
+    for score, evidence, result in answers(folder, model):
+        shift_m, turn_deg = score.shift_camera_m or (), score.turn_camera_deg or ()
         row = {
             "set": folder.name,
-            "terms": [float(x) for x in terms(evidence, evidence.score)],
-            "right": bool(turn_deg <= COARSE_DEG and share <= COARSE_SHARE),
-            "turn_deg": float(turn_deg),
-            "off_m": float(off_m),
+            "terms": [float(x) for x in terms(evidence, evidence.score or 0.0)],
+            "right": score.coarse,
+            "turn_deg": score.E_R_deg,
+            "off_m": score.E_T_m,
             "size_px": float(evidence.size_px),
             "saturated": float(evidence.saturated),
-            "accepted": bool(result.accepted),
-            "range_m": float(np.linalg.norm(truth.t_camera_from_target_m)),
-            "error": _error(truth, result),
+            "accepted": score.accepted,
+            "range_m": score.range_m,
+            "error": [*np.radians(turn_deg).tolist(), *shift_m],
             "covariance": None if result.covariance is None else np.asarray(result.covariance).tolist(),
         }
         rows.append(row)
     return rows
 
 
-def _error(truth: Any, result: Any) -> list[float]:  # noqa: ANN401 - a record and an answer
-    """Return the error of a pose: rotation vector [rad] and translation [m], camera axes."""
-    scored = frame_record(
-        np.asarray(truth.q_camera_from_target_wxyz, float),
-        np.asarray(truth.t_camera_from_target_m, float),
-        result.q_camera_from_target_wxyz,
-        result.t_camera_from_target_m,
-        accepted=result.accepted,
-    )
-    turn_deg, shift_m = np.array(scored.turn_camera_deg, float), np.array(scored.shift_camera_m, float)
-    return [*np.radians(turn_deg).tolist(), *shift_m.tolist()]
-
-
 def fitted(X: Array, y: Array) -> Array:
-    """Return (1 + M,) bias and weights of a ridge logistic regression on (N, M) rows."""
-    mean, spread = X.mean(axis=0), np.maximum(X.std(axis=0), 1e-6)
-    Z = (X - mean) / spread
-
-    def cost(w: Array) -> float:
-        z = w[0] + Z @ w[1:]
-        return float(np.logaddexp(0, np.where(y, -z, z)).sum() + RIDGE * w[1:] @ w[1:])
-
-    w = minimize(cost, np.zeros(X.shape[1] + 1), method="L-BFGS-B").x
-    weights = w[1:] / spread
-    return np.concatenate([[w[0] - weights @ mean], weights])
+    """Return (1 + M,) bias and weights of a ridge logistic regression on (N, M) rows, about zero."""
+    return ridge_weights(X, y, np.zeros(1 + X.shape[1]), 0.0)
 
 
 def profiled(X: Array, y: Array, term: int) -> list[tuple[float, float, int, int]]:

@@ -3,9 +3,11 @@
     python -m tools.train.keypoint_trunk draw VIEWS --workers 2
     python -m tools.train.keypoint_trunk fit VIEWS STATE --minutes 180 --assistants 1 --captured SET ...
     python -m tools.train.keypoint_trunk write STATE
+    python -m tools.train.keypoint_trunk calibrate FRAMES --workers 2
 
-``draw`` and ``fit`` continue where they were interrupted. ``fit`` starts from the shipped weights, or with ``--anew``
-from random ones; ``write`` writes the running mean of the weights into the package.
+``draw``, ``fit`` and ``calibrate`` continue where they were interrupted. ``fit`` starts from the shipped weights, or
+with ``--anew`` from random ones; ``write`` writes the running mean of the weights into the package; ``calibrate``
+calibrates the shipped heads of all craft on which the confidence was not fitted.
 
 One process trains on one thread, because two threads wait for each other (docs/lab/2026-11-keypoint-network.md).
 Another process makes samples; assistants compute gradients of further batches at the lowest priority, at weights that
@@ -29,12 +31,14 @@ import numpy as np
 import torch
 from torch import nn
 
+from flyaround.hil.board.hybrid.decide.confidence import FITTED_CRAFT
 from flyaround.hil.board.hybrid.propose.keypoints.head import KeypointHead
 from flyaround.hil.board.hybrid.propose.keypoints.network import network_for, trunk_bytes
 from flyaround.hil.board.hybrid.propose.keypoints.network_output import keypoints_m
 from flyaround.hil.evaluate.method_choice import board_model
 from flyaround.hil.train.keypoints import fit
-from flyaround.hil.train.keypoints.head_training import arrays_of, load_views, state_of
+from flyaround.hil.train.keypoints.calibrate import fitted_calibration, held_out_answers
+from flyaround.hil.train.keypoints.head_training import CALIBRATION_SEED, arrays_of, load_views, state_of
 from flyaround.hil.train.keypoints.network import Head, Trunk
 from flyaround.hil.train.keypoints.samples import EASY, HARD, Batch, image_pyramid, sample
 from flyaround.hil.train.keypoints.trunk_file import fold, from_onnx, to_onnx, unfold
@@ -67,6 +71,9 @@ PAINTS = {"tango": ("tango", "tango-mockup")}
 
 # Samples of a batch; of other craft than Tango; of one other craft; share of a new training with easy samples.
 BATCH, OTHERS, PER_CRAFT, EASY_SHARE = 64, 40, 8, 0.2
+
+# Number of frames of the calibration of each head.
+CALIBRATION_FRAMES = 160
 
 # Share of a craft's samples that are taken from labelled images, where there are any.
 CAPTURED_SHARE = 0.5
@@ -277,6 +284,27 @@ def write(state: Path) -> None:
         write_atomic(WEIGHTS / f"{name}.npz", head.to_bytes())
 
 
+def calibrate(frames: Path, workers: int) -> None:
+    """Calibrate the shipped heads, on frames rendered into a folder for each craft."""
+    for name in VIEWS:
+        if name in FITTED_CRAFT:
+            continue
+        path = WEIGHTS / f"{name}.npz"
+        head = replace(KeypointHead.read(path.read_bytes(), path.name), calibration=None)
+        given = held_out_answers(
+            name,
+            replace(board_model(load_target(name)), network=head.to_bytes()),
+            frames / name,
+            frames=CALIBRATION_FRAMES,
+            seed=CALIBRATION_SEED,
+            workers=workers,
+            progress=lambda _done, _of: None,
+        )
+        calibration = fitted_calibration(given)
+        write_atomic(path, replace(head, calibration=calibration).to_bytes())
+        print(f"{name}: {calibration}", flush=True)
+
+
 def _loss(networks: KeypointNetworks, samples: Samples) -> tuple[Tensor, Tensor]:
     """Return the cross-entropy of the keypoints and the total loss of a batch."""
     sizes, batch = samples
@@ -336,6 +364,9 @@ def main() -> None:
     fitted.add_argument("--anew", action="store_true", help="start from random weights")
     written = commands.add_parser("write", help="write the weights into the package")
     written.add_argument("state", type=Path)
+    calibrated = commands.add_parser("calibrate", help="calibrate the shipped heads")
+    calibrated.add_argument("frames", type=Path)
+    calibrated.add_argument("--workers", type=int, default=2)
     given = parser.parse_args()
     if given.command == "draw":
         for name in VIEWS:
@@ -343,6 +374,8 @@ def main() -> None:
             render_views(drawing(given.views, name), given.workers, say)
     elif given.command == "fit":
         train(given.views, given.captured, given.state, given.minutes, given.assistants, anew=given.anew)
+    elif given.command == "calibrate":
+        calibrate(given.frames, given.workers)
     else:
         write(given.state)
 

@@ -18,7 +18,10 @@ from flyaround.hil.board.estimation.record import StageRecord
 from flyaround.hil.board.estimation.result import PoseResult
 from flyaround.hil.board.estimation.target_model import BoardModel
 from flyaround.hil.board.hybrid.decide.confidence import (
-    CALIBRATED_CRAFT,
+    FITTED,
+    FITTED_CRAFT,
+    UNCALIBRATED,
+    WITHOUT_NETWORK,
     Evidence,
     confidence,
     decide,
@@ -168,7 +171,7 @@ def _keep_poses(frame: Observation, stage: str, hypotheses: Sequence[Hypothesis]
 def check(choice: Choice) -> Choice:
     """Complete the evidence, after near-symmetries were compared if the confidence was not fitted on the target."""
     setup, frame = choice.image.setup, choice.image.frame
-    if setup.has_faces and not setup.calibrated and setup.has_symmetries:
+    if setup.has_faces and not setup.fitted and setup.has_symmetries:
         # only a few small parts distinguish half turns of a round target
         selection = check_discrete_symmetry(setup.target, frame, choice.selection, _prior(choice.proposals))
         choice = replace(choice, selection=selection)
@@ -188,8 +191,8 @@ def _evidence(choice: Choice) -> Evidence:
     learned = choice.proposals.learned
     return replace(
         choice.selection.evidence,
-        calibrated=image.setup.calibrated,
-        has_network=image.setup.learned is not None,
+        fitted=image.setup.fitted,
+        calibration=image.setup.calibration,
         lamps=image.frame.black > 0,
         network=0.0 if prior is None else float(prior(best.q[None], best.t[None])[0]),
         craft=0.0 if learned is None else learned.craft,
@@ -240,12 +243,12 @@ class PoseEstimator(Estimator):
         super().__init__(model, camera)
         self.target = PreparedTarget.prepare(model, camera)
         learned = LearnedProposer.prepare(model, camera)
-        self.setup = SearchSetup(
-            self.target,
-            model_triads(self.target.model),
-            learned,
-            learned is not None and model.name in CALIBRATED_CRAFT,
-        )
+        fitted = learned is not None and model.name in FITTED_CRAFT
+        if learned is None:
+            calibration = WITHOUT_NETWORK
+        else:
+            calibration = learned.network.head.calibration or (FITTED if fitted else UNCALIBRATED)
+        self.setup = SearchSetup(self.target, model_triads(self.target.model), learned, fitted, calibration)
 
     def _estimate(self, frame: StageRecord) -> PoseResult:
         return self.initialise(Observation.from_record(frame))

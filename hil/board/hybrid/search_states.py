@@ -14,6 +14,7 @@ from flyaround.hil.board.hybrid.decide.selection import Selection
 from flyaround.hil.board.hybrid.hypotheses.hypothesis import Hypothesis
 from flyaround.hil.board.hybrid.image.observation import Observation
 from flyaround.hil.board.hybrid.model.prepared_target import PreparedTarget
+from flyaround.hil.board.hybrid.propose.keypoints.calibration import Calibration
 from flyaround.hil.board.hybrid.propose.keypoints.keypoint_proposal import LearnedProposal, LearnedProposer
 from flyaround.hil.board.svd.perceptual_groups import Chains
 from flyaround.hil.board.svd.region_of_interest import Region
@@ -33,14 +34,17 @@ class SearchSetup:
         Triads of the target's wireframe.
     learned : LearnedProposer, optional
         Keypoint network of the target.
-    calibrated : bool
+    fitted : bool
         True if the confidence was fitted on this target.
+    calibration : Calibration
+        Calibration of the confidence and the covariance.
     """
 
     target: PreparedTarget
     figures: Chains
     learned: Optional[LearnedProposer]
-    calibrated: bool
+    fitted: bool
+    calibration: Calibration
 
     @property
     def has_faces(self) -> bool:

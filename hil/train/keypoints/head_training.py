@@ -7,6 +7,7 @@ import pickle
 import shutil
 import time
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import cv2
@@ -23,6 +24,7 @@ from flyaround.hil.board.hybrid.propose.keypoints.network_output import (
 from flyaround.hil.evaluate.method_choice import board_model
 from flyaround.hil.train.fitting import Budget
 from flyaround.hil.train.keypoints import fit
+from flyaround.hil.train.keypoints.calibrate import fitted_calibration, held_out_answers
 from flyaround.hil.train.keypoints.network import Head
 from flyaround.hil.train.keypoints.samples import Batch, LitViews, image_pyramid, sample
 from flyaround.hil.train.keypoints.trunk_file import from_onnx
@@ -46,6 +48,9 @@ if TYPE_CHECKING:
 
 # Batch size; number of held-out views; steps between checkpoints and reports.
 BATCH, HELD_OUT_VIEWS, CHECKPOINT_STEPS = 64, 100, 200
+
+# Added to the seed for the frames of the calibration.
+CALIBRATION_SEED = 1_000_003
 
 # Minimum distance between distinct keypoints [radii], and minimum number of distinct keypoints.
 DISTINCT_RADII, MIN_DISTINCT = 0.05, 6
@@ -72,6 +77,14 @@ class HeadReport(msgspec.Struct, frozen=True, kw_only=True):
         Share of the views with a target in which the head detects it.
     symmetries : int
         Number of rotations under which the target looks nearly the same. Keypoints are determined only up to these.
+    frames : int
+        Number of answers that calibrated the estimator; 0 if it is not calibrated.
+    right : int
+        Number of these within 5 deg and 5 % of the range.
+    accepted : int
+        Number of these accepted with the calibration.
+    wrong : int
+        Number of accepted ones that are not right.
     """
 
     network: str
@@ -82,6 +95,10 @@ class HeadReport(msgspec.Struct, frozen=True, kw_only=True):
     within_10_px: float
     present: float
     symmetries: int
+    frames: int
+    right: int
+    accepted: int
+    wrong: int
 
 
 def train_head(
@@ -92,9 +109,10 @@ def train_head(
     budget: Budget,
     seed: int = 0,
     workers: int = 1,
+    calibration_frames: int = 0,
     report: Report = lambda _done, _text: None,
 ) -> HeadReport:
-    """Train the keypoint head of a target, and write its file.
+    """Train the keypoint head of a target, calibrate the estimator with it, and write its file.
 
     Rendered views and checkpoints are kept in a folder of the file's name plus ``.partial`` until the file is written.
     An interrupted training resumes from there if called again with the same arguments.
@@ -113,6 +131,8 @@ def train_head(
         Seed of views, samples and initial weights.
     workers : int
         Number of render processes, and of threads that make samples.
+    calibration_frames : int
+        Number of frames to render for the calibration; 0 leaves the head uncalibrated.
     report : callable
         Called with the completed share and a line of text.
 
@@ -139,15 +159,30 @@ def train_head(
     _check_keypoints(target, points)
     partial = output.with_name(f"{output.name}.partial")
     drawing = Drawing(partial / "views", (name,), views, seed)
-    render_views(drawing, workers, lambda done, of: report(0.3 * done / of, f"{done} of {of} views rendered"))
+    render_views(
+        drawing, workers, lambda done, of: report(0.25 * done / of, f"{done} of {of} views rendered")
+    )
     torch.set_num_threads(1)
     torch.manual_seed(seed)
     trunk = from_onnx(trunk_bytes()).requires_grad_(requires_grad=False)
     training = _HeadTraining(trunk, load_views(drawing, points), image_pyramid(earths_of(drawing)), seed)
     state = partial / "head.pt"
-    steps = training.run(budget, workers, state, lambda d, text: report(0.3 + 0.7 * d, text))
+    steps = training.run(budget, workers, state, lambda d, text: report(0.25 + 0.65 * d, text))
     errors_held_out = training.judged()
     head = KeypointHead(name, trunk_sha256(), points_m, arrays_of(training.mean))
+    given = held_out_answers(
+        name,
+        replace(model, network=head.to_bytes()),
+        partial / "calibration",
+        frames=calibration_frames,
+        seed=(seed + CALIBRATION_SEED) % 2**63,
+        workers=workers,
+        progress=lambda done, of: report(0.9 + 0.1 * done / of, "calibrating on held-out frames"),
+    )
+    calibration = fitted_calibration(given)
+    if given:
+        head = replace(head, calibration=calibration)
+    accepted = [answer for answer in given if answer.is_accepted(calibration)]
     write_atomic(output, head.to_bytes())
     shutil.rmtree(partial)
     return HeadReport(
@@ -159,6 +194,10 @@ def train_head(
         within_10_px=errors_held_out[1],
         present=errors_held_out[2],
         symmetries=len(model.symmetry_wxyz),
+        frames=len(given),
+        right=sum(answer.score.coarse for answer in given),
+        accepted=len(accepted),
+        wrong=sum(not answer.score.coarse for answer in accepted),
     )
 
 

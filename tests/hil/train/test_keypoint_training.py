@@ -8,11 +8,16 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
+from flyaround.hil.board.estimation import CameraIntrinsics
+from flyaround.hil.board.estimation.result import PoseResult
+from flyaround.hil.board.hybrid.decide.confidence import UNCALIBRATED, Evidence, confidence
+from flyaround.hil.board.hybrid.estimator import PoseEstimator
 from flyaround.hil.board.hybrid.propose.keypoints.head import KeypointHead
 from flyaround.hil.board.hybrid.propose.keypoints.network import network_for, trunk_bytes
 from flyaround.hil.board.hybrid.propose.keypoints.network_input import INPUT_PX
 from flyaround.hil.board.hybrid.propose.keypoints.network_output import BIN_WIDTH, HALF_RANGE
 from flyaround.hil.evaluate.method_choice import board_model
+from flyaround.hil.evaluate.pose_errors import frame_record
 from flyaround.simulator.errors import UserError
 from flyaround.simulator.targets.installed import network_file
 from flyaround.simulator.targets.library import load_target
@@ -25,6 +30,7 @@ pytest.importorskip("onnx", reason="the extra 'train'")
 
 from flyaround.hil.train.fitting import Budget  # noqa: E402 - needs PyTorch
 from flyaround.hil.train.keypoints import fit, head_training  # noqa: E402
+from flyaround.hil.train.keypoints.calibrate import Answer, fitted_calibration  # noqa: E402
 from flyaround.hil.train.keypoints.head_training import train_head  # noqa: E402
 from flyaround.hil.train.keypoints.samples import HARD, Batch, image_pyramid, sample  # noqa: E402
 from flyaround.hil.train.keypoints.trunk_file import fold, from_onnx, to_onnx, unfold  # noqa: E402
@@ -32,6 +38,9 @@ from flyaround.hil.train.keypoints.view_files import Drawing, earths_of, render_
 from tools.studies.randomisation import VARIANTS  # noqa: E402
 
 CRAFT = "cubesat-1u"
+
+# Evidence whose logit is determined by the network's term alone, near the middle of its range
+NEUTRAL = Evidence(0.45, 0.5, 0.0, 0.1, 0.5, 0.5, 0.0, 0.01, 0.003, 100, 300.0, True, 0.3, 0.95, 0.5)
 
 
 @pytest.fixture(scope="module")
@@ -120,6 +129,62 @@ def test_a_head_is_trained_stopped_and_goes_on_with_the_same_weights(
     whole, stopped = ((tmp_path / name).read_bytes() for name in ("whole.npz", "stopped.npz"))
     a, b = (KeypointHead.read(data, "x") for data in (whole, stopped))
     assert all(np.array_equal(a.weights[k], b.weights[k]) for k in a.weights)
+
+
+def test_an_overconfident_estimator_is_calibrated() -> None:
+    # answers whose true logit is 1.5 below that of the craft that the confidence was fitted on, drawn by chance
+    rng = np.random.default_rng(7)
+
+    def answer(network: float) -> Answer:
+        evidence = replace(NEUTRAL, network=network)
+        truth = confidence(evidence)
+        is_right = rng.random() < truth / (truth + np.exp(1.5) * (1 - truth))
+        turn_rad = np.radians(0.4 if is_right else 90.0)
+        score = frame_record(
+            (1, 0, 0, 0),
+            (0, 0, 10),
+            (np.cos(turn_rad / 2), np.sin(turn_rad / 2), 0, 0),
+            (0, 0, 10),
+            accepted=False,
+            covariance=np.diag([np.radians(0.1)] * 3 + [0.01] * 3) ** 2,
+        )
+        return Answer(score, evidence, PoseResult(False, "", None, None, 0.0))
+
+    many = fitted_calibration([answer(z) for z in rng.uniform(-12, 0, 4000)])
+    assert many.frames == 4000
+    for network in (-8.0, -4.0, -1.0):
+        evidence = replace(NEUTRAL, network=network)
+        wanted = np.log(confidence(evidence) / (1 - confidence(evidence))) - 1.5
+        p = confidence(replace(evidence, calibration=many))
+        assert np.log(p / (1 - p)) == pytest.approx(wanted, abs=0.3)
+    # regressors that did not vary keep their weights
+    assert many.weights[1:10] == pytest.approx(UNCALIBRATED.weights[1:10], abs=1e-6)
+    # each right pose is four predicted sigmas off, and all come to lie at the bound
+    assert many.covariance_factor == pytest.approx(16 / 12.592, rel=1e-3)
+    # few answers change little
+    few = fitted_calibration([answer(-4.0) for _ in range(3)])
+    assert (
+        abs(
+            confidence(replace(NEUTRAL, network=-4.0, calibration=few))
+            - confidence(replace(NEUTRAL, network=-4.0, calibration=UNCALIBRATED))
+        )
+        < 0.3
+    )
+    assert fitted_calibration([]) == UNCALIBRATED
+
+
+def test_a_head_is_calibrated_on_other_frames(tmp_path: Path) -> None:
+    report = train_head(CRAFT, tmp_path / "a.npz", views=25, budget=Budget(steps=2), calibration_frames=4)
+    head = KeypointHead.read((tmp_path / "a.npz").read_bytes(), "a.npz")
+    assert head.calibration is not None
+    assert head.calibration.frames == report.frames <= 4
+    assert report.wrong <= report.accepted <= report.frames
+    # the estimator uses it
+    model = replace(board_model(load_target(CRAFT)), network=head.to_bytes())
+    assert (
+        PoseEstimator(model, CameraIntrinsics(100, 100, 90.0, 90.0, 49.5, 49.5)).setup.calibration
+        == head.calibration
+    )
 
 
 def test_a_trained_head_goes_with_its_target(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

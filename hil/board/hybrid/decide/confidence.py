@@ -14,6 +14,7 @@ import numpy as np
 from flyaround.hil.board.estimation.result import Alternative, PoseResult
 from flyaround.hil.board.hybrid.hypotheses.hypothesis import PoseFit
 from flyaround.hil.board.hybrid.image.observation import Observation
+from flyaround.hil.board.hybrid.propose.keypoints.calibration import Calibration
 
 Array = np.ndarray
 
@@ -37,10 +38,14 @@ MAX_NETWORK_TERM_DEFICIT, MAX_NETWORK_LOGIT = 12.0, 10.0
 MIN_MARGIN, MIN_IMAGE_MARGIN = 0.015, 0.005
 
 # Craft on which the confidence was fitted. Others are accepted more strictly: their margin must be at least
-# UNCALIBRATED_MARGIN of the score, because half turns of round bodies differ by 4 % of it, and their logit is reduced,
-# as is the logit of a craft without a network.
-CALIBRATED_CRAFT = ("tango", "tango-mockup")
-UNCALIBRATED_MARGIN, UNCALIBRATED_PENALTY, NO_NETWORK_PENALTY = 0.1, 2.0, 3.0
+# UNFITTED_MARGIN of the score, because half turns of round bodies differ by 4 % of it.
+FITTED_CRAFT = ("tango", "tango-mockup")
+UNFITTED_MARGIN = 0.1
+
+# Calibration of the craft on which the confidence was fitted, of others whose network's file has none, and of those
+# without a network.
+FITTED = Calibration((BIAS, *WEIGHTS))
+UNCALIBRATED, WITHOUT_NETWORK = Calibration((BIAS - 2.0, *WEIGHTS)), Calibration((BIAS - 5.0, *WEIGHTS))
 
 # Explained share of the craft's area below which the reason of a declined pose is the unexplained image.
 MIN_EXPLAINED_AREA = 0.3
@@ -53,8 +58,8 @@ COVARIANCE_FACTOR, COVARIANCE_SIZE_PX, COVARIANCE_POWER = 0.32, 400.0, 1.2
 # range (tools/studies/confidence_fit.py).
 LAMPS_SIGMA_RAD, LAMPS_SIGMA_SHARE = 0.014, 0.010
 
-# Standard deviations added for uncalibrated craft, whose surfaces and roll angles are less well determined.
-UNCALIBRATED_SIGMA_RAD, UNCALIBRATED_SIGMA_SHARE = 0.010, 0.005
+# Standard deviations added for craft other than FITTED_CRAFT, whose surfaces and roll angles are less well determined.
+UNFITTED_SIGMA_RAD, UNFITTED_SIGMA_SHARE = 0.010, 0.005
 
 # Minimum number of edge samples of any decision. For a decision by edges only: minimum share of the model's length with
 # an edge, in front of empty space and of a texture, and minimum share of samples with an edge.
@@ -101,10 +106,10 @@ class Evidence:
         Correlation of the rendered target with the image, -1..1 (``photometric.likeness``).
     covered : float
         Score restricted to the target's own pixels (``photometric.likeness``).
-    calibrated : bool
+    fitted : bool
         True if the confidence was fitted on this target.
-    has_network : bool
-        True if the target has a keypoint network.
+    calibration : Calibration
+        Calibration of the target.
     saturated : float
         Saturated share of the target's pixels.
     lamps : bool
@@ -130,8 +135,8 @@ class Evidence:
     score: Optional[float] = None
     likeness: Optional[float] = None
     covered: float = 0.0
-    calibrated: bool = True
-    has_network: bool = True
+    fitted: bool = True
+    calibration: Calibration = FITTED
     saturated: float = 0.0
     lamps: bool = False
     network: float = 0.0
@@ -145,20 +150,15 @@ def confidence(e: Evidence) -> float:
     (docs/lab/2026-11-estimator.md). Terms without a weight (drawn, explained) have thresholds in `decide` instead.
     """
     if e.score is not None:
-        return image_confidence(e, e.score)
-    z = -2.3 + 38.0 * min(e.margin, 0.15) + 6.8 * e.tight
-    z -= 22.0 * min(e.sigma_rad, 1.0) + 95.0 * min(e.sigma_share, 1.0) + 84.0 * min(e.outside, 0.3)
-    # few samples can agree by chance
-    z -= 0.1 * max(0, 50 - e.edges)
-    # the weights were fitted in front of empty space, where lit pixels outside the silhouette contradict a pose
-    z -= 0.0 if e.empty else 1.5
-    return float(1.0 / (1.0 + np.exp(-np.clip(z, -30, 30))))
-
-
-def image_confidence(e: Evidence, score: float) -> float:
-    """Return the confidence, 0 to 1, in a pose that was scored by the whole image."""
-    z = BIAS + float(np.dot(WEIGHTS, terms(e, score)))
-    z -= (0.0 if e.calibrated else UNCALIBRATED_PENALTY) + (0.0 if e.has_network else NO_NETWORK_PENALTY)
+        bias, *weights = e.calibration.weights
+        z = bias + float(np.dot(weights, terms(e, e.score)))
+    else:
+        z = -2.3 + 38.0 * min(e.margin, 0.15) + 6.8 * e.tight
+        z -= 22.0 * min(e.sigma_rad, 1.0) + 95.0 * min(e.sigma_share, 1.0) + 84.0 * min(e.outside, 0.3)
+        # few samples can agree by chance
+        z -= 0.1 * max(0, 50 - e.edges)
+        # the weights were fitted in front of empty space, where lit pixels outside the silhouette contradict a pose
+        z -= 0.0 if e.empty else 1.5
     return float(1.0 / (1.0 + np.exp(-np.clip(z, -30, 30))))
 
 
@@ -204,18 +204,18 @@ def scaled_covariance(e: Evidence, pose: PoseFit) -> Array:
     range_m = float(np.linalg.norm(pose.t))
     for applies, turn, share in (
         (e.lamps, LAMPS_SIGMA_RAD, LAMPS_SIGMA_SHARE),
-        (not e.calibrated, UNCALIBRATED_SIGMA_RAD, UNCALIBRATED_SIGMA_SHARE),
+        (not e.fitted, UNFITTED_SIGMA_RAD, UNFITTED_SIGMA_SHARE),
     ):
         if applies:
             covariance = covariance + np.diag([turn**2] * 3 + [(share * range_m) ** 2] * 3)
-    return np.asarray(covariance)
+    return np.asarray(e.calibration.covariance_factor * covariance)
 
 
 def min_margin(e: Evidence) -> float:
     """Return the margin below which another pose explains the image equally well."""
     if e.score is None:
         return MIN_MARGIN
-    return MIN_IMAGE_MARGIN if e.calibrated else max(MIN_IMAGE_MARGIN, UNCALIBRATED_MARGIN * e.score)
+    return MIN_IMAGE_MARGIN if e.fitted else max(MIN_IMAGE_MARGIN, UNFITTED_MARGIN * e.score)
 
 
 def decide(e: Evidence) -> str:

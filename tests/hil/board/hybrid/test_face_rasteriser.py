@@ -18,7 +18,13 @@ from flyaround.hil.board.estimation import BoardModelError, CameraIntrinsics
 from flyaround.hil.board.estimation import quaternion as quat
 from flyaround.hil.board.estimation.camera import undistorted_rays
 from flyaround.hil.board.estimation.faces import Faces
-from flyaround.hil.board.hybrid.decide.confidence import Evidence, confidence, decide
+from flyaround.hil.board.hybrid.decide.confidence import (
+    UNCALIBRATED,
+    WITHOUT_NETWORK,
+    Evidence,
+    confidence,
+    decide,
+)
 from flyaround.hil.board.hybrid.geometry.image_patch import ImagePatch
 from flyaround.hil.board.hybrid.geometry.response import Response
 from flyaround.hil.board.hybrid.hypotheses.hypothesis import PoseFit
@@ -381,10 +387,10 @@ def test_what_speaks_against_a_pose_lowers_its_confidence():
     assert decide(replace(told, likeness=0.8, covered=0.2, drawn=0.1, network=-10.0)) != ""
     assert "ambiguous" in decide(replace(told, margin=0.004))
     # of a craft whose near-symmetries the score alone does not tell apart a narrow margin is none
-    other = replace(told, calibrated=False)
+    other = replace(told, fitted=False, calibration=UNCALIBRATED)
     assert confidence(other) < confidence(told)
     assert "ambiguous" in decide(replace(other, margin=0.019))
-    assert confidence(replace(other, has_network=False)) < confidence(other)
+    assert confidence(replace(other, calibration=WITHOUT_NETWORK)) < confidence(other)
     # neither the picture's scale nor the craft's size is evidence
     assert confidence(replace(told, size_px=900.0, edges=400)) == confidence(told)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import json
 import zipfile
 from dataclasses import replace
 
@@ -13,6 +14,7 @@ import pytest
 from flyaround.hil.board.errors import BoardModelError
 from flyaround.hil.board.estimation import BoardModel, CameraIntrinsics
 from flyaround.hil.board.estimation import quaternion as quat
+from flyaround.hil.board.hybrid.propose.keypoints.calibration import Calibration
 from flyaround.hil.board.hybrid.propose.keypoints.head import SHAPES, KeypointHead
 from flyaround.hil.board.hybrid.propose.keypoints.image_crop import ImageCrop, crop_image
 from flyaround.hil.board.hybrid.propose.keypoints.keypoint_proposal import LearnedProposer
@@ -164,6 +166,21 @@ def head_bytes(**changed: object) -> bytes:
 NAN = np.full(SHAPES["maps_bias"], np.nan, np.float16)
 
 
+def sheet(**calibration: object) -> np.ndarray:
+    """Metadata of a head with a calibration."""
+    text = json.dumps(
+        {
+            "schema": "flyaround.keypoint_head",
+            "version": 1,
+            "craft": "tango",
+            "trunk_sha256": trunk_sha256(),
+            "calibration": {"weights": [-9.5, *[0.25] * 11], "covariance_factor": 1.5, "frames": 90}
+            | calibration,
+        }
+    )
+    return np.frombuffer(text.encode(), np.uint8)
+
+
 def with_long_header() -> bytes:
     """A head whose array of biases claims to be larger than any memory."""
     header = b"{'descr': '<f4', 'fortran_order': False, 'shape': (9000000000000,), }"
@@ -191,6 +208,12 @@ def with_long_header() -> bytes:
         (head_bytes(maps=np.zeros((2_000_000,), np.float32)), "unpacks to more"),
         (head_bytes(whole=np.array([None, "x"], object)), "pickle"),
         (with_long_header(), "damaged"),
+        (head_bytes(sheet=sheet(weights=[1e4] * 12)), "a weight"),
+        (head_bytes(sheet=sheet(weights=[0.0] * 11)), "reshape"),
+        (head_bytes(sheet=sheet(weights=[float("nan")] * 12)), "finite"),
+        (head_bytes(sheet=sheet(covariance_factor=0.0)), "scales the covariance"),
+        (head_bytes(sheet=sheet(frames=1.5)), "whole number"),
+        (head_bytes(sheet=sheet(slope=2.0)), "slope"),
     ],
 )
 def test_a_file_that_is_no_head_is_refused_in_one_sentence(data: bytes, reason: str) -> None:
@@ -206,8 +229,9 @@ def test_a_head_of_another_craft_is_refused(tango: BoardModel) -> None:
 
 
 def test_a_head_is_written_and_read_back() -> None:
-    head = KeypointHead.read(head_bytes(), "x.npz")
+    head = KeypointHead.read(head_bytes(sheet=sheet()), "x.npz")
     again = KeypointHead.read(head.to_bytes(), "x.npz")
+    assert again.calibration == head.calibration == Calibration((-9.5, *[0.25] * 11), 1.5, 90)
     features = np.random.default_rng(5).normal(size=(2, 192, 8, 8)).astype(np.float32)
     for one, other in zip(head(features), again(features), strict=True):
         assert np.array_equal(one, other)

@@ -7,14 +7,15 @@ from __future__ import annotations
 
 import io
 import json
-from dataclasses import dataclass
-from typing import Dict, Tuple
+from dataclasses import asdict, dataclass
+from typing import Dict, Optional, Tuple
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
 from flyaround.hil.board.errors import BoardModelError
 from flyaround.hil.board.files import unpack_arrays
+from flyaround.hil.board.hybrid.propose.keypoints.calibration import Calibration
 from flyaround.hil.board.hybrid.propose.keypoints.network_output import BINS, KEYPOINTS
 from flyaround.hil.board.json_values import BAD_VALUE
 
@@ -56,12 +57,15 @@ class KeypointHead:
         Keypoints that it locates, target frame [m].
     weights : dict of str to array
         Arrays listed in ``SHAPES``, float32.
+    calibration : Calibration, optional
+        Calibration of the estimator with this head; None if there is none.
     """
 
     craft: str
     trunk_sha256: str
     keypoints_m: Array
     weights: Dict[str, Array]
+    calibration: Optional[Calibration] = None
 
     def __call__(self, features: Array) -> Tuple[Array, Array, Array]:
         """Return keypoint log-probabilities (B, K, 2, BINS), presence logits (B,) and log sizes (B,).
@@ -123,6 +127,7 @@ class KeypointHead:
                 str(sheet["trunk_sha256"]),
                 np.asarray(weights.pop("keypoints_m"), float),
                 weights,
+                Calibration.from_dict(sheet["calibration"]) if "calibration" in sheet else None,
             )
         except BAD_VALUE as error:
             reason = f"it lacks {error}" if isinstance(error, KeyError) else str(error)
@@ -138,12 +143,14 @@ class KeypointHead:
         bytes
             Content of an ``.npz`` file: weights in half precision, keypoints in single precision, and metadata as JSON.
         """
-        sheet = {
+        sheet: Dict[str, object] = {
             "schema": SCHEMA,
             "version": VERSION,
             "craft": self.craft,
             "trunk_sha256": self.trunk_sha256,
         }
+        if self.calibration is not None:
+            sheet["calibration"] = asdict(self.calibration)
         arrays = {key: self.weights[key].astype(np.float16) for key in SHAPES if key in self.weights}
         data = io.BytesIO()
         text = np.frombuffer(json.dumps(sheet).encode(), np.uint8)
