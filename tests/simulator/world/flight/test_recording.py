@@ -63,6 +63,12 @@ def test_a_replay_of_a_replay_keeps_the_axis_of_approach_and_one_of_no_length_is
         load_scenario(tmp_path / "replay.toml")
 
 
+def test_a_recording_of_no_length_does_not_take_the_scenario_s():
+    scenario = load_scenario("tango-flyaround")
+    assert "\nduration_s = 0.0\n" in replay_scenario(scenario, "flight.npz", 0.0)
+    assert f"\nduration_s = {scenario.duration_s}\n" in replay_scenario(scenario, "flight.npz")
+
+
 def test_a_replay_has_no_keep_out_sphere(tmp_path):
     plan = plan_flight(load_scenario("tango-flyaround"), n=5)
     (tmp_path / "flight.npz").write_bytes(record(plan.flight, plan.times_s).to_bytes())
