@@ -289,6 +289,11 @@ def _surest(proposals: Proposals, previous: Optional[Choice]) -> Optional[Choice
         return previous
     choice = check(choose(proposals))
     # scores of different rounds are not comparable, because they use different patches
-    if previous is None or confidence(choice.selection.evidence) > confidence(previous.selection.evidence):
+    if previous is None or _sureness(choice) > _sureness(previous):
         return choice
     return previous
+
+
+def _sureness(choice: Choice) -> float:
+    """Return the confidence by the weights that most frames determined; those of one craft order its rounds worse."""
+    return confidence(replace(choice.selection.evidence, calibration=FITTED))
