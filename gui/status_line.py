@@ -60,8 +60,10 @@ class StatusLine:
         ----------
         console : Console
             The console.
-        first, second : float
-            Widths of the lines [px].
+        first : float
+            Width of the first line [px].
+        second : float
+            Width of the second line [px].
         """
         w = self._w
         texts, tip = message_texts(console), "a click opens the log of all messages"
