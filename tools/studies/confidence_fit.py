@@ -36,6 +36,8 @@ def collected(folder: Path, target: str | None) -> list[dict[str, Any]]:
     model = board_model(load_target(target or read_card(folder).target.name))
     rows = []
     for score, evidence, result in answers(folder, model):
+        if not score.feasible:
+            continue
         shift_m, turn_deg = score.shift_camera_m or (), score.turn_camera_deg or ()
         row = {
             "set": folder.name,

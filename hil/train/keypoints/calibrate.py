@@ -46,7 +46,7 @@ CHI2_95 = 12.592
 
 
 class Answer(NamedTuple):
-    """Answer to one feasible frame that was decided by the whole image.
+    """Answer to one frame that was decided by the whole image.
 
     Parameters
     ----------
@@ -70,7 +70,7 @@ class Answer(NamedTuple):
 def answers(
     folder: Path, model: BoardModel, progress: Callable[[int, int], None] = lambda _done, _total: None
 ) -> Iterator[Answer]:
-    """Run the estimator on the feasible frames of a data set.
+    """Run the estimator on the frames of a data set, feasible or not.
 
     Parameters
     ----------
@@ -100,8 +100,6 @@ def answers(
             continue
         paths = frame_paths(folder, k)
         truth = read_label_record(paths.truth)
-        if not truth.feasible:
-            continue
         result = estimator.estimate(grey(read_png(paths.image), camera.encoding))
         evidence = result.evidence
         if not isinstance(evidence, Evidence) or evidence.score is None:
@@ -112,6 +110,7 @@ def answers(
             result.q_camera_from_target_wxyz,
             result.t_camera_from_target_m,
             accepted=result.accepted,
+            feasible=truth.feasible,
             covariance=result.covariance,
         )
         yield Answer(score, evidence, result)
@@ -138,7 +137,7 @@ def held_out_answers(
     folder : Path
         Folder of the frames; those of an interrupted run are used.
     frames : int
-        Number of frames; infeasible ones do not count as answers.
+        Number of frames. Infeasible ones count, because a board decides on dark images, too.
     seed : int
         Seed of the frames.
     workers : int
@@ -149,7 +148,7 @@ def held_out_answers(
     Returns
     -------
     list of Answer
-        Answers to the feasible frames.
+        Answers to the frames with a pose.
 
     Raises
     ------

@@ -219,7 +219,13 @@ def min_margin(e: Evidence) -> float:
 
 
 def decide(e: Evidence) -> str:
-    """Return the reason why a pose is declined; empty if it is accepted."""
+    """Decide on a pose.
+
+    Returns
+    -------
+    str
+        Reason why the pose is declined; empty if it is accepted.
+    """
     if e.edges < MIN_EDGES:
         return "too few edges found"
     if e.size_px < MIN_SIZE_PX:
