@@ -216,8 +216,9 @@ class Console:
         if flight not in self.kept or flight.look_back.active or flight.craft.steered is None:
             return
         self.kept[flight] = kept_s = min(self.kept[flight], from_s)
-        if flight.t_s > kept_s + LEAST_LOST_S and flight not in self.unsaved:
-            self.unsaved.append(flight)
+        flown_on = flight.t_s > kept_s + LEAST_LOST_S
+        if flown_on != (flight in self.unsaved):
+            (self.unsaved.append if flown_on else self.unsaved.remove)(flight)
 
     @property
     def telemetry(self) -> Telemetry:
@@ -324,7 +325,7 @@ class Console:
 
     def _note_flown(self, name: str) -> None:
         """Count the flight as the operator's own after a command that was not refused."""
-        own = acts_on_chaser(name) and self.session not in self.unsaved
+        own = acts_on_chaser(name) and self.session not in (*self.unsaved, *self.kept)
         if own and self.session.look_back.recorder is None:
             self.unsaved.append(self.session)
 
@@ -379,7 +380,8 @@ class Console:
     def pass_time(self, wall_ms: int, keys: frozenset[str] = frozenset()) -> None:
         """Advance real time, running a script's commands at their exact milliseconds.
 
-        Time stops while a scenario is being opened, so that replaying the log reproduces the flight.
+        Time stops while a scenario is being opened, so that replaying the log reproduces the flight, and while the
+        console asks before it quits, unless a script runs.
 
         Parameters
         ----------
@@ -394,6 +396,9 @@ class Console:
             keys = frozenset()
         self._take_opened()
         if self.opener.is_busy():
+            return
+        if self.shown.get("quit") and self._player is None:
+            self.stand()
             return
         end = self.clock_ms + min(max(wall_ms, 0), LONGEST_TICK_MS)
         while self._player is not None and (due := self._player.next_ms()) is not None and due <= end:

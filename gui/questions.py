@@ -18,7 +18,7 @@ NO_FLYING = frozenset({"steer.arm", "steer.stick-lost"})
 NEW_FLIGHT = frozenset({"scenario.open", "scenario.target", "scenario.fly", "light.fly"})
 """Commands that begin another flight."""
 SWAP_BACK = "Timeline, Swap future brings back the part dropped last."
-GO_BACK = "File, Previous flight and Kept flights return to it, until you quit."
+GO_BACK = "File, Previous flight returns to it until you quit."
 LIFTS = "Lift the keep-out sphere? Nothing then keeps the chaser from hitting the target."
 KEEPS_OUT = "A click on KEEP-OUT LIFTED, in the bottom line, brings it back."
 
