@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from pathlib import Path
 
 import pytest
 
 from flyaround.gui.menus import MENUS, commands_of
 from flyaround.gui.transport import GUARD_MS
+from flyaround.gui.usable import ENDS_JOB, NEEDS, is_usable
 from tests.harness.pointer import FAR, Pointer
 
 
@@ -73,8 +75,52 @@ def test_seven_menus_hold_every_command_once(screen: Pointer) -> None:
         for name in commands_of(screen.console.table, entry)
     ]
     assert len(MENUS) == 7
-    # questions before something is lost, and an answer
-    assert sorted([*held, "panel.question", "panel.quit", "window.close"]) == sorted(offered)
+    # questions before something is lost, an answer, and what About this panel opens
+    left_out = {"panel.question", "panel.quit", "window.close", "panel.help"}
+    assert sorted(name for name in held if screen.console.table[name].at_once) == sorted(
+        {*offered} - left_out
+    )
+    assert len({*held}) == len(held)
+    for menu, entries in MENUS:
+        seen = [title for title, _ in entries if title]
+        for title, names in entries:
+            entry_titles = [
+                screen.console.table[n].title for e in names for n in commands_of(screen.console.table, e)
+            ]
+            assert len({*entry_titles}) == len(entry_titles), title
+            seen += entry_titles if not title else []
+        assert len({*seen}) == len(seen), menu
+
+
+def test_an_entry_whose_command_needs_numbers_opens_its_panel(screen: Pointer) -> None:
+    for path, panel in (
+        (("Vehicle", "Burns", "Plan a burn"), "steering"),
+        (("Vehicle", "Docking", "Keep-out sphere"), "docking"),
+        (("Tools", "Hardware in the loop", "Fault"), "board-link"),
+    ):
+        screen.menu(*path)
+        assert screen.console.shown[panel], path
+
+
+def test_entries_with_nothing_to_act_on_are_grey(screen: Pointer, tmp_path: Path) -> None:
+    console = screen.console
+
+    def grey() -> set[str]:
+        return {c.name for c in console.table if not is_usable(console, c.name)}
+
+    assert grey() >= ENDS_JOB
+    assert NEEDS.keys() <= grey()
+    screen.menu("File", "Stop opening")
+    assert console.messages == []
+    console.do("burn.plan", 100.0, 0.0, 0.01, 0.0)
+    console.do("film.start", str(tmp_path / "view.mp4"))
+    console.do("timeline.bookmark", "here")
+    console.say("too near", "caution")
+    for name in ("burn.cancel", "film.stop", "timeline.unbookmark", "window.acknowledge"):
+        assert name not in grey(), name
+    console.do("film.stop")
+    console.do("burn.cancel")
+    assert {"film.stop", "burn.cancel"} <= grey()
 
 
 def test_abort_takes_two_clicks_and_its_guard_closes_by_itself(screen: Pointer) -> None:
