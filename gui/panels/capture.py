@@ -106,9 +106,10 @@ class CapturePanel(Panel):
             _, fps, speed, start, end = map(float, shown)
             length_s = max(end - start, 0.0) / speed
             w.text(f"{time_text(length_s)}, {length_s * fps:.0f} pictures", style.QUIET, "of the film")
-        part = None if [*map(float, shown[3:])] == [0, int(end_s)] else f"Film {shown[3]} to {shown[4]} s"
-        look: dict[str, Any] = {"label": part, "width": w.width}
-        w.button(console, command.name, *shown, enabled=right and not console.jobs.flight_film, **look)
+        look: dict[str, Any] = {"enabled": right and not console.jobs.flight_film, "width": w.width}
+        if right and (start, end) != (0.0, int(end_s)):
+            look["label"] = f"Film {start:g} to {end:g} s"
+        w.button(console, command.name, *shown, **look)
 
     def _under_way(self, console: Console) -> None:
         w, imgui, job = self._w, self._w.imgui, console.jobs.capture
