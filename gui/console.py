@@ -488,7 +488,7 @@ class Console:
         settings.sensor_changes, settings.lights, settings.exposure_stops = {}, None, 0.0
         name = session.plan.scenario.title or session.plan.scenario.name
         replay = "REPLAY, paused: Space plays it, the slider seeks" if session.look_back.active else ""
-        self.say(replay or f"flying {name}; File, Previous flight returns to the last one")
+        self.say(replay or f"now: {name}; File, Previous flight returns to the last one")
 
     # --- messages
 

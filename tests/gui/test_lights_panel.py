@@ -121,7 +121,7 @@ def test_a_new_flight_begins_after_a_question_only_if_something_was_flown(panel:
     for answer in ("Stay here", "Fly it"):
         choose()
         assert not console.opener.is_busy()
-        assert any("Previous flight and Kept flights return" in text for text in screen.texts())
+        assert any("Previous flight returns to it until you quit" in text for text in screen.texts())
         screen.press(answer)
         screen.turn()
         assert not screen.has("Stay here")
