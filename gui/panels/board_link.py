@@ -32,9 +32,10 @@ class BoardLinkPanel(Panel):
     def draw(self, console: Console) -> None:
         """Draw into the current panel."""
         w, imgui, hil = self._w, self._w.imgui, console.jobs.hil
-        state = f"session: {hil.state}{', ' * bool(hil.board_name)}{hil.board_name}"
-        tip = "state of the session, and the name that the connected board reports"
-        w.cut_line(state, w.width, SEEN.get(hil.state, style.WARN), tip)
+        colour = SEEN.get(hil.state, style.WARN)
+        w.cut_line(f"session: {hil.state}", w.width, colour, "state of the session")
+        tip = "name that the connected board reports"
+        w.cut_line(f"board: {hil.board_name or 'none connected'}", w.width, colour, tip)
         # nothing moves when a session begins: the next click is on the board below
         imgui.begin_disabled(hil.on)
         imgui.set_next_item_width(-1)
@@ -77,9 +78,7 @@ class BoardLinkPanel(Panel):
         if poses:
             last = poses[-1]
             w.row("Attitude error", (last.E_R_deg or 0.0,), "{:.3f}°", "of the last accepted pose")
-            w.row(
-                "Position error", (1e3 * (last.E_T_m or 0.0),), "{:.1f} mm", "error of the last accepted pose"
-            )
+            w.row("Position error", (1e3 * (last.E_T_m or 0.0),), "{:.1f} mm", "of the last accepted pose")
 
     def _distribution(self, hil: HilSession) -> None:
         """Draw answered pictures by latency, on a logarithmic scale of milliseconds."""

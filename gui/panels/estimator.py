@@ -97,12 +97,8 @@ class EstimatorPanel(Panel):
         slowest = sorted(answer.stages_ms.items(), key=lambda item: -item[1])[:3]
         stages = ", ".join(f"{name.replace('_', ' ')} {ms:.0f} ms" for name, ms in slowest)
         w.row("Took", (e.took_ms,), "{:.0f} ms", f"all stages but the preparation; longest: {stages}")
-        w.row(
-            "Picture",
-            ("{} x {}".format(*e.size_px),),
-            "{} px",
-            "size in pixels of the picture that the estimator received",
-        )
+        tip = "size in pixels of the picture that the estimator received"
+        w.row("Picture", ("{} x {}".format(*e.size_px),), "{} px", tip)
         if answer.network:
             tip = "own: trained for this craft by flyaround train; shipped: comes with Flyaround; none: edges only"
             colour = style.GOOD if answer.network == "own" else style.QUIET
