@@ -69,7 +69,7 @@ class Message:
     until: str = ""
     """Times of day of the message, and of its acknowledgement or of the end of its cause."""
     of: str = ""
-    """Command that was refused or failed."""
+    """Command that was refused or failed, or that gave a result."""
     blocked: Path | None = None
     """File or folder that cannot be written."""
     over: Callable[[], bool] | None = None
@@ -481,7 +481,7 @@ class Console:
         self.hand.centre_sticks()
         # data of the previous flight must not appear as this one's
         self.jobs.estimates.forget()
-        self.acknowledge()
+        self.acknowledge(self.waiting)
         settings = self.options.settings
         settings.bands, settings.environment = session.plan.bands, session.scene().environment
         # the operator's changes applied to the sensor and lights of the previous scenario
@@ -497,7 +497,7 @@ class Console:
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
             write(path)
-            self.say(f"saved {path}")
+            self.say(f"saved {path}", of=command)
         except (UserError, OSError) as error:
             self.say(f"not saved: {error}", "caution", command)
 
@@ -513,7 +513,7 @@ class Console:
         level : str, optional
             A caution or warning stays until it is seen, or until its cause has ended.
         of : str, optional
-            Command that was refused or failed; the caution ends when it is carried out.
+            Command that was refused or failed, whose caution ends when it is carried out; or that gave a result.
         over : callable, optional
             Function that returns True once the cause of a caution has ended; by default `FlightSession.is_over`.
         """
@@ -533,8 +533,9 @@ class Console:
         return [m for m in self.messages if m.level != "note" and not m.acknowledged]
 
     def acknowledge(self, messages: Sequence[Message] | None = None) -> None:
-        """Acknowledge cautions and warnings: those whose cause has ended, or by default all."""
-        for message in self.waiting if messages is None else messages:
+        """Acknowledge cautions and warnings whose cause has ended, or by default all of them and results of jobs."""
+        results = [m for m in self.messages if m.of and not m.acknowledged]
+        for message in [*self.waiting, *results] if messages is None else messages:
             message.acknowledged, message.until = True, time.strftime(CLOCK)
 
     @property

@@ -161,9 +161,7 @@ class TransportStrip:
             if opened:
                 console.do("docking.abort")
             self._opened_ms = -GUARD_MS if opened else console.clock_ms
-        w.tip(
-            f"{console.table['docking.abort'].hover_text()}\ntwo clicks within five seconds; the key needs one press"
-        )
+        w.tip(f"{console.table['docking.abort'].hover_text()}\ntwo clicks in five seconds, or the key once")
 
 
 class JobStrip:

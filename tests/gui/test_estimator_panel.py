@@ -13,6 +13,7 @@ from flyaround.gui.console import Console
 from flyaround.gui.jobs.estimates import ComparedEstimate
 from flyaround.gui.jobs.estimator_process import Answer
 from flyaround.gui.panels.estimator import EstimatorPanel
+from flyaround.gui.widgets import Widgets
 from flyaround.simulator.errors import UserError
 from flyaround.simulator.runtime.arrays import ByteArray
 from tests.harness.flown_console import console_flying
@@ -142,3 +143,12 @@ def test_a_click_on_a_small_stage_shows_it_in_the_place_of_the_view() -> None:
     screen.turn()
     assert not screen.has("image")
     screen.close()
+
+
+def test_no_figure_is_cut_that_fits_its_line(window: HeadlessWindow) -> None:
+    widgets = Widgets(window)
+    for width in np.arange(360.0, 420.0, 0.37):
+        window.noted.clear()
+        with window.panel("figures", float(width), 100.0):
+            widgets.row("Attitude", (0.5, -0.5, 0.5, -0.5), "{:+z.4f}", "of the target")
+        assert "+0.5000 -0.5000 +0.5000 -0.5000" in [n.label for n in window.noted]

@@ -134,3 +134,16 @@ def test_a_new_flight_begins_after_a_question_only_if_something_was_flown(panel:
     choose()
     assert console.opener.is_busy()
     screen.close()
+
+
+def test_a_typed_change_of_a_light_is_confirmed_and_the_picture_panel_leads_to_lights() -> None:
+    screen = Pointer("tango-space-10m")
+    console = screen.console
+    screen.press("Lights###panel.lights")
+    assert console.shown["lights"]
+    console.do("light.add", "lamp")
+    for _ in range(14):
+        screen.turn()
+    screen.type(screen.sight("##power_w"), "4000")
+    assert "Lamp on the chaser: Power [W] is now 4000" in screen.texts()
+    screen.close()

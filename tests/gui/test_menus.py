@@ -65,6 +65,56 @@ def test_the_status_line_shows_the_newest_caution_and_message(screen: Pointer) -
         assert any(text.startswith(begins) and text.endswith("...") for text in screen.texts())
 
 
+def test_the_result_of_a_job_stays_beside_a_caution_until_it_is_seen(screen: Pointer) -> None:
+    console = screen.console
+    console.say("too near", "caution")
+    console.say("filmed out/view.mp4", of="film.flight")
+    console.say("not aborted", "caution")
+    screen.turn()
+    assert "filmed out/view.mp4" in screen.texts()
+    assert any("not aborted (1 more" in text for text in screen.texts())
+    screen.press("CAUTION 2")
+    screen.turn()
+    assert "filmed out/view.mp4" not in screen.texts()
+
+
+def test_help_is_about_the_panel_clicked_last() -> None:
+    screen = Pointer("tango-space-10m", opened=("steering",))
+    console = screen.console
+    x, y, width, _ = screen.rect("steering")
+    # beside its tab
+    screen.click((x + width - 40.0, y + 8.0))
+    screen.move(screen.place("HAND: OFF"))
+    screen.click(screen.place("HAND: OFF"))
+    console.do("help.panel")
+    assert console.help.panel == "steering"
+    # the help itself is over the left part of the panel
+    x, y, width, _ = screen.rect("picture")
+    screen.click((x + width - 4.0, y + 60.0))
+    console.do("help.panel")
+    assert console.help.panel == "picture"
+    # Dear ImGui's own frame is for the keyboard
+    assert not screen.window.plain.get_current_context().nav_cursor_visible
+    screen.close()
+
+
+def test_the_picture_panel_says_that_a_stage_hides_the_camera() -> None:
+    screen = Pointer("tango-space-10m")
+    console = screen.console
+    assert not screen.has("Show the camera")
+    console.do("estimator.stage", "edges")
+    for _ in range(14):
+        screen.turn()
+    assert "The view shows a stage of the estimator." in screen.texts()
+    screen.press("Show the camera")
+    for _ in range(14):
+        screen.turn()
+    assert not screen.has("Show the camera")
+    assert {"stage", "camera"} <= {name for name, shown in console.shown.items() if shown}
+    assert "stage" in console.help.behind
+    screen.close()
+
+
 def test_seven_menus_hold_every_command_once(screen: Pointer) -> None:
     offered = [c.name for c in screen.console.table if not c.held and c.at_once]
     held = [
