@@ -192,9 +192,9 @@ class Widgets:
         label = max(imgui.calc_text_size(name).x, imgui.calc_text_size("Velocity [mm/s]").x)
         imgui.push_font(self.window.figure_font, 0.0)
         width = imgui.calc_text_size(figures).x
-        shown = self.elided(figures, self.width)
         if label + 8 + width <= self.width:
             imgui.same_line(imgui.get_cursor_pos_x() + self.width - width)
+        shown = self.elided(figures, self.width)
         imgui.text_unformatted(shown)
         if figure is not None and imgui.begin_drag_drop_source(imgui.DragDropFlags_.source_allow_null_id):
             imgui.set_drag_drop_payload_py_id(DRAGGED, figure)

@@ -83,7 +83,9 @@ class EstimatorPanel(Panel):
             w.row("Position [m]", position, "{:+z.3f}", "of the target in camera axes: right, down, forward")
         if (attitude := answer.q_camera_from_target_wxyz) is not None:
             tip = "quaternion w x y z that turns target axes into camera axes"
-            w.row("Attitude", attitude, "{:+z.4f}", tip)
+            # four in a line are wider than the panel
+            w.row("Attitude w, x", attitude[:2], "{:+z.4f}", tip)
+            w.row("Attitude y, z", attitude[2:], "{:+z.4f}", tip)
         else:
             w.text("no pose", style.QUIET)
         if "too small" in answer.reason:
