@@ -32,10 +32,7 @@ class BoardLinkPanel(Panel):
     def draw(self, console: Console) -> None:
         """Draw into the current panel."""
         w, imgui, hil = self._w, self._w.imgui, console.jobs.hil
-        colour = SEEN.get(hil.state, style.WARN)
-        w.cut_line(f"session: {hil.state}", w.width, colour, "state of the session")
-        tip = "name that the connected board reports"
-        w.cut_line(f"board: {hil.board_name or 'none connected'}", w.width, colour, tip)
+        w.text(f"session: {hil.state}", SEEN.get(hil.state, style.WARN), "state of the session")
         # nothing moves when a session begins: the next click is on the board below
         imgui.begin_disabled(hil.on)
         imgui.set_next_item_width(-1)
@@ -60,6 +57,7 @@ class BoardLinkPanel(Panel):
 
     def _answers(self, hil: HilSession) -> None:
         w = self._w
+        w.text(f"board: {hil.board_name or 'none'}", style.INK, "what the connected board reports of itself")
         w.row("Pictures", (hil.sent,), "{:d}", "sent since the session began")
         w.row("Accepted", (hil.accepted,), "{:d}", "poses that the board accepts")
         w.row("Declined", (hil.outcomes["declined"],), "{:d}", "answers without a usable pose")
@@ -113,7 +111,7 @@ class BoardLinkPanel(Panel):
             shown=lambda kind: kind.replace("_", " "),
         )
         w.text(FAULTS[self._fault][1], style.QUIET)
-        imgui.set_next_item_width(min(8 * imgui.get_font_size(), 0.5 * w.width))
+        imgui.set_next_item_width(min(8 * imgui.get_font_size(), 0.4 * w.width))
         self._seconds = w.typed("seconds", self._seconds, console.table["hil.fault"].arguments[1])
         imgui.same_line()
         w.one_line("s", style.QUIET)

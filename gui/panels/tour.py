@@ -84,5 +84,5 @@ class TourPanel(Panel):
             self._w.frame(style.ACCENT, window=native)
             # the frame is not one of the keyboard's
             low, size = native.pos, self._w.imgui.calc_text_size("Tour")
-            at = self._w.vec(low.x + native.size.x - size.x - 8, low.y + native.size.y - size.y - 6)
+            at = self._w.vec(low.x + native.size.x - size.x - 10, low.y + 4)
             native.draw_list.add_text(at, self._w.color(style.ACCENT), "Tour")
