@@ -69,7 +69,7 @@ class Message:
     until: str = ""
     """Times of day of the message, and of its acknowledgement or of the end of its cause."""
     of: str = ""
-    """Command that was refused or failed."""
+    """Command that was refused or failed, or that gave a result."""
     blocked: Path | None = None
     """File or folder that cannot be written."""
     over: Callable[[], bool] | None = None
@@ -216,8 +216,9 @@ class Console:
         if flight not in self.kept or flight.look_back.active or flight.craft.steered is None:
             return
         self.kept[flight] = kept_s = min(self.kept[flight], from_s)
-        if flight.t_s > kept_s + LEAST_LOST_S and flight not in self.unsaved:
-            self.unsaved.append(flight)
+        flown_on = flight.t_s > kept_s + LEAST_LOST_S
+        if flown_on != (flight in self.unsaved):
+            (self.unsaved.append if flown_on else self.unsaved.remove)(flight)
 
     @property
     def telemetry(self) -> Telemetry:
@@ -324,7 +325,7 @@ class Console:
 
     def _note_flown(self, name: str) -> None:
         """Count the flight as the operator's own after a command that was not refused."""
-        own = acts_on_chaser(name) and self.session not in self.unsaved
+        own = acts_on_chaser(name) and self.session not in (*self.unsaved, *self.kept)
         if own and self.session.look_back.recorder is None:
             self.unsaved.append(self.session)
 
@@ -379,7 +380,8 @@ class Console:
     def pass_time(self, wall_ms: int, keys: frozenset[str] = frozenset()) -> None:
         """Advance real time, running a script's commands at their exact milliseconds.
 
-        Time stops while a scenario is being opened, so that replaying the log reproduces the flight.
+        Time stops while a scenario is being opened, so that replaying the log reproduces the flight, and while the
+        console asks before it quits, unless a script runs.
 
         Parameters
         ----------
@@ -394,6 +396,9 @@ class Console:
             keys = frozenset()
         self._take_opened()
         if self.opener.is_busy():
+            return
+        if self.shown.get("quit") and self._player is None:
+            self.stand()
             return
         end = self.clock_ms + min(max(wall_ms, 0), LONGEST_TICK_MS)
         while self._player is not None and (due := self._player.next_ms()) is not None and due <= end:
@@ -476,14 +481,14 @@ class Console:
         self.hand.centre_sticks()
         # data of the previous flight must not appear as this one's
         self.jobs.estimates.forget()
-        self.acknowledge()
+        self.acknowledge(self.waiting)
         settings = self.options.settings
         settings.bands, settings.environment = session.plan.bands, session.scene().environment
         # the operator's changes applied to the sensor and lights of the previous scenario
         settings.sensor_changes, settings.lights, settings.exposure_stops = {}, None, 0.0
         name = session.plan.scenario.title or session.plan.scenario.name
         replay = "REPLAY, paused: Space plays it, the slider seeks" if session.look_back.active else ""
-        self.say(replay or f"flying {name}; File, Previous flight returns to the last one")
+        self.say(replay or f"now: {name}; File, Previous flight returns to the last one")
 
     # --- messages
 
@@ -492,7 +497,7 @@ class Console:
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
             write(path)
-            self.say(f"saved {path}")
+            self.say(f"saved {path}", of=command)
         except (UserError, OSError) as error:
             self.say(f"not saved: {error}", "caution", command)
 
@@ -508,7 +513,7 @@ class Console:
         level : str, optional
             A caution or warning stays until it is seen, or until its cause has ended.
         of : str, optional
-            Command that was refused or failed; the caution ends when it is carried out.
+            Command that was refused or failed, whose caution ends when it is carried out; or that gave a result.
         over : callable, optional
             Function that returns True once the cause of a caution has ended; by default `FlightSession.is_over`.
         """
@@ -528,8 +533,9 @@ class Console:
         return [m for m in self.messages if m.level != "note" and not m.acknowledged]
 
     def acknowledge(self, messages: Sequence[Message] | None = None) -> None:
-        """Acknowledge cautions and warnings: those whose cause has ended, or by default all."""
-        for message in self.waiting if messages is None else messages:
+        """Acknowledge cautions and warnings whose cause has ended, or by default all of them and results of jobs."""
+        results = [m for m in self.messages if m.of and not m.acknowledged]
+        for message in [*self.waiting, *results] if messages is None else messages:
             message.acknowledged, message.until = True, time.strftime(CLOCK)
 
     @property

@@ -342,6 +342,8 @@ class Layout:
         if visible:
             panel.draw(console)
             hovered = not over and imgui.is_window_hovered(imgui.HoveredFlags_.child_windows)
+            if not over and imgui.is_window_focused(imgui.FocusedFlags_.child_windows):
+                console.help.clicked = panel.name
             if panel.name == self._opened and (age := (imgui.get_time() - self._opened_s) / FRAMED_S) < 1.0:
                 w.frame((*style.ACCENT[:3], 1.0 - age))
         imgui.end()

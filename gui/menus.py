@@ -1,4 +1,4 @@
-"""The menu bar: seven menus with every command that needs no argument, each once."""
+"""The menu bar: seven menus with every command that needs no argument, each once, and some that open their panel."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 from flyaround.gui.icons import ICONS, labelled
 from flyaround.gui.texts import texts
+from flyaround.gui.usable import is_usable
 from flyaround.gui.widgets import Widgets
 
 if TYPE_CHECKING:
@@ -28,6 +29,8 @@ MENUS: tuple[tuple[str, Entries], ...] = tuple(
     (menu, tuple((title, tuple(names.split())) for title, _, names in (e.rpartition(":") for e in entries)))
     for menu, entries in texts("menus").items()
 )
+PANEL_OF = {group: panel for panel, groups in texts("help").items() for group in groups}
+"""Panels by the groups of their commands, where the names differ."""
 EXPLICIT = frozenset(
     name for _, entries in MENUS for _, names in entries for name in names if "*" not in name
 )
@@ -117,10 +120,11 @@ class MenuBar:
         command = console.table[name]
         on = command.state is not None and command.state(console)
         step = console.history.next(name)
-        title = self._w.elided(
-            f"{command.title} {step or ''}".rstrip(), LONGEST_EM * self._imgui.get_font_size()
-        )
+        title = f"{command.title} {'' if command.at_once else '...'}{step or ''}".rstrip()
+        title = self._w.elided(title, LONGEST_EM * self._imgui.get_font_size())
         label = labelled(name, title) if name in ICONS else f"{NO_ICON}{title}"
-        if self._imgui.menu_item_simple(f"{label}###{name}", command.shown, on, step != ""):
-            console.do(name)
+        usable = step != "" and is_usable(console, name)
+        if self._imgui.menu_item_simple(f"{label}###{name}", command.shown, on, usable):
+            panel = PANEL_OF.get(command.group, command.group)
+            console.do(name) if command.at_once else console.open_panel(panel, shown=True)
         self._w.command_tip(console, name)

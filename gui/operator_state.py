@@ -105,6 +105,8 @@ class Help:
         Panel that the help describes.
     hovered : str, optional
         The panel under the mouse.
+    clicked : str, optional
+        The panel that was clicked or opened last.
     behind : set of str, optional
         Panels whose window is behind another in its dock or collapsed.
     tour_step : int, optional
@@ -114,5 +116,6 @@ class Help:
     descriptions: dict[str, tuple[str, str]] = field(default_factory=dict)
     panel: str = ""
     hovered: str = ""
+    clicked: str = ""
     behind: set[str] = field(default_factory=set)
     tour_step: int = 0

@@ -18,7 +18,7 @@ NO_FLYING = frozenset({"steer.arm", "steer.stick-lost"})
 NEW_FLIGHT = frozenset({"scenario.open", "scenario.target", "scenario.fly", "light.fly"})
 """Commands that begin another flight."""
 SWAP_BACK = "Timeline, Swap future brings back the part dropped last."
-GO_BACK = "File, Previous flight and Kept flights return to it, until you quit."
+GO_BACK = "File, Previous flight returns to it until you quit."
 LIFTS = "Lift the keep-out sphere? Nothing then keeps the chaser from hitting the target."
 KEEPS_OUT = "A click on KEEP-OUT LIFTED, in the bottom line, brings it back."
 
@@ -88,9 +88,8 @@ def question_before(
     name = command.name
     if name in NEW_FLIGHT and (lost or session.look_back.recorder is not None):
         what = {"scenario.fly": edited}.get(name, str(values[0]) if values else "these lights")
-        text = f"Leave {flight_text(session)} for {what}? It {lost}."
-        if not lost:
-            text = f"Leave {flight_text(session)} for {what}? Its recording ends."
+        ends = f"It {lost}" if lost else "Its recording ends"
+        text = f"Leave {flight_text(session)} for {what}? {ends}."
         return Question(command, values, text, GO_BACK, "Fly it")
     if name == "time.restart" and lost:
         text = f"Restart? T{flight_text(session)[1:]} {lost}."

@@ -102,12 +102,17 @@ class StatusLine:
 
 
 def message_texts(console: Console) -> list[tuple[str, style.Rgba]]:
-    """Return the newest caution that waits and the newest other message, or the caution before; with their colours."""
+    """Return the newest caution that waits and the newest other message, with their colours.
+
+    If the caution is newer, a result of a job stays beside it, such as a finished film, otherwise the caution before.
+    """
     current = [m for m in console.messages if not m.acknowledged]
     if not current:
         return [("F1: commands and keys", style.QUIET)]
     waiting, newest = console.waiting, current[-1]
-    shown = [*waiting[-1:], newest] if newest not in waiting else waiting[:-3:-1]
+    result = [m for m in current if m.level == "note"][-1:]
+    result = result if result and result[0].of else waiting[-2:-1]
+    shown = [*waiting[-1:], *(result if newest in waiting else [newest])]
     more = len(waiting) - sum(m in waiting for m in shown)
     colours = {"note": style.INK if waiting else style.QUIET, "caution": style.WARN, "warning": style.BAD}
     texts = [(" ".join(m.text.split()), colours[m.level]) for m in shown]

@@ -65,9 +65,7 @@ class TransportStrip:
         text = clock(session.t_s) + ("" if narrow else f" of {clock(end_s)[2:]}")
         imgui.align_text_to_frame_padding()
         w.one_line(text, style.WARN if session.look_back.active else style.INK)
-        w.tip(
-            "time shown, and end of the recorded flight [h:min:s since the start]; yellow while looking back"
-        )
+        w.tip("time shown, and end of the recorded flight [h:min:s since the start]; yellow: looking back")
         imgui.same_line()
         right = 18 * em
         self.scrubber(console, timeline, end_s, max(w.width - right, em))
@@ -86,8 +84,13 @@ class TransportStrip:
         k = min(range(len(RATES)), key=lambda i: abs(math.log(RATES[i] / flight.rate)))
         imgui.set_next_item_width(width)
         text = "jump" if flight.jump else f"{flight.rate:g}x"
-        changed, new_k = imgui.slider_int("##rate", k, 0, len(RATES) - 1, text, imgui.SliderFlags_.no_input)
+        changed, new_k = imgui.slider_int("##rate", k, 0, len(RATES) - 1, "", imgui.SliderFlags_.no_input)
         w.command_tip(console, "time.rate")
+        # beside the grip, which would cover it
+        low, high, pad = imgui.get_item_rect_min(), imgui.get_item_rect_max(), imgui.get_style().frame_padding
+        right = high.x - pad.x - imgui.calc_text_size(text).x
+        at = w.vec(right if k < len(RATES) / 2 else low.x + pad.x, low.y + pad.y)
+        imgui.get_window_draw_list().add_text(at, w.color(style.INK), text)
         if changed and new_k != k:
             console.do("time.rate", f"{RATES[new_k]:g}")
 
@@ -110,9 +113,8 @@ class TransportStrip:
         self._scale(end_s, x_of)
         session = console.session
         marks = [(m.t_s, style.GOOD, m.note or "bookmark") for m in timeline.bookmarks]
-        marks += [
-            (t, style.WARN, "the flight branches off here: Swap future") for t in (timeline.left_s or ())[:1]
-        ]
+        branches = "the flight branches off here: Swap future"
+        marks += [(t, style.WARN, branches) for t in (timeline.left_s or ())[:1]]
         marks += [(m.t_s, style.BAD if m.kind == "contact" else style.INK, m.text) for m in session.marks]
         marks += [(b.start_s, style.ACCENT, "burn") for b in session.craft.steering.burns.burns]
         near = ["drag to look back, Ctrl+click to type a time [s]"]
@@ -159,9 +161,7 @@ class TransportStrip:
             if opened:
                 console.do("docking.abort")
             self._opened_ms = -GUARD_MS if opened else console.clock_ms
-        w.tip(
-            f"{console.table['docking.abort'].hover_text()}\ntwo clicks within five seconds; the key needs one press"
-        )
+        w.tip(f"{console.table['docking.abort'].hover_text()}\ntwo clicks in five seconds, or the key once")
 
 
 class JobStrip:

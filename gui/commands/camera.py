@@ -16,6 +16,7 @@ from flyaround.gui.picture.light_settings import (
     with_light,
 )
 from flyaround.gui.picture.sensor_terms import checked_change
+from flyaround.gui.texts import titles
 from flyaround.simulator.camera.lens.files import list_cameras, load_camera
 from flyaround.simulator.errors import UserError
 from flyaround.simulator.scene.illumination.area_light import MAX_LIGHTS
@@ -62,6 +63,9 @@ def _switch(console: Console, light: int, state: bool | None = None) -> None:  #
 
 def _change(console: Console, light: int, field: str, value: str) -> None:
     _replace(console, light, lambda s: (changed_light(s, field, value),))
+    console.say(
+        f"{_lights(console)[light].title}: {titles().get(field, field)} is now {value.replace(',', ' ')}"
+    )
 
 
 def _add(console: Console, kind: str) -> None:

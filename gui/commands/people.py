@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 FOLDER = Path("out") / "console"
 LEAST_SCALE, MOST_SCALE, SCALE_STEP = 0.6, 2.5, 0.1  # limits and step of the font scale
 TOUR_STEPS = 6
-PANEL = (word("panel", "its name; left out: under the mouse", optional=True),)
+PANEL = word("panel", "its name; left out: under the mouse", optional=True)
 
 
 def _font_scale(console: Console, scale: float) -> None:
@@ -30,7 +30,7 @@ def _step_font_scale(step: float, console: Console) -> None:
 
 
 def _help(console: Console, panel: str | None = None) -> None:
-    console.help.panel = panel or console.help.hovered or "camera"
+    console.help.panel = panel or console.help.clicked or "camera"
     console.open_panel("help", shown=True)
 
 
@@ -65,7 +65,7 @@ def _film_end(console: Console) -> None:
     film.close()
     skipped = f", {film.left_out} left out" if film.left_out else ""
     if film.trouble is None:
-        console.say(f"filmed {film.path}: {film.pictures} pictures{skipped}")
+        console.say(f"filmed {film.path}: {film.pictures} pictures{skipped}", of="film.start")
     else:
         console.say(film.trouble, "caution", "film.start")
 
@@ -81,9 +81,7 @@ def _open(console: Console, path: str) -> None:
         console.jobs.mesh = MeshImport(where)
         console.say(f"importing {where.name} as target {console.jobs.mesh.name} ...")
     else:
-        raise UserError(
-            f"{where.name} is neither a scenario (.toml) nor a mesh ({', '.join(MESHES)}); nothing was opened"
-        )
+        raise UserError(f"{where.name} is neither a scenario (.toml) nor a mesh ({', '.join(MESHES)})")
 
 
 def _stop_import(console: Console) -> None:
@@ -120,8 +118,8 @@ COMMANDS = (
     ),
     command("window.larger-text", partial(_step_font_scale, SCALE_STEP), "ctrl+equal"),
     command("window.smaller-text", partial(_step_font_scale, -SCALE_STEP), "ctrl+minus"),
-    command("window.enlarge", _enlarge, "ctrl+m", *PANEL),
-    command("help.panel", _help, "slash", *PANEL),
+    command("window.enlarge", _enlarge, "ctrl+m", PANEL),
+    command("help.panel", _help, "slash", word("panel", "its name; left out: clicked last", optional=True)),
     command("help.tour", _tour),
     command("help.tour-next", lambda console: _tour_step(console, 1)),
     command("help.tour-back", lambda console: _tour_step(console, -1)),

@@ -67,9 +67,7 @@ COMMANDS = (
     command(
         "scenario.back",
         lambda console, which=1: console.go_back(which),
-        Argument(
-            "which", "whole", "1 for the one left last; 1 unless given", least=1, most=99, optional=True
-        ),
+        Argument("which", "whole", "1, the default, for the one left last", least=1, most=99, optional=True),
     ),
     command("scenario.check", _check),
     command("scenario.save", _save, word("path", "file that ends in .toml")),

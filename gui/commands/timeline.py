@@ -124,7 +124,7 @@ def _stop_keeping(console: Console) -> None:
 
 
 def _report_kept(console: Console, replay: str) -> None:
-    console.say(f"kept {replay}: a scenario for sim, render, capture and hil host")
+    console.say(f"kept {replay}: a scenario for sim, render, capture and hil host", of="timeline.keep")
 
 
 def keep_flight(

@@ -32,9 +32,7 @@ class BoardLinkPanel(Panel):
     def draw(self, console: Console) -> None:
         """Draw into the current panel."""
         w, imgui, hil = self._w, self._w.imgui, console.jobs.hil
-        state = f"session: {hil.state}{', ' * bool(hil.board_name)}{hil.board_name}"
-        tip = "state of the session, and the name that the connected board reports"
-        w.cut_line(state, w.width, SEEN.get(hil.state, style.WARN), tip)
+        w.text(f"session: {hil.state}", SEEN.get(hil.state, style.WARN), "state of the session")
         # nothing moves when a session begins: the next click is on the board below
         imgui.begin_disabled(hil.on)
         imgui.set_next_item_width(-1)
@@ -59,6 +57,7 @@ class BoardLinkPanel(Panel):
 
     def _answers(self, hil: HilSession) -> None:
         w = self._w
+        w.text(f"board: {hil.board_name or 'none'}", style.INK, "what the connected board reports of itself")
         w.row("Pictures", (hil.sent,), "{:d}", "sent since the session began")
         w.row("Accepted", (hil.accepted,), "{:d}", "poses that the board accepts")
         w.row("Declined", (hil.outcomes["declined"],), "{:d}", "answers without a usable pose")
@@ -77,9 +76,7 @@ class BoardLinkPanel(Panel):
         if poses:
             last = poses[-1]
             w.row("Attitude error", (last.E_R_deg or 0.0,), "{:.3f}°", "of the last accepted pose")
-            w.row(
-                "Position error", (1e3 * (last.E_T_m or 0.0),), "{:.1f} mm", "error of the last accepted pose"
-            )
+            w.row("Position error", (1e3 * (last.E_T_m or 0.0),), "{:.1f} mm", "of the last accepted pose")
 
     def _distribution(self, hil: HilSession) -> None:
         """Draw answered pictures by latency, on a logarithmic scale of milliseconds."""
@@ -114,7 +111,7 @@ class BoardLinkPanel(Panel):
             shown=lambda kind: kind.replace("_", " "),
         )
         w.text(FAULTS[self._fault][1], style.QUIET)
-        imgui.set_next_item_width(min(8 * imgui.get_font_size(), 0.5 * w.width))
+        imgui.set_next_item_width(min(8 * imgui.get_font_size(), 0.4 * w.width))
         self._seconds = w.typed("seconds", self._seconds, console.table["hil.fault"].arguments[1])
         imgui.same_line()
         w.one_line("s", style.QUIET)

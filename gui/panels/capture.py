@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from flyaround.gui import style
 from flyaround.gui.commands.capture import FLOWN, FPS, NEW, THIS, WIDTH_PX
@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from flyaround.gui.console import Console
     from flyaround.gui.jobs.capture_job import CaptureJob
     from flyaround.gui.surface import Surface
+    from flyaround.simulator.piloting.session import FlightSession
 
 TITLES = {FLOWN: "what I flew", THIS: "this flight's scenario"}
 THUMB = 120.0  # least width of a small picture
@@ -29,6 +30,7 @@ class CapturePanel(Panel):
     _names: tuple[str, ...] = ()
     _frames, _workers = "20", "1"
     _formats: frozenset[str] = frozenset()
+    _flight: FlightSession | None = None
 
     def __init__(self, window: Surface) -> None:
         super().__init__(window)
@@ -92,6 +94,8 @@ class CapturePanel(Panel):
         w, command = self._w, console.table["film.flight"]
         w.section("Film of this flight")
         end_s = max(console.session.look_back.timeline.end_s, console.session.t_s)
+        if console.session is not self._flight:
+            self._flight, self._film[3:] = console.session, ["0", ""]
         shown = [*self._film[:-1], self._film[-1] or f"{int(end_s)}"]
         for k, argument in enumerate(command.arguments[: len(shown)]):
             w.field(f"{argument.name.capitalize()} [{argument.unit}]", argument.description, 0.5)
@@ -102,7 +106,10 @@ class CapturePanel(Panel):
             _, fps, speed, start, end = map(float, shown)
             length_s = max(end - start, 0.0) / speed
             w.text(f"{time_text(length_s)}, {length_s * fps:.0f} pictures", style.QUIET, "of the film")
-        w.button(console, command.name, *shown, width=w.width, enabled=right and not console.jobs.flight_film)
+        look: dict[str, Any] = {"enabled": right and not console.jobs.flight_film, "width": w.width}
+        if right and (start, end) != (0.0, int(end_s)):
+            look["label"] = f"Film {start:g} to {end:g} s"
+        w.button(console, command.name, *shown, **look)
 
     def _under_way(self, console: Console) -> None:
         w, imgui, job = self._w, self._w.imgui, console.jobs.capture

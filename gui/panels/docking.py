@@ -20,7 +20,13 @@ STATES = texts("limits")
 NAMED = texts("guards")
 HOLDS = "the autopilot waits here, at this distance before the port, for go; > marks the next hold point"
 # colours of the decisions at a hold point
-DECISION_COLOURS = {"open": style.INK, "go": style.WITHIN, "no-go": style.OUTSIDE, "passed": style.QUIET}
+DECISION_COLOURS = {
+    "open": style.INK,
+    "go": style.WITHIN,
+    "no-go": style.OUTSIDE,
+    "passed": style.QUIET,
+    "behind": style.QUIET,
+}
 
 
 class DockingPanel(Panel):
@@ -64,11 +70,11 @@ class DockingPanel(Panel):
             head = partial(w.text, f"{short.capitalize()} [{row.unit}]", style.QUIET, FIGURE_TIPS[row.name])
             limit = partial(w.text, f"{row.limit:.2g}", style.QUIET, most)
             cells.append((head, partial(w.text, now, colour, state), limit))
-        w.table("figures", (0.46, 0.29, 0.25), cells, ("Figure", "Now", "At most"))
+        w.table("figures", (0.42, 0.36, 0.22), cells, ("Figure", "Now", "At most"))
 
     def _limits(self, console: Console) -> None:
         w, now = self._w, console.session.craft.docking.limits
-        w.field("Limits", f"{now.source}; ! near a limit, # outside", 0.7)
+        w.field("Limits", f"{now.source}; near: up to twice a limit, out: beyond", 0.7)
         w.choice(console, "docking.limits", now.name, list(PRESETS), shown=lambda name: PRESETS[name].title)
         w.button(console, "docking.axis-here", width=w.width)
 

@@ -83,7 +83,9 @@ class EstimatorPanel(Panel):
             w.row("Position [m]", position, "{:+z.3f}", "of the target in camera axes: right, down, forward")
         if (attitude := answer.q_camera_from_target_wxyz) is not None:
             tip = "quaternion w x y z that turns target axes into camera axes"
-            w.row("Attitude", attitude, "{:+z.4f}", tip)
+            # four in a line are wider than the panel
+            w.row("Attitude w, x", attitude[:2], "{:+z.4f}", tip)
+            w.row("Attitude y, z", attitude[2:], "{:+z.4f}", tip)
         else:
             w.text("no pose", style.QUIET)
         if "too small" in answer.reason:
@@ -97,12 +99,8 @@ class EstimatorPanel(Panel):
         slowest = sorted(answer.stages_ms.items(), key=lambda item: -item[1])[:3]
         stages = ", ".join(f"{name.replace('_', ' ')} {ms:.0f} ms" for name, ms in slowest)
         w.row("Took", (e.took_ms,), "{:.0f} ms", f"all stages but the preparation; longest: {stages}")
-        w.row(
-            "Picture",
-            ("{} x {}".format(*e.size_px),),
-            "{} px",
-            "size in pixels of the picture that the estimator received",
-        )
+        tip = "size in pixels of the picture that the estimator received"
+        w.row("Picture", ("{} x {}".format(*e.size_px),), "{} px", tip)
         if answer.network:
             tip = "own: trained for this craft by flyaround train; shipped: comes with Flyaround; none: edges only"
             colour = style.GOOD if answer.network == "own" else style.QUIET

@@ -16,7 +16,7 @@ GROUPS = texts("help")
 
 
 class HelpPanel(Panel):
-    """Description of the panel under the mouse, opened with ?."""
+    """Description of the panel clicked last, opened with ?."""
 
     name, title, place, shown = "help", "About this panel", "over", False
 
@@ -29,8 +29,6 @@ class HelpPanel(Panel):
         w.text(text)
         opens = f"panel.{name}"
         groups = GROUPS.get(name, (name,))
-        commands = [
-            c for c in console.table if c.name == opens or c.group in groups or matches(c, f"{name}.")
-        ]
+        found = [c for c in console.table if c.name == opens or c.group in groups or matches(c, f"{name}.")]
         w.section("Commands")
-        command_rows(w, console, commands)
+        command_rows(w, console, found)

@@ -34,9 +34,7 @@ class KeyList(Panel):
             imgui.set_keyboard_focus_here()
         flags, hint = imgui.InputTextFlags_.enter_returns_true, "a command, for example: time.rate 10"
         entered, self._query = imgui.input_text_with_hint("##find", hint, self._query, flags)
-        w.tip(
-            "letters of a command's name, help or key; or a command and its arguments, as a script has them"
-        )
+        w.tip("letters of a command's name, help or key; or a command and its arguments, as in a script")
         first, _, rest = self._query.strip().partition(" ")
         # words may be of the help, or the arguments of the first one
         matching = [c for c in console.table if matches(c, self._query)]

@@ -22,6 +22,9 @@ class PicturePanel(Panel):
         """Draw into the current panel."""
         w, settings = self._w, console.options.settings
         imgui = w.imgui
+        if console.shown.get("stage") and "camera" in console.help.behind:
+            w.text("The view shows a stage of the estimator.", style.WARN)
+            w.button(console, "panel.camera", label="Show the camera", width=w.width)
         exposure_s = console.session.plan.scenario.sensor.exposure_s * 2.0**settings.exposure_stops
         tip = "exposure time, and its difference from the scenario's in powers of two"
         w.field(f"Exposure {exposure_text(exposure_s)} [stops]", tip, 0.3)
@@ -35,7 +38,7 @@ class PicturePanel(Panel):
             changed, stops = True, 0.0
         if changed:
             console.do("picture.exposure", round(stops, 2))
-        w.button(console, "picture.meter", width=w.width)
+        w.buttons(console, ("picture.meter", "panel.lights"), 2)
         w.field("Detail", console.table["picture.detail"].hover_text(), 0.6)
         w.choice(console, "picture.detail", settings.detail, DETAILS)
         overlays = [f"overlay.{name}" for name in OVERLAYS]

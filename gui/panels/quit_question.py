@@ -17,24 +17,37 @@ class QuitQuestion(Panel):
     name, title, place, shown = "quit", "Quit?", "over", False
     size = (470.0, 230.0)
 
+    _keeps = False
+    """True while flights are written before the console closes."""
+
     def draw(self, console: Console) -> None:
         """Draw into the current window."""
         w, imgui = self._w, self._w.imgui
         lost = console.losses
         # the rows of buttons stay where they are when a job ends
         imgui.begin_child("lost", w.vec(0, -2 * imgui.get_frame_height_with_spacing()))
-        w.text("If you quit now:" if lost else "Nothing is lost.")
+        w.text("Time stands still. If you quit now:" if lost else "Nothing is lost.")
         for line in lost:
             w.text(f"- {line}", style.WARN, "lost for good if you quit")
         imgui.end_child()
         low = imgui.get_cursor_pos_y() + imgui.get_frame_height_with_spacing()
-        if console.unsaved:
-            label = "Keep flight" if len(console.unsaved) == 1 else None
-            w.button(console, "timeline.keep-all", label=label, width=-1)
+        if self._keeps and not console.jobs.keeping:
+            # a flight that could not be written, and a changed text, need an answer
+            self._keeps = False
+            if not console.unsaved and not console.draft.changed:
+                console.do("window.close")
+        asks = bool(console.unsaved)
+        if asks:
+            if w.filled_button("Keep all and quit", w.width / 2 - 4, style.PRIMARY):
+                console.do("timeline.keep-all")
+                self._keeps = True
+            w.tip("write each flight, then quit")
+            imgui.same_line()
+            w.button(console, "timeline.keep-all", width=-1)
         imgui.set_cursor_pos_y(low)
         w.button(console, "window.close", label="Quit", width=w.width / 2 - 4, fill=style.GUARDED)
         imgui.same_line()
-        if w.filled_button("Stay", -1, style.PRIMARY):
+        if w.filled_button("Stay", -1, None if asks else style.PRIMARY):
             console.open_panel(self.name, shown=False)
         w.tip("Esc does the same")
 

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from flyaround.gui.surface import Surface
     from flyaround.simulator.piloting.piloted_craft import PilotedCraft
     from flyaround.simulator.piloting.planned_burns import PlannedBurn
+    from flyaround.simulator.piloting.session import FlightSession
     from flyaround.simulator.runtime.arrays import FloatArray
 
 MODES = "hold vbar rbar glideslope flyaround circumnavigate safe-ellipse keep-range drift"
@@ -42,7 +43,7 @@ def fly_to_warning(craft: PilotedCraft, place: FloatArray) -> tuple[str, style.R
         return f"refused: {error}", style.BAD
     keep_out, shares = craft.sphere, np.linspace(0.0, 1.0, WAY_POINTS)
     if keep_out is not None and any(keep_out.violated(here + s * (place - here)) for s in shares):
-        return f"leads through the keep-out sphere of {keep_out.radius_m:g} m", style.WARN
+        return f"crosses the {keep_out.radius_m:g} m keep-out sphere", style.WARN
     away_m = float(np.linalg.norm(place - here))
     return HERE if away_m < LEAST_WAY_M else f"{away_m:.2f} m from here", style.QUIET
 
@@ -55,6 +56,7 @@ class SteeringPanel(Panel):
     def __init__(self, window: Surface) -> None:
         super().__init__(window)
         self._point, self._from_here = [""] * 3, False
+        self._flight: FlightSession | None = None
         self._key: tuple[BurnPlan, int] | None = None
         self._nearest_m = np.inf
 
@@ -89,10 +91,8 @@ class SteeringPanel(Panel):
         w.row("Propellant", (spent.used_kg,), "{:.3f} kg", tip)
         tip = "mass of the chaser in the scenario; 100 kg if the scenario gives none"
         w.row("Mass", (spent.mass_kg,), "{:.2f} kg", tip)
-        if steering.plume:
-            w.text("# the plume strikes the target", style.OUTSIDE, PLUME)
-        else:
-            w.text("plume clear of the target", style.QUIET, PLUME)
+        strikes = "the plume strikes the target", style.OUTSIDE
+        w.text(*(strikes if steering.plume else ("plume clear of the target", style.QUIET)), PLUME)
 
     def _to_a_point(self, console: Console) -> None:
         """Draw the fields of a point or of a displacement, a line about the flight there, and its button."""
@@ -100,8 +100,8 @@ class SteeringPanel(Panel):
         w.section("Fly to: radial, along, cross [m]")
         changed, self._from_here = w.imgui.checkbox("Counted from here", self._from_here)
         w.tip("on: offsets from the chaser's position; off: a point relative to the target")
-        if changed:
-            self._point = [""] * 3
+        if changed or console.session is not self._flight:
+            self._point, self._flight = [""] * 3, console.session
         # a component that nobody typed stays where the chaser is
         here = craft.state_lvlh()[0]
         start = here if self._from_here else np.zeros(3)

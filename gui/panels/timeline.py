@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 from flyaround.gui import style
 from flyaround.gui.commands.timeline import clock
 from flyaround.gui.icons import labelled
+from flyaround.gui.usable import is_usable
 from flyaround.gui.widgets import Panel
 
 if TYPE_CHECKING:
@@ -32,12 +33,10 @@ class TimelinePanel(Panel):
         back = session.look_back.active
         looking_back = "looking back: steering or Fly on continues the flight from here"
         w.text(*(looking_back, style.WARN) if back else ("at the end of the flight", style.QUIET))
-        # a disabled button stays in place
-        usable = {"fly-on": back, "other-future": timeline.left_s is not None}
-        for k, name in enumerate(BUTTONS):
-            title = console.table[f"timeline.{name}"].title
-            w.flow(w.button_width(labelled(f"timeline.{name}", title)), first=k == 0)
-            w.button(console, f"timeline.{name}", enabled=usable.get(name, True))
+        for k, name in enumerate(f"timeline.{button}" for button in BUTTONS):
+            w.flow(w.button_width(labelled(name, console.table[name].title)), first=k == 0)
+            # a disabled button stays in place
+            w.button(console, name, enabled=is_usable(console, name))
         self._bookmarks(console, timeline)
 
     def _bookmarks(self, console: Console, timeline: Timeline) -> None:

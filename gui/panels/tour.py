@@ -67,7 +67,7 @@ class TourPanel(Panel):
             w.text(STEPS[step].text)
             self._frame(STEPS[step].place)
         else:
-            w.text("F1 lists every command and key; ? tells about the panel under the mouse.")
+            w.text("F1 lists every command and key; ? tells about the panel clicked last.")
         if 0 < step < len(STEPS):
             w.button(console, "help.tour-back", label="Back")
             imgui.same_line()
@@ -82,3 +82,7 @@ class TourPanel(Panel):
         native = find(place) or find(f"###{place}")
         if native is not None and native.active:
             self._w.frame(style.ACCENT, window=native)
+            # the frame is not one of the keyboard's
+            low, size = native.pos, self._w.imgui.calc_text_size("Tour")
+            at = self._w.vec(low.x + native.size.x - size.x - 10, low.y + 4)
+            native.draw_list.add_text(at, self._w.color(style.ACCENT), "Tour")

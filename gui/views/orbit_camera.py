@@ -111,9 +111,7 @@ class OrbitCameraView(Panel):
         else:
             away = f"the chaser is out of view, {marks.range_m:.0f} m away: Reset view"
             at = (box.x + 8, box.y + box.height / 2)
-            canvas.text(
-                at, away, style.WARN, "distance from the free camera; Reset view brings the chaser into view"
-            )
+            canvas.text(at, away, style.WARN, "distance from the free camera; Reset view brings it into view")
 
     def _buttons(self, console: Console, place: tuple[float, float, float, float]) -> None:
         """Draw the buttons for object and initial position, in the lower left corner."""

@@ -59,7 +59,7 @@ REARM_DISTANCE_M = 0.5
 SAVED_ATTRIBUTES = frozenset({"limits", "contacts", "docked", "_armed", "_port", "hold_points"})
 
 STOPS, CONTACT = "stops the chaser", "without docking"  # parts of cautions
-REMEDY = "remedy: docking.keep-out port"
+REMEDY = "choose Keep out: corridor at the port, in Docking"
 
 CORRIDOR_SPAN_S, CORRIDOR_SAMPLES = 600.0, 31
 """Time ahead for which the port should stay in front of the corridor [s], that of an approach from 30 m at 0.05 m/s;
@@ -152,7 +152,7 @@ class Docking:
             return ""
         stops = f"the keep-out sphere of {sphere.radius_m:g} m {STOPS}; {REMEDY}"
         if sphere.corridor_axis_lvlh is None:
-            return f"{stops}: it has no corridor"
+            return f"{stops} (it has no corridor)"
         corridor = np.array(sphere.corridor_axis_lvlh) / np.linalg.norm(sphere.corridor_axis_lvlh)
         end_s = max(t_s, min(t_s + CORRIDOR_SPAN_S, flight.duration_s))
         cosines = [
@@ -162,7 +162,8 @@ class Docking:
         away_deg = float(np.degrees(np.arccos(np.clip(min(cosines), -1.0, 1.0))))
         if away_deg <= sphere.corridor_half_angle_deg:
             return ""
-        return f"{stops}: the port turns {away_deg:.0f}° away from its corridor of {sphere.corridor_half_angle_deg:g}°"
+        of_corridor = f"its corridor of {sphere.corridor_half_angle_deg:g}°"
+        return f"{stops} (the port turns {away_deg:.0f}° away from {of_corridor})"
 
     def take_axis_here(self, chaser: ChaserState, flight: Flight) -> None:
         """Move the port to the point where the line from the chaser to the centre of mass enters the target."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Literal
 
@@ -10,7 +11,7 @@ from flyaround.simulator.piloting.docking_figures import CORRIDOR_DEG, judge
 if TYPE_CHECKING:
     from flyaround.simulator.piloting.docking_figures import DockingFigures, DockingLimits
 
-Decision = Literal["open", "go", "no-go", "passed"]
+Decision = Literal["open", "go", "no-go", "passed", "behind"]
 
 DISTANCES_M = (150.0, 100.0, 50.0, 20.0, 10.0, 5.0)
 """Distances from the port [m]; those beyond the chaser's start are omitted."""
@@ -33,7 +34,8 @@ class HoldPoint:
     axial_m : float
         Distance of the docking point in front of the port.
     decision : Decision, optional
-        Open until the operator decides, or until the chaser passes the point without a go.
+        Open until the operator decides, or until the chaser passes the point without a go; ``behind`` if the chaser
+        came into the corridor nearer than the point.
     """
 
     name: str
@@ -63,6 +65,7 @@ class HoldPoints:
 
     def begin(self, start_m: float) -> None:
         """Reset the decisions; only hold points nearer than ``start_m`` remain."""
+        self._farthest_m = -math.inf  # in the corridor
         remaining = sorted((d for d in self._distances_m if d < start_m), reverse=True)
         self.points = tuple(HoldPoint(name=f"H{k}", axial_m=d) for k, d in enumerate(remaining, start=1))
 
@@ -72,12 +75,14 @@ class HoldPoints:
         return next((p for p in self.points if p.decision in ("open", "no-go")), None)
 
     def watch(self, figures: DockingFigures, corridor_deg: float = CORRIDOR_DEG) -> HoldPoint | None:
-        """Mark the next point as passed, and return it, if the chaser is in the corridor beyond it without a go."""
+        """Mark the next point as passed, or as behind, and return it, if the chaser is beyond it without a go."""
         point = self.next
-        was_passed = point is not None and figures.axial_m < point.axial_m - 2 * point.within_m
-        if point is None or not was_passed or figures.off_axis_deg > corridor_deg:
+        if figures.off_axis_deg > corridor_deg:
             return None
-        self._decide(point, "passed")
+        self._farthest_m = max(self._farthest_m, figures.axial_m)
+        if point is None or figures.axial_m >= point.axial_m - 2 * point.within_m:
+            return None
+        self._decide(point, "passed" if self._farthest_m >= point.axial_m - point.within_m else "behind")
         return point
 
     def rearm(self, figures: DockingFigures, corridor_deg: float = CORRIDOR_DEG) -> None:

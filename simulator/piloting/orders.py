@@ -207,7 +207,7 @@ class Drift(Order):
         return "note", "guidance: none, the chaser drifts"
 
 
-WOULD_TAKE_BACK = "would take it back"  # part of the caution that a guidance undoes a planned burn
+WOULD_TAKE_BACK = "would undo it"  # part of the caution that a guidance undoes a planned burn
 
 
 def planned_text(burn: PlannedBurn) -> str:
@@ -249,7 +249,7 @@ class PlanBurn(Order):
         steering.burns = others.with_burn(self.burn, craft.t_s)
         text = planned_text(self.burn)
         if steering.doing:
-            return "caution", f"{text}, and {steering.doing} {WOULD_TAKE_BACK}: Free drift ends that"
+            return "caution", f"{text}, but {steering.doing} {WOULD_TAKE_BACK}: choose Free drift first"
         return "note", text
 
 

@@ -44,7 +44,7 @@ def test_the_seconds_since_the_file_are_named_and_kept(screen: Pointer) -> None:
     assert lost == f"the flight of tango-flyaround, 3 min 24 s, has 3 min 20 s {SINCE}"
     screen.menu("File", "Quit")
     assert any(SINCE in text for text in screen.texts())
-    screen.press("Keep flight")
+    screen.press("Keep all flights")
     console.do("time.pause")
     while console.jobs.keeping:
         console.pass_time(0)
@@ -68,6 +68,23 @@ def test_a_flight_that_branches_off_has_lost_what_follows(screen: Pointer) -> No
     console.do("scenario.open", "tango-night")
     assert console.asked is not None
     assert f"3 s {SINCE}" in console.asked.text
+
+
+def test_a_command_alone_loses_nothing_of_a_kept_flight(screen: Pointer) -> None:
+    console = screen.console
+    console.do("guidance.hold")
+    fly(screen, 4.0)
+    keep(screen)
+    console.do("guidance.drift")
+    fly(screen, 0.4)
+    assert console.losses == []
+    fly(screen, 3.0)
+    assert len(console.losses) == 1
+    # what is left after a seek is in the file
+    console.do("timeline.seek", 3.0)
+    console.do("timeline.fly-on", asks=False)
+    fly(screen, 0.4)
+    assert console.losses == []
 
 
 def test_messages_have_the_time_of_the_flight_and_of_the_day(screen: Pointer) -> None:

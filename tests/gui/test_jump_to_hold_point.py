@@ -40,7 +40,7 @@ def test_a_hold_point_that_is_not_reached_ends_the_jump_with_the_reason() -> Non
     assert (session.clock.rate, session.clock.jump) == (1.0, "")
     (said,) = [m.text for m in console.messages if "H3 is not reached" in m.text]
     assert "no nearer than 5." in said
-    assert "docking.keep-out port" in said
+    assert "corridor at the port" in said
     # with the remedy the next jump arrives
     console.do("docking.keep-out", "port")
     console.do("time.next-hold-point")

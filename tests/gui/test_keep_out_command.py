@@ -59,7 +59,7 @@ def test_the_caution_names_the_remedy_and_ends_with_it() -> None:
     console = console_flying(TUMBLING)
     console.do("docking.approach", True)
     (caution,) = console.waiting
-    assert "docking.keep-out port" in caution.text
+    assert "corridor at the port" in caution.text
     console.do("docking.keep-out", "port")
     console.pass_time(20)
     assert console.waiting == []

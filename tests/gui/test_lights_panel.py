@@ -121,7 +121,7 @@ def test_a_new_flight_begins_after_a_question_only_if_something_was_flown(panel:
     for answer in ("Stay here", "Fly it"):
         choose()
         assert not console.opener.is_busy()
-        assert any("Previous flight and Kept flights return" in text for text in screen.texts())
+        assert any("Previous flight returns to it until you quit" in text for text in screen.texts())
         screen.press(answer)
         screen.turn()
         assert not screen.has("Stay here")
@@ -133,4 +133,17 @@ def test_a_new_flight_begins_after_a_question_only_if_something_was_flown(panel:
     screen.turn()
     choose()
     assert console.opener.is_busy()
+    screen.close()
+
+
+def test_a_typed_change_of_a_light_is_confirmed_and_the_picture_panel_leads_to_lights() -> None:
+    screen = Pointer("tango-space-10m")
+    console = screen.console
+    screen.press("Lights###panel.lights")
+    assert console.shown["lights"]
+    console.do("light.add", "lamp")
+    for _ in range(14):
+        screen.turn()
+    screen.type(screen.sight("##power_w"), "4000")
+    assert "Lamp on the chaser: Power [W] is now 4000" in screen.texts()
     screen.close()

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from pathlib import Path
 
 import pytest
 
 from flyaround.gui.menus import MENUS, commands_of
 from flyaround.gui.transport import GUARD_MS
+from flyaround.gui.usable import NEEDS, is_usable
 from tests.harness.pointer import FAR, Pointer
 
 
@@ -63,6 +65,56 @@ def test_the_status_line_shows_the_newest_caution_and_message(screen: Pointer) -
         assert any(text.startswith(begins) and text.endswith("...") for text in screen.texts())
 
 
+def test_the_result_of_a_job_stays_beside_a_caution_until_it_is_seen(screen: Pointer) -> None:
+    console = screen.console
+    console.say("too near", "caution")
+    console.say("filmed out/view.mp4", of="film.flight")
+    console.say("not aborted", "caution")
+    screen.turn()
+    assert "filmed out/view.mp4" in screen.texts()
+    assert any("not aborted (1 more" in text for text in screen.texts())
+    screen.press("CAUTION 2")
+    screen.turn()
+    assert "filmed out/view.mp4" not in screen.texts()
+
+
+def test_help_is_about_the_panel_clicked_last() -> None:
+    screen = Pointer("tango-space-10m", opened=("steering",))
+    console = screen.console
+    x, y, width, _ = screen.rect("steering")
+    # beside its tab
+    screen.click((x + width - 40.0, y + 8.0))
+    screen.move(screen.place("HAND: OFF"))
+    screen.click(screen.place("HAND: OFF"))
+    console.do("help.panel")
+    assert console.help.panel == "steering"
+    # the help itself is over the left part of the panel
+    x, y, width, _ = screen.rect("picture")
+    screen.click((x + width - 4.0, y + 60.0))
+    console.do("help.panel")
+    assert console.help.panel == "picture"
+    # Dear ImGui's own frame is for the keyboard
+    assert not screen.window.plain.get_current_context().nav_cursor_visible
+    screen.close()
+
+
+def test_the_picture_panel_says_that_a_stage_hides_the_camera() -> None:
+    screen = Pointer("tango-space-10m")
+    console = screen.console
+    assert not screen.has("Show the camera")
+    console.do("estimator.stage", "edges")
+    for _ in range(14):
+        screen.turn()
+    assert "The view shows a stage of the estimator." in screen.texts()
+    screen.press("Show the camera")
+    for _ in range(14):
+        screen.turn()
+    assert not screen.has("Show the camera")
+    assert {"stage", "camera"} <= {name for name, shown in console.shown.items() if shown}
+    assert "stage" in console.help.behind
+    screen.close()
+
+
 def test_seven_menus_hold_every_command_once(screen: Pointer) -> None:
     offered = [c.name for c in screen.console.table if not c.held and c.at_once]
     held = [
@@ -73,8 +125,51 @@ def test_seven_menus_hold_every_command_once(screen: Pointer) -> None:
         for name in commands_of(screen.console.table, entry)
     ]
     assert len(MENUS) == 7
-    # questions before something is lost, and an answer
-    assert sorted([*held, "panel.question", "panel.quit", "window.close"]) == sorted(offered)
+    # questions before something is lost, an answer, and what About this panel opens
+    left_out = {"panel.question", "panel.quit", "window.close", "panel.help"}
+    assert sorted(name for name in held if screen.console.table[name].at_once) == sorted(
+        {*offered} - left_out
+    )
+    assert len({*held}) == len(held)
+    for menu, entries in MENUS:
+        seen = [title for title, _ in entries if title]
+        for title, names in entries:
+            entry_titles = [
+                screen.console.table[n].title for e in names for n in commands_of(screen.console.table, e)
+            ]
+            assert len({*entry_titles}) == len(entry_titles), title
+            seen += entry_titles if not title else []
+        assert len({*seen}) == len(seen), menu
+
+
+def test_an_entry_whose_command_needs_numbers_opens_its_panel(screen: Pointer) -> None:
+    for path, panel in (
+        (("Vehicle", "Burns", "Plan a burn"), "steering"),
+        (("Vehicle", "Docking", "Keep-out sphere"), "docking"),
+        (("Tools", "Hardware in the loop", "Fault"), "board-link"),
+    ):
+        screen.menu(*path)
+        assert screen.console.shown[panel], path
+
+
+def test_entries_with_nothing_to_act_on_are_grey(screen: Pointer, tmp_path: Path) -> None:
+    console = screen.console
+
+    def grey() -> set[str]:
+        return {c.name for c in console.table if not is_usable(console, c.name)}
+
+    assert grey() == NEEDS.keys()
+    screen.menu("File", "Stop opening")
+    assert console.messages == []
+    console.do("burn.plan", 100.0, 0.0, 0.01, 0.0)
+    console.do("film.start", str(tmp_path / "view.mp4"))
+    console.do("timeline.bookmark", "here")
+    console.say("too near", "caution")
+    for name in ("burn.cancel", "film.stop", "timeline.unbookmark", "window.acknowledge"):
+        assert name not in grey(), name
+    console.do("film.stop")
+    console.do("burn.cancel")
+    assert {"film.stop", "burn.cancel"} <= grey()
 
 
 def test_abort_takes_two_clicks_and_its_guard_closes_by_itself(screen: Pointer) -> None:

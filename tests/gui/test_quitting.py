@@ -39,7 +39,7 @@ def test_a_flown_flight_asks_until_it_is_kept(screen: Pointer) -> None:
     screen.turn()
     assert not screen.has("Stay")
     screen.menu("File", "Quit")
-    screen.press("Keep flight")
+    screen.press("Keep all flights")
     for _ in range(200):
         console.pass_time(20)
         if not console.jobs.keeping:
@@ -219,10 +219,58 @@ def test_the_buttons_of_the_question_stay_when_a_job_ends(screen: Pointer) -> No
     console.pass_time(200)
     console.do("film.start")
     screen.menu("File", "Quit")
-    before = [screen.place(label) for label in ("Keep flight", "Quit###", "Stay")]
+    before = [screen.place(label) for label in ("Keep all flights", "Quit###", "Stay")]
     console.do("film.stop")
     screen.turn()
-    assert [screen.place(label) for label in ("Keep flight", "Quit###", "Stay")] == before
-    screen.press("Keep flight")
+    assert [screen.place(label) for label in ("Keep all flights", "Quit###", "Stay")] == before
+    screen.press("Keep all flights")
     assert [screen.place(label) for label in ("Quit###", "Stay")] == before[1:]
-    assert not screen.has("Keep flight")
+    assert not screen.has("Keep all flights")
+
+
+def test_time_stands_still_while_quitting_asks_and_runs_on_after_it(screen: Pointer) -> None:
+    console = screen.console
+    console.do("docking.approach")
+    console.pass_time(200)
+    screen.menu("File", "Quit")
+    t_s = console.session.t_s
+    for _ in range(10):
+        console.pass_time(200)
+    assert console.session.t_s == t_s
+    screen.press("Keep all flights")
+    while console.jobs.keeping:
+        console.pass_time(20)
+    assert console.losses == []
+    screen.press("Stay")
+    console.pass_time(200)
+    assert console.session.t_s > t_s
+
+
+def test_one_button_keeps_every_flight_and_quits(screen: Pointer) -> None:
+    console = screen.console
+    console.do("docking.approach")
+    console.pass_time(200)
+    screen.menu("File", "Quit")
+    screen.press("Keep all and quit")
+    for _ in range(200):
+        console.pass_time(20)
+        screen.turn()
+        if console.window.close:
+            break
+    assert console.window.close
+    assert len(console.flights) == 1
+
+
+def test_keeping_all_does_not_quit_over_a_text_that_is_not_saved(screen: Pointer) -> None:
+    console = screen.console
+    console.do("docking.approach")
+    console.pass_time(200)
+    console.draft.edit("tango-flyaround")
+    console.draft.changed = True
+    screen.menu("File", "Quit")
+    screen.press("Keep all and quit")
+    while console.jobs.keeping:
+        console.pass_time(20)
+        screen.turn()
+    assert not console.window.close
+    assert any("the text of" in text for text in screen.texts())

@@ -12,6 +12,7 @@ from flyaround.gui.console import Console
 from flyaround.gui.panels.steering import SteeringPanel, fly_to_warning
 from tests.harness.flown_console import console_flying
 from tests.harness.headless_imgui import HeadlessWindow
+from tests.harness.pointer import Pointer
 
 
 @pytest.fixture
@@ -58,12 +59,30 @@ def test_a_way_from_here_begins_with_none(window: HeadlessWindow, console: Conso
     assert place == pytest.approx(here, abs=1e-3)
 
 
+def test_a_typed_point_ends_with_its_flight() -> None:
+    screen = Pointer("tango-vbar-approach", panels=False, opened=("steering",))
+    console = screen.console
+    flights = [console.session, type(console.session).of(console.session.plan.scenario)]
+    screen.type(screen.sight("##point1"), "10")
+    done: list[tuple[object, ...]] = []
+    real, console.do = console.do, lambda *what: done.append(what)  # type: ignore[method-assign]
+    screen.press("Fly there")
+    assert done.pop()[2] == 10.0
+    console.do = real  # type: ignore[method-assign]
+    console._begin(flights[1], "")
+    screen.turn()
+    console.do = lambda *what: done.append(what)  # type: ignore[method-assign]
+    screen.press("Fly there")
+    assert done.pop()[1:] == pytest.approx(tuple(flights[1].craft.state_lvlh()[0]), abs=0.006)
+    screen.close()
+
+
 @pytest.mark.parametrize(
     ("place", "said"),
     [
         ((0.0, 0.0, 0.0), "refused: the straight line to that point comes within 0.0 m"),
         ((0.0, -20.0, 0.0), "refused: the straight line"),
-        ((11.0, 2.0, 0.0), "leads through the keep-out sphere of 12 m"),
+        ((11.0, 2.0, 0.0), "crosses the 12 m keep-out sphere"),
         ((40.0, 30.0, 0.0), "m from here"),
     ],
 )

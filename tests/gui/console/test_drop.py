@@ -29,7 +29,7 @@ def test_a_mesh_and_a_scenario_that_are_dropped_are_flown(
         source = DragSource(display, window)
         assert source.drop([cube], (400, 300))
         sitting.wait_for("importing my cube.glb as target my-cube")
-        sitting.wait_for("flying")
+        sitting.wait_for("now: ")
         # two at once: each is told what is wrong with it, and the flight goes on
         (tmp_path / "notes.txt").touch()
         assert source.drop([mine, tmp_path / "notes.txt"], (400, 300))

@@ -38,7 +38,7 @@ def test_a_data_set_and_a_session_are_made_of_what_was_flown(display: str, tmp_p
     with Sitting(tmp_path, "tango-vbar-closed-loop", script=SCRIPT, display=display) as sitting:
         sitting.wait_for("first picture")
         sitting.command("timeline.dataset", "captured: 50 frames")
-        sitting.command("timeline.hil", "flying")
+        sitting.command("timeline.hil", "now: ")
         sitting.command("hil.start tcp://127.0.0.1:0", "a board may connect")
         sitting.command("hil.board hybrid", "board connected")
         wait_until(lambda: any(len(p.read_text().splitlines()) > 2 for p in out.glob("hil-*/frames.csv")))

@@ -95,4 +95,14 @@ def test_the_capture_panel_says_how_long_the_film_is(tmp_path: Path, monkeypatch
     screen.sight("Film the whole flight")
     screen.type(screen.sight("##film2"), "2")
     assert "5 s, 125 pictures" in screen.texts()
+    # the label names the part
+    screen.type(screen.sight("##film4"), "4")
+    assert "2 s, 50 pictures" in screen.texts()
+    assert screen.has("Film 0 to 4 s")
+    assert not screen.has("Film the whole flight")
+    # which ends with the flight
+    console = screen.console
+    console._begin(type(console.session).of(console.session.plan.scenario), "")
+    screen.turn()
+    assert screen.has("Film the whole flight")
     screen.close()

@@ -269,6 +269,15 @@ def test_a_point_that_was_flown_past_is_passed():
     assert len([p for p in points.points if p.decision == "open"]) == 3
 
 
+def test_a_point_that_was_not_flown_past_is_behind():
+    points = HoldPoints(25.0)
+    # from the side into the corridor, within the first point
+    points.watch(replace(REST, axial_m=21.0, right_m=40.0))
+    points.watch(replace(REST, axial_m=12.0))
+    points.watch(replace(REST, axial_m=8.0))
+    assert [p.decision for p in points.points] == ["behind", "passed", "open"]
+
+
 def test_a_point_is_passed_on_the_axis_alone():
     points = HoldPoints(60.0)
     off_axis = replace(REST, axial_m=1.7, right_m=17.0)

@@ -365,7 +365,7 @@ def test_a_moved_burn_replaces_the_planned_one(session):
     session.order(KeepStation())
     level, text = session.order(PlanBurn(burn_of(90.0, 0.0, 0.02, 0.0)))
     assert level == "caution"
-    assert "station keeping would take it back" in text
+    assert "station keeping would undo it: choose Free drift first" in text
 
 
 def test_a_return_to_guidance_says_how_far_the_chaser_is_moved(session):
