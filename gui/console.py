@@ -269,9 +269,8 @@ class Console:
             command.call(self, values)
             self.acknowledge([m for m in self.waiting if self._settles(command, m)])
             self._note_flown(name)
-            if command.group != "settings":
-                self.options.guard = self.session.craft.steering.guard
-                self.history.note(name, before, self.options, self.clock_ms, self._change(command, values))
+            self.options.guard = self.session.craft.steering.guard
+            self.history.note(name, before, self.options, self.clock_ms, self._change(command, values))
         except (UserError, OSError) as error:
             # the flight continues, whatever happens in a command
             return str(error)
@@ -429,7 +428,6 @@ class Console:
             for level, text in state.news:
                 self.say(text, level)
         self._note_flown_on(before.t_s)
-        self.options.guard = self.session.craft.steering.guard
         over = [m for m in self.waiting if (m.over or partial(self.session.is_over, m.text))()]
         if t_ms // 1000 != self.clock_ms // 1000:
             over += [m for m in self.waiting if m.blocked and not probe_writing(m.blocked)]
@@ -481,6 +479,7 @@ class Console:
         settings.bands, settings.environment = session.plan.bands, session.scene().environment
         # the operator's changes applied to the sensor and lights of the previous scenario
         settings.sensor_changes, settings.lights, settings.exposure_stops = {}, None, 0.0
+        self.options.guard, self.history = session.craft.steering.guard, SettingsHistory()
         name = session.plan.scenario.title or session.plan.scenario.name
         replay = "REPLAY, paused: Space plays it, the slider seeks" if session.look_back.active else ""
         self.say(replay or f"flying {name}; File, Previous flight returns to the last one")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from copy import copy
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -68,7 +69,7 @@ class LvlhMap(Panel):
         self._planned = np.zeros((1, 3))
         self._burns = np.zeros((0, 3))
         self._drift, self._drift_t_s = np.zeros((1, 3)), -np.inf
-        self._dragging = False
+        self._dragged_from: MapLook | None = None
         self._nodes = BurnNodes()
         self.ports: tuple[MapPort, ...] = ()
 
@@ -163,15 +164,17 @@ class LvlhMap(Panel):
                 do_place(console, centre, width)
         if imgui.is_item_active() and imgui.is_mouse_dragging(imgui.MouseButton_.left, 3.0):
             # the point under the pointer stays there; the whole gesture is one command, at its end
-            self._dragging = True
+            self._dragged_from = self._dragged_from or copy(look)
             centre_lvlh_m = np.array(look.centre_lvlh_m)
             centre_lvlh_m[port.plane.right] -= io.mouse_delta.x / port.scale
             centre_lvlh_m[port.plane.up] += io.mouse_delta.y / port.scale
             look.place(vec3(centre_lvlh_m), look.width_m)
             self.ports = tuple(MapPort(p.plane, p.rect, look.centre_lvlh_m, p.scale) for p in self.ports)
-        elif self._dragging:
-            self._dragging = False
-            do_place(console, look.centre_lvlh_m, look.width_m)
+        elif self._dragged_from is not None:
+            centre, width = look.centre_lvlh_m, look.width_m
+            # the command is the change that is undone
+            console.options.map, self._dragged_from = self._dragged_from, None
+            do_place(console, centre, width)
 
     # --- what is drawn
 

@@ -63,8 +63,9 @@ PLUME_CLEAR_S = 10.0
 # along-track
 LVLH_FROM_DEMAND = np.array([[0.0, -1.0, 0.0], [0.0, 0.0, 1.0], [-1.0, 0.0, 0.0]])
 
-UNSAVED_ATTRIBUTES = frozenset({"docking", "keep_out", "news", "_demand"})
-"""Attributes that are not part of the saved state: other objects, news, and the manual demand."""
+UNSAVED_ATTRIBUTES = frozenset({"docking", "keep_out", "guard", "news", "_demand"})
+"""Attributes that are not part of the saved state: other objects, the pilot's choice of the keep-out sphere, news, and
+the manual demand."""
 
 
 class Steering:

@@ -301,10 +301,12 @@ class FlightSession:
             self._fly(min(self._step_s(), end - self.t_s))
 
     def restart(self) -> None:
-        """Return to the start, under guidance; pause and rate are kept."""
+        """Return to the start, under guidance; pause, rate and the choice of the keep-out sphere are kept."""
+        guard = self.craft.steering.guard
         self.look_back.restart()
         self.clock.reset()
         self.craft.restart()
+        self.craft.steering.guard = guard
         self.look_back.leave_trail()
         self.cautions = CautionWatch()
 
