@@ -159,9 +159,9 @@ class TransportStrip:
             if opened:
                 console.do("docking.abort")
             self._opened_ms = -GUARD_MS if opened else console.clock_ms
-        w.tip(
-            f"{console.table['docking.abort'].hover_text()}\ntwo clicks within five seconds; the key needs one press"
-        )
+        to_m = console.session.craft.steering.retreat_to_m
+        tip = f"{console.table['docking.abort'].hover_text()}\nretreats to {to_m:.3g} m from the target"
+        w.tip(f"{tip}; farther away, guidance ends\ntwo clicks within five seconds; the key needs one press")
 
 
 class JobStrip:

@@ -220,7 +220,7 @@ def status(console: Console) -> tuple[str, style.Rgba]:
     if docking.docked and contact is not None:
         return f"DOCKED   score {contact.score}", style.WITHIN
     if steering.aborting:
-        return "ABORT: RETREAT", style.OUTSIDE
+        return f"ABORT: RETREAT to {steering.retreat_to_m:.3g} m", style.OUTSIDE
     if contact is not None and not contact.docked and session.t_s - contact.t_s < 20.0:
         return f"CONTACT, NO DOCKING: {contact.misses[0]}", style.OUTSIDE
     point = docking.hold_points.next

@@ -121,6 +121,16 @@ class Steering:
         vars(self).update(state)
 
     @property
+    def _abort_sphere(self) -> KeepOut:
+        """The scenario's sphere, also if it is lifted, or one about the target."""
+        return self.keep_out or KeepOut(radius_m=2 * self.docking.radius_m + 5.0)
+
+    @property
+    def retreat_to_m(self) -> float:
+        """Range at which an abort ends [m]."""
+        return 2 * self._abort_sphere.radius_m
+
+    @property
     def sphere(self) -> KeepOut | None:
         """The keep-out sphere; its corridor's axis is in target axes if it turns with the port. None if lifted."""
         if self.keep_out is None or self.guard == "lifted":
@@ -327,10 +337,9 @@ class Steering:
 
     def _retreat(self, chaser: ChaserState, frame: Lvlh, h: float) -> FloatArray:
         p, v = frame.from_eci(np.array(chaser.position_eci_m), np.array(chaser.velocity_eci_m_s))
-        sphere = self.keep_out or KeepOut(radius_m=2 * self.docking.radius_m + 5.0)
-        impulse = retreat_impulse(p, v, sphere)
+        impulse = retreat_impulse(p, v, self._abort_sphere)
         size = float(np.linalg.norm(impulse))
-        if float(np.linalg.norm(p)) > 2 * sphere.radius_m:
+        if float(np.linalg.norm(p)) > self.retreat_to_m:
             self.aborting = False
             self.news.append(("note", "the abort is done: the chaser drifts"))
         return impulse / max(size, 1e-12) * min(ABORT_M_S2, size / h)

@@ -168,6 +168,7 @@ class Stop(Order):
 
 
 ABORTS = "abort: the chaser retreats from the target"
+CLOSES_M_S = 0.001  # least closing speed that an abort beyond its distance names
 
 
 @dataclass(frozen=True)
@@ -175,16 +176,26 @@ class Abort(Order):
     """Retreat from the target in the next step, at no more than real time."""
 
     def carry_out(self, craft: PilotedCraft) -> News:
-        """Take over, and retreat.
+        """Take over, and retreat; beyond the distance of a retreat, let the chaser drift.
 
         Returns
         -------
         News
-            Warning that the chaser retreats.
+            Warning that the chaser retreats, with the distance; a note if it is farther away already.
         """
         craft.take_over()
-        craft.steering.abort()
-        return "warning", ABORTS
+        steering, (p, v) = craft.steering, craft.state_lvlh()
+        steering.abort()
+        range_m, to_m = float(np.linalg.norm(p)), steering.retreat_to_m
+        if range_m <= to_m:
+            return "warning", f"{ABORTS} to {to_m:.3g} m"
+        steering.aborting = False
+        closing_m_s = -float(v @ p) / range_m
+        text = f"abort: guidance and burns end, and the chaser drifts: it is {range_m:.1f} m away"
+        text += f", and an abort retreats to {to_m:.3g} m"
+        if closing_m_s < CLOSES_M_S:
+            return "note", text
+        return "note", f"{text}; it closes at {closing_m_s:.2g} m/s: Stop brakes it"
 
 
 # --- guidance and burns
