@@ -153,15 +153,16 @@ class TransportStrip:
         if not opened and self._opened_ms > -GUARD_MS:
             self._opened_ms = -GUARD_MS
             console.say("not aborted: no second click came within five seconds", "caution", "docking.abort")
-        fill = style.BAD if opened else style.GUARDED
+        steering = console.session.craft.steering
+        fill = style.BAD if opened or steering.aborting else style.GUARDED
         label = "ABORT? again" if opened else labelled("docking.abort", "ABORT")
         if w.filled_button(f"{label}###abort", width, fill):
             if opened:
                 console.do("docking.abort")
             self._opened_ms = -GUARD_MS if opened else console.clock_ms
-        to_m = console.session.craft.steering.retreat_to_m
-        tip = f"{console.table['docking.abort'].hover_text()}\nretreats to {to_m:.3g} m from the target"
-        w.tip(f"{tip}; farther away, guidance ends\ntwo clicks within five seconds; the key needs one press")
+        tip = f"retreats to {steering.retreat_to_m:.3g} m from the target; farther away, guidance ends"
+        tip = f"{console.table['docking.abort'].hover_text()}\n{tip}"
+        w.tip(f"{tip}\ntwo clicks within five seconds; the key needs one press")
 
 
 class JobStrip:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from flyaround.gui import style
+from flyaround.gui.picture.figures import flown_colour
 from flyaround.gui.widgets import Panel
 from flyaround.simulator.errors import UserError
 from flyaround.simulator.piloting.chaser_control import ATTITUDE_MODES
@@ -67,7 +68,7 @@ class SteeringPanel(Panel):
             w.flow(w.button_width(mode.capitalize()), first=k == 0)
             w.button(console, "steer.attitude", mode, label=mode.capitalize(), on=steering.attitude == mode)
         w.section("Guidance")
-        colour = style.ACCENT if steering.doing else style.QUIET
+        colour = flown_colour(steering, style.QUIET)
         phase = "" if steering.guided is None else f": {steering.guided.phase(console.session.t_s)}"
         # one line, because buttons stand below it
         tip = "guidance that flies the chaser while no key is pressed"
@@ -115,9 +116,16 @@ class SteeringPanel(Panel):
         place = here if flawed else np.round(start + np.array(shown, float), 3)
         warning, colour = ("", style.QUIET) if flawed else fly_to_warning(craft, place)
         w.cut_line(warning, w.width, colour)
-        fill = colour if colour != style.QUIET else None if warning == HERE else style.PRIMARY
+        on = craft.steering.doing == FlyTo.title
+        fill = colour if colour != style.QUIET else None if on or warning == HERE else style.PRIMARY
         label = "Fly there" if colour == style.QUIET else "Fly there anyway"
-        look: dict[str, Any] = {"label": label, "width": w.width, "fill": fill, "enabled": not flawed}
+        look: dict[str, Any] = {
+            "label": label,
+            "width": w.width,
+            "fill": fill,
+            "on": on,
+            "enabled": not flawed,
+        }
         w.button(console, "guidance.waypoint", *place.tolist(), **look)
 
     def _burns(self, console: Console) -> None:

@@ -8,6 +8,7 @@ import numpy as np
 
 from flyaround.gui import style
 from flyaround.gui.canvas import Canvas
+from flyaround.gui.picture.figures import flown_colour
 from flyaround.gui.texts import texts
 from flyaround.gui.widgets import Widgets
 from flyaround.simulator.piloting.docking_figures import CAPTURE_M, JudgedFigure, judge
@@ -226,7 +227,7 @@ def status(console: Console) -> tuple[str, style.Rgba]:
     point = docking.hold_points.next
     goal = "port" if point is None else f"{point.name} {point.axial_m:g} m"
     if not steering.autopilot:
-        return f"{console.flown_by}   next: {goal}", style.INK
+        return f"{console.flown_by}   next: {goal}", flown_colour(steering, style.INK)
     if point is None:
         return "AUTOPILOT to the port", style.ACCENT
     waits = not docking.not_ready(session.craft.chaser, session.flight)
