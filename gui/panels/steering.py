@@ -14,7 +14,6 @@ from flyaround.simulator.errors import UserError
 from flyaround.simulator.piloting.chaser_control import ATTITUDE_MODES
 from flyaround.simulator.piloting.guidance_orders import FlyTo
 from flyaround.simulator.piloting.jumps import EVENTS
-from flyaround.simulator.piloting.planned_burns import BurnPlan
 from flyaround.simulator.runtime.arrays import vec3
 
 if TYPE_CHECKING:
@@ -29,7 +28,6 @@ GUIDANCE = tuple(f"guidance.{mode}" for mode in MODES.split())
 FIRST_AFTER_S, FIRST_M_S = 60.0, 0.01
 """Defaults of an added burn: time after the last one, and its along-track delta-v."""
 LEAST_WAY_M = 0.05  # a nearer point is where the chaser is
-WAY_POINTS = 65  # points of a straight way at which the keep-out sphere is looked for
 HERE = "where the chaser is"
 PLUME = "whether the exhaust (half angle 30 deg) hits the target's bounding sphere within 20 m"
 
@@ -41,9 +39,8 @@ def fly_to_warning(craft: PilotedCraft, place: FloatArray) -> tuple[str, style.R
         FlyTo(vec3(place)).mode((here, here), craft.docking.radius_m)
     except UserError as error:
         return f"refused: {error}", style.BAD
-    keep_out, shares = craft.sphere, np.linspace(0.0, 1.0, WAY_POINTS)
-    if keep_out is not None and any(keep_out.violated(here + s * (place - here)) for s in shares):
-        return f"leads through the keep-out sphere of {keep_out.radius_m:g} m", style.WARN
+    if risk := craft.risk_of(np.array([here, place])):
+        return risk, style.WARN
     away_m = float(np.linalg.norm(place - here))
     return HERE if away_m < LEAST_WAY_M else f"{away_m:.2f} m from here", style.QUIET
 
@@ -56,8 +53,6 @@ class SteeringPanel(Panel):
     def __init__(self, window: Surface) -> None:
         super().__init__(window)
         self._point, self._from_here = [""] * 3, False
-        self._key: tuple[BurnPlan, int] | None = None
-        self._nearest_m = np.inf
 
     def draw(self, console: Console) -> None:
         """Draw into the current panel."""
@@ -165,14 +160,13 @@ class SteeringPanel(Panel):
 
     def _forecast(self, console: Console) -> None:
         """Draw the delta-v of all burns, and the closest approach of their path to the target."""
-        craft = console.session.craft
-        key = (craft.steering.burns, int(console.session.t_s))
-        if key != self._key:
-            ahead = BurnPlan(tuple(b for b in craft.steering.burns.burns if b.start_s >= console.session.t_s))
-            path = craft.predicted_burns(ahead).points_lvlh_m if ahead.burns else np.zeros((0, 3))
-            self._key, self._nearest_m = key, np.linalg.norm(path, axis=1).min(initial=np.inf)
+        w, craft = self._w, console.session.craft
         total = sum(b.size_m_s for b in craft.steering.burns.burns)
-        self._w.row("Delta-v", (total,), "{:.3f} m/s", "of all planned burns together")
-        if np.isfinite(self._nearest_m):
+        w.row("Delta-v", (total,), "{:.3f} m/s", "of all planned burns together")
+        nearest_m, risk = craft.burns_forecast()
+        if np.isfinite(nearest_m):
+            w.coloured(style.BAD if risk else style.INK)
             tip = "closest approach to the target's centre of mass on the path with these burns"
-            self._w.row("Closest", (self._nearest_m,), "{:.2f} m", tip)
+            w.row("Closest", (nearest_m,), "{:.2f} m", tip)
+            w.imgui.pop_style_color()
+        w.cut_line(risk and f"the path {risk}", w.width, style.BAD)

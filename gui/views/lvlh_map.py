@@ -47,7 +47,8 @@ WHEEL_FACTOR = 1.2  # change of the width per step of the wheel
 FLOWN, PLANNED, DRIFT = style.ACCENT, style.QUIET, style.ORANGE  # colours of the trajectories
 LINES = (
     "blue: flown; grey: the scenario's path; orange: free drift over ten minutes; purple: planned burns; "
-    "red: keep-out sphere; green: its corridor. Wheel: zoom, drag: move, double-click: show all, right click: a burn"
+    "red: keep-out sphere, and a drift or burns through it or into the target; green: its corridor. "
+    "Wheel: zoom, drag: move, double-click: show all, right click: a burn"
 )
 LEGEND_EM = 16
 """Height of the map, in text heights, from which on it has a legend."""
@@ -102,7 +103,8 @@ class LvlhMap(Panel):
             self._ground(canvas, port)
             self._keep_out(canvas, port, session)
             canvas.stroke(port.at(self._planned), (*PLANNED[:3], 0.9), 1.2, halo=False)
-            canvas.stroke(port.at(self._drift), DRIFT, 1.4, dashed=True, halo=False)
+            colour = style.BAD if session.craft.drift_risk() else DRIFT
+            canvas.stroke(port.at(self._drift), colour, 1.4, dashed=True, halo=False)
             canvas.stroke(port.at(trail), FLOWN, 2.0, halo=False)
             target = self._target(canvas, port, session, frame)
             for burn in self._burns:

@@ -220,6 +220,8 @@ class Drift(Order):
 
 WOULD_TAKE_BACK = "would take it back"  # part of the caution that a guidance undoes a planned burn
 
+WITH_IT = "the path with it"  # part of the caution that a planned burn leads into danger
+
 
 def planned_text(burn: PlannedBurn) -> str:
     """Return the answer to the plan of a burn."""
@@ -247,7 +249,7 @@ class PlanBurn(Order):
         Returns
         -------
         News
-            Note of size and time; a caution if the active guidance would undo the burn.
+            Note of size and time; a caution if the active guidance would undo the burn, or its path is dangerous.
 
         Raises
         ------
@@ -261,6 +263,8 @@ class PlanBurn(Order):
         text = planned_text(self.burn)
         if steering.doing:
             return "caution", f"{text}, and {steering.doing} {WOULD_TAKE_BACK}: Free drift ends that"
+        if risk := craft.burns_forecast()[1]:
+            return "caution", f"{text}; {WITH_IT} {risk}"
         return "note", text
 
 

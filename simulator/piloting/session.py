@@ -262,7 +262,11 @@ class FlightSession:
             self._note_eclipse(self.craft.world)
         self._note_marks()
         new_cautions = self.cautions.news(
-            self.craft.world, steering.propellant, guarded=steering.guarded, drifts=self.craft.drifts
+            self.craft.world,
+            steering.propellant,
+            guarded=steering.guarded,
+            drifts=self.craft.drifts,
+            drift_risk=self.craft.drift_risk(),
         )
         return replace(self.state, news=(*news, *steering.pop_news(), *new_cautions))
 
