@@ -69,7 +69,7 @@ class Message:
     until: str = ""
     """Times of day of the message, and of its acknowledgement or of the end of its cause."""
     of: str = ""
-    """Command that was refused or failed."""
+    """Command that was refused or failed; the message is no caution unless that concerns the flight or a file."""
     blocked: Path | None = None
     """File or folder that cannot be written."""
     over: Callable[[], bool] | None = None
@@ -247,7 +247,17 @@ class Console:
         asks : bool, optional
             True if a command that drops or leaves a flight that is in no file first asks.
         """
-        self.say(self.attempt(name, *arguments, asks=asks), "caution", name)
+        refusal = self.attempt(name, *arguments, asks=asks)
+        level: Level = "caution" if UNWRITABLE.search(refusal) or self._flies(name, arguments) else "note"
+        self.say(refusal, level, name)
+
+    def _flies(self, name: str, arguments: Sequence[Value]) -> bool:
+        """Return True for a well-formed command that acts on the chaser, whose refusal is a caution of the flight."""
+        try:
+            self.table[name].checked(arguments)
+        except UserError:
+            return False
+        return acts_on_chaser(name)
 
     def attempt(self, name: str, *arguments: Value, asks: bool = True) -> str:
         """Run a command as `do` does, and return why it was refused.
@@ -277,10 +287,9 @@ class Console:
         return ""
 
     def _settles(self, command: Command, message: Message) -> bool:
-        """Return True if a command that was carried out ends a caution: its own, of flying, or of a wrong name."""
-        of = message.of
-        flown = command.group in FLOWN and of.partition(".")[0] in FLOWN
-        return bool(of) and (of == command.name or flown or of not in self.table)
+        """Return True if a command that was carried out ends a caution: its own, or one of flying."""
+        flown = command.group in FLOWN and message.of.partition(".")[0] in FLOWN
+        return message.of == command.name or flown
 
     def _change(self, command: Command, values: Sequence[Value]) -> str:
         """Return a change of the settings in words, with the exposure as a time."""
@@ -332,7 +341,7 @@ class Console:
         try:
             name, *words = shlex.split(line)
         except ValueError:
-            self.say(f"unknown command: {line[:120]}; F1 lists the commands", "caution", line)
+            self.say(f"unknown command: {line[:120]}; F1 lists the commands", of=line)
             return
         self.do(name, *words)
 
@@ -439,7 +448,7 @@ class Console:
         try:
             session = self.opener.take()
         except UserError as error:
-            self.say(str(error), "caution", "scenario.open")
+            self.say(str(error), of="scenario.open")
             if self.opener.scenario is self.draft.flown:
                 self.draft.problem = str(error)
             return

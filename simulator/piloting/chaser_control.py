@@ -285,14 +285,16 @@ class Steering:
 
     def _watch_plume(self, t_s: float, strikes: bool) -> None:  # noqa: FBT001 - result of a check
         again = t_s >= self._plume_told_s + PLUME_CAUTION_INTERVAL_S or self.plume_clear(t_s)
+        self.plume = strikes
+        # the advice is for a pilot, not for a controller
+        strikes = strikes and not (self.doing or self.braking)
         if strikes and again:
             self._plume_told_s = t_s
             self.news.append(("caution", PLUME_CAUTION))
         self._plume_s = t_s if strikes else self._plume_s
-        self.plume = strikes
 
     def plume_clear(self, t_s: float) -> bool:
-        """Return True if the plume has been clear of the target for `PLUME_CLEAR_S`, or if time was set back."""
+        """Return True if a pilot's plume has been clear of the target for `PLUME_CLEAR_S`, or if time was set back."""
         return not 0.0 <= t_s - self._plume_s < PLUME_CLEAR_S
 
     # --- pushes
