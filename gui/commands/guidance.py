@@ -2,16 +2,11 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 from flyaround.gui.command_table import Argument, Command, command, number
 from flyaround.gui.commands.steering import order
 from flyaround.simulator.piloting import guidance_orders as orders
 from flyaround.simulator.piloting.orders import CancelBurns, Drift, PlanBurn
 from flyaround.simulator.piloting.planned_burns import MAX_BURN_LEAD_S, MAX_DELTA_V_M_S, burn_of
-
-if TYPE_CHECKING:
-    from flyaround.gui.console import Console
 
 FAR_M = 1e5
 
@@ -30,11 +25,6 @@ def _mode(name: str, mode: type[orders.GuidanceOrder], *arguments: Argument) -> 
     """Return the command of a mode, which is lit while the mode flies."""
     state = lambda console: console.session.craft.steering.doing == mode.title  # noqa: E731
     return command(f"guidance.{name}", order(mode), *arguments, state=state)
-
-
-def _drifts(console: Console) -> bool:
-    craft = console.session.craft
-    return craft.drifts and not craft.steering.braking
 
 
 PLACE = _lvlh(FAR_M, "m")
@@ -67,7 +57,7 @@ COMMANDS = (
         _distance("near", "turned back when nearer than this"),
         _distance("far", "turned back when farther than this"),
     ),
-    command("guidance.drift", order(Drift), state=_drifts),
+    command("guidance.drift", order(Drift), state=lambda c: c.session.craft.drifts),
     command(
         "burn.plan",
         order(lambda *burn: PlanBurn(burn_of(*burn[:4]), *burn[4:])),

@@ -92,7 +92,8 @@ class PilotedCraft:
     @property
     def drifts(self) -> bool:
         """True while neither guidance nor pilot flies the chaser."""
-        return self.steered is not None and not (self.steering.doing or self.steering.takes_over)
+        steering = self.steering
+        return self.steered is not None and not (steering.doing or steering.takes_over or steering.braking)
 
     @property
     def chaser(self) -> ChaserState:
