@@ -149,8 +149,8 @@ class Command:
     held : bool, optional
         True if it lasts as long as its key is held.
     state : callable, optional
-        For a switch, a function that returns True if it is on, for the menu's tick. A command whose only argument is
-        `STATE` toggles if that is omitted.
+        For a switch or a mode, a function that returns True if it is on, for the menu's tick and its lit button. A
+        command whose only argument is `STATE` toggles if that is omitted.
     flies : bool, optional
         True if keys and gamepad run it only while hand control is armed.
     """

@@ -69,7 +69,8 @@ class Message:
     until: str = ""
     """Times of day of the message, and of its acknowledgement or of the end of its cause."""
     of: str = ""
-    """Command that was refused or failed, or that gave a result."""
+    """Command that was refused or failed, or that gave a result. A refusal is no caution unless it concerns the flight
+    or a file."""
     blocked: Path | None = None
     """File or folder that cannot be written."""
     over: Callable[[], bool] | None = None
@@ -248,7 +249,17 @@ class Console:
         asks : bool, optional
             True if a command that drops or leaves a flight that is in no file first asks.
         """
-        self.say(self.attempt(name, *arguments, asks=asks), "caution", name)
+        refusal = self.attempt(name, *arguments, asks=asks)
+        level: Level = "caution" if UNWRITABLE.search(refusal) or self._flies(name, arguments) else "note"
+        self.say(refusal, level, name)
+
+    def _flies(self, name: str, arguments: Sequence[Value]) -> bool:
+        """Return True for a well-formed command that acts on the chaser, whose refusal is a caution of the flight."""
+        try:
+            self.table[name].checked(arguments)
+        except UserError:
+            return False
+        return acts_on_chaser(name)
 
     def attempt(self, name: str, *arguments: Value, asks: bool = True) -> str:
         """Run a command as `do` does, and return why it was refused.
@@ -270,19 +281,17 @@ class Console:
             command.call(self, values)
             self.acknowledge([m for m in self.waiting if self._settles(command, m)])
             self._note_flown(name)
-            if command.group != "settings":
-                self.options.guard = self.session.craft.steering.guard
-                self.history.note(name, before, self.options, self.clock_ms, self._change(command, values))
+            self.options.guard = self.session.craft.steering.guard
+            self.history.note(name, before, self.options, self.clock_ms, self._change(command, values))
         except (UserError, OSError) as error:
             # the flight continues, whatever happens in a command
             return str(error)
         return ""
 
     def _settles(self, command: Command, message: Message) -> bool:
-        """Return True if a command that was carried out ends a caution: its own, of flying, or of a wrong name."""
-        of = message.of
-        flown = command.group in FLOWN and of.partition(".")[0] in FLOWN
-        return bool(of) and (of == command.name or flown or of not in self.table)
+        """Return True if a command that was carried out ends a caution: its own, or one of flying."""
+        flown = command.group in FLOWN and message.of.partition(".")[0] in FLOWN
+        return message.of == command.name or flown
 
     def _change(self, command: Command, values: Sequence[Value]) -> str:
         """Return a change of the settings in words, with the exposure as a time."""
@@ -334,7 +343,7 @@ class Console:
         try:
             name, *words = shlex.split(line)
         except ValueError:
-            self.say(f"unknown command: {line[:120]}; F1 lists the commands", "caution", line)
+            self.say(f"unknown command: {line[:120]}; F1 lists the commands", of=line)
             return
         self.do(name, *words)
 
@@ -434,7 +443,6 @@ class Console:
             for level, text in state.news:
                 self.say(text, level)
         self._note_flown_on(before.t_s)
-        self.options.guard = self.session.craft.steering.guard
         over = [m for m in self.waiting if (m.over or partial(self.session.is_over, m.text))()]
         if t_ms // 1000 != self.clock_ms // 1000:
             over += [m for m in self.waiting if m.blocked and not probe_writing(m.blocked)]
@@ -446,7 +454,7 @@ class Console:
         try:
             session = self.opener.take()
         except UserError as error:
-            self.say(str(error), "caution", "scenario.open")
+            self.say(str(error), of="scenario.open")
             if self.opener.scenario is self.draft.flown:
                 self.draft.problem = str(error)
             return
@@ -486,6 +494,7 @@ class Console:
         settings.bands, settings.environment = session.plan.bands, session.scene().environment
         # the operator's changes applied to the sensor and lights of the previous scenario
         settings.sensor_changes, settings.lights, settings.exposure_stops = {}, None, 0.0
+        self.options.guard, self.history = session.craft.steering.guard, SettingsHistory()
         name = session.plan.scenario.title or session.plan.scenario.name
         replay = "REPLAY, paused: Space plays it, the slider seeks" if session.look_back.active else ""
         self.say(replay or f"now: {name}; File, Previous flight returns to the last one")

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 FLOWN = frozenset({"steer", "guidance", "burn", "docking"})
 """Groups of commands that make a flight the operator's own."""
-NO_FLYING = frozenset({"steer.arm", "steer.stick-lost"})
+NO_FLYING = frozenset({"steer.arm", "steer.stick-lost", "docking.keep-out"})
 """Commands of those groups that do not act on the chaser."""
 NEW_FLIGHT = frozenset({"scenario.open", "scenario.target", "scenario.fly", "light.fly"})
 """Commands that begin another flight."""

@@ -114,8 +114,12 @@ def message_texts(console: Console) -> list[tuple[str, style.Rgba]]:
     result = result if result and result[0].of else waiting[-2:-1]
     shown = [*waiting[-1:], *(result if newest in waiting else [newest])]
     more = len(waiting) - sum(m in waiting for m in shown)
-    colours = {"note": style.INK if waiting else style.QUIET, "caution": style.WARN, "warning": style.BAD}
-    texts = [(" ".join(m.text.split()), colours[m.level]) for m in shown]
+    colours = {"caution": style.WARN, "warning": style.BAD}
+    # a refusal is no news of the flight, which is dim
+    plain = [style.INK if waiting or m.of else style.QUIET for m in shown]
+    texts = [
+        (" ".join(m.text.split()), colours.get(m.level, ink)) for m, ink in zip(shown, plain, strict=True)
+    ]
     if waiting:
         texts[0] = f"{texts[0][0]} ({f'{more} more; ' * bool(more)}F9: seen)", texts[0][1]
     return texts

@@ -71,9 +71,10 @@ class TransportStrip:
         self.scrubber(console, timeline, end_s, max(w.width - right, em))
         imgui.same_line()
         imgui.set_cursor_pos_x(imgui.get_window_width() - right + 0.5 * em)
-        on = console.hand.armed
-        look = ("HAND: ON", "hand-on") if on else ("HAND: OFF", "hand-off")
-        fill = style.WARN if on else style.EDGE
+        on, craft = console.hand.armed, session.craft
+        idle = craft.mode == "guidance" or bool(craft.steering.doing)
+        look = ("HAND: IDLE" if idle else "HAND: ON", "hand-on") if on else ("HAND: OFF", "hand-off")
+        fill = style.WARN if on and not idle else style.EDGE
         w.button(console, "steer.arm", label=look[0], icon=look[1], width=8 * em, fill=fill)
         imgui.same_line()
         self._abort(console, 8 * em)
@@ -154,14 +155,17 @@ class TransportStrip:
         opened = console.clock_ms - self._opened_ms < GUARD_MS
         if not opened and self._opened_ms > -GUARD_MS:
             self._opened_ms = -GUARD_MS
-            console.say("not aborted: no second click came within five seconds", "caution", "docking.abort")
-        fill = style.BAD if opened else style.GUARDED
+            console.say("not aborted: no second click came within five seconds", of="docking.abort")
+        steering = console.session.craft.steering
+        fill = style.BAD if opened or steering.aborting else style.GUARDED
         label = "ABORT? again" if opened else labelled("docking.abort", "ABORT")
         if w.filled_button(f"{label}###abort", width, fill):
             if opened:
                 console.do("docking.abort")
             self._opened_ms = -GUARD_MS if opened else console.clock_ms
-        w.tip(f"{console.table['docking.abort'].hover_text()}\ntwo clicks in five seconds, or the key once")
+        tip = f"retreats to {steering.retreat_to_m:.3g} m from the target; farther away, guidance ends"
+        tip = f"{console.table['docking.abort'].hover_text()}\n{tip}"
+        w.tip(f"{tip}\ntwo clicks within five seconds; the key needs one press")
 
 
 class JobStrip:

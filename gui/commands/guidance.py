@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from flyaround.gui.command_table import Argument, command, number
+from flyaround.gui.command_table import Argument, Command, command, number
 from flyaround.gui.commands.steering import order
 from flyaround.simulator.piloting import guidance_orders as orders
 from flyaround.simulator.piloting.orders import CancelBurns, Drift, PlanBurn
@@ -21,6 +21,12 @@ def _lvlh(most: float, unit: str) -> tuple[Argument, ...]:
     return tuple(number(axis, about, -most, most, unit) for axis, about in axes.items())
 
 
+def _mode(name: str, mode: type[orders.GuidanceOrder], *arguments: Argument) -> Command:
+    """Return the command of a mode, which is lit while the mode flies."""
+    state = lambda console: console.session.craft.steering.doing == mode.title  # noqa: E731
+    return command(f"guidance.{name}", order(mode), *arguments, state=state)
+
+
 PLACE = _lvlh(FAR_M, "m")
 SPEED = number("speed", "of the approach; 0.1 unless given", 1e-3, 10.0, "m/s", optional=True)
 HOLD = _distance("hold", "from the target's centre of mass")
@@ -29,33 +35,29 @@ PERIOD = number("period", "of a turn; 900 unless given", 60.0, 1e5, "s", optiona
 SINCE_START = "since the scenario's start"
 
 COMMANDS = (
-    command("guidance.hold", order(orders.KeepStation)),
+    _mode("hold", orders.KeepStation),
     command("guidance.hold-at", order(lambda *place: orders.KeepStation(place)), *PLACE),
-    command("guidance.vbar", order(orders.ApproachVbar), HOLD, SPEED),
-    command("guidance.rbar", order(orders.ApproachRbar), HOLD, SPEED),
-    command(
-        "guidance.glideslope",
-        order(orders.FlyGlideslope),
-        _distance("end", "from the target's centre of mass"),
-    ),
+    _mode("vbar", orders.ApproachVbar, HOLD, SPEED),
+    _mode("rbar", orders.ApproachRbar, HOLD, SPEED),
+    _mode("glideslope", orders.FlyGlideslope, _distance("end", "from the target's centre of mass")),
     command(
         "guidance.waypoint", order(lambda r, a, c, *speed: orders.FlyTo((r, a, c), *speed)), *PLACE, SPEED
     ),
-    command(
-        "guidance.flyaround",
-        order(orders.FlyAround),
+    _mode(
+        "flyaround",
+        orders.FlyAround,
         _distance("radius", "of the circle; left out: where the chaser is"),
         PERIOD,
     ),
-    command("guidance.circumnavigate", order(orders.Circumnavigate), SIZE),
-    command("guidance.safe-ellipse", order(orders.FlySafeEllipse), SIZE),
-    command(
-        "guidance.keep-range",
-        order(orders.KeepRange),
+    _mode("circumnavigate", orders.Circumnavigate, SIZE),
+    _mode("safe-ellipse", orders.FlySafeEllipse, SIZE),
+    _mode(
+        "keep-range",
+        orders.KeepRange,
         _distance("near", "turned back when nearer than this"),
         _distance("far", "turned back when farther than this"),
     ),
-    command("guidance.drift", order(Drift)),
+    command("guidance.drift", order(Drift), state=lambda c: c.session.craft.drifts),
     command(
         "burn.plan",
         order(lambda *burn: PlanBurn(burn_of(*burn[:4]), *burn[4:])),

@@ -45,7 +45,9 @@ def _start(console: Console, url: str | None = None) -> None:
     console.jobs.hil.start(console.session, config, console.device_index)
 
 
-def _board(console: Console, method: str | None = None) -> None:
+def _board(console: Console, method: str | None = None, url: str | None = None) -> None:
+    if not console.jobs.hil.on:
+        _start(console, url)
     console.jobs.hil.start_board(console.session.plan.target.name, method or HYBRID)
 
 
@@ -65,7 +67,7 @@ SECONDS = number("seconds", LASTS, 0.1, 3600.0, "s", optional=True)
 COMMANDS = (
     command("hil.start", _start, URL),
     command("hil.stop", lambda console: console.jobs.hil.stop()),
-    command("hil.board", _board, METHOD),
+    command("hil.board", _board, METHOD, URL),
     command("hil.board-stop", lambda console: console.jobs.hil.stop_board()),
     command("hil.fault", _fault, word("kind", "which one", tuple(FAULTS)), SECONDS),
 )

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 from flyaround.gui.command_table import command, number, word
 from flyaround.gui.jobs.mesh_import import MESHES, MeshImport
 from flyaround.gui.jobs.program import output_file
+from flyaround.gui.picture.settings_history import KEEP_OUT
 from flyaround.gui.picture.video import Film
 from flyaround.simulator.errors import UserError
 
@@ -92,9 +93,14 @@ def _stop_import(console: Console) -> None:
 
 def _step_settings(name: str, console: Console) -> None:
     """Undo or redo the last change; a choice of the keep-out sphere is given to the flight, and lifting it asks."""
-    what = console.history.next(f"settings.{name}") and getattr(console.history, name)(console.options)
-    if console.options.guard != console.session.craft.steering.guard:
-        console.do("docking.keep-out", console.options.guard)
+    history, options, steering = console.history, console.options, console.session.craft.steering
+    what = history.next(f"settings.{name}") and getattr(history, name)(options)
+    if options.guard != steering.guard:
+        console.do(KEEP_OUT, options.guard)
+        if console.asked is not None:
+            # undone once the answer is given
+            (history.redo if name == "undo" else history.undo)(options)
+            return
     if not what:
         console.say("there is no change to undo" if name == "undo" else "there is nothing to redo")
     else:

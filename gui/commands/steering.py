@@ -91,7 +91,7 @@ COMMANDS = (
         )
         for name, (keys, text) in texts("held").items()
     ),
-    command("steer.stop", _stop, "x", flies=True),
+    command("steer.stop", _stop, "x", flies=True, state=lambda c: c.session.craft.steering.braking),
     command("steer.track", _track, "t", flies=True, state=lambda console: console.session.craft.tracking),
     command("steer.centre", order(Centre), "c", flies=True),
     command("steer.toggle", _toggle, "g", flies=True, state=lambda c: c.session.craft.mode == "guidance"),

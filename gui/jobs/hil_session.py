@@ -14,7 +14,7 @@ import numpy as np
 
 from flyaround.gui.jobs.hil_stream import Event, SceneRequest, SessionNote, stream
 from flyaround.gui.jobs.program import ChildProgram
-from flyaround.hil.host.frame_record import FrameRecord
+from flyaround.hil.host.frame_record import DECLINED, FrameRecord
 from flyaround.hil.host.ledger.summary import LedgerSummary
 from flyaround.hil.host.link_process.ipc import Close, Listening
 from flyaround.simulator.errors import UserError
@@ -68,6 +68,8 @@ class HilSession:
         self.rows: deque[FrameRecord] = deque(maxlen=KEPT_ROWS)
         self._arrived_s: deque[float] = deque(maxlen=KEPT_ROWS)
         self.outcomes: Counter[str] = Counter()
+        self.declined: Counter[str] = Counter()
+        """Number of declined frames by reason."""
         self.struck: Counter[str] = Counter()
         """Number of frames affected by each kind of fault."""
         self.sent = 0
@@ -213,6 +215,8 @@ class HilSession:
             case SceneRequest():
                 self._scene_due = True
             case FrameRecord():
+                if event.outcome == DECLINED and event.reason not in self.declined:
+                    notes.append(SessionNote(f"the board declines: {event.reason}"))
                 self._add(event)
             case Listening(url):
                 self.url = url
@@ -235,6 +239,7 @@ class HilSession:
         self.rows.append(row)
         self._arrived_s.append(self._clock())
         self.outcomes[row.outcome] += 1
+        self.declined.update([row.reason] if row.outcome == DECLINED else [])
         self.struck.update(row.faults)
         self.sent += 1
 
@@ -252,10 +257,11 @@ class HilSession:
 
     def _over(self) -> SessionNote:
         exit_code = None if self._process is None else self._process.exitcode
-        was_asked = self._stop_s is not None
+        was_asked, listened = self._stop_s is not None, bool(self.url)
         self._forget_process()
         if self._failed is not None:
-            return SessionNote(f"the session with the board ended: {self._failed}", warning=True)
+            # one that never listened was started wrongly
+            return SessionNote(f"the session with the board ended: {self._failed}", warning=listened)
         if (s := self._summary) is None:
             return SessionNote(
                 f"the session with the board ended unexpectedly (exit code {exit_code})", warning=True

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from flyaround.gui.console import Console
     from flyaround.gui.jobs.hil_session import HilSession
 
+SHOWN_REASONS = 4
 SEEN = {"off": style.QUIET, "streaming": style.GOOD}
 
 
@@ -47,7 +48,7 @@ class BoardLinkPanel(Panel):
         self._method = w.choice(
             console, "hil.board", self._method or self._methods[0], self._methods, argument="method"
         )
-        board = ("hil.board-stop",) if hil.board_running else ("hil.board", self._method)
+        board = ("hil.board-stop",) if hil.board_running else ("hil.board", self._method, self._url)
         w.button(console, *board, width=w.width)
         # above the answers, whose growth must not move it
         w.section("Faults on purpose")
@@ -61,6 +62,10 @@ class BoardLinkPanel(Panel):
         w.row("Pictures", (hil.sent,), "{:d}", "sent since the session began")
         w.row("Accepted", (hil.accepted,), "{:d}", "poses that the board accepts")
         w.row("Declined", (hil.outcomes["declined"],), "{:d}", "answers without a usable pose")
+        newest = next((r.reason for r in reversed(hil.rows) if r.reason in hil.declined), "")
+        for reason in sorted(hil.declined, key=lambda r: (r != newest, -hil.declined[r]))[:SHOWN_REASONS]:
+            tip = "number of declined pictures with this reason; the last one's is on top"
+            w.cut_line(f"  {hil.declined[reason]}: {reason}", w.width, style.WARN, tip)
         w.row("Rate", (hil.per_s,), "{:.2f}/s", "answers a second, over five seconds")
         for cause, n in hil.drops.items():
             w.coloured(style.BAD)

@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from flyaround.gui import style
+from flyaround.gui.picture.figures import flown_colour
 from flyaround.gui.widgets import Panel
 from flyaround.simulator.errors import UserError
 from flyaround.simulator.piloting.chaser_control import ATTITUDE_MODES
 from flyaround.simulator.piloting.guidance_orders import FlyTo
 from flyaround.simulator.piloting.jumps import EVENTS
-from flyaround.simulator.piloting.planned_burns import BurnPlan
 from flyaround.simulator.runtime.arrays import vec3
 
 if TYPE_CHECKING:
@@ -29,7 +29,6 @@ GUIDANCE = tuple(f"guidance.{mode}" for mode in MODES.split())
 FIRST_AFTER_S, FIRST_M_S = 60.0, 0.01
 """Defaults of an added burn: time after the last one, and its along-track delta-v."""
 LEAST_WAY_M = 0.05  # a nearer point is where the chaser is
-WAY_POINTS = 65  # points of a straight way at which the keep-out sphere is looked for
 HERE = "where the chaser is"
 PLUME = "whether the exhaust (half angle 30 deg) hits the target's bounding sphere within 20 m"
 
@@ -41,9 +40,8 @@ def fly_to_warning(craft: PilotedCraft, place: FloatArray) -> tuple[str, style.R
         FlyTo(vec3(place)).mode((here, here), craft.docking.radius_m)
     except UserError as error:
         return f"refused: {error}", style.BAD
-    keep_out, shares = craft.sphere, np.linspace(0.0, 1.0, WAY_POINTS)
-    if keep_out is not None and any(keep_out.violated(here + s * (place - here)) for s in shares):
-        return f"crosses the {keep_out.radius_m:g} m keep-out sphere", style.WARN
+    if risk := craft.risk_of(np.array([here, place])):
+        return risk, style.WARN
     away_m = float(np.linalg.norm(place - here))
     return HERE if away_m < LEAST_WAY_M else f"{away_m:.2f} m from here", style.QUIET
 
@@ -57,8 +55,6 @@ class SteeringPanel(Panel):
         super().__init__(window)
         self._point, self._from_here = [""] * 3, False
         self._flight: FlightSession | None = None
-        self._key: tuple[BurnPlan, int] | None = None
-        self._nearest_m = np.inf
 
     def draw(self, console: Console) -> None:
         """Draw into the current panel."""
@@ -69,7 +65,7 @@ class SteeringPanel(Panel):
             w.flow(w.button_width(mode.capitalize()), first=k == 0)
             w.button(console, "steer.attitude", mode, label=mode.capitalize(), on=steering.attitude == mode)
         w.section("Guidance")
-        colour = style.ACCENT if steering.doing else style.QUIET
+        colour = flown_colour(steering, style.QUIET)
         phase = "" if steering.guided is None else f": {steering.guided.phase(console.session.t_s)}"
         # one line, because buttons stand below it
         tip = "guidance that flies the chaser while no key is pressed"
@@ -115,9 +111,16 @@ class SteeringPanel(Panel):
         place = here if flawed else np.round(start + np.array(shown, float), 3)
         warning, colour = ("", style.QUIET) if flawed else fly_to_warning(craft, place)
         w.cut_line(warning, w.width, colour)
-        fill = colour if colour != style.QUIET else None if warning == HERE else style.PRIMARY
+        on = craft.steering.doing == FlyTo.title
+        fill = colour if colour != style.QUIET else None if on or warning == HERE else style.PRIMARY
         label = "Fly there" if colour == style.QUIET else "Fly there anyway"
-        look: dict[str, Any] = {"label": label, "width": w.width, "fill": fill, "enabled": not flawed}
+        look: dict[str, Any] = {
+            "label": label,
+            "width": w.width,
+            "fill": fill,
+            "on": on,
+            "enabled": not flawed,
+        }
         w.button(console, "guidance.waypoint", *place.tolist(), **look)
 
     def _burns(self, console: Console) -> None:
@@ -157,14 +160,13 @@ class SteeringPanel(Panel):
 
     def _forecast(self, console: Console) -> None:
         """Draw the delta-v of all burns, and the closest approach of their path to the target."""
-        craft = console.session.craft
-        key = (craft.steering.burns, int(console.session.t_s))
-        if key != self._key:
-            ahead = BurnPlan(tuple(b for b in craft.steering.burns.burns if b.start_s >= console.session.t_s))
-            path = craft.predicted_burns(ahead).points_lvlh_m if ahead.burns else np.zeros((0, 3))
-            self._key, self._nearest_m = key, np.linalg.norm(path, axis=1).min(initial=np.inf)
+        w, craft = self._w, console.session.craft
         total = sum(b.size_m_s for b in craft.steering.burns.burns)
-        self._w.row("Delta-v", (total,), "{:.3f} m/s", "of all planned burns together")
-        if np.isfinite(self._nearest_m):
+        w.row("Delta-v", (total,), "{:.3f} m/s", "of all planned burns together")
+        nearest_m, risk = craft.burns_forecast()
+        if np.isfinite(nearest_m):
+            w.coloured(style.BAD if risk else style.INK)
             tip = "closest approach to the target's centre of mass on the path with these burns"
-            self._w.row("Closest", (self._nearest_m,), "{:.2f} m", tip)
+            w.row("Closest", (nearest_m,), "{:.2f} m", tip)
+            w.imgui.pop_style_color()
+        w.cut_line(risk and f"the path {risk}", w.width, style.BAD)

@@ -11,6 +11,7 @@ from flyaround.gui.texts import texts
 if TYPE_CHECKING:
     from collections.abc import Callable
 
+    from flyaround.simulator.piloting.chaser_control import Steering
     from flyaround.simulator.piloting.session import FlightSession
     from flyaround.simulator.piloting.telemetry import Telemetry
 
@@ -24,6 +25,11 @@ def age_text(session: FlightSession, t_s: float, told_s: float = OLD_S) -> tuple
     age_s = abs(session.t_s - t_s)
     colour = style.WARN if age_s > OLD_S * max(session.clock.rate, 1.0) else style.INK
     return f"{age_s:.1f} s old" if age_s >= told_s else "", colour
+
+
+def flown_colour(steering: Steering, by_hand: style.Rgba) -> style.Rgba:
+    """Return the colour of the controller's name, which under manual control is ``by_hand``."""
+    return style.OUTSIDE if steering.aborting else style.ACCENT if steering.doing else by_hand
 
 
 @dataclass(frozen=True)

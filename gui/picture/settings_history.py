@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from copy import deepcopy
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from flyaround.simulator.errors import UserError
 
@@ -13,18 +13,28 @@ if TYPE_CHECKING:
 MAX_STEPS = 200  # steps that can be undone
 ONE_DRAG_MS = 800
 """Interval within which consecutive changes by one command, as of a dragged slider, count as one."""
+GROUPS = frozenset(
+    ["overlay", "picture", "world", "window", "map", "orbit-camera", "camera", "sensor", "light"]
+)
+KEEP_OUT = "docking.keep-out"
+"""Groups of the commands that can be undone, and one more command."""
+
+Values = dict[tuple[str, str], Any]
+"""Values by part of the settings and field; the field of a part that is undone as a whole is empty."""
+Steps = list[tuple[str, Values]]
+SPLIT = ("settings", "overlays")  # parts whose fields are undone one by one
 
 
 class SettingsHistory:
-    """The settings before each command that changed them, with words on the change."""
+    """The former value of each setting that a command changed, with words on the change."""
 
     def __init__(self) -> None:
-        self._undo: list[tuple[str, Options]] = []
-        self._redo: list[tuple[str, Options]] = []
+        self._undo: Steps = []
+        self._redo: Steps = []
         self._last: tuple[str, int] = ("", -ONE_DRAG_MS)
 
     def note(self, command: str, before: Options, after: Options, t_ms: int, change: str = "") -> None:
-        """Record the settings before a command, if it changed them.
+        """Record the settings that a command changed, if they are those of its name.
 
         Parameters
         ----------
@@ -39,14 +49,16 @@ class SettingsHistory:
         change : str, optional
             The change in words, by default the command's name.
         """
-        if before == after:
+        now = _values(after)
+        former = {key: value for key, value in _values(before).items() if value != now[key]}
+        if not former or not (command == KEEP_OUT or command.partition(".")[0] in GROUPS):
             return
         name, then_ms = self._last
         self._last = (command, t_ms)
         self._redo.clear()
         if name == command and t_ms - then_ms < ONE_DRAG_MS and self._undo:
-            before = self._undo.pop()[1]
-        self._undo = [*self._undo[-MAX_STEPS + 1 :], (change or command, before)]
+            former |= self._undo.pop()[1]
+        self._undo = [*self._undo[-MAX_STEPS + 1 :], (change or command, former)]
 
     def next(self, command: str) -> str | None:
         """Return the change that ``settings.undo`` or ``settings.redo`` would act on; None of other commands."""
@@ -76,14 +88,22 @@ class SettingsHistory:
         return _swap(options, self._redo, self._undo, "there is nothing to redo")
 
 
-Steps = list[tuple[str, "Options"]]
+def _values(options: Options) -> Values:
+    """Return all settings by part and field."""
+    return {
+        (part, name): value
+        for part, whole in vars(options).items()
+        for name, value in (vars(whole).items() if part in SPLIT else [("", whole)])
+    }
 
 
 def _swap(options: Options, source: Steps, other: Steps, advice: str) -> str:
-    """Restore the last settings of ``source``, push the present ones to ``other``, and return the change."""
+    """Restore the values of the last step of ``source``, push the present ones to ``other``; return the change."""
     if not source:
         raise UserError(advice)
-    change, settings = source.pop()
-    other.append((change, deepcopy(options)))
-    vars(options).update(vars(settings))
+    change, former = source.pop()
+    now = _values(options)
+    other.append((change, deepcopy({key: now[key] for key in former})))
+    for (part, name), value in former.items():
+        setattr(getattr(options, part) if name else options, name or part, value)
     return change

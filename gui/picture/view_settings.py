@@ -84,7 +84,7 @@ class Overlays:
 
 @dataclass
 class Options:
-    """All settings of the operator; the choice of the keep-out sphere follows the flight."""
+    """All settings of the operator; the choice of the keep-out sphere is that of the flight."""
 
     settings: ViewSettings
     overlays: Overlays = field(default_factory=Overlays)

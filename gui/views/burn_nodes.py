@@ -53,6 +53,7 @@ class BurnNodes:
         self._grip: Grip | None = None
         self._plan = BurnPlan()
         self._path: PredictedPath | None = None
+        self._risk = ""
         self._key: tuple[object, ...] = ()
 
     def take_mouse(
@@ -108,7 +109,7 @@ class BurnNodes:
         path, burns = self._path, self._plan.burns
         if path is None or not burns:
             return
-        canvas.stroke(port.at(path.points_lvlh_m), COLOUR, 1.6, dashed=True)
+        canvas.stroke(port.at(path.points_lvlh_m), style.BAD if self._risk else COLOUR, 1.6, dashed=True)
         tips = []
         for burn, node in zip(burns, path.nodes_lvlh_m, strict=False):
             at = point(port.at(node))
@@ -139,7 +140,12 @@ class BurnNodes:
     # --- inside
 
     def _refresh(self, session: FlightSession, plan: BurnPlan) -> None:
-        key = (session, plan, int(session.t_s / (EVERY_S * max(session.clock.rate, 1.0))))
+        key = (
+            session,
+            plan,
+            session.craft.steering.guard,
+            int(session.t_s / (EVERY_S * max(session.clock.rate, 1.0))),
+        )
         if key == self._key:
             return
         self._key, self._plan = key, plan
@@ -147,6 +153,7 @@ class BurnNodes:
         ahead = BurnPlan(tuple(b for b in plan.burns if b.t_s >= session.t_s))
         self._plan = ahead
         self._path = session.craft.predicted_burns(ahead, samples=SAMPLES) if ahead.burns else None
+        self._risk = session.craft.risk_of(self.path_lvlh_m)
 
     def _found(self, port: MapPort, mouse: Point) -> Grip | None:
         if self._path is None:

@@ -10,7 +10,7 @@ import numpy as np
 from flyaround.gui import style
 from flyaround.gui.canvas import Canvas
 from flyaround.gui.commands.timeline import clock
-from flyaround.gui.picture.figures import AGE_TIP, FIGURES, age_text
+from flyaround.gui.picture.figures import AGE_TIP, FIGURES, age_text, flown_colour
 from flyaround.gui.picture.screen import exposure_fault, screen_picture
 from flyaround.gui.views.docking_hud import DockingHud
 from flyaround.gui.views.estimate_overlay import EstimateOverlay
@@ -291,7 +291,7 @@ def _badge(session: FlightSession) -> tuple[str, style.Rgba]:
         attitude = "TRACK" if session.craft.tracking else steering.attitude.upper()
         axes = " LVLH" if steering.axes == "lvlh" else ""
         badge = f"{(steering.doing or 'steer').upper()}{axes} / {attitude}{' / BRAKE' if steering.braking else ''}"
-        color = style.ACCENT if steering.doing else style.WARN
+        color = flown_colour(steering, style.WARN)
         if steering.guarded:
             badge, color = f"{badge} / KEEP OUT", style.BAD
     if session.clock.jump:

@@ -8,6 +8,7 @@ import numpy as np
 
 from flyaround.gui import style
 from flyaround.gui.canvas import Canvas
+from flyaround.gui.picture.figures import flown_colour
 from flyaround.gui.texts import texts
 from flyaround.gui.widgets import Widgets
 from flyaround.simulator.piloting.docking_figures import CAPTURE_M, JudgedFigure, judge
@@ -220,13 +221,13 @@ def status(console: Console) -> tuple[str, style.Rgba]:
     if docking.docked and contact is not None:
         return f"DOCKED   score {contact.score}", style.WITHIN
     if steering.aborting:
-        return "ABORT: RETREAT", style.OUTSIDE
+        return f"ABORT: RETREAT to {steering.retreat_to_m:.3g} m", style.OUTSIDE
     if contact is not None and not contact.docked and session.t_s - contact.t_s < 20.0:
         return f"CONTACT, NO DOCKING: {contact.misses[0]}", style.OUTSIDE
     point = docking.hold_points.next
     goal = "port" if point is None else f"{point.name} {point.axial_m:g} m"
     if not steering.autopilot:
-        return f"{console.flown_by}   next: {goal}", style.INK
+        return f"{console.flown_by}   next: {goal}", flown_colour(steering, style.INK)
     if point is None:
         return "AUTOPILOT to the port", style.ACCENT
     waits = not docking.not_ready(session.craft.chaser, session.flight)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from copy import copy
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -46,7 +47,8 @@ WHEEL_FACTOR = 1.2  # change of the width per step of the wheel
 FLOWN, PLANNED, DRIFT = style.ACCENT, style.QUIET, style.ORANGE  # colours of the trajectories
 LINES = (
     "blue: flown; grey: the scenario's path; orange: free drift over ten minutes; purple: planned burns; "
-    "red: keep-out sphere; green: its corridor. Wheel: zoom, drag: move, double-click: show all, right click: a burn"
+    "red: keep-out sphere, and a drift or burns through it or into the target; green: its corridor. "
+    "Wheel: zoom, drag: move, double-click: show all, right click: a burn"
 )
 LEGEND_EM = 16
 """Height of the map, in text heights, from which on it has a legend."""
@@ -68,7 +70,7 @@ class LvlhMap(Panel):
         self._planned = np.zeros((1, 3))
         self._burns = np.zeros((0, 3))
         self._drift, self._drift_t_s = np.zeros((1, 3)), -np.inf
-        self._dragging = False
+        self._dragged_from: MapLook | None = None
         self._nodes = BurnNodes()
         self.ports: tuple[MapPort, ...] = ()
 
@@ -101,7 +103,8 @@ class LvlhMap(Panel):
             self._ground(canvas, port)
             self._keep_out(canvas, port, session)
             canvas.stroke(port.at(self._planned), (*PLANNED[:3], 0.9), 1.2, halo=False)
-            canvas.stroke(port.at(self._drift), DRIFT, 1.4, dashed=True, halo=False)
+            colour = style.BAD if session.craft.drift_risk() else DRIFT
+            canvas.stroke(port.at(self._drift), colour, 1.4, dashed=True, halo=False)
             canvas.stroke(port.at(trail), FLOWN, 2.0, halo=False)
             target = self._target(canvas, port, session, frame)
             for burn in self._burns:
@@ -163,15 +166,17 @@ class LvlhMap(Panel):
                 do_place(console, centre, width)
         if imgui.is_item_active() and imgui.is_mouse_dragging(imgui.MouseButton_.left, 3.0):
             # the point under the pointer stays there; the whole gesture is one command, at its end
-            self._dragging = True
+            self._dragged_from = self._dragged_from or copy(look)
             centre_lvlh_m = np.array(look.centre_lvlh_m)
             centre_lvlh_m[port.plane.right] -= io.mouse_delta.x / port.scale
             centre_lvlh_m[port.plane.up] += io.mouse_delta.y / port.scale
             look.place(vec3(centre_lvlh_m), look.width_m)
             self.ports = tuple(MapPort(p.plane, p.rect, look.centre_lvlh_m, p.scale) for p in self.ports)
-        elif self._dragging:
-            self._dragging = False
-            do_place(console, look.centre_lvlh_m, look.width_m)
+        elif self._dragged_from is not None:
+            centre, width = look.centre_lvlh_m, look.width_m
+            # the command is the change that is undone
+            console.options.map, self._dragged_from = self._dragged_from, None
+            do_place(console, centre, width)
 
     # --- what is drawn
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from copy import copy
 from functools import partial
 from typing import TYPE_CHECKING
 
@@ -11,7 +12,7 @@ from flyaround.gui import style
 from flyaround.gui.canvas import Canvas, point
 from flyaround.gui.picture.figures import AGE_TIP, age_text
 from flyaround.gui.picture.further import ORBIT_CAMERA
-from flyaround.gui.picture.orbit_camera import ABOUT
+from flyaround.gui.picture.orbit_camera import ABOUT, FARTHEST_M, NEAREST_M, OrbitCamera
 from flyaround.gui.picture.orbit_picture import TRAIL_POINTS, ChaserMarks, chaser_marks
 from flyaround.gui.picture.screen import screen_picture
 from flyaround.gui.views.letterbox import Letterbox
@@ -34,7 +35,7 @@ class OrbitCameraView(Panel):
     name, title, place, shown = ORBIT_CAMERA, "Orbit camera", "bottom", False
     bare = True
 
-    _turning = False
+    _turned_from: OrbitCamera | None = None
     _marks: ChaserMarks | None = None
     _marks_of: Picture | None = None
 
@@ -138,23 +139,22 @@ class OrbitCameraView(Panel):
                 console.do("orbit-camera.reset")
                 return
             if io.mouse_wheel:
-                look.place(
-                    look.azimuth_deg, look.elevation_deg, look.distance_m / WHEEL_FACTOR**io.mouse_wheel
-                )
-                self._keep(console)
+                factor = WHEEL_FACTOR**io.mouse_wheel
+                do_place(console, look.azimuth_deg, look.elevation_deg, look.distance_m / factor)
         if imgui.is_item_active() and imgui.is_mouse_dragging(imgui.MouseButton_.left, 2.0):
-            self._turning = True
+            self._turned_from = self._turned_from or copy(look)
             look.place(
                 look.azimuth_deg + DEGREES_PER_UNIT * io.mouse_delta.x,
                 look.elevation_deg + DEGREES_PER_UNIT * io.mouse_delta.y,
                 look.distance_m,
             )
-        elif self._turning:
-            self._turning = False
-            self._keep(console)
+        elif self._turned_from is not None:
+            # the command is the change that is undone
+            console.options.orbit, self._turned_from = self._turned_from, None
+            do_place(console, look.azimuth_deg, look.elevation_deg, look.distance_m)
 
-    @staticmethod
-    def _keep(console: Console) -> None:
-        look = console.options.orbit
-        azimuth_deg, elevation_deg = round(look.azimuth_deg, 1), round(look.elevation_deg, 1)
-        console.do("orbit-camera.place", azimuth_deg, elevation_deg, round(look.distance_m, 2))
+
+def do_place(console: Console, azimuth_deg: float, elevation_deg: float, distance_m: float) -> None:
+    """Run the command of the camera's place, in tenths of a degree and whole centimetres."""
+    distance_m = min(max(distance_m, NEAREST_M), FARTHEST_M)
+    console.do("orbit-camera.place", round(azimuth_deg, 1), round(elevation_deg, 1), round(distance_m, 2))

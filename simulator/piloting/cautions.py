@@ -8,7 +8,7 @@ import numpy as np
 
 from flyaround.simulator.piloting.chaser_control import PLUME_CAUTION
 from flyaround.simulator.piloting.docking_watch import CONTACT, STOPS
-from flyaround.simulator.piloting.orders import ABORTS, LIFTED, WOULD_TAKE_BACK, planned_text
+from flyaround.simulator.piloting.orders import ABORTS, LIFTED, WITH_IT, WOULD_TAKE_BACK, planned_text
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -29,7 +29,7 @@ FUEL_SHARE = 0.04
 """Propellant as a share of the chaser's initial mass; the tanks of small craft hold some 5 %."""
 
 AWAY, OVERRULED, ECLIPSE, FUEL = "drifts away", "the steering is overruled", "eclipse:", "fuel is low"
-NOT_REACHED = "is not reached"
+NOT_REACHED, DRIFT = "is not reached", "the free drift"
 
 
 class PilotedFlight(Protocol):
@@ -60,15 +60,22 @@ class CautionWatch:
         self._guarded_s = -GUARD_RELEASE_S
         self._nearest_m = np.inf
         self._before: tuple[bool, bool] | None = None
+        self._drift_risk = ""
 
     def guarded(self, t_s: float) -> bool:
         """Return True until the keep-out guard has been released."""
         return self._guarded_s <= t_s < self._guarded_s + GUARD_RELEASE_S
 
     def news(
-        self, world: WorldState, propellant: Propellant, *, guarded: bool, drifts: bool = False
+        self,
+        world: WorldState,
+        propellant: Propellant,
+        *,
+        guarded: bool,
+        drifts: bool = False,
+        drift_risk: str = "",
     ) -> list[News]:
-        """Return the cautions that began since the last call; none at the first."""
+        """Return the cautions that began since the last call; of sunlight and propellant none at the first."""
         t_s = world.t_s
         is_sunlit, fuel_low = world.sun_visible_fraction > 0.0, is_low(propellant)
         was_lit, was_low = self._before or (is_sunlit, fuel_low)
@@ -78,6 +85,9 @@ class CautionWatch:
             self._nearest_m = range_m
             news.append(("caution", f"the chaser {AWAY}: {range_m:.0f} m from the target, without guidance"))
         self._nearest_m = min(self._nearest_m, range_m) if drifts else range_m
+        if drift_risk and drift_risk != self._drift_risk:
+            news.append(("caution", f"{DRIFT} {drift_risk}"))
+        self._drift_risk = drift_risk
         if guarded and not self.guarded(t_s):
             news.append(("caution", f"keep-out sphere: {OVERRULED}, the chaser turned away"))
         if is_sunlit and not was_lit:
@@ -98,6 +108,12 @@ def _nothing_takes_back(session: PilotedFlight, caution: str) -> bool:
     return not (named and steering.doing)
 
 
+def _burn_is_safe(session: PilotedFlight, caution: str) -> bool:
+    burns = session.craft.steering.burns.burns
+    is_planned = any(planned_text(b) in caution for b in burns)
+    return not (is_planned and session.craft.burns_forecast()[1])
+
+
 def _was_no_contact(session: PilotedFlight, caution: str) -> bool:
     docking = session.craft.docking
     return docking.docked or not any(f"T+{c.t_s:.1f} s" in caution for c in docking.contacts)
@@ -115,6 +131,10 @@ def _jump_may_go_on(session: PilotedFlight, _: str) -> bool:
 ENDS: dict[str, Callable[[PilotedFlight, str], bool]] = {
     PLUME_CAUTION: lambda session, _: session.craft.steering.plume_clear(session.t_s),
     WOULD_TAKE_BACK: _nothing_takes_back,
+    WITH_IT: _burn_is_safe,
+    DRIFT: lambda session, caution: (
+        session.craft.drift_risk() not in caution or not session.craft.drift_risk()
+    ),
     AWAY: lambda session, _: not session.craft.drifts,
     OVERRULED: lambda session, _: not session.cautions.guarded(session.t_s),
     ECLIPSE: lambda session, _: session.craft.world.sun_visible_fraction > 0.0,

@@ -63,8 +63,9 @@ PLUME_CLEAR_S = 10.0
 # along-track
 LVLH_FROM_DEMAND = np.array([[0.0, -1.0, 0.0], [0.0, 0.0, 1.0], [-1.0, 0.0, 0.0]])
 
-UNSAVED_ATTRIBUTES = frozenset({"docking", "keep_out", "news", "_demand"})
-"""Attributes that are not part of the saved state: other objects, news, and the manual demand."""
+UNSAVED_ATTRIBUTES = frozenset({"docking", "keep_out", "guard", "news", "_demand"})
+"""Attributes that are not part of the saved state: other objects, the pilot's choice of the keep-out sphere, news, and
+the manual demand."""
 
 
 class Steering:
@@ -118,6 +119,16 @@ class Steering:
     def restore_state(self, state: dict[str, Any]) -> None:
         """Restore a state that `saved_state` returned."""
         vars(self).update(state)
+
+    @property
+    def _abort_sphere(self) -> KeepOut:
+        """The scenario's sphere, also if it is lifted, or one about the target."""
+        return self.keep_out or KeepOut(radius_m=2 * self.docking.radius_m + 5.0)
+
+    @property
+    def retreat_to_m(self) -> float:
+        """Range at which an abort ends [m]."""
+        return 2 * self._abort_sphere.radius_m
 
     @property
     def sphere(self) -> KeepOut | None:
@@ -274,14 +285,16 @@ class Steering:
 
     def _watch_plume(self, t_s: float, strikes: bool) -> None:  # noqa: FBT001 - result of a check
         again = t_s >= self._plume_told_s + PLUME_CAUTION_INTERVAL_S or self.plume_clear(t_s)
+        self.plume = strikes
+        # the advice is for a pilot, not for a controller
+        strikes = strikes and not (self.doing or self.braking)
         if strikes and again:
             self._plume_told_s = t_s
             self.news.append(("caution", PLUME_CAUTION))
         self._plume_s = t_s if strikes else self._plume_s
-        self.plume = strikes
 
     def plume_clear(self, t_s: float) -> bool:
-        """Return True if the plume has been clear of the target for `PLUME_CLEAR_S`, or if time was set back."""
+        """Return True if a pilot's plume has been clear of the target for `PLUME_CLEAR_S`, or if time was set back."""
         return not 0.0 <= t_s - self._plume_s < PLUME_CLEAR_S
 
     # --- pushes
@@ -326,10 +339,9 @@ class Steering:
 
     def _retreat(self, chaser: ChaserState, frame: Lvlh, h: float) -> FloatArray:
         p, v = frame.from_eci(np.array(chaser.position_eci_m), np.array(chaser.velocity_eci_m_s))
-        sphere = self.keep_out or KeepOut(radius_m=2 * self.docking.radius_m + 5.0)
-        impulse = retreat_impulse(p, v, sphere)
+        impulse = retreat_impulse(p, v, self._abort_sphere)
         size = float(np.linalg.norm(impulse))
-        if float(np.linalg.norm(p)) > 2 * sphere.radius_m:
+        if float(np.linalg.norm(p)) > self.retreat_to_m:
             self.aborting = False
             self.news.append(("note", "the abort is done: the chaser drifts"))
         return impulse / max(size, 1e-12) * min(ABORT_M_S2, size / h)

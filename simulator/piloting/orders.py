@@ -168,6 +168,7 @@ class Stop(Order):
 
 
 ABORTS = "abort: the chaser retreats from the target"
+CLOSES_M_S = 0.001  # least closing speed that an abort beyond its distance names
 
 
 @dataclass(frozen=True)
@@ -175,16 +176,26 @@ class Abort(Order):
     """Retreat from the target in the next step, at no more than real time."""
 
     def carry_out(self, craft: PilotedCraft) -> News:
-        """Take over, and retreat.
+        """Take over, and retreat; beyond the distance of a retreat, let the chaser drift.
 
         Returns
         -------
         News
-            Warning that the chaser retreats.
+            Warning that the chaser retreats, with the distance; a note if it is farther away already.
         """
         craft.take_over()
-        craft.steering.abort()
-        return "warning", ABORTS
+        steering, (p, v) = craft.steering, craft.state_lvlh()
+        steering.abort()
+        range_m, to_m = float(np.linalg.norm(p)), steering.retreat_to_m
+        if range_m <= to_m:
+            return "warning", f"{ABORTS} to {to_m:.3g} m"
+        steering.aborting = False
+        closing_m_s = -float(v @ p) / range_m
+        text = f"abort: guidance and burns end, and the chaser drifts: it is {range_m:.1f} m away"
+        text += f", and an abort retreats to {to_m:.3g} m"
+        if closing_m_s < CLOSES_M_S:
+            return "note", text
+        return "note", f"{text}; it closes at {closing_m_s:.2g} m/s: Stop brakes it"
 
 
 # --- guidance and burns
@@ -208,6 +219,8 @@ class Drift(Order):
 
 
 WOULD_TAKE_BACK = "would undo it"  # part of the caution that a guidance undoes a planned burn
+
+WITH_IT = "the path with it"  # part of the caution that a planned burn leads into danger
 
 
 def planned_text(burn: PlannedBurn) -> str:
@@ -236,7 +249,7 @@ class PlanBurn(Order):
         Returns
         -------
         News
-            Note of size and time; a caution if the active guidance would undo the burn.
+            Note of size and time; a caution if the active guidance would undo the burn, or its path is dangerous.
 
         Raises
         ------
@@ -250,6 +263,8 @@ class PlanBurn(Order):
         text = planned_text(self.burn)
         if steering.doing:
             return "caution", f"{text}, but {steering.doing} {WOULD_TAKE_BACK}: choose Free drift first"
+        if risk := craft.burns_forecast()[1]:
+            return "caution", f"{text}; {WITH_IT} {risk}"
         return "note", text
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import TYPE_CHECKING, Any, Literal
 
 import msgspec
@@ -11,15 +12,16 @@ from flyaround.simulator.piloting.chaser_control import Steering
 from flyaround.simulator.piloting.docking_port import target_from_lvlh
 from flyaround.simulator.piloting.docking_watch import Docking
 from flyaround.simulator.piloting.open_end import longer_flight
-from flyaround.simulator.piloting.planned_burns import predicted_path
+from flyaround.simulator.piloting.planned_burns import BurnPlan, predicted_path
 from flyaround.simulator.runtime.arrays import vec3
 from flyaround.simulator.world.frames.rotation import matrix_from_quat
-from flyaround.simulator.world.guidance.manual_control import step
+from flyaround.simulator.world.guidance.manual_control import predicted_drift_lvlh_m, step
 
 if TYPE_CHECKING:
-    from flyaround.simulator.piloting.chaser_control import AttitudeMode
+    from flyaround.simulator.piloting.chaser_control import AttitudeMode, Guard
     from flyaround.simulator.piloting.guidance_modes import LvlhState
-    from flyaround.simulator.piloting.planned_burns import BurnPlan, PredictedPath
+    from flyaround.simulator.piloting.planned_burns import PredictedPath
+    from flyaround.simulator.runtime.arrays import FloatArray
     from flyaround.simulator.scenario.plan import Plan
     from flyaround.simulator.world.flight.flight import Flight
     from flyaround.simulator.world.flight.world_state import WorldState
@@ -39,6 +41,11 @@ MARGIN_S = 60.0
 
 PREDICTION_S = 600.0
 """Span of the prediction after the last burn."""
+
+PATH_STEPS, LEG_STEPS = 200, 5
+"""Numbers of points of a path, and of each of its legs, that are compared with the keep-out sphere."""
+
+INTO_TARGET = "leads into the target"
 
 
 class PilotedCraft:
@@ -64,6 +71,8 @@ class PilotedCraft:
         self.steered: ChaserState | None = None
         """The manually controlled chaser; None under guidance."""
         self._hold_points_at_s = 0.0
+        self._forecast: tuple[tuple[BurnPlan, Guard, int], tuple[float, str]] | None = None
+        self._drift: tuple[tuple[Guard, int], str] | None = None
         scenario = self.plan.scenario
         self.docking = Docking(self.plan.target, self.plan.flight, scenario.chaser.keep_out)
         self.steering = Steering(self.docking, scenario.chaser_thrusters, scenario.chaser.keep_out)
@@ -83,7 +92,8 @@ class PilotedCraft:
     @property
     def drifts(self) -> bool:
         """True while neither guidance nor pilot flies the chaser."""
-        return self.steered is not None and not (self.steering.doing or self.steering.takes_over)
+        steering = self.steering
+        return self.steered is not None and not (steering.doing or steering.takes_over or steering.braking)
 
     @property
     def chaser(self) -> ChaserState:
@@ -145,6 +155,67 @@ class PilotedCraft:
         """
         burns = self.steering.burns if plan is None else plan
         return predicted_path(self.flight.orbit, self.chaser, burns, after_s, samples)
+
+    def risk_of(self, points_lvlh_m: FloatArray) -> str:
+        """Return what makes a path dangerous, as a predicate; the corridor of the keep-out sphere is that of now.
+
+        Parameters
+        ----------
+        points_lvlh_m : (n, 3) array
+            Positions along the path, joined by straight lines.
+
+        Returns
+        -------
+        str
+            That it leads into the target's bounding sphere, or through the keep-out sphere; empty otherwise.
+        """
+        p, sphere = points_lvlh_m, self.sphere
+        steps = np.linspace(0.0, 1.0, max(PATH_STEPS // max(len(p), 1), LEG_STEPS))[:, None]
+        path = np.concatenate([p[:0], *(a + steps * (b - a) for a, b in pairwise(p))])
+        ranges_m = np.linalg.norm(path, axis=1)
+        if ranges_m.min(initial=np.inf) <= self.docking.radius_m:
+            return INTO_TARGET
+        inside = path[ranges_m < (0.0 if sphere is None else sphere.radius_m)]
+        if sphere is not None and any(sphere.violated(point) for point in inside):
+            return f"leads through the keep-out sphere of {sphere.radius_m:g} m"
+        return ""
+
+    def burns_forecast(self) -> tuple[float, str]:
+        """Return closest approach and risk of the path with the planned burns that have not begun.
+
+        Returns
+        -------
+        tuple
+            Least distance to the target's centre of mass [m], infinite without a burn, and `risk_of` the path.
+        """
+        steering = self.steering
+        key = steering.burns, steering.guard, int(self.t_s)
+        if self._forecast is None or self._forecast[0] != key:
+            ahead = BurnPlan(tuple(b for b in steering.burns.burns if b.start_s >= self.t_s))
+            path = self.predicted_burns(ahead).points_lvlh_m if ahead.burns else np.zeros((0, 3))
+            nearest_m = float(np.linalg.norm(path, axis=1).min(initial=np.inf))
+            self._forecast = key, (nearest_m, self.risk_of(path))
+        return self._forecast[1]
+
+    def drift_risk(self) -> str:
+        """Return the risk of the free drift under manual control; empty if guidance or burns will change it.
+
+        Returns
+        -------
+        str
+            `risk_of` the drift over `PREDICTION_S`, without a contact at the end of the approach corridor.
+        """
+        steering = self.steering
+        if self.steered is None or steering.doing or steering.braking or steering.burns.burns:
+            return ""
+        key = steering.guard, int(self.t_s)
+        if self._drift is None or self._drift[0] != key:
+            risk = self.risk_of(predicted_drift_lvlh_m(self.flight.orbit, self.steered, PREDICTION_S))
+            off_deg = self.docking.figures(self.steered, self.flight).off_axis_deg
+            if risk == INTO_TARGET and off_deg <= self.docking.corridor_deg:
+                risk = ""
+            self._drift = key, risk
+        return self._drift[1]
 
     # --- control
 
@@ -245,5 +316,6 @@ class PilotedCraft:
     def restore(self, t_s: float, steered: ChaserState | None, controls: Any) -> None:  # noqa: ANN401 - of `controls`
         """Restore an earlier state."""
         self.t_s, self.steered, self._hold_points_at_s = t_s, steered, t_s
+        self._forecast = self._drift = None
         self.steering.restore_state(controls[1])
         self.docking.restore_state(controls[2])

@@ -262,7 +262,11 @@ class FlightSession:
             self._note_eclipse(self.craft.world)
         self._note_marks()
         new_cautions = self.cautions.news(
-            self.craft.world, steering.propellant, guarded=steering.guarded, drifts=self.craft.drifts
+            self.craft.world,
+            steering.propellant,
+            guarded=steering.guarded,
+            drifts=self.craft.drifts,
+            drift_risk=self.craft.drift_risk(),
         )
         return replace(self.state, news=(*news, *steering.pop_news(), *new_cautions))
 
@@ -301,10 +305,12 @@ class FlightSession:
             self._fly(min(self._step_s(), end - self.t_s))
 
     def restart(self) -> None:
-        """Return to the start, under guidance; pause and rate are kept."""
+        """Return to the start, under guidance; pause, rate and the choice of the keep-out sphere are kept."""
+        guard = self.craft.steering.guard
         self.look_back.restart()
         self.clock.reset()
         self.craft.restart()
+        self.craft.steering.guard = guard
         self.look_back.leave_trail()
         self.cautions = CautionWatch()
 

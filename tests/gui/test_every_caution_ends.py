@@ -133,13 +133,7 @@ def test_looking_back_ends_what_has_not_happened_yet(console: Console) -> None:
     assert waiting(console) == []
 
 
-def test_a_wrong_name_and_a_refusal_end_with_the_next_command(console: Console) -> None:
-    console.do("guidance.vbr")
-    console.do_line("time.rate 'a")
-    assert len(waiting(console)) == 2
-    console.do("time.pause")
-    assert waiting(console) == []
-    console.do("time.pause")
+def test_a_refusal_ends_with_the_next_command_of_flying(console: Console) -> None:
     console.do("guidance.waypoint", 0, 0, 0)
     console.do("log.save", "/dev/null/x")
     assert len(waiting(console)) == 2

@@ -56,7 +56,7 @@ def console(frame: Frame, table: CommandTable) -> Console:
     """A flight with something in every panel: burns, bookmarks, a contact, estimates, a session, a capture."""
     console = console_flying("tango-vbar-closed-loop", table)
     session = console.session
-    for line in ("burn.plan 60 0 0.02 0", "steer.pulse forward", "time.rate 1"):
+    for line in ("burn.plan 60 0 0 0.02", "steer.pulse forward", "time.rate 1"):
         console.do_line(line)
     for _ in range(20):
         console.pass_time(100)

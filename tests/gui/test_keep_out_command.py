@@ -93,7 +93,7 @@ def test_lifting_asks_and_is_seen_until_it_is_taken_back(screen: Pointer) -> Non
     assert not screen.has("KEEP-OUT LIFTED")
 
 
-def test_it_is_undone_and_follows_the_timeline(screen: Pointer) -> None:
+def test_it_is_undone_alone_and_kept_along_the_timeline(screen: Pointer) -> None:
     console = screen.console
     steering = console.session.craft.steering
     console.pass_time(200)
@@ -106,11 +106,27 @@ def test_it_is_undone_and_follows_the_timeline(screen: Pointer) -> None:
     for _ in range(5):
         console.pass_time(200)
     console.do("timeline.seek", 0.0)
-    console.pass_time(20)
-    assert (steering.guard, console.options.guard) == ("scenario", "scenario")
-    console.do("timeline.end")
-    console.pass_time(20)
+    console.do("picture.noise", False)
+    console.do("settings.undo")
     assert (steering.guard, console.options.guard) == ("port", "port")
+    console.do("timeline.fly-on", asks=False)
+    console.pass_time(200)
+    assert (steering.guard, console.options.guard) == ("port", "port")
+    console.do("time.restart", asks=False)
+    console.pass_time(200)
+    assert (console.session.craft.steering.guard, console.options.guard) == ("port", "port")
+
+
+def test_it_is_chosen_for_the_flight_on_while_an_earlier_time_is_shown(screen: Pointer) -> None:
+    console = screen.console
+    for _ in range(5):
+        console.pass_time(200)
+    console.do("docking.keep-out", "port")
+    console.do("timeline.seek", 0.0)
+    console.do("docking.keep-out", "scenario")
+    assert console.asked is None
+    assert console.session.look_back.active
+    assert console.session.craft.steering.guard == "scenario"
 
 
 def test_a_redo_does_not_lift_without_a_question(screen: Pointer) -> None:
@@ -118,10 +134,15 @@ def test_a_redo_does_not_lift_without_a_question(screen: Pointer) -> None:
     console.do("docking.keep-out", "lifted", asks=False)
     console.do("settings.undo")
     assert console.session.craft.steering.guard == "scenario"
+    said = len(console.messages)
     console.do("settings.redo")
     console.pass_time(20)
     assert console.asked is not None
-    assert console.session.craft.steering.guard == "scenario"
+    assert (console.session.craft.steering.guard, console.options.guard) == ("scenario", "scenario")
+    assert len(console.messages) == said
+    console.answer(True)
+    console.do("settings.undo")
+    assert console.history.next("settings.undo") == ""
 
 
 def test_a_scenario_without_a_sphere_refuses() -> None:

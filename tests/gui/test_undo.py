@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from copy import deepcopy
 
 import pytest
 
@@ -58,3 +59,52 @@ def test_nothing_to_undo_is_no_caution(at: Pointer, command: str) -> None:
     at.console.do(command)
     assert at.console.messages[-1].text.startswith("there is no")
     assert at.console.waiting == []
+
+
+def test_undo_changes_only_what_it_names(at: Pointer) -> None:
+    console = at.console
+    console.do("picture.noise", False)
+    # by the view of the map, and by another command on the way
+    console.options.map.width_m = 77.0
+    console.do("docking.approach", True)
+    assert console.options.overlays.docking
+    assert console.history.next("settings.undo") == "noise off"
+    console.do("settings.undo")
+    assert console.options.settings.noise
+    assert (console.options.map.width_m, console.options.overlays.docking) == (77.0, True)
+
+
+def test_commands_of_the_flight_are_no_steps(at: Pointer) -> None:
+    console = at.console
+    for _ in range(5):
+        console.pass_time(200)
+    for command in ("docking.approach", "timeline.seek 0", "timeline.fly-on", "time.restart", "layout.dock"):
+        console.do_line(command)
+        assert console.history.next("settings.undo") == "", command
+
+
+def test_another_flight_begins_with_nothing_to_undo(at: Pointer) -> None:
+    console = at.console
+    console.do("picture.exposure", 2.0)
+    console.do("scenario.open", "tango-flyaround")
+    while console.opener.is_busy() or not console.former:
+        console.stand()
+    console.do("scenario.back")
+    assert console.options.settings.exposure_stops == 0.0
+    assert console.history.next("settings.undo") == ""
+
+
+@pytest.mark.parametrize(("panel", "part"), [("lvlh-map", "map"), ("orbit-camera", "orbit")])
+def test_a_drag_is_undone_alone(at: Pointer, panel: str, part: str) -> None:
+    console = at.console
+    console.open_panel(panel, shown=True)
+    for _ in range(5):
+        at.turn()
+    before = deepcopy(getattr(console.options, part))
+    console.do("picture.noise", False)
+    x, y, wide, tall = at.rect(panel)
+    at.drag((x + 0.5 * wide, y + 0.4 * tall), (x + 0.6 * wide, y + 0.45 * tall))
+    assert getattr(console.options, part) != before
+    console.do("settings.undo")
+    assert getattr(console.options, part) == before
+    assert not console.options.settings.noise

@@ -7,6 +7,7 @@ import os
 import signal
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -87,6 +88,16 @@ def test_rows_become_figures(session: FlightSession) -> None:
     assert counts.sum() == 3
     assert (counts[0], counts[-1]) == (1, 1)
     assert np.diff(BIN_EDGES_MS).min() > 0
+
+
+def test_declined_pictures_are_counted_by_reason(session: FlightSession) -> None:
+    hil, notes = HilSession(), []
+    for k, reason in enumerate(("too dark", "too dark", "ambiguous", "too dark")):
+        hil._handle(replace(row(k, "declined"), reason=reason), notes)
+    assert hil.declined == {"too dark": 3, "ambiguous": 1}
+    assert hil.rows[-1].reason == "too dark"
+    assert [n.text for n in notes] == ["the board declines: too dark", "the board declines: ambiguous"]
+    assert not any(n.warning for n in notes)
 
 
 def test_what_needs_a_session_says_so(session: FlightSession) -> None:

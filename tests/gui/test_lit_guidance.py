@@ -1,0 +1,76 @@
+"""The guidance that flies is lit on each of its buttons and in the menu, and an abort has one colour everywhere."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import pytest
+
+from flyaround.gui import style
+from flyaround.gui.panels.steering import GUIDANCE
+from flyaround.gui.picture.figures import flown_colour
+from flyaround.gui.views.camera import _badge
+from flyaround.gui.views.docking_hud import status
+from tests.harness.flown_console import console_flying
+from tests.harness.pointer import Pointer
+
+
+@pytest.fixture
+def at() -> Iterator[Pointer]:
+    made = Pointer("tango-vbar-approach", panels=False, opened=("chaser", "steering"))
+    yield made
+    made.close()
+
+
+def test_one_mode_is_on() -> None:
+    console = console_flying("tango-vbar-approach")
+    for name in GUIDANCE:
+        console.do(name)
+        on = [n for n in GUIDANCE if (state := console.table[n].state) is not None and state(console)]
+        assert on == [name], console.messages[-1].text
+    console.do("docking.approach", True)
+    state = console.table["guidance.drift"].state
+    assert state is not None
+    assert not state(console)
+    console.do("steer.stop")
+    state = console.table["steer.stop"].state
+    assert state is not None
+    assert state(console)
+    console.close()
+
+
+def test_station_keeping_lights_both_its_buttons(at: Pointer) -> None:
+    at.console.do("steer.toggle")
+    fills: dict[str, tuple[float, ...] | None] = {}
+    for panel in at.layout.panels:
+        widgets, real = panel._w, panel._w.filled_button
+
+        def filled_button(
+            label: str, width: float, fill: style.Rgba | None, real=real, who=panel.name
+        ) -> bool:  # type: ignore[no-untyped-def]
+            if label.endswith("guidance.hold "):
+                fills[who] = fill
+            return bool(real(label, width, fill))
+
+        widgets.filled_button = filled_button  # type: ignore[method-assign]
+    at.turn()
+    assert fills == {"chaser": None, "steering": None}
+    at.console.do("guidance.hold")
+    at.turn()
+    assert fills == {"chaser": style.LIT, "steering": style.LIT}
+
+
+def test_an_abort_has_one_colour(at: Pointer) -> None:
+    at.console.do("docking.approach", True)
+    at.console.do("guidance.hold")
+    session = at.console.session
+    assert {_badge(session)[1], status(at.console)[1], flown_colour(session.craft.steering, style.QUIET)} == {
+        style.ACCENT
+    }
+    craft = session.craft
+    craft.steering.abort()
+    assert {_badge(session)[1], status(at.console)[1], flown_colour(craft.steering, style.QUIET)} == {
+        style.OUTSIDE
+    }
+    at.turn()
+    assert at.framed(style.BAD), "the button of the abort is lit"

@@ -1,0 +1,78 @@
+"""A refused entry is a message; only a refusal by the vehicle, and a file that cannot be written, is a caution."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import pytest
+
+from flyaround.gui import style
+from flyaround.gui.console import Console
+from flyaround.gui.jobs.hil_session import HilSession
+from flyaround.gui.status_line import message_texts
+from flyaround.hil.host.run import RunConfig
+from tests.harness.flown_console import console_flying
+from tests.harness.pointer import Pointer
+
+
+class Started:
+    """A process of a session that does nothing."""
+
+
+@pytest.fixture
+def console() -> Iterator[Console]:
+    made = console_flying("tango-vbar-approach")
+    yield made
+    made.close()
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        "guidance.vbr",
+        "time.rate 'a",
+        "time.rate 3",
+        "guidance.vbar near",
+        "scenario.save x",
+        "hil.start nowhere",
+    ],
+)
+def test_a_slip_of_the_keyboard_is_no_caution(console: Console, line: str) -> None:
+    console.do_line(line)
+    assert console.waiting == []
+    ((text, colour),) = message_texts(console)
+    assert text
+    assert colour == style.INK
+
+
+@pytest.mark.parametrize("line", ["docking.go", "guidance.waypoint 0 0 0", "log.save /dev/null/x"])
+def test_what_the_vehicle_refuses_is_one(console: Console, line: str) -> None:
+    console.do_line(line)
+    assert len(console.waiting) == 1
+
+
+def test_a_late_second_click_is_no_caution() -> None:
+    at = Pointer("tango-space-10m", panels=False)
+    at.press("ABORT")
+    at.console.clock_ms += 6000
+    at.turn()
+    assert at.console.messages[-1].text.startswith("not aborted")
+    assert at.console.waiting == []
+    at.close()
+
+
+def test_a_board_here_begins_the_session(console: Console, monkeypatch: pytest.MonkeyPatch) -> None:
+    hil = console.jobs.hil
+    begun: list[str] = []
+
+    def start(self: HilSession, _: object, config: RunConfig, __: object) -> None:
+        begun.append(config.link.url)
+        self._process = Started()  # type: ignore[assignment]
+
+    monkeypatch.setattr(HilSession, "start", start)
+    console.do("hil.board", "hybrid", "tcp://127.0.0.1:5700")
+    assert begun == ["tcp://127.0.0.1:5700"]
+    assert hil.board_running
+    assert console.waiting == []
+    hil._process = None
+    hil.stop_board()

@@ -1,0 +1,56 @@
+"""Hand control shows that something else flies, and the advice on the plume is for a pilot alone."""
+
+from __future__ import annotations
+
+from flyaround.gui.console import Console
+from flyaround.simulator.piloting.chaser_control import PLUME_CAUTION
+from tests.harness.flown_console import console_flying
+from tests.harness.pointer import Pointer
+
+
+def test_hand_control_is_idle_while_something_else_flies() -> None:
+    at = Pointer("tango-vbar-approach", panels=False)
+    console = at.console
+
+    def hand() -> str:
+        at.turn()
+        return next(n.label for n in at.window.noted if n.label.startswith("HAND")).partition("#")[0]
+
+    assert hand() == "HAND: OFF"
+    console.do("steer.arm", True)
+    assert hand() == "HAND: IDLE", "the scenario's guidance flies"
+    console.do("guidance.drift")
+    assert hand() == "HAND: ON"
+    console.do("docking.approach", True)
+    assert hand() == "HAND: IDLE"
+    console.do("steer.pulse", "back")
+    assert hand() == "HAND: ON"
+    console.session.craft.docking.docked = True
+    assert hand() == "HAND: IDLE"
+    at.close()
+
+
+def plume_told(console: Console) -> bool:
+    struck = False
+    for _ in range(60):
+        console.pass_time(100)
+        struck |= console.session.craft.steering.plume
+    assert struck, "the plume never struck"
+    return any(m.text == PLUME_CAUTION for m in console.messages)
+
+
+def test_the_plume_of_a_controller_is_no_advice() -> None:
+    console = console_flying("tango-space-10m")
+    console.do("guidance.drift")
+    for _ in range(5):
+        console.do("steer.pulse", "forward")
+        console.pass_time(200)
+    console.do("steer.attitude", "target")
+    for _ in range(5):
+        console.pass_time(200)
+    console.do("guidance.hold")
+    assert not plume_told(console)
+    console.do("guidance.drift")
+    console.do("steer.pulse", "back")
+    assert plume_told(console)
+    console.close()
