@@ -169,4 +169,4 @@ class SteeringPanel(Panel):
             tip = "closest approach to the target's centre of mass on the path with these burns"
             w.row("Closest", (nearest_m,), "{:.2f} m", tip)
             w.imgui.pop_style_color()
-        w.cut_line(risk and f"the path {risk}", w.width, style.BAD)
+        w.cut_line(risk and f"the path {risk}", w.width, style.BAD, "as red on the LVLH map")
