@@ -209,6 +209,8 @@ class Console:
         if flight not in self.kept:
             return "is not kept"
         since_s = max(flight.look_back.timeline.end_s, flight.t_s) - self.kept[flight]
+        if since_s < LEAST_LOST_S:
+            return "has another future than its file"
         return f"has {time_text(since_s)} flown since its file was written"
 
     def _note_flown_on(self, from_s: float) -> None:

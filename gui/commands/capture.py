@@ -85,6 +85,11 @@ def _film(
 ) -> None:
     if console.jobs.flight_film is not None:
         raise UserError(f"{console.jobs.flight_film.path} is being rendered: stop it, or wait for its end")
+    last_s = console.session.look_back.timeline.end_s if end_s is None else end_s
+    if start_s >= last_s:
+        raise UserError(
+            f"Film the whole flight: start [s] is {start_s:g}, allowed: below its end, {last_s:g}"
+        )
     name = console.session.plan.scenario.name
     where = output_file(path, FOLDER, f"{name}-flight", ".mp4")
     options = {"--width": width, "--fps": fps, "--speed": speed, "--from": start_s, "--to": end_s}

@@ -65,7 +65,7 @@ class SteeringPanel(Panel):
             w.flow(w.button_width(mode.capitalize()), first=k == 0)
             w.button(console, "steer.attitude", mode, label=mode.capitalize(), on=steering.attitude == mode)
         w.section("Guidance")
-        colour = flown_colour(steering, style.QUIET)
+        colour = flown_colour(console.session, style.QUIET)
         phase = "" if steering.guided is None else f": {steering.guided.phase(console.session.t_s)}"
         # one line, because buttons stand below it
         tip = "guidance that flies the chaser while no key is pressed"

@@ -11,7 +11,6 @@ from flyaround.gui.texts import texts
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from flyaround.simulator.piloting.chaser_control import Steering
     from flyaround.simulator.piloting.session import FlightSession
     from flyaround.simulator.piloting.telemetry import Telemetry
 
@@ -27,8 +26,9 @@ def age_text(session: FlightSession, t_s: float, told_s: float = OLD_S) -> tuple
     return f"{age_s:.1f} s old" if age_s >= told_s else "", colour
 
 
-def flown_colour(steering: Steering, by_hand: style.Rgba) -> style.Rgba:
+def flown_colour(session: FlightSession, by_hand: style.Rgba) -> style.Rgba:
     """Return the colour of the controller's name, which under manual control is ``by_hand``."""
+    steering = session.craft.steering
     return style.OUTSIDE if steering.aborting else style.ACCENT if steering.doing else by_hand
 
 

@@ -291,7 +291,7 @@ def _badge(session: FlightSession) -> tuple[str, style.Rgba]:
         attitude = "TRACK" if session.craft.tracking else steering.attitude.upper()
         axes = " LVLH" if steering.axes == "lvlh" else ""
         badge = f"{(steering.doing or 'steer').upper()}{axes} / {attitude}{' / BRAKE' if steering.braking else ''}"
-        color = flown_colour(steering, style.WARN)
+        color = flown_colour(session, style.WARN)
         if steering.guarded:
             badge, color = f"{badge} / KEEP OUT", style.BAD
     if session.clock.jump:

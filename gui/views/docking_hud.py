@@ -227,7 +227,7 @@ def status(console: Console) -> tuple[str, style.Rgba]:
     point = docking.hold_points.next
     goal = "port" if point is None else f"{point.name} {point.axial_m:g} m"
     if not steering.autopilot:
-        return f"{console.flown_by}   next: {goal}", flown_colour(steering, style.INK)
+        return f"{console.flown_by}   next: {goal}", flown_colour(console.session, style.INK)
     if point is None:
         return "AUTOPILOT to the port", style.ACCENT
     waits = not docking.not_ready(session.craft.chaser, session.flight)

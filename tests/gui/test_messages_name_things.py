@@ -114,7 +114,7 @@ def test_an_undone_change_is_named_as_the_panel_names_it(console: Console) -> No
     for name, values in (("sensor.set", ("bits", 10)), ("light.set", (0, "power_w", "55"))):
         console.do(name, *values)
         console.do("settings.undo")
-    undone = [m.text for m in console.messages]
+    undone = [m.text for m in console.messages if m.text.startswith("undone")]
     assert undone[0].startswith("undone: change sensor Depth [bit] 10")
     assert undone[1].startswith("undone: change light 0 Power [W] 55")
     assert console.options.settings == Options(console.options.settings).settings

@@ -106,3 +106,13 @@ def test_the_capture_panel_says_how_long_the_film_is(tmp_path: Path, monkeypatch
     screen.turn()
     assert screen.has("Film the whole flight")
     screen.close()
+
+
+def test_a_film_that_would_end_before_its_start_is_refused(console: Console) -> None:
+    assert console.attempt("film.flight", 160, 5.0, 1.0, 35.0, 5.0).startswith(
+        "Film the whole flight: start [s] is 35"
+    )
+    assert console.attempt("film.flight", 160, 5.0, 1.0, 1e6).startswith(
+        "Film the whole flight: start [s] is 1e+06"
+    )
+    assert console.jobs.flight_film is None
