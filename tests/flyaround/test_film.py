@@ -54,7 +54,13 @@ def test_an_interrupt_leaves_no_file(tmp_path):
     command = [sys.executable, "-P", "-m", "flyaround", "film", "tango-space-10m", "-o", "a.mp4", "--json"]
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join(p for p in sys.path if p)}
     with subprocess.Popen(
-        command, cwd=tmp_path, env=environment, stderr=subprocess.PIPE, text=True
+        command,
+        cwd=tmp_path,
+        env=environment,
+        stderr=subprocess.PIPE,
+        text=True,
+        # a shell starts programs in the background with this signal ignored
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),  # noqa: PLW1509 - no threads yet
     ) as process:
         assert process.stderr is not None
         assert " of " in process.stderr.readline()
