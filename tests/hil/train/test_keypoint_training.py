@@ -12,6 +12,7 @@ from flyaround.hil.board.estimation import CameraIntrinsics
 from flyaround.hil.board.estimation.result import PoseResult
 from flyaround.hil.board.hybrid.decide.confidence import UNCALIBRATED, Evidence, confidence
 from flyaround.hil.board.hybrid.estimator import PoseEstimator
+from flyaround.hil.board.hybrid.propose.keypoints.calibration import Calibration
 from flyaround.hil.board.hybrid.propose.keypoints.head import KeypointHead
 from flyaround.hil.board.hybrid.propose.keypoints.network import network_for, trunk_bytes
 from flyaround.hil.board.hybrid.propose.keypoints.network_input import INPUT_PX
@@ -171,6 +172,9 @@ def test_an_overconfident_estimator_is_calibrated() -> None:
         < 0.3
     )
     assert fitted_calibration([]) == UNCALIBRATED
+    # weights of few answers do not make it bolder than the common ones, lowered
+    bold = Calibration((20.0, *[0.0] * 11), frames=50)
+    assert confidence(replace(NEUTRAL, calibration=bold)) < confidence(NEUTRAL)
 
 
 def test_a_head_is_calibrated_on_other_frames(tmp_path: Path) -> None:

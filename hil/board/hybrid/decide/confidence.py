@@ -47,6 +47,10 @@ UNFITTED_MARGIN = 0.1
 FITTED = Calibration((BIAS, *WEIGHTS))
 UNCALIBRATED, WITHOUT_NETWORK = Calibration((BIAS - 2.0, *WEIGHTS)), Calibration((BIAS - 5.0, *WEIGHTS))
 
+# The logit of a calibrated confidence is at most that by the common weights minus this number
+# (docs/lab/2026-11-keypoint-network.md, Calibration).
+BOUND_OFFSET = 1.0
+
 # Explained share of the craft's area below which the reason of a declined pose is the unexplained image.
 MIN_EXPLAINED_AREA = 0.3
 
@@ -150,8 +154,11 @@ def confidence(e: Evidence) -> float:
     (docs/lab/2026-11-estimator.md). Terms without a weight (drawn, explained) have thresholds in `decide` instead.
     """
     if e.score is not None:
-        bias, *weights = e.calibration.weights
-        z = bias + float(np.dot(weights, terms(e, e.score)))
+        regressors = np.concatenate([[1.0], terms(e, e.score)])
+        z = float(np.dot(e.calibration.weights, regressors))
+        if e.calibration.frames:
+            # weights of few frames extrapolate boldly
+            z = min(z, float(np.dot(FITTED.weights, regressors)) - BOUND_OFFSET)
     else:
         z = -2.3 + 38.0 * min(e.margin, 0.15) + 6.8 * e.tight
         z -= 22.0 * min(e.sigma_rad, 1.0) + 95.0 * min(e.sigma_share, 1.0) + 84.0 * min(e.outside, 0.3)
