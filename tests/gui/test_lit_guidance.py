@@ -64,13 +64,9 @@ def test_an_abort_has_one_colour(at: Pointer) -> None:
     at.console.do("docking.approach", True)
     at.console.do("guidance.hold")
     session = at.console.session
-    assert {_badge(session)[1], status(at.console)[1], flown_colour(session.craft.steering, style.QUIET)} == {
-        style.ACCENT
-    }
+    assert {_badge(session)[1], status(at.console)[1], flown_colour(session, style.QUIET)} == {style.ACCENT}
     craft = session.craft
     craft.steering.abort()
-    assert {_badge(session)[1], status(at.console)[1], flown_colour(craft.steering, style.QUIET)} == {
-        style.OUTSIDE
-    }
+    assert {_badge(session)[1], status(at.console)[1], flown_colour(session, style.QUIET)} == {style.OUTSIDE}
     at.turn()
     assert at.framed(style.BAD), "the button of the abort is lit"
