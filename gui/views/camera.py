@@ -178,7 +178,7 @@ class CameraView(Panel):
     def _groups(console: Console, picture: Picture) -> Groups:
         """Return figures by subject: control, time, motion, position and light."""
         session, feed, image, r = console.session, console.feed, picture.frame.image, console.telemetry
-        badge, colour = _badge(session)
+        badge, colour = mode_badge(session)
         speed = f"{feed.frame_ms:.0f} ms  {image.shape[1]}x{image.shape[0]}"
         rate = "" if session.clock.paused else f"{feed.frames_s:.1f} fps  "
         turning = float(np.linalg.norm(r.relative_rate_deg_s))
@@ -283,7 +283,8 @@ def shown_passes(stage_ms: dict[str, float]) -> tuple[tuple[str, float], ...]:
     return tuple((name.replace(".", " ").replace("_", " "), ms) for name, ms in rows if ms >= 0.05)
 
 
-def _badge(session: FlightSession) -> tuple[str, style.Rgba]:
+def mode_badge(session: FlightSession) -> tuple[str, style.Rgba]:
+    """Return what flies the chaser, as the view names it, and its colour."""
     steering = session.craft.steering
     if session.craft.mode == "guidance":
         badge, color = "GUIDANCE", style.ACCENT

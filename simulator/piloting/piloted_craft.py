@@ -181,7 +181,7 @@ class PilotedCraft:
         return ""
 
     def burns_forecast(self) -> tuple[float, str]:
-        """Return closest approach and risk of the path with the planned burns that have not begun.
+        """Return closest approach and risk of the path with the planned burns that have not started.
 
         Returns
         -------

@@ -1,4 +1,4 @@
-"""What was flown after a flight was written is named when it would be lost; messages say the time of the flight."""
+"""Flight time after a flight was written is named when it would be lost; messages say the time of the flight."""
 
 from __future__ import annotations
 

@@ -9,7 +9,7 @@ import pytest
 from flyaround.gui import style
 from flyaround.gui.panels.steering import GUIDANCE
 from flyaround.gui.picture.figures import flown_colour
-from flyaround.gui.views.camera import _badge
+from flyaround.gui.views.camera import mode_badge
 from flyaround.gui.views.docking_hud import status
 from tests.harness.flown_console import console_flying
 from tests.harness.pointer import Pointer
@@ -64,9 +64,13 @@ def test_an_abort_has_one_colour(at: Pointer) -> None:
     at.console.do("docking.approach", True)
     at.console.do("guidance.hold")
     session = at.console.session
-    assert {_badge(session)[1], status(at.console)[1], flown_colour(session, style.QUIET)} == {style.ACCENT}
+    assert {mode_badge(session)[1], status(at.console)[1], flown_colour(session, style.QUIET)} == {
+        style.ACCENT
+    }
     craft = session.craft
     craft.steering.abort()
-    assert {_badge(session)[1], status(at.console)[1], flown_colour(session, style.QUIET)} == {style.OUTSIDE}
+    assert {mode_badge(session)[1], status(at.console)[1], flown_colour(session, style.QUIET)} == {
+        style.OUTSIDE
+    }
     at.turn()
     assert at.framed(style.BAD), "the button of the abort is lit"

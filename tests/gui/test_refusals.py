@@ -63,15 +63,15 @@ def test_a_late_second_click_is_no_caution() -> None:
 
 def test_a_board_here_begins_the_session(console: Console, monkeypatch: pytest.MonkeyPatch) -> None:
     hil = console.jobs.hil
-    begun: list[str] = []
+    started: list[str] = []
 
     def start(self: HilSession, _: object, config: RunConfig, __: object) -> None:
-        begun.append(config.link.url)
+        started.append(config.link.url)
         self._process = Started()  # type: ignore[assignment]
 
     monkeypatch.setattr(HilSession, "start", start)
     console.do("hil.board", "hybrid", "tcp://127.0.0.1:5700")
-    assert begun == ["tcp://127.0.0.1:5700"]
+    assert started == ["tcp://127.0.0.1:5700"]
     assert hil.board_running
     assert console.waiting == []
     hil._process = None
