@@ -11,7 +11,7 @@ pytestmark = [pytest.mark.gl, pytest.mark.slow]
 
 PAGE = Path(__file__).parents[2] / "docs" / "tutorials" / "own_estimator.md"
 
-SMALLER = {"--minutes 20 --threads 2": "--views 30 --steps 4", "-n 40 ": "-n 3 "}
+SMALLER = {"--minutes 20 --threads 2": "--views 30 --steps 4 --calibrate 8", "-n 40 ": "-n 3 "}
 
 
 def test_own_estimator(tmp_path):
