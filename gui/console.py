@@ -24,6 +24,7 @@ from flyaround.gui.script import CommandLog, Line, Player, Script
 from flyaround.gui.texts import time_text, titles
 from flyaround.simulator.errors import UserError
 from flyaround.simulator.piloting.control_laws import SWITCHES
+from flyaround.simulator.piloting.planned_burns import change_text
 from flyaround.simulator.piloting.telemetry import telemetry_of
 from flyaround.simulator.runtime.files import probe_writing
 
@@ -35,6 +36,7 @@ if TYPE_CHECKING:
     from flyaround.gui.picture.view_settings import Options
     from flyaround.gui.questions import Question
     from flyaround.simulator.piloting.orders import Order
+    from flyaround.simulator.piloting.piloted_craft import PilotChoices
     from flyaround.simulator.piloting.session import FlightSession
     from flyaround.simulator.piloting.telemetry import Telemetry
     from flyaround.simulator.world.flight.world_state import WorldState
@@ -279,12 +281,14 @@ class Console:
             if asks and self._asks(command, values):
                 return ""
             self._note(Line(self.clock_ms, "do", name, values))
+            self.options.flight = self.session.craft.choices
             before = deepcopy(self.options)
             command.call(self, values)
             self.acknowledge([m for m in self.waiting if self._settles(command, m)])
             self._note_flown(name)
-            self.options.guard = self.session.craft.steering.guard
-            self.history.note(name, before, self.options, self.clock_ms, self._change(command, values))
+            self.options.flight = self.session.craft.choices
+            change = self._change(command, values, before.flight)
+            self.history.note(name, before, self.options, self.clock_ms, change)
         except (UserError, OSError) as error:
             # the flight continues, whatever happens in a command
             return str(error)
@@ -295,8 +299,10 @@ class Console:
         flown = command.group in FLOWN and message.of.partition(".")[0] in FLOWN
         return message.of == command.name or flown
 
-    def _change(self, command: Command, values: Sequence[Value]) -> str:
-        """Return a change of the settings in words, with the exposure as a time."""
+    def _change(self, command: Command, values: Sequence[Value], before: PilotChoices | None) -> str:
+        """Return a change of the settings, or of the burns before it, in words, with the exposure as a time."""
+        if command.group == "burn" and before is not None:
+            return change_text(before.burns, self.session.craft.steering.burns)
         if command.name in {"picture.exposure", "picture.meter"}:
             stops = self.options.settings.exposure_stops
             return f"exposure {exposure_text(self.session.plan.scenario.sensor.exposure_s * 2.0**stops)}"
@@ -317,7 +323,8 @@ class Console:
     def _asks(self, command: Command, values: tuple[Value, ...]) -> bool:
         """Ask before a command drops or leaves a flight; return True if the command must wait."""
         lost = self.lost_text(self.session)
-        question = question_before(self.session, command, values, self.draft.name, lost)
+        changes = self.history.next_of_flight(command.name)
+        question = question_before(self.session, command, values, self.draft.name, lost, changes)
         if question is None:
             return False
         self.asked = question
@@ -391,8 +398,8 @@ class Console:
     def pass_time(self, wall_ms: int, keys: frozenset[str] = frozenset()) -> None:
         """Advance real time, running a script's commands at their exact milliseconds.
 
-        Time stops while a scenario is being opened, so that replaying the log reproduces the flight, and while the
-        console asks before it quits, unless a script runs.
+        Time stops while a scenario is being opened, so that replaying the log reproduces the flight, and while a
+        question stands, unless a script runs.
 
         Parameters
         ----------
@@ -408,7 +415,9 @@ class Console:
         self._take_opened()
         if self.opener.is_busy():
             return
-        if self.shown.get("quit") and self._player is None:
+        if self.questioned:
+            # a key that is let go does not push afterwards, and one that is pressed is no answer
+            self.hold(self.held & keys)
             self.stand()
             return
         end = self.clock_ms + min(max(wall_ms, 0), LONGEST_TICK_MS)
@@ -424,8 +433,14 @@ class Console:
         self.hold(keys)
         self.jobs.update(self.session, self.feed.newest, self.clock_ms)
 
+    @property
+    def questioned(self) -> bool:
+        """True while a question to the operator stands; a script that has lines left gives no answers."""
+        stands = self.shown.get("quit") or (self.asked is not None and self.shown.get("question"))
+        return bool(stands) and (self._player is None or self._player.next_ms() is None)
+
     def stand(self) -> None:
-        """Update background jobs while the flight waits for its first picture."""
+        """Update background jobs while the flight waits for its first picture, or for an answer."""
         self._take_opened()
         self.jobs.update(self.session, self.feed.newest, self.clock_ms)
 
@@ -496,10 +511,10 @@ class Console:
         settings.bands, settings.environment = session.plan.bands, session.scene().environment
         # the operator's changes applied to the sensor and lights of the previous scenario
         settings.sensor_changes, settings.lights, settings.exposure_stops = {}, None, 0.0
-        self.options.guard, self.history = session.craft.steering.guard, SettingsHistory()
+        self.history = SettingsHistory()
         name = session.plan.scenario.title or session.plan.scenario.name
         replay = "REPLAY, paused: Space plays it, the slider seeks" if session.look_back.active else ""
-        self.say(replay or f"now: {name}; File, Previous flight returns to the last one")
+        self.say(replay or f"now: {name}; File > Previous flight returns to the last one")
 
     # --- messages
 

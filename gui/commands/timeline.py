@@ -54,7 +54,9 @@ def _fly_on(console: Console) -> None:
         return
     session.look_back.fly_on()
     session.clock.slow_down()
-    console.say(f"flies on from {clock(session.t_s)}; Swap future brings the other future back")
+    console.say(
+        f"flies on from {clock(session.t_s)}; Flight > Timeline > Swap future brings the other future back"
+    )
 
 
 def _other_future(console: Console) -> None:

@@ -51,7 +51,7 @@ class FlightsPanel(Panel):
             w.text(f"{length}, {lost or 'nothing to keep'}", style.WARN if lost else style.QUIET)
         w.section("On disk")
         if not self._rows:
-            w.text("None yet: Keep flight, in File, writes the flight so far.", style.QUIET)
+            w.text("None yet: File > Keep the flight > Keep flight writes the flight so far.", style.QUIET)
         for path, text, problem in self._rows:
             name = Path(path).parent.name
             if imgui.selectable(f"{w.elided(name, w.width)}##{path}", path == console.source)[0]:

@@ -65,7 +65,7 @@ class Question(Panel):
             console.open_panel(self.name, shown=False)
             return
         w.text(asked.text, style.WARN, "flights and texts that the command would discard or leave")
-        w.text(asked.way_back, style.QUIET)
+        w.text(f"{asked.way_back} Time stands still.", style.QUIET)
         w.imgui.dummy(w.vec(0, 1))
         goes = w.filled_button(asked.answer, w.width / 2 - 4, style.GUARDED)
         w.tip(f"carry out the command: {asked.command.title}")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -18,7 +19,9 @@ from flyaround.simulator.world.frames.rotation import matrix_from_quat
 from flyaround.simulator.world.guidance.manual_control import predicted_drift_lvlh_m, step
 
 if TYPE_CHECKING:
-    from flyaround.simulator.piloting.chaser_control import AttitudeMode, Guard
+    from flyaround.simulator.piloting.chaser_control import AttitudeMode, Axes, Guard, Thrust
+    from flyaround.simulator.piloting.docking_figures import DockingLimits
+    from flyaround.simulator.piloting.docking_port import DockingPort
     from flyaround.simulator.piloting.guidance_modes import LvlhState
     from flyaround.simulator.piloting.planned_burns import PredictedPath
     from flyaround.simulator.runtime.arrays import FloatArray
@@ -46,6 +49,34 @@ PATH_STEPS, LEG_STEPS = 200, 5
 """Numbers of points of a path, and of each of its legs, that are compared with the keep-out sphere."""
 
 INTO_TARGET = "leads into the target"
+
+
+@dataclass(frozen=True)
+class PilotChoices:
+    """Choices of the pilot that fly nothing by themselves.
+
+    Parameters
+    ----------
+    guard : str
+        Corridor of the keep-out sphere, or none.
+    axes : str
+        Axes of thrust.
+    thrust : str
+        Continuous thrust, or pulses.
+    limits : DockingLimits
+        Limits of a docking.
+    port : DockingPort or None
+        Docking axis that replaces the target's own.
+    burns : BurnPlan
+        Planned burns.
+    """
+
+    guard: Guard
+    axes: Axes
+    thrust: Thrust
+    limits: DockingLimits
+    port: DockingPort | None
+    burns: BurnPlan
 
 
 class PilotedCraft:
@@ -218,6 +249,27 @@ class PilotedCraft:
         return self._drift[1]
 
     # --- control
+
+    @property
+    def choices(self) -> PilotChoices:
+        """The pilot's present choices; setting them computes the hold points of another docking axis again."""
+        steering, docking = self.steering, self.docking
+        return PilotChoices(
+            steering.guard,
+            steering.axes,
+            steering.thrust,
+            docking.limits,
+            docking.chosen_port,
+            steering.burns,
+        )
+
+    @choices.setter
+    def choices(self, choices: PilotChoices) -> None:
+        steering, docking = self.steering, self.docking
+        steering.guard, steering.axes, steering.thrust = choices.guard, choices.axes, choices.thrust
+        docking.limits, steering.burns = choices.limits, choices.burns
+        if choices.port != docking.chosen_port:
+            docking.choose_port(choices.port, self.chaser, self.flight)
 
     def take_over(self) -> None:
         """Take over manual control from the chaser's state; the attitude continues to track the target."""

@@ -304,6 +304,19 @@ def test_hold_points_and_a_contact_are_marked_and_stay_when_one_looks_back():
     session.clock.paused = False
     fly(session, 0.04)
     assert session.marks == before[:1]
+    # and comes back with the other future, which is exchanged as often as one likes
+    session.look_back.swap_future()
+    assert session.marks == before
+    session.clock.paused = True
+    fly(session, 0.04)
+    assert session.marks == before
+    session.look_back.swap_future()
+    assert session.marks == before[:1]
+    session.look_back.swap_future()
+    session.restart()
+    assert session.marks == []
+    session.look_back.swap_future()
+    assert session.marks == before
 
 
 REFUSED = (
