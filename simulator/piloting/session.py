@@ -353,7 +353,13 @@ class FlightSession:
     def _fly(self, h: float) -> None:
         self.craft.reach(self.t_s + 2 * h)
         self.look_back.record()
+        n_contacts = len(self.craft.docking.contacts)
         self.craft.step(h)
+        if len(self.craft.docking.contacts) > n_contacts and (self.clock.jump or self.clock.rate > 1.0):
+            # also ends a jump
+            self.clock.set_rate(1.0)
+            level, text = self.craft.steering.news[-1]
+            self.craft.steering.news[-1] = level, f"{text}; time runs at 1x again"
         if self.clock.jump and (end := self._jump_end()):
             self.clock.end_jump()
             self.craft.steering.news.append(end)

@@ -42,6 +42,11 @@ def test_the_autopilot_reaches_a_tumbling_port_unless_the_corridor_is_fixed(guar
         assert not m
     dock(console)
     contact = console.session.craft.docking.contact
+    if contact is not None:
+        assert console.session.clock.rate == 1.0
+        assert any(
+            "docked at " in m.text and m.text.endswith("; time runs at 1x again") for m in console.messages
+        )
     assert (contact is not None and contact.docked) == (guard != "scenario")
     overruled = [m for m in console.messages if "overruled" in m.text]
     assert bool(overruled) == (guard == "scenario")
