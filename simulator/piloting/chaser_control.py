@@ -53,6 +53,7 @@ COAST_STEP_S = 20.0
 ABORT_M_S2 = 0.25
 """Acceleration of an abort [m s-2]."""
 
+UNGUIDED = "the chaser drifts unguided"  # part of the cautions after an abort
 PLUME_CAUTION = "the plume strikes the target: push sideways, or from farther away"
 PLUME_CAUTION_INTERVAL_S = 300.0
 """Minimum time between two cautions about plume impingement, unless it was clear between them [s]."""
@@ -343,7 +344,7 @@ class Steering:
         size = float(np.linalg.norm(impulse))
         if float(np.linalg.norm(p)) > self.retreat_to_m:
             self.aborting = False
-            self.news.append(("note", "the abort is done: the chaser drifts"))
+            self.news.append(("caution", f"the abort is done: {UNGUIDED}"))
         return impulse / max(size, 1e-12) * min(ABORT_M_S2, size / h)
 
     def _guidance(self, guided: ActiveGuidance, chaser: ChaserState, frame: Lvlh) -> FloatArray:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from flyaround.simulator.errors import UserError
-from flyaround.simulator.piloting.chaser_control import BORESIGHT, GUARDS
+from flyaround.simulator.piloting.chaser_control import BORESIGHT, GUARDS, UNGUIDED
 from flyaround.simulator.piloting.control_laws import SWITCHES, Demand
 from flyaround.simulator.piloting.docking_figures import PRESETS
 
@@ -181,7 +181,7 @@ class Abort(Order):
         Returns
         -------
         News
-            Warning that the chaser retreats, with the distance; a note if it is farther away already.
+            Warning that the chaser retreats, with the distance; a caution that it drifts if it is farther away already.
         """
         craft.take_over()
         steering, (p, v) = craft.steering, craft.state_lvlh()
@@ -191,11 +191,10 @@ class Abort(Order):
             return "warning", f"{ABORTS} to {to_m:.3g} m"
         steering.aborting = False
         closing_m_s = -float(v @ p) / range_m
-        text = f"abort: guidance and burns end, and the chaser drifts: it is {range_m:.1f} m away"
-        text += f", and an abort retreats to {to_m:.3g} m"
-        if closing_m_s < CLOSES_M_S:
-            return "note", text
-        return "note", f"{text}; it closes at {closing_m_s:.2g} m/s: Stop brakes it"
+        where = f"it is {range_m:.1f} m away, and an abort retreats to {to_m:.3g} m"
+        if closing_m_s >= CLOSES_M_S:
+            where += f"; it closes at {closing_m_s:.2g} m/s: Stop brakes it"
+        return "caution", f"abort: guidance and burns end, and {UNGUIDED}: {where}"
 
 
 # --- guidance and burns

@@ -12,6 +12,7 @@ import numpy as np
 from flyaround.simulator.piloting.chaser_control import Steering
 from flyaround.simulator.piloting.docking_port import target_from_lvlh
 from flyaround.simulator.piloting.docking_watch import Docking
+from flyaround.simulator.piloting.hold_points import DISTANCES_M
 from flyaround.simulator.piloting.open_end import longer_flight
 from flyaround.simulator.piloting.planned_burns import BurnPlan, predicted_path
 from flyaround.simulator.runtime.arrays import vec3
@@ -44,6 +45,9 @@ MARGIN_S = 60.0
 
 PREDICTION_S = 600.0
 """Span of the prediction after the last burn."""
+
+PASSED, DRIFT_SAMPLES = 1.5, 25
+"""Ratio of the predicted time to that of a straight way to the target; and points of a drift over `PREDICTION_S`."""
 
 PATH_STEPS, LEG_STEPS = 200, 5
 """Numbers of points of a path, and of each of its legs, that are compared with the keep-out sphere."""
@@ -103,7 +107,7 @@ class PilotedCraft:
         """The manually controlled chaser; None under guidance."""
         self._hold_points_at_s = 0.0
         self._forecast: tuple[tuple[BurnPlan, Guard, int], tuple[float, str]] | None = None
-        self._drift: tuple[tuple[Guard, int], str] | None = None
+        self._drift: tuple[tuple[Guard, int, int], str] | None = None
         scenario = self.plan.scenario
         self.docking = Docking(self.plan.target, self.plan.flight, scenario.chaser.keep_out)
         self.steering = Steering(self.docking, scenario.chaser_thrusters, scenario.chaser.keep_out)
@@ -234,16 +238,26 @@ class PilotedCraft:
         Returns
         -------
         str
-            `risk_of` the drift over `PREDICTION_S`, without a contact at the end of the approach corridor.
+            `risk_of` the drift over `PREDICTION_S`, of a closing chaser until it has passed the target, at most over
+            an orbit; without a contact at the end of the approach corridor.
         """
         steering = self.steering
         if self.steered is None or steering.doing or steering.braking or steering.burns.burns:
             return ""
-        key = steering.guard, int(self.t_s)
+        p, v = self.state_lvlh()
+        passes_s = PASSED * float(p @ p) / -float(p @ v) if p @ v < 0 else 0.0
+        span_s = max(min(passes_s, 2 * np.pi / self.flight.n_rad_s), PREDICTION_S)
+        spans = round(span_s / PREDICTION_S)
+        # a long prediction costs more, and changes less
+        key = steering.guard, spans, int(self.t_s / spans)
         if self._drift is None or self._drift[0] != key:
-            risk = self.risk_of(predicted_drift_lvlh_m(self.flight.orbit, self.steered, PREDICTION_S))
-            off_deg = self.docking.figures(self.steered, self.flight).off_axis_deg
-            if risk == INTO_TARGET and off_deg <= self.docking.corridor_deg:
+            path = predicted_drift_lvlh_m(
+                self.flight.orbit, self.steered, span_s, DRIFT_SAMPLES * min(spans, 3)
+            )
+            risk = self.risk_of(path)
+            figures = self.docking.figures(self.steered, self.flight)
+            docks = figures.off_axis_deg <= self.docking.corridor_deg and figures.range_m <= DISTANCES_M[0]
+            if risk == INTO_TARGET and docks:
                 risk = ""
             self._drift = key, risk
         return self._drift[1]
