@@ -276,9 +276,9 @@ class ConsoleLoop:
         self._layout = Layout(window, layout)
         console.help.descriptions = self._layout.descriptions()
         console.recent += [name for name in layout.recent if name not in console.recent]
-        console.flights += layout.flights
+        console.flights.files += layout.flights
         if request.record is not None:
-            console.flights.append(str((request.record / REPLAY_NAME).absolute()))
+            console.flights.files.append(str((request.record / REPLAY_NAME).absolute()))
         console.shown.update(self._layout.first_shown())
         if request.choose:
             console.open_panel("scenarios", shown=True)

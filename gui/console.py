@@ -13,15 +13,16 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 from flyaround.gui.command_table import STATE, word_of
+from flyaround.gui.flights import FlightList
 from flyaround.gui.jobs.all import Jobs, running_jobs
 from flyaround.gui.jobs.scenario_opening import ScenarioOpener
 from flyaround.gui.operator_state import HandControl, Help, WindowRequests
 from flyaround.gui.picture.settings_history import SettingsHistory
 from flyaround.gui.picture.view_settings import exposure_text
-from flyaround.gui.questions import FLOWN, acts_on_chaser, flight_text, question_before
+from flyaround.gui.questions import FLOWN, acts_on_chaser, question_before
 from flyaround.gui.scenario_draft import ScenarioDraft
 from flyaround.gui.script import CommandLog, Line, Player, Script
-from flyaround.gui.texts import time_text, titles
+from flyaround.gui.texts import titles
 from flyaround.simulator.errors import UserError
 from flyaround.simulator.piloting.control_laws import SWITCHES
 from flyaround.simulator.piloting.planned_burns import change_text
@@ -45,7 +46,6 @@ log = logging.getLogger(__name__)
 
 Level = Literal["note", "caution", "warning"]
 CLOCK = "%H:%M:%S"
-LEAST_LOST_S = 1.0  # time flown after a flight was kept that is named
 KEPT_MESSAGES, KEPT_RECENT = 500, 6  # numbers of messages and of recent scenarios that are kept
 UNARMED = "keys, mouse and gamepad do not fly: arm hand control first (Ctrl+H or Insert)"
 STEERING = frozenset(f"steer.{switch}" for switch in SWITCHES)
@@ -121,16 +121,10 @@ class Console:
         Function that returns a text on the render process's preparations; empty without any.
     source : str, optional
         Built-in name or file of the flown scenario; empty if it is in no file.
-    former : list of tuple, optional
-        Flights that were left, each with its source, the last one at the end: it, and those that are in no file.
     recent : list of str, optional
         Built-in names and files of recent scenarios, newest first.
-    flights : list of str, optional
-        Absolute paths of the replays of kept flights.
-    unsaved : list of FlightSession, optional
-        Flights that the operator flew and that are in no file, or flew on since.
-    kept : dict of FlightSession to float, optional
-        Time until which the file of a kept flight is the flight [s].
+    flights : FlightList, optional
+        Flights that were left, kept, or are unsaved.
     history : SettingsHistory, optional
         Settings to undo and redo.
     held : frozenset of str, optional
@@ -165,11 +159,8 @@ class Console:
     window_gl: str = ""
     progress: Callable[[], str] = str
     source: str = ""
-    former: list[tuple[FlightSession, str]] = field(default_factory=list)
     recent: list[str] = field(default_factory=list)
-    flights: list[str] = field(default_factory=list)
-    unsaved: list[FlightSession] = field(default_factory=list)
-    kept: dict[FlightSession, float] = field(default_factory=dict)
+    flights: FlightList = field(default_factory=FlightList)
     history: SettingsHistory = field(default_factory=SettingsHistory)
     held: frozenset[str] = frozenset()
     hand: HandControl = field(default_factory=HandControl)
@@ -195,35 +186,9 @@ class Console:
     def losses(self) -> list[str]:
         """The jobs that quitting ends and the unsaved work that it discards, one sentence each."""
         jobs = [f"{job.text}: ends" for job in running_jobs(self.jobs) if job.end != "estimator.run"]
-        flights = [f"{flight_text(flight)} {self.lost_text(flight)}" for flight in self.unsaved]
-        return jobs + flights + [f"the text of {self.draft.name} is not saved"] * self.draft.changed
-
-    def lost_text(self, flight: FlightSession) -> str:
-        """Return how much of a flight is in no file.
-
-        Returns
-        -------
-        str
-            Predicate of a sentence on the flight; empty if nothing is lost.
-        """
-        if flight not in self.unsaved:
-            return ""
-        if flight not in self.kept:
-            return "is not kept"
-        since_s = max(flight.look_back.timeline.end_s, flight.t_s) - self.kept[flight]
-        if since_s < LEAST_LOST_S:
-            return "has another future than its file"
-        return f"has {time_text(since_s)} flown since its file was written"
-
-    def _note_flown_on(self, from_s: float) -> None:
-        """Count a kept flight as unsaved again once it has flown on, from a time on."""
-        flight = self.session
-        if flight not in self.kept or flight.look_back.active or flight.craft.steered is None:
-            return
-        self.kept[flight] = kept_s = min(self.kept[flight], from_s)
-        flown_on = flight.t_s > kept_s + LEAST_LOST_S
-        if flown_on != (flight in self.unsaved):
-            (self.unsaved.append if flown_on else self.unsaved.remove)(flight)
+        return (
+            jobs + self.flights.losses + [f"the text of {self.draft.name} is not saved"] * self.draft.changed
+        )
 
     @property
     def telemetry(self) -> Telemetry:
@@ -285,7 +250,8 @@ class Console:
             before = deepcopy(self.options)
             command.call(self, values)
             self.acknowledge([m for m in self.waiting if self._settles(command, m)])
-            self._note_flown(name)
+            if acts_on_chaser(name):
+                self.flights.note_own(self.session)
             self.options.flight = self.session.craft.choices
             change = self._change(command, values, before.flight)
             self.history.note(name, before, self.options, self.clock_ms, change)
@@ -322,7 +288,7 @@ class Console:
 
     def _asks(self, command: Command, values: tuple[Value, ...]) -> bool:
         """Ask before a command drops or leaves a flight; return True if the command must wait."""
-        lost = self.lost_text(self.session)
+        lost = self.flights.lost_text(self.session)
         changes = self.history.next_of_flight(command.name)
         question = question_before(self.session, command, values, self.draft.name, lost, changes)
         if question is None:
@@ -340,12 +306,6 @@ class Console:
             self.do(asked.first, asks=False)
         if not asked.command.held:
             self.do(asked.command.name, *asked.values, asks=False)
-
-    def _note_flown(self, name: str) -> None:
-        """Count the flight as the operator's own after a command that was not refused."""
-        own = acts_on_chaser(name) and self.session not in (*self.unsaved, *self.kept)
-        if own and self.session.look_back.recorder is None:
-            self.unsaved.append(self.session)
 
     def do_line(self, line: str) -> None:
         """Run a command given as a line: its name, followed by its arguments."""
@@ -383,7 +343,7 @@ class Console:
         for name in sorted(names - self.held):
             self._note(Line(self.clock_ms, "hold", name))
             self.table[name].run(self, True)
-            self._note_flown(name)
+            self.flights.note_own(self.session)
         for name in sorted(self.held - names):
             self._note(Line(self.clock_ms, "release", name))
             self.table[name].run(self, False)
@@ -459,7 +419,7 @@ class Console:
             self.hand.flown |= pushed and state.t_s > before.t_s
             for level, text in state.news:
                 self.say(text, level)
-        self._note_flown_on(before.t_s)
+        self.flights.note_flown_on(self.session, before.t_s)
         over = [m for m in self.waiting if (m.over or partial(self.session.is_over, m.text))()]
         if t_ms // 1000 != self.clock_ms // 1000:
             over += [m for m in self.waiting if m.blocked and not probe_writing(m.blocked)]
@@ -486,9 +446,7 @@ class Console:
         UserError
             If there are not so many.
         """
-        if which > len(self.former):
-            raise UserError("there is no earlier flight" if which == 1 else f"no flight {which} was left")
-        session, source = self.former[-which]
+        session, source = self.flights.left(which)
         session.clock.paused = True
         self._begin(session, source)
 
@@ -498,8 +456,7 @@ class Console:
         if recorder is not None:
             self.session.look_back.recorder = None
             self.say("the recording ends with the scenario that was flown", "caution", "scenario.open")
-        left = [f for f in self.former if f[0] in self.unsaved and f[0] is not session]
-        self.former = [*left, (self.session, self.source)]
+        self.flights.leave(self.session, self.source, session)
         self.session, self.source = session, source
         self.remember(self.source)
         self.hand.armed = False

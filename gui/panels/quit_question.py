@@ -34,9 +34,9 @@ class QuitQuestion(Panel):
         if self._keeps and not console.jobs.keeping:
             # a flight that could not be written, and a changed text, need an answer
             self._keeps = False
-            if not console.unsaved and not console.draft.changed:
+            if not console.flights.unsaved and not console.draft.changed:
                 console.do("window.close")
-        asks = bool(console.unsaved)
+        asks = bool(console.flights.unsaved)
         if asks:
             if w.filled_button("Keep all and quit", w.width / 2 - 4, style.PRIMARY):
                 console.do("timeline.keep-all")

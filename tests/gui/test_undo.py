@@ -87,7 +87,7 @@ def test_another_flight_begins_with_nothing_to_undo(at: Pointer) -> None:
     console = at.console
     console.do("picture.exposure", 2.0)
     console.do("scenario.open", "tango-flyaround")
-    while console.opener.is_busy() or not console.former:
+    while console.opener.is_busy() or not console.flights.former:
         console.stand()
     console.do("scenario.back")
     assert console.options.settings.exposure_stops == 0.0
