@@ -17,7 +17,7 @@ from flyaround.simulator.piloting.propellant import Propellant, plume_strikes
 from flyaround.simulator.runtime.arrays import Vec3, vec3
 from flyaround.simulator.world.frames.lvlh import Lvlh
 from flyaround.simulator.world.frames.rotation import matrix_from_quat
-from flyaround.simulator.world.guidance.keep_out import KeepOut
+from flyaround.simulator.world.guidance.keep_out import Guard, KeepOut
 from flyaround.simulator.world.guidance.manual_control import guarded_command
 from flyaround.simulator.world.guidance.thruster_control import retreat_impulse
 
@@ -34,7 +34,6 @@ Axes = Literal["camera", "lvlh"]
 Thrust = Literal["continuous", "pulse"]
 AttitudeMode = Literal["rate", "hold", "target", "dock"]
 ATTITUDE_MODES: tuple[AttitudeMode, ...] = get_args(AttitudeMode)
-Guard = Literal["scenario", "port", "lifted"]
 GUARDS: tuple[Guard, ...] = get_args(Guard)
 """The keep-out sphere with the scenario's corridor, with one that turns with the docking port, or lifted."""
 
@@ -87,7 +86,7 @@ class Steering:
         self.keep_out = keep_out
         self.axes: Axes = "camera"
         self.thrust: Thrust = "continuous"
-        self.guard: Guard = "scenario"
+        self.guard: Guard = "scenario" if keep_out is None else keep_out.pilot_choice
         self.burns = BurnPlan()
         self.propellant = Propellant(thrusters)
         self.news: list[News] = []

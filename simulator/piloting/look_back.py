@@ -86,6 +86,7 @@ class LookBack:
         self.leave_trail()
         recorder = self.recorder
         if recorder is not None and recorder.is_due(self._craft.t_s):
+            recorder.guard = self._craft.steering.guard
             recorder.add(self._craft.world)
 
     def keep(self, *, always: bool = False) -> None:

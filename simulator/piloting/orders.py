@@ -14,11 +14,12 @@ from flyaround.simulator.piloting.control_laws import SWITCHES, Demand
 from flyaround.simulator.piloting.docking_figures import PRESETS
 
 if TYPE_CHECKING:
-    from flyaround.simulator.piloting.chaser_control import AttitudeMode, Axes, Guard, Thrust
+    from flyaround.simulator.piloting.chaser_control import AttitudeMode, Axes, Thrust
     from flyaround.simulator.piloting.control_laws import Switch
     from flyaround.simulator.piloting.docking_watch import News
     from flyaround.simulator.piloting.piloted_craft import PilotedCraft
     from flyaround.simulator.piloting.planned_burns import PlannedBurn
+    from flyaround.simulator.world.guidance.keep_out import Guard
 
 
 class Order(ABC):

@@ -20,7 +20,7 @@ from flyaround.simulator.world.frames.rotation import matrix_from_quat
 from flyaround.simulator.world.guidance.manual_control import predicted_drift_lvlh_m, step
 
 if TYPE_CHECKING:
-    from flyaround.simulator.piloting.chaser_control import AttitudeMode, Axes, Guard, Thrust
+    from flyaround.simulator.piloting.chaser_control import AttitudeMode, Axes, Thrust
     from flyaround.simulator.piloting.docking_figures import DockingLimits
     from flyaround.simulator.piloting.docking_port import DockingPort
     from flyaround.simulator.piloting.guidance_modes import LvlhState
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from flyaround.simulator.scenario.plan import Plan
     from flyaround.simulator.world.flight.flight import Flight
     from flyaround.simulator.world.flight.world_state import WorldState
-    from flyaround.simulator.world.guidance.keep_out import KeepOut
+    from flyaround.simulator.world.guidance.keep_out import Guard, KeepOut
     from flyaround.simulator.world.guidance.manual_control import ChaserState
 
 Mode = Literal["guidance", "steer"]

@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
 
 import pytest
 
 from flyaround.gui.console import Console
 from flyaround.gui.script import Script
+from flyaround.simulator.piloting.recorder import FlightRecorder
+from flyaround.simulator.scenario.load import load_scenario
 from tests.harness.flown_console import console_flying
 from tests.harness.pointer import Pointer
 
@@ -153,3 +157,33 @@ def test_a_redo_does_not_lift_without_a_question(screen: Pointer) -> None:
 def test_a_scenario_without_a_sphere_refuses() -> None:
     console = console_flying("tango-space-10m")
     assert console.attempt("docking.keep-out", "lifted") == "this scenario has no keep-out sphere"
+
+
+def test_a_restart_keeps_what_the_pilot_chose_but_for_burns() -> None:
+    console = console_flying(TUMBLING)
+    console.pass_time(200)
+    for line in ("docking.limits idss", "docking.axis-here", "steer.lvlh on", "docking.keep-out port"):
+        console.do_line(line)
+    console.do("burn.plan", 500.0, 0.0, 0.01, 0.0)
+    chosen = console.session.craft.choices
+    console.do("time.restart", asks=False)
+    console.pass_time(200)
+    kept = console.session.craft.choices
+    assert kept.burns.burns == ()
+    assert replace(kept, burns=chosen.burns) == chosen
+
+
+def test_a_kept_flight_and_a_recording_keep_the_choice(tmp_path: Path) -> None:
+    console = console_flying(TUMBLING)
+    recorder = console.session.look_back.recorder = FlightRecorder()
+    recorder.keep_in(tmp_path / "recorded", console.session.plan.scenario)
+    console.do("docking.keep-out", "port")
+    for _ in range(5):
+        console.pass_time(200)
+    console.do("timeline.keep", str(tmp_path / "kept"))
+    while console.jobs.keeping:
+        console.pass_time(0)
+    recorder.close()
+    for folder in ("kept", "recorded"):
+        again = console_flying(load_scenario(tmp_path / folder / "replay.toml"))
+        assert again.session.craft.steering.guard == "port"
