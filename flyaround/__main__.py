@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import logging
 import os
 import signal
@@ -37,7 +38,10 @@ def main() -> None:
     signal.signal(signal.SIGTERM, _terminate)
     keep_freed_memory()
     use_one_for_matrices()
-    sys.exit(run(sys.argv[1:]))
+    code = run(sys.argv[1:])
+    # at its end the interpreter would search all objects for cycles, which takes the console a second
+    gc.freeze()
+    sys.exit(code)
 
 
 def run(arguments: list[str]) -> int:

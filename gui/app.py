@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import logging
+import sys
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack
 from dataclasses import dataclass
 from functools import partial
@@ -15,6 +17,7 @@ from flyaround.gui.commands.all import COMMANDS
 from flyaround.gui.commands.log import script_header
 from flyaround.gui.console import LONGEST_TICK_MS, Console
 from flyaround.gui.gamepad import Gamepad
+from flyaround.gui.jobs.all import running_jobs
 from flyaround.gui.jobs.program import new_path
 from flyaround.gui.layout import Layout, layout_file, panel_commands, read_layout
 from flyaround.gui.picture.feed import Feed, Picture
@@ -60,6 +63,8 @@ FLYING_MS = 100.0
 """Processing time of the flight per frame [ms]; beyond it the operator's time runs slower than real time."""
 GIVES_WAY = 5
 """Niceness of the render process, so that keys and the window stay responsive."""
+WRITING = frozenset({"capture.stop", "film.stop", "hil.stop"})
+"""Commands that end the jobs whose files are finished after the window has closed."""
 ANSWER_WITHIN_S = 20.0
 """Time without processor use, while a picture is due, after which the render process is restarted."""
 
@@ -197,14 +202,31 @@ def run(request: Request) -> dict[str, Any]:
                 console.log.write_to(request.log, script_header(console))
             state = ConsoleLoop(window, console, request).run()
         finally:
-            # ending jobs takes seconds
             window.hide()
+            for files in unfinished_files(console):
+                sys.stderr.write(f"flyaround: finishing the files of: {files}\n")
             # keep the recording also if the flight ends with an error
-            console.close()
-            replay = recorder.close()
+            with ThreadPoolExecutor() as ends:
+                recorded = ends.submit(recorder.close)
+                # each waits for processes of its own
+                list(ends.map(lambda end: end(), (producer.close, later.close, console.close)))
+            replay = recorded.result()
     if replay is not None:
         state["replay"] = str(replay)
     return state
+
+
+def unfinished_files(console: Console) -> list[str]:
+    """Return what writes files that are finished after the window has closed: jobs, and the recording of the flight.
+
+    Returns
+    -------
+    list of str
+        A phrase on each.
+    """
+    recorder = console.session.look_back.recorder
+    jobs = [job.text for job in running_jobs(console.jobs) if job.end in WRITING]
+    return [*jobs, *["the recording"] * (recorder is not None and recorder.long_enough)]
 
 
 def _surface(request: Request, title: str) -> Surface:
@@ -254,9 +276,9 @@ class ConsoleLoop:
         self._layout = Layout(window, layout)
         console.help.descriptions = self._layout.descriptions()
         console.recent += [name for name in layout.recent if name not in console.recent]
-        console.flights += layout.flights
+        console.flights.files += layout.flights
         if request.record is not None:
-            console.flights.append(str((request.record / REPLAY_NAME).absolute()))
+            console.flights.files.append(str((request.record / REPLAY_NAME).absolute()))
         console.shown.update(self._layout.first_shown())
         if request.choose:
             console.open_panel("scenarios", shown=True)

@@ -13,17 +13,19 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 from flyaround.gui.command_table import STATE, word_of
+from flyaround.gui.flights import FlightList
 from flyaround.gui.jobs.all import Jobs, running_jobs
 from flyaround.gui.jobs.scenario_opening import ScenarioOpener
 from flyaround.gui.operator_state import HandControl, Help, WindowRequests
 from flyaround.gui.picture.settings_history import SettingsHistory
 from flyaround.gui.picture.view_settings import exposure_text
-from flyaround.gui.questions import FLOWN, acts_on_chaser, flight_text, question_before
+from flyaround.gui.questions import FLOWN, acts_on_chaser, question_before
 from flyaround.gui.scenario_draft import ScenarioDraft
 from flyaround.gui.script import CommandLog, Line, Player, Script
-from flyaround.gui.texts import time_text, titles
+from flyaround.gui.texts import titles
 from flyaround.simulator.errors import UserError
 from flyaround.simulator.piloting.control_laws import SWITCHES
+from flyaround.simulator.piloting.planned_burns import change_text
 from flyaround.simulator.piloting.telemetry import telemetry_of
 from flyaround.simulator.runtime.files import probe_writing
 
@@ -35,6 +37,7 @@ if TYPE_CHECKING:
     from flyaround.gui.picture.view_settings import Options
     from flyaround.gui.questions import Question
     from flyaround.simulator.piloting.orders import Order
+    from flyaround.simulator.piloting.piloted_craft import PilotChoices
     from flyaround.simulator.piloting.session import FlightSession
     from flyaround.simulator.piloting.telemetry import Telemetry
     from flyaround.simulator.world.flight.world_state import WorldState
@@ -43,7 +46,6 @@ log = logging.getLogger(__name__)
 
 Level = Literal["note", "caution", "warning"]
 CLOCK = "%H:%M:%S"
-LEAST_LOST_S = 1.0  # time flown after a flight was kept that is named
 KEPT_MESSAGES, KEPT_RECENT = 500, 6  # numbers of messages and of recent scenarios that are kept
 UNARMED = "keys, mouse and gamepad do not fly: arm hand control first (Ctrl+H or Insert)"
 STEERING = frozenset(f"steer.{switch}" for switch in SWITCHES)
@@ -119,16 +121,10 @@ class Console:
         Function that returns a text on the render process's preparations; empty without any.
     source : str, optional
         Built-in name or file of the flown scenario; empty if it is in no file.
-    former : list of tuple, optional
-        Flights that were left, each with its source, the last one at the end: it, and those that are in no file.
     recent : list of str, optional
         Built-in names and files of recent scenarios, newest first.
-    flights : list of str, optional
-        Absolute paths of the replays of kept flights.
-    unsaved : list of FlightSession, optional
-        Flights that the operator flew and that are in no file, or flew on since.
-    kept : dict of FlightSession to float, optional
-        Time until which the file of a kept flight is the flight [s].
+    flights : FlightList, optional
+        Flights that were left, kept, or are unsaved.
     history : SettingsHistory, optional
         Settings to undo and redo.
     held : frozenset of str, optional
@@ -163,11 +159,8 @@ class Console:
     window_gl: str = ""
     progress: Callable[[], str] = str
     source: str = ""
-    former: list[tuple[FlightSession, str]] = field(default_factory=list)
     recent: list[str] = field(default_factory=list)
-    flights: list[str] = field(default_factory=list)
-    unsaved: list[FlightSession] = field(default_factory=list)
-    kept: dict[FlightSession, float] = field(default_factory=dict)
+    flights: FlightList = field(default_factory=FlightList)
     history: SettingsHistory = field(default_factory=SettingsHistory)
     held: frozenset[str] = frozenset()
     hand: HandControl = field(default_factory=HandControl)
@@ -193,35 +186,9 @@ class Console:
     def losses(self) -> list[str]:
         """The jobs that quitting ends and the unsaved work that it discards, one sentence each."""
         jobs = [f"{job.text}: ends" for job in running_jobs(self.jobs) if job.end != "estimator.run"]
-        flights = [f"{flight_text(flight)} {self.lost_text(flight)}" for flight in self.unsaved]
-        return jobs + flights + [f"the text of {self.draft.name} is not saved"] * self.draft.changed
-
-    def lost_text(self, flight: FlightSession) -> str:
-        """Return how much of a flight is in no file.
-
-        Returns
-        -------
-        str
-            Predicate of a sentence on the flight; empty if nothing is lost.
-        """
-        if flight not in self.unsaved:
-            return ""
-        if flight not in self.kept:
-            return "is not kept"
-        since_s = max(flight.look_back.timeline.end_s, flight.t_s) - self.kept[flight]
-        if since_s < LEAST_LOST_S:
-            return "has another future than its file"
-        return f"has {time_text(since_s)} flown since its file was written"
-
-    def _note_flown_on(self, from_s: float) -> None:
-        """Count a kept flight as unsaved again once it has flown on, from a time on."""
-        flight = self.session
-        if flight not in self.kept or flight.look_back.active or flight.craft.steered is None:
-            return
-        self.kept[flight] = kept_s = min(self.kept[flight], from_s)
-        flown_on = flight.t_s > kept_s + LEAST_LOST_S
-        if flown_on != (flight in self.unsaved):
-            (self.unsaved.append if flown_on else self.unsaved.remove)(flight)
+        return (
+            jobs + self.flights.losses + [f"the text of {self.draft.name} is not saved"] * self.draft.changed
+        )
 
     @property
     def telemetry(self) -> Telemetry:
@@ -279,12 +246,15 @@ class Console:
             if asks and self._asks(command, values):
                 return ""
             self._note(Line(self.clock_ms, "do", name, values))
+            self.options.flight = self.session.craft.choices
             before = deepcopy(self.options)
             command.call(self, values)
             self.acknowledge([m for m in self.waiting if self._settles(command, m)])
-            self._note_flown(name)
-            self.options.guard = self.session.craft.steering.guard
-            self.history.note(name, before, self.options, self.clock_ms, self._change(command, values))
+            if acts_on_chaser(name):
+                self.flights.note_own(self.session)
+            self.options.flight = self.session.craft.choices
+            change = self._change(command, values, before.flight)
+            self.history.note(name, before, self.options, self.clock_ms, change)
         except (UserError, OSError) as error:
             # the flight continues, whatever happens in a command
             return str(error)
@@ -295,8 +265,10 @@ class Console:
         flown = command.group in FLOWN and message.of.partition(".")[0] in FLOWN
         return message.of == command.name or flown
 
-    def _change(self, command: Command, values: Sequence[Value]) -> str:
-        """Return a change of the settings in words, with the exposure as a time."""
+    def _change(self, command: Command, values: Sequence[Value], before: PilotChoices | None) -> str:
+        """Return a change of the settings, or of the burns before it, in words, with the exposure as a time."""
+        if command.group == "burn" and before is not None:
+            return change_text(before.burns, self.session.craft.steering.burns)
         if command.name in {"picture.exposure", "picture.meter"}:
             stops = self.options.settings.exposure_stops
             return f"exposure {exposure_text(self.session.plan.scenario.sensor.exposure_s * 2.0**stops)}"
@@ -316,8 +288,9 @@ class Console:
 
     def _asks(self, command: Command, values: tuple[Value, ...]) -> bool:
         """Ask before a command drops or leaves a flight; return True if the command must wait."""
-        lost = self.lost_text(self.session)
-        question = question_before(self.session, command, values, self.draft.name, lost)
+        lost = self.flights.lost_text(self.session)
+        changes = self.history.next_of_flight(command.name)
+        question = question_before(self.session, command, values, self.draft.name, lost, changes)
         if question is None:
             return False
         self.asked = question
@@ -333,12 +306,6 @@ class Console:
             self.do(asked.first, asks=False)
         if not asked.command.held:
             self.do(asked.command.name, *asked.values, asks=False)
-
-    def _note_flown(self, name: str) -> None:
-        """Count the flight as the operator's own after a command that was not refused."""
-        own = acts_on_chaser(name) and self.session not in (*self.unsaved, *self.kept)
-        if own and self.session.look_back.recorder is None:
-            self.unsaved.append(self.session)
 
     def do_line(self, line: str) -> None:
         """Run a command given as a line: its name, followed by its arguments."""
@@ -376,7 +343,7 @@ class Console:
         for name in sorted(names - self.held):
             self._note(Line(self.clock_ms, "hold", name))
             self.table[name].run(self, True)
-            self._note_flown(name)
+            self.flights.note_own(self.session)
         for name in sorted(self.held - names):
             self._note(Line(self.clock_ms, "release", name))
             self.table[name].run(self, False)
@@ -391,8 +358,8 @@ class Console:
     def pass_time(self, wall_ms: int, keys: frozenset[str] = frozenset()) -> None:
         """Advance real time, running a script's commands at their exact milliseconds.
 
-        Time stops while a scenario is being opened, so that replaying the log reproduces the flight, and while the
-        console asks before it quits, unless a script runs.
+        Time stops while a scenario is being opened, so that replaying the log reproduces the flight, and while a
+        question stands, unless a script runs.
 
         Parameters
         ----------
@@ -408,7 +375,9 @@ class Console:
         self._take_opened()
         if self.opener.is_busy():
             return
-        if self.shown.get("quit") and self._player is None:
+        if self.questioned:
+            # a key that is let go does not push afterwards, and one that is pressed is no answer
+            self.hold(self.held & keys)
             self.stand()
             return
         end = self.clock_ms + min(max(wall_ms, 0), LONGEST_TICK_MS)
@@ -424,8 +393,14 @@ class Console:
         self.hold(keys)
         self.jobs.update(self.session, self.feed.newest, self.clock_ms)
 
+    @property
+    def questioned(self) -> bool:
+        """True while a question to the operator stands; a script that has lines left gives no answers."""
+        stands = self.shown.get("quit") or (self.asked is not None and self.shown.get("question"))
+        return bool(stands) and (self._player is None or self._player.next_ms() is None)
+
     def stand(self) -> None:
-        """Update background jobs while the flight waits for its first picture."""
+        """Update background jobs while the flight waits for its first picture, or for an answer."""
         self._take_opened()
         self.jobs.update(self.session, self.feed.newest, self.clock_ms)
 
@@ -444,7 +419,7 @@ class Console:
             self.hand.flown |= pushed and state.t_s > before.t_s
             for level, text in state.news:
                 self.say(text, level)
-        self._note_flown_on(before.t_s)
+        self.flights.note_flown_on(self.session, before.t_s)
         over = [m for m in self.waiting if (m.over or partial(self.session.is_over, m.text))()]
         if t_ms // 1000 != self.clock_ms // 1000:
             over += [m for m in self.waiting if m.blocked and not probe_writing(m.blocked)]
@@ -471,9 +446,7 @@ class Console:
         UserError
             If there are not so many.
         """
-        if which > len(self.former):
-            raise UserError("there is no earlier flight" if which == 1 else f"no flight {which} was left")
-        session, source = self.former[-which]
+        session, source = self.flights.left(which)
         session.clock.paused = True
         self._begin(session, source)
 
@@ -483,8 +456,7 @@ class Console:
         if recorder is not None:
             self.session.look_back.recorder = None
             self.say("the recording ends with the scenario that was flown", "caution", "scenario.open")
-        left = [f for f in self.former if f[0] in self.unsaved and f[0] is not session]
-        self.former = [*left, (self.session, self.source)]
+        self.flights.leave(self.session, self.source, session)
         self.session, self.source = session, source
         self.remember(self.source)
         self.hand.armed = False
@@ -496,10 +468,10 @@ class Console:
         settings.bands, settings.environment = session.plan.bands, session.scene().environment
         # the operator's changes applied to the sensor and lights of the previous scenario
         settings.sensor_changes, settings.lights, settings.exposure_stops = {}, None, 0.0
-        self.options.guard, self.history = session.craft.steering.guard, SettingsHistory()
+        self.history = SettingsHistory()
         name = session.plan.scenario.title or session.plan.scenario.name
         replay = "REPLAY, paused: Space plays it, the slider seeks" if session.look_back.active else ""
-        self.say(replay or f"now: {name}; File, Previous flight returns to the last one")
+        self.say(replay or f"now: {name}; File > Previous flight returns to the last one")
 
     # --- messages
 

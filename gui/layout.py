@@ -213,7 +213,7 @@ class Layout:
         over = {p.name for p in self.panels if p.place == "over"}
         self._saved.shown = {n: s for n, s in console.shown.items() if n not in over}
         self._saved.font_scale, self._saved.recent = console.window.font_scale, console.recent
-        self._saved.flights = [path for path in console.flights if Path(path).is_file()]
+        self._saved.flights = [path for path in console.flights.files if Path(path).is_file()]
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
             write_atomic(path, msgspec.json.format(msgspec.json.encode(self._saved)))

@@ -9,6 +9,7 @@ from flyaround.gui.texts import duration_text, time_text
 
 if TYPE_CHECKING:
     from flyaround.gui.command_table import Command, Value
+    from flyaround.gui.picture.settings_history import Changes
     from flyaround.simulator.piloting.session import FlightSession
 
 FLOWN = frozenset({"steer", "guidance", "burn", "docking"})
@@ -17,8 +18,8 @@ NO_FLYING = frozenset({"steer.arm", "steer.stick-lost", "docking.keep-out"})
 """Commands of those groups that do not act on the chaser."""
 NEW_FLIGHT = frozenset({"scenario.open", "scenario.target", "scenario.fly", "light.fly"})
 """Commands that begin another flight."""
-SWAP_BACK = "Timeline, Swap future brings back the part dropped last."
-GO_BACK = "File, Previous flight returns to it until you quit."
+SWAP_BACK = "Flight > Timeline > Swap future brings back the part dropped last."
+GO_BACK = "File > Previous flight returns to it until you quit."
 LIFTS = "Lift the keep-out sphere? Nothing then keeps the chaser from hitting the target."
 KEEPS_OUT = "A click on KEEP-OUT LIFTED, in the bottom line, brings it back."
 
@@ -68,7 +69,12 @@ def drops_future(session: FlightSession) -> bool:
 
 
 def question_before(
-    session: FlightSession, command: Command, values: tuple[Value, ...], edited: str, lost: str
+    session: FlightSession,
+    command: Command,
+    values: tuple[Value, ...],
+    edited: str,
+    lost: str,
+    changes: Changes,
 ) -> Question | None:
     """Return the question before a command that drops or leaves a flight; None if nothing is lost.
 
@@ -84,6 +90,8 @@ def question_before(
         Name of the scenario whose text is edited.
     lost : str
         How much of the flight is in no file, as a predicate; empty if nothing is lost.
+    changes : Changes
+        Choices of the flight that the command, an undo or redo, changes.
     """
     name = command.name
     if name in NEW_FLIGHT and (lost or session.look_back.recorder is not None):
@@ -94,11 +102,16 @@ def question_before(
     if name == "time.restart" and lost:
         text = f"Restart? T{flight_text(session)[1:]} {lost}."
         return Question(command, values, text, SWAP_BACK, "Restart")
-    lifts = name == "docking.keep-out" and values == ("lifted",) and session.craft.steering.sphere is not None
+    guard = changes["guard"][1] if "guard" in changes else values[0] if name == "docking.keep-out" else ""
+    lifts = guard == "lifted" and session.craft.steering.sphere is not None
     # an abort acts on the present, and a stick that is let go on nothing
     flies = acts_on_chaser(name) and name != "docking.abort"
     flies &= any(values) or not name.startswith("steer.stick-")
-    flies |= name.startswith("time.next-") or (name == "timeline.fly-on" and bool(lost))
+    flies |= (
+        bool(changes.keys() - {"guard"})
+        or name.startswith("time.next-")
+        or (name == "timeline.fly-on" and bool(lost))
+    )
     if not flies or not drops_future(session):
         return Question(command, values, LIFTS, KEEPS_OUT, "Lift it") if lifts else None
     flown = time_text(session.look_back.timeline.end_s - session.t_s)

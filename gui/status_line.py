@@ -38,7 +38,7 @@ class StatusLine:
         ):
             self._master_caution(console)
             imgui.same_line()
-            if console.options.guard == "lifted":
+            if console.session.craft.steering.guard == "lifted":
                 w.button(console, "docking.keep-out", "scenario", label="KEEP-OUT LIFTED", fill=style.WARN)
                 imgui.same_line()
             imgui.begin_group()

@@ -22,8 +22,9 @@ def _approach(console: Console, on: bool) -> None:  # noqa: FBT001 - a switch
 
 
 def _abort(console: Console) -> None:
-    """Abort at once: the present flight, also while an earlier time of it is shown."""
-    session = console.session
+    """Abort at once: the present flight, also while an earlier time of it is shown, or a question stands."""
+    session, console.asked = console.session, None
+    console.open_panel("quit", shown=False)
     if drops_future(session):
         session.look_back.seek(session.look_back.timeline.end_s)
         text = f"aborted the present flight, at {clock(session.t_s)}: an earlier time was shown"

@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING
 from flyaround.gui.command_table import command, number, word
 from flyaround.gui.jobs.mesh_import import MESHES, MeshImport
 from flyaround.gui.jobs.program import output_file
-from flyaround.gui.picture.settings_history import KEEP_OUT
 from flyaround.gui.picture.video import Film
 from flyaround.simulator.errors import UserError
+from flyaround.simulator.piloting.orders import Rechoose
 
 if TYPE_CHECKING:
     from flyaround.gui.console import Console
@@ -92,19 +92,10 @@ def _stop_import(console: Console) -> None:
 
 
 def _step_settings(name: str, console: Console) -> None:
-    """Undo or redo the last change; a choice of the keep-out sphere is given to the flight, and lifting it asks."""
-    history, options, steering = console.history, console.options, console.session.craft.steering
-    what = history.next(f"settings.{name}") and getattr(history, name)(options)
-    if options.guard != steering.guard:
-        console.do(KEEP_OUT, options.guard)
-        if console.asked is not None:
-            # undone once the answer is given
-            (history.redo if name == "undo" else history.undo)(options)
-            return
-    if not what:
-        console.say("there is no change to undo" if name == "undo" else "there is nothing to redo")
-    else:
-        console.say(f"undone: {what} (Ctrl+Y redoes it)" if name == "undo" else f"redone: {what}")
+    """Undo or redo the last change of settings, burns or choices of the flight."""
+    fly = lambda changes: console.order(Rechoose(changes))  # noqa: E731
+    what = getattr(console.history, name)(console.options, fly)
+    console.say(f"undone: {what} (Ctrl+Y redoes it)" if name == "undo" else f"redone: {what}")
 
 
 def _enlarge(console: Console, panel: str | None = None) -> None:

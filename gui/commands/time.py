@@ -21,7 +21,7 @@ def _shift_rate(steps: int, console: Console) -> None:
 def _restart(console: Console) -> None:
     console.session.restart()
     console.hand.centre_sticks()
-    console.say("back at T+0; Swap future, in the Timeline panel, brings back what was flown")
+    console.say("back at T+0; Flight > Timeline > Swap future brings back what was flown")
 
 
 def _jump(event: Event, console: Console) -> None:

@@ -54,7 +54,9 @@ def _fly_on(console: Console) -> None:
         return
     session.look_back.fly_on()
     session.clock.slow_down()
-    console.say(f"flies on from {clock(session.t_s)}; Swap future brings the other future back")
+    console.say(
+        f"flies on from {clock(session.t_s)}; Flight > Timeline > Swap future brings the other future back"
+    )
 
 
 def _other_future(console: Console) -> None:
@@ -105,16 +107,14 @@ class Keeping:
             return False
         if replay is None:
             return True
-        self.console.flights.append(str(replay.absolute()))
+        self.console.flights.files.append(str(replay.absolute()))
         self.then(self.console, str(replay))
         return False
 
     def cancel(self) -> None:
         """Remove what was written; the flight is unsaved again."""
         self.files.cancel()
-        if self.session.look_back.recorder is None and self.session not in self.console.unsaved:
-            self.console.unsaved.append(self.session)
-            self.console.kept.pop(self.session, None)
+        self.console.flights.give_up(self.session)
 
 
 def _stop_keeping(console: Console) -> None:
@@ -142,14 +142,13 @@ def keep_flight(
     seen = scenario_as_seen(scenario, console.options.settings) if as_seen else None
     files = FlownFiles(session, where, seen)
     console.jobs.keeping.append(Keeping(console, session, files, then))
-    console.kept[session] = session.look_back.timeline.end_s
-    console.unsaved = [flight for flight in console.unsaved if flight is not session]
+    console.flights.keep(session)
 
 
 def _keep_all(console: Console) -> None:
-    if not console.unsaved:
+    if not console.flights.unsaved:
         raise UserError("every flight that was flown by hand is kept")
-    for session in console.unsaved:
+    for session in console.flights.unsaved:
         keep_flight(console, session=session)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Protocol
 
@@ -132,12 +133,13 @@ class Jobs:
             self.do("scenario.target", target)
 
     def close(self) -> None:
-        """End all jobs; of a flight that is being written nothing is left."""
+        """End all jobs at the same time; of a flight that is being written nothing is left."""
         for keep in self.keeping:
             keep.cancel()
-        for job in (self.estimates, self.hil, self.capture, self.film, self.flight_film, self.mesh):
-            if job is not None:
-                job.close()
+        jobs = (self.estimates, self.hil, self.capture, self.film, self.flight_film, self.mesh)
+        with ThreadPoolExecutor(len(jobs)) as pool:
+            # each waits for a process of its own
+            list(pool.map(lambda job: job is not None and job.close(), jobs))
 
 
 @dataclass(frozen=True)

@@ -33,8 +33,8 @@ State = Literal["off", "starting", "waiting for a board", "streaming", "ending"]
 
 KEPT_ROWS = 5000  # frames whose records are kept
 RATE_OVER_S = 5.0
-END_PATIENCE_S, KILL_PATIENCE_S = 3.0, 15.0
-"""Times after which a session that should end is interrupted, and killed."""
+END_PATIENCE_S, KILL_PATIENCE_S, QUIT_PATIENCE_S = 3.0, 15.0, 0.5
+"""Times after which a session that should end is interrupted, and killed; and until it is interrupted at the end."""
 BIN_EDGES_MS = tuple(float(e) for e in np.round(np.geomspace(1.0, 10_000.0, 41), 3))
 """Bins of the latency distribution, uniform in the logarithm."""
 
@@ -301,12 +301,14 @@ class HilSession:
 
     def close(self) -> None:
         """End both, in bounded time."""
+        self.stop()
         if self._board is not None:
-            self._board.close()
+            self._board.close(QUIT_PATIENCE_S)
             self._board = None
         if self._process is None:
             return
-        self.stop()
+        # nobody waits for its last pictures
+        self._stop_s = self._clock() - END_PATIENCE_S + QUIT_PATIENCE_S
         while self._process.is_alive():
             # unread rows must not block its last messages
             self._take([])

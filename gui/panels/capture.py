@@ -51,7 +51,7 @@ class CapturePanel(Panel):
     def _form(self, console: Console) -> None:
         w, imgui, job = self._w, self._w.imgui, console.jobs.capture
         self._names = self._names or (FLOWN, THIS, *list_scenarios(), *list_recipes())
-        self._what = self._what or (FLOWN if console.session in console.unsaved else THIS)
+        self._what = self._what or (FLOWN if console.session in console.flights.unsaved else THIS)
         w.field("What", "", 0.7)
         self._what = w.choice(
             console,

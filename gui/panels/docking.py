@@ -47,9 +47,8 @@ class DockingPanel(Panel):
         w.buttons(console, ("docking.go", "docking.no-go"), 2, primary)
         w.button(console, "time.next-hold-point", width=w.width)
         if session.craft.steering.keep_out is not None:
-            w.choice(
-                console, "docking.keep-out", console.options.guard, list(GUARDS), shown=NAMED.__getitem__
-            )
+            guard = session.craft.steering.guard
+            w.choice(console, "docking.keep-out", guard, list(GUARDS), shown=NAMED.__getitem__)
         w.switch(console, "overlay.docking", "Display over the view")
         figures = docking.figures(session.craft.chaser, session.flight)
         w.section(docking.port.name.capitalize())

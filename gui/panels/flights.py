@@ -36,22 +36,22 @@ class FlightsPanel(Panel):
     def draw(self, console: Console) -> None:
         """Draw into the current panel."""
         w, imgui = self._w, self._w.imgui
-        if imgui.is_window_appearing() or self._known != tuple(console.flights):
-            self._known = tuple(console.flights)
+        if imgui.is_window_appearing() or self._known != tuple(console.flights.files):
+            self._known = tuple(console.flights.files)
             self._rows = tuple(flight_row(path) for path in kept_flights(self._known))
-        if console.former:
+        if console.flights.former:
             w.section("Left since the console was opened")
         # the one left last comes first
-        for k, (session, _) in enumerate(reversed(console.former), 1):
+        for k, (session, _) in enumerate(reversed(console.flights.former), 1):
             if imgui.selectable(f"{session.plan.scenario.name}##left{k}", False)[0]:
                 console.do("scenario.back", k)
             w.command_tip(console, "scenario.back", k)
-            lost = console.lost_text(session)
+            lost = console.flights.lost_text(session)
             length = time_text(max(session.look_back.timeline.end_s, session.t_s))
             w.text(f"{length}, {lost or 'nothing to keep'}", style.WARN if lost else style.QUIET)
         w.section("On disk")
         if not self._rows:
-            w.text("None yet: Keep flight, in File, writes the flight so far.", style.QUIET)
+            w.text("None yet: File > Keep the flight > Keep flight writes the flight so far.", style.QUIET)
         for path, text, problem in self._rows:
             name = Path(path).parent.name
             if imgui.selectable(f"{w.elided(name, w.width)}##{path}", path == console.source)[0]:

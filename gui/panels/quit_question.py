@@ -34,9 +34,9 @@ class QuitQuestion(Panel):
         if self._keeps and not console.jobs.keeping:
             # a flight that could not be written, and a changed text, need an answer
             self._keeps = False
-            if not console.unsaved and not console.draft.changed:
+            if not console.flights.unsaved and not console.draft.changed:
                 console.do("window.close")
-        asks = bool(console.unsaved)
+        asks = bool(console.flights.unsaved)
         if asks:
             if w.filled_button("Keep all and quit", w.width / 2 - 4, style.PRIMARY):
                 console.do("timeline.keep-all")
@@ -65,7 +65,7 @@ class Question(Panel):
             console.open_panel(self.name, shown=False)
             return
         w.text(asked.text, style.WARN, "flights and texts that the command would discard or leave")
-        w.text(asked.way_back, style.QUIET)
+        w.text(f"{asked.way_back} Time stands still.", style.QUIET)
         w.imgui.dummy(w.vec(0, 1))
         goes = w.filled_button(asked.answer, w.width / 2 - 4, style.GUARDED)
         w.tip(f"carry out the command: {asked.command.title}")

@@ -1,28 +1,33 @@
-"""Undo and redo of an operator's settings: overlays, exposure, layers, maps. The flight has its timeline instead."""
+"""Undo and redo of an operator's settings, and of choices and burns of the flight, which else has its timeline."""
 
 from __future__ import annotations
 
 from copy import deepcopy
+from fnmatch import fnmatchcase
 from typing import TYPE_CHECKING, Any
 
+from flyaround.gui.texts import texts
 from flyaround.simulator.errors import UserError
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from flyaround.gui.picture.view_settings import Options
 
 MAX_STEPS = 200  # steps that can be undone
 ONE_DRAG_MS = 800
 """Interval within which consecutive changes by one command, as of a dragged slider, count as one."""
-GROUPS = frozenset(
-    ["overlay", "picture", "world", "window", "map", "orbit-camera", "camera", "sensor", "light"]
-)
-KEEP_OUT = "docking.keep-out"
-"""Groups of the commands that can be undone, and one more command."""
+UNDONE = texts("undo")["commands"]
+"""Commands that can be undone; ``*`` stands for the rest of a name."""
 
 Values = dict[tuple[str, str], Any]
 """Values by part of the settings and field; the field of a part that is undone as a whole is empty."""
-Steps = list[tuple[str, Values]]
-SPLIT = ("settings", "overlays")  # parts whose fields are undone one by one
+Steps = list[tuple[str, Values, Values]]
+"""Each change in words, with the values after and before it; to redo a step, the values before and after it."""
+Changes = dict[str, tuple[Any, Any]]
+"""Values of the flight's choices before and after a change, by field."""
+FLIGHT = "flight"
+SPLIT = ("settings", "overlays", FLIGHT)  # parts whose fields are undone one by one
 
 
 class SettingsHistory:
@@ -51,41 +56,81 @@ class SettingsHistory:
         """
         now = _values(after)
         former = {key: value for key, value in _values(before).items() if value != now[key]}
-        if not former or not (command == KEEP_OUT or command.partition(".")[0] in GROUPS):
+        if not former or not any(fnmatchcase(command, pattern) for pattern in UNDONE):
             return
         name, then_ms = self._last
         self._last = (command, t_ms)
         self._redo.clear()
-        if name == command and t_ms - then_ms < ONE_DRAG_MS and self._undo:
-            former |= self._undo.pop()[1]
-        self._undo = [*self._undo[-MAX_STEPS + 1 :], (change or command, former)]
+        # each burn is a step of its own
+        one_drag = name == command and t_ms - then_ms < ONE_DRAG_MS and not command.startswith("burn.")
+        if one_drag and self._undo:
+            former |= self._undo.pop()[2]
+        latter = deepcopy({key: now[key] for key in former})
+        self._undo = [*self._undo[-MAX_STEPS + 1 :], (change or command, latter, former)]
 
     def next(self, command: str) -> str | None:
         """Return the change that ``settings.undo`` or ``settings.redo`` would act on; None of other commands."""
         steps = {"settings.undo": self._undo, "settings.redo": self._redo}.get(command)
         return None if steps is None else steps[-1][0] if steps else ""
 
-    def undo(self, options: Options) -> str:
+    def next_of_flight(self, command: str) -> Changes:
+        """Return what ``settings.undo`` or ``settings.redo`` would change of the flight; nothing of other commands."""
+        steps = self._undo if command == "settings.undo" else self._redo
+        return _of_flight(steps[-1]) if self.next(command) else {}
+
+    def undo(self, options: Options, fly: Callable[[Changes], object] | None = None) -> str:
         """Restore the settings before the last change, and return that change in words.
 
+        Parameters
+        ----------
+        options : Options
+            Settings.
+        fly : callable, optional
+            Function that changes the flight; if it raises an error, the step is dropped.
+
+        Returns
+        -------
+        str
+            The change.
+
         Raises
         ------
         UserError
-            If there is none.
+            If there is none, or it can no longer be undone.
         """
-        self._last = ("", -ONE_DRAG_MS)
-        return _swap(options, self._undo, self._redo, "there is no change of settings to undo")
+        return self._restore(options, self._undo, self._redo, "there is no change to undo", fly)
 
-    def redo(self, options: Options) -> str:
-        """Repeat the change that was undone last, and return it in words.
+    def redo(self, options: Options, fly: Callable[[Changes], object] | None = None) -> str:
+        """Repeat the change that was undone last; parameters and result are those of `undo`."""
+        return self._restore(options, self._redo, self._undo, "there is nothing to redo", fly)
 
-        Raises
-        ------
-        UserError
-            If nothing was.
-        """
+    def _restore(
+        self,
+        options: Options,
+        source: Steps,
+        other: Steps,
+        advice: str,
+        fly: Callable[[Changes], object] | None,
+    ) -> str:
         self._last = ("", -ONE_DRAG_MS)
-        return _swap(options, self._redo, self._undo, "there is nothing to redo")
+        if not source:
+            raise UserError(advice)
+        change, leaves, reaches = step = source.pop()
+        if fly is not None and (changes := _of_flight(step)):
+            try:
+                fly(changes)
+            except UserError as error:
+                raise UserError(f"{change}: {error}") from error
+        other.append((change, reaches, leaves))
+        for (part, name), value in deepcopy(reaches).items():
+            if part != FLIGHT:
+                setattr(getattr(options, part) if name else options, name or part, value)
+        return change
+
+
+def _of_flight(step: tuple[str, Values, Values]) -> Changes:
+    _, leaves, reaches = step
+    return {name: (leaves[part, name], value) for (part, name), value in reaches.items() if part == FLIGHT}
 
 
 def _values(options: Options) -> Values:
@@ -93,17 +138,5 @@ def _values(options: Options) -> Values:
     return {
         (part, name): value
         for part, whole in vars(options).items()
-        for name, value in (vars(whole).items() if part in SPLIT else [("", whole)])
+        for name, value in (vars(whole).items() if part in SPLIT and whole is not None else [("", whole)])
     }
-
-
-def _swap(options: Options, source: Steps, other: Steps, advice: str) -> str:
-    """Restore the values of the last step of ``source``, push the present ones to ``other``; return the change."""
-    if not source:
-        raise UserError(advice)
-    change, former = source.pop()
-    now = _values(options)
-    other.append((change, deepcopy({key: now[key] for key in former})))
-    for (part, name), value in former.items():
-        setattr(getattr(options, part) if name else options, name or part, value)
-    return change

@@ -21,7 +21,7 @@ from flyaround.simulator.scene.state import Quality
 if TYPE_CHECKING:
     from flyaround.simulator.camera.detector.sensor import Sensor
     from flyaround.simulator.camera.lens.camera_model import Camera
-    from flyaround.simulator.piloting.chaser_control import Guard
+    from flyaround.simulator.piloting.piloted_craft import PilotChoices
     from flyaround.simulator.scenario.scenario import Scenario
     from flyaround.simulator.scene.state import SceneState
 
@@ -84,14 +84,14 @@ class Overlays:
 
 @dataclass
 class Options:
-    """All settings of the operator; the choice of the keep-out sphere is that of the flight."""
+    """All settings of the operator, with the pilot's choices of the present flight."""
 
     settings: ViewSettings
     overlays: Overlays = field(default_factory=Overlays)
     panel: bool = True
     map: MapLook = field(default_factory=MapLook)
     orbit: OrbitCamera = field(default_factory=OrbitCamera)
-    guard: Guard = "scenario"
+    flight: PilotChoices | None = None
 
 
 def apply_view_settings(

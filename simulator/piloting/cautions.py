@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
-from flyaround.simulator.piloting.chaser_control import PLUME_CAUTION
+from flyaround.simulator.piloting.chaser_control import PLUME_CAUTION, UNGUIDED
 from flyaround.simulator.piloting.docking_watch import CONTACT, STOPS
 from flyaround.simulator.piloting.orders import ABORTS, LIFTED, WITH_IT, WOULD_TAKE_BACK, planned_text
 
@@ -135,6 +135,7 @@ ENDS: dict[str, Callable[[PilotedFlight, str], bool]] = {
     DRIFT: lambda session, caution: (
         session.craft.drift_risk() not in caution or not session.craft.drift_risk()
     ),
+    UNGUIDED: lambda session, _: not session.craft.drifts,
     AWAY: lambda session, _: not session.craft.drifts,
     OVERRULED: lambda session, _: not session.cautions.guarded(session.t_s),
     ECLIPSE: lambda session, _: session.craft.world.sun_visible_fraction > 0.0,

@@ -17,7 +17,7 @@ from flyaround.simulator.piloting.propellant import Propellant, plume_strikes
 from flyaround.simulator.runtime.arrays import Vec3, vec3
 from flyaround.simulator.world.frames.lvlh import Lvlh
 from flyaround.simulator.world.frames.rotation import matrix_from_quat
-from flyaround.simulator.world.guidance.keep_out import KeepOut
+from flyaround.simulator.world.guidance.keep_out import Guard, KeepOut
 from flyaround.simulator.world.guidance.manual_control import guarded_command
 from flyaround.simulator.world.guidance.thruster_control import retreat_impulse
 
@@ -34,7 +34,6 @@ Axes = Literal["camera", "lvlh"]
 Thrust = Literal["continuous", "pulse"]
 AttitudeMode = Literal["rate", "hold", "target", "dock"]
 ATTITUDE_MODES: tuple[AttitudeMode, ...] = get_args(AttitudeMode)
-Guard = Literal["scenario", "port", "lifted"]
 GUARDS: tuple[Guard, ...] = get_args(Guard)
 """The keep-out sphere with the scenario's corridor, with one that turns with the docking port, or lifted."""
 
@@ -53,6 +52,7 @@ COAST_STEP_S = 20.0
 ABORT_M_S2 = 0.25
 """Acceleration of an abort [m s-2]."""
 
+UNGUIDED = "the chaser drifts unguided"  # part of the cautions after an abort
 PLUME_CAUTION = "the plume strikes the target: push sideways, or from farther away"
 PLUME_CAUTION_INTERVAL_S = 300.0
 """Minimum time between two cautions about plume impingement, unless it was clear between them [s]."""
@@ -86,7 +86,7 @@ class Steering:
         self.keep_out = keep_out
         self.axes: Axes = "camera"
         self.thrust: Thrust = "continuous"
-        self.guard: Guard = "scenario"
+        self.guard: Guard = "scenario" if keep_out is None else keep_out.pilot_choice
         self.burns = BurnPlan()
         self.propellant = Propellant(thrusters)
         self.news: list[News] = []
@@ -343,7 +343,7 @@ class Steering:
         size = float(np.linalg.norm(impulse))
         if float(np.linalg.norm(p)) > self.retreat_to_m:
             self.aborting = False
-            self.news.append(("note", "the abort is done: the chaser drifts"))
+            self.news.append(("caution", f"the abort is done: {UNGUIDED}"))
         return impulse / max(size, 1e-12) * min(ABORT_M_S2, size / h)
 
     def _guidance(self, guided: ActiveGuidance, chaser: ChaserState, frame: Lvlh) -> FloatArray:

@@ -169,7 +169,17 @@ class Docking:
         """Move the port to the point where the line from the chaser to the centre of mass enters the target."""
         to_target = matrix_from_quat(flight.attitude(chaser.t_s)[0]).T
         axis = to_target @ np.array(chaser.position_eci_m)
-        self._port = port_along(self._target, axis, target_from_lvlh(flight, chaser.t_s), flight)
+        port = port_along(self._target, axis, target_from_lvlh(flight, chaser.t_s), flight)
+        self.choose_port(port, chaser, flight)
+
+    @property
+    def chosen_port(self) -> DockingPort | None:
+        """The port that the pilot chose; None for the target's own."""
+        return self._port
+
+    def choose_port(self, port: DockingPort | None, chaser: ChaserState, flight: Flight) -> None:
+        """Choose a port, or with None the target's own; the hold points begin again from where the chaser is."""
+        self._port = port
         self.hold_points = HoldPoints(self.figures(chaser, flight).range_m)
 
     def not_ready(self, chaser: ChaserState, flight: Flight) -> tuple[str, ...]:

@@ -43,6 +43,7 @@ class FlownFiles:
     def __init__(self, session: FlightSession, folder: Path, scenario: Scenario | None = None) -> None:
         session.look_back.keep(always=True)
         self._flight, self._scenario = session.flight, scenario or session.plan.scenario
+        self._guard = session.craft.steering.guard
         self._count = len(session.look_back.timeline)
         if self._count < 2:
             raise UserError("there is no flight to save yet")
@@ -75,7 +76,7 @@ class FlownFiles:
             self._rows.extend(self._flight.recorded_row(steered or self._flight.chaser(t_s)))
             if time.perf_counter() >= until:
                 return None
-        return write_flight(self.folder, self._scenario, Recording.from_rows(self._rows))
+        return write_flight(self.folder, self._scenario, Recording.from_rows(self._rows), self._guard)
 
     def cancel(self) -> None:
         """Remove what was written, and the folder if it was new."""

@@ -8,7 +8,8 @@ from __future__ import annotations
 
 import pickle
 from bisect import bisect_left
-from typing import TYPE_CHECKING
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
@@ -36,6 +37,15 @@ RESTORED_TRAIL_POINTS = 400
 """Points of the trail of a restored future."""
 
 
+@dataclass(frozen=True)
+class Mark:
+    """A hold point that the chaser left, or a contact with the target, and its time."""
+
+    t_s: float
+    kind: Literal["hold-point", "contact"]
+    text: str
+
+
 class LookBack:
     """Records a flight, and shows earlier times of it.
 
@@ -47,6 +57,11 @@ class LookBack:
         The clock, reset whenever the time changes.
     recorder : FlightRecorder, optional
         Records the flight without discarded parts.
+
+    Attributes
+    ----------
+    marks : list of Mark
+        Hold points and contacts of the flight in order of time, also those after a time that was sought.
     """
 
     def __init__(self, craft: PilotedCraft, clock: FlightClock, recorder: FlightRecorder | None) -> None:
@@ -55,6 +70,10 @@ class LookBack:
         self.trail = Trail()
         self.active = False
         """True while a time before the end of the flight is shown."""
+        self.marks: list[Mark] = []
+        self._left_marks: list[Mark] = []
+        """Marks of the discarded future."""
+        self._branch_s = -1.0
         self._restored = b""
         self._replayed_until_s = -1.0
         self.leave_trail()
@@ -67,6 +86,7 @@ class LookBack:
         self.leave_trail()
         recorder = self.recorder
         if recorder is not None and recorder.is_due(self._craft.t_s):
+            recorder.guard = self._craft.steering.guard
             recorder.add(self._craft.world)
 
     def keep(self, *, always: bool = False) -> None:
@@ -181,6 +201,14 @@ class LookBack:
             if self.recorder is not None:
                 self.recorder.truncate_after(t_s)
             self.timeline.truncate_after(k)
+            self._branch_s, self._left_marks = self._craft.t_s if k >= 0 else -1.0, []
+            self._swap_marks()
+
+    def _swap_marks(self) -> None:
+        """Exchange the marks after the branching point with those of the discarded future."""
+        shared = [m for m in self.marks if m.t_s <= self._branch_s]
+        future, self._left_marks = self._left_marks, self.marks[len(shared) :]
+        self.marks = shared + future
 
     def swap_future(self) -> float:
         """Exchange the future with the discarded one, and seek to their common end; return that time [s].
@@ -192,6 +220,7 @@ class LookBack:
         """
         self.keep(always=True)
         k = self.timeline.swap_future()
+        self._swap_marks()
         self._retrace()
         if self.recorder is not None:
             self.recorder.swap_future()

@@ -3,22 +3,23 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from flyaround.simulator.errors import UserError
-from flyaround.simulator.piloting.chaser_control import BORESIGHT, GUARDS
+from flyaround.simulator.piloting.chaser_control import BORESIGHT, GUARDS, UNGUIDED
 from flyaround.simulator.piloting.control_laws import SWITCHES, Demand
 from flyaround.simulator.piloting.docking_figures import PRESETS
 
 if TYPE_CHECKING:
-    from flyaround.simulator.piloting.chaser_control import AttitudeMode, Axes, Guard, Thrust
+    from flyaround.simulator.piloting.chaser_control import AttitudeMode, Axes, Thrust
     from flyaround.simulator.piloting.control_laws import Switch
     from flyaround.simulator.piloting.docking_watch import News
     from flyaround.simulator.piloting.piloted_craft import PilotedCraft
     from flyaround.simulator.piloting.planned_burns import PlannedBurn
+    from flyaround.simulator.world.guidance.keep_out import Guard
 
 
 class Order(ABC):
@@ -181,7 +182,7 @@ class Abort(Order):
         Returns
         -------
         News
-            Warning that the chaser retreats, with the distance; a note if it is farther away already.
+            Warning that the chaser retreats, with the distance; a caution that it drifts if it is farther away already.
         """
         craft.take_over()
         steering, (p, v) = craft.steering, craft.state_lvlh()
@@ -191,11 +192,10 @@ class Abort(Order):
             return "warning", f"{ABORTS} to {to_m:.3g} m"
         steering.aborting = False
         closing_m_s = -float(v @ p) / range_m
-        text = f"abort: guidance and burns end, and the chaser drifts: it is {range_m:.1f} m away"
-        text += f", and an abort retreats to {to_m:.3g} m"
-        if closing_m_s < CLOSES_M_S:
-            return "note", text
-        return "note", f"{text}; it closes at {closing_m_s:.2g} m/s: Stop brakes it"
+        where = f"it is {range_m:.1f} m away, and an abort retreats to {to_m:.3g} m"
+        if closing_m_s >= CLOSES_M_S:
+            where += f"; it closes at {closing_m_s:.2g} m/s: Stop brakes it"
+        return "caution", f"abort: guidance and burns end, and {UNGUIDED}: {where}"
 
 
 # --- guidance and burns
@@ -226,6 +226,15 @@ WITH_IT = "the path with it"  # part of the caution that a planned burn leads in
 def planned_text(burn: PlannedBurn) -> str:
     """Return the answer to the plan of a burn."""
     return f"a burn of {burn.size_m_s:.3g} m/s is planned at T+{burn.t_s:.1f} s"
+
+
+def _planned_news(craft: PilotedCraft, burn: PlannedBurn) -> News:
+    """Return the answer to a planned burn: a caution if guidance would undo it, or its path is dangerous."""
+    text, doing = planned_text(burn), craft.steering.doing
+    if doing:
+        return "caution", f"{text}, but {doing} {WOULD_TAKE_BACK}: choose Free drift first"
+    risk = craft.burns_forecast()[1]
+    return ("caution", f"{text}; {WITH_IT} {risk}") if risk else ("note", text)
 
 
 @dataclass(frozen=True)
@@ -260,12 +269,7 @@ class PlanBurn(Order):
         steering = craft.steering
         others = steering.burns if self.replaces_s is None else steering.burns.without(self.replaces_s)
         steering.burns = others.with_burn(self.burn, craft.t_s)
-        text = planned_text(self.burn)
-        if steering.doing:
-            return "caution", f"{text}, but {steering.doing} {WOULD_TAKE_BACK}: choose Free drift first"
-        if risk := craft.burns_forecast()[1]:
-            return "caution", f"{text}; {WITH_IT} {risk}"
-        return "note", text
+        return _planned_news(craft, self.burn)
 
 
 @dataclass(frozen=True)
@@ -442,3 +446,44 @@ class TakeAxisHere(Order):
         """
         craft.docking.take_axis_here(craft.chaser, craft.flight)
         return "note", "the docking axis now leads from the chaser through the target's centre of mass"
+
+
+# --- undo
+
+
+@dataclass(frozen=True)
+class Rechoose(Order):
+    """Change some of the pilot's choices, as undo and redo do.
+
+    Parameters
+    ----------
+    changes : dict of str to tuple
+        Value before and after the change, by field of `PilotChoices`; of burns the difference counts.
+    """
+
+    changes: dict[str, tuple[Any, Any]]
+
+    def carry_out(self, craft: PilotedCraft) -> News | None:
+        """Apply the choices; a burn that comes back takes over, as its plan does.
+
+        Returns
+        -------
+        News or None
+            Caution of a burn that comes back, or of the keep-out sphere if it is lifted; None without one.
+
+        Raises
+        ------
+        UserError
+            If a burn was flown or cancelled since, or can no longer be planned.
+        """
+        wanted = {name: after for name, (_, after) in self.changes.items()}
+        before = craft.steering.burns
+        if "burns" in wanted:
+            wanted["burns"] = before.with_change(*self.changes["burns"], craft.t_s)
+        craft.choices = replace(craft.choices, **wanted)
+        news: list[News] = [("caution", LIFTED)] if wanted.get("guard") == "lifted" else []
+        for burn in craft.steering.burns.burns:
+            if burn not in before.burns:
+                craft.take_over()
+                news.append(_planned_news(craft, burn))
+        return next((answer for answer in news if answer[0] == "caution"), None)

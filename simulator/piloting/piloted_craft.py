@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -11,6 +12,7 @@ import numpy as np
 from flyaround.simulator.piloting.chaser_control import Steering
 from flyaround.simulator.piloting.docking_port import target_from_lvlh
 from flyaround.simulator.piloting.docking_watch import Docking
+from flyaround.simulator.piloting.hold_points import DISTANCES_M
 from flyaround.simulator.piloting.open_end import longer_flight
 from flyaround.simulator.piloting.planned_burns import BurnPlan, predicted_path
 from flyaround.simulator.runtime.arrays import vec3
@@ -18,14 +20,16 @@ from flyaround.simulator.world.frames.rotation import matrix_from_quat
 from flyaround.simulator.world.guidance.manual_control import predicted_drift_lvlh_m, step
 
 if TYPE_CHECKING:
-    from flyaround.simulator.piloting.chaser_control import AttitudeMode, Guard
+    from flyaround.simulator.piloting.chaser_control import AttitudeMode, Axes, Thrust
+    from flyaround.simulator.piloting.docking_figures import DockingLimits
+    from flyaround.simulator.piloting.docking_port import DockingPort
     from flyaround.simulator.piloting.guidance_modes import LvlhState
     from flyaround.simulator.piloting.planned_burns import PredictedPath
     from flyaround.simulator.runtime.arrays import FloatArray
     from flyaround.simulator.scenario.plan import Plan
     from flyaround.simulator.world.flight.flight import Flight
     from flyaround.simulator.world.flight.world_state import WorldState
-    from flyaround.simulator.world.guidance.keep_out import KeepOut
+    from flyaround.simulator.world.guidance.keep_out import Guard, KeepOut
     from flyaround.simulator.world.guidance.manual_control import ChaserState
 
 Mode = Literal["guidance", "steer"]
@@ -42,10 +46,41 @@ MARGIN_S = 60.0
 PREDICTION_S = 600.0
 """Span of the prediction after the last burn."""
 
+PASSED, DRIFT_SAMPLES = 1.5, 25
+"""Ratio of the predicted time to that of a straight way to the target; and points of a drift over `PREDICTION_S`."""
+
 PATH_STEPS, LEG_STEPS = 200, 5
 """Numbers of points of a path, and of each of its legs, that are compared with the keep-out sphere."""
 
 INTO_TARGET = "leads into the target"
+
+
+@dataclass(frozen=True)
+class PilotChoices:
+    """Choices of the pilot that fly nothing by themselves.
+
+    Parameters
+    ----------
+    guard : str
+        Corridor of the keep-out sphere, or none.
+    axes : str
+        Axes of thrust.
+    thrust : str
+        Continuous thrust, or pulses.
+    limits : DockingLimits
+        Limits of a docking.
+    port : DockingPort or None
+        Docking axis that replaces the target's own.
+    burns : BurnPlan
+        Planned burns.
+    """
+
+    guard: Guard
+    axes: Axes
+    thrust: Thrust
+    limits: DockingLimits
+    port: DockingPort | None
+    burns: BurnPlan
 
 
 class PilotedCraft:
@@ -72,7 +107,7 @@ class PilotedCraft:
         """The manually controlled chaser; None under guidance."""
         self._hold_points_at_s = 0.0
         self._forecast: tuple[tuple[BurnPlan, Guard, int], tuple[float, str]] | None = None
-        self._drift: tuple[tuple[Guard, int], str] | None = None
+        self._drift: tuple[tuple[Guard, int, int], str] | None = None
         scenario = self.plan.scenario
         self.docking = Docking(self.plan.target, self.plan.flight, scenario.chaser.keep_out)
         self.steering = Steering(self.docking, scenario.chaser_thrusters, scenario.chaser.keep_out)
@@ -203,21 +238,52 @@ class PilotedCraft:
         Returns
         -------
         str
-            `risk_of` the drift over `PREDICTION_S`, without a contact at the end of the approach corridor.
+            `risk_of` the drift over `PREDICTION_S`, of a closing chaser until it has passed the target, at most over
+            an orbit; without a contact at the end of the approach corridor.
         """
         steering = self.steering
         if self.steered is None or steering.doing or steering.braking or steering.burns.burns:
             return ""
-        key = steering.guard, int(self.t_s)
+        p, v = self.state_lvlh()
+        passes_s = PASSED * float(p @ p) / -float(p @ v) if p @ v < 0 else 0.0
+        span_s = max(min(passes_s, 2 * np.pi / self.flight.n_rad_s), PREDICTION_S)
+        spans = round(span_s / PREDICTION_S)
+        # a long prediction costs more, and changes less
+        key = steering.guard, spans, int(self.t_s / spans)
         if self._drift is None or self._drift[0] != key:
-            risk = self.risk_of(predicted_drift_lvlh_m(self.flight.orbit, self.steered, PREDICTION_S))
-            off_deg = self.docking.figures(self.steered, self.flight).off_axis_deg
-            if risk == INTO_TARGET and off_deg <= self.docking.corridor_deg:
+            path = predicted_drift_lvlh_m(
+                self.flight.orbit, self.steered, span_s, DRIFT_SAMPLES * min(spans, 3)
+            )
+            risk = self.risk_of(path)
+            figures = self.docking.figures(self.steered, self.flight)
+            docks = figures.off_axis_deg <= self.docking.corridor_deg and figures.range_m <= DISTANCES_M[0]
+            if risk == INTO_TARGET and docks:
                 risk = ""
             self._drift = key, risk
         return self._drift[1]
 
     # --- control
+
+    @property
+    def choices(self) -> PilotChoices:
+        """The pilot's present choices; setting them computes the hold points of another docking axis again."""
+        steering, docking = self.steering, self.docking
+        return PilotChoices(
+            steering.guard,
+            steering.axes,
+            steering.thrust,
+            docking.limits,
+            docking.chosen_port,
+            steering.burns,
+        )
+
+    @choices.setter
+    def choices(self, choices: PilotChoices) -> None:
+        steering, docking = self.steering, self.docking
+        steering.guard, steering.axes, steering.thrust = choices.guard, choices.axes, choices.thrust
+        docking.limits, steering.burns = choices.limits, choices.burns
+        if choices.port != docking.chosen_port:
+            docking.choose_port(choices.port, self.chaser, self.flight)
 
     def take_over(self) -> None:
         """Take over manual control from the chaser's state; the attitude continues to track the target."""

@@ -121,6 +121,36 @@ class BurnPlan:
         nearest = min(self.burns, key=lambda b: abs(b.t_s - t_s))
         return BurnPlan(tuple(b for b in self.burns if b is not nearest))
 
+    def with_change(self, before: BurnPlan, after: BurnPlan, now_s: float) -> BurnPlan:
+        """Apply the difference between two plans to this one, which may have changed since.
+
+        Parameters
+        ----------
+        before, after : BurnPlan
+            Plans whose difference is applied.
+        now_s : float
+            Present time.
+
+        Returns
+        -------
+        BurnPlan
+            New plan, in order of time.
+
+        Raises
+        ------
+        UserError
+            If a burn that the change removes is no longer planned, or `with_burn` refuses one that it adds.
+        """
+        removed, added = set(before.burns) - set(after.burns), set(after.burns) - set(before.burns)
+        if missing := removed - set(self.burns):
+            raise UserError(
+                f"the {burn_text(min(missing, key=lambda b: b.t_s))} was flown or cancelled since"
+            )
+        plan = BurnPlan(tuple(b for b in self.burns if b not in removed))
+        for burn in sorted(added, key=lambda b: b.t_s):
+            plan = plan.with_burn(burn, now_s)
+        return plan
+
     def acceleration_lvlh_m_s2(self, start_s: float, end_s: float) -> FloatArray:
         """Return the acceleration during a step that contains no start or end of a burn.
 
@@ -157,6 +187,36 @@ class BurnPlan:
         if all(b.end_s > t_s for b in self.burns):
             return self
         return BurnPlan(tuple(b for b in self.burns if b.end_s > t_s))
+
+
+def burn_text(burn: PlannedBurn) -> str:
+    """Return a burn in words: its size and time.
+
+    Returns
+    -------
+    str
+        Noun phrase without article.
+    """
+    return f"burn of {burn.size_m_s:.3g} m/s at T+{burn.t_s:.1f} s"
+
+
+def change_text(before: BurnPlan, after: BurnPlan) -> str:
+    """Return the difference between two plans in words.
+
+    Returns
+    -------
+    str
+        Imperative clause; empty if the plans are equal.
+    """
+    removed = [b for b in before.burns if b not in after.burns]
+    added = [b for b in after.burns if b not in before.burns]
+    if added and removed:
+        return f"change the {burn_text(removed[0])} to {burn_text(added[0]).removeprefix('burn of ')}"
+    if added:
+        return f"plan a {burn_text(added[0])}"
+    if len(removed) > 1:
+        return f"cancel {len(removed)} burns"
+    return f"cancel the {burn_text(removed[0])}" if removed else ""
 
 
 @dataclass(frozen=True, eq=False)

@@ -29,6 +29,7 @@ if TYPE_CHECKING:
 
     from flyaround.simulator.scenario.scenario import Scenario
     from flyaround.simulator.world.flight.world_state import WorldState
+    from flyaround.simulator.world.guidance.keep_out import Guard
 
 REPLAY_INTERVAL_S = 1.0
 """Interval between writes of ``replay.toml``, which states the flight's length [s]."""
@@ -50,6 +51,8 @@ class FlightRecorder:
         self.trouble: str | None = None
         """Reason why the flight is not on disk; None if it is."""
         self._untold: str | None = None
+        self.guard: Guard | None = None
+        """The pilot's choice of the keep-out sphere, which the replay keeps."""
         self._clock = clock
         self._kept: tuple[Path, Scenario] | None = None
         self._lines: TextIO | None = None
@@ -133,7 +136,7 @@ class FlightRecorder:
         # the folder may be gone
         with contextlib.suppress(OSError):
             folder.mkdir(parents=True, exist_ok=True)
-        replay = write_flight(folder, scenario, self.recording) if self.long_enough else None
+        replay = write_flight(folder, scenario, self.recording, self.guard) if self.long_enough else None
         with contextlib.suppress(OSError):
             (folder / RECORDING_NAME).with_suffix(CSV_SUFFIX).unlink(missing_ok=True)
         return replay
@@ -182,7 +185,7 @@ class FlightRecorder:
             if self.long_enough and self._clock() >= self._replay_due_s:
                 self._replay_due_s = self._clock() + REPLAY_INTERVAL_S
                 name = (folder / RECORDING_NAME).with_suffix(CSV_SUFFIX).name
-                _write_replay(folder, scenario, name, row[0])
+                _write_replay(folder, scenario, name, row[0], self.guard)
         except (OSError, UserError) as error:
             self._fail(error)
 
@@ -200,8 +203,19 @@ class FlightRecorder:
             self._lines = None
 
 
-def write_flight(folder: Path, scenario: Scenario, recording: Recording) -> Path:
+def write_flight(folder: Path, scenario: Scenario, recording: Recording, guard: Guard | None = None) -> Path:
     """Write a recorded flight and the scenario that replays it, and return the scenario's path.
+
+    Parameters
+    ----------
+    folder : Path
+        Folder of both files.
+    scenario : Scenario
+        Scenario flown.
+    recording : Recording
+        The flight.
+    guard : str, optional
+        The pilot's choice of the keep-out sphere.
 
     Raises
     ------
@@ -209,10 +223,12 @@ def write_flight(folder: Path, scenario: Scenario, recording: Recording) -> Path
         If it cannot be written.
     """
     write_atomic(folder / RECORDING_NAME, recording.to_bytes())
-    return _write_replay(folder, scenario, RECORDING_NAME, recording.duration_s)
+    return _write_replay(folder, scenario, RECORDING_NAME, recording.duration_s, guard)
 
 
-def _write_replay(folder: Path, scenario: Scenario, recording: str, duration_s: float) -> Path:
+def _write_replay(
+    folder: Path, scenario: Scenario, recording: str, duration_s: float, guard: Guard | None
+) -> Path:
     path = folder / REPLAY_NAME
-    write_atomic(path, replay_scenario(scenario, recording, duration_s).encode())
+    write_atomic(path, replay_scenario(scenario, recording, duration_s, guard).encode())
     return path

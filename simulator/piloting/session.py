@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -12,9 +12,10 @@ from flyaround.simulator.errors import UserError
 from flyaround.simulator.piloting.cautions import NOT_REACHED, CautionWatch, cause_ended
 from flyaround.simulator.piloting.clock import FlightClock
 from flyaround.simulator.piloting.jumps import event_ahead_s
-from flyaround.simulator.piloting.look_back import LookBack
+from flyaround.simulator.piloting.look_back import LookBack, Mark
 from flyaround.simulator.piloting.orders import Abort
 from flyaround.simulator.piloting.piloted_craft import PilotedCraft
+from flyaround.simulator.piloting.planned_burns import BurnPlan
 from flyaround.simulator.scenario.plan import plan_flight
 
 if TYPE_CHECKING:
@@ -48,15 +49,6 @@ LIT_S = 300.0
 
 ECLIPSE_STEP_S, MAX_ECLIPSE_STEPS = 20.0, 500
 """Interval at which a recording is searched for eclipses [s], and the largest number of intervals."""
-
-
-@dataclass(frozen=True)
-class Mark:
-    """A hold point that the chaser left, or a contact with the target, and its time."""
-
-    t_s: float
-    kind: Literal["hold-point", "contact"]
-    text: str
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -139,8 +131,6 @@ class FlightSession:
         seek or a restart leaves them.
     cautions : CautionWatch
         Cautions that began.
-    marks : list of Mark
-        Hold points and contacts of the flight in order of time, also those after a time that was sought.
     """
 
     def __init__(self, plan: Plan, recorder: FlightRecorder | None = None) -> None:
@@ -150,7 +140,6 @@ class FlightSession:
         self.look_back = LookBack(self.craft, self.clock, recorder)
         self.cautions = CautionWatch()
         self.eclipses_s: list[tuple[float, float]] = []
-        self.marks: list[Mark] = []
         self._left: frozenset[str] = frozenset()
         self._jump_from, self._nearest = 0.0, (0.0, 0.0)
 
@@ -176,6 +165,11 @@ class FlightSession:
     def flight(self) -> Flight:
         """The flight, as far as it is propagated."""
         return self.craft.flight
+
+    @property
+    def marks(self) -> list[Mark]:
+        """Hold points and contacts of the flight in order of time, also those after a time that was sought."""
+        return self.look_back.marks
 
     @property
     def state(self) -> FlightState:
@@ -305,12 +299,12 @@ class FlightSession:
             self._fly(min(self._step_s(), end - self.t_s))
 
     def restart(self) -> None:
-        """Return to the start, under guidance; pause, rate and the choice of the keep-out sphere are kept."""
-        guard = self.craft.steering.guard
+        """Return to the start, under guidance; pause, rate and the pilot's choices but for burns are kept."""
+        choices = replace(self.craft.choices, burns=BurnPlan())
         self.look_back.restart()
         self.clock.reset()
         self.craft.restart()
-        self.craft.steering.guard = guard
+        self.craft.choices = choices
         self.look_back.leave_trail()
         self.cautions = CautionWatch()
 
@@ -341,12 +335,11 @@ class FlightSession:
         return frozenset(f"{p.name}, {p.axial_m:g} m" for p in points if p.decision in LEFT)
 
     def _note_marks(self) -> None:
-        """Add what happened since the last call; what was flown after now is discarded."""
-        left, contacts = self._hold_points_left(), self.craft.docking.contacts
-        self.marks = [m for m in self.marks if m.t_s <= self.t_s]
-        known_s = {m.t_s for m in self.marks if m.kind == "contact"}
-        self.marks += [Mark(self.t_s, "hold-point", name) for name in sorted(left - self._left)]
-        self.marks += [
+        """Add what happened since the last call."""
+        left, contacts, marks = self._hold_points_left(), self.craft.docking.contacts, self.look_back.marks
+        known_s = {m.t_s for m in marks if m.kind == "contact"}
+        marks += [Mark(self.t_s, "hold-point", name) for name in sorted(left - self._left)]
+        marks += [
             Mark(c.t_s, "contact", f"docked, score {c.score}" if c.docked else "contact")
             for c in contacts
             if c.t_s not in known_s
@@ -360,7 +353,13 @@ class FlightSession:
     def _fly(self, h: float) -> None:
         self.craft.reach(self.t_s + 2 * h)
         self.look_back.record()
+        n_contacts = len(self.craft.docking.contacts)
         self.craft.step(h)
+        if len(self.craft.docking.contacts) > n_contacts and (self.clock.jump or self.clock.rate > 1.0):
+            # also ends a jump
+            self.clock.set_rate(1.0)
+            level, text = self.craft.steering.news[-1]
+            self.craft.steering.news[-1] = level, f"{text}; time runs at 1x again"
         if self.clock.jump and (end := self._jump_end()):
             self.clock.end_jump()
             self.craft.steering.news.append(end)

@@ -217,11 +217,8 @@ class WorkerProcess(Generic[T]):
     def close(self) -> None:
         """End the process; a job in progress is abandoned."""
         if self._process.is_alive():
-            if self._in_flight or not self._is_open:
-                self._process.terminate()
-            else:
-                with contextlib.suppress(OSError):  # it may have died in the meantime
-                    self._pipe.send_bytes(pickle.dumps(None))
+            # an orderly end would take a renderer a second, and the system frees its resources
+            self._process.terminate()
             self._process.join(_END_TIMEOUT_S)
             if self._process.is_alive():
                 self._process.kill()
@@ -316,7 +313,7 @@ def _serve(
     work: Callable[..., object],
     open_resource: Callable[[], AbstractContextManager[WorkerResource]],
 ) -> None:
-    """Run jobs in the child process until the parent sends the end or exits."""
+    """Run jobs in the child process until the parent terminates it or exits."""
     # the parent handles Ctrl-C, and then closes this process
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     # end at once on SIGTERM: the system frees all resources

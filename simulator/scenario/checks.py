@@ -169,7 +169,7 @@ def _point_problems(p: Point) -> Iterator[str]:
 def _chaser_problems(chaser: AnyChaser) -> Iterator[str]:
     """Yield a start too close to the target, and sections that contradict each other."""
     if isinstance(chaser, Replay):
-        for name in ("thrusters", "wheels", "keep_out"):
+        for name in ("thrusters", "wheels"):
             if getattr(chaser, name) is not None:
                 yield f"a replay has no [chaser.{name}], the recording flies: remove the section"
         if chaser.approach_axis_lvlh is not None and not any(chaser.approach_axis_lvlh):
@@ -257,7 +257,7 @@ def _keep_out_problems(chaser: AnyChaser, start: FloatArray) -> Iterator[str]:
                 f"allowed: at least {sphere.radius_m:g} m (key chaser.keep_out.radius_m)"
             )
         return
-    if chaser.acting_thrusters is None and not isinstance(chaser, CommandScript):
+    if chaser.acting_thrusters is None and not isinstance(chaser, CommandScript | Replay):
         yield "section [chaser.keep_out] needs [chaser.thrusters], which would carry out an abort"
     axis = sphere.corridor_axis_lvlh
     if axis is not None and not np.any(axis):

@@ -13,9 +13,12 @@ from flyaround.simulator.world.guidance.paths import approach_axis_lvlh
 
 if TYPE_CHECKING:
     from flyaround.simulator.scenario.scenario import Scenario
+    from flyaround.simulator.world.guidance.keep_out import Guard
 
 
-def replay_scenario(scenario: Scenario, recording_file: str, duration_s: float | None = None) -> str:
+def replay_scenario(
+    scenario: Scenario, recording_file: str, duration_s: float | None = None, guard: Guard | None = None
+) -> str:
     """Return the TOML of a scenario like this one whose chaser and target follow the recording.
 
     Parameters
@@ -26,6 +29,8 @@ def replay_scenario(scenario: Scenario, recording_file: str, duration_s: float |
         Path relative to the TOML file.
     duration_s : float, optional
         Duration of the recording if it differs from the scenario's.
+    guard : str, optional
+        The pilot's choice of the keep-out sphere if it differs from the scenario's.
 
     Returns
     -------
@@ -33,8 +38,12 @@ def replay_scenario(scenario: Scenario, recording_file: str, duration_s: float |
         TOML text.
     """
     flown = scenario.chaser
+    keep_out = flown.keep_out
+    if keep_out is not None and guard is not None:
+        keep_out = msgspec.structs.replace(keep_out, pilot_choice=guard)
     chaser = Replay(
         file=recording_file,
+        keep_out=keep_out,
         minimum_start_range_m=flown.minimum_start_range_m,
         approach_axis_lvlh=flown.approach_axis_lvlh
         if isinstance(flown, Replay)

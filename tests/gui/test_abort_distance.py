@@ -10,6 +10,8 @@ import pytest
 
 from flyaround.gui.console import Console
 from flyaround.simulator.runtime.arrays import vec3
+from flyaround.simulator.world.orbit.propagation import elements_from_state
+from flyaround.simulator.world.relative.yamanaka_ankersen import elliptic_transition_matrix
 from tests.harness.pointer import Pointer
 
 FAR_M = 29.0
@@ -51,7 +53,7 @@ def test_an_abort_outside_that_distance_says_what_it_does_instead(at: Pointer) -
     console.do("docking.approach", True)
     console.do("docking.abort")
     text = console.messages[-1].text
-    assert text.startswith("abort: guidance and burns end, and the chaser drifts: it is 29.0 m away")
+    assert text.startswith("abort: guidance and burns end, and the chaser drifts unguided: it is 29.0 m away")
     assert "retreats to 24 m" in text
     assert text.endswith("closes at 0.05 m/s: Stop brakes it")
     steering = console.session.craft.steering
@@ -60,8 +62,49 @@ def test_an_abort_outside_that_distance_says_what_it_does_instead(at: Pointer) -
     said = [m.text for m in console.messages]
     for _ in range(5):
         console.pass_time(200)
-    assert [m.text for m in console.messages] == said
+    assert [m.text for m in console.messages[: len(said)]] == said
+    assert text in [m.text for m in console.waiting]
+    # the caution of an unguided drift ends with the drift
+    console.do("guidance.hold")
+    console.pass_time(20)
     assert console.waiting == []
+
+
+def test_a_retreat_that_is_done_is_a_caution_while_the_chaser_drifts(at: Pointer) -> None:
+    console = at.console
+    carried_to(console, 23.0)
+    console.do("docking.abort")
+    for _ in range(200):
+        console.pass_time(250)
+        if not console.session.craft.steering.aborting:
+            break
+    console.pass_time(250)
+    assert "the abort is done: the chaser drifts unguided" in [m.text for m in console.waiting]
+    console.do("guidance.hold")
+    console.pass_time(20)
+    assert console.waiting == []
+
+
+def test_a_far_drift_towards_the_target_is_a_caution(at: Pointer) -> None:
+    console = at.console
+    carried_to(console, -2000.0)
+    console.do("guidance.drift")
+    console.pass_time(20)
+    assert console.waiting == []
+    # on the way that is at the target after 2000 s
+    craft, place = console.session.craft, np.array([0.0, -2000.0, 0.0])
+    orbit = craft.flight.orbit
+    mu = orbit.forces.mu_m3_s2
+    after = elliptic_transition_matrix(elements_from_state(*orbit(craft.t_s), mu), 2000.0, mu)
+    velocity = np.linalg.solve(after[:3, 3:], -after[:3, :3] @ place)
+    frame = orbit.frame(craft.t_s)
+    turning = np.cross(frame.omega_eci_rad_s, frame.R_eci_from_lvlh @ place)
+    moving = vec3(frame.R_eci_from_lvlh @ velocity + turning)
+    assert craft.steered is not None
+    craft.steered = replace(craft.steered, velocity_eci_m_s=moving)
+    for _ in range(6):
+        console.pass_time(200)
+    assert [m.text for m in console.waiting] == ["the free drift leads through the keep-out sphere of 12 m"]
 
 
 def test_a_chaser_at_rest_outside_it_is_not_said_to_close(at: Pointer) -> None:

@@ -28,7 +28,7 @@ def keep(console: Console, *folder: str) -> str:
     console.do("timeline.keep", *folder)
     while console.jobs.keeping:
         console.pass_time(0)
-    return console.flights[-1]
+    return console.flights.files[-1]
 
 
 def test_a_kept_flight_is_listed_with_scenario_and_length(console: Console, window: HeadlessWindow) -> None:
@@ -36,7 +36,7 @@ def test_a_kept_flight_is_listed_with_scenario_and_length(console: Console, wind
     panel = FlightsPanel(window)
     done: list[tuple[object, ...]] = []
     console.do = lambda *what: done.append(what)  # type: ignore[method-assign]
-    console.unsaved.clear()
+    console.flights.unsaved.clear()
     window.press("tango-vbar-approach-001", lambda: panel.draw(console))
     texts = [n.label for n in window.noted if n.what == "text"]
     assert any(text.endswith("tango-vbar-approach   3 s") for text in texts)

@@ -48,7 +48,7 @@ def test_the_seconds_since_the_file_are_named_and_kept(screen: Pointer) -> None:
     console.do("time.pause")
     while console.jobs.keeping:
         console.pass_time(0)
-    assert len(console.flights) == 2
+    assert len(console.flights.files) == 2
     assert console.losses == []
 
 

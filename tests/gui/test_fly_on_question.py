@@ -150,3 +150,67 @@ def test_the_question_before_another_scenario_names_both(back: Pointer) -> None:
     assert "Leave the flight of tango-flyaround, 4 s, for tango-close-3m? It is not kept." in back.texts()
     back.press("Fly it")
     assert console.opener.name == "tango-close-3m"
+
+
+QUESTIONS = ("docking.keep-out lifted", "scenario.open tango-close-3m", "time.restart", "window.quit")
+
+
+@pytest.mark.parametrize("line", QUESTIONS)
+def test_the_flight_stands_still_while_a_question_stands_and_goes_on_after_it(line: str) -> None:
+    at = Pointer("tango-vbar-approach", panels=False)
+    console = at.console
+    console.do("guidance.hold")
+    console.do("time.rate", "5")
+    console.pass_time(200)
+    t_s = console.session.t_s
+    console.do_line(line)
+    for _ in range(3):
+        console.pass_time(200)
+        at.turn()
+    assert console.session.t_s == t_s
+    at.escape()
+    at.turn()
+    console.pass_time(200)
+    assert console.session.t_s == pytest.approx(t_s + 1.0)
+    assert (console.session.clock.rate, console.session.clock.paused) == (5.0, False)
+    at.close()
+
+
+def test_a_key_that_is_let_go_behind_a_question_does_not_push_after_it(back: Pointer) -> None:
+    console = back.console
+    console.do("timeline.end")
+    console.do("time.pause")
+    console.do("steer.arm", True)
+    for _ in range(2):
+        console.pass_time(100, frozenset({"steer.forward"}))
+    console.do("window.quit")
+    console.pass_time(100)
+    back.escape()
+    back.turn()
+    spent = console.session.state.propellant
+    console.pass_time(100)
+    assert console.session.state.propellant == spent
+
+
+def test_an_abort_acts_behind_a_question_and_takes_it_away(back: Pointer) -> None:
+    console = back.console
+    console.do("guidance.hold")
+    assert console.asked is not None
+    console.do("docking.abort")
+    t_s = console.session.t_s
+    console.pass_time(200)
+    assert console.session.t_s > t_s
+    back.turn()
+    assert not back.has("Stay here")
+
+
+def test_the_way_back_is_named_as_a_path_of_the_menus(back: Pointer) -> None:
+    console = back.console
+    console.do("guidance.hold")
+    assert console.asked is not None
+    path = console.asked.way_back.partition(" brings")[0].split(" > ")
+    assert path == ["Flight", "Timeline", "Swap future"]
+    back.turn()
+    back.press("Fly on")
+    back.menu(*path)
+    assert console.session.look_back.timeline.end_s > 3.5

@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
 
 import pytest
 
 from flyaround.gui.console import Console
 from flyaround.gui.script import Script
+from flyaround.simulator.piloting.recorder import FlightRecorder
+from flyaround.simulator.scenario.load import load_scenario
 from tests.harness.flown_console import console_flying
 from tests.harness.pointer import Pointer
 
@@ -42,6 +46,11 @@ def test_the_autopilot_reaches_a_tumbling_port_unless_the_corridor_is_fixed(guar
         assert not m
     dock(console)
     contact = console.session.craft.docking.contact
+    if contact is not None:
+        assert console.session.clock.rate == 1.0
+        assert any(
+            "docked at " in m.text and m.text.endswith("; time runs at 1x again") for m in console.messages
+        )
     assert (contact is not None and contact.docked) == (guard != "scenario")
     overruled = [m for m in console.messages if "overruled" in m.text]
     assert bool(overruled) == (guard == "scenario")
@@ -108,13 +117,13 @@ def test_it_is_undone_alone_and_kept_along_the_timeline(screen: Pointer) -> None
     console.do("timeline.seek", 0.0)
     console.do("picture.noise", False)
     console.do("settings.undo")
-    assert (steering.guard, console.options.guard) == ("port", "port")
+    assert steering.guard == "port"
     console.do("timeline.fly-on", asks=False)
     console.pass_time(200)
-    assert (steering.guard, console.options.guard) == ("port", "port")
+    assert steering.guard == "port"
     console.do("time.restart", asks=False)
     console.pass_time(200)
-    assert (console.session.craft.steering.guard, console.options.guard) == ("port", "port")
+    assert console.session.craft.steering.guard == "port"
 
 
 def test_it_is_chosen_for_the_flight_on_while_an_earlier_time_is_shown(screen: Pointer) -> None:
@@ -138,7 +147,7 @@ def test_a_redo_does_not_lift_without_a_question(screen: Pointer) -> None:
     console.do("settings.redo")
     console.pass_time(20)
     assert console.asked is not None
-    assert (console.session.craft.steering.guard, console.options.guard) == ("scenario", "scenario")
+    assert console.session.craft.steering.guard == "scenario"
     assert len(console.messages) == said
     console.answer(True)
     console.do("settings.undo")
@@ -148,3 +157,33 @@ def test_a_redo_does_not_lift_without_a_question(screen: Pointer) -> None:
 def test_a_scenario_without_a_sphere_refuses() -> None:
     console = console_flying("tango-space-10m")
     assert console.attempt("docking.keep-out", "lifted") == "this scenario has no keep-out sphere"
+
+
+def test_a_restart_keeps_what_the_pilot_chose_but_for_burns() -> None:
+    console = console_flying(TUMBLING)
+    console.pass_time(200)
+    for line in ("docking.limits idss", "docking.axis-here", "steer.lvlh on", "docking.keep-out port"):
+        console.do_line(line)
+    console.do("burn.plan", 500.0, 0.0, 0.01, 0.0)
+    chosen = console.session.craft.choices
+    console.do("time.restart", asks=False)
+    console.pass_time(200)
+    kept = console.session.craft.choices
+    assert kept.burns.burns == ()
+    assert replace(kept, burns=chosen.burns) == chosen
+
+
+def test_a_kept_flight_and_a_recording_keep_the_choice(tmp_path: Path) -> None:
+    console = console_flying(TUMBLING)
+    recorder = console.session.look_back.recorder = FlightRecorder()
+    recorder.keep_in(tmp_path / "recorded", console.session.plan.scenario)
+    console.do("docking.keep-out", "port")
+    for _ in range(5):
+        console.pass_time(200)
+    console.do("timeline.keep", str(tmp_path / "kept"))
+    while console.jobs.keeping:
+        console.pass_time(0)
+    recorder.close()
+    for folder in ("kept", "recorded"):
+        again = console_flying(load_scenario(tmp_path / folder / "replay.toml"))
+        assert again.session.craft.steering.guard == "port"

@@ -106,7 +106,7 @@ def test_every_flight_that_would_be_lost_is_named_reached_and_kept(screen: Point
         if not console.jobs.keeping:
             break
     assert console.losses == []
-    assert len(console.flights) == 3
+    assert len(console.flights.files) == 3
 
 
 def test_a_flight_being_written_can_be_cancelled_and_leaves_nothing(screen: Pointer, tmp_path: Path) -> None:
@@ -258,7 +258,7 @@ def test_one_button_keeps_every_flight_and_quits(screen: Pointer) -> None:
         if console.window.close:
             break
     assert console.window.close
-    assert len(console.flights) == 1
+    assert len(console.flights.files) == 1
 
 
 def test_keeping_all_does_not_quit_over_a_text_that_is_not_saved(screen: Pointer) -> None:

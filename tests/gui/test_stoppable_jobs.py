@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import threading
 from pathlib import Path
+from typing import Any
 
 import pytest
 
+from flyaround.gui.app import unfinished_files
 from flyaround.gui.jobs import scenario_opening
 from flyaround.gui.jobs.all import running_jobs
 from flyaround.simulator.piloting.session import FlightSession
@@ -59,4 +61,27 @@ def test_flying_on_at_the_end_lets_time_run() -> None:
     assert not console.session.clock.paused
     console.do("timeline.fly-on")
     assert (console.waiting, console.session.clock.rate) == ([], 1.0)
+    console.close()
+
+
+def test_all_jobs_end_at_the_same_time() -> None:
+    console = console_flying()
+    meeting = threading.Barrier(3, timeout=20.0)
+
+    class Job:
+        def close(self) -> None:
+            meeting.wait()
+
+    jobs: Any = console.jobs
+    jobs.film, jobs.flight_film, jobs.mesh = Job(), Job(), Job()
+    console.close()
+    assert not meeting.broken
+
+
+def test_jobs_that_finish_files_are_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    console = console_flying()
+    assert unfinished_files(console) == []
+    console.do("film.start")
+    assert unfinished_files(console) == ["film 0 pictures"]
     console.close()

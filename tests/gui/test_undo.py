@@ -87,7 +87,7 @@ def test_another_flight_begins_with_nothing_to_undo(at: Pointer) -> None:
     console = at.console
     console.do("picture.exposure", 2.0)
     console.do("scenario.open", "tango-flyaround")
-    while console.opener.is_busy() or not console.former:
+    while console.opener.is_busy() or not console.flights.former:
         console.stand()
     console.do("scenario.back")
     assert console.options.settings.exposure_stops == 0.0
@@ -108,3 +108,94 @@ def test_a_drag_is_undone_alone(at: Pointer, panel: str, part: str) -> None:
     console.do("settings.undo")
     assert getattr(console.options, part) == before
     assert not console.options.settings.noise
+
+
+def plan(at: Pointer) -> list[tuple[float, ...]]:
+    return [(b.t_s, *b.delta_v_lvlh_m_s) for b in at.console.session.craft.steering.burns.burns]
+
+
+def said(at: Pointer) -> str:
+    return at.console.messages[-1].text
+
+
+def test_burns_are_undone_in_order_and_named(at: Pointer) -> None:
+    console = at.console
+    console.do("picture.noise", False)
+    console.do("burn.plan", 500.0, 0.0, 0.02, 0.0)
+    console.do("burn.plan", 900.0, 0.0, 0.01, 0.0)
+    # moved, as by a drag on the map
+    console.do("burn.plan", 950.0, 0.0, 0.03, 0.0, 900.0)
+    console.do("picture.exposure", 1.0)
+    console.do("burn.cancel")
+    assert plan(at) == []
+    console.do("settings.undo")
+    assert [t_s for t_s, *_ in plan(at)] == [500.0, 950.0]
+    assert said(at).startswith("undone: cancel 2 burns")
+    console.do("settings.undo")
+    assert said(at).startswith("undone: exposure")
+    console.do("settings.undo")
+    assert plan(at) == [(500.0, 0.0, 0.02, 0.0), (900.0, 0.0, 0.01, 0.0)]
+    assert said(at).startswith("undone: change the burn of 0.01 m/s")
+    console.do("settings.undo")
+    assert plan(at) == [(500.0, 0.0, 0.02, 0.0)]
+    console.do("settings.undo")
+    assert plan(at) == []
+    assert said(at).startswith("undone: plan a burn of 0.02 m/s")
+    console.do("settings.undo")
+    assert console.options.settings.noise
+    for _ in range(4):
+        console.do("settings.redo")
+    assert [t_s for t_s, *_ in plan(at)] == [500.0, 950.0]
+
+
+def test_a_burn_that_was_flown_or_aborted_does_not_come_back(at: Pointer) -> None:
+    console = at.console
+    console.do("picture.noise", False)
+    console.do("burn.plan", 500.0, 0.0, 0.02, 0.0)
+    console.do("burn.plan", 900.0, 0.0, 0.01, 0.0)
+    console.do("docking.abort")
+    console.do("settings.undo")
+    assert plan(at) == []
+    assert "was flown or cancelled since" in said(at)
+    console.do("settings.undo")
+    assert plan(at) == []
+    # only a step that can be taken back is
+    console.do("settings.undo")
+    assert said(at).startswith("undone: noise off")
+
+
+@pytest.mark.parametrize(
+    ("line", "name"),
+    [
+        ("docking.limits idss", "limits"),
+        ("docking.axis-here", "port"),
+        ("steer.lvlh on", "axes"),
+        ("steer.pulses on", "thrust"),
+    ],
+)
+def test_choices_of_the_flight_are_undone(at: Pointer, line: str, name: str) -> None:
+    console = at.console
+    before = getattr(console.session.craft.choices, name)
+    console.do_line(line)
+    after = getattr(console.session.craft.choices, name)
+    assert after != before
+    console.do("settings.undo")
+    assert getattr(console.session.craft.choices, name) == before
+    assert said(at).startswith("undone: ")
+    console.do("settings.redo")
+    assert getattr(console.session.craft.choices, name) == after
+
+
+def test_an_undone_burn_asks_while_an_earlier_time_is_shown(at: Pointer) -> None:
+    console = at.console
+    console.pass_time(200)
+    console.do("burn.plan", 500.0, 0.0, 0.02, 0.0)
+    for _ in range(10):
+        console.pass_time(200)
+    console.do("timeline.seek", 1.0)
+    console.do("settings.undo")
+    assert console.asked is not None
+    assert len(plan(at)) == 1
+    console.answer(True)
+    assert plan(at) == []
+    assert not console.session.look_back.active

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, Literal
 
 import numpy as np
 from msgspec import Meta
 
 from flyaround.simulator.runtime.arrays import FloatArray
 from flyaround.simulator.runtime.sections import DirectionXyz, Range, Section
+
+Guard = Literal["scenario", "port", "lifted"]
 
 
 class KeepOut(Section, frozen=True, kw_only=True):
@@ -21,6 +23,8 @@ class KeepOut(Section, frozen=True, kw_only=True):
     corridor_half_angle_deg: Annotated[float, Meta(ge=0, le=90)] = 10.0
     # outward speed after an abort, until twice the radius; then free drift
     retreat_m_s: Annotated[float, Meta(gt=0, le=10)] = 0.1
+    # the pilot's choice at the start: this corridor, one that turns with the docking port, or no sphere
+    pilot_choice: Guard = "scenario"
 
     def violated(self, position_lvlh_m: FloatArray) -> bool:
         """Return True if a position relative to the target is inside the sphere and outside the corridor.

@@ -31,7 +31,7 @@ def test_changes_are_undone_and_done_again(options: Options) -> None:
     assert options.settings.exposure_stops == 1.0
     history.undo(options)
     assert options.settings.exposure_stops == 0.0
-    with pytest.raises(UserError, match="no change of settings to undo"):
+    with pytest.raises(UserError, match="no change to undo"):
         history.undo(options)
     history.redo(options)
     history.redo(options)

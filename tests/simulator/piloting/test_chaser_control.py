@@ -225,7 +225,7 @@ def test_an_abort_leaves_by_the_corridor_it_came_in_by():
         if not session.craft.steering.aborting:
             break
     assert session.craft.world.range_m > 24.0
-    assert news[-1] == ("note", "the abort is done: the chaser drifts")
+    assert news[-1] == ("caution", "the abort is done: the chaser drifts unguided")
 
 
 def test_an_abort_stops_a_hurried_clock():

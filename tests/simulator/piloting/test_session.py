@@ -39,6 +39,7 @@ from flyaround.simulator.piloting.orders import (
     PlanBurn,
     Pulse,
     Stop,
+    TakeOver,
 )
 from flyaround.simulator.piloting.planned_burns import burn_of
 from flyaround.simulator.piloting.session import FRAME_STEP_S, FlightSession
@@ -304,6 +305,46 @@ def test_hold_points_and_a_contact_are_marked_and_stay_when_one_looks_back():
     session.clock.paused = False
     fly(session, 0.04)
     assert session.marks == before[:1]
+    # and comes back with the other future, which is exchanged as often as one likes
+    session.look_back.swap_future()
+    assert session.marks == before
+    session.clock.paused = True
+    fly(session, 0.04)
+    assert session.marks == before
+    session.look_back.swap_future()
+    assert session.marks == before[:1]
+    session.look_back.swap_future()
+    session.restart()
+    assert session.marks == []
+    session.look_back.swap_future()
+    assert session.marks == before
+
+
+@pytest.mark.parametrize("jumps", [False, True])
+def test_time_slows_down_at_a_contact_and_says_so(jumps):
+    session = FlightSession.of(load_scenario("tango-space-10m"))
+    session.order(TakeOver())
+    # straight at the target
+    p = np.array(session.craft.steered.position_eci_m)
+    session.craft.steered = replace(
+        session.craft.steered, velocity_eci_m_s=tuple(-0.5 * p / np.linalg.norm(p))
+    )
+    if jumps:
+        session.clock.start_jump("event", 3000.0)
+    else:
+        session.clock.set_rate(50.0)
+    session.step(PilotCommand(), 0.0)
+    news: list[tuple[str, str]] = []
+    while not session.craft.docking.contacts and session.t_s < 100.0:
+        news += session.step(PilotCommand(), 0.02).news
+    assert (session.clock.rate, session.clock.jump) == (1.0, "")
+    assert [text.endswith("; time runs at 1x again") for _, text in news if "without docking" in text] == [
+        True
+    ]
+    # a rate chosen after the contact stays
+    session.clock.set_rate(10.0)
+    fly(session, 1.0)
+    assert session.clock.rate == 10.0
 
 
 REFUSED = (

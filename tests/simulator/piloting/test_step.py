@@ -88,8 +88,8 @@ def test_orders_are_carried_out_once_and_answered():
     assert state.propellant.delta_v_m_s == pytest.approx(0.06, rel=1e-9)
     state = session.step(fa.PilotCommand(orders=(Abort(),)), TICK_S)
     level, text = state.news[0]
-    assert level == "note"
-    assert text.startswith("abort: guidance and burns end, and the chaser drifts: it is 29.8 m away")
+    assert level == "caution"
+    assert text.startswith("abort: guidance and burns end, and the chaser drifts unguided: it is 29.8 m away")
     assert session.step(fa.PilotCommand(orders=(FollowGuidance(),)), TICK_S).mode == "guidance"
 
 

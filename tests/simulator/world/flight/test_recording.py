@@ -3,11 +3,13 @@
 import os
 import zipfile
 
+import msgspec
 import numpy as np
 import pytest
 
 from flyaround.simulator.errors import UserError
 from flyaround.simulator.piloting.docking_port import docking_port
+from flyaround.simulator.piloting.session import FlightSession
 from flyaround.simulator.scenario.load import load_scenario
 from flyaround.simulator.scenario.plan import plan_flight
 from flyaround.simulator.scenario.write import replay_scenario
@@ -69,13 +71,27 @@ def test_a_recording_of_no_length_does_not_take_the_scenario_s():
     assert f"\nduration_s = {scenario.duration_s}\n" in replay_scenario(scenario, "flight.npz")
 
 
-def test_a_replay_has_no_keep_out_sphere(tmp_path):
-    plan = plan_flight(load_scenario("tango-flyaround"), n=5)
+@pytest.mark.parametrize("guard", ["scenario", "port", "lifted", None])
+def test_a_replay_keeps_the_keep_out_sphere_and_the_pilots_choice(guard, tmp_path):
+    plan = plan_flight(load_scenario("tango-vbar-approach"), n=5)
     (tmp_path / "flight.npz").write_bytes(record(plan.flight, plan.times_s).to_bytes())
-    text = replay_scenario(plan.scenario, "flight.npz") + "\n[chaser.keep_out]\nradius_m = 2.0\n"
-    (tmp_path / "replay.toml").write_text(text)
-    with pytest.raises(UserError, match=r"a replay has no \[chaser.keep_out\]"):
-        load_scenario(tmp_path / "replay.toml")
+    (tmp_path / "replay.toml").write_text(replay_scenario(plan.scenario, "flight.npz", guard=guard))
+    kept = load_scenario(tmp_path / "replay.toml")
+    assert kept.chaser.keep_out.radius_m == plan.scenario.chaser.keep_out.radius_m
+    assert FlightSession.of(kept).craft.steering.guard == (guard or "scenario")
+
+
+def test_a_replay_without_the_choice_or_the_sphere_still_loads(tmp_path):
+    plan = plan_flight(load_scenario("tango-vbar-approach"), n=5)
+    (tmp_path / "flight.npz").write_bytes(record(plan.flight, plan.times_s).to_bytes())
+    text = replay_scenario(plan.scenario, "flight.npz", guard="port")
+    (tmp_path / "replay.toml").write_text(text.replace('pilot_choice = "port"\n', ""))
+    assert FlightSession.of(load_scenario(tmp_path / "replay.toml")).craft.steering.guard == "scenario"
+    without = msgspec.structs.replace(
+        plan.scenario, chaser=msgspec.structs.replace(plan.scenario.chaser, keep_out=None)
+    )
+    (tmp_path / "replay.toml").write_text(replay_scenario(without, "flight.npz", guard="port"))
+    assert load_scenario(tmp_path / "replay.toml").chaser.keep_out is None
 
 
 def test_between_the_samples_it_is_close(tmp_path):
