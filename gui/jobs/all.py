@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Protocol
 
 from flyaround.gui.jobs.capture_job import CaptureJob
 from flyaround.gui.jobs.estimates import Estimates
+from flyaround.gui.jobs.estimator_process import method_title
 from flyaround.gui.jobs.hil_session import HilSession
 from flyaround.gui.picture.screen import screen_picture
 
@@ -106,7 +107,7 @@ class Jobs:
             if len(accepted) == 1 and accepted[0] is estimates.newest:
                 first = accepted[0]
                 self.say(
-                    f"{first.method}: first accepted pose, {first.E_R_deg:.2f}° and "
+                    f"{method_title(first.method)}: first accepted pose, {first.E_R_deg:.2f}° and "
                     f"{1e3 * (first.E_T_m or 0.0):.0f} mm off at {first.range_m:.1f} m"
                 )
         for trouble in estimates.take_troubles():
@@ -168,7 +169,8 @@ def running_jobs(jobs: Jobs, opening: str = "", flight: FlightSession | None = N
     if flight is not None and flight.clock.jump:
         rows.append(RunningJob(f"jump to {flight.jump_text}", flight.jump_share, "time.jump-end"))
     if jobs.estimates.on:
-        rows.append(RunningJob(f"{jobs.estimates.method} {jobs.estimates.doing}", None, "estimator.run"))
+        text = f"{method_title(jobs.estimates.method)} {jobs.estimates.doing}"
+        rows.append(RunningJob(text, None, "estimator.run"))
     capture = jobs.capture
     if capture.running and capture.request is not None:
         text = f"capture {capture.done} of {capture.request.frames}"

@@ -14,7 +14,13 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from flyaround.gui.jobs.estimator_process import STEPS, EstimateRequest, EstimatorCache, estimate_picture
+from flyaround.gui.jobs.estimator_process import (
+    STEPS,
+    EstimateRequest,
+    EstimatorCache,
+    estimate_picture,
+    method_title,
+)
 from flyaround.hil.board.method_names import HYBRID
 from flyaround.hil.evaluate.pose_errors import frame_errors
 from flyaround.simulator.errors import UserError
@@ -216,7 +222,7 @@ class Estimates:
         except RuntimeError as error:
             # the last line of its traceback
             why = str(error).strip().splitlines()[-1]
-            self._give_up(f"the estimator {self.method} is off: {why}")
+            self._give_up(f"the estimator {method_title(self.method)} is off: {why}")
         return self.newest is not before
 
     def _turn(self, picture: Picture | None) -> None:

@@ -11,7 +11,9 @@ import cv2
 import msgspec
 import numpy as np
 
+from flyaround.gui.texts import texts
 from flyaround.hil.board.errors import BoardModelError
+from flyaround.hil.board.method_names import NETWORK
 from flyaround.simulator.errors import UserError
 from flyaround.simulator.runtime.plugins import plugins
 
@@ -196,6 +198,17 @@ def _jpeg(picture: ByteArray) -> ByteArray:
     if not ok:
         raise RuntimeError("a stage's picture could not be encoded")
     return np.asarray(data, np.uint8).reshape(-1)
+
+
+def stage_text(name: str) -> tuple[str, str]:
+    """Return title and hover text of a stage; other packages' stages have their own names."""
+    title, tip = texts("stages").get(name, (name.replace("_", " ").capitalize(), ""))
+    return title, tip
+
+
+def method_title(method: str) -> str:
+    """Return the name of a method for people; a network's is that of its file."""
+    return f"network {method.removeprefix(NETWORK)}" if method.startswith(NETWORK) else method
 
 
 def known_methods() -> tuple[str, ...]:

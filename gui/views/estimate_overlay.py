@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from flyaround.gui import style
+from flyaround.gui.jobs.estimator_process import method_title
 from flyaround.gui.picture.truth_overlay import Segment, wireframe_at
 from flyaround.simulator.world.frames.pose import Pose
 from flyaround.simulator.world.frames.rotation import quat_normalize
@@ -19,7 +20,7 @@ if TYPE_CHECKING:
 
 OLD_S = 5.0
 """Age of a picture, in simulated time, above which its estimate is not drawn."""
-SAYS = "the estimator's method, how sure it is (0 to 1), and how old the picture is that it was given"
+SAYS = "the estimator's method, its confidence (0 to 1), and the age of the picture that it was given"
 
 
 class EstimateOverlay:
@@ -43,9 +44,13 @@ class EstimateOverlay:
         colour = (*style.ESTIMATE[:3], 1.0 if accepted else 0.55)
         for ends in self._lines:
             canvas.stroke([box.at(p) for p in ends], colour, 1.5)
-        says = f"{estimate.answer.confidence:.2f}" if accepted else f"declined: {estimate.answer.reason}"
+        says = (
+            f"confidence {estimate.answer.confidence:.2f}"
+            if accepted
+            else f"declined: {estimate.answer.reason}"
+        )
         age = f", {age_s:.1f} s ago" if age_s > 0.05 else ""
-        text = f"{estimate.method}  {says}{age}"
+        text = f"{method_title(estimate.method)}: {says}{age}"
         canvas.text(self._place(canvas, box, text), text, style.ESTIMATE, SAYS)
 
     @staticmethod
