@@ -138,19 +138,6 @@ def part_picture(frame: Frame) -> tuple[ByteArray, tuple[PartClass, ...]] | None
     return image, tuple(name for name in PART_CLASSES if name in there)
 
 
-def mask_picture(frame: Frame) -> ByteArray | None:
-    """Return the picture with the background tinted dark blue; None without a mask."""
-    if frame.mask is None:
-        return None
-    image = np.repeat(grey(frame)[..., None], 3, axis=2)
-    off = frame.mask == 0
-    tint = np.array([0, 60, 110], np.float32)
-    image[off] = np.clip(0.35 * image[off] + 0.6 * tint, 0, 255).astype(np.uint8)
-    outline, _ = cv2.findContours(frame.mask, cv2.RETR_LIST, cv2.CHAIN_APPROX_NONE)
-    cv2.drawContours(image, outline, -1, (230, 159, 0), max(1, image.shape[1] // 600))
-    return image
-
-
 def close_up(frame: Frame) -> tuple[slice, slice]:
     """Return rows and columns around the target, with the picture's aspect ratio; all of them without a target."""
     height, width = frame.image.shape[:2]

@@ -1,4 +1,4 @@
-"""The labels of one instant as pictures: depth with its scale, parts with their legend, keypoints with their states."""
+"""The ground truth of one instant as pictures: depth with its scale, parts with their legend, keypoints by state."""
 
 from __future__ import annotations
 
@@ -20,7 +20,6 @@ from flyaround.gui.picture.label_images import (
     depth_colours,
     depth_picture,
     dimmed,
-    mask_picture,
     part_picture,
 )
 from flyaround.gui.views.letterbox import Letterbox
@@ -115,9 +114,9 @@ class _LabelView(Panel):
 
 
 class DepthView(_LabelView):
-    """Depth in colours, bright is near, with its scale in metres."""
+    """Depth of the ground truth, not of the estimate, in colours: bright is near; with its scale in metres."""
 
-    name, title = "depth", "Depth"
+    name, title = "depth", "True depth"
 
     _depth: DepthPicture | None = None
 
@@ -154,9 +153,9 @@ class DepthView(_LabelView):
 
 
 class PartsView(_LabelView):
-    """Parts of the target in the colours of their classes; the mask where there are none."""
+    """Parts of the target by the ground truth, not the estimate, in the colours of their classes."""
 
-    name, title = "parts", "Parts and mask"
+    name, title = "parts", "True parts"
     legend_tip = "class of the part, as capture --labels parts writes it"
 
     _image_rgb: ByteArray | None = None
@@ -164,11 +163,11 @@ class PartsView(_LabelView):
 
     def _make(self, picture: Picture) -> None:
         parts = part_picture(picture.frame)
-        self._image_rgb = mask_picture(picture.frame) if parts is None else parts[0]
-        self._rows = [] if parts is None else [(n.replace("_", " "), PART_COLOURS[n]) for n in parts[1]]
+        self._image_rgb, classes = (None, ()) if parts is None else parts
+        self._rows = [(n.replace("_", " "), PART_COLOURS[n]) for n in classes]
 
     def _show(self, canvas: Canvas, place: Place) -> None:
-        if self._image_rgb is None or not self._rows:
+        if self._image_rgb is None:
             canvas.centred(place, NO_TARGET)
             return
         picture, legend = self._split(canvas, place, [name for name, _ in self._rows])
@@ -177,9 +176,9 @@ class PartsView(_LabelView):
 
 
 class KeypointsView(_LabelView):
-    """Keypoints as a data set's labels have them, by their states, over the dimmed picture."""
+    """Keypoints of the ground truth by their states, as a data set has them, over the dimmed picture."""
 
-    name, title = "keypoints", "Keypoints"
+    name, title = "keypoints", "True keypoints"
     legend_tip = "how many keypoints are in this state: dots are seen, diamonds unlit, rings hidden"
 
     _image_rgb: ByteArray | None = None
