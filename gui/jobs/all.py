@@ -70,6 +70,7 @@ class Jobs:
     mesh: MeshImport | None = None
     keeping: list[FlightBeingWritten] = field(default_factory=list)
     _filmed: Picture | None = None
+    _cause: str = ""
 
     def update(self, session: FlightSession, picture: Picture | None, t_ms: int) -> None:
         """Pass each job the newest state of the flight, and report its news.
@@ -102,14 +103,18 @@ class Jobs:
 
     def _update_estimates(self, picture: Picture | None) -> None:
         estimates = self.estimates
-        if estimates.update(picture):
-            accepted = [e for e in estimates.history if e.answer.accepted and e.E_R_deg is not None]
-            if len(accepted) == 1 and accepted[0] is estimates.newest:
-                first = accepted[0]
+        if estimates.update(picture) and (e := estimates.newest) is not None:
+            accepted = sum(one.answer.accepted and one.E_R_deg is not None for one in estimates.history)
+            if accepted == 1 and e.answer.accepted and e.E_R_deg is not None:
                 self.say(
-                    f"{method_title(first.method)}: first accepted pose, {first.E_R_deg:.2f}° and "
-                    f"{1e3 * (first.E_T_m or 0.0):.0f} mm off at {first.range_m:.1f} m"
+                    f"{method_title(e.method)}: first accepted pose, {e.E_R_deg:.2f}° and "
+                    f"{1e3 * (e.E_T_m or 0.0):.0f} mm off at {e.range_m:.1f} m"
                 )
+            # once for each kind of cause, which stands before the colon
+            kind = e.cause.partition(":")[0]
+            if kind not in {"", self._cause}:
+                self.say(f"{method_title(e.method)} declines its pictures: {e.cause}")
+            self._cause = kind
         for trouble in estimates.take_troubles():
             self.say(trouble, "caution", "estimator.run")
 

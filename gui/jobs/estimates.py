@@ -21,6 +21,7 @@ from flyaround.gui.jobs.estimator_process import (
     estimate_picture,
     method_title,
 )
+from flyaround.gui.picture.decline_cause import decline_cause
 from flyaround.hil.board.method_names import HYBRID
 from flyaround.hil.evaluate.pose_errors import frame_errors
 from flyaround.simulator.errors import UserError
@@ -66,6 +67,8 @@ class ComparedEstimate:
         Error of the position [m]; None without a pose.
     size_px : tuple of int
         Width and height of the picture.
+    cause : str, optional
+        Why the picture is unfit, and what to do, if the estimate was declined.
     """
 
     method: str
@@ -76,6 +79,7 @@ class ComparedEstimate:
     E_R_deg: float | None
     E_T_m: float | None
     size_px: tuple[int, int]
+    cause: str = ""
 
     @property
     def took_ms(self) -> float:
@@ -328,4 +332,5 @@ def compared(picture: Picture, method: str, answer: Answer, done_s: float) -> Co
         E_R_deg=turn,
         E_T_m=shift,
         size_px=(picture.frame.image.shape[1], picture.frame.image.shape[0]),
+        cause="" if answer.accepted else decline_cause(picture.frame, picture.target),
     )

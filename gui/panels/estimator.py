@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from flyaround.gui import style
 from flyaround.gui.jobs.estimator_process import known_methods, method_title, stage_text
+from flyaround.gui.picture.decline_cause import decline_cause
+from flyaround.gui.views.estimate_overlay import OLD_S
 from flyaround.gui.views.stage import stage_pictures
 from flyaround.gui.widgets import Panel
 from flyaround.hil.board.method_names import NETWORK
@@ -16,11 +19,17 @@ if TYPE_CHECKING:
     from flyaround.gui.console import Console
     from flyaround.gui.jobs.estimates import ComparedEstimate, Estimates
     from flyaround.gui.jobs.estimator_process import Answer
+    from flyaround.gui.picture.feed import Picture
 
 PLOT_HEIGHT = 92.0
 LEAST_DEG, LEAST_M = 1e-3, 1e-4
 """Least error on the logarithmic scale; smaller ones are drawn on its edge."""
 THUMB = 150.0  # least width of a small picture
+
+
+@lru_cache(maxsize=2)
+def _cause_in(picture: Picture) -> str:
+    return decline_cause(picture.frame, picture.target)
 
 
 class EstimatorPanel(Panel):
@@ -43,11 +52,14 @@ class EstimatorPanel(Panel):
         # below the controls, which must not move when a result comes
         colour = style.GOOD if estimates.on else style.BAD if estimates.refusal else style.QUIET
         w.text(estimates.doing, colour, "current step, and estimates per second")
-        newest = estimates.newest
+        newest, picture = estimates.newest, console.feed.newest
+        fresh = newest is not None and newest.answer.accepted and console.session.t_s - newest.t_s < OLD_S
+        if picture is not None and not fresh and (cause := _cause_in(picture)):
+            w.text(cause, style.WARN, "why the newest picture gives no estimate, and what to do")
         if newest is None:
             w.text(
-                "The pose in the newest picture, drawn over the view; full detail gives it every pixel. "
-                "The first one prepares the target's tables.",
+                "The pose in the newest picture, drawn over the view; the target has to be in it. Full detail gives "
+                "it every pixel. The first one prepares the target's tables.",
                 style.QUIET,
             )
         else:
