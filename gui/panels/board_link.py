@@ -66,6 +66,8 @@ class BoardLinkPanel(Panel):
         for reason in sorted(hil.declined, key=lambda r: (r != newest, -hil.declined[r]))[:SHOWN_REASONS]:
             tip = "number of declined pictures with this reason; the last one's is on top"
             w.cut_line(f"  {hil.declined[reason]}: {reason}", w.width, style.WARN, tip)
+        if hil.cause:
+            w.text(hil.cause, style.WARN, "why the last picture was declined, and what to do")
         w.row("Rate", (hil.per_s,), "{:.2f}/s", "answers a second, over five seconds")
         for cause, n in hil.drops.items():
             w.coloured(style.BAD)
