@@ -50,6 +50,7 @@ LINES = (
     "red: keep-out sphere, and a drift or burns through it or into the target; green: its corridor. "
     "Wheel: zoom, drag: move, double-click: show all, right click: a burn"
 )
+SUN_REACH = 18.0  # length of the arrow to the Sun, in screen units
 LEGEND_EM = 16
 """Height of the map, in text heights, from which on it has a legend."""
 KEYS = legend_keys("relative-map")
@@ -112,8 +113,9 @@ class LvlhMap(Panel):
             self._nodes.draw(canvas, port, (target, *self._edges(canvas, port)))
             # below the chaser, which its name may hide in a small map
             self._sun(canvas, port, sun_lvlh(world, frame), world.sun_visible_fraction)
-            self._chaser(canvas, port, here, boresight_lvlh(world, frame))
             self._letters(canvas, port, session)
+            self._nodes.draw_grips(canvas, port)
+            self._chaser(canvas, port, here, boresight_lvlh(world, frame))
             canvas.unclip()
         self._buttons(console)
 
@@ -155,7 +157,10 @@ class LvlhMap(Panel):
             imgui.is_mouse_down(imgui.MouseButton_.left),
             over and imgui.is_mouse_clicked(imgui.MouseButton_.right),
         )
-        if self._nodes.take_mouse(console, self.ports, (mouse.x, mouse.y), pressed):
+        is_taken = self._nodes.take_mouse(console, self.ports, (mouse.x, mouse.y), pressed)
+        if self._nodes.under is not None and (over or is_taken):
+            imgui.set_mouse_cursor(imgui.MouseCursor_.hand)
+        if is_taken:
             return
         if over:
             if imgui.is_mouse_double_clicked(imgui.MouseButton_.left):
@@ -216,12 +221,9 @@ class LvlhMap(Panel):
     def _edges(self, canvas: Canvas, port: MapPort) -> tuple[Place, ...]:
         """Return the places of title, Sun, V-bar and scale, which burns leave free."""
         x, y, w, h = port.rect
-        deep = 2.2 * canvas.line
-        return (
-            (x, y, w, 1.3 * canvas.line),
-            (x + w - 5 * deep, y, 5 * deep, 2 * deep),
-            (x, y + h - deep, w, deep),
-        )
+        deep, reach = 2.2 * canvas.line, SUN_REACH * self._window.scale
+        sun = 2.5 * reach + canvas.size("eclipse")[0]
+        return (x, y, w, 1.3 * canvas.line), (x + w - sun, y, sun, 4 * reach), (x, y + h - deep, w, deep)
 
     def _target(self, canvas: Canvas, port: MapPort, session: FlightSession, frame: Lvlh) -> Place:
         """Draw the target; return the rectangle that it fills."""
@@ -246,7 +248,7 @@ class LvlhMap(Panel):
     def _sun(self, canvas: Canvas, port: MapPort, sun: FloatArray, sunlit_share: float) -> None:
         """Draw an arrow to the Sun at the right edge, with the length of its projection on the plane."""
         x, y, w, _ = port.rect
-        reach = 18.0 * self._window.scale
+        reach = SUN_REACH * self._window.scale
         colour = style.YELLOW if sunlit_share > 0 else style.QUIET
         centre = np.array([x + w - 1.3 * reach, y + 2.9 * reach])
         flat = np.array([sun[port.plane.right], -sun[port.plane.up]])
