@@ -76,8 +76,8 @@ class BoardLinkPanel(Panel):
         latencies = hil.latencies_ms()
         if len(latencies):
             middle, most = np.percentile(latencies, [50, 99])
-            w.row("Latency", (middle,), "{:.0f} ms", "from the first byte out to the pose back, median")
-            w.row("  99 of 100", (most,), "{:.0f} ms", "99th percentile of the same latency")
+            w.row("Median latency", (middle,), "{:.0f} ms", "from the first byte out to the pose back")
+            w.row("99th percentile", (most,), "{:.0f} ms", "latency that 99 of 100 pictures stay below")
             self._distribution(hil)
         poses = [r for r in hil.rows if r.outcome == "accepted" and r.E_R_deg is not None]
         if poses:

@@ -138,7 +138,7 @@ class EstimatorPanel(Panel):
 
     def _plot(self, name: str, t: Any, values: Any, good: Any, *, log: bool) -> None:  # noqa: ANN401 - arrays
         w, implot = self._w, self._w.implot
-        w.text(name)
+        w.text(f"{name} over time [s]")
         tip = f"{name} over the flight [s since the start]; dots: accepted, rings: declined"
         with w.plot(name, PLOT_HEIGHT, tip, still=False) as in_sight:
             if not in_sight:

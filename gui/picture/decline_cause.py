@@ -8,6 +8,7 @@ import numpy as np
 
 from flyaround.gui.picture.screen import BURNT, BURNT_SHARE, DARK, SQUARE_PX, block_signals
 from flyaround.gui.picture.truth_overlay import NEAR_M
+from flyaround.gui.picture.view_settings import exposure_text
 from flyaround.simulator.imaging.image_formation import noise_sigma
 from flyaround.simulator.piloting.docking_port import radius_m
 
@@ -65,17 +66,19 @@ def decline_cause(frame: Frame, target: Target, remedy: str = BY_METER) -> str:
         np.clip(f(pixels[in_view], axis=0) // SQUARE_PX, 0, None).astype(int) for f in (np.min, np.max)
     )
     light = light[low[1] : high[1] + 1, low[0] : high[0] + 1]
-    exposure, level = f"at {1e3 * scene.exposure_s:.3g} ms", DARK + noise_sigma(scene.sensor)
-    burnt, dark = float(np.mean(light >= BURNT)), float(np.mean(light <= level))
+    exposure, level = exposure_text(scene.exposure_s), DARK + noise_sigma(scene.sensor)
+    dark = float(np.mean(light <= level))
+    # the space beside the craft is dark at any exposure
+    burnt = float(np.mean(light[light > level] >= BURNT)) if dark < 1.0 else 0.0
     if burnt > BURNT_SHARE:
         return (
-            f"the target is burnt out: {burnt:.0%} of the pixels about it have full scale {exposure}; "
+            f"the target is burnt out: {burnt:.0%} of the lit pixels about it have full scale at {exposure}; "
             f"lower the exposure: {remedy}"
         )
     if dark >= LIT:
         why = "" if scene.sun_visible_fraction else " in the shadow of the Earth"
         return (
             f"the target is dark{why}: {dark:.0%} of the pixels about it are below {level:.0%} of full scale "
-            f"{exposure}; raise the exposure: {remedy}"
+            f"at {exposure}; raise the exposure: {remedy}"
         )
     return ""

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import cv2
 import numpy as np
 
+from flyaround.gui.picture.view_settings import exposure_text
 from flyaround.simulator.camera.detector.transfer import decode_numbers
 from flyaround.simulator.imaging.display import display_picture, raw_picture
 from flyaround.simulator.imaging.image_formation import noise_sigma
@@ -58,7 +59,7 @@ def block_signals(frame: Frame) -> FloatArray:
 def exposure_fault(frame: Frame) -> str:
     """Return a sentence on over- or underexposure of a picture with its remedy; empty if the exposure is right."""
     scene, light = frame.scene, block_signals(frame)
-    exposure = f"{1e3 * scene.exposure_s:.3g} ms"
+    exposure = exposure_text(scene.exposure_s)
     if float(np.mean(light >= BURNT)) > BURNT_SHARE:
         return f"burnt out at {exposure}: Expose by the meter"
     if float(np.quantile(light, BRIGHTEST)) > DARK + noise_sigma(scene.sensor):

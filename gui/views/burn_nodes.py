@@ -15,10 +15,9 @@ from flyaround.simulator.piloting.planned_burns import BurnPlan, PlannedBurn
 from flyaround.simulator.runtime.arrays import vec3
 
 if TYPE_CHECKING:
-    from flyaround.gui.canvas import Canvas, Point
+    from flyaround.gui.canvas import Canvas, Place, Point
     from flyaround.gui.console import Console
     from flyaround.gui.picture.relative_map import MapPort
-    from flyaround.gui.views.camera import Place
     from flyaround.simulator.piloting.planned_burns import PredictedPath
     from flyaround.simulator.piloting.session import FlightSession
     from flyaround.simulator.runtime.arrays import FloatArray

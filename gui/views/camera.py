@@ -20,13 +20,12 @@ from flyaround.gui.views.truth_marks import TruthMarks
 from flyaround.gui.widgets import Panel
 
 if TYPE_CHECKING:
+    from flyaround.gui.canvas import Place
     from flyaround.gui.console import Console
     from flyaround.gui.picture.feed import Feed, Picture
     from flyaround.gui.surface import Surface
     from flyaround.simulator.piloting.session import FlightSession
 
-Place = tuple[float, float, float, float]
-"""x, y, width and height on the screen."""
 MARGIN, LEAST_GAP, WIDEST_GAP = 12.0, 8.0, 140.0
 """Margin between figures and the edge of the view, and between columns, in screen units."""
 BARS = 30  # strokes of the bar of a whole picture's time
@@ -84,7 +83,7 @@ class CameraView(Panel):
         taken, self._plates = tuple(self._plates), []
         self._truth.draw(box, picture, options, paused=session.clock.paused, obstacles=taken)
         if options.overlays.estimate:
-            self._estimate.draw(canvas, box, picture, console.jobs.estimates)
+            self._plates += self._estimate.draw(canvas, box, picture, console.jobs.estimates)
         # the docking display has its own cross and figures
         if options.overlays.crosshair and not options.overlays.docking:
             self._truth.crosshair(box, picture)
@@ -110,8 +109,9 @@ class CameraView(Panel):
             canvas.centred(within, text, console.preparing)
         elif self._fault:
             x = box.x + (box.width - canvas.size(self._fault)[0]) / 2
-            # there are figures at the upper edge
-            low = box.y + box.height - 1.5 * self._line
+            # there are figures at the upper edge, and in the lower corners
+            rows = max((len(group) for group in groups), default=0) if beside is None else 0
+            low = box.y + box.height - (1.5 + rows) * self._line - (MARGIN if rows else 0.0)
             self._write(canvas, (x, low), (Row("", self._fault, style.WARN, ""),))
 
     # --- arrangement
@@ -179,7 +179,7 @@ class CameraView(Panel):
         """Return figures by subject: control, time, motion, position and light."""
         session, feed, image, r = console.session, console.feed, picture.frame.image, console.telemetry
         badge, colour = mode_badge(session)
-        speed = f"{feed.frame_ms:.0f} ms  {image.shape[1]}x{image.shape[0]}"
+        speed = f"{feed.frame_ms:.0f} ms  {image.shape[1]}x{image.shape[0]} px"
         rate = "" if session.clock.paused else f"{feed.frames_s:.1f} fps  "
         turning = float(np.linalg.norm(r.relative_rate_deg_s))
         age = age_text(session, picture.frame.scene.t_s, 0.0)

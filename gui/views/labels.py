@@ -28,12 +28,12 @@ from flyaround.gui.widgets import Panel
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from flyaround.gui.canvas import Place
     from flyaround.gui.console import Console
     from flyaround.gui.picture.feed import Picture
     from flyaround.simulator.labels.truth import Truth
     from flyaround.simulator.runtime.arrays import ByteArray
 
-Place = tuple[float, float, float, float]
 SCALE_STEPS = 32  # steps of the drawn colour scale
 LIT, UNLIT = ("visible", "saturated"), ("shadowed", "eclipsed", "below_noise")
 """States of a keypoint that the craft does not hide."""
@@ -88,7 +88,7 @@ class _LabelView(Panel):
         box = Letterbox.fit((part.shape[1], part.shape[0]), place)
         canvas.picture(self.name, self._newest, part, (box.x, box.y, box.width, box.height))
         if part.shape[1] < image.shape[1] and place[3] > 5 * canvas.line:
-            text = f"{image.shape[1] / part.shape[1]:.1f}x"
+            text = f"zoom {image.shape[1] / part.shape[1]:.1f}x"
             at = (place[0] + 8, place[1] + place[3] - 1.2 * canvas.line)
             canvas.text(at, text, style.QUIET, "magnification of the camera's whole picture")
         left, top = box.x - columns.start * box.scale, box.y - rows.start * box.scale

@@ -29,10 +29,9 @@ from flyaround.simulator.runtime.arrays import Vec3, vec3
 from flyaround.simulator.world.guidance.manual_control import predicted_drift_lvlh_m
 
 if TYPE_CHECKING:
-    from flyaround.gui.canvas import Point
+    from flyaround.gui.canvas import Place, Point
     from flyaround.gui.console import Console
     from flyaround.gui.surface import Surface
-    from flyaround.gui.views.camera import Place
     from flyaround.simulator.piloting.session import FlightSession
     from flyaround.simulator.runtime.arrays import FloatArray
     from flyaround.simulator.world.frames.lvlh import Lvlh
@@ -110,7 +109,9 @@ class LvlhMap(Panel):
             target = self._target(canvas, port, session, frame)
             for burn in self._burns:
                 canvas.diamond(point(port.at(burn)), 4.5, style.PURPLE)
-            self._nodes.draw(canvas, port, (target, *self._edges(canvas, port)))
+            named = self._keep_out_name(canvas, port, session)
+            names = () if named is None else (named[1],)
+            self._nodes.draw(canvas, port, (target, *names, *self._edges(canvas, port)))
             # below the chaser, which its name may hide in a small map
             self._sun(canvas, port, sun_lvlh(world, frame), world.sun_visible_fraction)
             self._letters(canvas, port, session)
@@ -277,22 +278,30 @@ class LvlhMap(Panel):
         canvas.arrow((x + 8, foot - 4), (x + 8 + length, foot - 4), style.QUIET)
         axis, tip = "V-bar" if narrow else "V-bar, flight direction", "along-track of the target's LVLH frame"
         canvas.label((x + 14 + length, foot - 4 - line / 2), axis, style.QUIET, tip)
-        keep_out = session.plan.scenario.chaser.keep_out
-        if keep_out is not None:
-            top = port.at(np.zeros(3)) - (0.0, keep_out.radius_m * port.scale)
-            lifted = session.craft.sphere is None
-            text = f"keep out {metres_text(keep_out.radius_m)}{', lifted' * lifted}"
-            if y + 3 * line < top[1] < y + h - 3 * line and not narrow:
-                wide = canvas.size(text)[0]
-                left = min(max(top[0] - wide / 2, x + 4), x + w - wide - 4)
-                at = (left, top[1] - 1.3 * line)
-                tip = "radius of the sphere that the scenario keeps the chaser out of"
-                canvas.label(at, text, style.QUIET if lifted else style.BAD, tip)
+        if (named := self._keep_out_name(canvas, port, session)) is not None:
+            text, (left, top, *_) = named
+            tip = "radius of the sphere that the scenario keeps the chaser out of"
+            canvas.label((left, top), text, style.QUIET if session.craft.sphere is None else style.BAD, tip)
         mouse = self._imgui.get_io().mouse_pos
         if self._imgui.is_item_hovered() and port.inside(mouse.x, mouse.y):
             p = port.point(mouse.x, mouse.y)
             text = f"{p[plane.right]:+.2f}, {p[plane.up]:+.2f} m"
             canvas.label((x + 6, foot - 4 - 1.8 * line), text, tip="position under the pointer")
+
+    def _keep_out_name(
+        self, canvas: Canvas, port: MapPort, session: FlightSession
+    ) -> tuple[str, Place] | None:
+        """Return the name of the keep-out sphere and its place, if there is room above the sphere."""
+        (x, y, w, h), line, keep_out = port.rect, canvas.line, session.plan.scenario.chaser.keep_out
+        if keep_out is None or w < 240 * self._window.scale:
+            return None
+        top = port.at(np.zeros(3)) - (0.0, keep_out.radius_m * port.scale)
+        if not y + 3 * line < top[1] < y + h - 3 * line:
+            return None
+        text = f"keep out {metres_text(keep_out.radius_m)}{', lifted' * (session.craft.sphere is None)}"
+        wide = canvas.size(text)[0]
+        left = min(max(top[0] - wide / 2, x + 4), x + w - wide - 4)
+        return text, (left, top[1] - 1.3 * line, wide, line)
 
     def _legend(self, canvas: Canvas, session: FlightSession, corner: Point, width: float) -> float:
         """Draw what lines and marks are, as far as there are any, above the map; return the height."""

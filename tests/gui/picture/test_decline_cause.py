@@ -48,7 +48,7 @@ def picture_of(
         ((3.3, 0.0, 10.0), GREY, 1.0, ("cut off", "% of its edges")),
         ((0.0, 0.0, 10.0), DARK, 1.0, ("is dark: 100% of the pixels", "raise the exposure", "meter")),
         ((0.0, 0.0, 10.0), DARK, 0.0, ("in the shadow of the Earth", "raise the exposure")),
-        ((0.0, 0.0, 10.0), FULL, 1.0, ("burnt out: 100% of the pixels", "lower the exposure")),
+        ((0.0, 0.0, 10.0), FULL, 1.0, ("burnt out: 100% of the lit pixels", "lower the exposure")),
     ],
 )
 def test_a_picture_says_why_it_gives_no_estimate(
