@@ -89,6 +89,7 @@ class CameraView(Panel):
             self._truth.crosshair(box, picture)
         if options.overlays.docking:
             self._docking.draw(box, console, picture)
+            self._plates += self._docking.plates
         canvas.unclip()
         within = (box.x, box.y, box.width, box.height)
         if beside is None:

@@ -123,7 +123,12 @@ def script_of_panels() -> str:
 def script_of_layouts() -> str:
     """Open each layout, with everything that is drawn over the view, a dark picture and burns, and check the texts."""
     lines = [f"0.1 overlay.{name} on" for name in ("keypoints", "names", "box", "axes", "wireframe")]
-    lines += ["0.2 burn.plan 60 0 1.5 0.02", "0.2 burn.plan 200 -0.15 0 0.02", "0.3 picture.exposure -8"]
+    lines += [
+        "0.2 overlay.docking on",
+        "0.2 burn.plan 60 0 1.5 0.02",
+        "0.2 burn.plan 200 -0.15 0 0.02",
+        "0.3 picture.exposure -8",
+    ]
     for k, name in enumerate(LAYOUTS):
         # the picture of the new size has to come
         lines += [f"{1.0 + 4 * k:.1f} layout.{name}", f"{4.5 + 4 * k:.1f} window.check-text"]
