@@ -138,10 +138,8 @@ class Window(Surface):
         self._backend.process_inputs()
 
     def _show(self) -> None:
-        glfw, form = (
-            self._glfw,
-            CURSORS.get(self.imgui.MouseCursor_(self.imgui.get_mouse_cursor()).name, "ARROW"),
-        )
+        glfw, imgui = self._glfw, self.imgui
+        form = CURSORS.get(imgui.MouseCursor_(imgui.get_mouse_cursor()).name, "ARROW")
         if form != self._cursor:
             self._cursor = form
             self._cursors.setdefault(form, glfw.create_standard_cursor(getattr(glfw, f"{form}_CURSOR")))

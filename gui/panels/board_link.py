@@ -45,9 +45,8 @@ class BoardLinkPanel(Panel):
         w.text("After each answer the board is sent a picture of the newest moment.", style.QUIET)
         w.section("Board of this machine")
         self._methods = self._methods or known_methods()
-        self._method = w.choice(
-            console, "hil.board", self._method or self._methods[0], self._methods, argument="method"
-        )
+        now = self._method or self._methods[0]
+        self._method = w.choice(console, "hil.board", now, self._methods, argument="method")
         board = ("hil.board-stop",) if hil.board_running else ("hil.board", self._method, self._url)
         w.button(console, *board, width=w.width)
         # above the answers, whose growth must not move it
@@ -110,12 +109,7 @@ class BoardLinkPanel(Panel):
     def _faults(self, console: Console) -> None:
         w, imgui = self._w, self._w.imgui
         self._fault = w.choice(
-            console,
-            "hil.fault",
-            self._fault,
-            list(FAULTS),
-            argument="kind",
-            shown=lambda kind: kind.replace("_", " "),
+            console, "hil.fault", self._fault, list(FAULTS), argument="kind", shown=_spaced
         )
         w.text(FAULTS[self._fault][1], style.QUIET)
         imgui.set_next_item_width(min(8 * imgui.get_font_size(), 0.4 * w.width))
@@ -126,4 +120,8 @@ class BoardLinkPanel(Panel):
         on = console.jobs.hil.on
         w.button(console, "hil.fault", self._fault, self._seconds, label="Inject fault", enabled=on)
         for kind, n in console.jobs.hil.struck.items():
-            w.row(kind.replace("_", " "), (n,), "{:d}", "pictures or answers affected by the fault")
+            w.row(_spaced(kind), (n,), "{:d}", "pictures or answers affected by the fault")
+
+
+def _spaced(kind: str) -> str:
+    return kind.replace("_", " ")

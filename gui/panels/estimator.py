@@ -10,6 +10,7 @@ import numpy as np
 from flyaround.gui import style
 from flyaround.gui.jobs.estimator_process import known_methods, method_title, stage_text
 from flyaround.gui.picture.decline_cause import decline_cause
+from flyaround.gui.texts import texts
 from flyaround.gui.views.estimate_overlay import OLD_S
 from flyaround.gui.views.stage import stage_pictures
 from flyaround.gui.widgets import Panel
@@ -57,11 +58,7 @@ class EstimatorPanel(Panel):
         if picture is not None and not fresh and (cause := _cause_in(picture)):
             w.text(cause, style.WARN, "why the newest picture gives no estimate, and what to do")
         if newest is None:
-            w.text(
-                "The pose in the newest picture, drawn over the view; the target has to be in it. Full detail gives "
-                "it every pixel. The first one prepares the target's tables.",
-                style.QUIET,
-            )
+            w.text(texts("view-tips")["estimator"], style.QUIET)
         else:
             self._figures(newest, console.session.t_s)
         w.section("Over the flight")

@@ -11,6 +11,7 @@ import numpy as np
 from flyaround.gui import style
 from flyaround.gui.canvas import point
 from flyaround.gui.picture.label_placement import place_labels
+from flyaround.gui.texts import texts
 from flyaround.simulator.piloting.planned_burns import BurnPlan, PlannedBurn
 from flyaround.simulator.runtime.arrays import vec3
 
@@ -23,16 +24,14 @@ if TYPE_CHECKING:
     from flyaround.simulator.runtime.arrays import FloatArray
 
 COLOUR = style.PURPLE
+MARKS = {"node": COLOUR, "handle": style.INK}
 ARM = 16.0
 """Distance from a node to its handle, in screen units, for a burn without a component in the plane."""
 PER_M_S = 800.0
 """Additional distance per m/s, 40 units for 5 cm/s; less where the handle would lie off the map."""
 GRIP = 9.0
 """Distance within which the pointer picks a node or handle."""
-HINTS = {
-    "node": "drag along the path: time of the burn; right click cancels it",
-    "handle": "drag: size and direction of the burn; right click cancels it",
-}
+HINTS = texts("burn-grips")
 """Hover text of each grip."""
 FIRST_M_S = 0.02
 """Along-track delta-v of a burn that is planned by a click."""
@@ -137,21 +136,13 @@ class BurnNodes:
 
     def draw_grips(self, canvas: Canvas, port: MapPort) -> None:
         """Draw nodes and handles, over the letters of the map, with their hover texts."""
-        under = self.under
+        under = None if self.under is None else (self.under.burn, self.under.what, self.under.port.plane)
         for burn, *places in self._arrows(port):
             for what, place in zip(HINTS, places, strict=True):
-                is_under = under is not None and (under.burn, under.what, under.port.plane) == (
-                    burn,
-                    what,
-                    port.plane,
-                )
-                size = 7.0 if is_under else 5.0
-                if what == "node":
-                    canvas.diamond(place, size, COLOUR)
-                else:
-                    # a ring, as of a slider's grab; the chaser is a dot
-                    canvas.dot(place, size, style.INK)
-                    canvas.dot(place, 2.0, COLOUR)
+                size = 7.0 if under == (burn, what, port.plane) else 5.0
+                # the handle is a ring, as of a slider's grab; the chaser is a dot
+                (canvas.diamond if what == "node" else canvas.dot)(place, size, MARKS[what])
+                canvas.dot(place, 2.0, COLOUR)
                 canvas.tip((place[0] - GRIP, place[1] - GRIP), (2 * GRIP, 2 * GRIP), HINTS[what])
 
     @property
@@ -179,12 +170,8 @@ class BurnNodes:
         return arrows
 
     def _refresh(self, session: FlightSession, plan: BurnPlan) -> None:
-        key = (
-            session,
-            plan,
-            session.craft.steering.guard,
-            int(session.t_s / (EVERY_S * max(session.clock.rate, 1.0))),
-        )
+        turn = int(session.t_s / (EVERY_S * max(session.clock.rate, 1.0)))
+        key = session, plan, session.craft.steering.guard, turn
         if key == self._key:
             return
         self._key, self._plan = key, plan

@@ -12,6 +12,7 @@ from flyaround.gui.canvas import Canvas
 from flyaround.gui.commands.timeline import clock
 from flyaround.gui.picture.figures import AGE_TIP, FIGURES, age_text, flown_colour
 from flyaround.gui.picture.screen import exposure_fault, screen_picture
+from flyaround.gui.texts import texts
 from flyaround.gui.views.docking_hud import DockingHud
 from flyaround.gui.views.estimate_overlay import EstimateOverlay
 from flyaround.gui.views.letterbox import Letterbox
@@ -28,6 +29,7 @@ if TYPE_CHECKING:
 
 MARGIN, LEAST_GAP, WIDEST_GAP = 12.0, 8.0, 140.0
 """Margin between figures and the edge of the view, and between columns, in screen units."""
+TIPS = texts("view-tips")
 BARS = 30  # strokes of the bar of a whole picture's time
 NAME = "PICTURE "
 """Longest name of a figure, for the column width."""
@@ -190,38 +192,22 @@ class CameraView(Panel):
             figure = FIGURES[name.capitalize()]
             return Row(name, figure.form.format(*figure.values(r)), colour, figure.tip)
 
-        axes = {"RADIAL": "outward", "ALONG": "ahead along the orbit", "CROSS": "along the orbit's normal"}
+        def lvlh(name: str, metres: float) -> Row:
+            return Row(name, f"{metres:+z9.3f} m", style.INK, TIPS[name])
+
         utc = r.epoch_utc.replace("T", " ")[:23].rstrip("Z")
         t = f"{clock(r.t_s)[2:]}   {session.clock.rate:g}x"
+        sun = style.GOOD if r.sun_visible_fraction > 0 else style.BAD
+        flying = Row("", badge, colour, TIPS["badge"]), Row("", rate + speed, style.QUIET, TIPS["speed"])
+        times = Row("UTC", utc, style.INK, TIPS["utc"]), Row("T+", t, running, TIPS["time"])
+        turn = Row("RATE", f"{turning:9.3f} °/s", style.INK, TIPS["rate"])
+        motion = row("RANGE", style.ACCENT), row("CLOSING"), row("ACROSS"), turn
+        place = map(lvlh, ("RADIAL", "ALONG", "CROSS"), r.position_lvlh_m)
         return (
-            (
-                Row("", badge, colour, "guidance of the chaser / attitude mode"),
-                Row("", rate + speed, style.QUIET, "pictures a second, time and pixels of one"),
-            ),
-            (
-                Row("UTC", utc, style.INK, "the time of these figures, and of the clock"),
-                Row("T+", t, running, "simulated time since the start [h:min:s], and its rate"),
-                Row("PICTURE", *age, AGE_TIP),
-            ),
-            (
-                row("RANGE", style.ACCENT),
-                row("CLOSING"),
-                row("ACROSS"),
-                Row(
-                    "RATE",
-                    f"{turning:9.3f} °/s",
-                    style.INK,
-                    "rotation rate of the target relative to the camera",
-                ),
-            ),
-            (
-                *(
-                    Row(name, f"{v:+z9.3f} m", style.INK, f"chaser in the target's LVLH frame: {way}")
-                    for (name, way), v in zip(axes.items(), r.position_lvlh_m, strict=True)
-                ),
-                row("PHASE"),
-                row("SUN", style.GOOD if r.sun_visible_fraction > 0 else style.BAD),
-            ),
+            flying,
+            (*times, Row("PICTURE", *age, AGE_TIP)),
+            motion,
+            (*place, row("PHASE"), row("SUN", sun)),
         )
 
     def _write(

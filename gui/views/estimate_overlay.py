@@ -47,11 +47,8 @@ class EstimateOverlay:
         colour = (*style.ESTIMATE[:3], 1.0 if accepted else 0.55)
         for ends in self._lines:
             canvas.stroke([box.at(p) for p in ends], colour, 1.5)
-        says = (
-            f"confidence {estimate.answer.confidence:.2f}"
-            if accepted
-            else f"declined: {estimate.answer.reason}"
-        )
+        answer = estimate.answer
+        says = f"confidence {answer.confidence:.2f}" if accepted else f"declined: {answer.reason}"
         age = f", {age_s:.1f} s ago" if age_s > 0.05 else ""
         text = f"{method_title(estimate.method)}: {says}{age}"
         corner = self._place(canvas, box, text)

@@ -34,7 +34,6 @@ if TYPE_CHECKING:
     from flyaround.simulator.labels.truth import Truth
     from flyaround.simulator.runtime.arrays import ByteArray
 
-SCALE_STEPS = 32  # steps of the drawn colour scale
 LIT, UNLIT = ("visible", "saturated"), ("shadowed", "eclipsed", "below_noise")
 """States of a keypoint that the craft does not hide."""
 SCALE = "camera z of the target, along the boresight [m]; bright is near"
@@ -135,11 +134,8 @@ class DepthView(_LabelView):
         line = canvas.line
         left, top = x + 12, y + 1.3 * line
         height = max(h - 2.6 * line, line)
-        steps = np.linspace(0, 255, SCALE_STEPS + 1).astype(int)
-        for k in range(SCALE_STEPS):
-            r, g, b = (float(c) / 255 for c in depth_colours()[steps[k]])
-            # each slightly higher than its share, so that no background shows between
-            canvas.box((left, top + k * height / SCALE_STEPS), (16, height / SCALE_STEPS + 1), (r, g, b, 1.0))
+        scale_rgb = depth_colours()[:, None]
+        canvas.picture("depth-scale", depth, np.repeat(scale_rgb, 16, axis=1), (left, top, 16, height))
         digits = max(0, int(np.ceil(-np.log10(max(depth.far_m - depth.near_m, 1e-6)))) + 1)
         nearest, farthest = f"{depth.near_m:.{digits}f} m", f"{depth.far_m:.{digits}f} m"
         canvas.plain_text((left, top - 1.1 * line), nearest, tip="camera z of the target's nearest point")

@@ -21,6 +21,7 @@ from flyaround.gui.picture.relative_map import (
     sun_lvlh,
     target_edges_lvlh_m,
 )
+from flyaround.gui.texts import texts
 from flyaround.gui.views.burn_nodes import BurnNodes
 from flyaround.gui.widgets import Panel
 from flyaround.simulator.piloting.look_back import lvlh_position
@@ -44,11 +45,7 @@ SHOWN_TARGET = 7.0
 """Size in screen units below which the target is a mark."""
 WHEEL_FACTOR = 1.2  # change of the width per step of the wheel
 FLOWN, PLANNED, DRIFT = style.ACCENT, style.QUIET, style.ORANGE  # colours of the trajectories
-LINES = (
-    "blue: flown; grey: the scenario's path; orange: free drift over ten minutes; purple: planned burns; "
-    "red: keep-out sphere, and a drift or burns through it or into the target; green: its corridor. "
-    "Wheel: zoom, drag: move, double-click: show all, right click: a burn"
-)
+LINES = texts("view-tips")["map"]
 SUN_REACH = 18.0  # length of the arrow to the Sun, in screen units
 LEGEND_EM = 16
 """Height of the map, in text heights, from which on it has a legend."""

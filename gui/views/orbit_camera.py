@@ -15,6 +15,7 @@ from flyaround.gui.picture.further import ORBIT_CAMERA
 from flyaround.gui.picture.orbit_camera import ABOUT, FARTHEST_M, NEAREST_M, OrbitCamera
 from flyaround.gui.picture.orbit_picture import TRAIL_POINTS, ChaserMarks, chaser_marks
 from flyaround.gui.picture.screen import screen_picture
+from flyaround.gui.texts import texts
 from flyaround.gui.views.letterbox import Letterbox
 from flyaround.gui.widgets import Panel
 from flyaround.simulator.piloting.docking_port import radius_m
@@ -67,13 +68,9 @@ class OrbitCameraView(Panel):
         )
         self._target(canvas, box, picture)
         self._chaser(canvas, box, self._marks_for(console, picture))
-        canvas.text(
-            (place[0] + 8, place[1] + 6),
-            f"about {look.about}: azimuth {look.azimuth_deg:.0f}°, elevation {look.elevation_deg:.0f}°, "
-            f"{look.distance_m:.1f} m away",
-            tip="azimuth 0 looks along the flight, elevation is above the orbit. Drag to rotate, scroll to zoom, "
-            "double-click to reset the view",
-        )
+        where = f"azimuth {look.azimuth_deg:.0f}°, elevation {look.elevation_deg:.0f}°, {look.distance_m:.1f} m away"
+        text = f"about {look.about}: {where}"
+        canvas.text((place[0] + 8, place[1] + 6), text, tip=texts("view-tips")["orbit"])
         age, colour = age_text(console.session, picture.frame.scene.t_s)
         rate = f"{image.shape[1]}x{image.shape[0]} px  {feed.frames_s:.0f} fps  {age}"
         if place[3] > 6 * canvas.line:
