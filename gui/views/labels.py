@@ -10,18 +10,9 @@ import numpy as np
 
 from flyaround.gui import style
 from flyaround.gui.canvas import Canvas, Key
+from flyaround.gui.picture import label_images
 from flyaround.gui.picture.figures import AGE_TIP, age_text
 from flyaround.gui.picture.further import LABEL_VIEWS
-from flyaround.gui.picture.label_images import (
-    PART_COLOURS,
-    STATE_COLOURS,
-    DepthPicture,
-    close_up,
-    depth_colours,
-    depth_picture,
-    dimmed,
-    part_picture,
-)
 from flyaround.gui.views.letterbox import Letterbox
 from flyaround.gui.widgets import Panel
 
@@ -64,7 +55,7 @@ class _LabelView(Panel):
             canvas.centred(place, console.preparing)
         else:
             if picture is not self._newest:
-                self._part = close_up(picture.frame)
+                self._part = label_images.close_up(picture.frame)
                 self._make(picture)
                 self._newest = picture
             self._show(canvas, place)
@@ -117,11 +108,11 @@ class DepthView(_LabelView):
 
     name, title = "depth", "True depth"
 
-    _depth: DepthPicture | None = None
+    _depth: label_images.DepthPicture | None = None
 
     def _make(self, picture: Picture) -> None:
         depth = picture.frame.layers.get("depth")
-        self._depth = None if depth is None else depth_picture(depth)
+        self._depth = None if depth is None else label_images.depth_picture(depth)
 
     def _show(self, canvas: Canvas, place: Place) -> None:
         depth = self._depth
@@ -134,7 +125,7 @@ class DepthView(_LabelView):
         line = canvas.line
         left, top = x + 12, y + 1.3 * line
         height = max(h - 2.6 * line, line)
-        scale_rgb = depth_colours()[:, None]
+        scale_rgb = label_images.depth_colours()[:, None]
         canvas.picture("depth-scale", depth, np.repeat(scale_rgb, 16, axis=1), (left, top, 16, height))
         digits = max(0, int(np.ceil(-np.log10(max(depth.far_m - depth.near_m, 1e-6)))) + 1)
         nearest, farthest = f"{depth.near_m:.{digits}f} m", f"{depth.far_m:.{digits}f} m"
@@ -158,9 +149,9 @@ class PartsView(_LabelView):
     _rows: Sequence[tuple[str, style.Rgba]] = ()
 
     def _make(self, picture: Picture) -> None:
-        parts = part_picture(picture.frame)
+        parts = label_images.part_picture(picture.frame)
         self._image_rgb, classes = (None, ()) if parts is None else parts
-        self._rows = [(n.replace("_", " "), PART_COLOURS[n]) for n in classes]
+        self._rows = [(n.replace("_", " "), label_images.PART_COLOURS[n]) for n in classes]
 
     def _show(self, canvas: Canvas, place: Place) -> None:
         if self._image_rgb is None:
@@ -181,18 +172,18 @@ class KeypointsView(_LabelView):
     _truth: Truth | None = None
 
     def _make(self, picture: Picture) -> None:
-        self._image_rgb, self._truth = dimmed(picture.frame), picture.frame.truth
+        self._image_rgb, self._truth = label_images.dimmed(picture.frame), picture.frame.truth
 
     def _show(self, canvas: Canvas, place: Place) -> None:
         truth = self._truth
         if truth is None or self._image_rgb is None:
             return
         count = Counter(k.state for k in truth.keypoints)
-        rows = [(f"{n} {s.replace('_', ' ')}", STATE_COLOURS[s]) for s, n in count.items()]
+        rows = [(f"{n} {s.replace('_', ' ')}", label_images.STATE_COLOURS[s]) for s, n in count.items()]
         picture, legend = self._split(canvas, place, [name for name, _ in rows])
         box = self._image(canvas, picture, self._image_rgb)
         for k in truth.keypoints:
             if k.pixel_px is not None and k.state != "out_of_frame":
                 mark = "visible" if k.state in LIT else "shadowed" if k.state in UNLIT else "hidden"
-                canvas.keypoint(box.at(k.pixel_px), STATE_COLOURS[k.state], mark)
+                canvas.keypoint(box.at(k.pixel_px), label_images.STATE_COLOURS[k.state], mark)
         self._legend(canvas, legend, rows)

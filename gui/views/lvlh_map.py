@@ -9,18 +9,8 @@ import numpy as np
 
 from flyaround.gui import style
 from flyaround.gui.canvas import Canvas, legend_keys, point
-from flyaround.gui.picture.relative_map import (
-    MapLook,
-    MapPort,
-    boresight_lvlh,
-    corridor_outline,
-    fit,
-    metres_text,
-    nice_step,
-    ports,
-    sun_lvlh,
-    target_edges_lvlh_m,
-)
+from flyaround.gui.picture import relative_map
+from flyaround.gui.picture.relative_map import MapLook, MapPort
 from flyaround.gui.texts import texts
 from flyaround.gui.views.burn_nodes import BurnNodes
 from flyaround.gui.widgets import Panel
@@ -87,11 +77,11 @@ class LvlhMap(Panel):
         trail = session.look_back.path(world)
         mouse, down = imgui.get_io().mouse_pos, imgui.is_any_mouse_down()
         if look.fitted and not self._nodes.hold_map(self.ports, (mouse.x, mouse.y), down=down):
-            first = ports(rect, look)[0].rect
+            first = relative_map.ports(rect, look)[0].rect
             # keep a line of text free above and below
             height = max(first[3] - 3.0 * imgui.get_text_line_height(), 20.0)
-            fit(look, self._extent(session, trail), first[2] / height)
-        self.ports = ports(rect, look)
+            relative_map.fit(look, self._extent(session, trail), first[2] / height)
+        self.ports = relative_map.ports(rect, look)
         imgui.set_next_item_allow_overlap()
         imgui.invisible_button("map", self._w.vec(rect[2], rect[3]))
         self._mouse(console)
@@ -110,10 +100,10 @@ class LvlhMap(Panel):
             names = () if named is None else (named[1],)
             self._nodes.draw(canvas, port, (target, *names, *self._edges(canvas, port)))
             # below the chaser, which its name may hide in a small map
-            self._sun(canvas, port, sun_lvlh(world, frame), world.sun_visible_fraction)
+            self._sun(canvas, port, relative_map.sun_lvlh(world, frame), world.sun_visible_fraction)
             self._letters(canvas, port, session)
             self._nodes.draw_grips(canvas, port)
-            self._chaser(canvas, port, here, boresight_lvlh(world, frame))
+            self._chaser(canvas, port, here, relative_map.boresight_lvlh(world, frame))
             canvas.unclip()
         self._buttons(console)
 
@@ -186,7 +176,7 @@ class LvlhMap(Panel):
     def _ground(self, canvas: Canvas, port: MapPort) -> None:
         x, y, w, h = port.rect
         canvas.box((x, y), (w, h), style.RAISED)
-        step = nice_step(max(90.0 * self._window.scale / port.scale, 1e-3))
+        step = relative_map.nice_step(max(90.0 * self._window.scale / port.scale, 1e-3))
         for vertical in (True, False):
             axis = port.plane.right if vertical else port.plane.up
             half = (w if vertical else h) / port.scale / 2
@@ -208,7 +198,7 @@ class LvlhMap(Panel):
         radius = whole.radius_m * port.scale
         if keep_out is not None:
             canvas.disc(centre, radius, (*style.BAD[:3], 0.10))
-            outline = corridor_outline(keep_out, port.plane)
+            outline = relative_map.corridor_outline(keep_out, port.plane)
             if len(outline) > 2:
                 canvas.area(port.at(outline), (*style.GOOD[:3], 0.22))
                 canvas.stroke(port.at(outline), (*style.GOOD[:3], 0.9), 1.2, closed=True, halo=False)
@@ -225,7 +215,7 @@ class LvlhMap(Panel):
 
     def _target(self, canvas: Canvas, port: MapPort, session: FlightSession, frame: Lvlh) -> Place:
         """Draw the target; return the rectangle that it fills."""
-        edges = target_edges_lvlh_m(session.plan.target, session.craft.world, frame)
+        edges = relative_map.target_edges_lvlh_m(session.plan.target, session.craft.world, frame)
         flat = port.at(edges)
         size = 0.0 if not len(edges) else float(np.ptp(flat.reshape(-1, 2), axis=0).max())
         if size < SHOWN_TARGET * self._window.scale:
@@ -263,12 +253,12 @@ class LvlhMap(Panel):
         title = plane.name if h > 12 * line else "LVLH map"
         text = f"up: {plane.up_title}" if narrow else f"{title}, up: {plane.up_title}{plane.note}"
         canvas.label((x + 6, y + 4), text, tip=LINES)
-        bar_m = nice_step(port.width_m / 4)
+        bar_m = relative_map.nice_step(port.width_m / 4)
         bar, right, foot = bar_m * port.scale, x + w - 10, y + h - 8
         canvas.stroke(
             [(right - bar, foot - 5), (right - bar, foot), (right, foot), (right, foot - 5)], style.INK
         )
-        label = metres_text(bar_m)
+        label = relative_map.metres_text(bar_m)
         at = (right - bar / 2 - canvas.size(label)[0] / 2, foot - 6 - line)
         canvas.label(at, label, tip="length of the bar below, in both planes")
         length = 24.0 * self._window.scale
@@ -295,7 +285,7 @@ class LvlhMap(Panel):
         top = port.at(np.zeros(3)) - (0.0, keep_out.radius_m * port.scale)
         if not y + 3 * line < top[1] < y + h - 3 * line:
             return None
-        text = f"keep out {metres_text(keep_out.radius_m)}{', lifted' * (session.craft.sphere is None)}"
+        text = f"keep out {relative_map.metres_text(keep_out.radius_m)}{', lifted' * (session.craft.sphere is None)}"
         wide = canvas.size(text)[0]
         left = min(max(top[0] - wide / 2, x + 4), x + w - wide - 4)
         return text, (left, top[1] - 1.3 * line, wide, line)
