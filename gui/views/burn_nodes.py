@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -45,7 +45,7 @@ class Grip:
     """The node or handle that the pointer holds, the plane, the burn's time in the plan, and its arrow's scale."""
 
     burn: PlannedBurn
-    what: Literal["node", "handle"]
+    what: str
     port: MapPort
     planned_s: float
     scale: tuple[float, float]
@@ -152,9 +152,7 @@ class BurnNodes:
 
     def hold_map(self, ports: tuple[MapPort, ...], mouse: Point, *, down: bool) -> bool:
         """Return True while the scale must stay: the pointer holds or could pick a grip, or has a button down."""
-        if self._grip is not None:
-            return True
-        return any(p.inside(*mouse) and (down or self._found(p, mouse) is not None) for p in ports)
+        return self.under is not None or (down and any(p.inside(*mouse) for p in ports))
 
     # --- inside
 
@@ -185,21 +183,19 @@ class BurnNodes:
         for burn, at, tip in self._arrows(port):
             for what, place in (("handle", tip), ("node", at)):
                 if math.dist(place, mouse) <= GRIP:
-                    is_handle, scale = what == "handle", arrow_scale(at, burn, port)[1:]
-                    return Grip(burn, "handle" if is_handle else "node", port, burn.t_s, scale)
+                    return Grip(burn, what, port, burn.t_s, arrow_scale(at, burn, port)[1:])
         return None
 
     def _drag(self, session: FlightSession, mouse: Point) -> None:
         grip = self._grip
-        if grip is None or self._path is None:
+        if grip is None:
             return
-        nodes = dict(zip((b.t_s for b in self._plan.burns), self._path.nodes_lvlh_m, strict=False))
-        node = nodes.get(grip.burn.t_s)
-        if node is None:
+        at = next((at for burn, at, _ in self._arrows(grip.port) if burn.t_s == grip.burn.t_s), None)
+        if at is None:
             self._grip = None
             return
         if grip.what == "handle":
-            burn = dragged(grip.burn, grip.port, point(grip.port.at(node)), mouse, grip.scale)
+            burn = dragged(grip.burn, grip.port, at, mouse, grip.scale)
         else:
             burn = replace(grip.burn, t_s=self._time_at(session, grip.port, mouse))
         other_burns = tuple(b for b in self._plan.burns if b.t_s != grip.burn.t_s)
