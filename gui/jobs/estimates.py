@@ -14,13 +14,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from flyaround.gui.jobs.estimator_process import (
-    STEPS,
-    EstimateRequest,
-    EstimatorCache,
-    estimate_picture,
-    method_title,
-)
+from flyaround.gui.jobs import estimator_process
 from flyaround.gui.picture.decline_cause import decline_cause
 from flyaround.hil.board.method_names import HYBRID
 from flyaround.hil.evaluate.pose_errors import frame_errors
@@ -106,13 +100,13 @@ class Estimates:
         self,
         *,
         open_resource: Callable[[], AbstractContextManager[Any]] | None = None,
-        work: Callable[..., Answer] = estimate_picture,
+        work: Callable[..., Answer] = estimator_process.estimate_picture,
         limit_s: float = LIMIT_S,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
         self.progress = ProgressLine()
         """Step until the first estimate of a method; empty after it."""
-        self._open_resource = open_resource or partial(EstimatorCache, self.progress)
+        self._open_resource = open_resource or partial(estimator_process.EstimatorCache, self.progress)
         self._work, self._clock = work, clock
         self._limit_s = limit_s
         self.on = False
@@ -226,12 +220,12 @@ class Estimates:
         except RuntimeError as error:
             # the last line of its traceback
             why = str(error).strip().splitlines()[-1]
-            self._give_up(f"the estimator {method_title(self.method)} is off: {why}")
+            self._give_up(f"the estimator {estimator_process.method_title(self.method)} is off: {why}")
         return self.newest is not before
 
     def _turn(self, picture: Picture | None) -> None:
         if self._worker is None:
-            self.progress.write(STEPS[0])
+            self.progress.write(estimator_process.STEPS[0])
             self._worker = WorkerPool(
                 self._work,
                 1,
@@ -256,7 +250,7 @@ class Estimates:
     def _submit(self, worker: WorkerPool[Answer], picture: Picture) -> None:
         scene = picture.frame.scene
         worker.submit(
-            EstimateRequest(
+            estimator_process.EstimateRequest(
                 method=self.method,
                 camera=scene.camera,
                 target=scene.target,

@@ -80,8 +80,6 @@ class Answer:
         The method's own confidence in the pose, 0..1.
     stages_ms : dict of str to float
         Time of each stage [ms].
-    counts : dict of str to int
-        Numbers that the method reports, such as hypotheses, by name.
     network : str, optional
         Keypoint network that took part: ``own`` (trained for this craft), ``shipped`` or ``none``; empty for methods
         that have none.
@@ -95,7 +93,6 @@ class Answer:
     t_camera_from_target_m: Vec3 | None
     confidence: float
     stages_ms: dict[str, float]
-    counts: dict[str, int]
     network: str = ""
     stages: dict[str, ByteArray] = field(default_factory=dict)
 
@@ -178,7 +175,6 @@ def estimate_picture(cache: EstimatorCache, request: EstimateRequest) -> Answer:
         t_camera_from_target_m=None if t is None else (float(t[0]), float(t[1]), float(t[2])),
         confidence=float(result.confidence),
         stages_ms={k: float(v) for k, v in result.stages_ms.items()},
-        counts={k: int(v) for k, v in getattr(result, "counts", {}).items()},
         network=_network(estimator),
         stages=stages,
     )

@@ -66,7 +66,6 @@ def declined(**stages: ByteArray) -> ComparedEstimate:
         t_camera_from_target_m=None,
         confidence=0.1,
         stages_ms={"propose": 40.0},
-        counts={},
         stages=stages,
     )
     return ComparedEstimate(

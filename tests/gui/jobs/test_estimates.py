@@ -53,7 +53,6 @@ def answer_of(request: EstimateRequest, **changes: object) -> Answer:
         "t_camera_from_target_m": (0.0, 0.0, 10.0),
         "confidence": 0.9,
         "stages_ms": {request.method: 2.0},
-        "counts": {},
     }
     return Answer(**{**fields, **changes})  # type: ignore[arg-type]
 

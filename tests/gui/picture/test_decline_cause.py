@@ -72,7 +72,6 @@ ANSWER = Answer(
     t_camera_from_target_m=None,
     confidence=0.0,
     stages_ms={},
-    counts={},
 )
 
 
