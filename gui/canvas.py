@@ -16,6 +16,8 @@ if TYPE_CHECKING:
     from flyaround.simulator.runtime.arrays import ByteArray, FloatArray
 
 Point = tuple[float, float]
+Place = tuple[float, float, float, float]
+"""x, y, width and height on the screen."""
 MOST_POINTS = 600
 """Largest number of points per line; more than a panel has pixels would be invisible."""
 # offsets of the dark halo around a text
@@ -105,7 +107,7 @@ class Canvas:
         if tip:
             self.tip(at, self.size(text), tip)
 
-    def centred(self, place: tuple[float, float, float, float], *lines: str) -> None:
+    def centred(self, place: Place, *lines: str) -> None:
         """Draw lines centred in a rectangle."""
         for k, text in enumerate(lines):
             width, height = self.size(text)
@@ -236,7 +238,7 @@ class Canvas:
         view: str,
         key: object,
         image: ByteArray | Callable[[], ByteArray],
-        place: tuple[float, float, float, float],
+        place: Place,
     ) -> None:
         """Draw an image over a rectangle of whole units.
 

@@ -33,6 +33,8 @@ PURPLE: Rgba = (0.8, 0.475, 0.655, 1.0)
 BLUE: Rgba = (0.0, 0.447, 0.698, 1.0)
 """Too dark for text and thin lines on the console's background; for areas."""
 
+BODY: Rgba = (0.62, 0.64, 0.66, 1.0)
+"""The body among the parts of a craft."""
 SHADOW: Rgba = (0.62, 0.62, 0.7, 1.0)
 """The part of an orbit in the shadow of a body."""
 PRIMARY: Rgba = (0.0, 0.40, 0.63, 1.0)

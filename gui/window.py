@@ -10,6 +10,8 @@ from flyaround.simulator.errors import UserError
 
 MOST_DROPPED = 4
 """Largest number of files of one drop that are opened."""
+CURSORS = {"text_input": "IBEAM", "resize_ew": "HRESIZE", "resize_ns": "VRESIZE", "hand": "HAND"}
+"""Forms of the pointer in glfw by their names in Dear ImGui."""
 
 
 def no_display(command: str) -> str:
@@ -88,6 +90,7 @@ class Window(Surface):
             self._native, lambda _, focused: self.imgui.get_io().add_focus_event(bool(focused))
         )
         self._clicked_at = (-1.0, -1.0)
+        self._cursor, self._cursors = "ARROW", dict[str, Any]()
         self._dropped: list[str] = []
         self._glfw.set_drop_callback(self._native, lambda _, paths: self._dropped.extend(paths))
 
@@ -135,7 +138,13 @@ class Window(Surface):
         self._backend.process_inputs()
 
     def _show(self) -> None:
-        self._glfw.swap_buffers(self._native)
+        glfw, imgui = self._glfw, self.imgui
+        form = CURSORS.get(imgui.MouseCursor_(imgui.get_mouse_cursor()).name, "ARROW")
+        if form != self._cursor:
+            self._cursor = form
+            self._cursors.setdefault(form, glfw.create_standard_cursor(getattr(glfw, f"{form}_CURSOR")))
+            glfw.set_cursor(self._native, self._cursors[form])
+        glfw.swap_buffers(self._native)
 
     @property
     def open(self) -> bool:

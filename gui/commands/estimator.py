@@ -31,6 +31,8 @@ COMMANDS = (
         lambda console, on: console.jobs.estimates.send_stages(on=on),
         lambda console: console.jobs.estimates.with_stages,
     ),
-    command("estimator.stage", _show_stage, word("stage", "as the panel names it")),
+    command(
+        "estimator.stage", _show_stage, word("stage", "key of its picture, such as gradient or lsd_stream")
+    ),
     command("estimator.forget", lambda console: console.jobs.estimates.forget()),
 )

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Protocol
 
 from flyaround.gui.jobs.capture_job import CaptureJob
 from flyaround.gui.jobs.estimates import Estimates
+from flyaround.gui.jobs.estimator_process import method_title
 from flyaround.gui.jobs.hil_session import HilSession
 from flyaround.gui.picture.screen import screen_picture
 
@@ -70,6 +71,7 @@ class Jobs:
     mesh: MeshImport | None = None
     keeping: list[FlightBeingWritten] = field(default_factory=list)
     _filmed: Picture | None = None
+    _cause: str = ""
 
     def update(self, session: FlightSession, picture: Picture | None, t_ms: int) -> None:
         """Pass each job the newest state of the flight, and report its news.
@@ -102,14 +104,18 @@ class Jobs:
 
     def _update_estimates(self, picture: Picture | None) -> None:
         estimates = self.estimates
-        if estimates.update(picture):
-            accepted = [e for e in estimates.history if e.answer.accepted and e.E_R_deg is not None]
-            if len(accepted) == 1 and accepted[0] is estimates.newest:
-                first = accepted[0]
+        if estimates.update(picture) and (e := estimates.newest) is not None:
+            accepted = sum(one.answer.accepted and one.E_R_deg is not None for one in estimates.history)
+            if accepted == 1 and e.answer.accepted and e.E_R_deg is not None:
                 self.say(
-                    f"{first.method}: first accepted pose, {first.E_R_deg:.2f}° and "
-                    f"{1e3 * (first.E_T_m or 0.0):.0f} mm off at {first.range_m:.1f} m"
+                    f"{method_title(e.method)}: first accepted pose, {e.E_R_deg:.2f}° and "
+                    f"{1e3 * (e.E_T_m or 0.0):.0f} mm off at {e.range_m:.1f} m"
                 )
+            # once for each kind of cause, which stands before the colon
+            kind = e.cause.partition(":")[0]
+            if kind not in {"", self._cause}:
+                self.say(f"{method_title(e.method)} declines its pictures: {e.cause}")
+            self._cause = kind
         for trouble in estimates.take_troubles():
             self.say(trouble, "caution", "estimator.run")
 
@@ -170,7 +176,8 @@ def running_jobs(jobs: Jobs, opening: str = "", flight: FlightSession | None = N
     if flight is not None and flight.clock.jump:
         rows.append(RunningJob(f"jump to {flight.jump_text}", flight.jump_share, "time.jump-end"))
     if jobs.estimates.on:
-        rows.append(RunningJob(f"{jobs.estimates.method} {jobs.estimates.doing}", None, "estimator.run"))
+        text = f"{method_title(jobs.estimates.method)} {jobs.estimates.doing}"
+        rows.append(RunningJob(text, None, "estimator.run"))
     capture = jobs.capture
     if capture.running and capture.request is not None:
         text = f"capture {capture.done} of {capture.request.frames}"

@@ -14,7 +14,8 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from flyaround.gui.jobs.estimator_process import STEPS, EstimateRequest, EstimatorCache, estimate_picture
+from flyaround.gui.jobs import estimator_process
+from flyaround.gui.picture.decline_cause import decline_cause
 from flyaround.hil.board.method_names import HYBRID
 from flyaround.hil.evaluate.pose_errors import frame_errors
 from flyaround.simulator.errors import UserError
@@ -60,6 +61,8 @@ class ComparedEstimate:
         Error of the position [m]; None without a pose.
     size_px : tuple of int
         Width and height of the picture.
+    cause : str, optional
+        Why the picture is unfit, and what to do, if the estimate was declined.
     """
 
     method: str
@@ -70,6 +73,7 @@ class ComparedEstimate:
     E_R_deg: float | None
     E_T_m: float | None
     size_px: tuple[int, int]
+    cause: str = ""
 
     @property
     def took_ms(self) -> float:
@@ -96,13 +100,13 @@ class Estimates:
         self,
         *,
         open_resource: Callable[[], AbstractContextManager[Any]] | None = None,
-        work: Callable[..., Answer] = estimate_picture,
+        work: Callable[..., Answer] = estimator_process.estimate_picture,
         limit_s: float = LIMIT_S,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
         self.progress = ProgressLine()
         """Step until the first estimate of a method; empty after it."""
-        self._open_resource = open_resource or partial(EstimatorCache, self.progress)
+        self._open_resource = open_resource or partial(estimator_process.EstimatorCache, self.progress)
         self._work, self._clock = work, clock
         self._limit_s = limit_s
         self.on = False
@@ -216,12 +220,12 @@ class Estimates:
         except RuntimeError as error:
             # the last line of its traceback
             why = str(error).strip().splitlines()[-1]
-            self._give_up(f"the estimator {self.method} is off: {why}")
+            self._give_up(f"the estimator {estimator_process.method_title(self.method)} is off: {why}")
         return self.newest is not before
 
     def _turn(self, picture: Picture | None) -> None:
         if self._worker is None:
-            self.progress.write(STEPS[0])
+            self.progress.write(estimator_process.STEPS[0])
             self._worker = WorkerPool(
                 self._work,
                 1,
@@ -246,7 +250,7 @@ class Estimates:
     def _submit(self, worker: WorkerPool[Answer], picture: Picture) -> None:
         scene = picture.frame.scene
         worker.submit(
-            EstimateRequest(
+            estimator_process.EstimateRequest(
                 method=self.method,
                 camera=scene.camera,
                 target=scene.target,
@@ -322,4 +326,5 @@ def compared(picture: Picture, method: str, answer: Answer, done_s: float) -> Co
         E_R_deg=turn,
         E_T_m=shift,
         size_px=(picture.frame.image.shape[1], picture.frame.image.shape[0]),
+        cause="" if answer.accepted else decline_cause(picture.frame, picture.target),
     )

@@ -11,7 +11,9 @@ import cv2
 import msgspec
 import numpy as np
 
+from flyaround.gui.texts import texts
 from flyaround.hil.board.errors import BoardModelError
+from flyaround.hil.board.method_names import NETWORK
 from flyaround.simulator.errors import UserError
 from flyaround.simulator.runtime.plugins import plugins
 
@@ -78,8 +80,6 @@ class Answer:
         The method's own confidence in the pose, 0..1.
     stages_ms : dict of str to float
         Time of each stage [ms].
-    counts : dict of str to int
-        Numbers that the method reports, such as hypotheses, by name.
     network : str, optional
         Keypoint network that took part: ``own`` (trained for this craft), ``shipped`` or ``none``; empty for methods
         that have none.
@@ -93,7 +93,6 @@ class Answer:
     t_camera_from_target_m: Vec3 | None
     confidence: float
     stages_ms: dict[str, float]
-    counts: dict[str, int]
     network: str = ""
     stages: dict[str, ByteArray] = field(default_factory=dict)
 
@@ -176,7 +175,6 @@ def estimate_picture(cache: EstimatorCache, request: EstimateRequest) -> Answer:
         t_camera_from_target_m=None if t is None else (float(t[0]), float(t[1]), float(t[2])),
         confidence=float(result.confidence),
         stages_ms={k: float(v) for k, v in result.stages_ms.items()},
-        counts={k: int(v) for k, v in getattr(result, "counts", {}).items()},
         network=_network(estimator),
         stages=stages,
     )
@@ -196,6 +194,17 @@ def _jpeg(picture: ByteArray) -> ByteArray:
     if not ok:
         raise RuntimeError("a stage's picture could not be encoded")
     return np.asarray(data, np.uint8).reshape(-1)
+
+
+def stage_text(name: str) -> tuple[str, str]:
+    """Return title and hover text of a stage; other packages' stages have their own names."""
+    title, tip = texts("stages").get(name, (name.replace("_", " ").capitalize(), ""))
+    return title, tip
+
+
+def method_title(method: str) -> str:
+    """Return the name of a method for people; a network's is that of its file."""
+    return f"network {method.removeprefix(NETWORK)}" if method.startswith(NETWORK) else method
 
 
 def known_methods() -> tuple[str, ...]:

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from flyaround.gui.jobs.hil_stream import Event, SceneRequest, SessionNote, stream
+from flyaround.gui.jobs.hil_stream import DeclineCause, Event, SceneRequest, SessionNote, stream
 from flyaround.gui.jobs.program import ChildProgram
 from flyaround.hil.host.frame_record import DECLINED, FrameRecord
 from flyaround.hil.host.ledger.summary import LedgerSummary
@@ -70,6 +70,9 @@ class HilSession:
         self.outcomes: Counter[str] = Counter()
         self.declined: Counter[str] = Counter()
         """Number of declined frames by reason."""
+        self.cause = ""
+        """Why the last picture was declined, and what to do, as far as the picture shows it."""
+        self._causes: dict[int, str] = {}
         self.struck: Counter[str] = Counter()
         """Number of frames affected by each kind of fault."""
         self.sent = 0
@@ -214,9 +217,14 @@ class HilSession:
         match event:
             case SceneRequest():
                 self._scene_due = True
+            case DeclineCause(frame_id, text):
+                self._causes[frame_id] = text
             case FrameRecord():
-                if event.outcome == DECLINED and event.reason not in self.declined:
-                    notes.append(SessionNote(f"the board declines: {event.reason}"))
+                before, cause = self.cause.partition(":")[0], self._causes.pop(event.frame_id, "")
+                self.cause = cause if event.outcome == DECLINED else ""
+                is_new = event.reason not in self.declined or self.cause.partition(":")[0] not in {"", before}
+                if event.outcome == DECLINED and is_new:
+                    notes.append(SessionNote(f"the board declines: {event.reason}{cause and '; '}{cause}"))
                 self._add(event)
             case Listening(url):
                 self.url = url

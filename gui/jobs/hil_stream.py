@@ -18,6 +18,7 @@ from dataclasses import dataclass, replace
 from multiprocessing import connection, parent_process
 from typing import TYPE_CHECKING, Any, get_args
 
+from flyaround.gui.picture.decline_cause import IN_SCENARIO, decline_cause
 from flyaround.hil.host.faults.camera_faults import with_camera_faults
 from flyaround.hil.host.frame_record import FrameRecord
 from flyaround.hil.host.ledger.summary import LedgerSummary
@@ -49,7 +50,15 @@ class SessionNote:
     warning: bool = False
 
 
-Event = SceneRequest | Listening | SessionNote | FrameRecord | LedgerSummary | UserError
+@dataclass(frozen=True)
+class DeclineCause:
+    """Why a board may decline a picture, and what to do; sent before the picture is."""
+
+    frame_id: int
+    text: str
+
+
+Event = SceneRequest | DeclineCause | Listening | SessionNote | FrameRecord | LedgerSummary | UserError
 """Messages from the process; those of the host's modules are sent unchanged."""
 
 
@@ -104,7 +113,11 @@ class _NewestScene:
                 if faulty is None or self._changed:
                     self._changed = False
                     faulty = with_camera_faults(_drained(ready), Faults(camera=tuple(self._camera_faults)))
-                yield next(faulty)
+                frame = next(faulty)
+                # of the picture that is sent, with its faults
+                if cause := decline_cause(frame, scene.target.drawn(), IN_SCENARIO):
+                    self._pipe.send(DeclineCause(frame.number, cause))
+                yield frame
 
     def take_line_faults(self) -> list[LineFault]:
         """Return the line faults since the last frame."""

@@ -45,9 +45,8 @@ class BoardLinkPanel(Panel):
         w.text("After each answer the board is sent a picture of the newest moment.", style.QUIET)
         w.section("Board of this machine")
         self._methods = self._methods or known_methods()
-        self._method = w.choice(
-            console, "hil.board", self._method or self._methods[0], self._methods, argument="method"
-        )
+        now = self._method or self._methods[0]
+        self._method = w.choice(console, "hil.board", now, self._methods, argument="method")
         board = ("hil.board-stop",) if hil.board_running else ("hil.board", self._method, self._url)
         w.button(console, *board, width=w.width)
         # above the answers, whose growth must not move it
@@ -66,6 +65,8 @@ class BoardLinkPanel(Panel):
         for reason in sorted(hil.declined, key=lambda r: (r != newest, -hil.declined[r]))[:SHOWN_REASONS]:
             tip = "number of declined pictures with this reason; the last one's is on top"
             w.cut_line(f"  {hil.declined[reason]}: {reason}", w.width, style.WARN, tip)
+        if hil.cause:
+            w.text(hil.cause, style.WARN, "why the last picture was declined, and what to do")
         w.row("Rate", (hil.per_s,), "{:.2f}/s", "answers a second, over five seconds")
         for cause, n in hil.drops.items():
             w.coloured(style.BAD)
@@ -74,8 +75,8 @@ class BoardLinkPanel(Panel):
         latencies = hil.latencies_ms()
         if len(latencies):
             middle, most = np.percentile(latencies, [50, 99])
-            w.row("Latency", (middle,), "{:.0f} ms", "from the first byte out to the pose back, median")
-            w.row("  99 of 100", (most,), "{:.0f} ms", "99th percentile of the same latency")
+            w.row("Median latency", (middle,), "{:.0f} ms", "from the first byte out to the pose back")
+            w.row("99th percentile", (most,), "{:.0f} ms", "latency that 99 of 100 pictures stay below")
             self._distribution(hil)
         poses = [r for r in hil.rows if r.outcome == "accepted" and r.E_R_deg is not None]
         if poses:
@@ -108,12 +109,7 @@ class BoardLinkPanel(Panel):
     def _faults(self, console: Console) -> None:
         w, imgui = self._w, self._w.imgui
         self._fault = w.choice(
-            console,
-            "hil.fault",
-            self._fault,
-            list(FAULTS),
-            argument="kind",
-            shown=lambda kind: kind.replace("_", " "),
+            console, "hil.fault", self._fault, list(FAULTS), argument="kind", shown=_spaced
         )
         w.text(FAULTS[self._fault][1], style.QUIET)
         imgui.set_next_item_width(min(8 * imgui.get_font_size(), 0.4 * w.width))
@@ -124,4 +120,8 @@ class BoardLinkPanel(Panel):
         on = console.jobs.hil.on
         w.button(console, "hil.fault", self._fault, self._seconds, label="Inject fault", enabled=on)
         for kind, n in console.jobs.hil.struck.items():
-            w.row(kind.replace("_", " "), (n,), "{:d}", "pictures or answers affected by the fault")
+            w.row(_spaced(kind), (n,), "{:d}", "pictures or answers affected by the fault")
+
+
+def _spaced(kind: str) -> str:
+    return kind.replace("_", " ")

@@ -2,24 +2,35 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from flyaround.gui import style
-from flyaround.gui.jobs.estimator_process import known_methods
+from flyaround.gui.jobs.estimator_process import known_methods, method_title, stage_text
+from flyaround.gui.picture.decline_cause import decline_cause
+from flyaround.gui.texts import texts
+from flyaround.gui.views.estimate_overlay import OLD_S
 from flyaround.gui.views.stage import stage_pictures
 from flyaround.gui.widgets import Panel
+from flyaround.hil.board.method_names import NETWORK
 
 if TYPE_CHECKING:
     from flyaround.gui.console import Console
     from flyaround.gui.jobs.estimates import ComparedEstimate, Estimates
     from flyaround.gui.jobs.estimator_process import Answer
+    from flyaround.gui.picture.feed import Picture
 
 PLOT_HEIGHT = 92.0
 LEAST_DEG, LEAST_M = 1e-3, 1e-4
 """Least error on the logarithmic scale; smaller ones are drawn on its edge."""
 THUMB = 150.0  # least width of a small picture
+
+
+@lru_cache(maxsize=2)
+def _cause_in(picture: Picture) -> str:
+    return decline_cause(picture.frame, picture.target)
 
 
 class EstimatorPanel(Panel):
@@ -28,7 +39,7 @@ class EstimatorPanel(Panel):
     name, title, place, shown = "estimator", "Estimator", "left", False
 
     _methods: tuple[str, ...] = ()
-    _network = "net:"
+    _network = ""
 
     def draw(self, console: Console) -> None:
         """Draw into the current panel."""
@@ -42,13 +53,12 @@ class EstimatorPanel(Panel):
         # below the controls, which must not move when a result comes
         colour = style.GOOD if estimates.on else style.BAD if estimates.refusal else style.QUIET
         w.text(estimates.doing, colour, "current step, and estimates per second")
-        newest = estimates.newest
+        newest, picture = estimates.newest, console.feed.newest
+        fresh = newest is not None and newest.answer.accepted and console.session.t_s - newest.t_s < OLD_S
+        if picture is not None and not fresh and (cause := _cause_in(picture)):
+            w.text(cause, style.WARN, "why the newest picture gives no estimate, and what to do")
         if newest is None:
-            w.text(
-                "The pose in the newest picture, drawn over the view; full detail gives it every pixel. "
-                "The first one prepares the target's tables.",
-                style.QUIET,
-            )
+            w.text(texts("view-tips")["estimator"], style.QUIET)
         else:
             self._figures(newest, console.session.t_s)
         w.section("Over the flight")
@@ -66,15 +76,16 @@ class EstimatorPanel(Panel):
             w.flow(w.button_width(method), first=k == 0)
             w.button(console, "estimator.method", method, label=method, on=method == estimates.method)
         imgui.set_next_item_width(max(w.width - w.button_width("Network") - 8, 60))
-        _, self._network = imgui.input_text("##network", self._network)
-        w.tip("a network as method: net: and the file that flyaround train has written")
+        _, self._network = imgui.input_text_with_hint("##network", "file of a network", self._network)
+        w.tip("file that flyaround train has written, as method")
         w.flow(w.button_width("Network"), first=False)
-        on = estimates.method == self._network
-        w.button(console, "estimator.method", self._network, label="Network", on=on)
+        network = f"{NETWORK}{self._network.removeprefix(NETWORK)}"
+        on = estimates.method == network
+        w.button(console, "estimator.method", network, label="Network", on=on, enabled=network != NETWORK)
 
     def _figures(self, e: ComparedEstimate, t_s: float) -> None:
         w, answer = self._w, e.answer
-        w.section(f"{e.method} at T+{e.t_s:.2f} s")
+        w.section(f"{method_title(e.method)} at T+{e.t_s:.2f} s")
         w.tip("method, and mid-exposure time of its picture since the start")
         said, colour = ("accepted", style.GOOD) if answer.accepted else ("declined", style.WARN)
         said = f"{said}, {abs(t_s - e.t_s):.1f} s ago{answer.reason and ': '}{answer.reason}"
@@ -97,7 +108,7 @@ class EstimatorPanel(Panel):
             share = 100 * e.E_T_m / max(e.range_m, 1e-9)
             w.row("of range", (share,), "{:.2f} %", "position error over the range")
         slowest = sorted(answer.stages_ms.items(), key=lambda item: -item[1])[:3]
-        stages = ", ".join(f"{name.replace('_', ' ')} {ms:.0f} ms" for name, ms in slowest)
+        stages = ", ".join(f"{stage_text(name)[0].lower()} {ms:.0f} ms" for name, ms in slowest)
         w.row("Took", (e.took_ms,), "{:.0f} ms", f"all stages but the preparation; longest: {stages}")
         tip = "size in pixels of the picture that the estimator received"
         w.row("Picture", ("{} x {}".format(*e.size_px),), "{} px", tip)
@@ -124,7 +135,7 @@ class EstimatorPanel(Panel):
 
     def _plot(self, name: str, t: Any, values: Any, good: Any, *, log: bool) -> None:  # noqa: ANN401 - arrays
         w, implot = self._w, self._w.implot
-        w.text(name)
+        w.text(f"{name} over time [s]")
         tip = f"{name} over the flight [s since the start]; dots: accepted, rings: declined"
         with w.plot(name, PLOT_HEIGHT, tip, still=False) as in_sight:
             if not in_sight:
@@ -161,7 +172,10 @@ class EstimatorPanel(Panel):
             imgui.image(texture, w.vec(width, width * picture.shape[0] / picture.shape[1]))
             if imgui.is_item_clicked():
                 console.do("estimator.stage", name)
-            w.command_tip(console, "estimator.stage", name)
+            title, tip = stage_text(name)
+            w.tip(f"{title}: {tip}")
             large = name == console.jobs.estimates.stage and console.shown.get("stage", False)
-            w.cut_line(name.replace("_", " "), width, style.ACCENT if large else style.QUIET)
+            imgui.push_text_wrap_pos(imgui.get_cursor_pos_x() + width)
+            w.one_line(title, style.ACCENT if large else style.QUIET)
+            imgui.pop_text_wrap_pos()
             imgui.end_group()

@@ -12,6 +12,7 @@ import numpy as np
 from flyaround.gui import style
 from flyaround.gui.picture.relative_map import nice_step
 from flyaround.gui.picture.screen import screen_picture
+from flyaround.gui.texts import texts
 from flyaround.simulator.labels.part_classes import PART_CLASSES, part_class
 from flyaround.simulator.labels.request import LabelRequest
 from flyaround.simulator.targets.model import PartClass
@@ -19,7 +20,6 @@ from flyaround.simulator.targets.model import PartClass
 if TYPE_CHECKING:
     from flyaround.gui.style import Rgba
     from flyaround.simulator.frame import Frame
-    from flyaround.simulator.labels.truth import KeypointState
     from flyaround.simulator.runtime.arrays import ByteArray, Float32Array
 
 LABELS = LabelRequest(layers=("depth", "parts"))
@@ -33,24 +33,8 @@ CLOSE_UP_MARGIN = 1.5
 """Size of a close-up over that of the target."""
 CLOSE_UP_LEAST_PX = 48
 
-PART_COLOURS: dict[PartClass, Rgba] = {
-    "body": (0.62, 0.64, 0.66, 1.0),
-    "solar_array": style.BLUE,
-    "antenna": style.YELLOW,
-    "propulsion": style.VERMILLION,
-    "docking": style.GREEN,
-    "sensor": style.PURPLE,
-    "radiator": style.SKY_BLUE,
-}
-STATE_COLOURS: dict[KeypointState, Rgba] = {
-    "visible": style.GREEN,
-    "shadowed": style.YELLOW,
-    "eclipsed": style.BLUE,
-    "saturated": style.PURPLE,
-    "below_noise": style.SKY_BLUE,
-    "self_occluded": style.VERMILLION,
-    "out_of_frame": style.QUIET,
-}
+PART_COLOURS: dict[str, Rgba] = {n: getattr(style, c) for n, c in texts("part-colours").items()}
+STATE_COLOURS: dict[str, Rgba] = {n: getattr(style, c) for n, c in texts("state-colours").items()}
 
 
 @dataclass(frozen=True)
@@ -136,19 +120,6 @@ def part_picture(frame: Frame) -> tuple[ByteArray, tuple[PartClass, ...]] | None
     image[on] = np.clip(coloured[on][:, :3] * light, 0, 255).astype(np.uint8)
     there = {classes[k - 1] for k in np.unique(parts).tolist() if 0 < k <= len(classes)}
     return image, tuple(name for name in PART_CLASSES if name in there)
-
-
-def mask_picture(frame: Frame) -> ByteArray | None:
-    """Return the picture with the background tinted dark blue; None without a mask."""
-    if frame.mask is None:
-        return None
-    image = np.repeat(grey(frame)[..., None], 3, axis=2)
-    off = frame.mask == 0
-    tint = np.array([0, 60, 110], np.float32)
-    image[off] = np.clip(0.35 * image[off] + 0.6 * tint, 0, 255).astype(np.uint8)
-    outline, _ = cv2.findContours(frame.mask, cv2.RETR_LIST, cv2.CHAIN_APPROX_NONE)
-    cv2.drawContours(image, outline, -1, (230, 159, 0), max(1, image.shape[1] // 600))
-    return image
 
 
 def close_up(frame: Frame) -> tuple[slice, slice]:

@@ -12,6 +12,7 @@ from flyaround.gui.canvas import Canvas
 from flyaround.gui.commands.timeline import clock
 from flyaround.gui.picture.figures import AGE_TIP, FIGURES, age_text, flown_colour
 from flyaround.gui.picture.screen import exposure_fault, screen_picture
+from flyaround.gui.texts import texts
 from flyaround.gui.views.docking_hud import DockingHud
 from flyaround.gui.views.estimate_overlay import EstimateOverlay
 from flyaround.gui.views.letterbox import Letterbox
@@ -20,15 +21,15 @@ from flyaround.gui.views.truth_marks import TruthMarks
 from flyaround.gui.widgets import Panel
 
 if TYPE_CHECKING:
+    from flyaround.gui.canvas import Place
     from flyaround.gui.console import Console
     from flyaround.gui.picture.feed import Feed, Picture
     from flyaround.gui.surface import Surface
     from flyaround.simulator.piloting.session import FlightSession
 
-Place = tuple[float, float, float, float]
-"""x, y, width and height on the screen."""
 MARGIN, LEAST_GAP, WIDEST_GAP = 12.0, 8.0, 140.0
 """Margin between figures and the edge of the view, and between columns, in screen units."""
+TIPS = texts("view-tips")
 BARS = 30  # strokes of the bar of a whole picture's time
 NAME = "PICTURE "
 """Longest name of a figure, for the column width."""
@@ -84,12 +85,13 @@ class CameraView(Panel):
         taken, self._plates = tuple(self._plates), []
         self._truth.draw(box, picture, options, paused=session.clock.paused, obstacles=taken)
         if options.overlays.estimate:
-            self._estimate.draw(canvas, box, picture, console.jobs.estimates)
+            self._plates += self._estimate.draw(canvas, box, picture, console.jobs.estimates)
         # the docking display has its own cross and figures
         if options.overlays.crosshair and not options.overlays.docking:
             self._truth.crosshair(box, picture)
         if options.overlays.docking:
             self._docking.draw(box, console, picture)
+            self._plates += self._docking.plates
         canvas.unclip()
         within = (box.x, box.y, box.width, box.height)
         if beside is None:
@@ -110,8 +112,9 @@ class CameraView(Panel):
             canvas.centred(within, text, console.preparing)
         elif self._fault:
             x = box.x + (box.width - canvas.size(self._fault)[0]) / 2
-            # there are figures at the upper edge
-            low = box.y + box.height - 1.5 * self._line
+            # there are figures at the upper edge, and in the lower corners
+            rows = max((len(group) for group in groups), default=0) if beside is None else 0
+            low = box.y + box.height - (1.5 + rows) * self._line - (MARGIN if rows else 0.0)
             self._write(canvas, (x, low), (Row("", self._fault, style.WARN, ""),))
 
     # --- arrangement
@@ -179,7 +182,7 @@ class CameraView(Panel):
         """Return figures by subject: control, time, motion, position and light."""
         session, feed, image, r = console.session, console.feed, picture.frame.image, console.telemetry
         badge, colour = mode_badge(session)
-        speed = f"{feed.frame_ms:.0f} ms  {image.shape[1]}x{image.shape[0]}"
+        speed = f"{feed.frame_ms:.0f} ms  {image.shape[1]}x{image.shape[0]} px"
         rate = "" if session.clock.paused else f"{feed.frames_s:.1f} fps  "
         turning = float(np.linalg.norm(r.relative_rate_deg_s))
         age = age_text(session, picture.frame.scene.t_s, 0.0)
@@ -189,38 +192,22 @@ class CameraView(Panel):
             figure = FIGURES[name.capitalize()]
             return Row(name, figure.form.format(*figure.values(r)), colour, figure.tip)
 
-        axes = {"RADIAL": "outward", "ALONG": "ahead along the orbit", "CROSS": "along the orbit's normal"}
+        def lvlh(name: str, metres: float) -> Row:
+            return Row(name, f"{metres:+z9.3f} m", style.INK, TIPS[name])
+
         utc = r.epoch_utc.replace("T", " ")[:23].rstrip("Z")
         t = f"{clock(r.t_s)[2:]}   {session.clock.rate:g}x"
+        sun = style.GOOD if r.sun_visible_fraction > 0 else style.BAD
+        flying = Row("", badge, colour, TIPS["badge"]), Row("", rate + speed, style.QUIET, TIPS["speed"])
+        times = Row("UTC", utc, style.INK, TIPS["utc"]), Row("T+", t, running, TIPS["time"])
+        turn = Row("RATE", f"{turning:9.3f} °/s", style.INK, TIPS["rate"])
+        motion = row("RANGE", style.ACCENT), row("CLOSING"), row("ACROSS"), turn
+        place = map(lvlh, ("RADIAL", "ALONG", "CROSS"), r.position_lvlh_m)
         return (
-            (
-                Row("", badge, colour, "guidance of the chaser / attitude mode"),
-                Row("", rate + speed, style.QUIET, "pictures a second, time and pixels of one"),
-            ),
-            (
-                Row("UTC", utc, style.INK, "the time of these figures, and of the clock"),
-                Row("T+", t, running, "simulated time since the start [h:min:s], and its rate"),
-                Row("PICTURE", *age, AGE_TIP),
-            ),
-            (
-                row("RANGE", style.ACCENT),
-                row("CLOSING"),
-                row("ACROSS"),
-                Row(
-                    "RATE",
-                    f"{turning:9.3f} °/s",
-                    style.INK,
-                    "rotation rate of the target relative to the camera",
-                ),
-            ),
-            (
-                *(
-                    Row(name, f"{v:+z9.3f} m", style.INK, f"chaser in the target's LVLH frame: {way}")
-                    for (name, way), v in zip(axes.items(), r.position_lvlh_m, strict=True)
-                ),
-                row("PHASE"),
-                row("SUN", style.GOOD if r.sun_visible_fraction > 0 else style.BAD),
-            ),
+            flying,
+            (*times, Row("PICTURE", *age, AGE_TIP)),
+            motion,
+            (*place, row("PHASE"), row("SUN", sun)),
         )
 
     def _write(

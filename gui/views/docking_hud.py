@@ -14,7 +14,7 @@ from flyaround.gui.widgets import Widgets
 from flyaround.simulator.piloting.docking_figures import CAPTURE_M, JudgedFigure, judge
 
 if TYPE_CHECKING:
-    from flyaround.gui.canvas import Point
+    from flyaround.gui.canvas import Place, Point
     from flyaround.gui.console import Console
     from flyaround.gui.picture.feed import Picture
     from flyaround.gui.surface import Surface
@@ -72,10 +72,12 @@ class DockingHud:
     def __init__(self, window: Surface) -> None:
         self._window = window
         self._w = Widgets(window)
+        self.plates: list[Place] = []
+        """Rectangles of the texts drawn last, which other texts leave free."""
 
     def draw(self, box: Letterbox, console: Console, picture: Picture) -> None:
         """Draw over a picture what lies in it, and the figures of the time that is shown."""
-        session = console.session
+        session, self.plates = console.session, []
         if picture.target is not session.plan.target:
             # the last picture may be of another scenario
             return
@@ -184,10 +186,11 @@ class DockingHud:
         self._figure(canvas, at, value.name.removeprefix("offset "), value, share)
         self._figure(canvas, (at[0], at[1] + self._w.line), "", rate, share)
 
-    @staticmethod
-    def _text(canvas: Canvas, at: Point, text: str, rgba: style.Rgba, share: float, tip: str) -> None:
+    def _text(self, canvas: Canvas, at: Point, text: str, rgba: style.Rgba, share: float, tip: str) -> None:
         """Draw text with a ``share`` of its width left of the position: 0.5 centres it."""
-        canvas.label((at[0] - share * canvas.size(text)[0], at[1]), text, rgba, tip)
+        corner, size = (at[0] - share * canvas.size(text)[0], at[1]), canvas.size(text)
+        canvas.label(corner, text, rgba, tip)
+        self.plates.append((*corner, *size))
 
     def _figure(self, canvas: Canvas, at: Point, name: str, row: JudgedFigure, share: float) -> None:
         text = f"{name} {row.text} {row.unit}".strip() + style.LIMIT_MARKS[row.state]

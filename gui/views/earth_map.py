@@ -14,14 +14,7 @@ from flyaround.gui.picture.ground_map import GroundMap, load_ground_map
 from flyaround.gui.texts import duration_text
 from flyaround.gui.views.letterbox import Letterbox
 from flyaround.gui.widgets import Panel
-from flyaround.simulator.piloting.ground_track import (
-    GroundTrack,
-    geodetic_deg,
-    ground_track,
-    split_at_map_edge,
-    subsolar_deg,
-    terminator_deg,
-)
+from flyaround.simulator.piloting import ground_track
 
 if TYPE_CHECKING:
     from concurrent.futures import Future
@@ -56,8 +49,8 @@ class EarthMap(Panel):
         self._shade: tuple[object, ...] = ()
         self._shaded: np.ndarray | None = None
         self._session: FlightSession | None = None
-        self._track: GroundTrack | None = None
-        self._coming: Future[GroundTrack] | None = None
+        self._track: ground_track.GroundTrack | None = None
+        self._coming: Future[ground_track.GroundTrack] | None = None
         self._requested_s = -math.inf
 
     def draw(self, console: Console) -> None:
@@ -106,7 +99,7 @@ class EarthMap(Panel):
         old = abs(session.t_s - self._requested_s) > max(TRACK_EVERY_S, session.clock.rate)
         if old and self._coming is None:
             self._requested_s = session.t_s
-            self._coming = self._aside.submit(ground_track, session.flight, session.t_s)
+            self._coming = self._aside.submit(ground_track.ground_track, session.flight, session.t_s)
 
     def _ground(self, canvas: Canvas, box: Letterbox, world: WorldState) -> None:
         body = world.central_body
@@ -133,12 +126,14 @@ class EarthMap(Panel):
     @staticmethod
     def _subsolar(world: WorldState) -> tuple[float, float]:
         to_sun = np.subtract(world.r_sun_eci_m, world.central.r_eci_m)
-        return subsolar_deg(to_sun, world.central.R_fixed_from_eci)
+        return ground_track.subsolar_deg(to_sun, world.central.R_fixed_from_eci)
 
     @staticmethod
     def _below(world: WorldState) -> tuple[float, float]:
         out = np.subtract(world.r_target_eci_m, world.central.r_eci_m)
-        latitude, longitude = geodetic_deg(world.central.R_fixed_from_eci @ out, world.central.body)
+        latitude, longitude = ground_track.geodetic_deg(
+            world.central.R_fixed_from_eci @ out, world.central.body
+        )
         return float(latitude), float(longitude)
 
     # --- what is drawn
@@ -165,12 +160,12 @@ class EarthMap(Panel):
             # a segment starts where the previous one ends
             on = part | np.append(part[1:], False)
             latitude = np.where(on, track.latitude_deg, np.nan)
-            latitude, longitude = split_at_map_edge(latitude, track.longitude_deg)
+            latitude, longitude = ground_track.split_at_map_edge(latitude, track.longitude_deg)
             canvas.stroke(map_places(box, latitude, longitude), colour, 1.8, dashed=dashed)
 
     def _marks(self, canvas: Canvas, box: Letterbox, world: WorldState) -> None:
         sun = self._subsolar(world)
-        latitude, longitude = terminator_deg(*sun)
+        latitude, longitude = ground_track.terminator_deg(*sun)
         canvas.stroke(map_places(box, latitude, longitude), style.ORANGE, 1.2)
         x, y = map_place(box, *sun)
         radius = 5.0 * self._window.scale

@@ -7,19 +7,20 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from flyaround.gui import style
+from flyaround.gui.jobs.estimator_process import method_title
 from flyaround.gui.picture.truth_overlay import Segment, wireframe_at
 from flyaround.simulator.world.frames.pose import Pose
 from flyaround.simulator.world.frames.rotation import quat_normalize
 
 if TYPE_CHECKING:
-    from flyaround.gui.canvas import Canvas
+    from flyaround.gui.canvas import Canvas, Place, Point
     from flyaround.gui.jobs.estimates import ComparedEstimate, Estimates
     from flyaround.gui.picture.feed import Picture
     from flyaround.gui.views.letterbox import Letterbox
 
 OLD_S = 5.0
 """Age of a picture, in simulated time, above which its estimate is not drawn."""
-SAYS = "the estimator's method, how sure it is (0 to 1), and how old the picture is that it was given"
+SAYS = "the estimator's method, its confidence (0 to 1), and the age of the picture that it was given"
 
 
 class EstimateOverlay:
@@ -28,14 +29,17 @@ class EstimateOverlay:
     _key: tuple[object, ...] = ()
     _lines: tuple[Segment, ...] = ()
 
-    def draw(self, canvas: Canvas, box: Letterbox, picture: Picture, estimates: Estimates) -> None:
-        """Draw over a picture the newest estimate, if its own picture is less than `OLD_S` older."""
+    def draw(self, canvas: Canvas, box: Letterbox, picture: Picture, estimates: Estimates) -> list[Place]:
+        """Draw over a picture the newest estimate, if its own picture is less than `OLD_S` older.
+
+        Returns
+        -------
+        list of Place
+            Rectangle of its text, which other texts leave free.
+        """
         estimate, scene = estimates.newest, picture.frame.scene
-        if estimate is None or not estimates.on:
-            return
-        age_s = scene.t_s - estimate.t_s
-        if not 0 <= age_s < OLD_S:
-            return
+        if estimate is None or not estimates.on or not 0 <= (age_s := scene.t_s - estimate.t_s) < OLD_S:
+            return []
         key = (estimate, scene.camera, picture.target)
         if key != self._key:
             self._key, self._lines = key, self._lines_of(estimate, picture)
@@ -43,10 +47,13 @@ class EstimateOverlay:
         colour = (*style.ESTIMATE[:3], 1.0 if accepted else 0.55)
         for ends in self._lines:
             canvas.stroke([box.at(p) for p in ends], colour, 1.5)
-        says = f"{estimate.answer.confidence:.2f}" if accepted else f"declined: {estimate.answer.reason}"
+        answer = estimate.answer
+        says = f"confidence {answer.confidence:.2f}" if accepted else f"declined: {answer.reason}"
         age = f", {age_s:.1f} s ago" if age_s > 0.05 else ""
-        text = f"{estimate.method}  {says}{age}"
-        canvas.text(self._place(canvas, box, text), text, style.ESTIMATE, SAYS)
+        text = f"{method_title(estimate.method)}: {says}{age}"
+        corner = self._place(canvas, box, text)
+        canvas.label(corner, text, style.ESTIMATE, SAYS)
+        return [(*corner, *canvas.size(text))]
 
     @staticmethod
     def _lines_of(estimate: ComparedEstimate, picture: Picture) -> tuple[Segment, ...]:
@@ -56,7 +63,7 @@ class EstimateOverlay:
         pose = Pose.from_arrays("camera", "target", quat_normalize(q), t)
         return wireframe_at(picture.frame.scene.camera, pose, picture.target)
 
-    def _place(self, canvas: Canvas, box: Letterbox, text: str) -> tuple[float, float]:
+    def _place(self, canvas: Canvas, box: Letterbox, text: str) -> Point:
         """Return a position below the wireframe inside the picture, or at the lower centre without one."""
         width = canvas.size(text)[0]
         ends = [box.at(p) for line in self._lines for p in line]

@@ -1,4 +1,4 @@
-"""The labels of one instant as pictures: depth with its scale, parts with their legend, keypoints with their states."""
+"""The ground truth of one instant as pictures: depth with its scale, parts with their legend, keypoints by state."""
 
 from __future__ import annotations
 
@@ -10,32 +10,21 @@ import numpy as np
 
 from flyaround.gui import style
 from flyaround.gui.canvas import Canvas, Key
+from flyaround.gui.picture import label_images
 from flyaround.gui.picture.figures import AGE_TIP, age_text
 from flyaround.gui.picture.further import LABEL_VIEWS
-from flyaround.gui.picture.label_images import (
-    PART_COLOURS,
-    STATE_COLOURS,
-    DepthPicture,
-    close_up,
-    depth_colours,
-    depth_picture,
-    dimmed,
-    mask_picture,
-    part_picture,
-)
 from flyaround.gui.views.letterbox import Letterbox
 from flyaround.gui.widgets import Panel
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from flyaround.gui.canvas import Place
     from flyaround.gui.console import Console
     from flyaround.gui.picture.feed import Picture
     from flyaround.simulator.labels.truth import Truth
     from flyaround.simulator.runtime.arrays import ByteArray
 
-Place = tuple[float, float, float, float]
-SCALE_STEPS = 32  # steps of the drawn colour scale
 LIT, UNLIT = ("visible", "saturated"), ("shadowed", "eclipsed", "below_noise")
 """States of a keypoint that the craft does not hide."""
 SCALE = "camera z of the target, along the boresight [m]; bright is near"
@@ -66,7 +55,7 @@ class _LabelView(Panel):
             canvas.centred(place, console.preparing)
         else:
             if picture is not self._newest:
-                self._part = close_up(picture.frame)
+                self._part = label_images.close_up(picture.frame)
                 self._make(picture)
                 self._newest = picture
             self._show(canvas, place)
@@ -89,7 +78,7 @@ class _LabelView(Panel):
         box = Letterbox.fit((part.shape[1], part.shape[0]), place)
         canvas.picture(self.name, self._newest, part, (box.x, box.y, box.width, box.height))
         if part.shape[1] < image.shape[1] and place[3] > 5 * canvas.line:
-            text = f"{image.shape[1] / part.shape[1]:.1f}x"
+            text = f"zoom {image.shape[1] / part.shape[1]:.1f}x"
             at = (place[0] + 8, place[1] + place[3] - 1.2 * canvas.line)
             canvas.text(at, text, style.QUIET, "magnification of the camera's whole picture")
         left, top = box.x - columns.start * box.scale, box.y - rows.start * box.scale
@@ -115,15 +104,15 @@ class _LabelView(Panel):
 
 
 class DepthView(_LabelView):
-    """Depth in colours, bright is near, with its scale in metres."""
+    """Depth of the ground truth, not of the estimate, in colours: bright is near; with its scale in metres."""
 
-    name, title = "depth", "Depth"
+    name, title = "depth", "True depth"
 
-    _depth: DepthPicture | None = None
+    _depth: label_images.DepthPicture | None = None
 
     def _make(self, picture: Picture) -> None:
         depth = picture.frame.layers.get("depth")
-        self._depth = None if depth is None else depth_picture(depth)
+        self._depth = None if depth is None else label_images.depth_picture(depth)
 
     def _show(self, canvas: Canvas, place: Place) -> None:
         depth = self._depth
@@ -136,11 +125,8 @@ class DepthView(_LabelView):
         line = canvas.line
         left, top = x + 12, y + 1.3 * line
         height = max(h - 2.6 * line, line)
-        steps = np.linspace(0, 255, SCALE_STEPS + 1).astype(int)
-        for k in range(SCALE_STEPS):
-            r, g, b = (float(c) / 255 for c in depth_colours()[steps[k]])
-            # each slightly higher than its share, so that no background shows between
-            canvas.box((left, top + k * height / SCALE_STEPS), (16, height / SCALE_STEPS + 1), (r, g, b, 1.0))
+        scale_rgb = label_images.depth_colours()[:, None]
+        canvas.picture("depth-scale", depth, np.repeat(scale_rgb, 16, axis=1), (left, top, 16, height))
         digits = max(0, int(np.ceil(-np.log10(max(depth.far_m - depth.near_m, 1e-6)))) + 1)
         nearest, farthest = f"{depth.near_m:.{digits}f} m", f"{depth.far_m:.{digits}f} m"
         canvas.plain_text((left, top - 1.1 * line), nearest, tip="camera z of the target's nearest point")
@@ -154,21 +140,21 @@ class DepthView(_LabelView):
 
 
 class PartsView(_LabelView):
-    """Parts of the target in the colours of their classes; the mask where there are none."""
+    """Parts of the target by the ground truth, not the estimate, in the colours of their classes."""
 
-    name, title = "parts", "Parts and mask"
+    name, title = "parts", "True parts"
     legend_tip = "class of the part, as capture --labels parts writes it"
 
     _image_rgb: ByteArray | None = None
     _rows: Sequence[tuple[str, style.Rgba]] = ()
 
     def _make(self, picture: Picture) -> None:
-        parts = part_picture(picture.frame)
-        self._image_rgb = mask_picture(picture.frame) if parts is None else parts[0]
-        self._rows = [] if parts is None else [(n.replace("_", " "), PART_COLOURS[n]) for n in parts[1]]
+        parts = label_images.part_picture(picture.frame)
+        self._image_rgb, classes = (None, ()) if parts is None else parts
+        self._rows = [(n.replace("_", " "), label_images.PART_COLOURS[n]) for n in classes]
 
     def _show(self, canvas: Canvas, place: Place) -> None:
-        if self._image_rgb is None or not self._rows:
+        if self._image_rgb is None:
             canvas.centred(place, NO_TARGET)
             return
         picture, legend = self._split(canvas, place, [name for name, _ in self._rows])
@@ -177,27 +163,27 @@ class PartsView(_LabelView):
 
 
 class KeypointsView(_LabelView):
-    """Keypoints as a data set's labels have them, by their states, over the dimmed picture."""
+    """Keypoints of the ground truth by their states, as a data set has them, over the dimmed picture."""
 
-    name, title = "keypoints", "Keypoints"
+    name, title = "keypoints", "True keypoints"
     legend_tip = "how many keypoints are in this state: dots are seen, diamonds unlit, rings hidden"
 
     _image_rgb: ByteArray | None = None
     _truth: Truth | None = None
 
     def _make(self, picture: Picture) -> None:
-        self._image_rgb, self._truth = dimmed(picture.frame), picture.frame.truth
+        self._image_rgb, self._truth = label_images.dimmed(picture.frame), picture.frame.truth
 
     def _show(self, canvas: Canvas, place: Place) -> None:
         truth = self._truth
         if truth is None or self._image_rgb is None:
             return
         count = Counter(k.state for k in truth.keypoints)
-        rows = [(f"{n} {s.replace('_', ' ')}", STATE_COLOURS[s]) for s, n in count.items()]
+        rows = [(f"{n} {s.replace('_', ' ')}", label_images.STATE_COLOURS[s]) for s, n in count.items()]
         picture, legend = self._split(canvas, place, [name for name, _ in rows])
         box = self._image(canvas, picture, self._image_rgb)
         for k in truth.keypoints:
             if k.pixel_px is not None and k.state != "out_of_frame":
                 mark = "visible" if k.state in LIT else "shadowed" if k.state in UNLIT else "hidden"
-                canvas.keypoint(box.at(k.pixel_px), STATE_COLOURS[k.state], mark)
+                canvas.keypoint(box.at(k.pixel_px), label_images.STATE_COLOURS[k.state], mark)
         self._legend(canvas, legend, rows)

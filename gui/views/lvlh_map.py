@@ -9,18 +9,9 @@ import numpy as np
 
 from flyaround.gui import style
 from flyaround.gui.canvas import Canvas, legend_keys, point
-from flyaround.gui.picture.relative_map import (
-    MapLook,
-    MapPort,
-    boresight_lvlh,
-    corridor_outline,
-    fit,
-    metres_text,
-    nice_step,
-    ports,
-    sun_lvlh,
-    target_edges_lvlh_m,
-)
+from flyaround.gui.picture import relative_map
+from flyaround.gui.picture.relative_map import MapLook, MapPort
+from flyaround.gui.texts import texts
 from flyaround.gui.views.burn_nodes import BurnNodes
 from flyaround.gui.widgets import Panel
 from flyaround.simulator.piloting.look_back import lvlh_position
@@ -29,10 +20,9 @@ from flyaround.simulator.runtime.arrays import Vec3, vec3
 from flyaround.simulator.world.guidance.manual_control import predicted_drift_lvlh_m
 
 if TYPE_CHECKING:
-    from flyaround.gui.canvas import Point
+    from flyaround.gui.canvas import Place, Point
     from flyaround.gui.console import Console
     from flyaround.gui.surface import Surface
-    from flyaround.gui.views.camera import Place
     from flyaround.simulator.piloting.session import FlightSession
     from flyaround.simulator.runtime.arrays import FloatArray
     from flyaround.simulator.world.frames.lvlh import Lvlh
@@ -45,11 +35,8 @@ SHOWN_TARGET = 7.0
 """Size in screen units below which the target is a mark."""
 WHEEL_FACTOR = 1.2  # change of the width per step of the wheel
 FLOWN, PLANNED, DRIFT = style.ACCENT, style.QUIET, style.ORANGE  # colours of the trajectories
-LINES = (
-    "blue: flown; grey: the scenario's path; orange: free drift over ten minutes; purple: planned burns; "
-    "red: keep-out sphere, and a drift or burns through it or into the target; green: its corridor. "
-    "Wheel: zoom, drag: move, double-click: show all, right click: a burn"
-)
+LINES = texts("view-tips")["map"]
+SUN_REACH = 18.0  # length of the arrow to the Sun, in screen units
 LEGEND_EM = 16
 """Height of the map, in text heights, from which on it has a legend."""
 KEYS = legend_keys("relative-map")
@@ -90,11 +77,11 @@ class LvlhMap(Panel):
         trail = session.look_back.path(world)
         mouse, down = imgui.get_io().mouse_pos, imgui.is_any_mouse_down()
         if look.fitted and not self._nodes.hold_map(self.ports, (mouse.x, mouse.y), down=down):
-            first = ports(rect, look)[0].rect
+            first = relative_map.ports(rect, look)[0].rect
             # keep a line of text free above and below
             height = max(first[3] - 3.0 * imgui.get_text_line_height(), 20.0)
-            fit(look, self._extent(session, trail), first[2] / height)
-        self.ports = ports(rect, look)
+            relative_map.fit(look, self._extent(session, trail), first[2] / height)
+        self.ports = relative_map.ports(rect, look)
         imgui.set_next_item_allow_overlap()
         imgui.invisible_button("map", self._w.vec(rect[2], rect[3]))
         self._mouse(console)
@@ -109,11 +96,14 @@ class LvlhMap(Panel):
             target = self._target(canvas, port, session, frame)
             for burn in self._burns:
                 canvas.diamond(point(port.at(burn)), 4.5, style.PURPLE)
-            self._nodes.draw(canvas, port, (target, *self._edges(canvas, port)))
+            named = self._keep_out_name(canvas, port, session)
+            names = () if named is None else (named[1],)
+            self._nodes.draw(canvas, port, (target, *names, *self._edges(canvas, port)))
             # below the chaser, which its name may hide in a small map
-            self._sun(canvas, port, sun_lvlh(world, frame), world.sun_visible_fraction)
-            self._chaser(canvas, port, here, boresight_lvlh(world, frame))
+            self._sun(canvas, port, relative_map.sun_lvlh(world, frame), world.sun_visible_fraction)
             self._letters(canvas, port, session)
+            self._nodes.draw_grips(canvas, port)
+            self._chaser(canvas, port, here, relative_map.boresight_lvlh(world, frame))
             canvas.unclip()
         self._buttons(console)
 
@@ -155,7 +145,10 @@ class LvlhMap(Panel):
             imgui.is_mouse_down(imgui.MouseButton_.left),
             over and imgui.is_mouse_clicked(imgui.MouseButton_.right),
         )
-        if self._nodes.take_mouse(console, self.ports, (mouse.x, mouse.y), pressed):
+        is_taken = self._nodes.take_mouse(console, self.ports, (mouse.x, mouse.y), pressed)
+        if self._nodes.under is not None and (over or is_taken):
+            imgui.set_mouse_cursor(imgui.MouseCursor_.hand)
+        if is_taken:
             return
         if over:
             if imgui.is_mouse_double_clicked(imgui.MouseButton_.left):
@@ -183,7 +176,7 @@ class LvlhMap(Panel):
     def _ground(self, canvas: Canvas, port: MapPort) -> None:
         x, y, w, h = port.rect
         canvas.box((x, y), (w, h), style.RAISED)
-        step = nice_step(max(90.0 * self._window.scale / port.scale, 1e-3))
+        step = relative_map.nice_step(max(90.0 * self._window.scale / port.scale, 1e-3))
         for vertical in (True, False):
             axis = port.plane.right if vertical else port.plane.up
             half = (w if vertical else h) / port.scale / 2
@@ -205,7 +198,7 @@ class LvlhMap(Panel):
         radius = whole.radius_m * port.scale
         if keep_out is not None:
             canvas.disc(centre, radius, (*style.BAD[:3], 0.10))
-            outline = corridor_outline(keep_out, port.plane)
+            outline = relative_map.corridor_outline(keep_out, port.plane)
             if len(outline) > 2:
                 canvas.area(port.at(outline), (*style.GOOD[:3], 0.22))
                 canvas.stroke(port.at(outline), (*style.GOOD[:3], 0.9), 1.2, closed=True, halo=False)
@@ -216,16 +209,13 @@ class LvlhMap(Panel):
     def _edges(self, canvas: Canvas, port: MapPort) -> tuple[Place, ...]:
         """Return the places of title, Sun, V-bar and scale, which burns leave free."""
         x, y, w, h = port.rect
-        deep = 2.2 * canvas.line
-        return (
-            (x, y, w, 1.3 * canvas.line),
-            (x + w - 5 * deep, y, 5 * deep, 2 * deep),
-            (x, y + h - deep, w, deep),
-        )
+        deep, reach = 2.2 * canvas.line, SUN_REACH * self._window.scale
+        sun = 2.5 * reach + canvas.size("eclipse")[0]
+        return (x, y, w, 1.3 * canvas.line), (x + w - sun, y, sun, 4 * reach), (x, y + h - deep, w, deep)
 
     def _target(self, canvas: Canvas, port: MapPort, session: FlightSession, frame: Lvlh) -> Place:
         """Draw the target; return the rectangle that it fills."""
-        edges = target_edges_lvlh_m(session.plan.target, session.craft.world, frame)
+        edges = relative_map.target_edges_lvlh_m(session.plan.target, session.craft.world, frame)
         flat = port.at(edges)
         size = 0.0 if not len(edges) else float(np.ptp(flat.reshape(-1, 2), axis=0).max())
         if size < SHOWN_TARGET * self._window.scale:
@@ -246,7 +236,7 @@ class LvlhMap(Panel):
     def _sun(self, canvas: Canvas, port: MapPort, sun: FloatArray, sunlit_share: float) -> None:
         """Draw an arrow to the Sun at the right edge, with the length of its projection on the plane."""
         x, y, w, _ = port.rect
-        reach = 18.0 * self._window.scale
+        reach = SUN_REACH * self._window.scale
         colour = style.YELLOW if sunlit_share > 0 else style.QUIET
         centre = np.array([x + w - 1.3 * reach, y + 2.9 * reach])
         flat = np.array([sun[port.plane.right], -sun[port.plane.up]])
@@ -263,34 +253,42 @@ class LvlhMap(Panel):
         title = plane.name if h > 12 * line else "LVLH map"
         text = f"up: {plane.up_title}" if narrow else f"{title}, up: {plane.up_title}{plane.note}"
         canvas.label((x + 6, y + 4), text, tip=LINES)
-        bar_m = nice_step(port.width_m / 4)
+        bar_m = relative_map.nice_step(port.width_m / 4)
         bar, right, foot = bar_m * port.scale, x + w - 10, y + h - 8
         canvas.stroke(
             [(right - bar, foot - 5), (right - bar, foot), (right, foot), (right, foot - 5)], style.INK
         )
-        label = metres_text(bar_m)
+        label = relative_map.metres_text(bar_m)
         at = (right - bar / 2 - canvas.size(label)[0] / 2, foot - 6 - line)
         canvas.label(at, label, tip="length of the bar below, in both planes")
         length = 24.0 * self._window.scale
         canvas.arrow((x + 8, foot - 4), (x + 8 + length, foot - 4), style.QUIET)
         axis, tip = "V-bar" if narrow else "V-bar, flight direction", "along-track of the target's LVLH frame"
         canvas.label((x + 14 + length, foot - 4 - line / 2), axis, style.QUIET, tip)
-        keep_out = session.plan.scenario.chaser.keep_out
-        if keep_out is not None:
-            top = port.at(np.zeros(3)) - (0.0, keep_out.radius_m * port.scale)
-            lifted = session.craft.sphere is None
-            text = f"keep out {metres_text(keep_out.radius_m)}{', lifted' * lifted}"
-            if y + 3 * line < top[1] < y + h - 3 * line and not narrow:
-                wide = canvas.size(text)[0]
-                left = min(max(top[0] - wide / 2, x + 4), x + w - wide - 4)
-                at = (left, top[1] - 1.3 * line)
-                tip = "radius of the sphere that the scenario keeps the chaser out of"
-                canvas.label(at, text, style.QUIET if lifted else style.BAD, tip)
+        if (named := self._keep_out_name(canvas, port, session)) is not None:
+            text, (left, top, *_) = named
+            tip = "radius of the sphere that the scenario keeps the chaser out of"
+            canvas.label((left, top), text, style.QUIET if session.craft.sphere is None else style.BAD, tip)
         mouse = self._imgui.get_io().mouse_pos
         if self._imgui.is_item_hovered() and port.inside(mouse.x, mouse.y):
             p = port.point(mouse.x, mouse.y)
             text = f"{p[plane.right]:+.2f}, {p[plane.up]:+.2f} m"
             canvas.label((x + 6, foot - 4 - 1.8 * line), text, tip="position under the pointer")
+
+    def _keep_out_name(
+        self, canvas: Canvas, port: MapPort, session: FlightSession
+    ) -> tuple[str, Place] | None:
+        """Return the name of the keep-out sphere and its place, if there is room above the sphere."""
+        (x, y, w, h), line, keep_out = port.rect, canvas.line, session.plan.scenario.chaser.keep_out
+        if keep_out is None or w < 240 * self._window.scale:
+            return None
+        top = port.at(np.zeros(3)) - (0.0, keep_out.radius_m * port.scale)
+        if not y + 3 * line < top[1] < y + h - 3 * line:
+            return None
+        text = f"keep out {relative_map.metres_text(keep_out.radius_m)}{', lifted' * (session.craft.sphere is None)}"
+        wide = canvas.size(text)[0]
+        left = min(max(top[0] - wide / 2, x + 4), x + w - wide - 4)
+        return text, (left, top[1] - 1.3 * line, wide, line)
 
     def _legend(self, canvas: Canvas, session: FlightSession, corner: Point, width: float) -> float:
         """Draw what lines and marks are, as far as there are any, above the map; return the height."""

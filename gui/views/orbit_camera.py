@@ -15,6 +15,7 @@ from flyaround.gui.picture.further import ORBIT_CAMERA
 from flyaround.gui.picture.orbit_camera import ABOUT, FARTHEST_M, NEAREST_M, OrbitCamera
 from flyaround.gui.picture.orbit_picture import TRAIL_POINTS, ChaserMarks, chaser_marks
 from flyaround.gui.picture.screen import screen_picture
+from flyaround.gui.texts import texts
 from flyaround.gui.views.letterbox import Letterbox
 from flyaround.gui.widgets import Panel
 from flyaround.simulator.piloting.docking_port import radius_m
@@ -27,6 +28,9 @@ DEGREES_PER_UNIT = 0.4  # turn per unit of mouse movement
 WHEEL_FACTOR = 1.15  # change of the distance per step of the wheel
 MARKED_BELOW_UNITS = 14.0
 """Projected diameter of the target [screen units] below which it is marked: the height of a letter."""
+
+NAMED_BELOW_UNITS = 48.0
+"""Projected diameter of the target [screen units] below which it is named."""
 
 
 class OrbitCameraView(Panel):
@@ -64,14 +68,11 @@ class OrbitCameraView(Panel):
         )
         self._target(canvas, box, picture)
         self._chaser(canvas, box, self._marks_for(console, picture))
-        canvas.text(
-            (place[0] + 8, place[1] + 6),
-            f"about {look.about}, {look.azimuth_deg:.0f}°, {look.elevation_deg:.0f}°, {look.distance_m:.1f} m",
-            tip="the centre of rotation, then the free camera's azimuth (0 looks along the flight), elevation above "
-            "the orbit and distance. Drag to rotate, scroll to zoom, double-click to reset the view",
-        )
+        where = f"azimuth {look.azimuth_deg:.0f}°, elevation {look.elevation_deg:.0f}°, {look.distance_m:.1f} m away"
+        text = f"about {look.about}: {where}"
+        canvas.text((place[0] + 8, place[1] + 6), text, tip=texts("view-tips")["orbit"])
         age, colour = age_text(console.session, picture.frame.scene.t_s)
-        rate = f"{image.shape[1]}x{image.shape[0]}  {feed.frames_s:.0f}/s  {age}"
+        rate = f"{image.shape[1]}x{image.shape[0]} px  {feed.frames_s:.0f} fps  {age}"
         if place[3] > 6 * canvas.line:
             below = (place[0] + 8, place[1] + 6 + canvas.line)
             tip = f"pixels of this view's picture, and pictures a second\n{AGE_TIP if age else ''}".strip()
@@ -91,13 +92,17 @@ class OrbitCameraView(Panel):
         return self._marks
 
     def _target(self, canvas: Canvas, box: Letterbox, picture: Picture) -> None:
-        """Mark the target if its bounding sphere is smaller on the screen than a letter."""
+        """Name the target, and mark it if its bounding sphere is smaller on the screen than a letter."""
         scene, target = picture.frame.scene, picture.target
         x, y, z = scene.camera_from_target.apply(np.array(target.mass.com_m))
-        if z > 0 and box.scale * scene.camera.fx_px * 2 * radius_m(target) / z < MARKED_BELOW_UNITS:
-            place = box.at(point(scene.camera.project([x, y, z])))
+        if z <= 0:
+            return
+        place, half = box.at(point(scene.camera.project([x, y, z]))), radius_m(target) / z
+        half *= box.scale * scene.camera.fx_px
+        if 2 * half < MARKED_BELOW_UNITS:
             canvas.diamond(place, 4.0, style.WARN)
-            canvas.text((place[0] + 8, place[1] + 4), "target", style.WARN)
+        if 2 * half < NAMED_BELOW_UNITS:
+            canvas.text((place[0] + max(half, 4.0) + 4, place[1] + 4), "target", style.WARN)
 
     def _chaser(self, canvas: Canvas, box: Letterbox, marks: ChaserMarks) -> None:
         canvas.stroke(box.all_at(marks.trail), (*style.ACCENT[:3], 0.9), 1.5)

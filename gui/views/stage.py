@@ -8,7 +8,9 @@ from typing import TYPE_CHECKING
 import cv2
 import numpy as np
 
+from flyaround.gui import style
 from flyaround.gui.canvas import Canvas
+from flyaround.gui.jobs.estimator_process import stage_text
 from flyaround.gui.views.letterbox import Letterbox
 from flyaround.gui.widgets import Panel
 
@@ -17,28 +19,40 @@ if TYPE_CHECKING:
     from flyaround.gui.jobs.estimator_process import Answer
     from flyaround.simulator.runtime.arrays import ByteArray
 
+LIST_SHARE = 0.4
+"""Largest share of the view's width for the list of stages."""
+
 
 class StageView(Panel):
-    """The stage that was clicked in *Estimator*, beside the camera's view; its buttons choose another one."""
+    """The stage that was clicked in *Estimator*, beside the camera's view; the list chooses another one."""
 
     name, title, place, shown = "stage", "Stage", "centre", False
 
     def draw(self, console: Console) -> None:
         """Draw into the current view."""
-        w, estimates = self._w, console.jobs.estimates
+        w, imgui, estimates = self._w, self._imgui, console.jobs.estimates
         pictures = {} if estimates.newest is None else stage_pictures(estimates.newest.answer)
-        for k, name in enumerate(pictures):
-            title = name.replace("_", " ")
-            w.flow(w.button_width(title), first=k == 0)
-            w.button(console, "estimator.stage", name, label=title, on=name == estimates.stage)
+        titles = {name: stage_text(name)[0] for name in pictures}
+        if titles:
+            # a list at the left: rows of buttons would take the height that the picture needs
+            wide = min(max(map(w.button_width, titles.values())), LIST_SHARE * w.width)
+            imgui.begin_child("stages", w.vec(wide, 0))
+            for name, title in titles.items():
+                w.coloured(style.ACCENT if name == estimates.stage else style.INK)
+                if imgui.selectable(f"{w.elided(title, w.width)}###{name}", name == estimates.stage)[0]:
+                    console.do("estimator.stage", name)
+                imgui.pop_style_color()
+                w.tip(f"{title}: {stage_text(name)[1]}")
+            imgui.end_child()
+            imgui.same_line()
         place = self._free(32.0)
         if (picture := pictures.get(estimates.stage)) is None:
             Canvas(self._window).centred(place, "no picture of this stage in the newest estimate")
             return
         box = Letterbox.fit((picture.shape[1], picture.shape[0]), place)
-        w.imgui.set_cursor_screen_pos(w.vec(box.x, box.y))
-        w.imgui.image(w.window.show_picture(self.name, picture, picture), w.vec(box.width, box.height))
-        w.tip(f"result of the stage {estimates.stage.replace('_', ' ')}")
+        imgui.set_cursor_screen_pos(w.vec(box.x, box.y))
+        imgui.image(w.window.show_picture(self.name, picture, picture), w.vec(box.width, box.height))
+        w.tip(stage_text(estimates.stage)[1])
 
 
 @lru_cache(maxsize=2)

@@ -12,6 +12,7 @@ from flyaround.gui.picture.label_placement import PlacedLabel, place_labels
 from flyaround.gui.picture.truth_overlay import Marker, Marks, Seen
 
 if TYPE_CHECKING:
+    from flyaround.gui.canvas import Place
     from flyaround.gui.picture.feed import Picture
     from flyaround.gui.picture.view_settings import Options
     from flyaround.gui.surface import Surface
@@ -19,7 +20,6 @@ if TYPE_CHECKING:
     from flyaround.simulator.targets.model import Target
 
 SEEN_COLORS: dict[Seen, style.Rgba] = {"visible": style.GOOD, "shadowed": style.WARN, "hidden": style.BAD}
-Place = tuple[float, float, float, float]
 RINGS_DEG = (5, 10, 15)
 
 
@@ -75,11 +75,19 @@ class TruthMarks:
             x0, y0, x1, y1 = marks.box
             corners = [box.at(p) for p in ((x0, y0), (x1, y0), (x1, y1), (x0, y1))]
             canvas.stroke(corners, style.WARN, 1.3, closed=True)
-            at = corners[0]
-            canvas.text((at[0], max(at[1] - canvas.line, box.y)), picture.target.name, style.WARN)
-        for (a, b), axis, name in zip(marks.axes, style.AXIS_COLORS, "xyz", strict=False):
-            canvas.stroke([box.at(a), box.at(b)], axis, 2.2)
-            canvas.text((box.at(b)[0] + 4, box.at(b)[1] - canvas.line / 2), name, axis)
+            at = corners[0][0], max(corners[0][1] - canvas.line, box.y)
+            canvas.text(at, picture.target.name, style.WARN)
+            obstacles = (*obstacles, (*at, *canvas.size(picture.target.name)))
+        tips = [box.at(tip) for _, tip in marks.axes]
+        # square, so that two letters side by side do not read as one word
+        sizes = [(canvas.line, canvas.line)] * len(tips)
+        area = (box.x, box.y, box.width, box.height)
+        letters = place_labels(tips, sizes, area, obstacles=obstacles)
+        for k, ((start, _), letter) in enumerate(zip(marks.axes, letters, strict=True)):
+            canvas.stroke([box.at(start), tips[k]], style.AXIS_COLORS[k], 2.2)
+            if letter is not None:
+                canvas.text(letter.corner, "xyz"[k], style.AXIS_COLORS[k])
+                obstacles = (*obstacles, (*letter.corner, *sizes[k]))
         # by shape as well as colour: a dot is lit, a diamond shadowed, a ring hidden
         for pixel, state, _ in marks.keypoints:
             at = box.at(pixel)
@@ -125,7 +133,7 @@ class TruthMarks:
         key = (self._marks, box, ringed is None, others)
         if key != self._placed_for:
             self._placed_for = key
-            occupied = [*others, *((*box.at(tip), 16.0, canvas.line) for _, tip in self._marks.axes)]
+            occupied = list(others)
             if ringed is not None:
                 camera = ringed.frame.scene.camera
                 cx, cy = box.at((camera.cx_px, camera.cy_px))

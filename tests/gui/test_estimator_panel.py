@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from dataclasses import replace
 
@@ -10,9 +11,12 @@ import numpy as np
 import pytest
 
 from flyaround.gui.console import Console
+from flyaround.gui.jobs.all import running_jobs
 from flyaround.gui.jobs.estimates import ComparedEstimate
 from flyaround.gui.jobs.estimator_process import Answer
 from flyaround.gui.panels.estimator import EstimatorPanel
+from flyaround.gui.views.stage import StageView
+from flyaround.hil.board.hybrid.debug.stage_pictures import caption
 from flyaround.simulator.errors import UserError
 from flyaround.simulator.runtime.arrays import ByteArray
 from tests.harness.flown_console import console_flying
@@ -62,7 +66,6 @@ def declined(**stages: ByteArray) -> ComparedEstimate:
         t_camera_from_target_m=None,
         confidence=0.1,
         stages_ms={"propose": 40.0},
-        counts={},
         stages=stages,
     )
     return ComparedEstimate(
@@ -143,3 +146,40 @@ def test_a_click_on_a_small_stage_shows_it_in_the_place_of_the_view() -> None:
     screen.turn()
     assert not screen.has("image")
     screen.close()
+
+
+STREAMS = ("wge_stream", "sh_stream", "lsd_stream", "wge_merged", "sh_merged", "lsd_merged")
+
+
+def test_stages_and_methods_are_named_in_words(window: HeadlessWindow, console: Console) -> None:
+    blank = cv2.imencode(".jpg", np.zeros((30, 48, 3), np.uint8))[1].reshape(-1)
+    answered = declined(**dict.fromkeys((*STREAMS, "learned_proposal"), blank))
+    estimates = console.jobs.estimates
+    estimates.newest, estimates.stage = answered, "lsd_stream"
+    estimates.method, estimates.on = "net:out/own.npz", True
+    (job,) = running_jobs(console.jobs)
+    assert job.text.startswith("network out/own.npz ")
+    draw(window, console)
+    said = [n.label for n in window.noted]
+    window.noted.clear()
+    with window.panel("stage", 620.0, 400.0):
+        StageView(window).draw(console)
+    # behind ### is the identity of a control, which nobody sees
+    said = [text.partition("###")[0] for text in [*said, *(n.label for n in window.noted)]]
+    assert sum("Lines: weak gradient elimination" in text for text in said) == 2, "small, and in the list"
+    words = {word for text in said for word in re.split(r"[^a-z]+", text.lower())}
+    assert not words & {"wge", "sh", "lsd", "net"}
+
+
+@pytest.mark.parametrize(
+    ("stream", "words"),
+    [
+        ("WGE stream", "lines, weak gradient elimination"),
+        ("S&H merged", "merged lines, Sobel and Hough"),
+        ("LSD stream", "lines, line segment detector"),
+        ("all merged", "merged lines"),
+        ("own stream", "own stream"),
+    ],
+)
+def test_the_picture_of_a_stage_names_its_detector(stream: str, words: str) -> None:
+    assert caption(stream) == words

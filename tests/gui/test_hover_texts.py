@@ -80,7 +80,6 @@ def console(frame: Frame, table: CommandTable) -> Console:
         t_camera_from_target_m=frame.scene.t_camera_from_target_m,
         confidence=0.95,
         stages_ms={"propose": 40.0, "refine": 12.0},
-        counts={},
     )
     console.jobs.estimates.on = True
     for k in range(3):

@@ -124,7 +124,7 @@ def plan_and_drag_a_burn(at: Pointer) -> None:
     for _ in range(5):
         at.turn()
     (burn,), port = craft.steering.burns.burns, view.ports[0]
-    x, y = handle(point(port.at(craft.predicted_burns().nodes_lvlh_m[0])), burn, port.plane)
+    x, y = handle(point(port.at(craft.predicted_burns().nodes_lvlh_m[0])), burn, port)
     at.drag((x, y), (x, y + 24.0))
     (dragged,) = craft.steering.burns.burns
     assert dragged.t_s == burn.t_s

@@ -15,6 +15,7 @@ from flyaround.gui.panels.all import PANELS
 ROOT = Path(__file__).parents[3]
 SIZES = ("800x600", "1280x800", "1920x1080")
 EACH_S = 0.8
+LAYOUTS = ("first", "fly", "dock", "capture", "estimate", "link")
 
 DRAWN = """
 from flyaround.gui.canvas import Canvas
@@ -119,12 +120,34 @@ def script_of_panels() -> str:
     return "\n".join([*lines, f"{0.5 + (len(PANELS) + 1) * (EACH_S + 0.2):.1f} window.close"]) + "\n"
 
 
+def script_of_layouts() -> str:
+    """Open each layout, with everything that is drawn over the view, a dark picture and burns, and check the texts."""
+    lines = [f"0.1 overlay.{name} on" for name in ("keypoints", "names", "box", "axes", "wireframe")]
+    lines += [
+        "0.2 overlay.docking on",
+        "0.2 burn.plan 60 0 1.5 0.02",
+        "0.2 burn.plan 200 -0.15 0 0.02",
+        "0.3 picture.exposure -8",
+    ]
+    for k, name in enumerate(LAYOUTS):
+        # the picture of the new size has to come
+        lines += [f"{1.0 + 4 * k:.1f} layout.{name}", f"{4.5 + 4 * k:.1f} window.check-text"]
+    return "\n".join([*lines, f"{5.0 + 4 * len(LAYOUTS):.1f} window.close"]) + "\n"
+
+
 @pytest.mark.gui
 @pytest.mark.slow
 @pytest.mark.parametrize("size", SIZES)
-def test_every_panel_is_legible(tmp_path: Path, size: str) -> None:
+@pytest.mark.parametrize(
+    ("script_text", "checks"),
+    [
+        pytest.param(script_of_panels(), len(PANELS), id="panels"),
+        pytest.param(script_of_layouts(), len(LAYOUTS), id="layouts"),
+    ],
+)
+def test_every_panel_and_layout_is_legible(tmp_path: Path, size: str, script_text: str, checks: int) -> None:
     script = tmp_path / "panels.script"
-    script.write_text(script_of_panels())
+    script.write_text(script_text)
     width, height = size.split("x")
     done = subprocess.run(
         [sys.executable, "-c", CONSOLE, str(script), str(tmp_path / "panels.png"), width, height],
@@ -137,5 +160,5 @@ def test_every_panel_is_legible(tmp_path: Path, size: str) -> None:
     )
     assert done.returncode == 0, done.stderr
     answer = json.loads(done.stdout.splitlines()[-1])
-    assert answer["checks"] == len(PANELS)
-    assert answer["faults"] == []
+    assert answer["checks"] == checks
+    assert not answer["faults"], "\n".join(answer["faults"])

@@ -18,6 +18,7 @@ from flyaround.gui.jobs.estimates import ComparedEstimate, Estimates, compared
 from flyaround.gui.jobs.estimator_process import Answer, EstimateRequest, EstimatorCache, _network
 from flyaround.gui.picture.feed import Picture
 from flyaround.gui.picture.view_settings import reduced_camera
+from flyaround.gui.texts import texts
 from flyaround.simulator.camera.lens.camera_model import Camera
 from flyaround.simulator.camera.lens.files import load_camera
 from flyaround.simulator.errors import UserError
@@ -52,7 +53,6 @@ def answer_of(request: EstimateRequest, **changes: object) -> Answer:
         "t_camera_from_target_m": (0.0, 0.0, 10.0),
         "confidence": 0.9,
         "stages_ms": {request.method: 2.0},
-        "counts": {},
     }
     return Answer(**{**fields, **changes})  # type: ignore[arg-type]
 
@@ -314,3 +314,5 @@ def test_the_estimators_themselves_answer_with_their_stages(session: FlightSessi
     assert svd.E_R_deg < 1.0
     assert {"gradient", "region", "learned_proposal", "overlay"} <= set(svd.answer.stages)
     assert {"histogram", "groups"} <= set(found["svd-thesis"].answer.stages)
+    named = set(texts("stages"))
+    assert all(set(one.answer.stages) <= named for one in found.values()), "each stage has words for people"

@@ -10,11 +10,12 @@ from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
+import msgspec
 import numpy as np
 import pytest
 
 from flyaround.gui.jobs.hil_session import BIN_EDGES_MS, HilSession
-from flyaround.gui.jobs.hil_stream import SessionNote
+from flyaround.gui.jobs.hil_stream import DeclineCause, SessionNote
 from flyaround.hil.host.frame_record import FrameRecord
 from flyaround.hil.host.link_process.ipc import LinkConfig
 from flyaround.hil.host.run import RunConfig
@@ -98,6 +99,40 @@ def test_declined_pictures_are_counted_by_reason(session: FlightSession) -> None
     assert hil.rows[-1].reason == "too dark"
     assert [n.text for n in notes] == ["the board declines: too dark", "the board declines: ambiguous"]
     assert not any(n.warning for n in notes)
+
+
+def test_a_declined_picture_says_why_and_what_to_do_once_for_each_cause(session: FlightSession) -> None:
+    hil, notes = HilSession(), []
+    causes = "the target is dark: 97% of it", "the target is dark: 98% of it", "", "the target is cut off: 9%"
+    for k, cause in enumerate(causes):
+        if cause:
+            hil._handle(DeclineCause(k, cause), notes)
+        hil._handle(replace(row(k, "declined"), reason="no target found"), notes)
+    assert [n.text for n in notes] == [
+        f"the board declines: no target found; {causes[0]}",
+        f"the board declines: no target found; {causes[3]}",
+    ]
+    assert hil.cause == causes[3]
+    assert hil.declined == {"no target found": 4}
+    hil._handle(DeclineCause(4, causes[3]), notes)
+    hil._handle(row(4, "accepted"), notes)
+    assert hil.cause == "", "an accepted picture needs no remedy"
+
+
+@pytest.mark.slow
+def test_the_board_of_a_dark_flight_says_that_its_pictures_are_dark(tmp_path: Path) -> None:
+    scenario = load_scenario("tango-space-10m")
+    sensor = msgspec.structs.replace(scenario.sensor, exposure_s=1e-7)
+    dark = FlightSession.of(msgspec.structs.replace(scenario, sensor=sensor))
+    with contextlib.closing(HilSession()) as hil:
+        turns = Turns(hil, dark)
+        hil.start(dark, config(dark))
+        hil.start_board("tango", "svd-2018")
+        turns.until(lambda: bool(hil.declined))
+        assert hil.cause.startswith("the target is dark: ")
+        assert "exposure_s in Scenario text" in hil.cause
+        assert any(hil.cause in n.text for n in turns.notes)
+        hil.stop()
 
 
 def test_what_needs_a_session_says_so(session: FlightSession) -> None:

@@ -15,7 +15,6 @@ from flyaround.gui.picture.label_images import (
     close_up,
     depth_colours,
     depth_picture,
-    mask_picture,
     part_picture,
     round_ticks,
 )
@@ -81,14 +80,6 @@ def test_parts_have_the_colour_of_their_class(frame: Frame) -> None:
     assert np.all(off == off[:, :1])
     on = image[frame.mask > 0]
     assert np.any(on[:, 2].astype(int) > on[:, 0].astype(int) + 40), "no solar array in blue"
-
-
-def test_the_mask_is_outlined(frame: Frame) -> None:
-    image = mask_picture(frame)
-    assert image is not None
-    assert image.shape[:2] == frame.image.shape[:2]
-    assert (image == (230, 159, 0)).all(axis=2).any()
-    assert mask_picture(frame.image_and_truth()) is None
 
 
 def test_a_close_up_holds_the_target_and_has_the_pictures_form(frame: Frame) -> None:

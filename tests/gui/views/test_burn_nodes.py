@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import math
+
 import msgspec
 import numpy as np
 import pytest
 
 from flyaround.gui.console import Console
-from flyaround.gui.picture.relative_map import IN_PLANE, OUT_OF_PLANE, MapLook, ports
-from flyaround.gui.views.burn_nodes import ARM, FIRST_M_S, PER_M_S, BurnNodes, dragged, handle
+from flyaround.gui.picture.relative_map import MapLook, ports
+from flyaround.gui.views.burn_nodes import ARM, FIRST_M_S, PER_M_S, BurnNodes, arrow_scale, dragged, handle
 from flyaround.simulator.piloting.planned_burns import burn_of
 from flyaround.simulator.scenario.load import load_scenario
 from flyaround.simulator.world.guidance.free_flight import FreeDrift
@@ -35,17 +37,27 @@ def console() -> Console:
 PORTS = ports((0.0, 0.0, 800.0, 400.0), MapLook(width_m=200.0))
 
 
-def test_a_handle_is_where_it_was_dragged_to() -> None:
-    burn = burn_of(100.0, 0.02, -0.05, 0.01)
-    for plane in (IN_PLANE, OUT_OF_PLANE):
-        at = handle((100.0, 100.0), burn, plane)
-        part = np.array([burn.delta_v_lvlh_m_s[plane.right], burn.delta_v_lvlh_m_s[plane.up]])
-        assert np.hypot(at[0] - 100.0, at[1] - 100.0) == pytest.approx(
-            ARM + PER_M_S * float(np.linalg.norm(part))
-        )
-        assert dragged(burn, plane, (100.0, 100.0), at) == burn
+@pytest.mark.parametrize("node", [(100.0, 100.0), (792.0, 100.0), (400.0, 3.0)])
+@pytest.mark.parametrize("size_m_s", [0.001, 0.05, 1.0, 5.0])
+def test_a_handle_lies_inside_the_map_and_is_where_it_was_dragged_to(
+    node: tuple[float, float], size_m_s: float
+) -> None:
+    burn = burn_of(100.0, 0.4 * size_m_s, size_m_s, 0.2 * size_m_s)
+    for port in PORTS:
+        at = handle(node, burn, port)
+        if not port.inside(*node):
+            continue
+        assert port.inside(*at)
+        assert math.dist(at, node) > 1.0
+        scale = list(arrow_scale(node, burn, port)[1:])
+        again = dragged(burn, port, node, at, (scale[0], scale[1]))
+        assert again.delta_v_lvlh_m_s == pytest.approx(burn.delta_v_lvlh_m_s, abs=1.1e-3)
+        # where there is room, burns are drawn to one scale
+        if size_m_s <= 0.05 and node == (100.0, 100.0):
+            assert scale == [ARM, PER_M_S]
     # a burn never becomes none at all
-    assert dragged(burn_of(1.0, 0.02, 0.0, 0.0), IN_PLANE, (0.0, 0.0), (0.0, 1.0)).size_m_s == 0.02
+    first = burn_of(1.0, 0.02, 0.0, 0.0)
+    assert dragged(first, PORTS[0], (0.0, 0.0), (0.0, 1.0), (ARM, PER_M_S)).size_m_s == 0.02
 
 
 def test_a_right_click_plans_a_burn_there_and_cancels_it(console: Console) -> None:
@@ -69,7 +81,7 @@ def test_a_handle_is_dragged_by_one_command(console: Console) -> None:
     nodes, session = BurnNodes(), console.session
     console.do("burn.plan", 200.0, 0.0, 0.05, 0.0)
     node = tuple(float(x) for x in PORTS[0].at(session.craft.predicted_burns().nodes_lvlh_m[0]))
-    start = handle(node, session.craft.steering.burns.burns[0], IN_PLANE)
+    start = handle(node, session.craft.steering.burns.burns[0], PORTS[0])
     before = len(console.log.lines)
     assert nodes.take_mouse(console, PORTS, start, LEFT_DOWN)
     up = (node[0], node[1] - ARM - 0.03 * PER_M_S)

@@ -10,9 +10,10 @@ import numpy as np
 import pytest
 
 from flyaround.gui.canvas import Canvas
+from flyaround.gui.panels.all import PANELS
 from flyaround.gui.picture.feed import Feed, Picture
 from flyaround.gui.picture.further import LABEL_VIEWS
-from flyaround.gui.picture.view_settings import reduced_camera
+from flyaround.gui.picture.view_settings import OVERLAYS, reduced_camera
 from flyaround.gui.views.labels import DepthView
 from flyaround.simulator.frame import NO_RADIANCE, Frame
 from tests.harness.flown_console import console_flying
@@ -50,3 +51,11 @@ def test_an_old_picture_of_labels_says_so(
         window.close()
         console.close()
     assert [text for text in written if "old" in text] == ([said] if said else [])
+
+
+def test_what_shows_the_truth_says_so() -> None:
+    titles = {p.name: p.title for p in PANELS}
+    assert all(titles[name].startswith("True ") for name in ("depth", "parts", "keypoints"))
+    for name in ("keypoints", "box", "axes", "wireframe"):
+        assert OVERLAYS[name].startswith("True "), name
+    assert OVERLAYS["estimate"] == "Estimated pose"

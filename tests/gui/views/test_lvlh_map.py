@@ -33,7 +33,7 @@ def test_the_scale_stays_while_a_handle_is_dragged_and_fits_again_after(screen: 
         return view.ports[0]
 
     (burn,), before = craft.steering.burns.burns, port()
-    x, y = handle(point(before.at(craft.predicted_burns().nodes_lvlh_m[0])), burn, before.plane)
+    x, y = handle(point(before.at(craft.predicted_burns().nodes_lvlh_m[0])), burn, before)
     screen.move((x, y))
     io.add_mouse_button_event(0, True)
     screen.turn()
@@ -48,6 +48,31 @@ def test_the_scale_stays_while_a_handle_is_dragged_and_fits_again_after(screen: 
     for _ in range(3):
         screen.turn()
     assert port().scale < before.scale
+
+
+@pytest.mark.parametrize("delta_v", [(0.0, 3.0, 0.0), (-2.0, 0.5, 1.0), (0.0, 0.02, 0.0)])
+def test_every_handle_is_inside_the_map_and_shows_that_it_can_be_dragged(
+    screen: Pointer, delta_v: tuple[float, float, float]
+) -> None:
+    view = next(panel for panel in screen.layout.panels if isinstance(panel, LvlhMap))
+    screen.console.do("burn.cancel")
+    screen.console.do("burn.plan", 60.0, *delta_v)
+    for _ in range(4):
+        screen.turn()
+    craft = screen.console.session.craft
+    (burn,) = craft.steering.burns.burns
+    cursor = screen.window.plain.MouseCursor_
+    for port in view.ports:
+        at = handle(point(port.at(craft.predicted_burns().nodes_lvlh_m[0])), burn, port)
+        assert port.inside(*at)
+        screen.move(at)
+        for _ in range(4):
+            screen.turn()
+        assert screen.window.plain.get_mouse_cursor() == cursor.hand
+        assert any("drag: size and direction of the burn" in text for text in screen.texts())
+        screen.move(FAR)
+        screen.turn()
+        assert screen.window.plain.get_mouse_cursor() != cursor.hand
 
 
 def drawn_texts(screen: Pointer, monkeypatch: pytest.MonkeyPatch) -> dict[str, tuple[float, float]]:

@@ -27,7 +27,7 @@ pytest.importorskip("imgui_bundle", reason="the gui extra is not installed")
 VIEW = (600.0, 400.0)
 
 
-@pytest.mark.parametrize(("diameter_units", "marks"), [(60.0, []), (12.0, ["target"])])
+@pytest.mark.parametrize(("diameter_units", "marks"), [(60.0, []), (30.0, ["target"]), (12.0, ["target"])])
 @pytest.mark.parametrize("target", ["envisat", "tango", "cubesat-1u"])
 def test_the_target_is_marked_by_its_projected_diameter(
     monkeypatch: pytest.MonkeyPatch, target: str, diameter_units: float, marks: list[str]

@@ -43,6 +43,14 @@ GROUP_COLOURS = {
 }
 
 
+DETECTORS = {
+    "WGE": "weak gradient elimination",
+    "S&H": "Sobel and Hough",
+    "LSD": "line segment detector",
+}
+"""Detectors of line segments by their abbreviations (Sharma, Ventura & D'Amico 2018; von Gioi et al. 2010)."""
+
+
 def write_stage_pictures(
     folder: Union[str, Path],
     image: Array,
@@ -111,7 +119,7 @@ def stage_pictures(
     for name, segments in _streams(trace).items():
         canvas = background.copy() // 2
         draw_segments(canvas, segments, corner, scale)
-        label(canvas, f"{name}: {len(segments)}")
+        label(canvas, f"{caption(name)}: {len(segments)}")
         out[name.lower().replace(" ", "_").replace("&", "")] = canvas
     out.update(_points(trace, background, corner, scale))
     groups = _groups(trace)
@@ -133,7 +141,7 @@ def stage_pictures(
         draw_wireframe(canvas, model, camera, q, t, colour, (float(corner[0]), float(corner[1])), scale)
         label(
             canvas,
-            f"map on the image: {'accepted' if result.accepted else result.reason}, {result.confidence:.2f}",
+            f"estimated pose: {'accepted' if result.accepted else result.reason}, confidence {result.confidence:.2f}",
         )
         out["overlay"] = canvas
         out["camera_in_map"] = camera_in_map(model, camera, q, t)
@@ -173,7 +181,11 @@ def _group_picture(groups: Dict[str, Array], background: Array, corner: Array, s
             # a parallel pair has two separate lines, every other group is a chain
             chains = [uv[:2], uv[2:]] if kind == "parallel_pair" else [uv]
             cv2.polylines(canvas, chains, kind == "closed_tetrad", GROUP_COLOURS[kind], 1, cv2.LINE_AA, 4)
-    label(canvas, "perceptual groups: " + ", ".join(f"{len(p)} {k}" for k, p in groups.items() if len(p)))
+    label(
+        canvas,
+        "perceptual groups: "
+        + ", ".join(f"{len(p)} {k.replace('_', ' ')}" for k, p in groups.items() if len(p)),
+    )
     return canvas
 
 
@@ -260,7 +272,7 @@ def camera_in_map(model: BoardModel, camera: CameraIntrinsics, q: Any, t: Any) -
     for axis, colour in zip(np.eye(3) * 0.6 * model.radius_m, (RED, GREEN, BLUE)):  # noqa: B905 - 3.9 has no strict=
         a, b = place(np.stack([np.zeros(3), axis])).tolist()
         cv2.line(canvas, a, b, colour, 2, cv2.LINE_AA, 4)
-    text = f"camera in map coordinates: {camera_position[0]:+.2f} {camera_position[1]:+.2f} {camera_position[2]:+.2f} m"
+    text = f"camera in target axes: {camera_position[0]:+.2f} {camera_position[1]:+.2f} {camera_position[2]:+.2f} m"
     cv2.putText(canvas, text, (12, 26), cv2.FONT_HERSHEY_SIMPLEX, 0.6, (40, 40, 40), 1, cv2.LINE_AA)
     return canvas
 
@@ -307,6 +319,25 @@ def _streams(trace: Trace) -> Dict[str, Array]:
         return np.asarray(points.reshape(-1, 4))
 
     return {name: full(np.asarray(s, float)) for name, s in stream_segments.items()}
+
+
+def caption(stream: str) -> str:
+    """Return the name of a stream of line segments in words.
+
+    Parameters
+    ----------
+    stream : str
+        Name in the trace, such as ``WGE stream`` or ``all merged``.
+
+    Returns
+    -------
+    str
+        Words for the picture; the given name for a stream of another method.
+    """
+    detector, _, kind = stream.rpartition(" ")
+    if kind == "merged":
+        return f"merged lines, {DETECTORS[detector]}" if detector in DETECTORS else "merged lines"
+    return f"lines, {DETECTORS[detector]}" if detector in DETECTORS else stream
 
 
 def _points(trace: Trace, background: Array, corner: Array, scale: float) -> Dict[str, Array]:
