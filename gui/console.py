@@ -142,6 +142,8 @@ class Console:
     ----------
     jobs : Jobs
         Long tasks beside the flight.
+    said : int
+        Number of messages so far, with immediate repetitions.
     """
 
     session: FlightSession
@@ -172,6 +174,7 @@ class Console:
     held: frozenset[str] = frozenset()
     hand: HandControl = field(default_factory=HandControl)
     asked: Question | None = None
+    said: int = field(default=0, init=False)
     _player: Player | None = None
     _figures: tuple[WorldState, Telemetry] | None = None
 
@@ -529,6 +532,7 @@ class Console:
             Function that returns True once the cause of a caution has ended; by default `FlightSession.is_over`.
         """
         newest = self.messages[-1] if self.messages else None
+        self.said += bool(text)
         if not text or (newest is not None and newest.text == text and not newest.acknowledged):
             return
         message = Message(self.session.t_s, level, text, of=of, over=over)

@@ -152,11 +152,11 @@ class SteeringPanel(Panel):
         imgui.same_line()
         about = "middle of the burn since the scenario's start [s]"
         w.field(f"Burn {k + 1} at T+ [s]", about, 0.5)
-        w.entry(f"t{k}", f"{burn.t_s:.1f}", partial(replan, 0), about, burn.t_s)
+        w.entry(f"t{k}", f"{burn.t_s:.1f}", partial(replan, 0), about, burn.t_s, now)
         for axis, width in enumerate(w.grid(3, np.inf, 3), 1):
             imgui.set_next_item_width(width)
             about = f"change of velocity, {('radial', 'along', 'cross')[axis - 1]} [m/s]"
-            w.entry(f"v{k}{axis}", f"{now[axis]:.4g}", partial(replan, axis), about, burn.t_s)
+            w.entry(f"v{k}{axis}", f"{now[axis]:.4g}", partial(replan, axis), about, burn.t_s, now)
 
     def _forecast(self, console: Console) -> None:
         """Draw the delta-v of all burns, and the closest approach of their path to the target."""
