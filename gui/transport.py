@@ -86,7 +86,11 @@ class TransportStrip:
         imgui.set_next_item_width(width)
         text = "jump" if flight.jump else f"{flight.rate:g}x"
         changed, new_k = imgui.slider_int("##rate", k, 0, len(RATES) - 1, "", imgui.SliderFlags_.no_input)
-        w.command_tip(console, "time.rate")
+        if imgui.is_item_active() and imgui.is_mouse_double_clicked(0):
+            # let go, or the slider would follow the pointer again
+            imgui.internal.clear_active_id()
+            changed, new_k = True, RATES.index(1.0)
+        w.tip(f"{console.table['time.rate'].help}; a double click sets 1x\ntime.rate RATE")
         # beside the grip, which would cover it
         low, high, pad = imgui.get_item_rect_min(), imgui.get_item_rect_max(), imgui.get_style().frame_padding
         right = high.x - pad.x - imgui.calc_text_size(text).x
