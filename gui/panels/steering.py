@@ -110,7 +110,7 @@ class SteeringPanel(Panel):
         flawed = any(a.flaw(text) for a, text in zip(arguments, shown, strict=True))
         place = here if flawed else np.round(start + np.array(shown, float), 3)
         warning, colour = ("", style.QUIET) if flawed else fly_to_warning(craft, place)
-        w.cut_line(warning, w.width, colour)
+        w.lines(warning, colour)
         on = craft.steering.doing == FlyTo.title
         fill = colour if colour != style.QUIET else None if on or warning == HERE else style.PRIMARY
         label = "Fly there" if colour == style.QUIET else "Fly there anyway"
@@ -169,4 +169,4 @@ class SteeringPanel(Panel):
             tip = "closest approach to the target's centre of mass on the path with these burns"
             w.row("Closest", (nearest_m,), "{:.2f} m", tip)
             w.imgui.pop_style_color()
-        w.cut_line(risk and f"the path {risk}", w.width, style.BAD, "as red on the LVLH map")
+        w.lines(risk and f"the path {risk}", style.BAD)

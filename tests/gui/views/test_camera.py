@@ -60,7 +60,7 @@ def test_the_mode_leaves_the_time_legible(window: HeadlessWindow, width: float, 
         view._corners(Canvas(window), (0.0, 24.0, width, 390.0), (flying, moment, *GROUPS[2:]))
     plates = view._plates
     for k, (x, y, wide, tall) in enumerate(plates):
-        assert 0 <= x
+        assert x >= 0
         assert x + wide <= width
         for u, v, broad, high in plates[:k]:
             assert x >= u + broad or u >= x + wide or y >= v + high or v >= y + tall, "two plates overlap"
