@@ -16,6 +16,7 @@ from flyaround.gui.command_table import STATE, word_of
 from flyaround.gui.jobs.all import Jobs, running_jobs
 from flyaround.gui.jobs.scenario_opening import ScenarioOpener
 from flyaround.gui.operator_state import HandControl, Help, WindowRequests
+from flyaround.gui.picture.change_text import change_text
 from flyaround.gui.picture.settings_history import SettingsHistory
 from flyaround.gui.picture.view_settings import exposure_text
 from flyaround.gui.questions import FLOWN, acts_on_chaser, flight_text, question_before
@@ -287,7 +288,9 @@ class Console:
             self.acknowledge([m for m in self.waiting if self._settles(command, m)])
             self._note_flown(name)
             self.options.guard = self.session.craft.steering.guard
-            self.history.note(name, before, self.options, self.clock_ms, self._change(command, values))
+            self.history.note(
+                name, before, self.options, self.clock_ms, self._change(command, values, before)
+            )
         except (UserError, OSError) as error:
             # the flight continues, whatever happens in a command
             return str(error)
@@ -298,8 +301,11 @@ class Console:
         flown = command.group in FLOWN and message.of.partition(".")[0] in FLOWN
         return message.of == command.name or flown
 
-    def _change(self, command: Command, values: Sequence[Value]) -> str:
+    def _change(self, command: Command, values: Sequence[Value], before: Options) -> str:
         """Return a change of the settings in words, with the exposure as a time."""
+        changed = before.settings, self.options.settings
+        if text := change_text(command.name, values, self.session.scene(), *changed):
+            return text
         if command.name in {"picture.exposure", "picture.meter"}:
             stops = self.options.settings.exposure_stops
             return f"exposure {exposure_text(self.session.plan.scenario.sensor.exposure_s * 2.0**stops)}"

@@ -75,7 +75,7 @@ class BoardLinkPanel(Panel):
         if len(latencies):
             middle, most = np.percentile(latencies, [50, 99])
             w.row("Latency", (middle,), "{:.0f} ms", "from the first byte out to the pose back, median")
-            w.row("  99 of 100", (most,), "{:.0f} ms", "99th percentile of the same latency")
+            w.row("  99 % below", (most,), "{:.0f} ms", "99th percentile of the same latency")
             self._distribution(hil)
         poses = [r for r in hil.rows if r.outcome == "accepted" and r.E_R_deg is not None]
         if poses:
