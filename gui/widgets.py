@@ -145,11 +145,11 @@ class Widgets:
         self.one_line(shown, rgba)
         hover_text.item_tip(self.imgui, tip if shown == text else f"{text}\n{tip}".strip(), typing=typing)
 
-    def lines(self, text: str, rgba: style.Rgba, count: int = 2) -> None:
+    def lines(self, text: str, rgba: style.Rgba, tip: str = "", count: int = 2) -> None:
         """Draw text that wraps, in the height of as many lines, so that what stands below does not move."""
         imgui = self.imgui
         low = imgui.get_cursor_pos_y() + count * imgui.get_text_line_height()
-        self.text(text, rgba)
+        self.text(text, rgba, tip)
         rest = low - imgui.get_cursor_pos_y()
         if rest > 0:
             imgui.dummy(imgui.ImVec2(0, rest))

@@ -110,7 +110,7 @@ class SteeringPanel(Panel):
         flawed = any(a.flaw(text) for a, text in zip(arguments, shown, strict=True))
         place = here if flawed else np.round(start + np.array(shown, float), 3)
         warning, colour = ("", style.QUIET) if flawed else fly_to_warning(craft, place)
-        w.lines(warning, colour)
+        w.lines(warning, colour, "about the straight way to the point")
         on = craft.steering.doing == FlyTo.title
         fill = colour if colour != style.QUIET else None if on or warning == HERE else style.PRIMARY
         label = "Fly there" if colour == style.QUIET else "Fly there anyway"
@@ -169,4 +169,4 @@ class SteeringPanel(Panel):
             tip = "closest approach to the target's centre of mass on the path with these burns"
             w.row("Closest", (nearest_m,), "{:.2f} m", tip)
             w.imgui.pop_style_color()
-        w.lines(risk and f"the path {risk}", style.BAD)
+        w.lines(risk and f"the path {risk}", style.BAD, "as red on the LVLH map")

@@ -50,6 +50,8 @@ LINES = (
     "red: keep-out sphere, and a drift or burns through it or into the target; green: its corridor. "
     "Wheel: zoom, drag: move, double-click: show all, right click: a burn"
 )
+LAST_RADII = 8.0
+"""Range in radii of the target below which the map of a docking shows chaser and target alone."""
 LEGEND_EM = 16
 """Height of the map, in text heights, from which on it has a legend."""
 KEYS = legend_keys("relative-map")
@@ -132,6 +134,13 @@ class LvlhMap(Panel):
 
     def _extent(self, session: FlightSession, trail: FloatArray) -> FloatArray:
         """Return the points that a fitted map must hold, the drift only as far as the rest extends."""
+        craft = session.craft
+        if (
+            craft.steering.autopilot or craft.docking.docked
+        ) and craft.world.range_m < LAST_RADII * craft.docking.radius_m:
+            # the last metres: the chaser before the port
+            edges = craft.docking.radius_m * np.vstack([np.eye(3), -np.eye(3)])
+            return np.vstack([edges, craft.world.position_lvlh_m])
         points = [self._planned, trail, self._burns, self._nodes.path_lvlh_m, np.zeros((1, 3))]
         keep_out = session.plan.scenario.chaser.keep_out
         if keep_out is not None:
