@@ -30,7 +30,7 @@ class Key(NamedTuple):
     Parameters
     ----------
     sample : str
-        Form of the sample: ``line``, ``dashes``, ``dot``, ``diamond`` or ``area``.
+        Form of the sample: ``line``, ``dashes``, ``arrow``, ``dot``, ``diamond`` or ``area``.
     rgba : Rgba
         Colour.
     name : str
@@ -138,6 +138,8 @@ class Canvas:
                 self.box((x, y + 0.15 * line), (0.6 * line, 0.6 * line), key.rgba, 2.0)
             elif key.sample in {"dot", "diamond"}:
                 getattr(self, key.sample)(middle, 0.21 * line, key.rgba)
+            elif key.sample == "arrow":
+                self.arrow((x + 0.1 * line, middle[1]), (x + line, middle[1]), key.rgba)
             else:
                 ends = [(x, middle[1]), (x + line, middle[1])]
                 self.stroke(ends, key.rgba, 2.0, halo=False, dashed=key.sample == "dashes")

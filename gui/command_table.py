@@ -82,10 +82,11 @@ class Argument:
             raise UserError(f"{where} is '{text}', allowed: {allowed}")
         return value
 
-    def flaw(self, text: str) -> str:
-        """Return what is wrong with a typed value; empty if nothing is."""
+    def flaw(self, text: str, title: str = "") -> str:
+        """Return what is wrong with a value typed into the field of this title; empty if nothing is."""
         allowed = self._value(text)[1]
-        return f"allowed: {allowed}" if allowed else ""
+        title = title or self.label[:1].upper() + self.label[1:]
+        return f"{title} is '{text}', allowed: {allowed}" if allowed else ""
 
     def _value(self, text: str) -> tuple[Value, str]:
         """Return the value of a text, and what is allowed instead if it is invalid."""

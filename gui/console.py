@@ -17,6 +17,7 @@ from flyaround.gui.flights import FlightList
 from flyaround.gui.jobs.all import Jobs, running_jobs
 from flyaround.gui.jobs.scenario_opening import ScenarioOpener
 from flyaround.gui.operator_state import HandControl, Help, WindowRequests
+from flyaround.gui.picture.change_text import change_text
 from flyaround.gui.picture.settings_history import SettingsHistory
 from flyaround.gui.picture.view_settings import exposure_text
 from flyaround.gui.questions import FLOWN, acts_on_chaser, question_before
@@ -25,7 +26,7 @@ from flyaround.gui.script import CommandLog, Line, Player, Script
 from flyaround.gui.texts import titles
 from flyaround.simulator.errors import UserError
 from flyaround.simulator.piloting.control_laws import SWITCHES
-from flyaround.simulator.piloting.planned_burns import change_text
+from flyaround.simulator.piloting.planned_burns import change_text as burns_text
 from flyaround.simulator.piloting.telemetry import telemetry_of
 from flyaround.simulator.runtime.files import probe_writing
 
@@ -37,7 +38,6 @@ if TYPE_CHECKING:
     from flyaround.gui.picture.view_settings import Options
     from flyaround.gui.questions import Question
     from flyaround.simulator.piloting.orders import Order
-    from flyaround.simulator.piloting.piloted_craft import PilotChoices
     from flyaround.simulator.piloting.session import FlightSession
     from flyaround.simulator.piloting.telemetry import Telemetry
     from flyaround.simulator.world.flight.world_state import WorldState
@@ -138,6 +138,8 @@ class Console:
     ----------
     jobs : Jobs
         Long tasks beside the flight.
+    said : int
+        Number of messages so far, with immediate repetitions.
     """
 
     session: FlightSession
@@ -165,6 +167,7 @@ class Console:
     held: frozenset[str] = frozenset()
     hand: HandControl = field(default_factory=HandControl)
     asked: Question | None = None
+    said: int = field(default=0, init=False)
     _player: Player | None = None
     _figures: tuple[WorldState, Telemetry] | None = None
 
@@ -253,7 +256,7 @@ class Console:
             if acts_on_chaser(name):
                 self.flights.note_own(self.session)
             self.options.flight = self.session.craft.choices
-            change = self._change(command, values, before.flight)
+            change = self._change(command, values, before)
             self.history.note(name, before, self.options, self.clock_ms, change)
         except (UserError, OSError) as error:
             # the flight continues, whatever happens in a command
@@ -265,10 +268,13 @@ class Console:
         flown = command.group in FLOWN and message.of.partition(".")[0] in FLOWN
         return message.of == command.name or flown
 
-    def _change(self, command: Command, values: Sequence[Value], before: PilotChoices | None) -> str:
-        """Return a change of the settings, or of the burns before it, in words, with the exposure as a time."""
-        if command.group == "burn" and before is not None:
-            return change_text(before.burns, self.session.craft.steering.burns)
+    def _change(self, command: Command, values: Sequence[Value], before: Options) -> str:
+        """Return a change of the settings or burns in words, with the exposure as a time."""
+        if command.group == "burn" and before.flight is not None:
+            return burns_text(before.flight.burns, self.session.craft.steering.burns)
+        changed = before.settings, self.options.settings
+        if text := change_text(command.name, values, self.session.scene(), *changed):
+            return text
         if command.name in {"picture.exposure", "picture.meter"}:
             stops = self.options.settings.exposure_stops
             return f"exposure {exposure_text(self.session.plan.scenario.sensor.exposure_s * 2.0**stops)}"
@@ -501,6 +507,7 @@ class Console:
             Function that returns True once the cause of a caution has ended; by default `FlightSession.is_over`.
         """
         newest = self.messages[-1] if self.messages else None
+        self.said += bool(text)
         if not text or (newest is not None and newest.text == text and not newest.acknowledged):
             return
         message = Message(self.session.t_s, level, text, of=of, over=over)

@@ -19,7 +19,8 @@ def item_tip(imgui: Any, text: str, *, typing: bool = False) -> None:  # noqa: A
     """Show a text while the mouse rests on the last item, even a disabled one, and none is pressed or takes text.
 
     ``typing`` is True for an item far from all fields, whose text is shown while one of them takes text, too.
-    It lies below the item, beside an open menu, or above an item in the lower part of the window.
+    It lies beside an open menu or a panel, whose next rows stay free; otherwise below the item, or above it in the
+    lower part of the window.
     """
     flags = imgui.HoveredFlags_.stationary | imgui.HoveredFlags_.delay_normal
     flags |= imgui.HoveredFlags_.allow_when_disabled | imgui.HoveredFlags_.no_shared_delay
@@ -32,10 +33,16 @@ def item_tip(imgui: Any, text: str, *, typing: bool = False) -> None:  # noqa: A
     low, high = imgui.get_item_rect_min(), imgui.get_item_rect_max()
     screen = imgui.get_main_viewport().size
     # the pivot keeps the text within both sides of the window
-    across = low.x / screen.x
+    across, down = low.x / screen.x, low.y / screen.y
+    left, right = imgui.get_window_pos().x, imgui.get_window_pos().x + imgui.get_window_size().x
+    wide, narrow = WIDEST * imgui.get_font_size(), right - left < 0.5 * screen.x
     if imgui.is_popup_open("", imgui.PopupFlags_.any_popup):
         imgui.set_next_window_pos(imgui.ImVec2(high.x + imgui.get_font_size(), low.y))
-    elif low.y > 0.6 * screen.y:
+    elif narrow and right + wide < screen.x:
+        imgui.set_next_window_pos(imgui.ImVec2(right + 4, low.y), pivot=imgui.ImVec2(0, down))
+    elif narrow and left > wide:
+        imgui.set_next_window_pos(imgui.ImVec2(left - 4, low.y), pivot=imgui.ImVec2(1, down))
+    elif down > 0.6:
         imgui.set_next_window_pos(imgui.ImVec2(low.x, low.y - 4), pivot=imgui.ImVec2(across, 1))
     else:
         imgui.set_next_window_pos(imgui.ImVec2(low.x, high.y + 8), pivot=imgui.ImVec2(across, 0))

@@ -7,6 +7,7 @@ from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from flyaround.gui import style
 from flyaround.gui.icons import ICONS, labelled
 from flyaround.gui.texts import texts
 from flyaround.gui.usable import is_usable
@@ -24,6 +25,7 @@ of the menu itself have an empty title.
 NO_ICON = " " * 7
 """Width of an icon, for aligning titles."""
 RECENT = "Recent"  # title of the submenu of scenarios flown last
+LEAST_NAME_EM = 6  # least width for the name of the scenario, in text heights
 LONGEST_EM = 22  # width of an entry, in text heights
 MENUS: tuple[tuple[str, Entries], ...] = tuple(
     (menu, tuple((title, tuple(names.split())) for title, _, names in (e.rpartition(":") for e in entries)))
@@ -112,6 +114,11 @@ class MenuBar:
         widths = [self._w.button_width(title) + gap for title in titles]
         while sum(widths) > self._w.width:
             del names[0], widths[0]
+        scenario = console.session.plan.scenario
+        free = self._w.width - sum(widths) - 4 * gap
+        if free > LEAST_NAME_EM * self._imgui.get_font_size():
+            self._imgui.set_cursor_pos_x(self._imgui.get_cursor_pos_x() + 2 * gap)
+            self._w.cut_line(scenario.name, free, style.QUIET, scenario.title or "the scenario that is flown")
         self._imgui.set_cursor_pos_x(self._imgui.get_window_width() - sum(widths))
         for name in names:
             self._w.button(console, name, on=console.window.layout == name.partition(".")[2])

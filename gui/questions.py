@@ -42,6 +42,8 @@ class Question:
         Label of the button that runs the command.
     first : str, optional
         Command that is run before it.
+    keeps : bool, optional
+        True if the flight that is left can be written first.
     """
 
     command: Command
@@ -50,6 +52,7 @@ class Question:
     way_back: str
     answer: str
     first: str = ""
+    keeps: bool = False
 
 
 def acts_on_chaser(name: str) -> bool:
@@ -98,7 +101,9 @@ def question_before(
         what = {"scenario.fly": edited}.get(name, str(values[0]) if values else "these lights")
         ends = f"It {lost}" if lost else "Its recording ends"
         text = f"Leave {flight_text(session)} for {what}? {ends}."
-        return Question(command, values, text, GO_BACK, "Fly it")
+        return Question(
+            command, values, text, GO_BACK, f"Fly {what.replace('these', 'with these')}", keeps=bool(lost)
+        )
     if name == "time.restart" and lost:
         text = f"Restart? T{flight_text(session)[1:]} {lost}."
         return Question(command, values, text, SWAP_BACK, "Restart")

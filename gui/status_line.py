@@ -23,6 +23,8 @@ class StatusLine:
 
     def __init__(self, window: Surface) -> None:
         self._w = Widgets(window)
+        self._flaw = "", 0
+        """The typed value that is refused, and the number of messages when it was."""
 
     def draw(self, console: Console) -> None:
         """Draw into the current frame."""
@@ -68,8 +70,12 @@ class StatusLine:
         w = self._w
         texts, tip = message_texts(console), "a click opens the log of all messages"
         # panels are drawn later, and say it again for the next frame
-        if flaw := w.window.flaw:
-            texts, w.window.flaw = [*texts[: bool(console.waiting)], (flaw, style.BAD)], ""
+        flaw, w.window.flaw = w.window.flaw, ""
+        if flaw != self._flaw[0]:
+            self._flaw = flaw, console.said
+        # a later message outranks it; the field is framed and says it, too
+        if flaw and console.said == self._flaw[1]:
+            texts = [*texts[: bool(console.waiting)], (flaw, style.BAD)]
         if len(texts) == 1:
             text, colour = texts[0]
             n = len(text)

@@ -12,6 +12,7 @@ from flyaround.gui.commands.timeline import clock
 from flyaround.gui.icons import labelled
 from flyaround.gui.jobs.all import running_jobs
 from flyaround.gui.texts import duration_text, left_text
+from flyaround.gui.usable import is_usable
 from flyaround.gui.widgets import Widgets
 from flyaround.simulator.piloting.clock import RATES
 
@@ -22,7 +23,7 @@ if TYPE_CHECKING:
     from flyaround.gui.surface import Surface
     from flyaround.simulator.piloting.flight_history import Timeline
 
-NARROW_EM = 56
+NARROW_EM = 72
 """Window width, in text heights, below which the strip shortens its texts."""
 FIRST_GUESS_S = 1.0  # time after which the time left is estimated
 SILENT_S = 2.0  # time after which a job that has given nothing yet tells how long it has been at work
@@ -67,10 +68,17 @@ class TransportStrip:
         w.one_line(text, style.WARN if session.look_back.active else style.INK)
         w.tip("time shown, and end of the recorded flight [h:min:s since the start]; yellow: looking back")
         imgui.same_line()
-        right = 18 * em
+        right = (23.5 if narrow else 27) * em
         self.scrubber(console, timeline, end_s, max(w.width - right, em))
         imgui.same_line()
         imgui.set_cursor_pos_x(imgui.get_window_width() - right + 0.5 * em)
+        # always in place, grey at the end of the flight: nothing moves when one looks back
+        for name, label, width in (
+            ("timeline.end", "", 2.2),
+            ("timeline.fly-on", "" if narrow else "Fly on", 2.2 if narrow else 5.7),
+        ):
+            w.button(console, name, label=label, width=width * em, enabled=is_usable(console, name))
+            imgui.same_line()
         on, craft = console.hand.armed, session.craft
         idle = craft.mode == "guidance" or bool(craft.steering.doing)
         look = ("HAND: IDLE" if idle else "HAND: ON", "hand-on") if on else ("HAND: OFF", "hand-off")
@@ -86,7 +94,11 @@ class TransportStrip:
         imgui.set_next_item_width(width)
         text = "jump" if flight.jump else f"{flight.rate:g}x"
         changed, new_k = imgui.slider_int("##rate", k, 0, len(RATES) - 1, "", imgui.SliderFlags_.no_input)
-        w.command_tip(console, "time.rate")
+        if imgui.is_item_active() and imgui.is_mouse_double_clicked(0):
+            # let go, or the slider would follow the pointer again
+            imgui.internal.clear_active_id()
+            changed, new_k = True, RATES.index(1.0)
+        w.tip(f"{console.table['time.rate'].help}; a double click sets 1x\ntime.rate RATE")
         # beside the grip, which would cover it
         low, high, pad = imgui.get_item_rect_min(), imgui.get_item_rect_max(), imgui.get_style().frame_padding
         right = high.x - pad.x - imgui.calc_text_size(text).x

@@ -34,8 +34,10 @@ class Widgets:
         self.window = window
         self.imgui = window.imgui
         self.implot = window.implot
-        self._refused: dict[object, tuple[str, str]] = {}
-        """Typed texts that were refused, and the reasons, by field and owner."""
+        self._refused: dict[object, tuple[str, str, object]] = {}
+        """Typed texts that were refused, the reasons, and the values at that time, by field and owner."""
+        self._taken = -2
+        """Number of the last frame in which a field's text was taken."""
         self._good: dict[str, str] = {}
         """Last right text of each field, by its key."""
         self._drawn: dict[object, int] = {}
@@ -143,6 +145,15 @@ class Widgets:
         self.one_line(shown, rgba)
         hover_text.item_tip(self.imgui, tip if shown == text else f"{text}\n{tip}".strip(), typing=typing)
 
+    def lines(self, text: str, rgba: style.Rgba, tip: str = "", count: int = 2) -> None:
+        """Draw text that wraps, in the height of as many lines, so that what stands below does not move."""
+        imgui = self.imgui
+        low = imgui.get_cursor_pos_y() + count * imgui.get_text_line_height()
+        self.text(text, rgba, tip)
+        rest = low - imgui.get_cursor_pos_y()
+        if rest > 0:
+            imgui.dummy(imgui.ImVec2(0, rest))
+
     def tip(self, text: str) -> None:
         """Give the last item a hover text."""
         hover_text.item_tip(self.imgui, text)
@@ -213,12 +224,12 @@ class Widgets:
         imgui.same_line(end - width)
         imgui.set_next_item_width(width)
 
-    def typed(self, key: str, text: str, argument: Argument) -> str:
+    def typed(self, key: str, text: str, argument: Argument, title: str = "") -> str:
         """Draw a field for an argument's value, which says what is wrong with its text; return the text."""
         text = self._number(key, text)
         if self._given_up(key) and argument.flaw(text):
             text = self._good.get(key, "")
-        self.flaw(flaw := argument.flaw(text))
+        self.flaw(flaw := argument.flaw(text, title))
         if not flaw:
             self._good[key] = text
         self.tip(flaw or argument.description)
@@ -233,10 +244,19 @@ class Widgets:
             imgui.internal.get_input_text_state(imgui.get_item_id()).select_all()
         return text
 
-    def entry(self, key: str, shown: str, take: Callable[[str], str], tip: str, of: object = None) -> None:
+    def entry(
+        self,
+        key: str,
+        shown: str,
+        take: Callable[[str], str],
+        tip: str,
+        of: object = None,
+        now: object = None,
+    ) -> None:
         """Draw a field for a value that Enter, or leaving the field, hands to ``take``.
 
-        What ``take`` refuses stays in the field until it is mended, Esc brings the value back, or the panel is hidden.
+        What ``take`` refuses stays in the field until it is mended, Esc brings the value back, the value changes by
+        other means, or the panel is hidden.
 
         Parameters
         ----------
@@ -250,16 +270,24 @@ class Widgets:
             Hover text.
         of : object, optional
             Owner of the value, if the field may become another one's.
+        now : object, optional
+            Values that are changed together, by default the present one.
         """
-        imgui = self.imgui
-        text = self._number(key, self._refused.get((key, of), (shown, ""))[0])
+        imgui, field, now = self.imgui, (key, of), now or shown
+        text, flaw, then = self._refused.get(field, (shown, "", now))
+        if then != now and self._taken < imgui.get_frame_count() - 1:
+            # neither this field nor one beside it changed the value
+            text, flaw = shown, ""
+        text = self._number(key, text)
         ended = imgui.is_item_deactivated_after_edit() and not imgui.is_key_pressed(imgui.Key.escape)
-        given_up = self._given_up((key, of))
-        if ended and (refusal := take(text)):
-            self._refused[key, of] = text, refusal
-        elif ended or given_up:
-            self._refused.pop((key, of), None)
-        self.flaw(flaw := self._refused.get((key, of), ("", ""))[1])
+        if self._given_up(field) or ended:
+            flaw = take(text) if ended else ""
+            self._taken = imgui.get_frame_count() if ended and not flaw else self._taken
+        if flaw:
+            self._refused[field] = text, flaw, now
+        else:
+            self._refused.pop(field, None)
+        self.flaw(flaw)
         self.tip(flaw or f"{tip}; Enter applies it, Esc discards it")
 
     def _given_up(self, key: object) -> bool:
@@ -273,7 +301,9 @@ class Widgets:
         if text and self.imgui.is_item_visible():
             low, high = self.imgui.get_item_rect_min(), self.imgui.get_item_rect_max()
             self.frame(style.BAD, (low.x, low.y, high.x, high.y))
-            self.window.flaw = text
+            # of several, that of the field that takes text
+            if self.imgui.is_item_active() or not self.window.flaw:
+                self.window.flaw = text
 
     # --- controls of commands
 

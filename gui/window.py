@@ -85,6 +85,10 @@ class Window(Surface):
         self._glfw.set_key_callback(self._native, self.keys.queue.key)
         self._glfw.set_char_callback(self._native, self.keys.queue.letter)
         self._glfw.set_mouse_button_callback(self._native, self._queue_click)
+        self._pointer = self._glfw.get_cursor_pos(self._native)
+        self._glfw.set_cursor_pos_callback(self._native, self._move_pointer)
+        # a window that moves under a still pointer reports no motion
+        self._glfw.set_window_pos_callback(self._native, lambda *_: self._move_pointer(self._native))
         # keys that are down when the window loses focus must be released
         self._glfw.set_window_focus_callback(
             self._native, lambda _, focused: self.imgui.get_io().add_focus_event(bool(focused))
@@ -94,9 +98,14 @@ class Window(Surface):
         self._dropped: list[str] = []
         self._glfw.set_drop_callback(self._native, lambda _, paths: self._dropped.extend(paths))
 
+    def _move_pointer(self, window: object, *place: float) -> None:
+        """Note the place of the pointer at an event, and pass its present one to Dear ImGui."""
+        self._pointer = place or self._glfw.get_cursor_pos(self._native)
+        self._backend.mouse_callback(window)
+
     def _queue_click(self, window: object, button: int, action: int, modifiers: int) -> None:
-        """Queue an event of a mouse button, which counts where the pointer is now."""
-        place, io = self._glfw.get_cursor_pos(self._native), self.imgui.get_io()
+        """Queue an event of a mouse button, which counts where the pointer was then, not where it has gone since."""
+        place, io = self._pointer, self.imgui.get_io()
         if place != self._clicked_at:
             # Dear ImGui ignores a press on a tab that the pointer reached in the same frame
             self._clicked_at = place

@@ -95,7 +95,7 @@ COMMANDS = (
     command("steer.track", _track, "t", flies=True, state=lambda console: console.session.craft.tracking),
     command("steer.centre", order(Centre), "c", flies=True),
     command("steer.toggle", _toggle, "g", flies=True, state=lambda c: c.session.craft.mode == "guidance"),
-    command("steer.reset", _reset, "home", flies=True),
+    command("steer.reset", _reset, "ctrl+g", flies=True),
     switch(
         "steer.lvlh",
         order(lambda on: Control(axes="lvlh" if on else "camera")),

@@ -55,7 +55,8 @@ def _fly_on(console: Console) -> None:
     session.look_back.fly_on()
     session.clock.slow_down()
     console.say(
-        f"flies on from {clock(session.t_s)}; Flight > Timeline > Swap future brings the other future back"
+        f"flies on from {clock(session.t_s)} at {session.clock.rate:g}x; "
+        "Flight > Timeline > Swap future brings the other future back"
     )
 
 
@@ -176,6 +177,7 @@ COMMANDS = (
     command("timeline.step-back", _step_back, "comma"),
     command("timeline.back", partial(_skip, -SKIP_S), "page_up"),
     command("timeline.forward", partial(_skip, SKIP_S), "page_down"),
+    command("timeline.begin", lambda console: _seek(console, 0.0), "home"),
     command("timeline.end", _end, "end"),
     command("timeline.fly-on", _fly_on, "ctrl+enter"),
     command("timeline.other-future", _other_future),

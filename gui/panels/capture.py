@@ -73,7 +73,7 @@ class CapturePanel(Panel):
         _, self._folder = imgui.input_text_with_hint("##folder", "a new one in out/console", self._folder)
         self._w.command_tip(console, "capture.start", argument="folder")
         w.field("Processes", "", 0.7)
-        self._workers = w.typed("workers", self._workers, workers)
+        self._workers = w.typed("workers", self._workers, workers, "Processes")
         w.text("Further formats of the same set", style.QUIET)
         formats = writable()[1:]
         for name, _ in zip(formats, w.grid(len(formats), 110), strict=True):

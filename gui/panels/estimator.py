@@ -40,6 +40,8 @@ class EstimatorPanel(Panel):
 
     _methods: tuple[str, ...] = ()
     _network = ""
+    _staged = False
+    """True if the pictures of stages were there in the last frame."""
 
     def draw(self, console: Console) -> None:
         """Draw into the current panel."""
@@ -65,9 +67,13 @@ class EstimatorPanel(Panel):
         self._plots(estimates)
         if newest is not None and newest.answer.stages:
             w.section("Stages")
+            if not self._staged:
+                # below the fold of the panel
+                w.imgui.set_scroll_here_y(0.0)
             self._stages(console, newest.answer)
         elif estimates.with_stages:
             w.text("stages: with the next estimate", style.QUIET)
+        self._staged = newest is not None and bool(newest.answer.stages)
 
     def _choose(self, console: Console) -> None:
         w, imgui, estimates = self._w, self._w.imgui, console.jobs.estimates

@@ -85,7 +85,7 @@ class LightsPanel(Panel):
             w.text(text, tip=tip)
             for axis, width in enumerate(w.grid(3, np.inf, 3)):
                 imgui.set_next_item_width(width)
-                w.entry(f"{name}{axis}", numbers[axis], partial(place, axis), tip, k)
+                w.entry(f"{name}{axis}", numbers[axis], partial(place, axis), tip, k, numbers)
         else:
             w.field(text, tip, 0.45)
             w.entry(name, f"{value:.6g}", lambda new: console.attempt("light.set", k, name, new), tip, k)

@@ -56,7 +56,7 @@ class Question(Panel):
     """Question before a command drops a flight, or leaves one that is not kept."""
 
     name, title, place, shown = "question", "Before you go on", "over", False
-    size = (470.0, 140.0)
+    size = (470.0, 170.0)
 
     def draw(self, console: Console) -> None:
         """Draw into the current window."""
@@ -67,10 +67,14 @@ class Question(Panel):
         w.text(asked.text, style.WARN, "flights and texts that the command would discard or leave")
         w.text(f"{asked.way_back} Time stands still.", style.QUIET)
         w.imgui.dummy(w.vec(0, 1))
-        goes = w.filled_button(asked.answer, w.width / 2 - 4, style.GUARDED)
+        keeps = asked.keeps and w.filled_button("Keep the flight and go", -1, style.PRIMARY)
+        half = w.width / 2 - 4
+        goes = w.filled_button(w.elided(asked.answer, half - 16), half, style.GUARDED)
         w.tip(f"carry out the command: {asked.command.title}")
         w.imgui.same_line()
-        stays = w.filled_button("Stay here", -1, style.PRIMARY)
+        stays = w.filled_button("Stay here", -1, None if asked.keeps else style.PRIMARY)
         w.tip("change nothing; Esc does the same")
-        if goes or stays:
-            console.answer(goes)
+        if keeps:
+            console.do("timeline.keep")
+        if goes or stays or keeps:
+            console.answer(goes or keeps)

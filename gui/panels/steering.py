@@ -110,7 +110,7 @@ class SteeringPanel(Panel):
         flawed = any(a.flaw(text) for a, text in zip(arguments, shown, strict=True))
         place = here if flawed else np.round(start + np.array(shown, float), 3)
         warning, colour = ("", style.QUIET) if flawed else fly_to_warning(craft, place)
-        w.cut_line(warning, w.width, colour)
+        w.lines(warning, colour, "about the straight way to the point")
         on = craft.steering.doing == FlyTo.title
         fill = colour if colour != style.QUIET else None if on or warning == HERE else style.PRIMARY
         label = "Fly there" if colour == style.QUIET else "Fly there anyway"
@@ -152,11 +152,11 @@ class SteeringPanel(Panel):
         imgui.same_line()
         about = "middle of the burn since the scenario's start [s]"
         w.field(f"Burn {k + 1} at T+ [s]", about, 0.5)
-        w.entry(f"t{k}", f"{burn.t_s:.1f}", partial(replan, 0), about, burn.t_s)
+        w.entry(f"t{k}", f"{burn.t_s:.1f}", partial(replan, 0), about, burn.t_s, now)
         for axis, width in enumerate(w.grid(3, np.inf, 3), 1):
             imgui.set_next_item_width(width)
             about = f"change of velocity, {('radial', 'along', 'cross')[axis - 1]} [m/s]"
-            w.entry(f"v{k}{axis}", f"{now[axis]:.4g}", partial(replan, axis), about, burn.t_s)
+            w.entry(f"v{k}{axis}", f"{now[axis]:.4g}", partial(replan, axis), about, burn.t_s, now)
 
     def _forecast(self, console: Console) -> None:
         """Draw the delta-v of all burns, and the closest approach of their path to the target."""
@@ -169,4 +169,4 @@ class SteeringPanel(Panel):
             tip = "closest approach to the target's centre of mass on the path with these burns"
             w.row("Closest", (nearest_m,), "{:.2f} m", tip)
             w.imgui.pop_style_color()
-        w.cut_line(risk and f"the path {risk}", w.width, style.BAD, "as red on the LVLH map")
+        w.lines(risk and f"the path {risk}", style.BAD, "as red on the LVLH map")

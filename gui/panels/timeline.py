@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from flyaround.simulator.piloting.flight_history import Timeline
 
 
-BUTTONS = ["back", "step-back", "forward", "end", "fly-on", "other-future", "keep", "dataset", "hil"]
+BUTTONS = ["begin", "back", "step-back", "forward", "end", "fly-on", "other-future", "keep", "dataset", "hil"]
 
 
 class TimelinePanel(Panel):

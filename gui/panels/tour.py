@@ -4,9 +4,12 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, NamedTuple
 
+import numpy as np
+
 from flyaround.gui import style
 from flyaround.gui.texts import texts
 from flyaround.gui.widgets import Panel
+from flyaround.simulator.piloting.cautions import AT_REST_M_S
 
 if TYPE_CHECKING:
     from flyaround.gui.console import Console
@@ -40,7 +43,7 @@ STEPS = tuple(
     TourStep(title, text, frozenset(commands.split()), place)
     for title, text, place, commands in texts("tour").values()
 )
-FLY = STEPS[list(texts("tour")).index("fly")]
+FLY, REST = (STEPS[list(texts("tour")).index(name)] for name in ("fly", "rest"))
 
 
 class TourPanel(Panel):
@@ -56,6 +59,9 @@ class TourPanel(Panel):
         done_by -= set() if posed else {"estimator.run"}
         # a key that is pressed while time stands flies nothing
         done_by -= set() if console.hand.flown else FLY.commands
+        # braking takes its time
+        rests = np.linalg.norm(console.telemetry.velocity_lvlh_m_s) < AT_REST_M_S
+        done_by -= set() if rests else REST.commands
         step = console.help.tour_step
         if step < len(STEPS) and STEPS[step].commands & done_by:
             console.help.tour_step = step = step + 1

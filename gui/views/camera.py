@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from functools import partial
+from textwrap import wrap
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -31,6 +32,7 @@ MARGIN, LEAST_GAP, WIDEST_GAP = 12.0, 8.0, 140.0
 """Margin between figures and the edge of the view, and between columns, in screen units."""
 TIPS = texts("view-tips")
 BARS = 30  # strokes of the bar of a whole picture's time
+LEAST_LETTERS = 12  # of a line of the mode
 NAME = "PICTURE "
 """Longest name of a figure, for the column width."""
 
@@ -166,11 +168,14 @@ class CameraView(Panel):
         tall = height > self._line * (len(moment) + len(right) + 3)
         wide = width > 2 * column + 64
         low = y + height - MARGIN
+        room = width - 2 * MARGIN
         if tall and wide and moment:
             self._write(canvas, (x + MARGIN, y + MARGIN), moment)
+            room -= self._width(canvas, moment) + 3 * MARGIN
         self._write(canvas, (x + MARGIN, low - self._line * len(motion)), motion)
         if wide:
             self._write(canvas, (x + width - MARGIN - column, low - self._line * len(right)), right)
+        flying = self._folded(canvas, flying, room)
         at = (x + width - MARGIN - self._width(canvas, flying), y + MARGIN)
         self._write(canvas, at, flying)
         self._imgui.pop_font()
@@ -240,6 +245,16 @@ class CameraView(Panel):
         rows = [Row("", text, style.INK, tip) for text in texts or ["timing the passes ..."]]
         self._write(canvas, (place[0] + MARGIN, place[1] + MARGIN + below), tuple(rows))
         self._imgui.pop_font()
+
+    @staticmethod
+    def _folded(canvas: Canvas, rows: tuple[Row, ...], room: float) -> tuple[Row, ...]:
+        """Return figures without names in lines of at most a width, broken before the mode if they are wider."""
+        letters = max(int(room / canvas.size("0")[0]), LEAST_LETTERS)
+        folded = []
+        for row in rows:
+            parts = (row.value,) if len(row.value) <= letters else row.value.rpartition("  ")
+            folded += [row._replace(value=line) for part in parts for line in wrap(part, letters)]
+        return tuple(folded)
 
     def _push(self) -> None:
         """Use the font of figures until ``pop_font``."""

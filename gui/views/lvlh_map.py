@@ -37,6 +37,8 @@ WHEEL_FACTOR = 1.2  # change of the width per step of the wheel
 FLOWN, PLANNED, DRIFT = style.ACCENT, style.QUIET, style.ORANGE  # colours of the trajectories
 LINES = texts("view-tips")["map"]
 SUN_REACH = 18.0  # length of the arrow to the Sun, in screen units
+LAST_RADII = 8.0
+"""Range in radii of the target below which the map of a docking shows chaser and target alone."""
 LEGEND_EM = 16
 """Height of the map, in text heights, from which on it has a legend."""
 KEYS = legend_keys("relative-map")
@@ -122,6 +124,13 @@ class LvlhMap(Panel):
 
     def _extent(self, session: FlightSession, trail: FloatArray) -> FloatArray:
         """Return the points that a fitted map must hold, the drift only as far as the rest extends."""
+        craft = session.craft
+        if (
+            craft.steering.autopilot or craft.docking.docked
+        ) and craft.world.range_m < LAST_RADII * craft.docking.radius_m:
+            # the last metres: the chaser before the port
+            edges = craft.docking.radius_m * np.vstack([np.eye(3), -np.eye(3)])
+            return np.vstack([edges, craft.world.position_lvlh_m])
         points = [self._planned, trail, self._burns, self._nodes.path_lvlh_m, np.zeros((1, 3))]
         keep_out = session.plan.scenario.chaser.keep_out
         if keep_out is not None:

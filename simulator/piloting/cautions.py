@@ -25,6 +25,9 @@ GUARD_RELEASE_S = 5.0
 DRIFTED_AWAY = 4.0
 """Ratio of the range to the least one since the drift began, from which on it is a caution."""
 
+AT_REST_M_S = 1e-3
+"""Speed below which the chaser counts as at rest beside the target."""
+
 FUEL_SHARE = 0.04
 """Propellant as a share of the chaser's initial mass; the tanks of small craft hold some 5 %."""
 
@@ -53,12 +56,18 @@ def is_low(propellant: Propellant) -> bool:
     return propellant.used_kg >= FUEL_SHARE * propellant.thrusters.mass_kg
 
 
+def recedes(world: WorldState) -> bool:
+    """Return True if the range from the chaser to the target grows."""
+    r, v = np.array(world.relative_eci_m), np.array(world.relative_eci_m_s)
+    return float(r @ v) > AT_REST_M_S * float(np.linalg.norm(r))
+
+
 class CautionWatch:
     """Compares a flight with its last state, and reports each caution once when it begins."""
 
     def __init__(self) -> None:
         self._guarded_s = -GUARD_RELEASE_S
-        self._nearest_m = np.inf
+        self._nearest_m, self._flown_s = np.inf, -np.inf
         self._before: tuple[bool, bool] | None = None
         self._drift_risk = ""
 
@@ -81,10 +90,12 @@ class CautionWatch:
         was_lit, was_low = self._before or (is_sunlit, fuel_low)
         news: list[News] = []
         range_m = float(np.linalg.norm(world.relative_eci_m))
-        if drifts and range_m > DRIFTED_AWAY * self._nearest_m:
+        # the least range of a part that was discarded does not count
+        drifted, self._flown_s = drifts and t_s >= self._flown_s, t_s
+        if drifted and recedes(world) and range_m > DRIFTED_AWAY * self._nearest_m:
             self._nearest_m = range_m
             news.append(("caution", f"the chaser {AWAY}: {range_m:.0f} m from the target, without guidance"))
-        self._nearest_m = min(self._nearest_m, range_m) if drifts else range_m
+        self._nearest_m = min(self._nearest_m, range_m) if drifted else range_m
         if drift_risk and drift_risk != self._drift_risk:
             news.append(("caution", f"{DRIFT} {drift_risk}"))
         self._drift_risk = drift_risk
@@ -136,7 +147,7 @@ ENDS: dict[str, Callable[[PilotedFlight, str], bool]] = {
         session.craft.drift_risk() not in caution or not session.craft.drift_risk()
     ),
     UNGUIDED: lambda session, _: not session.craft.drifts,
-    AWAY: lambda session, _: not session.craft.drifts,
+    AWAY: lambda session, _: not (session.craft.drifts and recedes(session.craft.world)),
     OVERRULED: lambda session, _: not session.cautions.guarded(session.t_s),
     ECLIPSE: lambda session, _: session.craft.world.sun_visible_fraction > 0.0,
     FUEL: lambda session, _: not is_low(session.craft.steering.propellant),

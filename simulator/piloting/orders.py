@@ -326,6 +326,12 @@ class Approach(Order):
         return "note", f"the autopilot flies to {where}"
 
 
+NO_POINT = "no hold point lies ahead, so Autopilot flies straight into the port"
+
+
+NO_POINT = "no hold point lies ahead, so Autopilot flies straight into the port"
+
+
 @dataclass(frozen=True)
 class Go(Order):
     """Let the chaser pass its hold point. Refused while a figure exceeds its limit."""
@@ -344,12 +350,14 @@ class Go(Order):
             If a figure exceeds its limit, or no hold point is left; the message lists the reasons.
         """
         docking, point = craft.docking, craft.docking.hold_points.next
+        if point is None:
+            raise UserError(f"Go has no effect: {NO_POINT}")
         figures = docking.figures(craft.chaser, craft.flight)
         against = docking.hold_points.go(figures, docking.limits, docking.corridor_deg)
         if against:
-            raise UserError(f"no go{'' if point is None else f' at {point.name}'}: {'; '.join(against)}")
+            raise UserError(f"no go at {point.name}: {'; '.join(against)}")
         craft.take_over()
-        return "note", f"go at {'' if point is None else point.name}"
+        return "note", f"go at {point.name}"
 
 
 @dataclass(frozen=True)
@@ -366,7 +374,7 @@ class NoGo(Order):
         """
         point = craft.docking.hold_points.no_go()
         if point is None:
-            return "note", "there is no hold point left"
+            return "note", f"No-go has no effect: {NO_POINT}"
         return "note", f"no-go: the chaser stays at {point.name}"
 
 

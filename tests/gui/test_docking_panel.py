@@ -27,3 +27,13 @@ def test_what_go_waits_for_moves_no_control(monkeypatch: pytest.MonkeyPatch) -> 
         console.close()
     assert len(places[0]) > 5
     assert places[0] == places[1]
+
+
+@pytest.mark.parametrize(("command", "title"), [("docking.go", "Go"), ("docking.no-go", "No-go")])
+def test_a_go_without_a_hold_point_says_what_happens_instead(command: str, title: str) -> None:
+    console = console_flying("tango-vbar-approach")
+    console.session.craft.docking.hold_points.begin(0.0)
+    console.do(command)
+    sentence = f"{title} has no effect: no hold point lies ahead, so Autopilot flies straight into the port"
+    assert console.messages[-1].text == sentence
+    console.close()

@@ -183,3 +183,30 @@ def test_stages_and_methods_are_named_in_words(window: HeadlessWindow, console: 
 )
 def test_the_picture_of_a_stage_names_its_detector(stream: str, words: str) -> None:
     assert caption(stream) == words
+
+
+def test_the_panel_scrolls_to_the_stages_once_they_come() -> None:
+    screen = Pointer("tango-flyaround")
+    console = screen.console
+    console.do("layout.estimate")
+    console.open_panel("estimator", shown=True)
+    console.jobs.estimates.newest = declined()
+    for _ in range(6):
+        screen.turn()
+    top, tall = screen.rect("estimator")[1::2]
+    picture = cv2.imencode(".jpg", np.zeros((300, 480, 3), np.uint8))[1].reshape(-1)
+    console.jobs.estimates.newest = declined(edges=picture, lines=picture, corners=picture, groups=picture)
+    for _ in range(3):
+        screen.turn()
+    assert top < screen.place("image")[1] < top + tall
+
+    def scroll() -> float:
+        return float(screen.window.plain.internal.find_window_by_name("###estimator").scroll.y)
+
+    # it does so once
+    screen.move((screen.rect("estimator")[0] + 20.0, top + 60.0))
+    screen.window.plain.get_io().add_mouse_wheel_event(0.0, 100.0)
+    for _ in range(4):
+        screen.turn()
+    assert scroll() == 0.0
+    screen.close()

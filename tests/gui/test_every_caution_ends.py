@@ -93,7 +93,8 @@ def test_station_keeping_ends_the_drift(console: Console) -> None:
     waiting(console)
     chaser = craft.steered
     assert chaser is not None
-    craft.steered = replace(chaser, position_eci_m=tuple(5 * x for x in chaser.position_eci_m))
+    outward = tuple(5 * x for x in chaser.position_eci_m)
+    craft.steered = replace(chaser, position_eci_m=outward, velocity_eci_m_s=tuple(x / 100 for x in outward))
     assert ["drifts away" in text for text in waiting(console)] == [True]
     console.do("guidance.hold")
     assert waiting(console) == []

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Iterator
+from pathlib import Path
 
 import pytest
 
@@ -55,7 +57,7 @@ def test_a_command_that_flies_on_asks_first(back: Pointer, line: str) -> None:
 def test_the_answer_runs_what_was_asked_about(back: Pointer) -> None:
     back.console.do("docking.approach", True)
     back.turn()
-    back.press("Fly on")
+    back.press("Fly on", -1)
     assert back.console.session.craft.steering.autopilot
     assert end_s(back) < 2.0
     assert [line.name for line in back.console.log.lines[-2:]] == ["timeline.fly-on", "docking.approach"]
@@ -135,7 +137,7 @@ def test_flying_on_by_its_own_command_asks_if_the_flight_is_in_no_file(back: Poi
     console.do("timeline.fly-on")
     assert end_s(back) > 3.5
     back.turn()
-    back.press("Fly on")
+    back.press("Fly on", -1)
     assert end_s(back) < 2.0
     back.turn()
     assert not back.has("Stay here"), "one question"
@@ -148,7 +150,7 @@ def test_the_question_before_another_scenario_names_both(back: Pointer) -> None:
     console.do("scenario.open", "tango-close-3m")
     back.turn()
     assert "Leave the flight of tango-flyaround, 4 s, for tango-close-3m? It is not kept." in back.texts()
-    back.press("Fly it")
+    back.press("Fly tango-close-3m")
     assert console.opener.name == "tango-close-3m"
 
 
@@ -214,3 +216,26 @@ def test_the_way_back_is_named_as_a_path_of_the_menus(back: Pointer) -> None:
     back.press("Fly on")
     back.menu(*path)
     assert console.session.look_back.timeline.end_s > 3.5
+
+    assert console.jobs.keeping == []
+
+
+def test_a_flight_is_kept_and_left_by_one_click(
+    back: Pointer, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    console = back.console
+    console.do("timeline.end")
+    console.do("guidance.hold")
+    left = console.session
+    console.do("scenario.open", "tango-close-3m")
+    back.turn()
+    back.press("Keep the flight and go")
+    for _ in range(3000):
+        console.pass_time(20)
+        if console.session is not left and not console.jobs.keeping:
+            break
+        time.sleep(0.01)
+    assert console.session.plan.scenario.name == "tango-close-3m"
+    assert console.losses == []
+    assert list(tmp_path.rglob("replay.toml"))

@@ -240,5 +240,29 @@ def test_a_text_lies_beside_its_control_and_within_the_window(
     assert tip.pos.y >= top + 20.0 or tip.pos.y + tip.size.y <= top
 
 
+@pytest.mark.parametrize("left", [0.0, 1000.0])
+@pytest.mark.parametrize("top", [80.0, 400.0, 640.0])
+def test_a_text_leaves_the_rows_of_its_panel_free(window: HeadlessWindow, left: float, top: float) -> None:
+    imgui, io = window.plain, window.plain.get_io()
+    for _ in range(4):
+        io.add_mouse_pos_event(left + 30.0, top + 10.0)
+        io.delta_time = 0.5
+        imgui.new_frame()
+        imgui.set_next_window_pos(imgui.ImVec2(left, 0))
+        imgui.set_next_window_size(imgui.ImVec2(280.0, 700.0))
+        imgui.begin("panel")
+        imgui.set_cursor_screen_pos(imgui.ImVec2(left + 10.0, top))
+        imgui.button("Stop board here", imgui.ImVec2(200.0, 20.0))
+        hover_text.item_tip(window.imgui, "a text about the button, over several lines " * 5)
+        imgui.end()
+        imgui.render()
+    tip = imgui.internal.find_window_by_name("##Tooltip_00")
+    assert tip.size.x > 100.0
+    assert tip.pos.x >= left + 280.0 or tip.pos.x + tip.size.x <= left
+    assert tip.pos.x >= 0.0
+    assert tip.pos.x + tip.size.x <= window.size[0]
+    assert tip.pos.y + tip.size.y <= window.size[1]
+
+
 def test_no_text_lies_over_what_is_pressed(window: HeadlessWindow) -> None:
     assert hovering(window, 640.0, 80.0, held=True) is None

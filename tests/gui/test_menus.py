@@ -196,3 +196,12 @@ def test_a_panel_fills_the_window_until_escape(screen: Pointer) -> None:
     screen.console.do("window.enlarge", "no-such-panel")
     screen.turn()
     assert "there is no panel" in screen.console.messages[-1].text
+
+
+def test_the_bar_names_the_scenario_that_is_flown() -> None:
+    at = Pointer("tango-vbar-approach", panels=False)
+    assert "tango-vbar-approach" in at.texts()
+    at.close()
+    narrow = Pointer("tango-vbar-approach", (800, 600), panels=False)
+    assert narrow.has("Fly###layout.fly"), "it leaves the layouts their room"
+    narrow.close()

@@ -115,6 +115,6 @@ def test_an_undone_change_is_named_as_the_panel_names_it(console: Console) -> No
         console.do(name, *values)
         console.do("settings.undo")
     undone = [m.text for m in console.messages if m.text.startswith("undone")]
-    assert undone[0].startswith("undone: change sensor Depth [bit] 10")
-    assert undone[1].startswith("undone: change light 0 Power [W] 55")
+    assert undone[0].startswith("undone: Depth [bit] from 8 to 10")
+    assert undone[1].startswith("undone: Power [W] of the lamp on the chaser from 40 to 55")
     assert console.options.settings == Options(console.options.settings).settings

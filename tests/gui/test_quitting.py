@@ -85,7 +85,7 @@ def test_every_flight_that_would_be_lost_is_named_reached_and_kept(screen: Point
         console.pass_time(200)
         console.do("scenario.open", scenario)
         screen.turn()
-        screen.press("Fly it")
+        screen.press(f"Fly {scenario}")
         while console.opener.is_busy():
             console.pass_time(0)
     console.do("docking.approach")

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import pytest
 
 from flyaround.gui import style
-from flyaround.gui.console import Console
+from flyaround.gui.console import Console, Level
 from flyaround.gui.jobs.hil_session import HilSession
 from flyaround.gui.status_line import message_texts
 from flyaround.hil.host.run import RunConfig
@@ -58,6 +58,34 @@ def test_a_late_second_click_is_no_caution() -> None:
     at.turn()
     assert at.console.messages[-1].text.startswith("not aborted")
     assert at.console.waiting == []
+    at.close()
+
+
+@pytest.mark.parametrize("level", ["note", "caution", "warning"])
+def test_a_later_message_outranks_a_refused_number(level: Level) -> None:
+    at = Pointer("tango-space-10m", panels=False, opened=("steering",))
+    at.type(at.sight("##point0"), "hello")
+    at.turn()
+    assert any("allowed" in text for text in at.texts())
+    for _ in range(2):
+        at.console.say("something happened", level)
+        at.turn()
+        assert any(text.startswith("something happened") for text in at.texts())
+        assert not any("allowed" in text for text in at.texts())
+    at.type(at.sight("##point1"), "hello")
+    at.turn()
+    assert any("allowed" in text for text in at.texts()), "the newest refusal is said again"
+    at.close()
+
+
+def test_an_abort_is_said_over_a_refused_number() -> None:
+    at = Pointer("tango-space-10m", panels=False, opened=("steering",))
+    at.type(at.sight("##point0"), "hello")
+    at.press("ABORT")
+    at.press("ABORT")
+    said = at.console.messages[-1].text
+    assert said.startswith("abort: the chaser retreats")
+    assert any(text.startswith(said[:30]) for text in at.texts())
     at.close()
 
 

@@ -111,3 +111,24 @@ def test_a_guidance_moves_no_button(window: HeadlessWindow, console: Console) ->
         label: before[label] for label in before if label in after
     }
     assert len(set(before) & set(after)) > 15
+
+
+@pytest.mark.parametrize("width", [220.0, 254.0, 420.0])
+def test_a_dangerous_path_is_said_in_full_and_moves_nothing(
+    window: HeadlessWindow, console: Console, width: float
+) -> None:
+    panel = SteeringPanel(window)
+    console.do("burn.plan", 60.0, 0.0, 0.001, 0.0)
+
+    def cancel_y() -> float:
+        for _ in range(2):
+            window.noted.clear()
+            with window.panel("steering", width, 1700.0):
+                panel.draw(console)
+        return next(n.middle[1] for n in window.noted if n.label.startswith("Cancel burns"))
+
+    before = cancel_y()
+    risk = "leads through the keep-out sphere of 12.5 m"
+    console.session.craft.burns_forecast = lambda: (9.0, risk)  # type: ignore[method-assign]
+    assert cancel_y() == before
+    assert f"the path {risk}" in [n.label for n in window.noted if n.what == "text"]

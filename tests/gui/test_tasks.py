@@ -143,7 +143,7 @@ def look_back_and_fly_on(at: Pointer) -> None:
     at.turn()
     x, y = at.place("##t")
     at.drag((x + 20, y), (x - 20, y))
-    at.menu("Flight", "Timeline", "Fly on from here")
+    at.press("Fly on" if at.has("Fly on") else "###timeline.fly-on")
 
 
 def film(at: Pointer) -> None:
@@ -178,7 +178,7 @@ TASKS: dict[Callable[[Pointer], None], tuple[tuple[str, ...], int]] = {
     plan_and_drag_a_burn: (("burn.plan",), 5),
     expose: (("picture.meter", "picture.noise", "picture.colour"), 3),
     eclipse: (("time.next-eclipse", "time.rate"), 4),
-    look_back_and_fly_on: (("timeline.seek", "timeline.fly-on"), 4),
+    look_back_and_fly_on: (("timeline.seek", "timeline.fly-on"), 2),
     film: (("film.start",), 3),
     data_set: (("capture.start",), 2),
     board: (("hil.start", "hil.board"), 3),

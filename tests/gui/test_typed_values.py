@@ -7,6 +7,7 @@ from collections.abc import Iterator
 import pytest
 
 from flyaround.gui.console import Console
+from flyaround.gui.panels.board_link import BoardLinkPanel
 from flyaround.gui.panels.capture import CapturePanel
 from flyaround.gui.panels.lights import LightsPanel
 from flyaround.gui.panels.picture import PicturePanel
@@ -124,6 +125,44 @@ def test_a_refused_text_belongs_to_its_burn(window: HeadlessWindow, console: Con
     assert typist.reasons == []
 
 
+@pytest.mark.parametrize("field", ["##t0", "##v01", "##v03"])
+def test_a_burn_changed_on_the_map_shows_its_values(
+    window: HeadlessWindow, console: Console, field: str
+) -> None:
+    typist = Typist(window, console, SteeringPanel(window))
+    before = typist.shown[field]
+    typist.type(field, "1e9x")
+    assert typist.shown[field] == "1e9x"
+    console.do("burn.plan", 500.0, 0.0, 0.02, 0.0, 500.0)
+    typist.turn()
+    assert typist.shown[field] == before
+    assert typist.reasons == []
+
+
+def test_a_refused_text_stays_while_the_number_beside_it_is_typed(
+    window: HeadlessWindow, console: Console
+) -> None:
+    typist = Typist(window, console, SteeringPanel(window))
+    typist.type("##v01", "1e9x")
+    typist.type("##v02", "0.03")
+    assert console.session.craft.steering.burns.burns[0].delta_v_lvlh_m_s == (0.0, 0.03, 0.0)
+    assert typist.shown["##v01"] == "1e9x"
+    assert typist.reasons
+
+
+def test_a_value_that_undo_changes_is_shown(window: HeadlessWindow, console: Console) -> None:
+    typist = Typist(window, console, SensorPanel(window))
+    before = typist.shown["##bits"]
+    console.do("sensor.set", "bits", "10")
+    typist.turn()
+    typist.type("##bits", "many")
+    assert typist.reasons
+    console.do("settings.undo")
+    typist.turn()
+    assert typist.shown["##bits"] == before != "10"
+    assert typist.reasons == []
+
+
 def test_esc_and_a_change_of_layout_end_a_refusal(window: HeadlessWindow, console: Console) -> None:
     typist = Typist(window, console, SteeringPanel(window))
 
@@ -172,14 +211,23 @@ def test_what_a_command_refuses_is_said_at_the_field(window: HeadlessWindow, con
     assert console.options.settings.sensor_changes == {}
 
 
-@pytest.mark.parametrize(("field", "wrong"), [("##frames", "0"), ("##workers", "many"), ("##frames", "2.5")])
-def test_a_wrong_number_of_a_capture_is_said_while_it_is_typed(
-    window: HeadlessWindow, console: Console, field: str, wrong: str
+@pytest.mark.parametrize(
+    ("panel", "field", "wrong", "reason"),
+    [
+        (CapturePanel, "##frames", "0", "Frames is '0', allowed: a whole number from 1 to"),
+        (CapturePanel, "##workers", "many", "Processes is 'many', allowed: a whole number from 1 to"),
+        (CapturePanel, "##film0", "3", "Width [px] is '3', allowed: a whole number from 16 to 7680"),
+        (BoardLinkPanel, "##seconds", "abc", "Seconds [s] is 'abc', allowed: a number from"),
+        (SteeringPanel, "##point1", "abc", "Along [m] is 'abc', allowed: a number from -100000 to 100000"),
+    ],
+)
+def test_a_wrong_number_is_named_as_its_field_while_it_is_typed(
+    window: HeadlessWindow, console: Console, panel: type[Panel], field: str, wrong: str, reason: str
 ) -> None:
-    typist = Typist(window, console, CapturePanel(window))
+    typist = Typist(window, console, panel(window))
     typist.type(field, wrong, end="")
     assert typist.shown[field] == wrong
-    assert typist.reasons[0].startswith("allowed: a whole number from 1 to")
+    assert [r[: len(reason)] for r in typist.reasons] == [reason]
 
 
 @pytest.mark.parametrize(

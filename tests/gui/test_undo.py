@@ -40,6 +40,22 @@ def test_a_drag_is_named_by_its_end(at: Pointer) -> None:
     assert console.history.next("settings.undo") == f"exposure {exposure_ms:.2f} ms"
 
 
+def test_a_change_of_a_number_is_undone_with_its_old_and_new_value(at: Pointer) -> None:
+    console = at.console
+    console.do("light.add", "box")
+    lines = {
+        "light.set 0 radiance_w_m2_sr 4000": "Radiance [W/m2 sr] of the box from 500 to 4000",
+        "light.set 0 position_m 1,2,3": "Place [m] of the box from 2, -2, 0 to 1, 2, 3",
+        "light.switch 0 off": "box off",
+        "sensor.set bits 10": "Depth [bit] from 8 to 10",
+        "light.remove 0": "remove box",
+    }
+    for line, change in lines.items():
+        console.clock_ms += 5000
+        console.do_line(line)
+        assert console.history.next("settings.undo") == change
+
+
 def test_the_menu_says_what_it_would_undo(at: Pointer) -> None:
     def entries() -> list[str]:
         at.click(at.menus["File"])

@@ -41,3 +41,26 @@ def test_figures_stand_where_the_picture_leaves_room(
         assert beside[3] == pytest.approx(place[3] - box.height)
     else:
         assert (box.x, beside[0]) == (place[0], place[0] + box.width)
+
+
+@pytest.mark.parametrize("width", [480.0, 615.0, 932.0])
+@pytest.mark.parametrize(
+    "badge",
+    [
+        "PAUSED  LOOKING BACK  STATION KEEPING / TRACK",
+        "STATION KEEPING LVLH / TARGET / BRAKE / KEEP OUT",
+        "GUIDANCE",
+    ],
+)
+def test_the_mode_leaves_the_time_legible(window: HeadlessWindow, width: float, badge: str) -> None:
+    view = CameraView(window)
+    flying = Row("", badge, style.WARN, ""), Row("", "652 ms  480x300", style.QUIET, "")
+    moment = Row("UTC", "2026-08-20 09:33:11.153", style.INK, ""), *GROUPS[1][1:]
+    with window.panel("view", 1000.0, 780.0):
+        view._corners(Canvas(window), (0.0, 24.0, width, 390.0), (flying, moment, *GROUPS[2:]))
+    plates = view._plates
+    for k, (x, y, wide, tall) in enumerate(plates):
+        assert x >= 0
+        assert x + wide <= width
+        for u, v, broad, high in plates[:k]:
+            assert x >= u + broad or u >= x + wide or y >= v + high or v >= y + tall, "two plates overlap"

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Iterator
 from typing import Any
 
+import numpy as np
 import pytest
 
 from flyaround.gui.canvas import Canvas, point
@@ -97,7 +99,7 @@ def test_the_legend_names_what_the_map_has_above_it(monkeypatch: pytest.MonkeyPa
         made.turn()
     view = next(panel for panel in made.layout.panels if isinstance(panel, LvlhMap))
     found = drawn_texts(made, monkeypatch)
-    names = {"chaser", "target", "flown", "planned", "drift", "keep-out", "corridor"}
+    names = {"chaser", "boresight", "target", "flown", "planned", "drift", "keep-out", "corridor"}
     assert {key.name for key in KEYS} & set(found) == names
     low = view.ports[0].rect[1] - 10.0
     _, y, _, _ = made.rect("lvlh-map")
@@ -110,4 +112,25 @@ def test_the_legend_names_what_the_map_has_above_it(monkeypatch: pytest.MonkeyPa
     for _ in range(14):
         made.turn()
     assert "keep-out" not in drawn_texts(made, monkeypatch), "a small map has hover texts"
+    made.close()
+
+
+def test_the_map_of_a_docking_frames_the_last_metres() -> None:
+    made = Pointer("tango-vbar-approach", panels=False, opened=("lvlh-map",))
+    console, craft = made.console, made.console.session.craft
+    view = next(panel for panel in made.layout.panels if isinstance(panel, LvlhMap))
+    console.do("docking.approach")
+    made.turn()
+    far_m = view.ports[0].width_m
+    chaser = craft.steered
+    assert chaser is not None
+    shares = 3.0 / np.linalg.norm(chaser.position_eci_m)
+    near = tuple(shares * x for x in chaser.position_eci_m)
+    craft.steered = dataclasses.replace(chaser, position_eci_m=near)
+    made.move(FAR)
+    for _ in range(3):
+        made.turn()
+    port = view.ports[0]
+    assert port.width_m < min(far_m / 3, 20.0)
+    assert port.inside(*point(port.at(craft.world.position_lvlh_m)))
     made.close()

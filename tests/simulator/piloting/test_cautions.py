@@ -5,7 +5,7 @@ from dataclasses import replace
 import msgspec
 import pytest
 
-from flyaround.simulator.piloting.orders import Centre
+from flyaround.simulator.piloting.orders import Centre, Drift
 from flyaround.simulator.piloting.session import FlightSession
 from flyaround.simulator.scenario.load import load_scenario
 from flyaround.simulator.world.guidance.keep_out import KeepOut
@@ -70,3 +70,33 @@ def test_low_fuel_is_told_once():
     session.craft.steering.propellant = spent
     news = told(session, 3.0, "forward", "coarse")
     assert [text.split(":")[0] for text in news] == ["fuel is low"]
+
+
+def test_a_chaser_at_rest_does_not_drift_away():
+    session = FlightSession.of(load_scenario("tango-vbar-approach"))
+    session.order(Drift())
+    told(session, 0.1)
+    chaser = session.craft.steered
+    outward = tuple(5 * x for x in chaser.position_eci_m)
+    session.craft.steered = replace(chaser, position_eci_m=outward, velocity_eci_m_s=(0.0, 0.0, 0.0))
+    assert not [text for text in told(session, 0.1) if "drifts away" in text]
+    moving = replace(session.craft.steered, velocity_eci_m_s=tuple(x / 100 for x in outward))
+    session.craft.steered = moving
+    assert [text for text in told(session, 0.1) if "drifts away" in text]
+
+
+def test_a_discarded_approach_is_no_measure_of_a_drift():
+    session = FlightSession.of(load_scenario("tango-vbar-approach"))
+    session.order(Drift())
+    session.clock.set_rate(10.0)
+    told(session, 2.0)
+    far = session.craft.steered
+    session.craft.steered = replace(far, position_eci_m=tuple(0.1 * x for x in far.position_eci_m))
+    told(session, 0.2)
+    session.look_back.seek(1.0)
+    session.order(Drift())
+    session.look_back.fly_on()
+    session.clock.paused = False
+    chaser = session.craft.steered
+    session.craft.steered = replace(chaser, velocity_eci_m_s=tuple(-x for x in chaser.velocity_eci_m_s))
+    assert not [text for text in told(session, 2.0) if "drifts away" in text]
