@@ -12,13 +12,20 @@ from typing import TYPE_CHECKING, Any, Literal
 
 from flyaround.gui.texts import texts
 from flyaround.simulator.errors import UserError
+from flyaround.simulator.piloting.readouts import mission_seconds
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Sequence
 
-Kind = Literal["number", "whole", "word", "switch"]
+Kind = Literal["number", "time", "whole", "word", "switch"]
 Value = float | int | str | bool
 SWITCH = {"on": True, "off": False}
+NUMBERS: dict[str, tuple[Callable[[str], float], str]] = {
+    "number": (float, "a number"),
+    "time": (mission_seconds, "h:min:s, or seconds"),
+    "whole": (int, "a whole number"),
+}
+"""Function that reads each kind of number, and its name in refusals."""
 KEY_NAMES = texts("keys")
 """Keys whose names for people differ from those in Dear ImGui."""
 
@@ -32,7 +39,8 @@ class Argument:
     name : str
         Name in scripts and in the menu.
     kind : Kind
-        ``number`` (finite), ``whole``, ``word`` (any text) or ``switch`` (on, off).
+        ``number`` (finite), ``time`` (seconds since the start, or h:min:s), ``whole``, ``word`` (any text) or
+        ``switch`` (on, off).
     help : str
         Meaning in a few words.
     choices : tuple of str, optional
@@ -94,15 +102,16 @@ class Argument:
         if self.kind == "word":
             wrong = self.choices and text not in self.choices
             return text, ", ".join(self.choices[:40]) if wrong else ""
+        read, noun = NUMBERS[self.kind]
         try:
-            value = int(text) if self.kind == "whole" else float(text)
+            value = read(text)
             if math.isfinite(value) and self.least <= value <= self.most:
                 return value, ""
         # a whole number of hundreds of digits is no float
         except (ValueError, OverflowError):
             value = math.nan
         bounds = f" from {self.least:g} to {self.most:g}" if math.isfinite(self.most - self.least) else ""
-        return value, f"a {'whole ' * (self.kind == 'whole')}number{bounds}"
+        return value, f"{noun}{bounds}"
 
 
 def number(
@@ -116,6 +125,11 @@ def number(
 ) -> Argument:
     """Return an argument that is a finite number."""
     return Argument(name, "number", text, least=least, most=most, unit=unit, optional=optional)
+
+
+def moment(name: str, text: str, *, optional: bool = False) -> Argument:
+    """Return an argument that is a time since the scenario's start."""
+    return Argument(name, "time", text, least=0.0, most=1e9, unit="h:min:s or s", optional=optional)
 
 
 def word(name: str, text: str, choices: tuple[str, ...] = (), *, optional: bool = False) -> Argument:

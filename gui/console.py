@@ -21,9 +21,10 @@ from flyaround.gui.picture.view_settings import exposure_text
 from flyaround.gui.questions import FLOWN, acts_on_chaser, flight_text, question_before
 from flyaround.gui.scenario_draft import ScenarioDraft
 from flyaround.gui.script import CommandLog, Line, Player, Script
-from flyaround.gui.texts import time_text, titles
+from flyaround.gui.texts import titles
 from flyaround.simulator.errors import UserError
 from flyaround.simulator.piloting.control_laws import SWITCHES
+from flyaround.simulator.piloting.readouts import duration_text
 from flyaround.simulator.piloting.telemetry import telemetry_of
 from flyaround.simulator.runtime.files import probe_writing
 
@@ -211,7 +212,7 @@ class Console:
         since_s = max(flight.look_back.timeline.end_s, flight.t_s) - self.kept[flight]
         if since_s < LEAST_LOST_S:
             return "has another future than its file"
-        return f"has {time_text(since_s)} flown since its file was written"
+        return f"has {duration_text(since_s)} flown since its file was written"
 
     def _note_flown_on(self, from_s: float) -> None:
         """Count a kept flight as unsaved again once it has flown on, from a time on."""

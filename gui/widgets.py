@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from flyaround.gui import hover_text, style
 from flyaround.gui.icons import PRIMARY, labelled
+from flyaround.simulator.piloting.readouts import mission_time
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -189,7 +190,7 @@ class Widgets:
         figures = " ".join(form.format(v) for v in values)
         self.one_line(name, style.QUIET)
         self.tip(tip)
-        label = max(imgui.calc_text_size(name).x, imgui.calc_text_size("Velocity [mm/s]").x)
+        label = max(imgui.calc_text_size(name).x, imgui.calc_text_size("Velocity [m/s]").x)
         imgui.push_font(self.window.figure_font, 0.0)
         width = imgui.calc_text_size(figures).x
         if label + 8 + width <= self.width:
@@ -441,7 +442,13 @@ class Widgets:
 
     @contextmanager
     def plot(
-        self, name: str, height: float, tip: str, axes: tuple[str, str] = ("", ""), *, still: bool = True
+        self,
+        name: str,
+        height: float,
+        tip: str,
+        axes: tuple[str, str] = ("", ""),
+        *,
+        span_s: tuple[float, float] | None = None,
     ) -> Iterator[bool]:
         """Open a plot without legend and title; yield False if it is not visible.
 
@@ -455,20 +462,29 @@ class Widgets:
             Hover text.
         axes : tuple of str, optional
             Names of the axes.
-        still : bool, optional
-            True if the mouse does not move it.
+        span_s : tuple of float, optional
+            Times of its first and last point, which are written below it; without them the mouse does not move it.
         """
         flags = self.implot.Flags_
         quiet = flags.no_legend | flags.no_menus | flags.no_mouse_text | flags.no_title
         size = self.imgui.ImVec2(-1, height * self.window.scale)
-        opened = self.implot.begin_plot(f"##{name}", size, quiet | (flags.no_inputs if still else 0))
+        opened = self.implot.begin_plot(f"##{name}", size, quiet | (0 if span_s else flags.no_inputs))
         if opened:
             quiet = self.implot.AxisFlags_.no_highlight
-            self.implot.setup_axes(*axes, quiet, quiet)
+            times = self.implot.AxisFlags_.no_tick_labels if span_s else 0
+            self.implot.setup_axes(*axes, quiet | times, quiet)
         yield bool(opened)
         if opened:
             self.implot.end_plot()
             self.tip(tip)
+        if opened and span_s:
+            first, last = (mission_time(t_s, whole=True) for t_s in span_s)
+            self.one_line(first, style.QUIET)
+            self.tip("first time shown, of the flight")
+            left = self.width - self.imgui.calc_text_size(last).x
+            self.imgui.same_line(self.imgui.get_cursor_pos_x() + left)
+            self.one_line(last, style.QUIET)
+            self.tip("last time shown, of the flight")
 
     def curve(self, rgba: style.Rgba) -> Any:  # noqa: ANN401 - an implot value
         """Return the style of a plotted line of this colour."""

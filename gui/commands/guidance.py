@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from flyaround.gui.command_table import Argument, Command, command, number
+from flyaround.gui.command_table import Argument, Command, command, moment, number
 from flyaround.gui.commands.steering import order
 from flyaround.simulator.piloting import guidance_orders as orders
 from flyaround.simulator.piloting.orders import CancelBurns, Drift, PlanBurn
-from flyaround.simulator.piloting.planned_burns import MAX_BURN_LEAD_S, MAX_DELTA_V_M_S, burn_of
+from flyaround.simulator.piloting.planned_burns import MAX_DELTA_V_M_S, burn_of
 
 FAR_M = 1e5
 
@@ -61,9 +61,9 @@ COMMANDS = (
     command(
         "burn.plan",
         order(lambda *burn: PlanBurn(burn_of(*burn[:4]), *burn[4:])),
-        number("time", SINCE_START, 0.0, 1e6 + MAX_BURN_LEAD_S, "s"),
+        moment("time", SINCE_START),
         *_lvlh(MAX_DELTA_V_M_S, "m/s"),
-        number("replaces", "time of the planned burn that it replaces", unit="s", optional=True),
+        moment("replaces", "time of the planned burn that it replaces", optional=True),
     ),
-    command("burn.cancel", order(CancelBurns), number("time", SINCE_START, unit="s", optional=True)),
+    command("burn.cancel", order(CancelBurns), moment("time", SINCE_START, optional=True)),
 )

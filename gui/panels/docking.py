@@ -11,6 +11,7 @@ from flyaround.gui.views.docking_hud import DISTANCE, FIGURE_TIPS, status
 from flyaround.gui.widgets import Panel
 from flyaround.simulator.piloting.chaser_control import GUARDS
 from flyaround.simulator.piloting.docking_figures import PRESETS, judge
+from flyaround.simulator.piloting.readouts import mission_time
 
 if TYPE_CHECKING:
     from flyaround.gui.console import Console
@@ -105,7 +106,7 @@ class DockingPanel(Panel):
         w.section("Contact")
         colour = style.WITHIN if contact.docked else style.OUTSIDE
         docked = "docked" if contact.docked else "no docking"
-        w.text(f"T+{contact.t_s:.1f} s: {docked}", colour, "time of the last contact since the start")
+        w.text(f"{mission_time(contact.t_s)}: {docked}", colour, "time of the last contact since the start")
         tip = "mean over the figures at contact: 100 points at zero, 50 at the limit, 0 from twice the limit"
         w.text(f"score {contact.score} of 100", colour, tip)
         for miss in contact.misses:

@@ -10,6 +10,7 @@ from flyaround.gui import style
 from flyaround.gui.jobs.estimator_process import known_methods
 from flyaround.gui.views.stage import stage_pictures
 from flyaround.gui.widgets import Panel
+from flyaround.simulator.piloting.readouts import mission_time
 
 if TYPE_CHECKING:
     from flyaround.gui.console import Console
@@ -74,7 +75,7 @@ class EstimatorPanel(Panel):
 
     def _figures(self, e: ComparedEstimate, t_s: float) -> None:
         w, answer = self._w, e.answer
-        w.section(f"{e.method} at T+{e.t_s:.2f} s")
+        w.section(f"{e.method} at {mission_time(e.t_s)}")
         w.tip("method, and mid-exposure time of its picture since the start")
         said, colour = ("accepted", style.GOOD) if answer.accepted else ("declined", style.WARN)
         said = f"{said}, {abs(t_s - e.t_s):.1f} s ago{answer.reason and ': '}{answer.reason}"
@@ -125,8 +126,8 @@ class EstimatorPanel(Panel):
     def _plot(self, name: str, t: Any, values: Any, good: Any, *, log: bool) -> None:  # noqa: ANN401 - arrays
         w, implot = self._w, self._w.implot
         w.text(name)
-        tip = f"{name} over the flight [s since the start]; dots: accepted, rings: declined"
-        with w.plot(name, PLOT_HEIGHT, tip, still=False) as in_sight:
+        tip = f"{name} over the flight; dots: accepted, rings: declined"
+        with w.plot(name, PLOT_HEIGHT, tip, span_s=(t[0], t[-1])) as in_sight:
             if not in_sight:
                 return
             always = w.imgui.Cond_.always
@@ -141,8 +142,6 @@ class EstimatorPanel(Panel):
             # whole decades, which are labelled
             decades = 10.0 ** np.floor(np.log10([least, 10 * most])) if log else (-0.1, 1.1)
             implot.setup_axis_limits(implot.ImAxis_.y1, *decades, always)
-            ends = sorted({low, high})
-            implot.setup_axis_ticks(implot.ImAxis_.x1, ends, [f"{end:.1f}" for end in ends])
             for colour, filled, which in ((style.ESTIMATE, 1.0, good), (style.WARN, 0.0, ~good)):
                 spec = implot.Spec()
                 spec.marker, spec.marker_size = implot.Marker_.circle, 2.6 * w.window.scale

@@ -14,6 +14,7 @@ from flyaround.simulator.errors import UserError
 from flyaround.simulator.piloting.chaser_control import ATTITUDE_MODES
 from flyaround.simulator.piloting.guidance_orders import FlyTo
 from flyaround.simulator.piloting.jumps import EVENTS
+from flyaround.simulator.piloting.readouts import mission_time, speed_text
 from flyaround.simulator.runtime.arrays import vec3
 
 if TYPE_CHECKING:
@@ -30,7 +31,7 @@ FIRST_AFTER_S, FIRST_M_S = 60.0, 0.01
 """Defaults of an added burn: time after the last one, and its along-track delta-v."""
 LEAST_WAY_M = 0.05  # a nearer point is where the chaser is
 HERE = "where the chaser is"
-PLUME = "whether the exhaust (half angle 30 deg) hits the target's bounding sphere within 20 m"
+PLUME = "whether the exhaust (half angle 30°) hits the target's bounding sphere within 20 m"
 
 
 def fly_to_warning(craft: PilotedCraft, place: FloatArray) -> tuple[str, style.Rgba]:
@@ -82,7 +83,7 @@ class SteeringPanel(Panel):
         spent = steering.propellant
         w.section("Spent by steering")
         tip = "delta-v of the thrusters since the start, summed over all burns"
-        w.row("Delta-v", (spent.delta_v_m_s,), "{:.3f} m/s", tip)
+        w.row("Delta-v", (speed_text(spent.delta_v_m_s),), "{}", tip)
         tip = f"burnt since the start, at a specific impulse of {spent.thrusters.specific_impulse_s:g} s"
         w.row("Propellant", (spent.used_kg,), "{:.3f} kg", tip)
         tip = "mass of the chaser in the scenario; 100 kg if the scenario gives none"
@@ -150,9 +151,9 @@ class SteeringPanel(Panel):
             console.do("burn.cancel", burn.t_s)
         w.command_tip(console, "burn.cancel", burn.t_s)
         imgui.same_line()
-        about = "middle of the burn since the scenario's start [s]"
-        w.field(f"Burn {k + 1} at T+ [s]", about, 0.5)
-        w.entry(f"t{k}", f"{burn.t_s:.1f}", partial(replan, 0), about, burn.t_s)
+        about = "middle of the burn since the scenario's start, h:min:s or seconds"
+        w.field(f"Burn {k + 1} at T+", about, 0.5)
+        w.entry(f"t{k}", mission_time(burn.t_s)[2:], partial(replan, 0), about, burn.t_s)
         for axis, width in enumerate(w.grid(3, np.inf, 3), 1):
             imgui.set_next_item_width(width)
             about = f"change of velocity, {('radial', 'along', 'cross')[axis - 1]} [m/s]"
@@ -162,7 +163,7 @@ class SteeringPanel(Panel):
         """Draw the delta-v of all burns, and the closest approach of their path to the target."""
         w, craft = self._w, console.session.craft
         total = sum(b.size_m_s for b in craft.steering.burns.burns)
-        w.row("Delta-v", (total,), "{:.3f} m/s", "of all planned burns together")
+        w.row("Delta-v", (speed_text(total),), "{}", "of all planned burns together")
         nearest_m, risk = craft.burns_forecast()
         if np.isfinite(nearest_m):
             w.coloured(style.BAD if risk else style.INK)

@@ -5,10 +5,10 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from flyaround.gui import style
-from flyaround.gui.commands.timeline import clock
 from flyaround.gui.icons import labelled
 from flyaround.gui.usable import is_usable
 from flyaround.gui.widgets import Panel
+from flyaround.simulator.piloting.readouts import mission_time
 
 if TYPE_CHECKING:
     from flyaround.gui.console import Console
@@ -59,7 +59,7 @@ class TimelinePanel(Panel):
             w.command_tip(console, "timeline.unbookmark", mark.t_s)
             imgui.same_line()
             # Dear ImGui ends a label at two number signs
-            title = w.elided(f"{clock(mark.t_s)}  {mark.note}", w.width).replace("##", "# #")
+            title = w.elided(f"{mission_time(mark.t_s)}  {mark.note}", w.width).replace("##", "# #")
             if imgui.selectable(f"{title}##mark{k}", False)[0]:
                 console.do("timeline.seek", mark.t_s)
             w.tip(f"{mark.note or 'bookmark'}: a click goes there")

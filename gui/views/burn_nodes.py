@@ -11,6 +11,7 @@ from flyaround.gui import style
 from flyaround.gui.canvas import point
 from flyaround.gui.picture.label_placement import place_labels
 from flyaround.simulator.piloting.planned_burns import BurnPlan, PlannedBurn
+from flyaround.simulator.piloting.readouts import speed_text
 from flyaround.simulator.runtime.arrays import vec3
 
 if TYPE_CHECKING:
@@ -117,7 +118,7 @@ class BurnNodes:
             canvas.arrow(at, tips[-1], COLOUR, 1.8)
             canvas.dot(tips[-1], 3.5, style.INK)
             canvas.diamond(at, 5.0, COLOUR)
-        texts = [f"{burn.size_m_s:.3f} m/s" for burn in burns[: len(tips)]]
+        texts = [speed_text(burn.size_m_s) for burn in burns[: len(tips)]]
         sizes = [canvas.size(text) for text in texts]
         about = "size of the burn; drag its handle for that, its node for the time"
         labels = place_labels(tips, sizes, port.rect, obstacles=obstacles)

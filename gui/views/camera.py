@@ -9,7 +9,6 @@ import numpy as np
 
 from flyaround.gui import style
 from flyaround.gui.canvas import Canvas
-from flyaround.gui.commands.timeline import clock
 from flyaround.gui.picture.figures import AGE_TIP, FIGURES, age_text, flown_colour
 from flyaround.gui.picture.screen import exposure_fault, screen_picture
 from flyaround.gui.views.docking_hud import DockingHud
@@ -18,6 +17,7 @@ from flyaround.gui.views.letterbox import Letterbox
 from flyaround.gui.views.mouse_steering import MouseSteering
 from flyaround.gui.views.truth_marks import TruthMarks
 from flyaround.gui.widgets import Panel
+from flyaround.simulator.piloting.readouts import duration_text, mission_time
 
 if TYPE_CHECKING:
     from flyaround.gui.console import Console
@@ -69,7 +69,7 @@ class CameraView(Panel):
         picture = feed.newest
         if picture is None:
             name = session.plan.scenario.title or session.plan.scenario.name
-            canvas.centred(place, name, f"{console.preparing}, {feed.late_s:.0f} s so far")
+            canvas.centred(place, name, f"{console.preparing}, {duration_text(feed.late_s)} so far")
             return
         groups = self._groups(console, picture) if options.overlays.hud else ()
         image = picture.frame.image
@@ -106,7 +106,7 @@ class CameraView(Panel):
             self._metered, self._fault = picture, exposure_fault(picture.frame)
         if feed.late_s:
             canvas.box(within[:2], within[2:], style.PLATE)
-            text = f"no new picture for {feed.late_s:.0f} s"
+            text = f"no new picture for {duration_text(feed.late_s)}"
             canvas.centred(within, text, console.preparing)
         elif self._fault:
             x = box.x + (box.width - canvas.size(self._fault)[0]) / 2
@@ -191,7 +191,7 @@ class CameraView(Panel):
 
         axes = {"RADIAL": "outward", "ALONG": "ahead along the orbit", "CROSS": "along the orbit's normal"}
         utc = r.epoch_utc.replace("T", " ")[:23].rstrip("Z")
-        t = f"{clock(r.t_s)[2:]}   {session.clock.rate:g}x"
+        t = f"{mission_time(r.t_s)[2:]}   {session.clock.rate:g}x"
         return (
             (
                 Row("", badge, colour, "guidance of the chaser / attitude mode"),

@@ -85,7 +85,7 @@ def test_a_refused_text_stays_until_it_is_mended(
     typist = Typist(window, console, SteeringPanel(window))
     typist.type("##t0", wrong)
     assert typist.shown["##t0"] == wrong
-    assert any("allowed: a number from 0" in reason for reason in typist.reasons)
+    assert any("allowed: h:min:s, or seconds from 0" in reason for reason in typist.reasons)
     assert burn_s(console) == 500.0
     assert not console.waiting, "a slip of the fingers is no caution of the flight"
     typist.type("##t0", "700")
@@ -99,7 +99,7 @@ def test_esc_brings_the_value_back(window: HeadlessWindow, console: Console) -> 
     typist.key("escape")
     typist.turn()
     assert typist.reasons == []
-    assert typist.shown["##t0"] == "500.0"
+    assert typist.shown["##t0"] == "00:08:20.0"
     before = len(console.log.lines)
     typist.type("##t0", "800", end="escape")
     assert burn_s(console) == 500.0
