@@ -84,16 +84,15 @@ class Argument:
         UserError
             If it is invalid.
         """
-        value, allowed = self._value(text)
-        if allowed:
-            where = self.label if self.label == command.lower() else f"{command}: {self.label}"
-            raise UserError(f"{where} is '{text}', allowed: {allowed}")
-        return value
+        if flaw := self.flaw(text, command):
+            raise UserError(flaw)
+        return self._value(text)[0]
 
-    def flaw(self, text: str) -> str:
-        """Return what is wrong with a typed value; empty if nothing is."""
+    def flaw(self, text: str, command: str) -> str:
+        """Return what is wrong with a text of the command with this name or title; empty if nothing is."""
         allowed = self._value(text)[1]
-        return f"allowed: {allowed}" if allowed else ""
+        where = self.label if self.label == command.lower() else f"{command}: {self.label}"
+        return f"{where} is '{text}', allowed: {allowed}" if allowed else ""
 
     def _value(self, text: str) -> tuple[Value, str]:
         """Return the value of a text, and what is allowed instead if it is invalid."""
@@ -222,7 +221,8 @@ class Command:
         """
         help_, keys = self.help[:1].upper() + self.help[1:], f" ({self.shown})" if self.shown else ""
         open_ = [a.description for a in self.arguments[len(supplied) :] if a.kind != "switch"]
-        return "\n".join([f"{help_}{keys}", *open_, line_of(self.name, supplied) if supplied else self.form])
+        short = [float(f"{v:.6g}") if isinstance(v, float) else v for v in supplied]
+        return "\n".join([f"{help_}{keys}", *open_, line_of(self.name, short) if supplied else self.form])
 
     def read(self, words: Sequence[str], by: str = "") -> tuple[Value, ...]:
         """Return the arguments of a script's line.

@@ -38,7 +38,7 @@ class Widgets:
         self._refused: dict[object, tuple[str, str]] = {}
         """Typed texts that were refused, and the reasons, by field and owner."""
         self._good: dict[str, str] = {}
-        """Last right text of each field, by its key."""
+        """Last right text of each field, by its key; of one that follows a value, the text while it takes input."""
         self._drawn: dict[object, int] = {}
         """Number of the last frame in which a field was drawn."""
 
@@ -214,15 +214,42 @@ class Widgets:
         imgui.same_line(end - width)
         imgui.set_next_item_width(width)
 
-    def typed(self, key: str, text: str, argument: Argument) -> str:
-        """Draw a field for an argument's value, which says what is wrong with its text; return the text."""
-        text = self._number(key, text)
-        if self._given_up(key) and argument.flaw(text):
-            text = self._good.get(key, "")
-        self.flaw(flaw := argument.flaw(text))
-        if not flaw:
+    def typed(self, key: str, text: str, argument: Argument, title: str, follows: str = "") -> str:
+        """Draw a field for an argument's value, which says what is wrong with its text.
+
+        Parameters
+        ----------
+        key : str
+            Identifier within the panel.
+        text : str
+            Typed text.
+        argument : Argument
+            The argument.
+        title : str
+            Name of the group of fields, for refusals.
+        follows : str, optional
+            Value that the field shows, dimmed, while its text is empty: before any input, and after Esc.
+
+        Returns
+        -------
+        str
+            The text; empty if the field follows a value.
+        """
+        shown = text or self._good.get(key, "") or follows if follows else text
+        self.coloured(style.QUIET if follows and not text else style.INK)
+        new = self._number(key, shown)
+        self.imgui.pop_style_color()
+        text = new if text or new != shown else ""
+        given_up, escaped = self._given_up(key), self.imgui.is_item_deactivated()
+        if given_up and ((escaped and follows) or argument.flaw(text or follows, title)):
+            text = "" if follows else self._good.get(key, "")
+        self.flaw(flaw := argument.flaw(text or follows, title))
+        if follows:
+            # a value that changes under the cursor is no input
+            self._good[key] = shown if self.imgui.is_item_active() else ""
+        elif not flaw:
             self._good[key] = text
-        self.tip(flaw or argument.description)
+        self.tip(flaw or argument.description + "; dim: it follows, Esc lets it follow again" * bool(follows))
         return text
 
     def _number(self, key: str, text: str) -> str:

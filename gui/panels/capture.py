@@ -70,12 +70,12 @@ class CapturePanel(Panel):
             )
         w.field("Frames", "", 0.7)
         frames, *_, workers = console.table["capture.start"].arguments
-        self._frames = w.typed("frames", self._frames, frames)
+        self._frames = w.typed("frames", self._frames, frames, "Capture")
         w.field("Folder", "", 0.7)
         _, self._folder = imgui.input_text_with_hint("##folder", "a new one in out/console", self._folder)
         self._w.command_tip(console, "capture.start", argument="folder")
         w.field("Processes", "", 0.7)
-        self._workers = w.typed("workers", self._workers, workers)
+        self._workers = w.typed("workers", self._workers, workers, "Capture")
         w.text("Further formats of the same set", style.QUIET)
         formats = writable()[1:]
         for name, _ in zip(formats, w.grid(len(formats), 110), strict=True):
@@ -98,13 +98,14 @@ class CapturePanel(Panel):
         end_s = max(console.session.look_back.timeline.end_s, console.session.t_s)
         if console.session is not self._flight:
             self._flight, self._film[3:] = console.session, [START, ""]
-        shown = [*self._film[:-1], self._film[-1] or mission_time(end_s, whole=True)[2:]]
-        for k, argument in enumerate(command.arguments[: len(shown)]):
+        end = mission_time(end_s, whole=True)[2:]
+        for k, argument in enumerate(command.arguments[:5]):
             label = argument.name if argument.kind == "time" else argument.label
             w.field(label.capitalize(), argument.description, 0.5)
-            if (text := w.typed(f"film{k}", shown[k], argument)) != shown[k]:
-                shown[k] = self._film[k] = text
-        right = not any(a.flaw(text) for a, text in zip(command.arguments, shown, strict=False))
+            follows = end if argument.name == "end" else ""
+            self._film[k] = w.typed(f"film{k}", self._film[k], argument, "Film", follows)
+        shown = [*self._film[:-1], self._film[-1] or end]
+        right = not any(a.flaw(text, "") for a, text in zip(command.arguments, shown, strict=False))
         if right:
             fps, speed, start, end = map(mission_seconds, shown[1:])
             length_s = max(end - start, 0.0) / speed

@@ -30,7 +30,7 @@ GUIDANCE = tuple(f"guidance.{mode}" for mode in MODES.split())
 FIRST_AFTER_S, FIRST_M_S = 60.0, 0.01
 """Defaults of an added burn: time after the last one, and its along-track delta-v."""
 LEAST_WAY_M = 0.05  # a nearer point is where the chaser is
-HERE = "where the chaser is"
+HERE = "here: dim numbers follow the chaser"
 PLUME = "whether the exhaust (half angle 30°) hits the target's bounding sphere within 20 m"
 
 
@@ -102,13 +102,13 @@ class SteeringPanel(Panel):
         # a component that nobody typed stays where the chaser is
         here = craft.state_lvlh()[0]
         start = here if self._from_here else np.zeros(3)
-        shown = [text or f"{h:.2f}" for text, h in zip(self._point, here - start, strict=True)]
+        follows = [f"{h:z.2f}" for h in here - start]
         arguments = console.table["guidance.waypoint"].arguments[:3]
         for k, width in enumerate(w.grid(3, np.inf, 3)):
             w.imgui.set_next_item_width(width)
-            if (text := w.typed(f"point{k}", shown[k], arguments[k])) != shown[k]:
-                shown[k] = self._point[k] = text
-        flawed = any(a.flaw(text) for a, text in zip(arguments, shown, strict=True))
+            self._point[k] = w.typed(f"point{k}", self._point[k], arguments[k], "Fly to", follows[k])
+        shown = [text or here for text, here in zip(self._point, follows, strict=True)]
+        flawed = any(a.flaw(text, "") for a, text in zip(arguments, shown, strict=True))
         place = here if flawed else np.round(start + np.array(shown, float), 3)
         warning, colour = ("", style.QUIET) if flawed else fly_to_warning(craft, place)
         w.cut_line(warning, w.width, colour)

@@ -49,7 +49,7 @@ def attempts(command: Command) -> Iterator[tuple[str, ...]]:
     """Values of which one is wrong, too few and too many."""
     for k, argument in enumerate(command.arguments):
         for wrong in WRONG[argument.kind]:
-            if not argument.flaw(wrong) and command.group in BEGIN_PROGRAMS:
+            if not argument.flaw(wrong, "") and command.group in BEGIN_PROGRAMS:
                 continue
             yield (*map(right, command.arguments[:k]), wrong, *map(right, command.arguments[k + 1 :]))
     if not command.at_once:

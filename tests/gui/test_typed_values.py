@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import Any
 
 import pytest
 
+from flyaround.gui import style
 from flyaround.gui.console import Console
 from flyaround.gui.panels.capture import CapturePanel
 from flyaround.gui.panels.lights import LightsPanel
@@ -13,6 +15,7 @@ from flyaround.gui.panels.picture import PicturePanel
 from flyaround.gui.panels.sensor import SensorPanel
 from flyaround.gui.panels.steering import SteeringPanel
 from flyaround.gui.widgets import Panel
+from flyaround.simulator.piloting.readouts import mission_time
 from tests.harness.flown_console import console_flying
 from tests.harness.headless_imgui import HeadlessWindow
 
@@ -38,10 +41,12 @@ class Typist:
         def input_text(label: str, text: str, *rest: object) -> object:
             changed, text = real(label, text, *rest)
             noted.shown[label] = text
+            noted.colours[label] = window.plain.get_style_color_vec4(window.plain.Col_.text)
             low, high = window.plain.get_item_rect_min(), window.plain.get_item_rect_max()
             self.places[label] = ((low.x + high.x) / 2, (low.y + high.y) / 2)
             return changed, text
 
+        self.colours: dict[str, Any] = {}
         self.places: dict[str, tuple[float, float]] = {}
         window.imgui.input_text = input_text
         self.turn()
@@ -179,7 +184,8 @@ def test_a_wrong_number_of_a_capture_is_said_while_it_is_typed(
     typist = Typist(window, console, CapturePanel(window))
     typist.type(field, wrong, end="")
     assert typist.shown[field] == wrong
-    assert typist.reasons[0].startswith("allowed: a whole number from 1 to")
+    assert typist.reasons[0].startswith("Capture: ")
+    assert f"is '{wrong}', allowed: a whole number from 1 to" in typist.reasons[0]
 
 
 @pytest.mark.parametrize(
@@ -214,3 +220,78 @@ def test_a_refused_exposure_stays_until_it_is_mended(window: HeadlessWindow, con
     assert typist.shown["##stops"] == "+0.0"
     typist.type("##stops", "1.5")
     assert console.options.settings.exposure_stops == 1.5
+
+
+def drifting(console: Console) -> None:
+    console.do("steer.toggle")
+    console.do("time.rate", "100")
+    for _ in range(10):
+        console.pass_time(100)
+
+
+@pytest.mark.parametrize("wrong", ["abc", "1e9"])
+def test_esc_lets_a_refused_point_follow_the_chaser_again(
+    window: HeadlessWindow, console: Console, wrong: str
+) -> None:
+    typist = Typist(window, console, SteeringPanel(window))
+    typist.type("##point1", wrong)
+    assert typist.reasons == [f"Fly to: along [m] is '{wrong}', allowed: a number from -100000 to 100000"]
+    typist.key("escape")
+    drifting(console)
+    typist.turn()
+    assert typist.shown["##point1"] == f"{console.session.craft.state_lvlh()[0][1]:z.2f}"
+    assert typist.reasons == []
+
+
+@pytest.mark.parametrize("undo", ["escape", "delete"])
+def test_a_typed_point_follows_again_after_esc_in_its_field_or_without_text(
+    window: HeadlessWindow, console: Console, undo: str
+) -> None:
+    typist = Typist(window, console, SteeringPanel(window))
+    typist.type("##point1", "25")
+    drifting(console)
+    typist.turn()
+    assert typist.shown["##point1"] == "25"
+    typist.type("##point1", "" if undo == "delete" else "26", end=undo)
+    typist.key("enter")
+    typist.turn()
+    assert typist.shown["##point1"] == f"{console.session.craft.state_lvlh()[0][1]:z.2f}"
+
+
+def test_a_click_into_a_field_that_follows_is_no_input(window: HeadlessWindow, console: Console) -> None:
+    typist = Typist(window, console, SteeringPanel(window))
+    typist.type("##point1", "", end="")
+    drifting(console)
+    typist.turn()
+    typist.key("tab")
+    typist.turn()
+    typist.turn()
+    assert typist.shown["##point1"] == f"{console.session.craft.state_lvlh()[0][1]:z.2f}"
+
+
+def test_a_typed_number_looks_unlike_one_that_follows(window: HeadlessWindow, console: Console) -> None:
+    typist = Typist(window, console, SteeringPanel(window))
+    typist.type("##point1", "25")
+    typist.turn()
+    typed, follows = (typist.colours[f"##point{k}"] for k in (1, 0))
+    assert [round(c, 3) for c in (typed.x, typed.y, typed.z)] == [round(c, 3) for c in style.INK[:3]]
+    assert [round(c, 3) for c in (follows.x, follows.y, follows.z)] == [round(c, 3) for c in style.QUIET[:3]]
+
+
+def test_the_end_of_a_film_follows_the_flight_again_after_esc(
+    window: HeadlessWindow, console: Console
+) -> None:
+    typist = Typist(window, console, CapturePanel(window))
+    typist.type("##film4", "abc")
+    assert typist.reasons[0].startswith("Film: end [h:min:s or s] is 'abc', allowed: ")
+    typist.key("escape")
+    drifting(console)
+    typist.turn()
+    assert console.session.t_s > 50.0
+    assert typist.shown["##film4"] == mission_time(console.session.t_s, whole=True)[2:]
+
+
+def test_a_hover_text_shows_no_digits_that_nobody_typed(console: Console) -> None:
+    place = (-0.123456789012345, 29.770000000000003, 1 / 3)
+    (line,) = console.table["guidance.waypoint"].hover_text(*place).splitlines()[-1:]
+    assert line == "guidance.waypoint -0.123457 29.77 0.333333"
