@@ -204,6 +204,11 @@ class Widgets:
         self.tip(tip if shown == figures else f"{figures}\n{tip}")
         imgui.pop_font()
 
+    def heads(self, names: Sequence[str]) -> None:
+        """Draw the names of fields that follow in as many columns."""
+        for name, _ in zip(names, self.grid(len(names), 1e6, len(names)), strict=True):
+            self.one_line(name, style.QUIET)
+
     def field(self, text: str, tip: str, share: float, rgba: style.Rgba = style.INK) -> None:
         """Draw the name of the next control, which gets at most this share of the line, at its end."""
         imgui = self.imgui

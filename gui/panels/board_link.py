@@ -117,7 +117,7 @@ class BoardLinkPanel(Panel):
         )
         w.text(FAULTS[self._fault][1], style.QUIET)
         imgui.set_next_item_width(min(8 * imgui.get_font_size(), 0.4 * w.width))
-        self._seconds = w.typed("seconds", self._seconds, console.table["hil.fault"].arguments[1])
+        self._seconds = w.typed("seconds", self._seconds, console.table["hil.fault"].arguments[1], "Fault")
         imgui.same_line()
         w.one_line("s", style.QUIET)
         w.flow(6 * imgui.get_font_size(), first=False)

@@ -16,7 +16,9 @@ if TYPE_CHECKING:
     from flyaround.gui.console import Console
 
 PLACES = frozenset({"offset_m", "position_m", "direction"})
-CHOICES = {"frame": ("camera", "target"), "profile": get_args(Profile)}
+AXES = {"camera": "right, down, ahead", "target": "x, y, z"}
+"""Axes of each frame of a light."""
+CHOICES = {"frame": tuple(AXES), "profile": get_args(Profile)}
 FIELDS = texts("lights")
 """Name and hover text of each field of a light."""
 
@@ -54,8 +56,9 @@ class LightsPanel(Panel):
         removed = imgui.button("Remove")
         w.command_tip(console, "light.remove", k)
         imgui.begin_disabled(not switched.on)
+        frame = getattr(switched.light, "frame", "camera")
         for name in switched.light.__struct_fields__:
-            self._field(console, k, name, getattr(switched.light, name))
+            self._field(console, k, name, getattr(switched.light, name), frame)
         imgui.end_disabled()
         imgui.pop_id()
         if changed:
@@ -63,7 +66,7 @@ class LightsPanel(Panel):
         if removed:
             console.do("light.remove", k)
 
-    def _field(self, console: Console, k: int, name: str, value: Any) -> None:  # noqa: ANN401 - of a typed file
+    def _field(self, console: Console, k: int, name: str, value: Any, frame: str) -> None:  # noqa: ANN401 - of a typed file
         w, imgui = self._w, self._w.imgui
         text, about = FIELDS[name]
         tip = f"{text}: {about}\nlight.set {k} {name} VALUE"
@@ -82,7 +85,7 @@ class LightsPanel(Panel):
                     "light.set", k, name, ",".join([*numbers[:axis], new, *numbers[axis + 1 :]])
                 )
 
-            w.text(text, tip=tip)
+            w.text(f"{text}, {frame}: {AXES[frame]}", tip=tip)
             for axis, width in enumerate(w.grid(3, np.inf, 3)):
                 imgui.set_next_item_width(width)
                 w.entry(f"{name}{axis}", numbers[axis], partial(place, axis), tip, k)

@@ -29,6 +29,7 @@ MODES = "hold vbar rbar glideslope flyaround circumnavigate safe-ellipse keep-ra
 GUIDANCE = tuple(f"guidance.{mode}" for mode in MODES.split())
 FIRST_AFTER_S, FIRST_M_S = 60.0, 0.01
 """Defaults of an added burn: time after the last one, and its along-track delta-v."""
+AXES = ("radial", "along", "cross")
 LEAST_WAY_M = 0.05  # a nearer point is where the chaser is
 HERE = "here: dim numbers follow the chaser"
 PLUME = "whether the exhaust (half angle 30°) hits the target's bounding sphere within 20 m"
@@ -94,7 +95,7 @@ class SteeringPanel(Panel):
     def _to_a_point(self, console: Console) -> None:
         """Draw the fields of a point or of a displacement, a line about the flight there, and its button."""
         w, craft = self._w, console.session.craft
-        w.section("Fly to: radial, along, cross [m]")
+        w.section("Fly to, target's LVLH [m]")
         changed, self._from_here = w.imgui.checkbox("Counted from here", self._from_here)
         w.tip("on: offsets from the chaser's position; off: a point relative to the target")
         if changed or console.session is not self._flight:
@@ -104,6 +105,7 @@ class SteeringPanel(Panel):
         start = here if self._from_here else np.zeros(3)
         follows = [f"{h:z.2f}" for h in here - start]
         arguments = console.table["guidance.waypoint"].arguments[:3]
+        w.heads(AXES)
         for k, width in enumerate(w.grid(3, np.inf, 3)):
             w.imgui.set_next_item_width(width)
             self._point[k] = w.typed(f"point{k}", self._point[k], arguments[k], "Fly to", follows[k])
@@ -127,7 +129,7 @@ class SteeringPanel(Panel):
     def _burns(self, console: Console) -> None:
         """Draw a table of the planned burns, whose numbers can be edited, and a button for a new one."""
         w, session = self._w, console.session
-        w.section("Burns: radial, along, cross [m/s]")
+        w.section("Burns, target's LVLH [m/s]")
         burns = session.craft.steering.burns.burns
         at_s = max([session.t_s, *(b.end_s for b in burns)]) + FIRST_AFTER_S
         first = (round(at_s, 1), 0.0, FIRST_M_S, 0.0)
@@ -154,9 +156,11 @@ class SteeringPanel(Panel):
         about = "middle of the burn since the scenario's start, h:min:s or seconds"
         w.field(f"Burn {k + 1} at T+", about, 0.5)
         w.entry(f"t{k}", mission_time(burn.t_s)[2:], partial(replan, 0), about, burn.t_s)
+        if k == 0:
+            w.heads(AXES)
         for axis, width in enumerate(w.grid(3, np.inf, 3), 1):
             imgui.set_next_item_width(width)
-            about = f"change of velocity, {('radial', 'along', 'cross')[axis - 1]} [m/s]"
+            about = f"change of velocity, {AXES[axis - 1]} [m/s]"
             w.entry(f"v{k}{axis}", f"{now[axis]:.4g}", partial(replan, axis), about, burn.t_s)
 
     def _forecast(self, console: Console) -> None:

@@ -214,6 +214,7 @@ class CameraView(Panel):
                 ),
             ),
             (
+                Row("", "IN TARGET'S LVLH", style.QUIET, "frame of the three figures below"),
                 *(
                     Row(name, f"{v:+z9.3f} m", style.INK, f"chaser in the target's LVLH frame: {way}")
                     for (name, way), v in zip(axes.items(), r.position_lvlh_m, strict=True)
