@@ -30,6 +30,8 @@ SILENT_S = 2.0  # time after which a job that has given nothing yet tells how lo
 JOB_COLUMNS = 3  # columns of the line of jobs; more jobs get narrower ones
 STEPS_S = (1, 5, 10, 30, 60, 300, 600, 1800, 3600, 7200, 21_600, 86_400)
 """Steps of the slider's scale [s]."""
+HAND = {"by hand": "ON", "docked": "DOCKED"}
+"""State of armed hand control by what flies the chaser; armed only, while guidance or the autopilot does."""
 GUARD_MS = 5000
 """Time for which the open guard of the abort button waits for the second click [ms]."""
 
@@ -72,10 +74,10 @@ class TransportStrip:
         self.scrubber(console, timeline, end_s, max(w.width - right, em))
         imgui.same_line()
         imgui.set_cursor_pos_x(imgui.get_window_width() - right + 0.5 * em)
-        on, craft = console.hand.armed, session.craft
-        idle = craft.mode == "guidance" or bool(craft.steering.doing)
-        look = ("HAND: IDLE" if idle else "HAND: ON", "hand-on") if on else ("HAND: OFF", "hand-off")
-        fill = style.WARN if on and not idle else style.EDGE
+        on = console.hand.armed
+        state = HAND.get(console.flown_by, "ARMED") if on else "OFF"
+        look = f"HAND: {state}", "hand-on" if on else "hand-off"
+        fill = style.WARN if state == "ON" else style.EDGE
         w.button(console, "steer.arm", label=look[0], icon=look[1], width=8 * em, fill=fill)
         imgui.same_line()
         self._abort(console, 8 * em)

@@ -98,13 +98,13 @@ class CapturePanel(Panel):
         end_s = max(console.session.look_back.timeline.end_s, console.session.t_s)
         if console.session is not self._flight:
             self._flight, self._film[3:] = console.session, [START, ""]
-        end = mission_time(end_s, whole=True)[2:]
+        flown = mission_time(end_s, whole=True)[2:]
         for k, argument in enumerate(command.arguments[:5]):
             label = argument.name if argument.kind == "time" else argument.label
             w.field(label.capitalize(), argument.description, 0.5)
-            follows = end if argument.name == "end" else ""
+            follows = flown if argument.name == "end" else ""
             self._film[k] = w.typed(f"film{k}", self._film[k], argument, "Film", follows)
-        shown = [*self._film[:-1], self._film[-1] or end]
+        shown = [*self._film[:-1], self._film[-1] or flown]
         right = not any(a.flaw(text, "") for a, text in zip(command.arguments, shown, strict=False))
         if right:
             fps, speed, start, end = map(mission_seconds, shown[1:])

@@ -71,7 +71,7 @@ class DockingPanel(Panel):
             head = partial(w.text, f"{short.capitalize()} [{row.unit}]", style.QUIET, FIGURE_TIPS[row.name])
             limit = partial(w.text, f"{row.limit:.2g}", style.QUIET, most)
             cells.append((head, partial(w.text, now, colour, state), limit))
-        w.table("figures", (0.42, 0.36, 0.22), cells, ("Figure", "Now", "At most"))
+        w.table("figures", (0.38, 0.43, 0.19), cells, ("Figure", "Now", "Limit"))
 
     def _limits(self, console: Console) -> None:
         w, now = self._w, console.session.craft.docking.limits

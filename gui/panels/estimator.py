@@ -101,7 +101,7 @@ class EstimatorPanel(Panel):
             w.row("Attitude error", (e.E_R_deg,), "{:.3f}°", "error of the attitude against the truth [°]")
             w.row("Position error", (1e3 * e.E_T_m,), "{:.1f} mm", "error of the position against the truth")
             share = 100 * e.E_T_m / max(e.range_m, 1e-9)
-            w.row("of range", (share,), "{:.2f} %", "position error over the range")
+            w.row("Position error / range", (share,), "{:.2f} %", "position error over the range")
         slowest = sorted(answer.stages_ms.items(), key=lambda item: -item[1])[:3]
         stages = ", ".join(f"{name.replace('_', ' ')} {ms:.0f} ms" for name, ms in slowest)
         w.row("Took", (e.took_ms,), "{:.0f} ms", f"all stages but the preparation; longest: {stages}")

@@ -239,7 +239,7 @@ class DockingLimits:
 
 TWO_TENTHS = DockingLimits(
     name="two-tenths",
-    title="All below 0.2",
+    title="0.2 m, m/s, °, °/s",
     source="SpaceX's docking simulator (iss-sim.spacex.com): every figure below 0.2",
     closing_m_s=0.2,
     lateral_m=0.2,

@@ -5,6 +5,7 @@ from __future__ import annotations
 import pytest
 
 from flyaround.gui.panels.docking import DockingPanel
+from flyaround.simulator.piloting.docking_figures import PRESETS
 from flyaround.simulator.piloting.docking_watch import Docking
 from tests.harness.flown_console import console_flying
 from tests.harness.headless_imgui import HeadlessWindow
@@ -27,3 +28,22 @@ def test_what_go_waits_for_moves_no_control(monkeypatch: pytest.MonkeyPatch) -> 
         console.close()
     assert len(places[0]) > 5
     assert places[0] == places[1]
+
+
+def test_figures_and_limits_are_read_without_hovering() -> None:
+    window, console = HeadlessWindow(), console_flying("tango-vbar-approach")
+    panel = DockingPanel(window)
+    try:
+        for _ in range(2):
+            window.noted.clear()
+            with window.panel("docking", 256.0, 1400.0):
+                panel.draw(console)
+        lines = [n.middle[1] for n in window.noted if n.label.endswith((" near", " out"))]
+        heads = [n.middle[1] for n in window.noted if n.label.endswith(("[m/s]", "[°]", "[°/s]", "[m]"))]
+        assert len(lines) > 3
+        assert set(lines) <= set(heads), "a wrapped figure is lower than its name"
+    finally:
+        window.close()
+        console.close()
+    assert not any(n.label.endswith("...") for n in window.noted)
+    assert all(unit in PRESETS["two-tenths"].title for unit in ("m", "m/s", "°", "°/s"))
