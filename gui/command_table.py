@@ -201,9 +201,8 @@ class Command:
     @property
     def form(self) -> str:
         """Synopsis: its name, followed by its arguments."""
-        return " ".join(
-            [self.name, *(f"[{a.name}]" if a.optional else a.name.upper() for a in self.arguments)]
-        )
+        arguments = (f"[{a.name}]" if a.optional else a.name.upper() for a in self.arguments)
+        return " ".join([self.name, *arguments])
 
     def hover_text(self, *supplied: Value) -> str:
         """Return the hover text of its control: purpose, key and arguments.

@@ -19,6 +19,10 @@ def texts(subject: str) -> dict[str, Any]:
     return table
 
 
+NOTES: dict[str, str] = texts("notes")
+"""Explanations in panels, by subject."""
+
+
 @cache
 def titles() -> dict[str, str]:
     """Return the titles, with units, of parameters of sensor and lights by their keys in a scenario's file."""

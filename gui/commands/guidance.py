@@ -32,6 +32,9 @@ SPEED = number("speed", "of the approach; 0.1 unless given", 1e-3, 10.0, "m/s", 
 HOLD = _distance("hold", "from the target's centre of mass")
 SIZE = _distance("size", "half of its radial size; left out: through where the chaser is")
 PERIOD = number("period", "of a turn; 900 unless given", 60.0, 1e5, "s", optional=True)
+RADIUS = _distance("radius", "of the circle; left out: where the chaser is")
+NEAR = _distance("near", "turned back when nearer than this")
+FAR = _distance("far", "turned back when farther than this")
 SINCE_START = "since the scenario's start"
 
 COMMANDS = (
@@ -43,20 +46,10 @@ COMMANDS = (
     command(
         "guidance.waypoint", order(lambda r, a, c, *speed: orders.FlyTo((r, a, c), *speed)), *PLACE, SPEED
     ),
-    _mode(
-        "flyaround",
-        orders.FlyAround,
-        _distance("radius", "of the circle; left out: where the chaser is"),
-        PERIOD,
-    ),
+    _mode("flyaround", orders.FlyAround, RADIUS, PERIOD),
     _mode("circumnavigate", orders.Circumnavigate, SIZE),
     _mode("safe-ellipse", orders.FlySafeEllipse, SIZE),
-    _mode(
-        "keep-range",
-        orders.KeepRange,
-        _distance("near", "turned back when nearer than this"),
-        _distance("far", "turned back when farther than this"),
-    ),
+    _mode("keep-range", orders.KeepRange, NEAR, FAR),
     command("guidance.drift", order(Drift), state=lambda c: c.session.craft.drifts),
     command(
         "burn.plan",

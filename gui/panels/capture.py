@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 from flyaround.gui import style
 from flyaround.gui.commands.capture import FLOWN, FPS, NEW, THIS, WIDTH_PX
-from flyaround.gui.texts import left_text
+from flyaround.gui.texts import NOTES, left_text
 from flyaround.gui.widgets import Panel
 from flyaround.simulator.dataset.formats.registry import writable
 from flyaround.simulator.piloting.readouts import duration_text, mission_seconds, mission_time
@@ -56,18 +56,10 @@ class CapturePanel(Panel):
         self._what = self._what or (FLOWN if console.session in console.unsaved else THIS)
         w.field("What", "", 0.7)
         self._what = w.choice(
-            console,
-            "capture.start",
-            self._what,
-            self._names,
-            argument="what",
-            shown=lambda name: TITLES.get(name, name),
+            console, "capture.start", self._what, self._names, argument="what", shown=TITLES
         )
         if self._what in TITLES:
-            w.text(
-                "with the camera, exposure, colour and lights chosen here; noise and layers as in the scenario",
-                style.QUIET,
-            )
+            w.text(NOTES["capture"], style.QUIET)
         w.field("Frames", "", 0.7)
         frames, *_, workers = console.table["capture.start"].arguments
         self._frames = w.typed("frames", self._frames, frames, "Capture")

@@ -81,12 +81,7 @@ class EstimatorPanel(Panel):
         said = f"{said}, {abs(t_s - e.t_s):.1f} s ago{answer.reason and ': '}{answer.reason}"
         w.text(said, colour, "whether the estimator accepts its best pose; simulated time since its picture")
         if (position := answer.t_camera_from_target_m) is not None:
-            w.row(
-                "Position, camera [m]",
-                position,
-                "{:+z.3f}",
-                "of the target in camera axes: right, down, ahead",
-            )
+            w.row("Position, camera [m]", position, "{:+z.3f}", "of the target: right, down, ahead")
         if (attitude := answer.q_camera_from_target_wxyz) is not None:
             tip = "quaternion w x y z that turns target axes into camera axes"
             # four in a line are wider than the panel

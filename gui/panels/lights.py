@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, get_args
 import numpy as np
 
 from flyaround.gui.picture.light_settings import NEW_LIGHTS, SwitchedLight, lights_of
-from flyaround.gui.texts import texts
+from flyaround.gui.texts import NOTES, texts
 from flyaround.gui.widgets import Panel
 from flyaround.simulator.scene.illumination.lamp import Profile
 
@@ -32,10 +32,7 @@ class LightsPanel(Panel):
         """Draw into the current panel."""
         w, scene = self._w, console.session.scene()
         lights = console.options.settings.lights
-        w.text(
-            f"Sun: {100 * scene.sun_visible_fraction:.0f} % of its disc",
-            tip="share of the Sun's disc visible from the target, past the Earth and the Moon",
-        )
+        w.text(f"Sun: {100 * scene.sun_visible_fraction:.0f} % of its disc", tip=NOTES["sun"])
         for k, switched in enumerate(lights_of(scene) if lights is None else lights):
             self._light(console, k, switched)
         w.imgui.separator()
@@ -81,9 +78,8 @@ class LightsPanel(Panel):
             numbers = [f"{x:.6g}" for x in value or (0.0, 0.0, 0.0)]
 
             def place(axis: int, new: str) -> str:
-                return console.attempt(
-                    "light.set", k, name, ",".join([*numbers[:axis], new, *numbers[axis + 1 :]])
-                )
+                words = [*numbers[:axis], new, *numbers[axis + 1 :]]
+                return console.attempt("light.set", k, name, ",".join(words))
 
             w.text(f"{text}, {frame}: {AXES[frame]}", tip=tip)
             for axis, width in enumerate(w.grid(3, np.inf, 3)):

@@ -9,7 +9,8 @@ import numpy as np
 
 from flyaround.gui import style
 from flyaround.gui.picture.figures import FIGURES
-from flyaround.gui.widgets import DRAGGED, Panel
+from flyaround.gui.text_widgets import DRAGGED
+from flyaround.gui.widgets import Panel
 
 if TYPE_CHECKING:
     from flyaround.gui.console import Console

@@ -9,6 +9,7 @@ import numpy as np
 
 from flyaround.gui import style
 from flyaround.gui.picture.figures import flown_colour
+from flyaround.gui.texts import NOTES
 from flyaround.gui.widgets import Panel
 from flyaround.simulator.errors import UserError
 from flyaround.simulator.piloting.chaser_control import ATTITUDE_MODES
@@ -32,7 +33,6 @@ FIRST_AFTER_S, FIRST_M_S = 60.0, 0.01
 AXES = ("radial", "along", "cross")
 LEAST_WAY_M = 0.05  # a nearer point is where the chaser is
 HERE = "here: dim numbers follow the chaser"
-PLUME = "whether the exhaust (half angle 30°) hits the target's bounding sphere within 20 m"
 
 
 def fly_to_warning(craft: PilotedCraft, place: FloatArray) -> tuple[str, style.Rgba]:
@@ -70,8 +70,7 @@ class SteeringPanel(Panel):
         colour = flown_colour(console.session, style.QUIET)
         phase = "" if steering.guided is None else f": {steering.guided.phase(console.session.t_s)}"
         # one line, because buttons stand below it
-        tip = "guidance that flies the chaser while no key is pressed"
-        w.cut_line(console.flown_by + phase, w.width, colour, tip)
+        w.cut_line(console.flown_by + phase, w.width, colour, NOTES["flown-by"])
         w.buttons(console, GUIDANCE, 2)
         self._to_a_point(console)
         self._burns(console)
@@ -83,14 +82,12 @@ class SteeringPanel(Panel):
         w, steering = self._w, console.session.craft.steering
         spent = steering.propellant
         w.section("Spent by steering")
-        tip = "delta-v of the thrusters since the start, summed over all burns"
-        w.row("Delta-v", (speed_text(spent.delta_v_m_s),), "{}", tip)
+        w.row("Delta-v", (speed_text(spent.delta_v_m_s),), "{}", NOTES["delta-v"])
         tip = f"burnt since the start, at a specific impulse of {spent.thrusters.specific_impulse_s:g} s"
         w.row("Propellant", (spent.used_kg,), "{:.3f} kg", tip)
-        tip = "mass of the chaser in the scenario; 100 kg if the scenario gives none"
-        w.row("Mass", (spent.mass_kg,), "{:.2f} kg", tip)
+        w.row("Mass", (spent.mass_kg,), "{:.2f} kg", NOTES["mass"])
         strikes = "the plume strikes the target", style.OUTSIDE
-        w.text(*(strikes if steering.plume else ("plume clear of the target", style.QUIET)), PLUME)
+        w.text(*(strikes if steering.plume else ("plume clear of the target", style.QUIET)), NOTES["plume"])
 
     def _to_a_point(self, console: Console) -> None:
         """Draw the fields of a point or of a displacement, a line about the flight there, and its button."""
@@ -115,15 +112,10 @@ class SteeringPanel(Panel):
         warning, colour = ("", style.QUIET) if flawed else fly_to_warning(craft, place)
         w.cut_line(warning, w.width, colour)
         on = craft.steering.doing == FlyTo.title
-        fill = colour if colour != style.QUIET else None if on or warning == HERE else style.PRIMARY
+        quiet = style.LIT if on else None if warning == HERE else style.PRIMARY
+        fill = quiet if colour == style.QUIET else colour
         label = "Fly there" if colour == style.QUIET else "Fly there anyway"
-        look: dict[str, Any] = {
-            "label": label,
-            "width": w.width,
-            "fill": fill,
-            "on": on,
-            "enabled": not flawed,
-        }
+        look: dict[str, Any] = {"label": label, "width": w.width, "fill": fill, "enabled": not flawed}
         w.button(console, "guidance.waypoint", *place.tolist(), **look)
 
     def _burns(self, console: Console) -> None:
@@ -171,7 +163,6 @@ class SteeringPanel(Panel):
         nearest_m, risk = craft.burns_forecast()
         if np.isfinite(nearest_m):
             w.coloured(style.BAD if risk else style.INK)
-            tip = "closest approach to the target's centre of mass on the path with these burns"
-            w.row("Closest", (nearest_m,), "{:.2f} m", tip)
+            w.row("Closest", (nearest_m,), "{:.2f} m", NOTES["closest"])
             w.imgui.pop_style_color()
         w.cut_line(risk and f"the path {risk}", w.width, style.BAD, "as red on the LVLH map")

@@ -43,9 +43,8 @@ class TimelinePanel(Panel):
         imgui, w = self._w.imgui, self._w
         w.section("Bookmarks")
         imgui.set_next_item_width(max(min(w.width - 110 * w.window.scale, 320 * w.window.scale), 60.0))
-        entered, self._note = imgui.input_text_with_hint(
-            "##note", "a note, and Enter", self._note, imgui.InputTextFlags_.enter_returns_true
-        )
+        enter, hint = imgui.InputTextFlags_.enter_returns_true, "a note, and Enter"
+        entered, self._note = imgui.input_text_with_hint("##note", hint, self._note, enter)
         w.command_tip(console, "timeline.bookmark", argument="note")
         imgui.same_line()
         if imgui.button("Bookmark##add") or entered:

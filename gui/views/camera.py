@@ -181,7 +181,7 @@ class CameraView(Panel):
         badge, colour = mode_badge(session)
         speed = f"{feed.frame_ms:.0f} ms  {image.shape[1]}x{image.shape[0]}"
         rate = "" if session.clock.paused else f"{feed.frames_s:.1f} fps  "
-        turning = float(np.linalg.norm(r.relative_rate_deg_s))
+        turning = f"{float(np.linalg.norm(r.relative_rate_deg_s)):9.3f} °/s"
         age = age_text(session, picture.frame.scene.t_s, 0.0)
         running = style.WARN if session.clock.paused else style.INK
 
@@ -206,12 +206,7 @@ class CameraView(Panel):
                 row("RANGE", style.ACCENT),
                 row("CLOSING"),
                 row("ACROSS"),
-                Row(
-                    "RATE",
-                    f"{turning:9.3f} °/s",
-                    style.INK,
-                    "rotation rate of the target relative to the camera",
-                ),
+                Row("RATE", turning, style.INK, "rotation rate of the target relative to the camera"),
             ),
             (
                 Row("", "IN TARGET'S LVLH", style.QUIET, "frame of the three figures below"),
