@@ -12,13 +12,20 @@ from typing import TYPE_CHECKING, Any, Literal
 
 from flyaround.gui.texts import texts
 from flyaround.simulator.errors import UserError
+from flyaround.simulator.piloting.readouts import mission_seconds
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Sequence
 
-Kind = Literal["number", "whole", "word", "switch"]
+Kind = Literal["number", "time", "whole", "word", "switch"]
 Value = float | int | str | bool
 SWITCH = {"on": True, "off": False}
+NUMBERS: dict[str, tuple[Callable[[str], float], str]] = {
+    "number": (float, "a number"),
+    "time": (mission_seconds, "h:min:s, or seconds"),
+    "whole": (int, "a whole number"),
+}
+"""Function that reads each kind of number, and its name in refusals."""
 KEY_NAMES = texts("keys")
 """Keys whose names for people differ from those in Dear ImGui."""
 
@@ -32,7 +39,8 @@ class Argument:
     name : str
         Name in scripts and in the menu.
     kind : Kind
-        ``number`` (finite), ``whole``, ``word`` (any text) or ``switch`` (on, off).
+        ``number`` (finite), ``time`` (seconds since the start, or h:min:s), ``whole``, ``word`` (any text) or
+        ``switch`` (on, off).
     help : str
         Meaning in a few words.
     choices : tuple of str, optional
@@ -76,17 +84,15 @@ class Argument:
         UserError
             If it is invalid.
         """
-        value, allowed = self._value(text)
-        if allowed:
-            where = self.label if self.label == command.lower() else f"{command}: {self.label}"
-            raise UserError(f"{where} is '{text}', allowed: {allowed}")
-        return value
+        if flaw := self.flaw(text, command):
+            raise UserError(flaw)
+        return self._value(text)[0]
 
-    def flaw(self, text: str, title: str = "") -> str:
-        """Return what is wrong with a value typed into the field of this title; empty if nothing is."""
+    def flaw(self, text: str, command: str) -> str:
+        """Return what is wrong with a text of the command with this name or title; empty if nothing is."""
         allowed = self._value(text)[1]
-        title = title or self.label[:1].upper() + self.label[1:]
-        return f"{title} is '{text}', allowed: {allowed}" if allowed else ""
+        where = self.label if self.label == command.lower() else f"{command}: {self.label}"
+        return f"{where} is '{text}', allowed: {allowed}" if allowed else ""
 
     def _value(self, text: str) -> tuple[Value, str]:
         """Return the value of a text, and what is allowed instead if it is invalid."""
@@ -95,15 +101,16 @@ class Argument:
         if self.kind == "word":
             wrong = self.choices and text not in self.choices
             return text, ", ".join(self.choices[:40]) if wrong else ""
+        read, noun = NUMBERS[self.kind]
         try:
-            value = int(text) if self.kind == "whole" else float(text)
+            value = read(text)
             if math.isfinite(value) and self.least <= value <= self.most:
                 return value, ""
         # a whole number of hundreds of digits is no float
         except (ValueError, OverflowError):
             value = math.nan
         bounds = f" from {self.least:g} to {self.most:g}" if math.isfinite(self.most - self.least) else ""
-        return value, f"a {'whole ' * (self.kind == 'whole')}number{bounds}"
+        return value, f"{noun}{bounds}"
 
 
 def number(
@@ -117,6 +124,11 @@ def number(
 ) -> Argument:
     """Return an argument that is a finite number."""
     return Argument(name, "number", text, least=least, most=most, unit=unit, optional=optional)
+
+
+def moment(name: str, text: str, *, optional: bool = False) -> Argument:
+    """Return an argument that is a time since the scenario's start."""
+    return Argument(name, "time", text, least=0.0, most=1e9, unit="h:min:s or s", optional=optional)
 
 
 def word(name: str, text: str, choices: tuple[str, ...] = (), *, optional: bool = False) -> Argument:
@@ -189,9 +201,8 @@ class Command:
     @property
     def form(self) -> str:
         """Synopsis: its name, followed by its arguments."""
-        return " ".join(
-            [self.name, *(f"[{a.name}]" if a.optional else a.name.upper() for a in self.arguments)]
-        )
+        arguments = (f"[{a.name}]" if a.optional else a.name.upper() for a in self.arguments)
+        return " ".join([self.name, *arguments])
 
     def hover_text(self, *supplied: Value) -> str:
         """Return the hover text of its control: purpose, key and arguments.
@@ -209,7 +220,8 @@ class Command:
         """
         help_, keys = self.help[:1].upper() + self.help[1:], f" ({self.shown})" if self.shown else ""
         open_ = [a.description for a in self.arguments[len(supplied) :] if a.kind != "switch"]
-        return "\n".join([f"{help_}{keys}", *open_, line_of(self.name, supplied) if supplied else self.form])
+        short = [float(f"{v:.6g}") if isinstance(v, float) else v for v in supplied]
+        return "\n".join([f"{help_}{keys}", *open_, line_of(self.name, short) if supplied else self.form])
 
     def read(self, words: Sequence[str], by: str = "") -> tuple[Value, ...]:
         """Return the arguments of a script's line.

@@ -6,8 +6,8 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from flyaround.gui.questions import flight_text
-from flyaround.gui.texts import time_text
 from flyaround.simulator.errors import UserError
+from flyaround.simulator.piloting.readouts import duration_text
 
 if TYPE_CHECKING:
     from flyaround.simulator.piloting.session import FlightSession
@@ -56,7 +56,7 @@ class FlightList:
         since_s = max(flight.look_back.timeline.end_s, flight.t_s) - self.kept_s[flight]
         if since_s < LEAST_LOST_S:
             return "has another future than its file"
-        return f"has {time_text(since_s)} flown since its file was written"
+        return f"has {duration_text(since_s)} flown since its file was written"
 
     def note_flown_on(self, flight: FlightSession, from_s: float) -> None:
         """Count a kept flight as unsaved again once it has flown on, from a time on."""

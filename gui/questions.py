@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from flyaround.gui.texts import duration_text, time_text
+from flyaround.simulator.piloting.readouts import duration_text, mission_time
 
 if TYPE_CHECKING:
     from flyaround.gui.command_table import Command, Value
@@ -63,7 +63,7 @@ def acts_on_chaser(name: str) -> bool:
 def flight_text(session: FlightSession) -> str:
     """Return a flight's scenario and length."""
     end_s = max(session.look_back.timeline.end_s, session.t_s)
-    return f"the flight of {session.plan.scenario.name}, {time_text(end_s)},"
+    return f"the flight of {session.plan.scenario.name}, {duration_text(end_s)},"
 
 
 def drops_future(session: FlightSession) -> bool:
@@ -119,8 +119,8 @@ def question_before(
     )
     if not flies or not drops_future(session):
         return Question(command, values, LIFTS, KEEPS_OUT, "Lift it") if lifts else None
-    flown = time_text(session.look_back.timeline.end_s - session.t_s)
-    text = f"Fly on from T+{duration_text(int(session.t_s))}? The {flown} flown after it are dropped."
+    flown = duration_text(session.look_back.timeline.end_s - session.t_s)
+    text = f"Fly on from {mission_time(session.t_s, whole=True)}? The {flown} flown after it are dropped."
     first = "" if name == "timeline.fly-on" else "timeline.fly-on"
     text = f"{text} {LIFTS}" if lifts else text
     return Question(command, values, text, SWAP_BACK, "Fly on", first)

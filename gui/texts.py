@@ -7,6 +7,7 @@ from functools import cache
 from importlib.resources import files
 from typing import Any
 
+from flyaround.simulator.piloting.readouts import duration_text
 from flyaround.simulator.runtime.toml_file import parse_toml
 
 
@@ -16,6 +17,10 @@ def texts(subject: str) -> dict[str, Any]:
     name = "texts.toml"
     table: dict[str, Any] = parse_toml(files("flyaround.gui").joinpath(name).read_bytes(), name)[subject]
     return table
+
+
+NOTES: dict[str, str] = texts("notes")
+"""Explanations in panels, by subject."""
 
 
 @cache
@@ -30,19 +35,6 @@ def with_titles(sentence: str) -> str:
     return re.sub(key, lambda m: titles()[m[1]], sentence)
 
 
-def time_text(seconds: float) -> str:
-    """Return a duration in minutes and seconds."""
-    minutes, rest = divmod(round(seconds), 60)
-    return f"{minutes} min {rest:02d} s" if minutes else f"{rest} s"
-
-
 def left_text(seconds: float | None) -> str:
     """Return a remaining time as the end of a sentence; empty while it is unknown."""
-    return "" if seconds is None else f", {time_text(seconds)} left"
-
-
-def duration_text(seconds: float) -> str:
-    """Return minutes and seconds, and hours if there are any, as a clock does."""
-    minutes, rest = divmod(round(seconds), 60)
-    hours, minutes = divmod(minutes, 60)
-    return f"{hours}:{minutes:02d}:{rest:02d}" if hours else f"{minutes}:{rest:02d}"
+    return "" if seconds is None else f", {duration_text(seconds)} left"

@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 import math
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from flyaround.gui import style
-from flyaround.gui.commands.timeline import clock
 from flyaround.gui.icons import labelled
 from flyaround.gui.jobs.all import running_jobs
-from flyaround.gui.texts import duration_text, left_text
+from flyaround.gui.texts import left_text
 from flyaround.gui.usable import is_usable
 from flyaround.gui.widgets import Widgets
 from flyaround.simulator.piloting.clock import RATES
+from flyaround.simulator.piloting.readouts import duration_text, mission_time
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -30,6 +31,8 @@ SILENT_S = 2.0  # time after which a job that has given nothing yet tells how lo
 JOB_COLUMNS = 3  # columns of the line of jobs; more jobs get narrower ones
 STEPS_S = (1, 5, 10, 30, 60, 300, 600, 1800, 3600, 7200, 21_600, 86_400)
 """Steps of the slider's scale [s]."""
+HAND = {"by hand": "ON", "docked": "DOCKED"}
+"""State of armed hand control by what flies the chaser; armed only, while guidance or the autopilot does."""
 GUARD_MS = 5000
 """Time for which the open guard of the abort button waits for the second click [ms]."""
 
@@ -63,7 +66,7 @@ class TransportStrip:
         imgui.same_line()
         timeline = session.look_back.timeline
         end_s = max(timeline.end_s, session.t_s, 0.1)
-        text = clock(session.t_s) + ("" if narrow else f" of {clock(end_s)[2:]}")
+        text = mission_time(session.t_s) + ("" if narrow else f" of {mission_time(end_s)[2:]}")
         imgui.align_text_to_frame_padding()
         w.one_line(text, style.WARN if session.look_back.active else style.INK)
         w.tip("time shown, and end of the recorded flight [h:min:s since the start]; yellow: looking back")
@@ -79,10 +82,10 @@ class TransportStrip:
         ):
             w.button(console, name, label=label, width=width * em, enabled=is_usable(console, name))
             imgui.same_line()
-        on, craft = console.hand.armed, session.craft
-        idle = craft.mode == "guidance" or bool(craft.steering.doing)
-        look = ("HAND: IDLE" if idle else "HAND: ON", "hand-on") if on else ("HAND: OFF", "hand-off")
-        fill = style.WARN if on and not idle else style.EDGE
+        on = console.hand.armed
+        state = HAND.get(console.flown_by, "ARMED") if on else "OFF"
+        look = f"HAND: {state}", "hand-on" if on else "hand-off"
+        fill = style.WARN if state == "ON" else style.EDGE
         w.button(console, "steer.arm", label=look[0], icon=look[1], width=8 * em, fill=fill)
         imgui.same_line()
         self._abort(console, 8 * em)
@@ -136,7 +139,7 @@ class TransportStrip:
                 x = x_of(at_s)
                 draw.add_line(w.vec(x, low.y), w.vec(x, high.y), w.color(colour), 2.0)
                 if abs(imgui.get_mouse_pos().x - x) < pad:
-                    near.insert(0, f"{clock(at_s)}  {text}")
+                    near.insert(0, f"{mission_time(at_s)}  {text}")
         w.tip("\n".join(near))
         if changed:
             console.do("timeline.seek", max(round(t_s, 3), 0.0))
@@ -144,10 +147,10 @@ class TransportStrip:
     def _scale(self, end_s: float, x_of: Callable[[float], float]) -> None:
         """Write times into the slider, the last item: both ends, and round times between them."""
         w, imgui = self._w, self._w.imgui
-        at_text: Callable[[float], str] = lambda t_s: f"T+{duration_text(int(t_s))}"  # noqa: E731
+        at_text = partial(mission_time, whole=True)
         low, high = imgui.get_item_rect_min(), imgui.get_item_rect_max()
         imgui.push_font(w.window.text_font, 0.75 * imgui.get_style().font_size_base)
-        room = 1.6 * imgui.calc_text_size("T+00:00").x
+        room = 1.6 * imgui.calc_text_size("T+00:00:00").x
         step = next((s for s in STEPS_S if x_of(s) - x_of(0.0) > room), end_s)
         last = imgui.calc_text_size(at_text(end_s)).x
         times = {0.0: 0.0, end_s: 1.0}
@@ -215,7 +218,7 @@ class JobStrip:
             if job.share and spent_s > FIRST_GUESS_S:
                 text += left_text(spent_s * (1 - job.share) / job.share)
             elif job.silent and spent_s > SILENT_S:
-                text += f", {spent_s:.0f} s"
+                text += f", {duration_text(spent_s)}"
             w.cut_line(text, width - button - 1.5 * imgui.get_font_size(), style.ACCENT, typing=True)
             if job.share is not None:
                 low, high = imgui.get_item_rect_min(), imgui.get_item_rect_max()

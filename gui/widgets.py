@@ -1,4 +1,4 @@
-"""Widgets that panels share: headings, rows of figures, controls of commands, tables, plots, wrapped text."""
+"""Widgets that panels share: controls of commands, tables and plots, beside the fields and texts of their bases."""
 
 from __future__ import annotations
 
@@ -6,23 +6,21 @@ from abc import ABC, abstractmethod
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
-from flyaround.gui import hover_text, style
+from flyaround.gui import style
+from flyaround.gui.fields import Fields
 from flyaround.gui.icons import PRIMARY, labelled
+from flyaround.simulator.piloting.readouts import mission_time
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Iterator, Sequence
+    from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 
-    from flyaround.gui.command_table import Argument, Value
+    from flyaround.gui.command_table import Value
     from flyaround.gui.console import Console
     from flyaround.gui.surface import Surface
 
 
-DRAGGED = "figure"
-"""Type of the drag-and-drop payload of a row of figures."""
-
-
-class Widgets:
-    """Widgets over one window's Dear ImGui.
+class Widgets(Fields):
+    """Controls of commands, tables and plots of the current panel.
 
     Parameters
     ----------
@@ -30,133 +28,7 @@ class Widgets:
         Surface with the fonts and scale.
     """
 
-    def __init__(self, window: Surface) -> None:
-        self.window = window
-        self.imgui = window.imgui
-        self.implot = window.implot
-        self._refused: dict[object, tuple[str, str, object]] = {}
-        """Typed texts that were refused, the reasons, and the values at that time, by field and owner."""
-        self._taken = -2
-        """Number of the last frame in which a field's text was taken."""
-        self._good: dict[str, str] = {}
-        """Last right text of each field, by its key."""
-        self._drawn: dict[object, int] = {}
-        """Number of the last frame in which a field was drawn."""
-
-    # --- sizes
-
-    @property
-    def width(self) -> float:
-        """Available width of the panel [px]."""
-        return float(self.imgui.get_content_region_avail().x)
-
-    @property
-    def line(self) -> float:
-        """Height of a line of text [px]."""
-        return float(self.imgui.get_text_line_height_with_spacing())
-
-    def button_width(self, label: str) -> float:
-        """Return the width of a button with this label [px]."""
-        return float(self.imgui.calc_text_size(label).x + 2 * self.imgui.get_style().frame_padding.x)
-
-    def flow(self, width: float, *, first: bool) -> None:
-        """Continue the line if an item of this width still fits."""
-        imgui = self.imgui
-        if first:
-            return
-        end = imgui.get_item_rect_max().x + imgui.get_style().item_spacing.x + width
-        if end <= imgui.get_cursor_screen_pos().x + self.width:
-            imgui.same_line()
-
-    def grid(self, count: int, least: float, fewest: int = 1) -> Iterator[float]:
-        """Yield the width of each of ``count`` cells, in columns of at least the width ``least`` at scale 1."""
-        spacing = self.imgui.get_style().item_spacing.x
-        columns = max(fewest, int((self.width + spacing) / (least * self.window.scale + spacing)))
-        width = (self.width - (columns - 1) * spacing) / columns
-        start, step = self.imgui.get_cursor_pos_x(), width + spacing
-        for k in range(count):
-            if k % columns:
-                self.imgui.same_line()
-                # not an offset of the line, which a table's column would add again
-                self.imgui.set_cursor_pos_x(start + k % columns * step)
-            yield width
-
-    def frame(self, rgba: style.Rgba, rect: Sequence[float] = (), window: Any = None) -> None:  # noqa: ANN401
-        """Draw a frame over a Dear ImGui window, and below those that float over it.
-
-        Parameters
-        ----------
-        rgba : Rgba
-            Colour.
-        rect : sequence of float, optional
-            Left, top, right and bottom; by default the whole window.
-        window : object, optional
-            The window, by default the current one.
-        """
-        native = window or self.imgui.internal.get_current_window()
-        low, high = native.pos, self.vec(native.pos.x + native.size.x, native.pos.y + native.size.y)
-        x, y, right, bottom = rect or (low.x + 1, low.y + 1, high.x - 1, high.y - 1)
-        native.draw_list.push_clip_rect(low, high)
-        native.draw_list.add_rect(self.vec(x, y), self.vec(right, bottom), self.color(rgba), 3.0, 2.0)
-        native.draw_list.pop_clip_rect()
-
-    # --- text
-
-    def section(self, title: str) -> None:
-        """Draw a heading."""
-        self.imgui.dummy(self.imgui.ImVec2(0, 1))
-        self.coloured(style.ACCENT)
-        self.imgui.separator_text(self.elided(title, self.width - 30 * self.window.scale))
-        self.imgui.pop_style_color()
-
-    def coloured(self, rgba: style.Rgba) -> None:
-        """Colour text until ``imgui.pop_style_color``."""
-        self.imgui.push_style_color(self.imgui.Col_.text, self.imgui.ImVec4(*rgba))
-
-    def one_line(self, text: str, rgba: style.Rgba) -> None:
-        """Draw coloured text without wrapping."""
-        self.coloured(rgba)
-        self.imgui.text_unformatted(text)
-        self.imgui.pop_style_color()
-
-    def text(self, text: str, rgba: style.Rgba = style.INK, tip: str = "") -> None:
-        """Draw text that wraps at the panel's edge; ``tip`` is its hover text."""
-        self.imgui.push_text_wrap_pos(0.0)
-        self.one_line(text, rgba)
-        self.imgui.pop_text_wrap_pos()
-        if tip:
-            self.tip(tip)
-
-    def elided(self, text: str, width: float) -> str:
-        """Return the text, or as much of its beginning as fits, with an ellipsis."""
-        size = self.imgui.calc_text_size
-        if size(text).x <= width:
-            return text
-        length = len(text)
-        while length > 1 and size(text[:length] + "...").x > width:
-            length -= 1
-        return text[:length].rstrip() + "..."
-
-    def cut_line(
-        self, text: str, width: float, rgba: style.Rgba, tip: str = "", *, typing: bool = False
-    ) -> None:
-        """Draw as much of a text as fits; its hover text has the whole of it before ``tip``."""
-        shown = self.elided(text, width)
-        self.one_line(shown, rgba)
-        hover_text.item_tip(self.imgui, tip if shown == text else f"{text}\n{tip}".strip(), typing=typing)
-
-    def lines(self, text: str, rgba: style.Rgba, tip: str = "", count: int = 2) -> None:
-        """Draw text that wraps, in the height of as many lines, so that what stands below does not move."""
-        imgui = self.imgui
-        low = imgui.get_cursor_pos_y() + count * imgui.get_text_line_height()
-        self.text(text, rgba, tip)
-        rest = low - imgui.get_cursor_pos_y()
-        if rest > 0:
-            imgui.dummy(imgui.ImVec2(0, rest))
-
-    def tip(self, text: str) -> None:
-        """Give the last item a hover text."""
-        hover_text.item_tip(self.imgui, text)
+    # --- controls of commands
 
     def command_tip(self, console: Console, name: str, *given: Value, argument: str = "") -> None:
         """Give the last item the hover text of its command: purpose, key, and arguments with their units.
@@ -177,135 +49,6 @@ class Widgets:
             self.tip(next(a.description for a in command.arguments if a.name == argument))
         else:
             self.tip(command.hover_text(*given))
-
-    def row(
-        self, name: str, values: Sequence[float | str], form: str, tip: str, *, figure: int | None = None
-    ) -> None:
-        """Draw a line of figures, which go below the name in a narrow panel.
-
-        Parameters
-        ----------
-        name : str
-            Label of the line.
-        values : sequence of float or str
-            Figures in order, or the names of their axes.
-        form : str
-            Format of each figure, as for ``str.format``.
-        tip : str
-            Hover text.
-        figure : int, optional
-            Index for dragging it into a plot; None if it cannot be dragged.
-        """
-        imgui = self.imgui
-        figures = " ".join(form.format(v) for v in values)
-        self.one_line(name, style.QUIET)
-        self.tip(tip)
-        label = max(imgui.calc_text_size(name).x, imgui.calc_text_size("Velocity [mm/s]").x)
-        imgui.push_font(self.window.figure_font, 0.0)
-        width = imgui.calc_text_size(figures).x
-        if label + 8 + width <= self.width:
-            imgui.same_line(imgui.get_cursor_pos_x() + self.width - width)
-        shown = self.elided(figures, self.width)
-        imgui.text_unformatted(shown)
-        if figure is not None and imgui.begin_drag_drop_source(imgui.DragDropFlags_.source_allow_null_id):
-            imgui.set_drag_drop_payload_py_id(DRAGGED, figure)
-            imgui.text_unformatted(f"{name.strip()}: drop it in Plots")
-            imgui.end_drag_drop_source()
-        self.tip(tip if shown == figures else f"{figures}\n{tip}")
-        imgui.pop_font()
-
-    def field(self, text: str, tip: str, share: float, rgba: style.Rgba = style.INK) -> None:
-        """Draw the name of the next control, which gets at most this share of the line, at its end."""
-        imgui = self.imgui
-        width = min(16 * share * imgui.get_font_size(), share * self.width)
-        end = imgui.get_cursor_pos_x() + self.width
-        imgui.align_text_to_frame_padding()
-        self.cut_line(text, self.width - width - 8, rgba, tip)
-        imgui.same_line(end - width)
-        imgui.set_next_item_width(width)
-
-    def typed(self, key: str, text: str, argument: Argument, title: str = "") -> str:
-        """Draw a field for an argument's value, which says what is wrong with its text; return the text."""
-        text = self._number(key, text)
-        if self._given_up(key) and argument.flaw(text):
-            text = self._good.get(key, "")
-        self.flaw(flaw := argument.flaw(text, title))
-        if not flaw:
-            self._good[key] = text
-        self.tip(flaw or argument.description)
-        return text
-
-    def _number(self, key: str, text: str) -> str:
-        """Draw a text field, in which a double click selects everything; return its text."""
-        imgui = self.imgui
-        text = str(imgui.input_text(f"##{key}", text)[1])
-        if imgui.is_item_active() and imgui.is_mouse_double_clicked(0):
-            # Dear ImGui selects a word, which of -0.02 are its last digits
-            imgui.internal.get_input_text_state(imgui.get_item_id()).select_all()
-        return text
-
-    def entry(
-        self,
-        key: str,
-        shown: str,
-        take: Callable[[str], str],
-        tip: str,
-        of: object = None,
-        now: object = None,
-    ) -> None:
-        """Draw a field for a value that Enter, or leaving the field, hands to ``take``.
-
-        What ``take`` refuses stays in the field until it is mended, Esc brings the value back, the value changes by
-        other means, or the panel is hidden.
-
-        Parameters
-        ----------
-        key : str
-            Identifier within the panel.
-        shown : str
-            Present value.
-        take : callable
-            Function that takes a text and returns why it refuses it, or an empty text.
-        tip : str
-            Hover text.
-        of : object, optional
-            Owner of the value, if the field may become another one's.
-        now : object, optional
-            Values that are changed together, by default the present one.
-        """
-        imgui, field, now = self.imgui, (key, of), now or shown
-        text, flaw, then = self._refused.get(field, (shown, "", now))
-        if then != now and self._taken < imgui.get_frame_count() - 1:
-            # neither this field nor one beside it changed the value
-            text, flaw = shown, ""
-        text = self._number(key, text)
-        ended = imgui.is_item_deactivated_after_edit() and not imgui.is_key_pressed(imgui.Key.escape)
-        if self._given_up(field) or ended:
-            flaw = take(text) if ended else ""
-            self._taken = imgui.get_frame_count() if ended and not flaw else self._taken
-        if flaw:
-            self._refused[field] = text, flaw, now
-        else:
-            self._refused.pop(field, None)
-        self.flaw(flaw)
-        self.tip(flaw or f"{tip}; Enter applies it, Esc discards it")
-
-    def _given_up(self, key: object) -> bool:
-        """Return True on Esc, and if the field was out of sight since it was last drawn."""
-        now = self.imgui.get_frame_count()
-        before, self._drawn[key] = self._drawn.get(key, now), now
-        return now > before + 1 or self.imgui.is_key_pressed(self.imgui.Key.escape)
-
-    def flaw(self, text: str) -> None:
-        """Frame the last item, and say in the message line what is wrong with its value; unless empty."""
-        if text and self.imgui.is_item_visible():
-            low, high = self.imgui.get_item_rect_min(), self.imgui.get_item_rect_max()
-            self.frame(style.BAD, (low.x, low.y, high.x, high.y))
-            # of several, that of the field that takes text
-            if self.imgui.is_item_active() or not self.window.flaw:
-                self.window.flaw = text
-
-    # --- controls of commands
 
     def button(
         self,
@@ -367,12 +110,10 @@ class Widgets:
 
     def buttons(self, console: Console, names: Sequence[str], per_row: int, primary: str = "") -> None:
         """Draw buttons of one width, ``per_row`` in a row, or fewer in a narrow panel; ``primary`` is filled."""
-        imgui = self.imgui
         widest = max(self.button_width(labelled(n, console.table[n].title)) for n in names)
-        widest = (
-            max(widest, (self.width + imgui.get_style().item_spacing.x) / per_row - 9) / self.window.scale
-        )
-        for name, width in zip(names, self.grid(len(names), widest), strict=True):
+        share = (self.width + self.imgui.get_style().item_spacing.x) / per_row - 9
+        widths = self.grid(len(names), max(widest, share) / self.window.scale)
+        for name, width in zip(names, widths, strict=True):
             state = console.table[name].state
             fill = style.PRIMARY if name == primary else None
             self.button(console, name, width=width, on=state is not None and state(console), fill=fill)
@@ -400,7 +141,7 @@ class Widgets:
         now: str,
         names: Sequence[str],
         *,
-        shown: Callable[[str], str] = str,
+        shown: Mapping[str, str] | None = None,
         argument: str = "",
         width: float = -1.0,
     ) -> str:
@@ -418,8 +159,8 @@ class Widgets:
             Present choice.
         names : sequence of str
             All choices.
-        shown : callable, optional
-            Function that returns the text of a choice.
+        shown : mapping, optional
+            Texts of choices that are not their names.
         argument : str, optional
             Name of the argument, if the command has others.
         width : float, optional
@@ -427,7 +168,9 @@ class Widgets:
         """
         imgui = self.imgui
         imgui.set_next_item_width(width)
-        changed, k = imgui.combo(f"##{name}{argument}", names.index(now), [shown(n) for n in names])
+        changed, k = imgui.combo(
+            f"##{name}{argument}", names.index(now), [(shown or {}).get(n, n) for n in names]
+        )
         self.command_tip(console, name, argument=argument)
         if changed and not argument:
             console.do(name, names[k])
@@ -471,7 +214,13 @@ class Widgets:
 
     @contextmanager
     def plot(
-        self, name: str, height: float, tip: str, axes: tuple[str, str] = ("", ""), *, still: bool = True
+        self,
+        name: str,
+        height: float,
+        tip: str,
+        axes: tuple[str, str] = ("", ""),
+        *,
+        span_s: tuple[float, float] | None = None,
     ) -> Iterator[bool]:
         """Open a plot without legend and title; yield False if it is not visible.
 
@@ -485,36 +234,30 @@ class Widgets:
             Hover text.
         axes : tuple of str, optional
             Names of the axes.
-        still : bool, optional
-            True if the mouse does not move it.
+        span_s : tuple of float, optional
+            Times of its first and last point, which are written below it; without them the mouse does not move it.
         """
         flags = self.implot.Flags_
         quiet = flags.no_legend | flags.no_menus | flags.no_mouse_text | flags.no_title
         size = self.imgui.ImVec2(-1, height * self.window.scale)
-        opened = self.implot.begin_plot(f"##{name}", size, quiet | (flags.no_inputs if still else 0))
+        opened = self.implot.begin_plot(f"##{name}", size, quiet | (0 if span_s else flags.no_inputs))
         if opened:
             quiet = self.implot.AxisFlags_.no_highlight
-            self.implot.setup_axes(*axes, quiet, quiet)
+            times = self.implot.AxisFlags_.no_tick_labels if span_s else 0
+            self.implot.setup_axes(*axes, quiet | times, quiet)
         yield bool(opened)
         if opened:
             self.implot.end_plot()
             self.tip(tip)
+        if opened and span_s:
+            first, last = (mission_time(t_s, whole=True) for t_s in span_s)
+            self.row(first, (last,), "{}", "times of the flight at the first and at the last point")
 
     def curve(self, rgba: style.Rgba) -> Any:  # noqa: ANN401 - an implot value
         """Return the style of a plotted line of this colour."""
         spec = self.implot.Spec()
         spec.line_color, spec.line_weight = self.imgui.ImVec4(*rgba), 1.5
         return spec
-
-    # --- values of Dear ImGui
-
-    def vec(self, x: float, y: float) -> Any:  # noqa: ANN401 - an imgui value
-        """Return a point."""
-        return self.imgui.ImVec2(x, y)
-
-    def color(self, rgba: style.Rgba) -> int:
-        """Return a colour for a draw list."""
-        return int(self.imgui.color_convert_float4_to_u32(self.imgui.ImVec4(*rgba)))
 
 
 class Panel(ABC):

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import msgspec
 
-from flyaround.gui.command_table import Argument, command, number, word
+from flyaround.gui.command_table import Argument, command, moment, number, word
 from flyaround.gui.commands.scenario import built_in_name
 from flyaround.gui.commands.timeline import keep_flight
 from flyaround.gui.jobs.capture_job import MOST_FRAMES, MOST_WORKERS, CaptureRequest
@@ -16,6 +16,7 @@ from flyaround.gui.jobs.flight_film import FlightFilm
 from flyaround.gui.jobs.program import new_path, output_file
 from flyaround.gui.picture.view_settings import scenario_as_seen
 from flyaround.simulator.errors import UserError
+from flyaround.simulator.piloting.readouts import mission_time
 from flyaround.simulator.runtime.files import write_atomic
 from flyaround.simulator.runtime.toml_text import to_toml
 
@@ -87,9 +88,8 @@ def _film(
         raise UserError(f"{console.jobs.flight_film.path} is being rendered: stop it, or wait for its end")
     last_s = console.session.look_back.timeline.end_s if end_s is None else end_s
     if start_s >= last_s:
-        raise UserError(
-            f"Film the whole flight: start [s] is {start_s:g}, allowed: below its end, {last_s:g}"
-        )
+        start, last = mission_time(start_s), mission_time(last_s)
+        raise UserError(f"Film the whole flight: start is {start}, allowed: below its end, {last}")
     name = console.session.plan.scenario.name
     where = output_file(path, FOLDER, f"{name}-flight", ".mp4")
     options = {"--width": width, "--fps": fps, "--speed": speed, "--from": start_s, "--to": end_s}
@@ -122,8 +122,8 @@ COMMANDS = (
         Argument("width", "whole", f"{WIDTH_PX} unless given", (), 16, 7680, optional=True, unit="px"),
         number("fps", f"pictures per second; {FPS:g} unless given", 1.0, 120.0, "1/s", optional=True),
         number("speed", "of the flight in the film; 1 unless given", 0.001, 1e4, "x", optional=True),
-        number("start", "time of the flight; its start unless given", 0.0, 1e9, "s", optional=True),
-        number("end", "time of the flight; its end unless given", 0.0, 1e9, "s", optional=True),
+        moment("start", "time of the flight; its start unless given", optional=True),
+        moment("end", "time of the flight; its end unless given", optional=True),
         word("path", "of the file, .mp4", optional=True),
     ),
     command("film.flight-stop", lambda c: c.jobs.flight_film and c.jobs.flight_film.stop()),

@@ -6,11 +6,11 @@ from typing import TYPE_CHECKING
 
 from flyaround.gui.command_table import command, switch, word
 from flyaround.gui.commands.steering import order
-from flyaround.gui.commands.timeline import clock
 from flyaround.gui.questions import drops_future
 from flyaround.simulator.piloting.chaser_control import GUARDS
 from flyaround.simulator.piloting.docking_figures import PRESETS
 from flyaround.simulator.piloting.orders import Abort, Approach, Go, GuardBy, JudgeBy, NoGo, TakeAxisHere
+from flyaround.simulator.piloting.readouts import mission_time
 
 if TYPE_CHECKING:
     from flyaround.gui.console import Console
@@ -27,7 +27,7 @@ def _abort(console: Console) -> None:
     console.open_panel("quit", shown=False)
     if drops_future(session):
         session.look_back.seek(session.look_back.timeline.end_s)
-        text = f"aborted the present flight, at {clock(session.t_s)}: an earlier time was shown"
+        text = f"aborted the present flight, at {mission_time(session.t_s)}: an earlier time was shown"
         console.say(text, "caution", over=lambda: not session.craft.steering.aborting)
     console.order(Abort())
     console.hand.let_go()

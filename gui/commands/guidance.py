@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from flyaround.gui.command_table import Argument, Command, command, number
+from flyaround.gui.command_table import Argument, Command, command, moment, number
 from flyaround.gui.commands.steering import order
 from flyaround.simulator.piloting import guidance_orders as orders
 from flyaround.simulator.piloting.orders import CancelBurns, Drift, PlanBurn
-from flyaround.simulator.piloting.planned_burns import MAX_BURN_LEAD_S, MAX_DELTA_V_M_S, burn_of
+from flyaround.simulator.piloting.planned_burns import MAX_DELTA_V_M_S, burn_of
 
 FAR_M = 1e5
 
@@ -32,6 +32,9 @@ SPEED = number("speed", "of the approach; 0.1 unless given", 1e-3, 10.0, "m/s", 
 HOLD = _distance("hold", "from the target's centre of mass")
 SIZE = _distance("size", "half of its radial size; left out: through where the chaser is")
 PERIOD = number("period", "of a turn; 900 unless given", 60.0, 1e5, "s", optional=True)
+RADIUS = _distance("radius", "of the circle; left out: where the chaser is")
+NEAR = _distance("near", "turned back when nearer than this")
+FAR = _distance("far", "turned back when farther than this")
 SINCE_START = "since the scenario's start"
 
 COMMANDS = (
@@ -43,27 +46,17 @@ COMMANDS = (
     command(
         "guidance.waypoint", order(lambda r, a, c, *speed: orders.FlyTo((r, a, c), *speed)), *PLACE, SPEED
     ),
-    _mode(
-        "flyaround",
-        orders.FlyAround,
-        _distance("radius", "of the circle; left out: where the chaser is"),
-        PERIOD,
-    ),
+    _mode("flyaround", orders.FlyAround, RADIUS, PERIOD),
     _mode("circumnavigate", orders.Circumnavigate, SIZE),
     _mode("safe-ellipse", orders.FlySafeEllipse, SIZE),
-    _mode(
-        "keep-range",
-        orders.KeepRange,
-        _distance("near", "turned back when nearer than this"),
-        _distance("far", "turned back when farther than this"),
-    ),
+    _mode("keep-range", orders.KeepRange, NEAR, FAR),
     command("guidance.drift", order(Drift), state=lambda c: c.session.craft.drifts),
     command(
         "burn.plan",
         order(lambda *burn: PlanBurn(burn_of(*burn[:4]), *burn[4:])),
-        number("time", SINCE_START, 0.0, 1e6 + MAX_BURN_LEAD_S, "s"),
+        moment("time", SINCE_START),
         *_lvlh(MAX_DELTA_V_M_S, "m/s"),
-        number("replaces", "time of the planned burn that it replaces", unit="s", optional=True),
+        moment("replaces", "time of the planned burn that it replaces", optional=True),
     ),
-    command("burn.cancel", order(CancelBurns), number("time", SINCE_START, unit="s", optional=True)),
+    command("burn.cancel", order(CancelBurns), moment("time", SINCE_START, optional=True)),
 )

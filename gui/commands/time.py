@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 from flyaround.gui.command_table import Command, command, word
 from flyaround.simulator.piloting.clock import RATES
 from flyaround.simulator.piloting.jumps import EVENTS
+from flyaround.simulator.piloting.readouts import mission_time
 
 if TYPE_CHECKING:
     from flyaround.gui.console import Console
@@ -21,12 +22,12 @@ def _shift_rate(steps: int, console: Console) -> None:
 def _restart(console: Console) -> None:
     console.session.restart()
     console.hand.centre_sticks()
-    console.say("back at T+0; Flight > Timeline > Swap future brings back what was flown")
+    console.say("back at the start; Flight > Timeline > Swap future brings back what was flown")
 
 
 def _jump(event: Event, console: Console) -> None:
     when = console.session.jump_to_event(event)
-    console.say(f"on the way to T+{when:.0f} s, when {EVENTS[event]}")
+    console.say(f"on the way to {mission_time(when)}, when {EVENTS[event]}")
 
 
 def _jump_to_hold_point(console: Console) -> None:

@@ -8,10 +8,11 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from flyaround.gui.command_table import Argument, command, number, word
+from flyaround.gui.command_table import Argument, command, moment, word
 from flyaround.gui.picture.view_settings import scenario_as_seen
 from flyaround.simulator.errors import UserError
 from flyaround.simulator.piloting.flown_files import FlownFiles, free_folder
+from flyaround.simulator.piloting.readouts import mission_time
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -55,7 +56,7 @@ def _fly_on(console: Console) -> None:
     session.look_back.fly_on()
     session.clock.slow_down()
     console.say(
-        f"flies on from {clock(session.t_s)} at {session.clock.rate:g}x; "
+        f"flies on from {mission_time(session.t_s)} at {session.clock.rate:g}x; "
         "Flight > Timeline > Swap future brings the other future back"
     )
 
@@ -63,12 +64,12 @@ def _fly_on(console: Console) -> None:
 def _other_future(console: Console) -> None:
     parts_s = console.session.look_back.swap_future()
     console.session.clock.paused = True
-    console.say(f"the other future is back; it branches off at {clock(parts_s)}")
+    console.say(f"the other future is back; it branches off at {mission_time(parts_s)}")
 
 
 def _bookmark(console: Console, note: str = "") -> None:
     mark = console.session.look_back.timeline.bookmark(console.session.t_s, note)
-    console.say(f"bookmark at {clock(mark.t_s)}{': ' if mark.note else ''}{mark.note}")
+    console.say(f"bookmark at {mission_time(mark.t_s)}{': ' if mark.note else ''}{mark.note}")
 
 
 @dataclass(eq=False)
@@ -165,15 +166,8 @@ def _hil(console: Console) -> None:
     console.open_panel("board-link", shown=True)
 
 
-def clock(t_s: float) -> str:
-    """Return simulated time for people."""
-    minutes, seconds = divmod(round(max(t_s, 0.0), 1), 60.0)
-    hours, minutes = divmod(int(minutes), 60)
-    return f"T+{hours:02d}:{minutes:02d}:{seconds:04.1f}"
-
-
 COMMANDS = (
-    command("timeline.seek", _seek, number("time", "since the scenario's start", 0.0, 1e9, "s")),
+    command("timeline.seek", _seek, moment("time", "since the scenario's start")),
     command("timeline.step-back", _step_back, "comma"),
     command("timeline.back", partial(_skip, -SKIP_S), "page_up"),
     command("timeline.forward", partial(_skip, SKIP_S), "page_down"),
@@ -185,7 +179,7 @@ COMMANDS = (
     command(
         "timeline.unbookmark",
         lambda c, t_s=None: c.session.look_back.timeline.unbookmark(c.session.t_s if t_s is None else t_s),
-        number("time", "near this time; left out: near now", 0.0, 1e9, "s", optional=True),
+        moment("time", "near this time; left out: near now", optional=True),
     ),
     command("timeline.keep", keep_flight, word("folder", "empty or to be made", optional=True)),
     command("timeline.keep-all", _keep_all),

@@ -44,8 +44,8 @@ COMMANDS = (
     command(
         "orbit-camera.place",
         lambda console, *angles_distance: console.options.orbit.place(*angles_distance),
-        number("azimuth", "0 looks along the flight", -360, 360, "deg"),
-        number("elevation", "above the orbit", -90, 90, "deg"),
+        number("azimuth", "0 looks along the flight", -360, 360, "°"),
+        number("elevation", "above the orbit", -90, 90, "°"),
         number("distance", "from the centre", NEAREST_M, FARTHEST_M, "m"),
     ),
     command("orbit-camera.reset", lambda c: c.options.orbit.reset(c.session.craft.world.range_m)),

@@ -19,6 +19,7 @@ from flyaround.gui.picture.decline_cause import decline_cause
 from flyaround.hil.board.method_names import HYBRID
 from flyaround.hil.evaluate.pose_errors import frame_errors
 from flyaround.simulator.errors import UserError
+from flyaround.simulator.piloting.readouts import duration_text
 from flyaround.simulator.runtime.progress import ProgressLine
 from flyaround.simulator.runtime.worker_pool import JobsLostError, WorkerPool
 
@@ -170,9 +171,9 @@ class Estimates:
     def doing(self) -> str:
         """State for people, with the time that the estimate under way has taken, or the rate, or the refusal."""
         if self._under_way is not None and (step := self.progress.read()):
-            return f"preparing {step}, {self.busy_s:.0f} s"
+            return f"preparing {step}, {duration_text(self.busy_s)}"
         if self.busy_s > SLOW_S:
-            return f"{self.state} for {self.busy_s:.0f} s"
+            return f"{self.state} for {duration_text(self.busy_s)}"
         return f"{self.state}, {self.per_s:.1f}/s" if self.on and self.per_s else self.refusal or self.state
 
     @property

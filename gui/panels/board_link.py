@@ -108,20 +108,15 @@ class BoardLinkPanel(Panel):
 
     def _faults(self, console: Console) -> None:
         w, imgui = self._w, self._w.imgui
-        self._fault = w.choice(
-            console, "hil.fault", self._fault, list(FAULTS), argument="kind", shown=_spaced
-        )
+        names = {kind: kind.replace("_", " ") for kind in FAULTS}
+        self._fault = w.choice(console, "hil.fault", self._fault, list(names), argument="kind", shown=names)
         w.text(FAULTS[self._fault][1], style.QUIET)
         imgui.set_next_item_width(min(8 * imgui.get_font_size(), 0.4 * w.width))
-        self._seconds = w.typed("seconds", self._seconds, console.table["hil.fault"].arguments[1])
+        self._seconds = w.typed("seconds", self._seconds, console.table["hil.fault"].arguments[1], "Fault")
         imgui.same_line()
         w.one_line("s", style.QUIET)
         w.flow(6 * imgui.get_font_size(), first=False)
         on = console.jobs.hil.on
         w.button(console, "hil.fault", self._fault, self._seconds, label="Inject fault", enabled=on)
         for kind, n in console.jobs.hil.struck.items():
-            w.row(_spaced(kind), (n,), "{:d}", "pictures or answers affected by the fault")
-
-
-def _spaced(kind: str) -> str:
-    return kind.replace("_", " ")
+            w.row(names[kind], (n,), "{:d}", "pictures or answers affected by the fault")

@@ -6,9 +6,10 @@ from typing import TYPE_CHECKING, Any
 
 from flyaround.gui import style
 from flyaround.gui.commands.capture import FLOWN, FPS, NEW, THIS, WIDTH_PX
-from flyaround.gui.texts import left_text, time_text
+from flyaround.gui.texts import NOTES, left_text
 from flyaround.gui.widgets import Panel
 from flyaround.simulator.dataset.formats.registry import writable
+from flyaround.simulator.piloting.readouts import duration_text, mission_seconds, mission_time
 from flyaround.simulator.scenario.load import list_recipes, list_scenarios
 
 if TYPE_CHECKING:
@@ -18,6 +19,7 @@ if TYPE_CHECKING:
     from flyaround.simulator.piloting.session import FlightSession
 
 TITLES = {FLOWN: "what I flew", THIS: "this flight's scenario"}
+START = mission_time(0.0, whole=True)[2:]
 THUMB = 120.0  # least width of a small picture
 
 
@@ -34,7 +36,7 @@ class CapturePanel(Panel):
 
     def __init__(self, window: Surface) -> None:
         super().__init__(window)
-        self._film = [str(WIDTH_PX), f"{FPS:g}", "10", "0", ""]
+        self._film = [str(WIDTH_PX), f"{FPS:g}", "10", START, ""]
 
     def draw(self, console: Console) -> None:
         """Draw into the current panel."""
@@ -54,26 +56,18 @@ class CapturePanel(Panel):
         self._what = self._what or (FLOWN if console.session in console.flights.unsaved else THIS)
         w.field("What", "", 0.7)
         self._what = w.choice(
-            console,
-            "capture.start",
-            self._what,
-            self._names,
-            argument="what",
-            shown=lambda name: TITLES.get(name, name),
+            console, "capture.start", self._what, self._names, argument="what", shown=TITLES
         )
         if self._what in TITLES:
-            w.text(
-                "with the camera, exposure, colour and lights chosen here; noise and layers as in the scenario",
-                style.QUIET,
-            )
+            w.text(NOTES["capture"], style.QUIET)
         w.field("Frames", "", 0.7)
         frames, *_, workers = console.table["capture.start"].arguments
-        self._frames = w.typed("frames", self._frames, frames)
+        self._frames = w.typed("frames", self._frames, frames, "Capture")
         w.field("Folder", "", 0.7)
         _, self._folder = imgui.input_text_with_hint("##folder", "a new one in out/console", self._folder)
         self._w.command_tip(console, "capture.start", argument="folder")
         w.field("Processes", "", 0.7)
-        self._workers = w.typed("workers", self._workers, workers, "Processes")
+        self._workers = w.typed("workers", self._workers, workers, "Capture")
         w.text("Further formats of the same set", style.QUIET)
         formats = writable()[1:]
         for name, _ in zip(formats, w.grid(len(formats), 110), strict=True):
@@ -95,20 +89,22 @@ class CapturePanel(Panel):
         w.section("Film of this flight")
         end_s = max(console.session.look_back.timeline.end_s, console.session.t_s)
         if console.session is not self._flight:
-            self._flight, self._film[3:] = console.session, ["0", ""]
-        shown = [*self._film[:-1], self._film[-1] or f"{int(end_s)}"]
-        for k, argument in enumerate(command.arguments[: len(shown)]):
-            w.field(f"{argument.name.capitalize()} [{argument.unit}]", argument.description, 0.5)
-            if (text := w.typed(f"film{k}", shown[k], argument)) != shown[k]:
-                shown[k] = self._film[k] = text
-        right = not any(a.flaw(text) for a, text in zip(command.arguments, shown, strict=False))
+            self._flight, self._film[3:] = console.session, [START, ""]
+        flown = mission_time(end_s, whole=True)[2:]
+        for k, argument in enumerate(command.arguments[:5]):
+            label = argument.name if argument.kind == "time" else argument.label
+            w.field(label.capitalize(), argument.description, 0.5)
+            follows = flown if argument.name == "end" else ""
+            self._film[k] = w.typed(f"film{k}", self._film[k], argument, "Film", follows)
+        shown = [*self._film[:-1], self._film[-1] or flown]
+        right = not any(a.flaw(text, "") for a, text in zip(command.arguments, shown, strict=False))
         if right:
-            _, fps, speed, start, end = map(float, shown)
+            fps, speed, start, end = map(mission_seconds, shown[1:])
             length_s = max(end - start, 0.0) / speed
-            w.text(f"{time_text(length_s)}, {length_s * fps:.0f} pictures", style.QUIET, "of the film")
+            w.text(f"{duration_text(length_s)}, {length_s * fps:.0f} pictures", style.QUIET, "of the film")
         look: dict[str, Any] = {"enabled": right and not console.jobs.flight_film, "width": w.width}
         if right and (start, end) != (0.0, int(end_s)):
-            look["label"] = f"Film {start:g} to {end:g} s"
+            look["label"] = f"Film {shown[3]} to {shown[4]}"
         w.button(console, command.name, *shown, **look)
 
     def _under_way(self, console: Console) -> None:
@@ -120,7 +116,7 @@ class CapturePanel(Panel):
         share = min(job.done / max(request.frames, 1), 1.0)
         imgui.progress_bar(share, w.vec(-1, 0), f"{job.done} of {request.frames}")
         w.tip("frames written, of those requested")
-        text = "stopping ..." if job.stopping else time_text(job.elapsed_s) + left_text(job.left_s)
+        text = "stopping ..." if job.stopping else duration_text(job.elapsed_s) + left_text(job.left_s)
         w.text(text, style.QUIET, "time elapsed, and time left at the rate so far")
         w.button(console, "capture.stop", width=w.width, label="End it at once" if job.stopping else None)
 

@@ -11,11 +11,14 @@ from flyaround.gui.widgets import Panel
 if TYPE_CHECKING:
     from flyaround.gui.console import Console
 
-SHOWN = ("Position [m]", "Velocity [mm/s]", "Target [°/s]", "Camera [°/s]", "Off axis")
+SHOWN = ("Position [m]", "Velocity [m/s]", "Target [°/s]", "Camera [°/s]", "Off axis")
 """Figures of this panel; the others are drawn over the view."""
 BUTTONS = ("steer.toggle", "steer.reset", "steer.stop", "guidance.hold", "steer.track", "steer.centre")
-HEADS = {"Position [m]": "radial along cross", "Target [°/s]": "x y z"}
-"""Names of the components from a figure on."""
+HEADS = {
+    "Position [m]": ("Target's LVLH", ("radial", "along", "cross")),
+    "Target [°/s]": ("Camera axes", ("x right", "y down", "z ahead")),
+}
+"""Frame and names of the components from a figure on."""
 
 
 class ChaserPanel(Panel):
@@ -30,7 +33,7 @@ class ChaserPanel(Panel):
         for k, (name, figure) in enumerate(FIGURES.items()):
             if name in HEADS:
                 w.coloured(style.QUIET)
-                w.row("", HEADS[name].split(), "{:>8}", figure.tip)
+                w.row(*HEADS[name], "{:>8}", figure.tip)
                 w.imgui.pop_style_color()
             if name in SHOWN:
                 w.row(name, figure.values(console.telemetry), figure.form, figure.tip, figure=k)

@@ -6,11 +6,12 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 from flyaround.gui import style
-from flyaround.gui.texts import texts
+from flyaround.gui.texts import NOTES, texts
 from flyaround.gui.views.docking_hud import DISTANCE, FIGURE_TIPS, status
 from flyaround.gui.widgets import Panel
 from flyaround.simulator.piloting.chaser_control import GUARDS
 from flyaround.simulator.piloting.docking_figures import PRESETS, judge
+from flyaround.simulator.piloting.readouts import mission_time
 
 if TYPE_CHECKING:
     from flyaround.gui.console import Console
@@ -18,7 +19,7 @@ if TYPE_CHECKING:
 
 STATES = texts("limits")
 NAMED = texts("guards")
-HOLDS = "the autopilot waits here, at this distance before the port, for go; > marks the next hold point"
+LIMITS = {name: limits.title for name, limits in PRESETS.items()}
 # colours of the decisions at a hold point
 DECISION_COLOURS = {
     "open": style.INK,
@@ -48,7 +49,7 @@ class DockingPanel(Panel):
         w.button(console, "time.next-hold-point", width=w.width)
         if session.craft.steering.keep_out is not None:
             guard = session.craft.steering.guard
-            w.choice(console, "docking.keep-out", guard, list(GUARDS), shown=NAMED.__getitem__)
+            w.choice(console, "docking.keep-out", guard, list(GUARDS), shown=NAMED)
         w.switch(console, "overlay.docking", "Display over the view")
         figures = docking.figures(session.craft.chaser, session.flight)
         w.section(docking.port.name.capitalize())
@@ -69,12 +70,12 @@ class DockingPanel(Panel):
             head = partial(w.text, f"{short.capitalize()} [{row.unit}]", style.QUIET, FIGURE_TIPS[row.name])
             limit = partial(w.text, f"{row.limit:.2g}", style.QUIET, most)
             cells.append((head, partial(w.text, now, colour, state), limit))
-        w.table("figures", (0.42, 0.36, 0.22), cells, ("Figure", "Now", "At most"))
+        w.table("figures", (0.38, 0.43, 0.19), cells, ("Figure", "Now", "Limit"))
 
     def _limits(self, console: Console) -> None:
         w, now = self._w, console.session.craft.docking.limits
         w.field("Limits", f"{now.source}; near: up to twice a limit, out: beyond", 0.7)
-        w.choice(console, "docking.limits", now.name, list(PRESETS), shown=lambda name: PRESETS[name].title)
+        w.choice(console, "docking.limits", now.name, list(PRESETS), shown=LIMITS)
         w.button(console, "docking.axis-here", width=w.width)
 
     def _points(self, console: Console) -> None:
@@ -88,7 +89,7 @@ class DockingPanel(Panel):
         for p in points:
             here = following is not None and p.name == following.name
             text = f"{'>' if here else ' '} {p.name} {p.axial_m:5g} m  {p.decision}"
-            w.text(text, DECISION_COLOURS[p.decision], HOLDS)
+            w.text(text, DECISION_COLOURS[p.decision], NOTES["hold-point"])
         w.imgui.pop_font()
         if following is not None:
             whys = session.craft.docking.not_ready(session.craft.chaser, session.flight)
@@ -104,8 +105,7 @@ class DockingPanel(Panel):
         w.section("Contact")
         colour = style.WITHIN if contact.docked else style.OUTSIDE
         docked = "docked" if contact.docked else "no docking"
-        w.text(f"T+{contact.t_s:.1f} s: {docked}", colour, "time of the last contact since the start")
-        tip = "mean over the figures at contact: 100 points at zero, 50 at the limit, 0 from twice the limit"
-        w.text(f"score {contact.score} of 100", colour, tip)
+        w.text(f"{mission_time(contact.t_s)}: {docked}", colour, "time of the last contact since the start")
+        w.text(f"score {contact.score} of 100", colour, NOTES["score"])
         for miss in contact.misses:
             w.text(miss, style.OUTSIDE, "why the contact did not dock: figure at contact, and its limit")

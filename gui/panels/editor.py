@@ -39,9 +39,8 @@ class EditorPanel(Panel):
             imgui.same_line()
             if w.filled_button("Keep it", 0, style.PRIMARY):
                 draft.replacement = None
-        w.buttons(
-            console, ("scenario.check", "scenario.fly"), 2, "scenario.fly" * (draft.replacement is None)
-        )
+        primary = "scenario.fly" * (draft.replacement is None)
+        w.buttons(console, ("scenario.check", "scenario.fly"), 2, primary)
         imgui.set_next_item_width(max(w.width - 8 * imgui.get_font_size(), 6 * imgui.get_font_size()))
         _, self._path = imgui.input_text("##path", self._path)
         w.command_tip(console, "scenario.save", argument="path")

@@ -15,6 +15,7 @@ from flyaround.gui.views.estimate_overlay import OLD_S
 from flyaround.gui.views.stage import stage_pictures
 from flyaround.gui.widgets import Panel
 from flyaround.hil.board.method_names import NETWORK
+from flyaround.simulator.piloting.readouts import mission_time
 
 if TYPE_CHECKING:
     from flyaround.gui.console import Console
@@ -91,13 +92,13 @@ class EstimatorPanel(Panel):
 
     def _figures(self, e: ComparedEstimate, t_s: float) -> None:
         w, answer = self._w, e.answer
-        w.section(f"{method_title(e.method)} at T+{e.t_s:.2f} s")
+        w.section(f"{method_title(e.method)} at {mission_time(e.t_s)}")
         w.tip("method, and mid-exposure time of its picture since the start")
         said, colour = ("accepted", style.GOOD) if answer.accepted else ("declined", style.WARN)
         said = f"{said}, {abs(t_s - e.t_s):.1f} s ago{answer.reason and ': '}{answer.reason}"
         w.text(said, colour, "whether the estimator accepts its best pose; simulated time since its picture")
         if (position := answer.t_camera_from_target_m) is not None:
-            w.row("Position [m]", position, "{:+z.3f}", "of the target in camera axes: right, down, forward")
+            w.row("Position, camera [m]", position, "{:+z.3f}", "of the target: right, down, ahead")
         if (attitude := answer.q_camera_from_target_wxyz) is not None:
             tip = "quaternion w x y z that turns target axes into camera axes"
             # four in a line are wider than the panel
@@ -112,7 +113,7 @@ class EstimatorPanel(Panel):
             w.row("Attitude error", (e.E_R_deg,), "{:.3f}°", "error of the attitude against the truth [°]")
             w.row("Position error", (1e3 * e.E_T_m,), "{:.1f} mm", "error of the position against the truth")
             share = 100 * e.E_T_m / max(e.range_m, 1e-9)
-            w.row("of range", (share,), "{:.2f} %", "position error over the range")
+            w.row("Position error / range", (share,), "{:.2f} %", "position error over the range")
         slowest = sorted(answer.stages_ms.items(), key=lambda item: -item[1])[:3]
         stages = ", ".join(f"{stage_text(name)[0].lower()} {ms:.0f} ms" for name, ms in slowest)
         w.row("Took", (e.took_ms,), "{:.0f} ms", f"all stages but the preparation; longest: {stages}")
@@ -141,9 +142,9 @@ class EstimatorPanel(Panel):
 
     def _plot(self, name: str, t: Any, values: Any, good: Any, *, log: bool) -> None:  # noqa: ANN401 - arrays
         w, implot = self._w, self._w.implot
-        w.text(f"{name} over time [s]")
-        tip = f"{name} over the flight [s since the start]; dots: accepted, rings: declined"
-        with w.plot(name, PLOT_HEIGHT, tip, still=False) as in_sight:
+        w.text(name)
+        tip = f"{name} over the flight; dots: accepted, rings: declined"
+        with w.plot(name, PLOT_HEIGHT, tip, span_s=(t[0], t[-1])) as in_sight:
             if not in_sight:
                 return
             always = w.imgui.Cond_.always
@@ -158,8 +159,6 @@ class EstimatorPanel(Panel):
             # whole decades, which are labelled
             decades = 10.0 ** np.floor(np.log10([least, 10 * most])) if log else (-0.1, 1.1)
             implot.setup_axis_limits(implot.ImAxis_.y1, *decades, always)
-            ends = sorted({low, high})
-            implot.setup_axis_ticks(implot.ImAxis_.x1, ends, [f"{end:.1f}" for end in ends])
             for colour, filled, which in ((style.ESTIMATE, 1.0, good), (style.WARN, 0.0, ~good)):
                 spec = implot.Spec()
                 spec.marker, spec.marker_size = implot.Marker_.circle, 2.6 * w.window.scale

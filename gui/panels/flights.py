@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING
 
 from flyaround.gui import style
 from flyaround.gui.commands.timeline import FOLDER
-from flyaround.gui.texts import time_text
 from flyaround.gui.widgets import Panel
 from flyaround.simulator.errors import UserError
+from flyaround.simulator.piloting.readouts import duration_text
 from flyaround.simulator.piloting.recorder import REPLAY_NAME
 from flyaround.simulator.scenario.load import load_scenario
 
@@ -47,7 +47,7 @@ class FlightsPanel(Panel):
                 console.do("scenario.back", k)
             w.command_tip(console, "scenario.back", k)
             lost = console.flights.lost_text(session)
-            length = time_text(max(session.look_back.timeline.end_s, session.t_s))
+            length = duration_text(max(session.look_back.timeline.end_s, session.t_s))
             w.text(f"{length}, {lost or 'nothing to keep'}", style.WARN if lost else style.QUIET)
         w.section("On disk")
         if not self._rows:
@@ -74,5 +74,5 @@ def flight_row(path: str) -> tuple[str, str, str]:
         when = datetime.fromtimestamp(Path(path).stat().st_mtime).astimezone()
     except (UserError, OSError) as error:
         return path, "", str(error)
-    name, length = scenario.name.removesuffix("-replay"), time_text(scenario.duration_s)
+    name, length = scenario.name.removesuffix("-replay"), duration_text(scenario.duration_s)
     return path, f"{when:%Y-%m-%d %H:%M}   {name}   {length}", ""

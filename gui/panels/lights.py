@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, get_args
 import numpy as np
 
 from flyaround.gui.picture.light_settings import NEW_LIGHTS, SwitchedLight, lights_of
-from flyaround.gui.texts import texts
+from flyaround.gui.texts import NOTES, texts
 from flyaround.gui.widgets import Panel
 from flyaround.simulator.scene.illumination.lamp import Profile
 
@@ -16,7 +16,9 @@ if TYPE_CHECKING:
     from flyaround.gui.console import Console
 
 PLACES = frozenset({"offset_m", "position_m", "direction"})
-CHOICES = {"frame": ("camera", "target"), "profile": get_args(Profile)}
+AXES = {"camera": "right, down, ahead", "target": "x, y, z"}
+"""Axes of each frame of a light."""
+CHOICES = {"frame": tuple(AXES), "profile": get_args(Profile)}
 FIELDS = texts("lights")
 """Name and hover text of each field of a light."""
 
@@ -30,10 +32,7 @@ class LightsPanel(Panel):
         """Draw into the current panel."""
         w, scene = self._w, console.session.scene()
         lights = console.options.settings.lights
-        w.text(
-            f"Sun: {100 * scene.sun_visible_fraction:.0f} % of its disc",
-            tip="share of the Sun's disc visible from the target, past the Earth and the Moon",
-        )
+        w.text(f"Sun: {100 * scene.sun_visible_fraction:.0f} % of its disc", tip=NOTES["sun"])
         for k, switched in enumerate(lights_of(scene) if lights is None else lights):
             self._light(console, k, switched)
         w.imgui.separator()
@@ -54,8 +53,9 @@ class LightsPanel(Panel):
         removed = imgui.button("Remove")
         w.command_tip(console, "light.remove", k)
         imgui.begin_disabled(not switched.on)
+        frame = getattr(switched.light, "frame", "camera")
         for name in switched.light.__struct_fields__:
-            self._field(console, k, name, getattr(switched.light, name))
+            self._field(console, k, name, getattr(switched.light, name), frame)
         imgui.end_disabled()
         imgui.pop_id()
         if changed:
@@ -63,7 +63,7 @@ class LightsPanel(Panel):
         if removed:
             console.do("light.remove", k)
 
-    def _field(self, console: Console, k: int, name: str, value: Any) -> None:  # noqa: ANN401 - of a typed file
+    def _field(self, console: Console, k: int, name: str, value: Any, frame: str) -> None:  # noqa: ANN401 - of a typed file
         w, imgui = self._w, self._w.imgui
         text, about = FIELDS[name]
         tip = f"{text}: {about}\nlight.set {k} {name} VALUE"
@@ -78,11 +78,10 @@ class LightsPanel(Panel):
             numbers = [f"{x:.6g}" for x in value or (0.0, 0.0, 0.0)]
 
             def place(axis: int, new: str) -> str:
-                return console.attempt(
-                    "light.set", k, name, ",".join([*numbers[:axis], new, *numbers[axis + 1 :]])
-                )
+                words = [*numbers[:axis], new, *numbers[axis + 1 :]]
+                return console.attempt("light.set", k, name, ",".join(words))
 
-            w.text(text, tip=tip)
+            w.text(f"{text}, {frame}: {AXES[frame]}", tip=tip)
             for axis, width in enumerate(w.grid(3, np.inf, 3)):
                 imgui.set_next_item_width(width)
                 w.entry(f"{name}{axis}", numbers[axis], partial(place, axis), tip, k, numbers)

@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from flyaround.gui import style
-from flyaround.gui.commands.timeline import clock
 from flyaround.gui.widgets import Panel
+from flyaround.simulator.piloting.readouts import mission_time
 
 if TYPE_CHECKING:
     from flyaround.gui.console import Console, Message
@@ -46,6 +46,6 @@ class LogPanel(Panel):
         until = f" until {message.until}" if message.until else ""
         level = "" if message.level == "note" else f"{message.level}{until}: "
         colour = style.QUIET if message.acknowledged else COLOURS[message.level]
-        self._w.one_line(f"{clock(message.t_s)}  {message.at}", colour)
+        self._w.one_line(f"{mission_time(message.t_s)}  {message.at}", colour)
         self._imgui.same_line(10.5 * self._imgui.get_font_size())
         self._w.text(f"{level}{message.text}", colour)

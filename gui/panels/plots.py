@@ -9,7 +9,8 @@ import numpy as np
 
 from flyaround.gui import style
 from flyaround.gui.picture.figures import FIGURES
-from flyaround.gui.widgets import DRAGGED, Panel
+from flyaround.gui.text_widgets import DRAGGED
+from flyaround.gui.widgets import Panel
 
 if TYPE_CHECKING:
     from flyaround.gui.console import Console
@@ -67,11 +68,10 @@ class PlotsPanel(Panel):
         imgui.align_text_to_frame_padding()
         w.cut_line(f"{title}: {newest}", w.width, style.INK, f"{title}, now")
         axis = implot.AxisFlags_
-        with w.plot(name, 110, f"{title} over the flight [s since the start]", still=False) as is_open:
+        with w.plot(name, 90, f"{title} over the flight", span_s=(times[0], times[-1])) as is_open:
             if is_open:
-                implot.setup_axes(
-                    "T+ [s]", "", axis.no_highlight | axis.auto_fit, axis.no_highlight | axis.auto_fit
-                )
+                fitted = axis.no_highlight | axis.auto_fit
+                implot.setup_axes("", "", fitted | axis.no_tick_labels, fitted)
                 # more labels would lie over each other
                 ends = sorted({float(values.min()), float(values.max())})
                 implot.setup_axis_ticks(implot.ImAxis_.y1, ends, [f"{end:.4g}" for end in ends])

@@ -62,9 +62,8 @@ class ScenarioChooser(Panel):
         imgui.begin_group()
         texture = w.window.show_picture(f"scenario/{name}", name, picture)
         height = width * picture.shape[0] / picture.shape[1]
-        if imgui.image_button(
-            f"##{name}", texture, w.vec(width - 2 * imgui.get_style().frame_padding.x, height)
-        ):
+        size = w.vec(width - 2 * imgui.get_style().frame_padding.x, height)
+        if imgui.image_button(f"##{name}", texture, size):
             console.do("scenario.open", name)
         w.tip(f"{title}\nflyaround sim {name}")
         here = name == console.session.plan.scenario.name

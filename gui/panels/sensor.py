@@ -11,6 +11,7 @@ from flyaround.gui import style
 from flyaround.gui.commands.camera import SCENARIO
 from flyaround.gui.picture.sensor_terms import BINS, Histogram, SensorTerm, histogram_of, terms_of
 from flyaround.gui.picture.view_settings import changed_sensor
+from flyaround.gui.texts import NOTES
 from flyaround.gui.widgets import Panel
 from flyaround.simulator.camera.lens.files import list_cameras
 
@@ -37,22 +38,15 @@ class SensorPanel(Panel):
         self._camera = w.choice(console, "camera.use", self._camera, (SCENARIO, *list_cameras()))
         scene = console.session.scene()
         c = settings.camera or scene.camera
-        across, up = (
-            2 * math.degrees(math.atan(size / 2 / f))
-            for size, f in ((c.width_px, c.fx_px), (c.height_px, c.fy_px))
-        )
+        sizes = (c.width_px / c.fx_px, c.height_px / c.fy_px)
+        across, up = (2 * math.degrees(math.atan(size / 2)) for size in sizes)
         lens = "no distortion" if c.distortion.is_none else c.distortion.model.replace("_", " ")
-        w.text(
-            f"{c.width_px} x {c.height_px} px, f {c.fx_px:.0f} px, {across:.1f}° x {up:.1f}° at the axis, {lens}",
-            tip="width and height of its pictures, focal length in pixels, field of view across and up, distortion",
-        )
+        field = f"{across:.1f}° x {up:.1f}° at the axis"
+        w.text(f"{c.width_px} x {c.height_px} px, f {c.fx_px:.0f} px, {field}, {lens}", tip=NOTES["camera"])
         w.section("Sensor")
         sensor = changed_sensor(scene.sensor, settings.sensor_changes)
-        w.text(
-            f"{sensor.preset}, {sensor.bits} bit{', photon noise' if sensor.detector else ''}",
-            style.QUIET,
-            "preset of the sensor, and bits of its numbers",
-        )
+        photons = ", photon noise" if sensor.detector else ""
+        w.text(f"{sensor.preset}, {sensor.bits} bit{photons}", style.QUIET, NOTES["sensor"])
         w.switch(console, "picture.noise")
         changed = bool(settings.sensor_changes or settings.camera or not settings.noise)
         w.button(console, "sensor.reset", width=w.width, enabled=changed)
@@ -76,8 +70,7 @@ class SensorPanel(Panel):
         if picture is not self._counted or self._histogram is None:
             self._counted, self._histogram = picture, histogram_of(picture.frame.image, bits)
         h = self._histogram
-        tip = "how many pixels have each level [DN]; pixels on a log scale, a line for each band"
-        with w.plot("histogram", 110, tip, ("level [DN]", "log pixels")) as is_open:
+        with w.plot("histogram", 110, NOTES["histogram"], ("level [DN]", "log pixels")) as is_open:
             if is_open:
                 top = max(float(np.log10(1 + h.counts).max()), 1.0)
                 implot.setup_axes_limits(0, BINS * h.width_dn, 0, 1.05 * top, w.imgui.Cond_.always)
@@ -85,9 +78,6 @@ class SensorPanel(Panel):
                 for k, counts in enumerate(h.counts):
                     line = w.curve(style.AXIS_COLORS[k] if len(h.counts) == 3 else style.ACCENT)
                     implot.plot_line(f"band {k}", levels, np.log10(1.0 + counts), line)
-        w.text(
-            f"levels {h.least_dn} to {h.most_dn} of {2**bits - 1}, median {h.median_dn:.0f}, "
-            f"saturated {100 * h.saturated:.2f} % (pixels on a log scale)",
-            style.WARN if h.saturated > 0.01 else style.QUIET,
-            "digital numbers of the picture: darkest, brightest, middle, and the share at the top of the scale",
-        )
+        text = f"levels {h.least_dn} to {h.most_dn} of {2**bits - 1}, median {h.median_dn:.0f}, "
+        text += f"saturated {100 * h.saturated:.2f} % (pixels on a log scale)"
+        w.text(text, style.WARN if h.saturated > 0.01 else style.QUIET, NOTES["levels"])

@@ -9,11 +9,13 @@ import numpy as np
 
 from flyaround.gui import style
 from flyaround.gui.picture.figures import flown_colour
+from flyaround.gui.texts import NOTES
 from flyaround.gui.widgets import Panel
 from flyaround.simulator.errors import UserError
 from flyaround.simulator.piloting.chaser_control import ATTITUDE_MODES
 from flyaround.simulator.piloting.guidance_orders import FlyTo
 from flyaround.simulator.piloting.jumps import EVENTS
+from flyaround.simulator.piloting.readouts import mission_time, speed_text
 from flyaround.simulator.runtime.arrays import vec3
 
 if TYPE_CHECKING:
@@ -28,9 +30,9 @@ MODES = "hold vbar rbar glideslope flyaround circumnavigate safe-ellipse keep-ra
 GUIDANCE = tuple(f"guidance.{mode}" for mode in MODES.split())
 FIRST_AFTER_S, FIRST_M_S = 60.0, 0.01
 """Defaults of an added burn: time after the last one, and its along-track delta-v."""
+AXES = ("radial", "along", "cross")
 LEAST_WAY_M = 0.05  # a nearer point is where the chaser is
-HERE = "where the chaser is"
-PLUME = "whether the exhaust (half angle 30 deg) hits the target's bounding sphere within 20 m"
+HERE = "here: dim numbers follow the chaser"
 
 
 def fly_to_warning(craft: PilotedCraft, place: FloatArray) -> tuple[str, style.Rgba]:
@@ -68,8 +70,7 @@ class SteeringPanel(Panel):
         colour = flown_colour(console.session, style.QUIET)
         phase = "" if steering.guided is None else f": {steering.guided.phase(console.session.t_s)}"
         # one line, because buttons stand below it
-        tip = "guidance that flies the chaser while no key is pressed"
-        w.cut_line(console.flown_by + phase, w.width, colour, tip)
+        w.cut_line(console.flown_by + phase, w.width, colour, NOTES["flown-by"])
         w.buttons(console, GUIDANCE, 2)
         self._to_a_point(console)
         self._burns(console)
@@ -81,19 +82,17 @@ class SteeringPanel(Panel):
         w, steering = self._w, console.session.craft.steering
         spent = steering.propellant
         w.section("Spent by steering")
-        tip = "delta-v of the thrusters since the start, summed over all burns"
-        w.row("Delta-v", (spent.delta_v_m_s,), "{:.3f} m/s", tip)
+        w.row("Delta-v", (speed_text(spent.delta_v_m_s),), "{}", NOTES["delta-v"])
         tip = f"burnt since the start, at a specific impulse of {spent.thrusters.specific_impulse_s:g} s"
         w.row("Propellant", (spent.used_kg,), "{:.3f} kg", tip)
-        tip = "mass of the chaser in the scenario; 100 kg if the scenario gives none"
-        w.row("Mass", (spent.mass_kg,), "{:.2f} kg", tip)
+        w.row("Mass", (spent.mass_kg,), "{:.2f} kg", NOTES["mass"])
         strikes = "the plume strikes the target", style.OUTSIDE
-        w.text(*(strikes if steering.plume else ("plume clear of the target", style.QUIET)), PLUME)
+        w.text(*(strikes if steering.plume else ("plume clear of the target", style.QUIET)), NOTES["plume"])
 
     def _to_a_point(self, console: Console) -> None:
         """Draw the fields of a point or of a displacement, a line about the flight there, and its button."""
         w, craft = self._w, console.session.craft
-        w.section("Fly to: radial, along, cross [m]")
+        w.section("Fly to, target's LVLH [m]")
         changed, self._from_here = w.imgui.checkbox("Counted from here", self._from_here)
         w.tip("on: offsets from the chaser's position; off: a point relative to the target")
         if changed or console.session is not self._flight:
@@ -101,32 +100,28 @@ class SteeringPanel(Panel):
         # a component that nobody typed stays where the chaser is
         here = craft.state_lvlh()[0]
         start = here if self._from_here else np.zeros(3)
-        shown = [text or f"{h:.2f}" for text, h in zip(self._point, here - start, strict=True)]
+        follows = [f"{h:z.2f}" for h in here - start]
         arguments = console.table["guidance.waypoint"].arguments[:3]
+        w.heads(AXES)
         for k, width in enumerate(w.grid(3, np.inf, 3)):
             w.imgui.set_next_item_width(width)
-            if (text := w.typed(f"point{k}", shown[k], arguments[k])) != shown[k]:
-                shown[k] = self._point[k] = text
-        flawed = any(a.flaw(text) for a, text in zip(arguments, shown, strict=True))
+            self._point[k] = w.typed(f"point{k}", self._point[k], arguments[k], "Fly to", follows[k])
+        shown = [text or here for text, here in zip(self._point, follows, strict=True)]
+        flawed = any(a.flaw(text, "") for a, text in zip(arguments, shown, strict=True))
         place = here if flawed else np.round(start + np.array(shown, float), 3)
         warning, colour = ("", style.QUIET) if flawed else fly_to_warning(craft, place)
         w.lines(warning, colour, "about the straight way to the point")
         on = craft.steering.doing == FlyTo.title
-        fill = colour if colour != style.QUIET else None if on or warning == HERE else style.PRIMARY
+        quiet = style.LIT if on else None if warning == HERE else style.PRIMARY
+        fill = quiet if colour == style.QUIET else colour
         label = "Fly there" if colour == style.QUIET else "Fly there anyway"
-        look: dict[str, Any] = {
-            "label": label,
-            "width": w.width,
-            "fill": fill,
-            "on": on,
-            "enabled": not flawed,
-        }
+        look: dict[str, Any] = {"label": label, "width": w.width, "fill": fill, "enabled": not flawed}
         w.button(console, "guidance.waypoint", *place.tolist(), **look)
 
     def _burns(self, console: Console) -> None:
         """Draw a table of the planned burns, whose numbers can be edited, and a button for a new one."""
         w, session = self._w, console.session
-        w.section("Burns: radial, along, cross [m/s]")
+        w.section("Burns, target's LVLH [m/s]")
         burns = session.craft.steering.burns.burns
         at_s = max([session.t_s, *(b.end_s for b in burns)]) + FIRST_AFTER_S
         first = (round(at_s, 1), 0.0, FIRST_M_S, 0.0)
@@ -150,23 +145,24 @@ class SteeringPanel(Panel):
             console.do("burn.cancel", burn.t_s)
         w.command_tip(console, "burn.cancel", burn.t_s)
         imgui.same_line()
-        about = "middle of the burn since the scenario's start [s]"
-        w.field(f"Burn {k + 1} at T+ [s]", about, 0.5)
-        w.entry(f"t{k}", f"{burn.t_s:.1f}", partial(replan, 0), about, burn.t_s, now)
+        about = "middle of the burn since the scenario's start, h:min:s or seconds"
+        w.field(f"Burn {k + 1} at T+", about, 0.5)
+        w.entry(f"t{k}", mission_time(burn.t_s)[2:], partial(replan, 0), about, burn.t_s, now)
+        if k == 0:
+            w.heads(AXES)
         for axis, width in enumerate(w.grid(3, np.inf, 3), 1):
             imgui.set_next_item_width(width)
-            about = f"change of velocity, {('radial', 'along', 'cross')[axis - 1]} [m/s]"
+            about = f"change of velocity, {AXES[axis - 1]} [m/s]"
             w.entry(f"v{k}{axis}", f"{now[axis]:.4g}", partial(replan, axis), about, burn.t_s, now)
 
     def _forecast(self, console: Console) -> None:
         """Draw the delta-v of all burns, and the closest approach of their path to the target."""
         w, craft = self._w, console.session.craft
         total = sum(b.size_m_s for b in craft.steering.burns.burns)
-        w.row("Delta-v", (total,), "{:.3f} m/s", "of all planned burns together")
+        w.row("Delta-v", (speed_text(total),), "{}", "of all planned burns together")
         nearest_m, risk = craft.burns_forecast()
         if np.isfinite(nearest_m):
             w.coloured(style.BAD if risk else style.INK)
-            tip = "closest approach to the target's centre of mass on the path with these burns"
-            w.row("Closest", (nearest_m,), "{:.2f} m", tip)
+            w.row("Closest", (nearest_m,), "{:.2f} m", NOTES["closest"])
             w.imgui.pop_style_color()
         w.lines(risk and f"the path {risk}", style.BAD, "as red on the LVLH map")

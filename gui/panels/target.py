@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from flyaround.gui import style
+from flyaround.gui.texts import NOTES
 from flyaround.gui.widgets import Panel
 from flyaround.simulator.targets.library import list_targets
 
@@ -27,11 +28,8 @@ class TargetPanel(Panel):
         names = self._names if target.name in self._names else (target.name, *self._names)
         w.choice(console, "scenario.target", target.name, names)
         triangles = sum(len(part.triangles) for part in target.parts)
-        w.text(
-            f"{len(target.parts)} parts, {triangles:,} triangles, {len(target.keypoints)} keypoints",
-            style.QUIET,
-            "of the target's model: meshes, faces, and the points that labels name",
-        )
+        text = f"{len(target.parts)} parts, {triangles:,} triangles, {len(target.keypoints)} keypoints"
+        w.text(text, style.QUIET, NOTES["model"])
         w.section("Materials")
         for m in target.materials:
             at = imgui.get_cursor_screen_pos()
@@ -41,7 +39,4 @@ class TargetPanel(Panel):
             imgui.dummy(w.vec(side, side))
             imgui.same_line()
             coat = f", coat {m.clearcoat:.2g}" if m.clearcoat else ""
-            w.text(
-                f"{m.name}: metal {m.metallic:.2g}, rough {m.roughness:.2g}{coat}",
-                tip="material: metal from 0 (none) to 1, roughness from 0 (a mirror) to 1 (matt), clear coat 0 to 1",
-            )
+            w.text(f"{m.name}: metal {m.metallic:.2g}, rough {m.roughness:.2g}{coat}", tip=NOTES["material"])

@@ -5,10 +5,10 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from flyaround.gui import style
-from flyaround.gui.commands.timeline import clock
 from flyaround.gui.icons import labelled
 from flyaround.gui.usable import is_usable
 from flyaround.gui.widgets import Panel
+from flyaround.simulator.piloting.readouts import mission_time
 
 if TYPE_CHECKING:
     from flyaround.gui.console import Console
@@ -43,9 +43,8 @@ class TimelinePanel(Panel):
         imgui, w = self._w.imgui, self._w
         w.section("Bookmarks")
         imgui.set_next_item_width(max(min(w.width - 110 * w.window.scale, 320 * w.window.scale), 60.0))
-        entered, self._note = imgui.input_text_with_hint(
-            "##note", "a note, and Enter", self._note, imgui.InputTextFlags_.enter_returns_true
-        )
+        enter, hint = imgui.InputTextFlags_.enter_returns_true, "a note, and Enter"
+        entered, self._note = imgui.input_text_with_hint("##note", hint, self._note, enter)
         w.command_tip(console, "timeline.bookmark", argument="note")
         imgui.same_line()
         if imgui.button("Bookmark##add") or entered:
@@ -59,7 +58,7 @@ class TimelinePanel(Panel):
             w.command_tip(console, "timeline.unbookmark", mark.t_s)
             imgui.same_line()
             # Dear ImGui ends a label at two number signs
-            title = w.elided(f"{clock(mark.t_s)}  {mark.note}", w.width).replace("##", "# #")
+            title = w.elided(f"{mission_time(mark.t_s)}  {mark.note}", w.width).replace("##", "# #")
             if imgui.selectable(f"{title}##mark{k}", False)[0]:
                 console.do("timeline.seek", mark.t_s)
             w.tip(f"{mark.note or 'bookmark'}: a click goes there")

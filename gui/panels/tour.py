@@ -70,7 +70,7 @@ class TourPanel(Panel):
             w.flow(imgui.calc_text_size(title).x, first=k == 0)
             w.one_line(title, style.GOOD if k < step else style.ACCENT if k == step else style.QUIET)
         if step < len(STEPS):
-            w.text(STEPS[step].text)
+            w.text(f"{STEPS[step].text} The blue frame shows where.")
             self._frame(STEPS[step].place)
         else:
             w.text("F1 lists every command and key; ? tells about the panel clicked last.")
@@ -88,7 +88,3 @@ class TourPanel(Panel):
         native = find(place) or find(f"###{place}")
         if native is not None and native.active:
             self._w.frame(style.ACCENT, window=native)
-            # the frame is not one of the keyboard's
-            low, size = native.pos, self._w.imgui.calc_text_size("Tour")
-            at = self._w.vec(low.x + native.size.x - size.x - 10, low.y + 4)
-            native.draw_list.add_text(at, self._w.color(style.ACCENT), "Tour")

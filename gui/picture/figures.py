@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 from flyaround.gui import style
 from flyaround.gui.texts import texts
+from flyaround.simulator.piloting.readouts import SPEED_DECIMALS
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -56,10 +57,10 @@ class Figure:
 
 VALUES: dict[str, tuple[str, Callable[[Telemetry], tuple[float, ...]]]] = {
     "Range": ("{:9.3f} m", lambda r: (r.range_m,)),
-    "Closing": ("{:+z9.4f} m/s", lambda r: (r.closing_m_s,)),
-    "Across": ("{:9.4f} m/s", lambda r: (r.lateral_m_s,)),
+    "Closing": (f"{{:+z9.{SPEED_DECIMALS}f}} m/s", lambda r: (r.closing_m_s,)),
+    "Across": (f"{{:9.{SPEED_DECIMALS}f}} m/s", lambda r: (r.lateral_m_s,)),
     "Position [m]": ("{:+z8.3f}", lambda r: r.position_lvlh_m),
-    "Velocity [mm/s]": ("{:+z8.2f}", lambda r: tuple(1e3 * v for v in r.velocity_lvlh_m_s)),
+    "Velocity [m/s]": (f"{{:+z8.{SPEED_DECIMALS}f}}", lambda r: r.velocity_lvlh_m_s),
     "Target [°/s]": ("{:+z8.3f}", lambda r: r.relative_rate_deg_s),
     "Camera [°/s]": ("{:+z8.3f}", lambda r: r.camera_rate_deg_s),
     "Off axis": ("{:.2f}°", lambda r: (r.off_boresight_deg,)),

@@ -13,6 +13,7 @@ from flyaround.gui.canvas import point
 from flyaround.gui.picture.label_placement import place_labels
 from flyaround.gui.texts import texts
 from flyaround.simulator.piloting.planned_burns import BurnPlan, PlannedBurn
+from flyaround.simulator.piloting.readouts import speed_text
 from flyaround.simulator.runtime.arrays import vec3
 
 if TYPE_CHECKING:
@@ -121,7 +122,7 @@ class BurnNodes:
         arrows = self._arrows(port)
         for _, node, tip in arrows:
             canvas.arrow(node, tip, COLOUR, 1.8)
-        texts = [f"{burn.size_m_s:.3f} m/s" for burn, *_ in arrows]
+        texts = [speed_text(burn.size_m_s) for burn, *_ in arrows]
         sizes, tips = [canvas.size(text) for text in texts], [tip for *_, tip in arrows]
         about = "size of the burn; drag its handle for that, its node for the time"
         labels = place_labels(tips, sizes, port.rect, obstacles=obstacles)

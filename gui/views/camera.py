@@ -10,7 +10,6 @@ import numpy as np
 
 from flyaround.gui import style
 from flyaround.gui.canvas import Canvas
-from flyaround.gui.commands.timeline import clock
 from flyaround.gui.picture.figures import AGE_TIP, FIGURES, age_text, flown_colour
 from flyaround.gui.picture.screen import exposure_fault, screen_picture
 from flyaround.gui.texts import texts
@@ -20,6 +19,7 @@ from flyaround.gui.views.letterbox import Letterbox
 from flyaround.gui.views.mouse_steering import MouseSteering
 from flyaround.gui.views.truth_marks import TruthMarks
 from flyaround.gui.widgets import Panel
+from flyaround.simulator.piloting.readouts import duration_text, mission_time
 
 if TYPE_CHECKING:
     from flyaround.gui.canvas import Place
@@ -72,7 +72,7 @@ class CameraView(Panel):
         picture = feed.newest
         if picture is None:
             name = session.plan.scenario.title or session.plan.scenario.name
-            canvas.centred(place, name, f"{console.preparing}, {feed.late_s:.0f} s so far")
+            canvas.centred(place, name, f"{console.preparing}, {duration_text(feed.late_s)} so far")
             return
         groups = self._groups(console, picture) if options.overlays.hud else ()
         image = picture.frame.image
@@ -110,7 +110,7 @@ class CameraView(Panel):
             self._metered, self._fault = picture, exposure_fault(picture.frame)
         if feed.late_s:
             canvas.box(within[:2], within[2:], style.PLATE)
-            text = f"no new picture for {feed.late_s:.0f} s"
+            text = f"no new picture for {duration_text(feed.late_s)}"
             canvas.centred(within, text, console.preparing)
         elif self._fault:
             x = box.x + (box.width - canvas.size(self._fault)[0]) / 2
@@ -189,7 +189,7 @@ class CameraView(Panel):
         badge, colour = mode_badge(session)
         speed = f"{feed.frame_ms:.0f} ms  {image.shape[1]}x{image.shape[0]} px"
         rate = "" if session.clock.paused else f"{feed.frames_s:.1f} fps  "
-        turning = float(np.linalg.norm(r.relative_rate_deg_s))
+        turning = f"{float(np.linalg.norm(r.relative_rate_deg_s)):9.3f} °/s"
         age = age_text(session, picture.frame.scene.t_s, 0.0)
         running = style.WARN if session.clock.paused else style.INK
 
@@ -201,18 +201,18 @@ class CameraView(Panel):
             return Row(name, f"{metres:+z9.3f} m", style.INK, TIPS[name])
 
         utc = r.epoch_utc.replace("T", " ")[:23].rstrip("Z")
-        t = f"{clock(r.t_s)[2:]}   {session.clock.rate:g}x"
+        t = f"{mission_time(r.t_s)[2:]}   {session.clock.rate:g}x"
         sun = style.GOOD if r.sun_visible_fraction > 0 else style.BAD
         flying = Row("", badge, colour, TIPS["badge"]), Row("", rate + speed, style.QUIET, TIPS["speed"])
         times = Row("UTC", utc, style.INK, TIPS["utc"]), Row("T+", t, running, TIPS["time"])
-        turn = Row("RATE", f"{turning:9.3f} °/s", style.INK, TIPS["rate"])
+        turn = Row("RATE", turning, style.INK, TIPS["rate"])
         motion = row("RANGE", style.ACCENT), row("CLOSING"), row("ACROSS"), turn
         place = map(lvlh, ("RADIAL", "ALONG", "CROSS"), r.position_lvlh_m)
         return (
             flying,
             (*times, Row("PICTURE", *age, AGE_TIP)),
             motion,
-            (*place, row("PHASE"), row("SUN", sun)),
+            (Row("", "IN TARGET'S LVLH", style.QUIET, TIPS["frame"]), *place, row("PHASE"), row("SUN", sun)),
         )
 
     def _write(

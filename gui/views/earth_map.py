@@ -11,10 +11,10 @@ import numpy as np
 from flyaround.gui import style
 from flyaround.gui.canvas import Canvas, legend_keys
 from flyaround.gui.picture.ground_map import GroundMap, load_ground_map
-from flyaround.gui.texts import duration_text
 from flyaround.gui.views.letterbox import Letterbox
 from flyaround.gui.widgets import Panel
 from flyaround.simulator.piloting import ground_track
+from flyaround.simulator.piloting.readouts import duration_text
 
 if TYPE_CHECKING:
     from concurrent.futures import Future

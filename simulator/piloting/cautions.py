@@ -9,6 +9,7 @@ import numpy as np
 from flyaround.simulator.piloting.chaser_control import PLUME_CAUTION, UNGUIDED
 from flyaround.simulator.piloting.docking_watch import CONTACT, STOPS
 from flyaround.simulator.piloting.orders import ABORTS, LIFTED, WITH_IT, WOULD_TAKE_BACK, planned_text
+from flyaround.simulator.piloting.readouts import mission_time
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -127,7 +128,7 @@ def _burn_is_safe(session: PilotedFlight, caution: str) -> bool:
 
 def _was_no_contact(session: PilotedFlight, caution: str) -> bool:
     docking = session.craft.docking
-    return docking.docked or not any(f"T+{c.t_s:.1f} s" in caution for c in docking.contacts)
+    return docking.docked or not any(mission_time(c.t_s) in caution for c in docking.contacts)
 
 
 def _corridor_is_open(session: PilotedFlight, _: str) -> bool:

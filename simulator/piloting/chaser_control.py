@@ -14,6 +14,7 @@ from flyaround.simulator.piloting.control_laws import NO_DEMAND, THRUST, TURN, D
 from flyaround.simulator.piloting.guidance_modes import CONTROL_PERIOD_S
 from flyaround.simulator.piloting.planned_burns import BurnPlan
 from flyaround.simulator.piloting.propellant import Propellant, plume_strikes
+from flyaround.simulator.piloting.readouts import mission_time, speed_text
 from flyaround.simulator.runtime.arrays import Vec3, vec3
 from flyaround.simulator.world.frames.lvlh import Lvlh
 from flyaround.simulator.world.frames.rotation import matrix_from_quat
@@ -279,7 +280,9 @@ class Steering:
         self._watch_plume(chaser.t_s, plume_strikes(chaser, thrust, self.docking.radius_m))
         left = self.burns.after(chaser.t_s + h)
         for burn in self.burns.burns[: len(self.burns.burns) - len(left.burns)]:
-            self.news.append(("note", f"the burn of {burn.size_m_s:.3g} m/s at T+{burn.t_s:.1f} s is flown"))
+            self.news.append(
+                ("note", f"the burn of {speed_text(burn.size_m_s)} at {mission_time(burn.t_s)} is flown")
+            )
         self.burns = left
         return command
 

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
+from flyaround.simulator.piloting.readouts import SPEED_DECIMALS, speed_text
 from flyaround.simulator.runtime.arrays import Vec3, vec3
 from flyaround.simulator.world.frames.rotation import matrix_from_quat
 from flyaround.simulator.world.frames.vectors import cross
@@ -238,7 +239,7 @@ class DockingLimits:
 
 TWO_TENTHS = DockingLimits(
     name="two-tenths",
-    title="All below 0.2",
+    title="0.2 m, m/s, °, °/s",
     source="SpaceX's docking simulator (iss-sim.spacex.com): every figure below 0.2",
     closing_m_s=0.2,
     lateral_m=0.2,
@@ -283,8 +284,14 @@ class JudgedFigure:
 
     @property
     def text(self) -> str:
-        """The value with its sign and two decimals, without minus zero."""
-        return f"{round(self.value, 2) + 0.0:+.2f}"
+        """The value with its sign, without minus zero: speeds as `speed_text` writes them, others to two decimals."""
+        return f"{self.value:+z.{SPEED_DECIMALS if self.unit == 'm/s' else 2}f}"
+
+    @property
+    def size_text(self) -> str:
+        """The magnitude with its unit."""
+        size = abs(self.value)
+        return speed_text(size) if self.unit == "m/s" else f"{size:.3g} {self.unit}"
 
     @property
     def share(self) -> float:
@@ -378,9 +385,9 @@ def judge_contact(figures: DockingFigures, limits: DockingLimits, *, at_port: bo
     for a contact outside the port. The corridor is not scored.
     """
     rows = judge(figures, limits)[:-1]
-    misses = [f"{r.name} {abs(r.value):.3g} {r.unit} (limit {r.limit:g})" for r in rows if r.share > 1.0]
+    misses = [f"{r.name} {r.size_text} (limit {r.limit:g})" for r in rows if r.share > 1.0]
     if figures.closing_m_s < limits.slowest_m_s:
-        misses.append(f"closing {figures.closing_m_s:.3g} m/s (at least {limits.slowest_m_s:g})")
+        misses.append(f"closing {speed_text(figures.closing_m_s)} (at least {limits.slowest_m_s:g})")
     if not at_port:
         misses.insert(0, "contact outside the port")
     points = float(np.mean([max(0.0, 100.0 - 50.0 * r.share) for r in rows]))

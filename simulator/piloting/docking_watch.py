@@ -28,6 +28,7 @@ from flyaround.simulator.piloting.docking_port import (
     target_from_lvlh,
 )
 from flyaround.simulator.piloting.hold_points import HoldPoints, not_ready
+from flyaround.simulator.piloting.readouts import mission_time
 from flyaround.simulator.runtime.arrays import quat, vec3
 from flyaround.simulator.world.frames.rotation import matrix_from_quat, quat_from_matrix
 
@@ -335,5 +336,5 @@ def _camera_point(chaser: ChaserState, q_eci_from_target_wxyz: FloatArray) -> Fl
 
 def _contact_news(contact: Contact) -> News:
     if contact.docked:
-        return "note", f"docked at T+{contact.t_s:.1f} s, score {contact.score}"
-    return "warning", f"contact at T+{contact.t_s:.1f} s {CONTACT}: {'; '.join(contact.misses)}"
+        return "note", f"docked at {mission_time(contact.t_s)}, score {contact.score}"
+    return "warning", f"contact at {mission_time(contact.t_s)} {CONTACT}: {'; '.join(contact.misses)}"

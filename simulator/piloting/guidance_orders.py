@@ -191,7 +191,9 @@ class FlyTo(GuidanceOrder):
         a, b = state[0], np.array(self.place_lvlh_m, float)
         along = b - a
         share = float(np.clip(-(a @ along) / max(float(along @ along), 1e-12), 0.0, 1.0))
-        _check_clear(float(np.linalg.norm(a + share * along)), radius_m, "the straight line to that point")
+        place = ", ".join(f"{c:z.2f}" for c in b)
+        nearest_m = float(np.linalg.norm(a + share * along))
+        _check_clear(nearest_m, radius_m, f"the straight line to {place} m (radial, along, cross)")
         return Waypoints(points_lvlh_m=[vec3(a), vec3(b)], speed_m_s=self.speed_m_s)
 
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Literal
 
 from flyaround.simulator.piloting.docking_figures import CORRIDOR_DEG, judge
+from flyaround.simulator.piloting.readouts import speed_text
 
 if TYPE_CHECKING:
     from flyaround.simulator.piloting.docking_figures import DockingFigures, DockingLimits
@@ -125,9 +126,9 @@ def not_ready(
         reasons.append(f"{abs(distance):.1f} m {where} {point.name}")
     # far out, orbital motion moves even a craft at rest by about the mean motion times the distance (1e-3 per second)
     if figures.speed_m_s > REST_SPEED_M_S + 1e-3 * point.axial_m:
-        reasons.append(f"moving at {figures.speed_m_s:.2f} m/s")
+        reasons.append(f"moving at {speed_text(figures.speed_m_s)}")
     reasons += [
-        f"{row.name} {row.value:+.2f} {row.unit}"
+        f"{row.name} {row.text} {row.unit}"
         for row in judge(figures, limits, corridor_deg)
         if row.state != "within"
     ]

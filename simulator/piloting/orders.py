@@ -12,6 +12,7 @@ from flyaround.simulator.errors import UserError
 from flyaround.simulator.piloting.chaser_control import BORESIGHT, GUARDS, UNGUIDED
 from flyaround.simulator.piloting.control_laws import SWITCHES, Demand
 from flyaround.simulator.piloting.docking_figures import PRESETS
+from flyaround.simulator.piloting.readouts import mission_time, speed_text
 
 if TYPE_CHECKING:
     from flyaround.simulator.piloting.chaser_control import AttitudeMode, Axes, Thrust
@@ -194,7 +195,7 @@ class Abort(Order):
         closing_m_s = -float(v @ p) / range_m
         where = f"it is {range_m:.1f} m away, and an abort retreats to {to_m:.3g} m"
         if closing_m_s >= CLOSES_M_S:
-            where += f"; it closes at {closing_m_s:.2g} m/s: Stop brakes it"
+            where += f"; it closes at {speed_text(closing_m_s)}: Stop brakes it"
         return "caution", f"abort: guidance and burns end, and {UNGUIDED}: {where}"
 
 
@@ -225,7 +226,7 @@ WITH_IT = "the path with it"  # part of the caution that a planned burn leads in
 
 def planned_text(burn: PlannedBurn) -> str:
     """Return the answer to the plan of a burn."""
-    return f"a burn of {burn.size_m_s:.3g} m/s is planned at T+{burn.t_s:.1f} s"
+    return f"a burn of {speed_text(burn.size_m_s)} is planned at {mission_time(burn.t_s)}"
 
 
 def _planned_news(craft: PilotedCraft, burn: PlannedBurn) -> News:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from flyaround.simulator.errors import UserError
+from flyaround.simulator.piloting.readouts import duration_text, mission_time, speed_text
 from flyaround.simulator.runtime.arrays import Vec3, vec3
 from flyaround.simulator.world.orbit.propagation import elements_from_state
 from flyaround.simulator.world.relative.yamanaka_ankersen import (
@@ -91,21 +92,24 @@ class BurnPlan:
             raise UserError("a burn's time and its three parts of delta-v must be finite numbers")
         if burn.size_m_s == 0.0 or burn.size_m_s > MAX_DELTA_V_M_S:
             raise UserError(
-                f"a burn of {burn.size_m_s:g} m/s cannot be planned; allowed: more than 0, at most {MAX_DELTA_V_M_S:g}"
+                f"a burn of {speed_text(burn.size_m_s)} cannot be planned; allowed: more than 0, at most "
+                f"{speed_text(MAX_DELTA_V_M_S)}"
             )
         if burn.start_s < now_s:
             raise UserError(
-                f"the burn would begin at T+{burn.start_s:.1f} s, and it is T+{now_s:.1f} s; plan it later"
+                f"the burn would begin at {mission_time(burn.start_s)}, and it is {mission_time(now_s)}; plan it later"
             )
         if burn.t_s > now_s + MAX_BURN_LEAD_S:
-            raise UserError(f"the burn is more than {MAX_BURN_LEAD_S:g} s ahead; plan it sooner")
+            raise UserError(f"the burn is more than {duration_text(MAX_BURN_LEAD_S)} ahead; plan it sooner")
         other_burns = tuple(b for b in self.burns if b.t_s != burn.t_s)
         if len(other_burns) >= MAX_BURNS:
             raise UserError(f"{MAX_BURNS} burns are planned already; cancel one first")
         burns = tuple(sorted((*other_burns, burn), key=lambda b: b.t_s))
         for a, b in pairwise(burns):
             if a.end_s > b.start_s:
-                raise UserError(f"the burns at T+{a.t_s:.1f} s and T+{b.t_s:.1f} s overlap; move one")
+                raise UserError(
+                    f"the burns at {mission_time(a.t_s)} and {mission_time(b.t_s)} overlap; move one"
+                )
         return BurnPlan(burns)
 
     def without(self, t_s: float | None = None) -> BurnPlan:
@@ -197,7 +201,7 @@ def burn_text(burn: PlannedBurn) -> str:
     str
         Noun phrase without article.
     """
-    return f"burn of {burn.size_m_s:.3g} m/s at T+{burn.t_s:.1f} s"
+    return f"burn of {speed_text(burn.size_m_s)} at {mission_time(burn.t_s)}"
 
 
 def change_text(before: BurnPlan, after: BurnPlan) -> str:

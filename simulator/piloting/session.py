@@ -16,6 +16,7 @@ from flyaround.simulator.piloting.look_back import LookBack, Mark
 from flyaround.simulator.piloting.orders import Abort
 from flyaround.simulator.piloting.piloted_craft import PilotedCraft
 from flyaround.simulator.piloting.planned_burns import BurnPlan
+from flyaround.simulator.piloting.readouts import duration_text, mission_time
 from flyaround.simulator.scenario.plan import plan_flight
 
 if TYPE_CHECKING:
@@ -412,7 +413,9 @@ class FlightSession:
     def jump_text(self) -> str:
         """Destination of a jump and what it waits for, in words; empty without a jump."""
         if self.clock.jump != "hold-point":
-            return self.clock.jump and f"the next {self.clock.jump}, at T+{self.clock.jump_until_s:.0f} s"
+            return (
+                self.clock.jump and f"the next {self.clock.jump}, at {mission_time(self.clock.jump_until_s)}"
+            )
         craft = self.craft
         point = craft.docking.hold_points.next
         if point is None:
@@ -438,7 +441,7 @@ class FlightSession:
 
     def _jump_end(self) -> News | None:
         """Return the report on a jump that ends now; None if it goes on."""
-        craft, at = self.craft, f"the jump has ended at T+{self.t_s:.1f} s, at 1x"
+        craft, at = self.craft, f"the jump has ended at {mission_time(self.t_s)}, at 1x"
         if self.clock.jump == "event":
             return ("note", at) if self.t_s >= self.clock.jump_until_s - 1e-9 else None
         if not craft.steering.autopilot:
@@ -452,6 +455,6 @@ class FlightSession:
         if self.t_s < min(self.clock.jump_until_s, self._nearest[1] + PATIENCE_S):
             return None
         goal = "the port" if point is None else point.name
-        why = f"no nearer than {self._nearest[0]:.1f} m for {self.t_s - self._nearest[1]:.0f} s"
+        why = f"no nearer than {self._nearest[0]:.1f} m for {duration_text(self.t_s - self._nearest[1])}"
         held = craft.steering.guard == "scenario" and craft.docking.closed_by(craft.flight, self.t_s)
         return "caution", f"{at}: {goal} {NOT_REACHED}, {why}{f'; {held}' if held else ''}"

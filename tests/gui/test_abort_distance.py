@@ -55,7 +55,7 @@ def test_an_abort_outside_that_distance_says_what_it_does_instead(at: Pointer) -
     text = console.messages[-1].text
     assert text.startswith("abort: guidance and burns end, and the chaser drifts unguided: it is 29.0 m away")
     assert "retreats to 24 m" in text
-    assert text.endswith("closes at 0.05 m/s: Stop brakes it")
+    assert text.endswith("closes at 0.0500 m/s: Stop brakes it")
     steering = console.session.craft.steering
     assert not steering.aborting
     assert steering.doing == ""

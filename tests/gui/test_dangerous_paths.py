@@ -39,7 +39,7 @@ def test_a_burn_into_the_sphere_is_a_caution_until_it_is_cancelled(console: Cons
     assert waiting(console) == []
     console.do("burn.plan", *INWARD)
     (caution,) = waiting(console)
-    assert caution.startswith("a burn of 0.1 m/s is planned at T+60.0 s")
+    assert caution.startswith("a burn of 0.1000 m/s is planned at T+00:01:00.0")
     assert "the path with it leads " in caution
     console.do("burn.cancel")
     assert waiting(console) == []

@@ -5,6 +5,7 @@ from __future__ import annotations
 import pytest
 
 from flyaround.gui.panels.docking import DockingPanel
+from flyaround.simulator.piloting.docking_figures import PRESETS
 from flyaround.simulator.piloting.docking_watch import Docking
 from tests.harness.flown_console import console_flying
 from tests.harness.headless_imgui import HeadlessWindow
@@ -37,3 +38,21 @@ def test_a_go_without_a_hold_point_says_what_happens_instead(command: str, title
     sentence = f"{title} has no effect: no hold point lies ahead, so Autopilot flies straight into the port"
     assert console.messages[-1].text == sentence
     console.close()
+
+
+def test_figures_and_limits_are_read_without_hovering() -> None:
+    window, console = HeadlessWindow(), console_flying("tango-vbar-approach")
+    panel = DockingPanel(window)
+    try:
+        for _ in range(2):
+            window.noted.clear()
+            with window.panel("docking", 256.0, 1400.0):
+                panel.draw(console)
+        lines = [n.middle[1] for n in window.noted if n.label.endswith((" near", " out"))]
+        heads = [n.middle[1] for n in window.noted if n.label.endswith(("[m/s]", "[°]", "[°/s]", "[m]"))]
+        assert len(lines) > 3
+        assert set(lines) <= set(heads), "a wrapped figure is lower than its name"
+    finally:
+        window.close()
+        console.close()
+    assert all(unit in PRESETS["two-tenths"].title for unit in ("m", "m/s", "°", "°/s"))

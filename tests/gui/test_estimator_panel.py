@@ -99,6 +99,7 @@ def test_the_pose_of_the_last_answer_stands_whole_with_its_time_and_errors(
     texts = [" ".join(n.label.split()) for n in window.noted if n.what == "text"]
     for figures in ("-0.123 +2.000 +110.250", "0.250°", "13.0 mm"):
         assert figures in texts
+    assert "Position error / range" in texts
     assert texts.count("+0.5000 -0.5000") == 2, "in two lines"
     assert "accepted, 10.0 s ago" in texts
     for reason, remedy in (("no edges", False), ("target too small in the picture", True)):

@@ -90,6 +90,13 @@ def test_figures_are_of_the_time_on_the_clock(
         assert figure in shown
 
 
+def test_the_position_over_the_view_stands_below_its_frame(
+    console: Console, window: HeadlessWindow, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    shown = texts("camera", console, window, monkeypatch)
+    assert 0 < shown.index("IN TARGET'S LVLH") < shown.index("RADIAL")
+
+
 @pytest.mark.parametrize("name", ["camera", "orbit-camera", "depth", "parts", "keypoints"])
 def test_an_old_picture_tells_its_age(
     name: str, console: Console, window: HeadlessWindow, monkeypatch: pytest.MonkeyPatch

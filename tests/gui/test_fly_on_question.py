@@ -46,7 +46,7 @@ def test_a_command_that_flies_on_asks_first(back: Pointer, line: str) -> None:
     assert end_s(back) > 3.5
     assert back.console.session.look_back.active
     back.turn()
-    assert any("Fly on from T+0:01? The 3 s flown after it are dropped." in text for text in back.texts())
+    assert any("Fly on from T+00:00:01? The 3 s flown after it are dropped." in text for text in back.texts())
     back.press("Stay here")
     assert end_s(back) > 3.5
     assert back.console.flown_by == "scenario's guidance"

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 
+import numpy as np
 import pytest
 
 from flyaround.gui import style
-from flyaround.gui.panels.tour import STEPS
+from flyaround.gui.panels.tour import STEPS, TourStep
+from tests.harness.legibility import VERTEX, array_of
 from tests.harness.pointer import Pointer
 
 
@@ -83,3 +85,22 @@ def test_the_tour_frames_what_a_step_is_about(screen: Pointer, step: object) -> 
     for _ in range(12):
         screen.turn()
     assert screen.framed(style.ACCENT, screen.rect(STEPS[STEPS.index(step)].place))
+
+
+@pytest.mark.parametrize("step", STEPS, ids=lambda s: s.place)
+def test_the_tour_writes_over_no_control(screen: Pointer, step: TourStep) -> None:
+    screen.console.open_panel("tour", shown=True)
+
+    def inside(k: int) -> int:
+        screen.console.help.tour_step = k
+        for _ in range(12):
+            screen.turn()
+        x, y, width, height = screen.rect(step.place)
+        colour, count = int(screen.layout._w.color(style.ACCENT)), 0
+        for part in screen.window.plain.get_draw_data().cmd_lists:
+            drawn = array_of(part.vtx_buffer, VERTEX)
+            at = drawn["at"][drawn["colour"] == colour] - (x + 6.0, y + 6.0)
+            count += int(np.sum(np.all((at > 0.0) & (at < (width - 12.0, height - 12.0)), axis=1)))
+        return count
+
+    assert inside(STEPS.index(step)) == inside(len(STEPS))

@@ -80,7 +80,10 @@ def test_a_typed_point_ends_with_its_flight() -> None:
 @pytest.mark.parametrize(
     ("place", "said"),
     [
-        ((0.0, 0.0, 0.0), "refused: the straight line to that point comes within 0.0 m"),
+        (
+            (0.0, 0.0, 0.0),
+            "refused: the straight line to 0.00, 0.00, 0.00 m (radial, along, cross) comes within 0.0 m",
+        ),
         ((0.0, -20.0, 0.0), "refused: the straight line"),
         ((11.0, 2.0, 0.0), "leads through the keep-out sphere of 12 m"),
         ((40.0, 30.0, 0.0), "m from here"),

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import Any
 
 import pytest
 
+from flyaround.gui import style
 from flyaround.gui.console import Console
 from flyaround.gui.panels.board_link import BoardLinkPanel
 from flyaround.gui.panels.capture import CapturePanel
@@ -14,6 +16,7 @@ from flyaround.gui.panels.picture import PicturePanel
 from flyaround.gui.panels.sensor import SensorPanel
 from flyaround.gui.panels.steering import SteeringPanel
 from flyaround.gui.widgets import Panel
+from flyaround.simulator.piloting.readouts import mission_time
 from tests.harness.flown_console import console_flying
 from tests.harness.headless_imgui import HeadlessWindow
 
@@ -39,10 +42,12 @@ class Typist:
         def input_text(label: str, text: str, *rest: object) -> object:
             changed, text = real(label, text, *rest)
             noted.shown[label] = text
+            noted.colours[label] = window.plain.get_style_color_vec4(window.plain.Col_.text)
             low, high = window.plain.get_item_rect_min(), window.plain.get_item_rect_max()
             self.places[label] = ((low.x + high.x) / 2, (low.y + high.y) / 2)
             return changed, text
 
+        self.colours: dict[str, Any] = {}
         self.places: dict[str, tuple[float, float]] = {}
         window.imgui.input_text = input_text
         self.turn()
@@ -86,7 +91,7 @@ def test_a_refused_text_stays_until_it_is_mended(
     typist = Typist(window, console, SteeringPanel(window))
     typist.type("##t0", wrong)
     assert typist.shown["##t0"] == wrong
-    assert any("allowed: a number from 0" in reason for reason in typist.reasons)
+    assert any("allowed: h:min:s, or seconds from 0" in reason for reason in typist.reasons)
     assert burn_s(console) == 500.0
     assert not console.waiting, "a slip of the fingers is no caution of the flight"
     typist.type("##t0", "700")
@@ -100,7 +105,7 @@ def test_esc_brings_the_value_back(window: HeadlessWindow, console: Console) -> 
     typist.key("escape")
     typist.turn()
     assert typist.reasons == []
-    assert typist.shown["##t0"] == "500.0"
+    assert typist.shown["##t0"] == "00:08:20.0"
     before = len(console.log.lines)
     typist.type("##t0", "800", end="escape")
     assert burn_s(console) == 500.0
@@ -214,11 +219,21 @@ def test_what_a_command_refuses_is_said_at_the_field(window: HeadlessWindow, con
 @pytest.mark.parametrize(
     ("panel", "field", "wrong", "reason"),
     [
-        (CapturePanel, "##frames", "0", "Frames is '0', allowed: a whole number from 1 to"),
-        (CapturePanel, "##workers", "many", "Processes is 'many', allowed: a whole number from 1 to"),
-        (CapturePanel, "##film0", "3", "Width [px] is '3', allowed: a whole number from 16 to 7680"),
-        (BoardLinkPanel, "##seconds", "abc", "Seconds [s] is 'abc', allowed: a number from"),
-        (SteeringPanel, "##point1", "abc", "Along [m] is 'abc', allowed: a number from -100000 to 100000"),
+        (CapturePanel, "##frames", "0", "Capture: frames is '0', allowed: a whole number from 1 to"),
+        (
+            CapturePanel,
+            "##workers",
+            "many",
+            "Capture: processes is 'many', allowed: a whole number from 1 to",
+        ),
+        (CapturePanel, "##film0", "3", "Film: width [px] is '3', allowed: a whole number from 16 to 7680"),
+        (BoardLinkPanel, "##seconds", "abc", "Fault: seconds [s] is 'abc', allowed: a number from"),
+        (
+            SteeringPanel,
+            "##point1",
+            "abc",
+            "Fly to: along [m] is 'abc', allowed: a number from -100000 to 100000",
+        ),
     ],
 )
 def test_a_wrong_number_is_named_as_its_field_while_it_is_typed(
@@ -262,3 +277,78 @@ def test_a_refused_exposure_stays_until_it_is_mended(window: HeadlessWindow, con
     assert typist.shown["##stops"] == "+0.0"
     typist.type("##stops", "1.5")
     assert console.options.settings.exposure_stops == 1.5
+
+
+def drifting(console: Console) -> None:
+    console.do("steer.toggle")
+    console.do("time.rate", "100")
+    for _ in range(10):
+        console.pass_time(100)
+
+
+@pytest.mark.parametrize("wrong", ["abc", "1e9"])
+def test_esc_lets_a_refused_point_follow_the_chaser_again(
+    window: HeadlessWindow, console: Console, wrong: str
+) -> None:
+    typist = Typist(window, console, SteeringPanel(window))
+    typist.type("##point1", wrong)
+    assert typist.reasons == [f"Fly to: along [m] is '{wrong}', allowed: a number from -100000 to 100000"]
+    typist.key("escape")
+    drifting(console)
+    typist.turn()
+    assert typist.shown["##point1"] == f"{console.session.craft.state_lvlh()[0][1]:z.2f}"
+    assert typist.reasons == []
+
+
+@pytest.mark.parametrize("undo", ["escape", "delete"])
+def test_a_typed_point_follows_again_after_esc_in_its_field_or_without_text(
+    window: HeadlessWindow, console: Console, undo: str
+) -> None:
+    typist = Typist(window, console, SteeringPanel(window))
+    typist.type("##point1", "25")
+    drifting(console)
+    typist.turn()
+    assert typist.shown["##point1"] == "25"
+    typist.type("##point1", "" if undo == "delete" else "26", end=undo)
+    typist.key("enter")
+    typist.turn()
+    assert typist.shown["##point1"] == f"{console.session.craft.state_lvlh()[0][1]:z.2f}"
+
+
+def test_a_click_into_a_field_that_follows_is_no_input(window: HeadlessWindow, console: Console) -> None:
+    typist = Typist(window, console, SteeringPanel(window))
+    typist.type("##point1", "", end="")
+    drifting(console)
+    typist.turn()
+    typist.key("tab")
+    typist.turn()
+    typist.turn()
+    assert typist.shown["##point1"] == f"{console.session.craft.state_lvlh()[0][1]:z.2f}"
+
+
+def test_a_typed_number_looks_unlike_one_that_follows(window: HeadlessWindow, console: Console) -> None:
+    typist = Typist(window, console, SteeringPanel(window))
+    typist.type("##point1", "25")
+    typist.turn()
+    typed, follows = (typist.colours[f"##point{k}"] for k in (1, 0))
+    assert [round(c, 3) for c in (typed.x, typed.y, typed.z)] == [round(c, 3) for c in style.INK[:3]]
+    assert [round(c, 3) for c in (follows.x, follows.y, follows.z)] == [round(c, 3) for c in style.QUIET[:3]]
+
+
+def test_the_end_of_a_film_follows_the_flight_again_after_esc(
+    window: HeadlessWindow, console: Console
+) -> None:
+    typist = Typist(window, console, CapturePanel(window))
+    typist.type("##film4", "abc")
+    assert typist.reasons[0].startswith("Film: end [h:min:s or s] is 'abc', allowed: ")
+    typist.key("escape")
+    drifting(console)
+    typist.turn()
+    assert console.session.t_s > 50.0
+    assert typist.shown["##film4"] == mission_time(console.session.t_s, whole=True)[2:]
+
+
+def test_a_hover_text_shows_no_digits_that_nobody_typed(console: Console) -> None:
+    place = (-0.123456789012345, 29.770000000000003, 1 / 3)
+    (line,) = console.table["guidance.waypoint"].hover_text(*place).splitlines()[-1:]
+    assert line == "guidance.waypoint -0.123457 29.77 0.333333"

@@ -151,12 +151,12 @@ def test_burns_are_undone_in_order_and_named(at: Pointer) -> None:
     assert said(at).startswith("undone: exposure")
     console.do("settings.undo")
     assert plan(at) == [(500.0, 0.0, 0.02, 0.0), (900.0, 0.0, 0.01, 0.0)]
-    assert said(at).startswith("undone: change the burn of 0.01 m/s")
+    assert said(at).startswith("undone: change the burn of 0.0100 m/s")
     console.do("settings.undo")
     assert plan(at) == [(500.0, 0.0, 0.02, 0.0)]
     console.do("settings.undo")
     assert plan(at) == []
-    assert said(at).startswith("undone: plan a burn of 0.02 m/s")
+    assert said(at).startswith("undone: plan a burn of 0.0200 m/s")
     console.do("settings.undo")
     assert console.options.settings.noise
     for _ in range(4):

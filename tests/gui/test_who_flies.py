@@ -8,7 +8,7 @@ from tests.harness.flown_console import console_flying
 from tests.harness.pointer import Pointer
 
 
-def test_hand_control_is_idle_while_something_else_flies() -> None:
+def test_hand_control_is_only_armed_while_something_else_flies() -> None:
     at = Pointer("tango-vbar-approach", panels=False)
     console = at.console
 
@@ -18,16 +18,27 @@ def test_hand_control_is_idle_while_something_else_flies() -> None:
 
     assert hand() == "HAND: OFF"
     console.do("steer.arm", True)
-    assert hand() == "HAND: IDLE", "the scenario's guidance flies"
+    assert hand() == "HAND: ARMED", "the scenario's guidance flies"
     console.do("guidance.drift")
     assert hand() == "HAND: ON"
     console.do("docking.approach", True)
-    assert hand() == "HAND: IDLE"
+    assert hand() == "HAND: ARMED"
     console.do("steer.pulse", "back")
     assert hand() == "HAND: ON"
     console.session.craft.docking.docked = True
-    assert hand() == "HAND: IDLE"
+    assert hand() == "HAND: DOCKED"
     at.close()
+
+
+def test_arming_says_what_flies_until_a_key_does() -> None:
+    console = console_flying("tango-vbar-approach")
+    console.do("steer.arm", True)
+    armed = "hand control is armed: scenario's guidance flies until a key, the mouse or the gamepad does"
+    assert console.messages[-1].text == armed
+    console.do("guidance.drift")
+    console.do("steer.arm", True)
+    assert console.messages[-1].text == "keys, mouse and gamepad fly the chaser"
+    console.close()
 
 
 def plume_told(console: Console) -> bool:

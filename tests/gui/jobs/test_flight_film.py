@@ -96,9 +96,9 @@ def test_the_capture_panel_says_how_long_the_film_is(tmp_path: Path, monkeypatch
     screen.type(screen.sight("##film2"), "2")
     assert "5 s, 125 pictures" in screen.texts()
     # the label names the part
-    screen.type(screen.sight("##film4"), "4")
+    screen.type(screen.sight("##film4"), "0:04")
     assert "2 s, 50 pictures" in screen.texts()
-    assert screen.has("Film 0 to 4 s")
+    assert screen.has("Film 00:00:00 to 0:04")
     assert not screen.has("Film the whole flight")
     # which ends with the flight
     console = screen.console
@@ -110,9 +110,9 @@ def test_the_capture_panel_says_how_long_the_film_is(tmp_path: Path, monkeypatch
 
 def test_a_film_that_would_end_before_its_start_is_refused(console: Console) -> None:
     assert console.attempt("film.flight", 160, 5.0, 1.0, 35.0, 5.0).startswith(
-        "Film the whole flight: start [s] is 35"
+        "Film the whole flight: start is T+00:00:35.0"
     )
     assert console.attempt("film.flight", 160, 5.0, 1.0, 1e6).startswith(
-        "Film the whole flight: start [s] is 1e+06"
+        "Film the whole flight: start is T+277:46:40.0"
     )
     assert console.jobs.flight_film is None

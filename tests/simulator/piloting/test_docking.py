@@ -217,7 +217,7 @@ def test_a_perfect_touch_and_one_at_its_limits():
 def test_a_touch_out_of_limits_says_what_was_wrong():
     bad = judge_contact(replace(REST, axial_m=0.0, closing_m_s=0.5, yaw_deg=-1.0), TWO_TENTHS, at_port=True)
     assert not bad.docked
-    assert bad.misses == ("closing 0.5 m/s (limit 0.2)", "yaw 1 ° (limit 0.2)")
+    assert bad.misses == ("closing 0.5000 m/s (limit 0.2)", "yaw 1 ° (limit 0.2)")
     assert bad.document()["docked"] is False
     beside = judge_contact(REST, TWO_TENTHS, at_port=False)
     assert (beside.score, beside.docked) == (0, False)
@@ -225,7 +225,7 @@ def test_a_touch_out_of_limits_says_what_was_wrong():
 
 def test_a_standard_that_needs_a_closing_speed_refuses_a_slower_touch():
     slow = judge_contact(replace(REST, axial_m=0.0, closing_m_s=0.02), IDSS, at_port=True)
-    assert slow.misses == ("closing 0.02 m/s (at least 0.05)",)
+    assert slow.misses == ("closing 0.0200 m/s (at least 0.05)",)
     assert judge_contact(
         replace(REST, axial_m=0.0, closing_m_s=0.07, roll_deg=3.0), IDSS, at_port=True
     ).docked
@@ -244,7 +244,10 @@ def test_hold_points_wait_for_a_go():
     assert [p.axial_m for p in points.points] == [50.0, 20.0, 10.0, 5.0]
     at = replace(REST, axial_m=50.5)
     assert points.next is not None
-    assert points.go(replace(at, closing_m_s=0.3), TWO_TENTHS) == ("moving at 0.30 m/s", "closing +0.30 m/s")
+    assert points.go(replace(at, closing_m_s=0.3), TWO_TENTHS) == (
+        "moving at 0.3000 m/s",
+        "closing +0.3000 m/s",
+    )
     assert points.go(replace(at, axial_m=55.0), TWO_TENTHS) == ("5.0 m before H1",)
     assert points.next.decision == "open"
     assert points.no_go() == replace(points.points[0], decision="open")

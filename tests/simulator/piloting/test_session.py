@@ -432,6 +432,6 @@ def test_stop_says_that_it_does_not_hold_and_a_long_drift_is_a_caution(session):
     news = []
     for _ in range(1000):
         news += session.step(holding(), TICK_S).news
-    assert any(text.startswith("the burn of 1 m/s") and text.endswith("is flown") for _, text in news)
+    assert any(text.startswith("the burn of 1.0000 m/s") and text.endswith("is flown") for _, text in news)
     (away,) = [text for level, text in news if "drifts away" in text]
     assert away.endswith("m from the target, without guidance")

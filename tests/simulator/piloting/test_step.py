@@ -79,9 +79,9 @@ def test_recorded_commands_replay_to_the_bit(
 def test_orders_are_carried_out_once_and_answered():
     session = fa.FlightSession.of(beside())
     state = session.step(fa.PilotCommand(orders=(PlanBurn(burn_of(5.0, 0.0, -0.05, 0.0)),)), TICK_S)
-    assert state.news == (("note", "a burn of 0.05 m/s is planned at T+5.0 s"),)
+    assert state.news == (("note", "a burn of 0.0500 m/s is planned at T+00:00:05.0"),)
     news = [item for _ in range(20) for item in session.step(fa.PilotCommand(), TICK_S).news]
-    assert news == [("note", "the burn of 0.05 m/s at T+5.0 s is flown")]
+    assert news == [("note", "the burn of 0.0500 m/s at T+00:00:05.0 is flown")]
     state = session.step(fa.PilotCommand(), TICK_S)
     assert state.propellant.delta_v_m_s == pytest.approx(0.05, rel=1e-9)
     state = session.step(fa.PilotCommand(orders=(Stop(), Drift(), Pulse("forward"))), TICK_S)
