@@ -163,9 +163,8 @@ class Layout:
         # a tab has a button that closes it
         no_second = window.imgui.internal.DockNodeFlagsPrivate_.no_close_button
         self._titled.dock_node_flags_override_set = no_second
-        self._untitled.dock_node_flags_override_set = (
-            no_second | window.imgui.DockNodeFlags_.auto_hide_tab_bar
-        )
+        hidden_alone = window.imgui.DockNodeFlags_.auto_hide_tab_bar
+        self._untitled.dock_node_flags_override_set = no_second | hidden_alone
         self._docked: set[str] = set()
         """Panels on the window's own background, as of the last frame."""
 
@@ -201,10 +200,8 @@ class Layout:
             console.options.panel, console.window.enlarged = True, ""
         camera = console.session.plan.camera
         self._aspect = camera.width_px / camera.height_px
-        self._left_open, self._bottom_open = (
-            any(console.shown.get(p.name) for p in self.panels if p.place == place)
-            for place in ("left", "bottom")
-        )
+        opened = {p.place for p in self.panels if console.shown.get(p.name)}
+        self._left_open, self._bottom_open = "left" in opened, "bottom" in opened
 
     def keep(self, console: Console, path: Path) -> None:
         """Write the layout; a full disk is ignored."""
@@ -238,13 +235,14 @@ class Layout:
         # the window is cleared to the panels' background: blending a plate over it costs a software driver 10 ms
         bare = imgui.DockNodeFlags_.passthru_central_node
         imgui.dock_space_over_viewport(self._dockspace, None, bare)
-        hovered = ""
+        hovered, places = (
+            "",
+            {"centre", "over"} | ({p.place for p in PANELS} if console.options.panel else set()),
+        )
         for panel in self.panels:
             if panel.name == console.window.enlarged:
                 self._enlarged(console, panel)
-            elif console.shown.get(panel.name) and (
-                console.options.panel or panel.place in {"centre", "over"}
-            ):
+            elif console.shown.get(panel.name) and panel.place in places:
                 hovered = panel.name if self._panel(console, panel) else hovered
         floating = any(panel.place == "over" and console.shown.get(panel.name) for panel in self.panels)
         if self._build:
@@ -267,9 +265,8 @@ class Layout:
         imgui.push_style_var(imgui.StyleVar_.window_padding, low)
         strips: dict[str, TransportStrip | JobStrip] = {"transport": self._transport, "jobs": self._jobs}
         for name, strip in strips.items():
-            if imgui.internal.begin_viewport_side_bar(
-                name, imgui.get_main_viewport(), imgui.Dir.down, height, flags
-            ):
+            screen = imgui.get_main_viewport()
+            if imgui.internal.begin_viewport_side_bar(name, screen, imgui.Dir.down, height, flags):
                 strip.draw(console)
             imgui.end()
         imgui.pop_style_var()
@@ -287,9 +284,8 @@ class Layout:
     def _close_menus(self) -> None:
         """Close an open menu or list on Escape, as Dear ImGui does only with keyboard navigation."""
         imgui = self._window.imgui
-        if imgui.is_key_pressed(imgui.Key.escape, False) and imgui.is_popup_open(
-            "", imgui.PopupFlags_.any_popup
-        ):
+        is_open = imgui.is_popup_open("", imgui.PopupFlags_.any_popup)
+        if is_open and imgui.is_key_pressed(imgui.Key.escape, False):
             imgui.internal.close_popup_to_level(0, True)
 
     @property
@@ -310,9 +306,8 @@ class Layout:
             screen = imgui.get_main_viewport()
             scale = self._window.scale
             wide, tall = panel.size
-            size = w.vec(
-                min(wide * scale, 0.94 * screen.work_size.x), min(tall * scale, 0.9 * screen.work_size.y)
-            )
+            room = screen.work_size
+            size = w.vec(min(wide * scale, 0.94 * room.x), min(tall * scale, 0.9 * room.y))
             imgui.set_next_window_size(size, imgui.Cond_.appearing)
             imgui.set_next_window_pos(screen.get_center(), imgui.Cond_.appearing, w.vec(0.5, 0.5))
             flags |= imgui.WindowFlags_.no_docking | imgui.WindowFlags_.no_saved_settings
@@ -427,9 +422,8 @@ class Layout:
             split("bottom", "centre", imgui.Dir.down, share if self._bottom_open else BOTTOM)
         for panel in self.panels:
             if panel.place != "over":
-                internal.dock_builder_dock_window(
-                    _window_name(panel), nodes.get(panel.place, nodes["centre"])
-                )
+                node = nodes.get(panel.place, nodes["centre"])
+                internal.dock_builder_dock_window(_window_name(panel), node)
         for node in nodes.values():
             # a new dock is white until a panel has drawn its background
             internal.dock_builder_get_node(node).last_bg_color = self._w.color(style.GROUND)

@@ -298,9 +298,7 @@ class Estimates:
         self._answered = False
         self.progress.write("")
 
-    def close(self) -> None:
-        """End the process."""
-        self.stop()
+    close = stop
 
 
 def view_of(picture: Picture) -> tuple[object, ...]:

@@ -113,9 +113,8 @@ class HilSession:
         context = multiprocessing.get_context("spawn")
         self._pipe, theirs = context.Pipe()
         # not a daemon, because it starts processes for drawing and for the link
-        self._process = context.Process(
-            target=stream, args=(theirs, config, device_index), name="flyaround hil host"
-        )
+        args = theirs, config, device_index
+        self._process = context.Process(target=stream, args=args, name="flyaround hil host")
         self._process.start()
         theirs.close()
         self._reset(session, config.log_dir)
@@ -169,9 +168,8 @@ class HilSession:
             return
         if not where:
             raise UserError("no host listens yet: start a session, then its board")
-        self._board = ChildProgram(
-            ("hil", "board", where, "--target", target, "--method", method), self._clock
-        )
+        arguments = "hil", "board", where, "--target", target, "--method", method
+        self._board = ChildProgram(arguments, self._clock)
 
     def stop_board(self) -> None:
         """End the board's process."""
@@ -271,9 +269,8 @@ class HilSession:
             # one that never listened was started wrongly
             return SessionNote(f"the session with the board ended: {self._failed}", warning=listened)
         if (s := self._summary) is None:
-            return SessionNote(
-                f"the session with the board ended unexpectedly (exit code {exit_code})", warning=True
-            )
+            text = f"the session with the board ended unexpectedly (exit code {exit_code})"
+            return SessionNote(text, warning=True)
         text = f"the session with the board ended: {s.sent} pictures, {s.accepted} accepted, {s.dropped_total} dropped"
         if s.ended == "board_lost":
             text += f"; the board left ({s.board_gone})"
@@ -288,11 +285,8 @@ class HilSession:
         words, code, was_stopped = board.last_error_line(), board.exit_code, board.stopped
         board.close()
         self._board = None
-        return [
-            SessionNote(
-                f"the board's process ended: {words or f'exit code {code}'}", bool(code) and not was_stopped
-            )
-        ]
+        text = f"the board's process ended: {words or f'exit code {code}'}"
+        return [SessionNote(text, bool(code) and not was_stopped)]
 
     def _send(self, message: object) -> None:
         if self._pipe is not None:
@@ -341,11 +335,8 @@ class HilSession:
     @property
     def drops(self) -> dict[str, int]:
         """Number of frames without an answer, by cause."""
-        return {
-            name.removeprefix("dropped:"): n
-            for name, n in sorted(self.outcomes.items())
-            if name.startswith("dropped:")
-        }
+        outcomes = (name.partition("dropped:") for name in sorted(self.outcomes))
+        return {cause: self.outcomes[of + cause] for before, of, cause in outcomes if of and not before}
 
     def latencies_ms(self) -> FloatArray:
         """Return (n,) times from the first byte sent to the pose received, for answered frames [ms]."""

@@ -102,9 +102,8 @@ class BoardLinkPanel(Panel):
             if ticks:
                 implot.setup_axis_ticks(implot.ImAxis_.x1, [float(t) for t in ticks], [str(t) for t in ticks])
             steps = np.append(counts, 0.0)
-            implot.plot_stairs(
-                "pictures", np.array(BIN_EDGES_MS), np.ascontiguousarray(steps), w.curve(style.ACCENT)
-            )
+            edges, heights = np.array(BIN_EDGES_MS), np.ascontiguousarray(steps)
+            implot.plot_stairs("pictures", edges, heights, w.curve(style.ACCENT))
 
     def _faults(self, console: Console) -> None:
         w, imgui = self._w, self._w.imgui

@@ -68,14 +68,8 @@ def decline_cause(frame: Frame, target: Target, remedy: str = BY_METER) -> str:
     dark = float(np.mean(light <= level))
     # the space beside the craft is dark at any exposure
     burnt = float(np.mean(light[light > level] >= BURNT)) if dark < 1.0 else 0.0
-    cause = (
-        "burnt"
-        if burnt > BURNT_SHARE
-        else ""
-        if dark < LIT
-        else "dark"
-        if scene.sun_visible_fraction
-        else "eclipse"
-    )
+    if burnt <= BURNT_SHARE and dark < LIT:
+        return ""
+    cause = "burnt" if burnt > BURNT_SHARE else "dark" if scene.sun_visible_fraction else "eclipse"
     figures = {"burnt": burnt, "dark": dark, "level": level, "exposure": exposure_text(scene.exposure_s)}
-    return CAUSES[cause].format(**figures, remedy=remedy) if cause else ""
+    return CAUSES[cause].format(**figures, remedy=remedy)

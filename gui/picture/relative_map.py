@@ -202,9 +202,8 @@ def corridor_outline(keep_out: KeepOut, plane: Plane) -> FloatArray:
     side /= np.linalg.norm(side)
     other = np.cross(axis, side)
     turn = np.linspace(0, 2 * np.pi, _CIRCLE, endpoint=False)[:, None]
-    rim = keep_out.radius_m * (
-        math.cos(half) * axis + math.sin(half) * (np.cos(turn) * side + np.sin(turn) * other)
-    )
+    around = np.cos(turn) * side + np.sin(turn) * other
+    rim = keep_out.radius_m * (math.cos(half) * axis + math.sin(half) * around)
     # the cap of the sphere, which bulges beyond the rim
     tip = keep_out.radius_m * axis
     arcs = [rim + (tip - rim) * s for s in (0.25, 0.5, 0.75)]

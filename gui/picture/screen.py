@@ -49,9 +49,8 @@ def block_signals(frame: Frame) -> FloatArray:
     # means of 8 x 8 pixels reduce the noise, but keep a craft of a few blocks
     size = (max(image.shape[1] // SQUARE_PX, 1), max(image.shape[0] // SQUARE_PX, 1))
     means = cv2.resize(image, size, interpolation=cv2.INTER_AREA)
-    numbers, sensor = decode_numbers(
-        means.astype(image.dtype, copy=False), scene.sensor, scene.camera.pixel_encoding
-    )
+    blocks = means.astype(image.dtype, copy=False)
+    numbers, sensor = decode_numbers(blocks, scene.sensor, scene.camera.pixel_encoding)
     full, black = sensor.scale_dn
     return (numbers.reshape(size[1], size[0], -1).max(axis=2).astype(float) - black) / full
 

@@ -236,14 +236,11 @@ class CameraView(Panel):
         self._push()
         passes = shown_passes(feed.pass_ms)
         total = sum(ms for _, ms in passes)
-        texts = [
-            f"{name:16s} {ms:7.1f} ms  {'|' * round(BARS * ms / total):{BARS}}"
-            for name, ms in (*passes, ("picture", total))
-            if total
-        ]
+        rows = [*passes, ("picture", total)] if total else []
+        texts = [f"{n:16s} {ms:7.1f} ms  {'|' * round(BARS * ms / total):{BARS}}" for n, ms in rows]
         tip = "median of five pictures, and its share (F8)"
-        rows = [Row("", text, style.INK, tip) for text in texts or ["timing the passes ..."]]
-        self._write(canvas, (place[0] + MARGIN, place[1] + MARGIN + below), tuple(rows))
+        lines = tuple(Row("", text, style.INK, tip) for text in texts or ["timing the passes ..."])
+        self._write(canvas, (place[0] + MARGIN, place[1] + MARGIN + below), lines)
         self._imgui.pop_font()
 
     @staticmethod

@@ -130,10 +130,9 @@ class EarthMap(Panel):
 
     @staticmethod
     def _below(world: WorldState) -> tuple[float, float]:
-        out = np.subtract(world.r_target_eci_m, world.central.r_eci_m)
-        latitude, longitude = ground_track.geodetic_deg(
-            world.central.R_fixed_from_eci @ out, world.central.body
-        )
+        central = world.central
+        out = central.R_fixed_from_eci @ np.subtract(world.r_target_eci_m, central.r_eci_m)
+        latitude, longitude = ground_track.geodetic_deg(out, central.body)
         return float(latitude), float(longitude)
 
     # --- what is drawn
@@ -152,16 +151,13 @@ class EarthMap(Panel):
             return
         is_past = track.times_s <= now_s
         shadowed = track.sunlit < 0.5
-        for part, colour, dashed in (
-            (is_past, PAST, False),
-            (~is_past & ~shadowed, SUNLIT, True),
-            (~is_past & shadowed, SHADOWED, True),
-        ):
+        legs = (is_past, PAST), (~is_past & ~shadowed, SUNLIT), (~is_past & shadowed, SHADOWED)
+        for part, colour in legs:
             # a segment starts where the previous one ends
             on = part | np.append(part[1:], False)
             latitude = np.where(on, track.latitude_deg, np.nan)
             latitude, longitude = ground_track.split_at_map_edge(latitude, track.longitude_deg)
-            canvas.stroke(map_places(box, latitude, longitude), colour, 1.8, dashed=dashed)
+            canvas.stroke(map_places(box, latitude, longitude), colour, 1.8, dashed=colour != PAST)
 
     def _marks(self, canvas: Canvas, box: Letterbox, world: WorldState) -> None:
         sun = self._subsolar(world)

@@ -149,11 +149,8 @@ class LvlhMap(Panel):
         mouse = io.mouse_pos
         port = next((p for p in self.ports if p.inside(mouse.x, mouse.y)), self.ports[0])
         over = imgui.is_item_hovered()
-        pressed = (
-            over and imgui.is_mouse_clicked(imgui.MouseButton_.left),
-            imgui.is_mouse_down(imgui.MouseButton_.left),
-            over and imgui.is_mouse_clicked(imgui.MouseButton_.right),
-        )
+        clicked, other = (over and imgui.is_mouse_clicked(b) for b in (0, 1))
+        pressed = clicked, imgui.is_mouse_down(0), other
         is_taken = self._nodes.take_mouse(console, self.ports, (mouse.x, mouse.y), pressed)
         if self._nodes.under is not None and (over or is_taken):
             imgui.set_mouse_cursor(imgui.MouseCursor_.hand)
@@ -264,9 +261,8 @@ class LvlhMap(Panel):
         canvas.label((x + 6, y + 4), text, tip=LINES)
         bar_m = relative_map.nice_step(port.width_m / 4)
         bar, right, foot = bar_m * port.scale, x + w - 10, y + h - 8
-        canvas.stroke(
-            [(right - bar, foot - 5), (right - bar, foot), (right, foot), (right, foot - 5)], style.INK
-        )
+        left = right - bar
+        canvas.stroke([(left, foot - 5), (left, foot), (right, foot), (right, foot - 5)], style.INK)
         label = relative_map.metres_text(bar_m)
         at = (right - bar / 2 - canvas.size(label)[0] / 2, foot - 6 - line)
         canvas.label(at, label, tip="length of the bar below, in both planes")
@@ -302,11 +298,9 @@ class LvlhMap(Panel):
     def _legend(self, canvas: Canvas, session: FlightSession, corner: Point, width: float) -> float:
         """Draw what lines and marks are, as far as there are any, above the map; return the height."""
         keep_out, sphere = session.plan.scenario.chaser.keep_out, session.craft.sphere
-        there = {
-            "burns": bool(len(self._burns) or session.craft.steering.burns.burns),
-            "keep-out": keep_out is not None,
-            "corridor": sphere is not None and sphere.corridor_axis_lvlh is not None,
-        }
+        burns = bool(len(self._burns) or session.craft.steering.burns.burns)
+        corridor = sphere is not None and sphere.corridor_axis_lvlh is not None
+        there = {"burns": burns, "keep-out": keep_out is not None, "corridor": corridor}
         self._imgui.push_font(self._window.text_font, 0.85 * self._imgui.get_style().font_size_base)
         height = canvas.legend(corner, width, [key for key in KEYS if there.get(key.name, True)])
         self._imgui.pop_font()

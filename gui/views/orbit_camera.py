@@ -63,9 +63,8 @@ class OrbitCameraView(Panel):
         image = picture.frame.image
         box = Letterbox.fit((image.shape[1], image.shape[0]), place)
         canvas.clip(place[:2], place[2:])
-        canvas.picture(
-            self.name, picture, partial(screen_picture, picture.frame), (box.x, box.y, box.width, box.height)
-        )
+        screen = partial(screen_picture, picture.frame)
+        canvas.picture(self.name, picture, screen, (box.x, box.y, box.width, box.height))
         self._target(canvas, box, picture)
         self._chaser(canvas, box, self._marks_for(console, picture))
         where = f"azimuth {look.azimuth_deg:.0f}°, elevation {look.elevation_deg:.0f}°, {look.distance_m:.1f} m away"
@@ -129,9 +128,8 @@ class OrbitCameraView(Panel):
         for k, about in enumerate(ABOUT):
             if k:
                 imgui.same_line()
-            self._w.button(
-                console, "orbit-camera.about", about, label=about.capitalize(), on=look.about == about
-            )
+            title, on = about.capitalize(), look.about == about
+            self._w.button(console, "orbit-camera.about", about, label=title, on=on)
         imgui.same_line()
         self._w.button(console, "orbit-camera.reset", label="Reset view")
 
@@ -148,11 +146,8 @@ class OrbitCameraView(Panel):
                 do_place(console, look.azimuth_deg, look.elevation_deg, look.distance_m / factor)
         if imgui.is_item_active() and imgui.is_mouse_dragging(imgui.MouseButton_.left, 2.0):
             self._turned_from = self._turned_from or copy(look)
-            look.place(
-                look.azimuth_deg + DEGREES_PER_UNIT * io.mouse_delta.x,
-                look.elevation_deg + DEGREES_PER_UNIT * io.mouse_delta.y,
-                look.distance_m,
-            )
+            right, down = (DEGREES_PER_UNIT * d for d in (io.mouse_delta.x, io.mouse_delta.y))
+            look.place(look.azimuth_deg + right, look.elevation_deg + down, look.distance_m)
         elif self._turned_from is not None:
             # the command is the change that is undone
             console.options.orbit, self._turned_from = self._turned_from, None

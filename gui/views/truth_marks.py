@@ -138,13 +138,10 @@ class TruthMarks:
                 camera = ringed.frame.scene.camera
                 cx, cy = box.at((camera.cx_px, camera.cy_px))
                 occupied += [(cx + r + 3, cy + 1, *canvas.size(f"{d}°")) for d, r in rings(box, ringed)]
-            self._placed = place_labels(
-                [p for p, _, _ in points],
-                [canvas.size(name) for _, _, name in points],
-                (box.x, box.y, box.width, box.height),
-                last_choices=[self._choices.get(name) for _, _, name in points],
-                obstacles=occupied,
-            )
+            places, names = [p for p, _, _ in points], [name for *_, name in points]
+            sizes, last = [canvas.size(n) for n in names], [self._choices.get(n) for n in names]
+            area = (box.x, box.y, box.width, box.height)
+            self._placed = place_labels(places, sizes, area, last_choices=last, obstacles=occupied)
         for (at, state, name), placed in zip(points, self._placed, strict=True):
             if placed is None:
                 continue
