@@ -78,11 +78,15 @@ class SteeringPanel(Panel):
         w.buttons(console, [f"time.next-{event}" for event in EVENTS], 1)
 
     def _cost(self, console: Console) -> None:
-        w, steering = self._w, console.session.craft.steering
-        spent = steering.propellant
+        w, craft = self._w, console.session.craft
+        steering, spent = craft.steering, craft.steering.propellant
         w.section("Spent by steering")
         tip = "delta-v of the thrusters since the start, summed over all burns"
         w.row("Delta-v", (spent.delta_v_m_s,), "{:.3f} m/s", tip)
+        moved = np.array(console.telemetry.position_lvlh_m) - steering.taken_over_lvlh_m
+        moved = ["the guidance flies"] if craft.mode == "guidance" else [f"{m:+z.2f}" for m in moved]
+        tip = "way since hand or autopilot took over from the scenario's guidance: radial, along, cross"
+        w.row("Since taking over [m]", moved, "{}", tip)
         tip = f"burnt since the start, at a specific impulse of {spent.thrusters.specific_impulse_s:g} s"
         w.row("Propellant", (spent.used_kg,), "{:.3f} kg", tip)
         tip = "mass of the chaser in the scenario; 100 kg if the scenario gives none"
