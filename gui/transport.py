@@ -144,7 +144,7 @@ class TransportStrip:
     def _scale(self, end_s: float, x_of: Callable[[float], float]) -> None:
         """Write times into the slider, the last item: both ends, and round times between them."""
         w, imgui = self._w, self._w.imgui
-        at_text = lambda t_s: f"T+{duration_text(int(t_s))}"  # noqa: E731
+        at_text: Callable[[float], str] = lambda t_s: f"T+{duration_text(int(t_s))}"  # noqa: E731
         low, high = imgui.get_item_rect_min(), imgui.get_item_rect_max()
         imgui.push_font(w.window.text_font, 0.75 * imgui.get_style().font_size_base)
         room = 1.6 * imgui.calc_text_size("T+00:00").x

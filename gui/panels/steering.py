@@ -83,8 +83,8 @@ class SteeringPanel(Panel):
         w.section("Spent by steering")
         tip = "delta-v of the thrusters since the start, summed over all burns"
         w.row("Delta-v", (spent.delta_v_m_s,), "{:.3f} m/s", tip)
-        moved = np.array(console.telemetry.position_lvlh_m) - steering.taken_over_lvlh_m
-        moved = ["the guidance flies"] if craft.mode == "guidance" else [f"{m:+z.2f}" for m in moved]
+        way = np.array(console.telemetry.position_lvlh_m) - steering.taken_over_lvlh_m
+        moved = ["the guidance flies"] if craft.mode == "guidance" else [f"{m:+z.2f}" for m in way]
         tip = "way since hand or autopilot took over from the scenario's guidance: radial, along, cross"
         w.row("Since taking over [m]", moved, "{}", tip)
         tip = f"burnt since the start, at a specific impulse of {spent.thrusters.specific_impulse_s:g} s"
