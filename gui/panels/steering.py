@@ -79,10 +79,14 @@ class SteeringPanel(Panel):
         w.buttons(console, [f"time.next-{event}" for event in EVENTS], 1)
 
     def _cost(self, console: Console) -> None:
-        w, steering = self._w, console.session.craft.steering
-        spent = steering.propellant
+        w, craft = self._w, console.session.craft
+        steering, spent = craft.steering, craft.steering.propellant
         w.section("Spent by steering")
         w.row("Delta-v", (speed_text(spent.delta_v_m_s),), "{}", NOTES["delta-v"])
+        way = np.array(console.telemetry.position_lvlh_m) - steering.taken_over_lvlh_m
+        moved = ["the guidance flies"] if craft.mode == "guidance" else [f"{m:+z.2f}" for m in way]
+        tip = "way since hand or autopilot took over from the scenario's guidance: radial, along, cross"
+        w.row("Since taking over [m]", moved, "{}", tip)
         tip = f"burnt since the start, at a specific impulse of {spent.thrusters.specific_impulse_s:g} s"
         w.row("Propellant", (spent.used_kg,), "{:.3f} kg", tip)
         w.row("Mass", (spent.mass_kg,), "{:.2f} kg", NOTES["mass"])

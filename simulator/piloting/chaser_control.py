@@ -91,6 +91,8 @@ class Steering:
         self.burns = BurnPlan()
         self.propellant = Propellant(thrusters)
         self.news: list[News] = []
+        self.taken_over_lvlh_m: Vec3 = (0.0, 0.0, 0.0)
+        """Position of the chaser when it was taken over from the scenario's guidance."""
         self._demand = Demand()
         self.release_controls()
 

@@ -289,6 +289,7 @@ class PilotedCraft:
         """Take over manual control from the chaser's state; the attitude continues to track the target."""
         if self.steered is None:
             self.steered = self.flight.chaser(self.t_s)
+            self.steering.taken_over_lvlh_m = vec3(self.state_lvlh()[0])
             self.set_attitude("target")
 
     def follow_guidance(self) -> None:

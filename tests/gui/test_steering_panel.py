@@ -135,3 +135,33 @@ def test_a_dangerous_path_is_said_in_full_and_moves_nothing(
     console.session.craft.burns_forecast = lambda: (9.0, risk)  # type: ignore[method-assign]
     assert cancel_y() == before
     assert f"the path {risk}" in [n.label for n in window.noted if n.what == "text"]
+
+
+def test_the_way_since_taking_over_is_shown_also_when_looking_back(window: HeadlessWindow) -> None:
+    console = console_flying("tango-vbar-approach")
+    panel = SteeringPanel(window)
+
+    def moved() -> list[str]:
+        window.noted.clear()
+        with window.panel("steering", 420.0, 1700.0):
+            panel.draw(console)
+        texts = [n.label for n in window.noted if n.what == "text"]
+        return texts[texts.index("Since taking over [m]") + 1].split()
+
+    for _ in range(10):
+        console.pass_time(200)
+    assert moved() == ["the", "guidance", "flies"]
+    console.do("steer.toggle")
+    begin = np.array(console.telemetry.position_lvlh_m)
+    assert moved() == ["+0.00", "+0.00", "+0.00"]
+    console.session.clock.set_rate(10.0)
+    for _ in range(20):
+        console.pass_time(200)
+    way = np.array(console.telemetry.position_lvlh_m) - begin
+    assert np.abs(way).max() > 0.5
+    assert [float(m) for m in moved()] == pytest.approx(way, abs=0.006)
+    console.do("steer.toggle")
+    assert moved()[0] == "the"
+    console.do("timeline.seek", 10.0)
+    assert np.abs([float(m) for m in moved()]).max() > 0.1
+    console.close()
