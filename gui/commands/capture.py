@@ -112,7 +112,7 @@ COMMANDS = (
         word("what", f"scenario, recipe, file or {FLOWN}; {THIS} unless given", optional=True),
         word("folder", f"new or empty; {NEW}, or left out: one in out/console", optional=True),
         word("formats", "beside the native one, with commas", optional=True),
-        Argument("workers", "whole", "processes that draw", least=1, most=MOST_WORKERS, optional=True),
+        Argument("processes", "whole", "processes that draw", least=1, most=MOST_WORKERS, optional=True),
     ),
     command("capture.stop", lambda console: console.jobs.capture.stop()),
     command("capture.resume", _resume),
