@@ -12,8 +12,8 @@ import pytest
 from flyaround.gui.canvas import Canvas
 from flyaround.gui.picture.feed import Feed, Picture
 from flyaround.gui.picture.further import LABEL_VIEWS
-from flyaround.gui.picture.view_settings import reduced_camera
 from flyaround.gui.views.labels import DepthView
+from flyaround.simulator.camera.lens.camera_model import reduced_camera
 from flyaround.simulator.frame import NO_RADIANCE, Frame
 from tests.harness.flown_console import console_flying
 from tests.harness.headless_imgui import HeadlessWindow
