@@ -18,7 +18,6 @@ from flyaround.gui.commands.log import script_header
 from flyaround.gui.console import LONGEST_TICK_MS, Console
 from flyaround.gui.gamepad import Gamepad
 from flyaround.gui.jobs.all import running_jobs
-from flyaround.gui.jobs.program import new_path
 from flyaround.gui.layout import Layout, layout_file, panel_commands, read_layout
 from flyaround.gui.picture.feed import Feed, Picture
 from flyaround.gui.picture.further import CAMERA_SHARE, LaterFrames, further_feeds
@@ -34,7 +33,7 @@ from flyaround.simulator.frame import Frame
 from flyaround.simulator.loop import open_frames
 from flyaround.simulator.piloting.recorder import REPLAY_NAME, FlightRecorder
 from flyaround.simulator.piloting.session import FlightSession
-from flyaround.simulator.runtime.files import empty_folder, write_atomic
+from flyaround.simulator.runtime.files import empty_folder, new_path, write_atomic
 from flyaround.simulator.runtime.progress import ProgressLine
 from flyaround.simulator.scenario.load import load_scenario
 
@@ -140,7 +139,6 @@ def run(request: Request) -> dict[str, Any]:
         If there is no display, the optional parts are missing, or the scenario or the script is wrong.
     """
     import_parts(off_screen=request.off_screen)
-    _check_screenshot(request.screenshot)
     table = command_table()
     script = None if request.script is None else Script.read(request.script, table)
     if request.record is not None:
@@ -460,12 +458,3 @@ class ConsoleLoop:
 
 def _has_newer(feed: Feed, picture: Picture | None) -> bool:
     return feed.newest is not picture
-
-
-def _check_screenshot(path: Path | None) -> None:
-    if path is None:
-        return
-    if path.suffix != ".png":
-        raise UserError(f"cannot write '{path.suffix}' pictures ({path}); end --screenshot in .png")
-    if not path.parent.is_dir():
-        raise UserError(f"folder {path.parent} does not exist; make it, or change --screenshot")

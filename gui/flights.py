@@ -10,6 +10,10 @@ from flyaround.simulator.errors import UserError
 from flyaround.simulator.piloting.readouts import duration_text
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from flyaround.gui.console import Console
+    from flyaround.simulator.piloting.flown_files import FlownFiles
     from flyaround.simulator.piloting.session import FlightSession
 
 LEAST_LOST_S = 1.0  # time flown after a flight was kept that is named
@@ -98,3 +102,44 @@ class FlightList:
         if which > len(self.former):
             raise UserError("there is no earlier flight" if which == 1 else f"no flight {which} was left")
         return self.former[-which]
+
+
+@dataclass(eq=False)
+class Keeping:
+    """A flight that is being written in portions, one per turn of the window.
+
+    Parameters
+    ----------
+    console : Console
+        The console.
+    session : FlightSession
+        The flight that is written.
+    files : FlownFiles
+        Its files, open for writing.
+    then : callable
+        Function called with the scenario once it is complete.
+    """
+
+    console: Console
+    session: FlightSession
+    files: FlownFiles
+    then: Callable[[Console, str], None]
+
+    def __call__(self) -> bool:
+        """Write a portion; return False at the end."""
+        try:
+            replay = self.files.go_on_beside()
+        except (UserError, OSError) as error:
+            self.cancel()
+            self.console.say(f"the flight was not kept: {error}", "caution", "timeline.keep")
+            return False
+        if replay is None:
+            return True
+        self.console.flights.files.append(str(replay.absolute()))
+        self.then(self.console, str(replay))
+        return False
+
+    def cancel(self) -> None:
+        """Remove what was written; the flight is unsaved again."""
+        self.files.cancel()
+        self.console.flights.give_up(self.session)

@@ -13,6 +13,7 @@ from flyaround.cli.scenario_argument import load_flyable
 from flyaround.cli.size_option import parse_size
 from flyaround.runs.console import ConsoleRun
 from flyaround.runs.document import write_run
+from flyaround.simulator.errors import UserError
 
 DEFAULT_SCENARIO = "tango-flyaround"
 # side of the window [px]: smallest that holds a panel, and the largest texture of common drivers
@@ -41,7 +42,8 @@ def sim(
     from flyaround.gui.app import Request  # noqa: PLC0415
     from flyaround.gui.app import run as run_console  # noqa: PLC0415
 
-    record = _path(run.record)
+    record, screenshot = _path(run.record), _path(run.screenshot)
+    _check_screenshot(screenshot)
     state = run_console(
         Request(
             scenario=name,
@@ -51,7 +53,7 @@ def sim(
             seed=run.seed,
             device_index=run.gpu,
             seconds=run.seconds,
-            screenshot=_path(run.screenshot),
+            screenshot=screenshot,
             overlays=tuple(name for name in run.overlays.split(",") if name),
             record=record,
             script=_path(run.script),
@@ -66,3 +68,12 @@ def sim(
 
 def _path(text: str | None) -> Path | None:
     return None if text is None else Path(text)
+
+
+def _check_screenshot(path: Path | None) -> None:
+    if path is None:
+        return
+    if path.suffix != ".png":
+        raise UserError(f"cannot write '{path.suffix}' pictures ({path}); end --screenshot in .png")
+    if not path.parent.is_dir():
+        raise UserError(f"folder {path.parent} does not exist; make it, or change --screenshot")

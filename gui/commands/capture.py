@@ -9,16 +9,16 @@ from typing import TYPE_CHECKING
 import msgspec
 
 from flyaround.gui.command_table import Argument, command, moment, number, word
-from flyaround.gui.commands.scenario import built_in_name
 from flyaround.gui.commands.timeline import keep_flight
 from flyaround.gui.jobs.capture_job import MOST_FRAMES, MOST_WORKERS, CaptureRequest
 from flyaround.gui.jobs.flight_film import FlightFilm
-from flyaround.gui.jobs.program import new_path, output_file
+from flyaround.gui.jobs.program import output_file
 from flyaround.gui.picture.view_settings import scenario_as_seen
 from flyaround.simulator.errors import UserError
 from flyaround.simulator.piloting.readouts import mission_time
-from flyaround.simulator.runtime.files import write_atomic
+from flyaround.simulator.runtime.files import new_path, write_atomic
 from flyaround.simulator.runtime.toml_text import to_toml
+from flyaround.simulator.scenario.load import built_in_name
 
 if TYPE_CHECKING:
     from flyaround.gui.console import Console

@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING
 import msgspec
 
 from flyaround.gui.command_table import command, number, word
-from flyaround.gui.jobs.program import new_path
 from flyaround.gui.texts import texts
 from flyaround.hil.board.method_names import HYBRID
 from flyaround.hil.host.ledger.run_terms import Provenance
 from flyaround.hil.host.link_process.ipc import LinkConfig
 from flyaround.hil.host.run import RunConfig
 from flyaround.hil.host.truth_policy import check_access
+from flyaround.simulator.runtime.files import new_path
 from flyaround.simulator.scenario.faults import CameraFault, LineFault
 
 if TYPE_CHECKING:

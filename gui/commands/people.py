@@ -91,11 +91,10 @@ def _stop_import(console: Console) -> None:
     console.jobs.mesh = None
 
 
-def _step_settings(name: str, console: Console) -> None:
+def _step_settings(name: str, text: str, console: Console) -> None:
     """Undo or redo the last change of settings, burns or choices of the flight."""
-    fly = lambda changes: console.order(Rechoose(changes))  # noqa: E731
-    what = getattr(console.history, name)(console.options, fly)
-    console.say(f"undone: {what} (Ctrl+Y redoes it)" if name == "undo" else f"redone: {what}")
+    what = console.history.step(name, console.options, lambda changes: console.order(Rechoose(changes)))
+    console.say(text.format(what))
 
 
 def _enlarge(console: Console, panel: str | None = None) -> None:
@@ -106,8 +105,10 @@ def _enlarge(console: Console, panel: str | None = None) -> None:
 
 
 COMMANDS = (
-    command("settings.undo", partial(_step_settings, "undo"), "ctrl+z"),
-    command("settings.redo", partial(_step_settings, "redo"), "ctrl+y"),
+    command(
+        "settings.undo", partial(_step_settings, "settings.undo", "undone: {} (Ctrl+Y redoes it)"), "ctrl+z"
+    ),
+    command("settings.redo", partial(_step_settings, "settings.redo", "redone: {}"), "ctrl+y"),
     command(
         "window.text-size",
         _font_scale,

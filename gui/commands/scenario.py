@@ -8,22 +8,15 @@ from typing import TYPE_CHECKING
 import msgspec
 
 from flyaround.gui.command_table import Argument, command, word
-from flyaround.simulator.scenario.load import list_scenarios, load_scenario
+from flyaround.simulator.scenario.load import built_in_name
 
 if TYPE_CHECKING:
     from flyaround.gui.console import Console
-    from flyaround.simulator.scenario.scenario import Scenario
 
 
 def _open(console: Console, scenario: str) -> None:
     console.opener.open(scenario)
     console.say(f"opening {scenario} ...")
-
-
-def built_in_name(scenario: Scenario) -> str:
-    """Return the name of a built-in scenario; empty for another one, also of the same name."""
-    name = scenario.name
-    return name if name in list_scenarios() and load_scenario(name) == scenario else ""
 
 
 def _edit(console: Console, scenario: str | None = None) -> None:

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import time
-from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from flyaround.gui.command_table import Argument, command, moment, word
+from flyaround.gui.flights import Keeping
 from flyaround.gui.picture.view_settings import scenario_as_seen
 from flyaround.simulator.errors import UserError
 from flyaround.simulator.piloting.flown_files import FlownFiles, free_folder
@@ -21,8 +20,6 @@ if TYPE_CHECKING:
     from flyaround.simulator.piloting.session import FlightSession
 
 FOLDER = Path("out") / "console" / "flights"
-SLICE_S, SLICE_SHARE, LONGEST_SLICE_S = 0.008, 0.25, 0.05
-"""Time per turn of the window for writing a flight: at least, as a share of the turn, and at most."""
 SKIP_S = 10.0
 FRAMES = 50
 """Default number of frames of a data set."""
@@ -70,53 +67,6 @@ def _other_future(console: Console) -> None:
 def _bookmark(console: Console, note: str = "") -> None:
     mark = console.session.look_back.timeline.bookmark(console.session.t_s, note)
     console.say(f"bookmark at {mission_time(mark.t_s)}{': ' if mark.note else ''}{mark.note}")
-
-
-@dataclass(eq=False)
-class Keeping:
-    """A flight that is being written in portions, one per turn of the window.
-
-    Parameters
-    ----------
-    console : Console
-        The console.
-    session : FlightSession
-        The flight that is written.
-    files : FlownFiles
-        Its files, open for writing.
-    then : callable
-        Function called with the scenario once it is complete.
-    """
-
-    console: Console
-    session: FlightSession
-    files: FlownFiles
-    then: Callable[[Console, str], None]
-
-    def __post_init__(self) -> None:
-        self._last_s = time.monotonic()
-
-    def __call__(self) -> bool:
-        """Write a portion; return False at the end."""
-        now_s = time.monotonic()
-        slice_s = min(max(SLICE_SHARE * (now_s - self._last_s), SLICE_S), LONGEST_SLICE_S)
-        self._last_s = now_s
-        try:
-            replay = self.files.go_on(slice_s)
-        except (UserError, OSError) as error:
-            self.cancel()
-            self.console.say(f"the flight was not kept: {error}", "caution", "timeline.keep")
-            return False
-        if replay is None:
-            return True
-        self.console.flights.files.append(str(replay.absolute()))
-        self.then(self.console, str(replay))
-        return False
-
-    def cancel(self) -> None:
-        """Remove what was written; the flight is unsaved again."""
-        self.files.cancel()
-        self.console.flights.give_up(self.session)
 
 
 def _stop_keeping(console: Console) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING
 
 from flyaround.gui.jobs.capture_job import CaptureJob
 from flyaround.gui.jobs.estimates import Estimates
@@ -15,24 +15,12 @@ from flyaround.gui.picture.screen import screen_picture
 if TYPE_CHECKING:
     from collections.abc import Callable
 
+    from flyaround.gui.flights import Keeping
     from flyaround.gui.jobs.flight_film import FlightFilm
     from flyaround.gui.jobs.mesh_import import MeshImport
     from flyaround.gui.picture.feed import Picture
     from flyaround.gui.picture.video import Film
-    from flyaround.simulator.piloting.flown_files import FlownFiles
     from flyaround.simulator.piloting.session import FlightSession
-
-
-class FlightBeingWritten(Protocol):
-    """A flight that is written in portions."""
-
-    files: FlownFiles
-
-    def __call__(self) -> bool:
-        """Write a portion; return False at the end."""
-
-    def cancel(self) -> None:
-        """Remove what was written."""
 
 
 @dataclass(eq=False)
@@ -57,7 +45,7 @@ class Jobs:
         The film of a whole flight that is being rendered.
     mesh : MeshImport or None, optional
         The import of a mesh.
-    keeping : list of FlightBeingWritten, optional
+    keeping : list of Keeping, optional
         Flights being written.
     """
 
@@ -69,7 +57,7 @@ class Jobs:
     film: Film | None = None
     flight_film: FlightFilm | None = None
     mesh: MeshImport | None = None
-    keeping: list[FlightBeingWritten] = field(default_factory=list)
+    keeping: list[Keeping] = field(default_factory=list)
     _filmed: Picture | None = None
     _cause: str = ""
 

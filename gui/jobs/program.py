@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from flyaround.simulator.errors import UserError
+from flyaround.simulator.runtime.files import new_path
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -106,21 +107,6 @@ class ChildProgram:
 
 def _read(fd: int) -> str:
     return os.pread(fd, MOST_BYTES, 0).decode("utf-8", errors="replace")
-
-
-def new_path(base: Path, name: str, suffix: str = "") -> Path:
-    """Return a path that does not exist yet: ``base/name``, or with a number appended, and the suffix.
-
-    Raises
-    ------
-    OSError
-        If all numbers are taken.
-    """
-    for k in range(1, 100_000):
-        path = base / f"{name}{'' if k == 1 else f'-{k}'}{suffix}"
-        if not path.exists():
-            return path
-    raise OSError(f"{base} holds 100000 files of the name {name}: clean it up")
 
 
 def output_file(named: str | None, base: Path, name: str, suffix: str) -> Path:

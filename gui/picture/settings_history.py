@@ -34,8 +34,7 @@ class SettingsHistory:
     """The former value of each setting that a command changed, with words on the change."""
 
     def __init__(self) -> None:
-        self._undo: Steps = []
-        self._redo: Steps = []
+        self._steps: dict[str, Steps] = {"settings.undo": [], "settings.redo": []}
         self._last: tuple[str, int] = ("", -ONE_DRAG_MS)
 
     def note(self, command: str, before: Options, after: Options, t_ms: int, change: str = "") -> None:
@@ -60,32 +59,35 @@ class SettingsHistory:
             return
         name, then_ms = self._last
         self._last = (command, t_ms)
-        self._redo.clear()
+        steps = self._steps["settings.undo"]
+        self._steps["settings.redo"].clear()
         # each burn is a step of its own
         one_drag = name == command and t_ms - then_ms < ONE_DRAG_MS and not command.startswith("burn.")
-        if one_drag and self._undo:
-            former |= self._undo.pop()[2]
-        latter = deepcopy({key: now[key] for key in former})
-        self._undo = [*self._undo[-MAX_STEPS + 1 :], (change or command, latter, former)]
+        if one_drag and steps:
+            former |= steps.pop()[2]
+        steps.append((change or command, deepcopy({key: now[key] for key in former}), former))
+        del steps[:-MAX_STEPS]
 
     def next(self, command: str) -> str | None:
         """Return the change that ``settings.undo`` or ``settings.redo`` would act on; None of other commands."""
-        steps = {"settings.undo": self._undo, "settings.redo": self._redo}.get(command)
+        steps = self._steps.get(command)
         return None if steps is None else steps[-1][0] if steps else ""
 
     def next_of_flight(self, command: str) -> Changes:
         """Return what ``settings.undo`` or ``settings.redo`` would change of the flight; nothing of other commands."""
-        steps = self._undo if command == "settings.undo" else self._redo
-        return _of_flight(steps[-1]) if self.next(command) else {}
+        steps = self._steps.get(command)
+        return _of_flight(steps[-1]) if steps else {}
 
-    def undo(self, options: Options, fly: Callable[[Changes], object] | None = None) -> str:
-        """Restore the settings before the last change, and return that change in words.
+    def step(self, command: str, options: Options, fly: Callable[[Changes], object]) -> str:
+        """Undo or redo the last change, and return it in words.
 
         Parameters
         ----------
+        command : str
+            ``settings.undo`` or ``settings.redo``.
         options : Options
             Settings.
-        fly : callable, optional
+        fly : callable
             Function that changes the flight; if it raises an error, the step is dropped.
 
         Returns
@@ -98,25 +100,15 @@ class SettingsHistory:
         UserError
             If there is none, or it can no longer be undone.
         """
-        return self._restore(options, self._undo, self._redo, "there is no change to undo", fly)
-
-    def redo(self, options: Options, fly: Callable[[Changes], object] | None = None) -> str:
-        """Repeat the change that was undone last; parameters and result are those of `undo`."""
-        return self._restore(options, self._redo, self._undo, "there is nothing to redo", fly)
-
-    def _restore(
-        self,
-        options: Options,
-        source: Steps,
-        other: Steps,
-        advice: str,
-        fly: Callable[[Changes], object] | None,
-    ) -> str:
         self._last = ("", -ONE_DRAG_MS)
+        source = self._steps[command]
+        (other,) = (steps for name, steps in self._steps.items() if name != command)
         if not source:
-            raise UserError(advice)
+            raise UserError(
+                f"there is {'no change to undo' if command == 'settings.undo' else 'nothing to redo'}"
+            )
         change, leaves, reaches = step = source.pop()
-        if fly is not None and (changes := _of_flight(step)):
+        if changes := _of_flight(step):
             try:
                 fly(changes)
             except UserError as error:

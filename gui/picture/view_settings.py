@@ -13,6 +13,7 @@ from flyaround.gui.picture.orbit_camera import OrbitCamera
 from flyaround.gui.picture.relative_map import MapLook
 from flyaround.gui.texts import texts
 from flyaround.simulator.camera.detector.sensor import noiseless
+from flyaround.simulator.camera.lens.camera_model import reduced_camera
 from flyaround.simulator.camera.lens.files import CameraFile
 from flyaround.simulator.scene.environments import Environment
 from flyaround.simulator.scene.illumination.bands import Bands
@@ -162,25 +163,6 @@ def changed_sensor(sensor: Sensor, changes: dict[str, float]) -> Sensor:
     if detector is not None and of_detector:
         own["detector"] = replace(detector, **of_detector)
     return replace(sensor, **own)
-
-
-def reduced_camera(camera: Camera, divisor: int) -> Camera:
-    """Return the same lens on ``divisor`` times fewer pixels each way.
-
-    A pixel's index is its centre, so a coarse pixel's centre lies half a coarse pixel from the image's edge:
-    ``c' = (c + 1/2) / divisor - 1/2``.
-    """
-    if divisor == 1:
-        return camera
-    return replace(
-        camera,
-        width_px=max(camera.width_px // divisor, 1),
-        height_px=max(camera.height_px // divisor, 1),
-        fx_px=camera.fx_px / divisor,
-        fy_px=camera.fy_px / divisor,
-        cx_px=(camera.cx_px + 0.5) / divisor - 0.5,
-        cy_px=(camera.cy_px + 0.5) / divisor - 0.5,
-    )
 
 
 def exposure_text(seconds: float) -> str:

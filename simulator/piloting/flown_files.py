@@ -21,6 +21,9 @@ if TYPE_CHECKING:
 # Maximum number of stored flights of one scenario.
 MAX_FOLDERS = 10_000
 
+# Time per call of `FlownFiles.go_on_beside` [s]: at least, as a share of the time since the last call, and at most.
+SLICE_S, SLICE_SHARE, LONGEST_SLICE_S = 0.008, 0.25, 0.05
+
 
 class FlownFiles:
     """Incremental writer of a recorded flight; call `go_on` until it returns the scenario's path.
@@ -52,6 +55,19 @@ class FlownFiles:
         self._made = not folder.exists()
         self.folder = empty_folder(folder, option="another name")
         self._rows = array("d")
+        self._last_s = time.perf_counter()
+
+    def go_on_beside(self) -> Path | None:
+        """Continue for a share of the time since the last call, so that a caller's loop stays responsive.
+
+        Returns
+        -------
+        Path or None
+            As of `go_on`, which also raises.
+        """
+        now_s, last_s = time.perf_counter(), self._last_s
+        self._last_s = now_s
+        return self.go_on(min(max(SLICE_SHARE * (now_s - last_s), SLICE_S), LONGEST_SLICE_S))
 
     @property
     def share(self) -> float:

@@ -130,8 +130,10 @@ class BurnPlan:
 
         Parameters
         ----------
-        before, after : BurnPlan
-            Plans whose difference is applied.
+        before : BurnPlan
+            Plan before the change.
+        after : BurnPlan
+            Plan after it.
         now_s : float
             Present time.
 

@@ -105,6 +105,26 @@ def probe_writing(path: Path) -> OSError | None:
     return None
 
 
+def new_path(base: Path, name: str, suffix: str = "") -> Path:
+    """Return a path that does not exist yet: ``base/name``, or with a number appended, and the suffix.
+
+    Returns
+    -------
+    Path
+        Path in ``base``.
+
+    Raises
+    ------
+    OSError
+        If all numbers are taken.
+    """
+    for k in range(1, 100_000):
+        path = base / f"{name}{'' if k == 1 else f'-{k}'}{suffix}"
+        if not path.exists():
+            return path
+    raise OSError(f"{base} holds 100000 files of the name {name}: clean it up")
+
+
 def write_json(path: Path, value: Any) -> None:  # noqa: ANN401 - any JSON value
     """Write a JSON value atomically, indented, with floats at full precision."""
     write_atomic(path, (json.dumps(value, indent=1, allow_nan=False) + "\n").encode())

@@ -90,6 +90,18 @@ def load_scenario(name_or_path: str | Path) -> Scenario:
     return parse_scenario(scenario_source(name_or_path), *_origin("scenario", name_or_path))
 
 
+def built_in_name(scenario: Scenario) -> str:
+    """Return the name of a built-in scenario; empty for another one, also of the same name.
+
+    Returns
+    -------
+    str
+        Name that `load_scenario` accepts, or an empty text.
+    """
+    name = scenario.name
+    return name if name in list_scenarios() and load_scenario(name) == scenario else ""
+
+
 def load_recipe(name_or_path: str | Path) -> Recipe:
     """Load a recipe by its built-in name or from a TOML file, with the sections of its base.
 

@@ -15,8 +15,8 @@ from flyaround.gui.console import Console
 from flyaround.gui.panels.all import PANELS
 from flyaround.gui.picture.feed import Feed, Picture
 from flyaround.gui.picture.label_images import LABELS
-from flyaround.gui.picture.view_settings import reduced_camera
 from flyaround.gui.views.lvlh_map import LvlhMap
+from flyaround.simulator.camera.lens.camera_model import reduced_camera
 from flyaround.simulator.frame import Frame, take_frame
 from flyaround.simulator.render.renderer import Renderer
 from tests.harness.flown_console import console_flying

@@ -20,7 +20,7 @@ from flyaround.gui.jobs.estimator_process import Answer
 from flyaround.gui.panels.all import PANELS
 from flyaround.gui.picture.feed import Feed, Picture
 from flyaround.gui.picture.label_images import LABELS
-from flyaround.gui.picture.view_settings import reduced_camera
+from flyaround.simulator.camera.lens.camera_model import reduced_camera
 from flyaround.simulator.frame import Frame, take_frame
 from flyaround.simulator.piloting.docking_figures import judge_contact
 from flyaround.simulator.piloting.session import FlightSession

@@ -316,6 +316,30 @@ class Camera:
         )
 
 
+def reduced_camera(camera: Camera, divisor: int) -> Camera:
+    """Return the same lens on ``divisor`` times fewer pixels each way.
+
+    A pixel's index is its centre, so a coarse pixel's centre lies half a coarse pixel from the image's edge:
+    ``c' = (c + 1/2) / divisor - 1/2``.
+
+    Returns
+    -------
+    Camera
+        The camera; rows and columns that fill no coarse pixel are left out.
+    """
+    if divisor == 1:
+        return camera
+    return replace(
+        camera,
+        width_px=max(camera.width_px // divisor, 1),
+        height_px=max(camera.height_px // divisor, 1),
+        fx_px=camera.fx_px / divisor,
+        fy_px=camera.fy_px / divisor,
+        cx_px=(camera.cx_px + 0.5) / divisor - 0.5,
+        cy_px=(camera.cy_px + 0.5) / divisor - 0.5,
+    )
+
+
 @lru_cache(maxsize=256)
 def _half_angle_rad(camera: Camera) -> float:
     return float(np.arccos(camera.rays(camera.border())[:, 2].min()))

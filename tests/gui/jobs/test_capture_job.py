@@ -12,8 +12,9 @@ import numpy as np
 import pytest
 
 from flyaround.gui.jobs.capture_job import CaptureJob, CaptureRequest, pictures_in, thumbnails
-from flyaround.gui.jobs.program import ChildProgram, new_path
+from flyaround.gui.jobs.program import ChildProgram
 from flyaround.simulator.errors import UserError
+from flyaround.simulator.runtime.files import new_path
 
 WAIT_S = 180.0
 

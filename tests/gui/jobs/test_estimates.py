@@ -17,9 +17,8 @@ import pytest
 from flyaround.gui.jobs.estimates import ComparedEstimate, Estimates, compared
 from flyaround.gui.jobs.estimator_process import Answer, EstimateRequest, EstimatorCache, _network
 from flyaround.gui.picture.feed import Picture
-from flyaround.gui.picture.view_settings import reduced_camera
 from flyaround.gui.texts import texts
-from flyaround.simulator.camera.lens.camera_model import Camera
+from flyaround.simulator.camera.lens.camera_model import Camera, reduced_camera
 from flyaround.simulator.camera.lens.files import load_camera
 from flyaround.simulator.errors import UserError
 from flyaround.simulator.frame import NO_RADIANCE, Frame

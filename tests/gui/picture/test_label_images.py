@@ -18,7 +18,7 @@ from flyaround.gui.picture.label_images import (
     part_picture,
     round_ticks,
 )
-from flyaround.gui.picture.view_settings import reduced_camera
+from flyaround.simulator.camera.lens.camera_model import reduced_camera
 from flyaround.simulator.frame import Frame, take_frame
 from flyaround.simulator.labels.part_classes import PART_CLASSES
 from flyaround.simulator.piloting.session import FlightSession

@@ -27,24 +27,24 @@ def test_changes_are_undone_and_done_again(options: Options) -> None:
     history = SettingsHistory()
     for k, stops in enumerate((1.0, 2.0)):
         change(history, options, stops, 5000 * k)
-    history.undo(options)
+    history.step("settings.undo", options, print)
     assert options.settings.exposure_stops == 1.0
-    history.undo(options)
+    history.step("settings.undo", options, print)
     assert options.settings.exposure_stops == 0.0
     with pytest.raises(UserError, match="no change to undo"):
-        history.undo(options)
-    history.redo(options)
-    history.redo(options)
+        history.step("settings.undo", options, print)
+    history.step("settings.redo", options, print)
+    history.step("settings.redo", options, print)
     assert options.settings.exposure_stops == 2.0
     with pytest.raises(UserError, match="nothing to redo"):
-        history.redo(options)
+        history.step("settings.redo", options, print)
 
 
 def test_a_slider_that_is_dragged_is_one_change(options: Options) -> None:
     history = SettingsHistory()
     for k in range(50):
         change(history, options, 0.1 * k, 33 * k)
-    history.undo(options)
+    history.step("settings.undo", options, print)
     assert options.settings.exposure_stops == 0.0
 
 
@@ -52,4 +52,4 @@ def test_a_command_that_changes_nothing_is_not_kept(options: Options) -> None:
     history = SettingsHistory()
     history.note("time.pause", deepcopy(options), options, 0)
     with pytest.raises(UserError):
-        history.undo(options)
+        history.step("settings.undo", options, print)

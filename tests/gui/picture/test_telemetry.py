@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 from flyaround.gui.picture.figures import FIGURES
-from flyaround.gui.picture.view_settings import ViewSettings, apply_view_settings, reduced_camera
+from flyaround.gui.picture.view_settings import ViewSettings, apply_view_settings
 from flyaround.gui.views.letterbox import Letterbox
+from flyaround.simulator.camera.lens.camera_model import reduced_camera
 from flyaround.simulator.piloting.session import FlightSession
 from flyaround.simulator.piloting.telemetry import telemetry_of
 from flyaround.simulator.scenario.load import load_scenario

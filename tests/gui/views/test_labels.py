@@ -13,8 +13,9 @@ from flyaround.gui.canvas import Canvas
 from flyaround.gui.panels.all import PANELS
 from flyaround.gui.picture.feed import Feed, Picture
 from flyaround.gui.picture.further import LABEL_VIEWS
-from flyaround.gui.picture.view_settings import OVERLAYS, reduced_camera
+from flyaround.gui.picture.view_settings import OVERLAYS
 from flyaround.gui.views.labels import DepthView
+from flyaround.simulator.camera.lens.camera_model import reduced_camera
 from flyaround.simulator.frame import NO_RADIANCE, Frame
 from tests.harness.flown_console import console_flying
 from tests.harness.headless_imgui import HeadlessWindow
