@@ -107,9 +107,8 @@ class BoardLinkPanel(Panel):
 
     def _faults(self, console: Console) -> None:
         w, imgui = self._w, self._w.imgui
-        self._fault = w.choice(
-            console, "hil.fault", self._fault, list(FAULTS), argument="kind", shown=_spaced
-        )
+        kinds = list(FAULTS)
+        self._fault = w.choice(console, "hil.fault", self._fault, kinds, argument="kind", shown=_spaced)
         w.text(FAULTS[self._fault][1], style.QUIET)
         imgui.set_next_item_width(min(8 * imgui.get_font_size(), 0.4 * w.width))
         self._seconds = w.typed("seconds", self._seconds, console.table["hil.fault"].arguments[1])

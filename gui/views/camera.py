@@ -203,12 +203,8 @@ class CameraView(Panel):
         turn = Row("RATE", f"{turning:9.3f} °/s", style.INK, TIPS["rate"])
         motion = row("RANGE", style.ACCENT), row("CLOSING"), row("ACROSS"), turn
         place = map(lvlh, ("RADIAL", "ALONG", "CROSS"), r.position_lvlh_m)
-        return (
-            flying,
-            (*times, Row("PICTURE", *age, AGE_TIP)),
-            motion,
-            (*place, row("PHASE"), row("SUN", sun)),
-        )
+        where = *place, row("PHASE"), row("SUN", sun)
+        return flying, (*times, Row("PICTURE", *age, AGE_TIP)), motion, where
 
     def _write(
         self, canvas: Canvas, at: tuple[float, float], rows: tuple[Row, ...], *, plate: bool = True
