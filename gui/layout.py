@@ -42,6 +42,7 @@ NARROW = 900.0
 """Window width in screen units, at scale 1, below which panels go under the view."""
 VERSION = 1  # version of the saved layout's file
 LARGEST_BYTES = 400_000
+ALWAYS = {"centre", "over"}  # places that stay while the side panels are hidden
 RIGHT, LEFT, BOTTOM = 0.295, 0.31, 0.26  # shares of the window that the docks take
 LOWEST, HIGHEST = 0.22, 0.5
 """Bounds of the bottom dock's share of the height, chosen for the view's aspect ratio."""
@@ -235,14 +236,11 @@ class Layout:
         # the window is cleared to the panels' background: blending a plate over it costs a software driver 10 ms
         bare = imgui.DockNodeFlags_.passthru_central_node
         imgui.dock_space_over_viewport(self._dockspace, None, bare)
-        hovered, places = (
-            "",
-            {"centre", "over"} | ({p.place for p in PANELS} if console.options.panel else set()),
-        )
+        hovered = ""
         for panel in self.panels:
             if panel.name == console.window.enlarged:
                 self._enlarged(console, panel)
-            elif console.shown.get(panel.name) and panel.place in places:
+            elif console.shown.get(panel.name) and (console.options.panel or panel.place in ALWAYS):
                 hovered = panel.name if self._panel(console, panel) else hovered
         floating = any(panel.place == "over" and console.shown.get(panel.name) for panel in self.panels)
         if self._build:

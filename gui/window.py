@@ -71,9 +71,8 @@ class Window(Surface):
 
         self._native = self._open(title, size)
         context = moderngl.create_context(require=330)
-        super().__init__(
-            context, context.screen, max(self._glfw.get_window_content_scale(self._native)[0], 1.0)
-        )
+        scale = max(self._glfw.get_window_content_scale(self._native)[0], 1.0)
+        super().__init__(context, context.screen, scale)
         self._windowed: tuple[int, int, int, int] | None = None
         self.keys: Keyboard = Keyboard(
             self.imgui,
@@ -226,9 +225,8 @@ class Window(Surface):
             return
         self._windowed = (*glfw.get_window_pos(self._native), *glfw.get_window_size(self._native))
         mode = glfw.get_video_mode(monitor)
-        glfw.set_window_monitor(
-            self._native, monitor, 0, 0, mode.size.width, mode.size.height, mode.refresh_rate
-        )
+        size = mode.size.width, mode.size.height
+        glfw.set_window_monitor(self._native, monitor, 0, 0, *size, mode.refresh_rate)
 
     def release(self) -> None:
         """Close the window and free its resources."""

@@ -100,10 +100,8 @@ class Marker:
         in_picture = (in_camera[:, 2] > NEAR_M) & scene.camera.contains(pixels)
         if self._asked is None or (scene != self._asked if exact else _view_changed(scene, self._asked)):
             self._asked, self._seen = scene, self._ask(scene, in_camera[:, 2] > NEAR_M)
-        return tuple(
-            (_pixel(pixels[k]), self._seen[k], self._target.keypoints[k].name)
-            for k in np.flatnonzero(in_picture)
-        )
+        names, there = [k.name for k in self._target.keypoints], np.flatnonzero(in_picture)
+        return tuple((_pixel(pixels[k]), self._seen[k], names[k]) for k in there)
 
     def _ask(self, scene: SceneState, front: BoolArray) -> tuple[Seen, ...]:
         """Return the geometric visibility of keypoints; radiometric states would need a noise-free image."""

@@ -167,8 +167,6 @@ def changed_sensor(sensor: Sensor, changes: dict[str, float]) -> Sensor:
 
 def exposure_text(seconds: float) -> str:
     """Return an exposure in the unit that gives two or three digits."""
-    unit, factor = next(
-        ((u, f) for u, f in (("µs", 1e6), ("ms", 1e3), ("s", 1.0)) if seconds * f < 1000), ("s", 1.0)
-    )
+    unit, factor = ("µs", 1e6) if seconds < 1e-3 else ("ms", 1e3) if seconds < 1.0 else ("s", 1.0)
     digits = max(0, 2 - math.floor(math.log10(seconds * factor)))
     return f"{seconds * factor:.{digits}f} {unit}"

@@ -208,12 +208,9 @@ class CameraView(Panel):
         turn = Row("RATE", turning, style.INK, TIPS["rate"])
         motion = row("RANGE", style.ACCENT), row("CLOSING"), row("ACROSS"), turn
         place = map(lvlh, ("RADIAL", "ALONG", "CROSS"), r.position_lvlh_m)
-        return (
-            flying,
-            (*times, Row("PICTURE", *age, AGE_TIP)),
-            motion,
-            (Row("", "IN TARGET'S LVLH", style.QUIET, TIPS["frame"]), *place, row("PHASE"), row("SUN", sun)),
-        )
+        frame = Row("", "IN TARGET'S LVLH", style.QUIET, TIPS["frame"])
+        where = frame, *place, row("PHASE"), row("SUN", sun)
+        return flying, (*times, Row("PICTURE", *age, AGE_TIP)), motion, where
 
     def _write(
         self, canvas: Canvas, at: tuple[float, float], rows: tuple[Row, ...], *, plate: bool = True

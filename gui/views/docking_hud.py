@@ -168,12 +168,8 @@ class DockingHud:
     def _needles(sight: Sight, centre: Point, radius: float) -> None:
         """Draw marks on the ring that move with roll (top), pitch (right) and yaw (bottom) error."""
         (cx, cy), figures = centre, sight.now
-        roll, pitch, yaw = (
-            ("roll", figures.roll_deg),
-            ("pitch", -figures.pitch_deg),
-            ("yaw", -figures.yaw_deg),
-        )
-        for (name, value), base in zip((roll, pitch, yaw), (-90.0, 0.0, 90.0), strict=True):
+        values = figures.roll_deg, -figures.pitch_deg, -figures.yaw_deg
+        for name, value, base in zip(("roll", "pitch", "yaw"), values, (-90.0, 0.0, 90.0), strict=True):
             angle_deg = base + 2 * float(np.clip(value, -FULL_SCALE_DEG, FULL_SCALE_DEG))
             for angle, colour, inner, outer, weight in (
                 (base, style.INK, 0.97, 1.03, 1.4),
