@@ -13,18 +13,19 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 from flyaround.gui.command_table import STATE, word_of
-from flyaround.gui.flights import FlightList
+from flyaround.gui.flights import lost_text
 from flyaround.gui.jobs.all import Jobs, running_jobs
 from flyaround.gui.jobs.scenario_opening import ScenarioOpener
 from flyaround.gui.operator_state import HandControl, Help, WindowRequests
 from flyaround.gui.picture.settings_history import SettingsHistory
 from flyaround.gui.picture.view_settings import exposure_text
-from flyaround.gui.questions import FLOWN, acts_on_chaser, question_before
+from flyaround.gui.questions import FLOWN, acts_on_chaser, flight_text, question_before
 from flyaround.gui.scenario_draft import ScenarioDraft
 from flyaround.gui.script import CommandLog, Line, Player, Script
 from flyaround.gui.texts import titles
 from flyaround.simulator.errors import UserError
 from flyaround.simulator.piloting.control_laws import SWITCHES
+from flyaround.simulator.piloting.flight_list import FlightList
 from flyaround.simulator.piloting.planned_burns import change_text
 from flyaround.simulator.piloting.telemetry import telemetry_of
 from flyaround.simulator.runtime.files import probe_writing
@@ -186,9 +187,10 @@ class Console:
     def losses(self) -> list[str]:
         """The jobs that quitting ends and the unsaved work that it discards, one sentence each."""
         jobs = [f"{job.text}: ends" for job in running_jobs(self.jobs) if job.end != "estimator.run"]
-        return (
-            jobs + self.flights.losses + [f"the text of {self.draft.name} is not saved"] * self.draft.changed
-        )
+        flights = [
+            f"{flight_text(flight)} {lost_text(self.flights, flight)}" for flight in self.flights.unsaved
+        ]
+        return jobs + flights + [f"the text of {self.draft.name} is not saved"] * self.draft.changed
 
     @property
     def telemetry(self) -> Telemetry:
@@ -288,7 +290,7 @@ class Console:
 
     def _asks(self, command: Command, values: tuple[Value, ...]) -> bool:
         """Ask before a command drops or leaves a flight; return True if the command must wait."""
-        lost = self.flights.lost_text(self.session)
+        lost = lost_text(self.flights, self.session)
         changes = self.history.next_of_flight(command.name)
         question = question_before(self.session, command, values, self.draft.name, lost, changes)
         if question is None:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from flyaround.gui import style
 from flyaround.gui.commands.timeline import FOLDER
+from flyaround.gui.flights import lost_text
 from flyaround.gui.texts import time_text
 from flyaround.gui.widgets import Panel
 from flyaround.simulator.errors import UserError
@@ -46,7 +47,7 @@ class FlightsPanel(Panel):
             if imgui.selectable(f"{session.plan.scenario.name}##left{k}", False)[0]:
                 console.do("scenario.back", k)
             w.command_tip(console, "scenario.back", k)
-            lost = console.flights.lost_text(session)
+            lost = lost_text(console.flights, session)
             length = time_text(max(session.look_back.timeline.end_s, session.t_s))
             w.text(f"{length}, {lost or 'nothing to keep'}", style.WARN if lost else style.QUIET)
         w.section("On disk")
