@@ -293,11 +293,10 @@ class Console:
         lost = lost_text(self.flights, self.session)
         changes = self.history.next_of_flight(command.name)
         question = question_before(self.session, command, values, self.draft.name, lost, changes)
-        if question is None:
-            return False
-        self.asked = question
-        self.open_panel("question", shown=True)
-        return True
+        if question is not None:
+            self.asked = question
+            self.open_panel("question", shown=True)
+        return question is not None
 
     def answer(self, goes: bool) -> None:  # noqa: FBT001 - of a question
         """Answer the question that is open; a command that a key holds must be pressed again."""
@@ -321,8 +320,7 @@ class Console:
     def order(self, order: Order) -> None:
         """Give the flight an order, and show its answer."""
         if (answer := self.session.order(order)) is not None:
-            level, text = answer
-            self.say(text, level)
+            self.say(answer[1], answer[0])
 
     def press(self, commands: Sequence[Command]) -> None:
         """Run the commands of keys that were pressed, as `steer` does."""
