@@ -13,19 +13,19 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 from flyaround.gui.command_table import STATE, word_of
-from flyaround.gui.flights import FlightList
 from flyaround.gui.jobs.all import Jobs, running_jobs
 from flyaround.gui.jobs.scenario_opening import ScenarioOpener
 from flyaround.gui.operator_state import HandControl, Help, WindowRequests
 from flyaround.gui.picture.change_text import change_text
 from flyaround.gui.picture.settings_history import SettingsHistory
 from flyaround.gui.picture.view_settings import exposure_text
-from flyaround.gui.questions import FLOWN, acts_on_chaser, question_before
+from flyaround.gui.questions import FLOWN, acts_on_chaser, flight_text, question_before
 from flyaround.gui.scenario_draft import ScenarioDraft
 from flyaround.gui.script import CommandLog, Line, Player, Script
 from flyaround.gui.texts import titles
 from flyaround.simulator.errors import UserError
 from flyaround.simulator.piloting.control_laws import SWITCHES
+from flyaround.simulator.piloting.flight_list import FlightList
 from flyaround.simulator.piloting.planned_burns import change_text as burns_text
 from flyaround.simulator.piloting.telemetry import telemetry_of
 from flyaround.simulator.runtime.files import probe_writing
@@ -189,9 +189,10 @@ class Console:
     def losses(self) -> list[str]:
         """The jobs that quitting ends and the unsaved work that it discards, one sentence each."""
         jobs = [f"{job.text}: ends" for job in running_jobs(self.jobs) if job.end != "estimator.run"]
-        return (
-            jobs + self.flights.losses + [f"the text of {self.draft.name} is not saved"] * self.draft.changed
-        )
+        flights = [
+            f"{flight_text(flight)} {self.flights.lost_text(flight)}" for flight in self.flights.unsaved
+        ]
+        return jobs + flights + [f"the text of {self.draft.name} is not saved"] * self.draft.changed
 
     @property
     def telemetry(self) -> Telemetry:
@@ -297,11 +298,10 @@ class Console:
         lost = self.flights.lost_text(self.session)
         changes = self.history.next_of_flight(command.name)
         question = question_before(self.session, command, values, self.draft.name, lost, changes)
-        if question is None:
-            return False
-        self.asked = question
-        self.open_panel("question", shown=True)
-        return True
+        if question is not None:
+            self.asked = question
+            self.open_panel("question", shown=True)
+        return question is not None
 
     def answer(self, goes: bool) -> None:  # noqa: FBT001 - of a question
         """Answer the question that is open; a command that a key holds must be pressed again."""
@@ -325,8 +325,7 @@ class Console:
     def order(self, order: Order) -> None:
         """Give the flight an order, and show its answer."""
         if (answer := self.session.order(order)) is not None:
-            level, text = answer
-            self.say(text, level)
+            self.say(answer[1], answer[0])
 
     def press(self, commands: Sequence[Command]) -> None:
         """Run the commands of keys that were pressed, as `steer` does."""

@@ -9,7 +9,7 @@ from flyaround.simulator.piloting.readouts import duration_text, mission_time
 
 if TYPE_CHECKING:
     from flyaround.gui.command_table import Command, Value
-    from flyaround.gui.picture.settings_history import Changes
+    from flyaround.simulator.piloting.orders import Changes
     from flyaround.simulator.piloting.session import FlightSession
 
 FLOWN = frozenset({"steer", "guidance", "burn", "docking"})

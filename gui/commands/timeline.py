@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from flyaround.gui.command_table import Argument, command, moment, word
-from flyaround.gui.flights import Keeping
+from flyaround.gui.jobs.flight_keeping import FlightKeeping
 from flyaround.gui.picture.view_settings import scenario_as_seen
 from flyaround.simulator.errors import UserError
 from flyaround.simulator.piloting.flown_files import FlownFiles, free_folder
@@ -93,7 +93,8 @@ def keep_flight(
     where = free_folder(FOLDER, scenario.name) if folder is None else Path(folder)
     seen = scenario_as_seen(scenario, console.options.settings) if as_seen else None
     files = FlownFiles(session, where, seen)
-    console.jobs.keeping.append(Keeping(console, session, files, then))
+    fail = partial(console.say, level="caution", of="timeline.keep")
+    console.jobs.keeping.append(FlightKeeping(session, files, console.flights, partial(then, console), fail))
     console.flights.keep(session)
 
 

@@ -15,8 +15,8 @@ from flyaround.gui.picture.screen import screen_picture
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from flyaround.gui.flights import Keeping
     from flyaround.gui.jobs.flight_film import FlightFilm
+    from flyaround.gui.jobs.flight_keeping import FlightKeeping
     from flyaround.gui.jobs.mesh_import import MeshImport
     from flyaround.gui.picture.feed import Picture
     from flyaround.gui.picture.video import Film
@@ -45,7 +45,7 @@ class Jobs:
         The film of a whole flight that is being rendered.
     mesh : MeshImport or None, optional
         The import of a mesh.
-    keeping : list of Keeping, optional
+    keeping : list of FlightKeeping, optional
         Flights being written.
     """
 
@@ -57,7 +57,7 @@ class Jobs:
     film: Film | None = None
     flight_film: FlightFilm | None = None
     mesh: MeshImport | None = None
-    keeping: list[Keeping] = field(default_factory=list)
+    keeping: list[FlightKeeping] = field(default_factory=list)
     _filmed: Picture | None = None
     _cause: str = ""
 

@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from flyaround.gui.picture.view_settings import Options
+    from flyaround.simulator.piloting.orders import Changes
 
 MAX_STEPS = 200  # steps that can be undone
 ONE_DRAG_MS = 800
@@ -24,8 +25,6 @@ Values = dict[tuple[str, str], Any]
 """Values by part of the settings and field; the field of a part that is undone as a whole is empty."""
 Steps = list[tuple[str, Values, Values]]
 """Each change in words, with the values after and before it; to redo a step, the values before and after it."""
-Changes = dict[str, tuple[Any, Any]]
-"""Values of the flight's choices before and after a change, by field."""
 FLIGHT = "flight"
 SPLIT = ("settings", "overlays", FLIGHT)  # parts whose fields are undone one by one
 

@@ -460,6 +460,10 @@ class TakeAxisHere(Order):
 # --- undo
 
 
+Changes = dict[str, tuple[Any, Any]]
+"""Values of the pilot's choices before and after a change, by field."""
+
+
 @dataclass(frozen=True)
 class Rechoose(Order):
     """Change some of the pilot's choices, as undo and redo do.
@@ -470,7 +474,7 @@ class Rechoose(Order):
         Value before and after the change, by field of `PilotChoices`; of burns the difference counts.
     """
 
-    changes: dict[str, tuple[Any, Any]]
+    changes: Changes
 
     def carry_out(self, craft: PilotedCraft) -> News | None:
         """Apply the choices; a burn that comes back takes over, as its plan does.

@@ -5,15 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
-from flyaround.gui.questions import flight_text
 from flyaround.simulator.errors import UserError
 from flyaround.simulator.piloting.readouts import duration_text
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from flyaround.gui.console import Console
-    from flyaround.simulator.piloting.flown_files import FlownFiles
     from flyaround.simulator.piloting.session import FlightSession
 
 LEAST_LOST_S = 1.0  # time flown after a flight was kept that is named
@@ -39,11 +34,6 @@ class FlightList:
     unsaved: list[FlightSession] = field(default_factory=list)
     kept_s: dict[FlightSession, float] = field(default_factory=dict)
     former: list[tuple[FlightSession, str]] = field(default_factory=list)
-
-    @property
-    def losses(self) -> list[str]:
-        """The flights that quitting discards, one sentence each."""
-        return [f"{flight_text(flight)} {self.lost_text(flight)}" for flight in self.unsaved]
 
     def lost_text(self, flight: FlightSession) -> str:
         """Return how much of a flight is in no file.
@@ -94,6 +84,11 @@ class FlightList:
     def left(self, which: int) -> tuple[FlightSession, str]:
         """Return a flight that was left, 1 for the last one, and its source.
 
+        Returns
+        -------
+        tuple
+            The flight, and its source as given to `leave`.
+
         Raises
         ------
         UserError
@@ -102,44 +97,3 @@ class FlightList:
         if which > len(self.former):
             raise UserError("there is no earlier flight" if which == 1 else f"no flight {which} was left")
         return self.former[-which]
-
-
-@dataclass(eq=False)
-class Keeping:
-    """A flight that is being written in portions, one per turn of the window.
-
-    Parameters
-    ----------
-    console : Console
-        The console.
-    session : FlightSession
-        The flight that is written.
-    files : FlownFiles
-        Its files, open for writing.
-    then : callable
-        Function called with the scenario once it is complete.
-    """
-
-    console: Console
-    session: FlightSession
-    files: FlownFiles
-    then: Callable[[Console, str], None]
-
-    def __call__(self) -> bool:
-        """Write a portion; return False at the end."""
-        try:
-            replay = self.files.go_on_beside()
-        except (UserError, OSError) as error:
-            self.cancel()
-            self.console.say(f"the flight was not kept: {error}", "caution", "timeline.keep")
-            return False
-        if replay is None:
-            return True
-        self.console.flights.files.append(str(replay.absolute()))
-        self.then(self.console, str(replay))
-        return False
-
-    def cancel(self) -> None:
-        """Remove what was written; the flight is unsaved again."""
-        self.files.cancel()
-        self.console.flights.give_up(self.session)
