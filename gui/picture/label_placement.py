@@ -16,7 +16,7 @@ Point = tuple[float, float]
 NEAR_PX = 8.0  # distance of a name without a leader line from its point
 FAR_PX = (26.0, 46.0, 70.0)  # distances of names with a leader line
 MARK_PX = 5.0  # half the size of a point's mark, which names must not cover
-GAP_PX = 2.0  # gap between two names
+GAP_PX = np.array([6.0, 2.0])  # gaps between two names, wide enough that two do not read as one word
 # directions from the point in which its name may stand
 _DIRECTIONS = np.array([(1, 0), (1, -1), (1, 1), (-1, 0), (-1, -1), (-1, 1), (0, -1), (0, 1)], float)
 
@@ -90,7 +90,7 @@ def place_labels(
             end = np.clip(anchors[k], box[:2], box[2:])
             lead = (float(end[0]), float(end[1]))
         labels[k] = PlacedLabel((float(box[0]), float(box[1])), lead, choice)
-        blocked.append(box + np.array([-GAP_PX, -GAP_PX, GAP_PX, GAP_PX]))
+        blocked.append(box + np.hstack([-GAP_PX, GAP_PX]))
     return labels
 
 

@@ -75,9 +75,16 @@ class TruthMarks:
             x0, y0, x1, y1 = marks.box
             corners = [box.at(p) for p in ((x0, y0), (x1, y0), (x1, y1), (x0, y1))]
             canvas.stroke(corners, style.WARN, 1.3, closed=True)
-            at = corners[0][0], max(corners[0][1] - canvas.line, box.y)
-            canvas.text(at, picture.target.name, style.WARN)
-            obstacles = (*obstacles, (*at, *canvas.size(picture.target.name)))
+            name, (left, top), low = picture.target.name, corners[0], corners[2][1]
+            width, height = canvas.size(name)
+            for y in (max(top - height, box.y), low, top):
+                if all(
+                    left + width < a or a + w < left or y + height < b or b + h < y
+                    for a, b, w, h in obstacles
+                ):
+                    canvas.text((left, y), name, style.WARN)
+                    obstacles = (*obstacles, (left, y, width, height))
+                    break
         tips = [box.at(tip) for _, tip in marks.axes]
         # square, so that two letters side by side do not read as one word
         sizes = [(canvas.line, canvas.line)] * len(tips)
