@@ -283,17 +283,21 @@ class LvlhMap(Panel):
     def _keep_out_name(
         self, canvas: Canvas, port: MapPort, session: FlightSession
     ) -> tuple[str, Place] | None:
-        """Return the name of the keep-out sphere and its place, if there is room above the sphere."""
+        """Return the name of the keep-out sphere and its place on the other side than the chaser, if there is room."""
         (x, y, w, h), line, keep_out = port.rect, canvas.line, session.plan.scenario.chaser.keep_out
         if keep_out is None or w < 240 * self._window.scale:
             return None
-        top = port.at(np.zeros(3)) - (0.0, keep_out.radius_m * port.scale)
-        if not y + 3 * line < top[1] < y + h - 3 * line:
+        middle, here = (
+            port.at(np.array(p))[1] for p in ((0.0, 0.0, 0.0), session.craft.world.position_lvlh_m)
+        )
+        side = 1.0 if here < middle else -1.0
+        edge = port.at(np.zeros(3)) + np.array([0.0, side * keep_out.radius_m * port.scale])
+        if not y + 3 * line < edge[1] < y + h - 3 * line:
             return None
         text = f"keep out {relative_map.metres_text(keep_out.radius_m)}{', lifted' * (session.craft.sphere is None)}"
         wide = canvas.size(text)[0]
-        left = min(max(top[0] - wide / 2, x + 4), x + w - wide - 4)
-        return text, (left, top[1] - 1.3 * line, wide, line)
+        left = min(max(edge[0] - wide / 2, x + 4), x + w - wide - 4)
+        return text, (left, edge[1] + (0.8 * side - 0.5) * line, wide, line)
 
     def _legend(self, canvas: Canvas, session: FlightSession, corner: Point, width: float) -> float:
         """Draw what lines and marks are, as far as there are any, above the map; return the height."""
