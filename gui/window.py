@@ -194,17 +194,11 @@ class Window(Surface):
         """Return name, axes and buttons of the first gamepad with a standard mapping; None without one."""
         glfw = self._glfw
         for k in range(glfw.JOYSTICK_1, glfw.JOYSTICK_LAST + 1):
-            if not (glfw.joystick_present(k) and glfw.joystick_is_gamepad(k)):
-                continue
+            # None if there is no joystick, or it has no mapping
             state = glfw.get_gamepad_state(k)
-            if state is None:
-                continue
-            name = glfw.get_gamepad_name(k)
-            return (
-                name.decode(errors="replace") if isinstance(name, bytes) else str(name),
-                tuple(float(a) for a in state.axes),
-                tuple(bool(b) for b in state.buttons),
-            )
+            if state is not None:
+                axes, buttons = tuple(map(float, state.axes)), tuple(map(bool, state.buttons))
+                return str(glfw.get_gamepad_name(k)), axes, buttons
         return None
 
     def take_dropped(self) -> list[str]:
