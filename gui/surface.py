@@ -221,20 +221,16 @@ class Surface(ABC):
             Size on the screen, if known; the picture is then scaled by OpenCV, which takes a tenth of a software
             driver's time.
         """
-        ratio = self.imgui.get_io().display_framebuffer_scale
-        scaled = (
-            (max(round(size[0] * ratio.x), 1), max(round(size[1] * ratio.y), 1))
-            if size is not None and self.software
-            else None
-        )
+        scaled = None
+        if size is not None and self.software:
+            ratio = self.imgui.get_io().display_framebuffer_scale
+            scaled = (max(round(size[0] * ratio.x), 1), max(round(size[1] * ratio.y), 1))
         texture, shown, shown_size = self._textures.get(view, (None, None, None))
         if texture is None or key is not shown or scaled != shown_size:
             eight: np.ndarray = image() if callable(image) else image
             if scaled is not None:
-                smaller = scaled[0] < eight.shape[1]
-                eight = cv2.resize(
-                    eight, scaled, interpolation=cv2.INTER_AREA if smaller else cv2.INTER_LINEAR
-                )
+                kind = cv2.INTER_AREA if scaled[0] < eight.shape[1] else cv2.INTER_LINEAR
+                eight = cv2.resize(eight, scaled, interpolation=kind)
             texture = self._upload(texture, eight, whole_pixels=scaled is not None)
             self._textures[view] = (texture, key, scaled)
         return self.imgui.ImTextureRef(texture.glo)
