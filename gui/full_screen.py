@@ -22,9 +22,7 @@ FRAGMENT = """#version 330
 uniform sampler2D picture;
 out vec4 colour;
 void main() {
-    ivec2 size = textureSize(picture, 0);
-    ivec2 at = ivec2(gl_FragCoord.xy);
-    colour = vec4(vec3(texelFetch(picture, ivec2(at.x, size.y - 1 - at.y), 0).r), 1.0);
+    colour = vec4(texelFetch(picture, ivec2(gl_FragCoord.xy), 0).rrr, 1.0);
 }"""
 
 
@@ -85,7 +83,8 @@ class FullScreen:
         """
         if image.shape != self.size_px[::-1]:
             raise ValueError(f"a picture of {image.shape[::-1]} for a monitor of {self.size_px}")
-        self._texture.write(image.tobytes(), alignment=1)
+        # OpenGL counts rows from the bottom
+        self._texture.write(image[::-1].tobytes(), alignment=1)
         self._context.screen.use()
         self._context.viewport = (0, 0, *self.size_px)
         self._texture.use(0)
