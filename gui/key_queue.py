@@ -26,16 +26,16 @@ class Event(NamedTuple):
         Function that delivers the event.
     key : int or None
         None for a letter, `CLICK` for a mouse button.
-    turns : bool
+    turns : bool, optional
         True if it may begin or end text input.
-    pressed : bool
+    pressed : bool, optional
         False for a release.
     """
 
     take: Callable[[], None]
     key: int | None
-    turns: bool
-    pressed: bool
+    turns: bool = False
+    pressed: bool = True
 
 
 class KeyQueue:
@@ -95,21 +95,15 @@ class KeyQueue:
         pressed = action == self._pressed
         turns = pressed and (key in self._turns or bool(modifiers & self._ctrl))
         event = Event(lambda: self._on_key(window, key, scancode, action, modifiers), key, turns, pressed)
-        if (
-            pressed
-            and not turns
-            and self._urgent(key)
-            and not (self._rest or any(e.turns for e in self._events))
-        ):
+        urgent = pressed and not turns and self._urgent(key)
+        if urgent and not self._rest and not any(e.turns for e in self._events):
             self._events = deque((event, *(e for e in self._events if e.key != key and not e.pressed)))
         else:
             self._events.append(event)
 
     def letter(self, window: object, code_point: int) -> None:
         """Queue a typed letter."""
-        self._events.append(
-            Event(lambda: self._on_letter(window, code_point), None, turns=False, pressed=True)
-        )
+        self._events.append(Event(lambda: self._on_letter(window, code_point), None))
 
     def click(self, take: Callable[[], None]) -> None:
         """Queue a press or release of a mouse button, which may begin or end text input; ``take`` delivers it."""
