@@ -103,9 +103,7 @@ class Canvas:
         halo = self.color((*style.HALO[:3], style.HALO[3] * rgba[3]))
         for dx, dy in _AROUND:
             self._draw.add_text(self.vec((x + dx, y + dy)), halo, text)
-        self._draw.add_text(self.vec((x, y)), self.color(rgba), text)
-        if tip:
-            self.tip(at, self.size(text), tip)
+        self.plain_text(at, text, rgba, tip)
 
     def centred(self, place: Place, *lines: str) -> None:
         """Draw lines centred in a rectangle."""
@@ -186,6 +184,12 @@ class Canvas:
         halo = self.color((*style.HALO[:3], 0.55 * rgba[3]))
         self._draw.add_circle(self.vec(centre), radius, halo, sides, width + 2.0)
         self._draw.add_circle(self.vec(centre), radius, self.color(rgba), sides, width)
+
+    def reticle(self, centre: Point, gap: float, arm: float, rgba: style.Rgba, width: float) -> None:
+        """Draw a cross of four lines, each from ``gap`` to ``arm`` away from the centre."""
+        x, y = centre
+        for dx, dy in ((1, 0), (-1, 0), (0, 1), (0, -1)):
+            self.stroke([(x + r * dx, y + r * dy) for r in (gap, arm)], rgba, width)
 
     def arrow(self, tail: Point, tip: Point, rgba: style.Rgba, width: float = 1.5) -> None:
         """Draw a line with a head at its tip."""

@@ -109,8 +109,7 @@ class DockingHud:
                 continue
             half = docking.limits.lateral_at_m(point.axial_m)
             corners = np.array([[x * half, y * half, -point.axial_m] for x, y in _SQUARE])
-            corners_px = sight.seen(corners)
-            if corners_px is None:
+            if (corners_px := sight.seen(corners)) is None:
                 continue
             ahead = following is not None and point.name == following.name
             colour = style.ACCENT if ahead else style.QUIET
@@ -126,21 +125,16 @@ class DockingHud:
         canvas, rows = sight.canvas, sight.rows
         turn = np.linspace(0.0, 2 * np.pi, 33)[:-1]
         rim = np.stack([CAPTURE_M * np.cos(turn), CAPTURE_M * np.sin(turn), 0 * turn], axis=1)
-        rim_px = sight.seen(rim)
         worst = max((rows["offset right"], rows["offset down"]), key=lambda r: r.share)
         colour = style.LIMIT_COLORS[worst.state]
-        if rim_px is not None:
+        if (rim_px := sight.seen(rim)) is not None:
             canvas.stroke(rim_px, colour, 1.8, closed=True)
-        cross = sight.seen(np.array(_CROSS) * CAPTURE_M)
-        if cross is not None:
-            for a, b in ((0, 1), (2, 3), (4, 5)):
-                canvas.stroke((cross[a], cross[b]), colour, 1.8)
+        if (cross := sight.seen(np.array(_CROSS) * CAPTURE_M)) is not None:
+            for k in (0, 2, 4):
+                canvas.stroke(cross[k : k + 2], colour, 1.8)
         aim = sight.figures.aimed_at_m
-        if aim is not None:
-            at = sight.seen(np.array([[*aim, 0.0]]))
-            if at is not None:
-                x, y = at[0]
-                canvas.diamond((x, y), 6.0, style.INK)
+        if aim is not None and (at := sight.seen(np.array([[*aim, 0.0]]))) is not None:
+            canvas.diamond(at[0], 6.0, style.INK)
 
     # --- over the picture
 
@@ -148,8 +142,7 @@ class DockingHud:
         """Draw the boresight's reticle and, unless the radius is 0, the ring with its figures."""
         canvas, rows = sight.canvas, sight.rows
         cx, cy = centre
-        for dx, dy in ((1, 0), (-1, 0), (0, 1), (0, -1)):
-            canvas.stroke([(cx + r * dx, cy + r * dy) for r in (6, 22)], style.INK, 1.4)
+        canvas.reticle(centre, 6.0, 22.0, style.INK, 1.4)
         if radius == 0.0:
             return
         canvas.circle((cx, cy), radius, (*style.INK[:3], 0.8), 1.4)

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING
-
-import numpy as np
 
 from flyaround.gui import style
 from flyaround.gui.canvas import Canvas
@@ -12,7 +11,7 @@ from flyaround.gui.picture.label_placement import PlacedLabel, place_labels
 from flyaround.gui.picture.truth_overlay import Marker, Marks, Seen
 
 if TYPE_CHECKING:
-    from flyaround.gui.canvas import Place
+    from flyaround.gui.canvas import Place, Point
     from flyaround.gui.picture.feed import Picture
     from flyaround.gui.picture.view_settings import Options
     from flyaround.gui.surface import Surface
@@ -105,13 +104,9 @@ class TruthMarks:
     def crosshair(self, box: Letterbox, picture: Picture) -> None:
         """Draw the principal point, and a ring every five degrees of field angle."""
         canvas = Canvas(self._window)
-        camera = picture.frame.scene.camera
-        cx, cy = box.at((camera.cx_px, camera.cy_px))
-        gap, arm = 9.0, 26.0
-        for dx, dy in ((1, 0), (-1, 0), (0, 1), (0, -1)):
-            ends = [(cx + r * dx, cy + r * dy) for r in (gap, arm)]
-            canvas.stroke(ends, (*style.ACCENT[:3], 0.9), 1.2)
-        for degrees, radius in rings(box, picture):
+        (cx, cy), circles = rings(box, picture)
+        canvas.reticle((cx, cy), 9.0, 26.0, (*style.ACCENT[:3], 0.9), 1.2)
+        for degrees, radius in circles:
             canvas.circle((cx, cy), radius, (*style.ACCENT[:3], 0.45), 1.0)
             at, text = (cx + radius + 5, cy + 2), f"{degrees}°"
             canvas.box((at[0] - 3, at[1]), (canvas.size(text)[0] + 6, canvas.size(text)[1]), style.PLATE, 3.0)
@@ -142,9 +137,8 @@ class TruthMarks:
             self._placed_for = key
             occupied = list(others)
             if ringed is not None:
-                camera = ringed.frame.scene.camera
-                cx, cy = box.at((camera.cx_px, camera.cy_px))
-                occupied += [(cx + r + 3, cy + 1, *canvas.size(f"{d}°")) for d, r in rings(box, ringed)]
+                (cx, cy), circles = rings(box, ringed)
+                occupied += [(cx + r + 3, cy + 1, *canvas.size(f"{d}°")) for d, r in circles]
             places, names = [p for p, _, _ in points], [name for *_, name in points]
             sizes, last = [canvas.size(n) for n in names], [self._choices.get(n) for n in names]
             area = (box.x, box.y, box.width, box.height)
@@ -159,8 +153,9 @@ class TruthMarks:
             canvas.text(placed.corner, name, style.INK if state == "visible" else SEEN_COLORS[state])
 
 
-def rings(box: Letterbox, picture: Picture) -> list[tuple[int, float]]:
-    """Return angles from the principal point [deg] and radii on the screen of the visible rings."""
-    fx_px = picture.frame.scene.camera.fx_px
-    every = [(degrees, float(np.tan(np.radians(degrees)) * fx_px * box.scale)) for degrees in RINGS_DEG]
-    return [(degrees, radius) for degrees, radius in every if radius < 0.7 * box.height]
+def rings(box: Letterbox, picture: Picture) -> tuple[Point, list[tuple[int, float]]]:
+    """Return the principal point on the screen; and of each visible ring its field angle [deg] and radius."""
+    camera = picture.frame.scene.camera
+    every = [(degrees, math.tan(math.radians(degrees)) * camera.fx_px * box.scale) for degrees in RINGS_DEG]
+    visible = [(degrees, radius) for degrees, radius in every if radius < 0.7 * box.height]
+    return box.at((camera.cx_px, camera.cy_px)), visible
