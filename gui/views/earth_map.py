@@ -47,7 +47,6 @@ class EarthMap(Panel):
         self._aside = ThreadPoolExecutor(1)
         self._maps: dict[str, Future[GroundMap]] = {}
         self._shade: tuple[object, ...] = ()
-        self._shaded: np.ndarray | None = None
         self._session: FlightSession | None = None
         self._track: ground_track.GroundTrack | None = None
         self._coming: Future[ground_track.GroundTrack] | None = None
@@ -119,9 +118,10 @@ class EarthMap(Panel):
         sun = self._subsolar(world)
         key = (body, *(round(x / SHADE_EVERY_DEG) for x in sun))
         if key != self._shade:
-            self._shade, self._shaded = key, ground.lit(*sun)
-        if self._shaded is not None:
-            canvas.picture(self.name, self._shade, self._shaded, (box.x, box.y, box.width, box.height))
+            self._shade = key
+        # the picture is computed again only for another key
+        place = (box.x, box.y, box.width, box.height)
+        canvas.picture(self.name, self._shade, lambda: ground.lit(*sun), place)
 
     @staticmethod
     def _subsolar(world: WorldState) -> tuple[float, float]:
@@ -138,12 +138,11 @@ class EarthMap(Panel):
     # --- what is drawn
 
     def _graticule(self, canvas: Canvas, box: Letterbox) -> None:
-        for longitude in range(-150, 180, 30):
-            ends = [map_place(box, latitude, longitude) for latitude in (-90.0, 90.0)]
-            canvas.stroke(ends, (1, 1, 1, 0.3 if longitude == 0 else 0.12), 1.0, halo=False)
-        for latitude in range(-60, 90, 30):
-            ends = [map_place(box, latitude, longitude) for longitude in (-180.0, 180.0)]
-            canvas.stroke(ends, (1, 1, 1, 0.3 if latitude == 0 else 0.12), 1.0, halo=False)
+        lines = [(angle, (-90.0, angle), (90.0, angle)) for angle in np.arange(-150.0, 180.0, 30.0)]
+        lines += [(angle, (angle, -180.0), (angle, 180.0)) for angle in np.arange(-60.0, 90.0, 30.0)]
+        for angle, start, end in lines:
+            ends = [map_place(box, *start), map_place(box, *end)]
+            canvas.stroke(ends, (1, 1, 1, 0.12 if angle else 0.3), 1.0, halo=False)
 
     def _paths(self, canvas: Canvas, box: Letterbox, now_s: float) -> None:
         track = self._track
