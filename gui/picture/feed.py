@@ -305,11 +305,8 @@ class Feed:
         int
             Camera pixels per drawn pixel, in each direction: 1 at full detail or while paused, at most 4.
         """
-        if paused or settings.detail == "full":
-            return 1
-        if settings.detail != "auto":
-            return {"half": 2, "quarter": 4}[settings.detail]
-        return self._detail.divisor
+        chosen = {"full": 1, "half": 2, "quarter": 4}
+        return 1 if paused else chosen.get(settings.detail, self._detail.divisor)
 
     def _submit(self, request: _Request) -> bool:
         labels = request.saved or self._kind.labels or False
@@ -365,9 +362,8 @@ class Feed:
         else:
             self._passes = []
         # the last few of one size: the first also pays for textures and shaders
-        if not self._costs or self._costs[-1][0] != request.scene.camera:
-            self._costs = []
-        self._costs = [*self._costs[-4:], (request.scene.camera, ms)]
+        same_camera = [(c, cost) for c, cost in self._costs if c == request.scene.camera]
+        self._costs = [*same_camera[-4:], (request.scene.camera, ms)]
         self.frame_ms = median(cost for _, cost in self._costs)
         self._detail.measured(request.divisor, ms, now)
 

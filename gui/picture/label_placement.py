@@ -7,12 +7,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from flyaround.gui.canvas import point
+
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from flyaround.gui.canvas import Point
     from flyaround.simulator.runtime.arrays import FloatArray
 
-Point = tuple[float, float]
 NEAR_PX = 8.0  # distance of a name without a leader line from its point
 FAR_PX = (26.0, 46.0, 70.0)  # distances of names with a leader line
 MARK_PX = 5.0  # half the size of a point's mark, which names must not cover
@@ -87,21 +89,18 @@ def place_labels(
         box = boxes[choice]
         lead = None
         if choice >= len(_DIRECTIONS):
-            end = np.clip(anchors[k], box[:2], box[2:])
-            lead = (float(end[0]), float(end[1]))
-        labels[k] = PlacedLabel((float(box[0]), float(box[1])), lead, choice)
+            lead = point(np.clip(anchors[k], box[:2], box[2:]))
+        labels[k] = PlacedLabel(point(box), lead, choice)
         blocked.append(box + np.hstack([-GAP_PX, GAP_PX]))
     return labels
 
 
-def candidates(point: FloatArray, size: Point) -> FloatArray:
+def candidates(anchor: FloatArray, size: Point) -> FloatArray:
     """Return (32, 4) boxes around a point: eight beside it, then eight at each distance with a leader line."""
     half = np.array(size) / 2
-    boxes = []
-    for distance in (NEAR_PX, *FAR_PX):
-        middle = point + _DIRECTIONS * (half + distance * np.array([1.0, 0.6]))
-        boxes.append(np.hstack([middle - half, middle + half]))
-    return np.vstack(boxes)
+    away = half + np.outer([NEAR_PX, *FAR_PX], [1.0, 0.6])
+    middles = anchor + (_DIRECTIONS * away[:, None]).reshape(-1, 2)
+    return np.hstack([middles - half, middles + half])
 
 
 def _cost(outward: FloatArray) -> FloatArray:

@@ -79,16 +79,10 @@ def terms_of(sensor: Sensor) -> tuple[SensorTerm, ...]:
     """Return the parameters of a sensor."""
     holder = sensor.detector or sensor
     return tuple(
-        SensorTerm(name, text, effect, _value(sensor, name))
+        SensorTerm(name, text, effect, float(getattr(holder if hasattr(holder, name) else sensor, name)))
         for name, (text, effect) in TERMS.items()
         if hasattr(holder, name) or name in OF_EVERY_SENSOR
     )
-
-
-def _value(sensor: Sensor, name: str) -> float:
-    if sensor.detector is not None and hasattr(sensor.detector, name):
-        return float(getattr(sensor.detector, name))
-    return float(getattr(sensor, name))
 
 
 def checked_change(sensor: Sensor, changes: dict[str, float], name: str, text: str) -> dict[str, float]:

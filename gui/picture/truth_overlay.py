@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
+from flyaround.gui.canvas import point
 from flyaround.simulator.labels.boxes import amodal_box
 from flyaround.simulator.labels.overlay import edge_points
 from flyaround.simulator.labels.visibility import hidden_from_direction, occluded_from_camera
@@ -17,7 +18,7 @@ from flyaround.simulator.world.frames.rotation import rotation_angle_rad
 if TYPE_CHECKING:
     from flyaround.gui.picture.view_settings import Overlays
     from flyaround.simulator.camera.lens.camera_model import Camera
-    from flyaround.simulator.runtime.arrays import BoolArray, FloatArray
+    from flyaround.simulator.runtime.arrays import BoolArray
     from flyaround.simulator.scene.state import SceneState
     from flyaround.simulator.targets.model import Target
     from flyaround.simulator.world.frames.pose import Pose
@@ -85,13 +86,12 @@ class Marker:
         exact : bool, optional
             True to compute occlusion for this picture even if the view has hardly changed.
         """
+        pose = scene.camera_from_target
         return Marks(
             keypoints=self._keypoints(scene, exact=exact) if overlays.keypoints else (),
             box=amodal_box(scene, self._target) if overlays.box else None,
             axes=_axes(scene) if overlays.axes else (),
-            wireframe=wireframe_at(scene.camera, scene.camera_from_target, self._target)
-            if overlays.wireframe
-            else (),
+            wireframe=wireframe_at(scene.camera, pose, self._target) if overlays.wireframe else (),
         )
 
     def _keypoints(self, scene: SceneState, *, exact: bool) -> tuple[tuple[Pixel, Seen, str], ...]:
@@ -101,7 +101,7 @@ class Marker:
         if self._asked is None or (scene != self._asked if exact else _view_changed(scene, self._asked)):
             self._asked, self._seen = scene, self._ask(scene, in_camera[:, 2] > NEAR_M)
         names, there = [k.name for k in self._target.keypoints], np.flatnonzero(in_picture)
-        return tuple((_pixel(pixels[k]), self._seen[k], names[k]) for k in there)
+        return tuple((point(pixels[k]), self._seen[k], names[k]) for k in there)
 
     def _ask(self, scene: SceneState, front: BoolArray) -> tuple[Seen, ...]:
         """Return the geometric visibility of keypoints; radiometric states would need a noise-free image."""
@@ -132,7 +132,7 @@ def _axes(scene: SceneState) -> tuple[Segment, ...]:
     if ends[:, 2].min() < NEAR_M:
         return ()
     pixels = scene.camera.project(ends)
-    return tuple((_pixel(pixels[0]), _pixel(pixels[k])) for k in (1, 2, 3))
+    return tuple((point(pixels[0]), point(pixels[k])) for k in (1, 2, 3))
 
 
 def wireframe_at(camera: Camera, pose: Pose, target: Target) -> tuple[Segment, ...]:
@@ -149,9 +149,5 @@ def wireframe_at(camera: Camera, pose: Pose, target: Target) -> tuple[Segment, .
         towards = np.asarray(eye) - ends[k].mean(axis=0)
         if edge.normals and max(float(np.dot(n, towards)) for n in edge.normals) <= 0:
             continue
-        segments += itertools.pairwise(map(_pixel, pixels[k]))
+        segments += itertools.pairwise(map(point, pixels[k]))
     return tuple(segments)
-
-
-def _pixel(p: FloatArray) -> Pixel:
-    return (float(p[0]), float(p[1]))

@@ -12,7 +12,7 @@ from flyaround.simulator.runtime.worker import ProcessDiedError
 from flyaround.simulator.runtime.worker_pool import JobsLostError
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Iterator
+    from collections.abc import Callable, Iterator
 
     from flyaround.gui.picture.feed import FramesOnRequest
     from flyaround.simulator.frame import Frame
@@ -148,8 +148,8 @@ class Channel:
         """Submit a request; return False if it is not its turn, or enough are in flight."""
         return self._turns.submit(self, request)
 
-    def finished(self) -> Iterable[Frame]:
-        """Return its frames finished since the last call, in order of request.
+    def finished(self) -> Iterator[Frame]:
+        """Yield its frames finished since the last call, in order of request.
 
         Raises
         ------
@@ -159,9 +159,6 @@ class Channel:
             If the oldest of them could not be made; later ones are returned by the next call.
         """
         self._turns.collect()
-        return self._take()
-
-    def _take(self) -> Iterator[Frame]:
         while self.inbox:
             came = self.inbox.popleft()
             if isinstance(came, PictureFailedError):

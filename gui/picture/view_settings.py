@@ -153,16 +153,10 @@ def scenario_as_seen(scenario: Scenario, settings: ViewSettings) -> Scenario:
 def changed_sensor(sensor: Sensor, changes: dict[str, float]) -> Sensor:
     """Return a sensor with some of its numbers changed; names that it lacks are ignored."""
     detector = sensor.detector
-    own: dict[str, Any] = {}
-    of_detector: dict[str, Any] = {}
-    for name, value in changes.items():
-        if detector is not None and hasattr(detector, name):
-            of_detector[name] = value
-        elif hasattr(sensor, name):
-            own[name] = type(getattr(sensor, name))(value)
-    if detector is not None and of_detector:
-        own["detector"] = replace(detector, **of_detector)
-    return replace(sensor, **own)
+    of_detector: dict[str, Any] = {n: v for n, v in changes.items() if hasattr(detector, n)}
+    own: dict[str, Any] = {n: v for n, v in changes.items() if hasattr(sensor, n) and n not in of_detector}
+    own = {name: type(getattr(sensor, name))(value) for name, value in own.items()}
+    return replace(sensor, detector=detector and replace(detector, **of_detector), **own)
 
 
 def exposure_text(seconds: float) -> str:
