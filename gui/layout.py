@@ -8,7 +8,6 @@ from __future__ import annotations
 import logging
 import os
 import sys
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -111,24 +110,24 @@ def read_layout(path: Path) -> SavedLayout:
 def panel_commands() -> tuple[Command, ...]:
     """Return a command for each panel that opens or closes it, and one for each layout."""
 
-    def toggle(name: str, console: Console, state: bool) -> None:  # noqa: FBT001 - a switch
-        console.open_panel(name, shown=state)
-
-    def shown(name: str, console: Console) -> bool:
-        # what lies behind another tab is brought to the front, not closed
-        return console.shown.get(name, False) and name not in console.help.behind
-
-    def preset(name: str, console: Console) -> None:
-        console.window.preset = console.window.layout = name
-        console.options.overlays.docking &= name == "dock"
-
     def layout(name: str, opened: frozenset[str]) -> Command:
+        def choose(console: Console) -> None:
+            console.window.preset = console.window.layout = name
+            console.options.overlays.docking &= name == "dock"
+
         text = f"panels: {', '.join(p.title for p in PANELS if p.name in opened)}"
-        return command(f"layout.{name}", partial(preset, name), title=name.capitalize(), text=text)
+        return command(f"layout.{name}", choose, title=name.capitalize(), text=text)
 
     def panel(p: type[Panel]) -> Command:
-        call, state, text = partial(toggle, p.name), partial(shown, p.name), f"open or close: {p.title}"
-        return switch(f"panel.{p.name}", call, state, *p.keys, title=p.title, text=text)
+        def shown(console: Console) -> bool:
+            # what lies behind another tab is brought to the front, not closed
+            return console.shown.get(p.name, False) and p.name not in console.help.behind
+
+        def toggle(console: Console, state: bool) -> None:  # noqa: FBT001 - a switch
+            console.open_panel(p.name, shown=state)
+
+        text = f"open or close: {p.title}"
+        return switch(f"panel.{p.name}", toggle, shown, *p.keys, title=p.title, text=text)
 
     return (*(layout(*item) for item in PRESETS.items()), *(panel(p) for p in PANELS))
 
@@ -192,8 +191,7 @@ class Layout:
             self._saved.docking[self._form] = self._window.imgui.save_ini_settings_to_memory()
         if form != self._form:
             self._form = form
-            settings = self._saved.docking.get(form, "")
-            if settings:
+            if settings := self._saved.docking.get(form, ""):
                 self._window.imgui.load_ini_settings_from_memory(settings)
             self._build = not settings
         if {p.name: p.place for p in self.panels}.get(console.window.front, "over") != "over":
@@ -208,8 +206,7 @@ class Layout:
         """Write the layout; a full disk is ignored."""
         if self._form is not None:
             self._saved.docking[self._form] = self._window.imgui.save_ini_settings_to_memory()
-        over = {p.name for p in self.panels if p.place == "over"}
-        self._saved.shown = {n: s for n, s in console.shown.items() if n not in over}
+        self._saved.shown = {p.name: console.shown[p.name] for p in self.panels if p.place != "over"}
         self._saved.font_scale, self._saved.recent = console.window.font_scale, console.recent
         self._saved.flights = [path for path in console.flights.files if Path(path).is_file()]
         try:
@@ -221,7 +218,10 @@ class Layout:
     def draw(self, console: Console) -> None:
         """Draw menus, strips and panels into the current frame."""
         imgui = self._window.imgui
-        self._close_menus()
+        menu_open = imgui.is_popup_open("", imgui.PopupFlags_.any_popup)
+        if menu_open and imgui.is_key_pressed(imgui.Key.escape, False):
+            # Dear ImGui closes menus and lists on Escape only with keyboard navigation
+            imgui.internal.close_popup_to_level(0, True)
         if imgui.begin_main_menu_bar():
             self._menus.draw(console)
             imgui.end_main_menu_bar()
@@ -279,13 +279,6 @@ class Layout:
         last = ["left", "centre"]
         return [first[place] for place in sorted(first, key=lambda p: last.index(p) if p in last else -1)]
 
-    def _close_menus(self) -> None:
-        """Close an open menu or list on Escape, as Dear ImGui does only with keyboard navigation."""
-        imgui = self._window.imgui
-        is_open = imgui.is_popup_open("", imgui.PopupFlags_.any_popup)
-        if is_open and imgui.is_key_pressed(imgui.Key.escape, False):
-            imgui.internal.close_popup_to_level(0, True)
-
     @property
     def tour_seen(self) -> bool:
         """True once the tour was completed or skipped."""
@@ -297,14 +290,11 @@ class Layout:
 
     def _panel(self, console: Console, panel: Panel) -> bool:
         """Draw a panel; return True if the mouse is over it."""
-        imgui, w = self._window.imgui, self._w
-        bare = panel.bare
+        imgui, w, over = self._window.imgui, self._w, panel.place == "over"
         flags = imgui.WindowFlags_.no_collapse
-        if panel.place == "over":
-            screen = imgui.get_main_viewport()
-            scale = self._window.scale
-            wide, tall = panel.size
-            room = screen.work_size
+        if over:
+            screen, scale = imgui.get_main_viewport(), self._window.scale
+            (wide, tall), room = panel.size, screen.work_size
             size = w.vec(min(wide * scale, 0.94 * room.x), min(tall * scale, 0.9 * room.y))
             imgui.set_next_window_size(size, imgui.Cond_.appearing)
             imgui.set_next_window_pos(screen.get_center(), imgui.Cond_.appearing, w.vec(0.5, 0.5))
@@ -313,8 +303,7 @@ class Layout:
             imgui.set_next_window_dock_id(self._dock_of(panel), imgui.Cond_.first_use_ever)
         if panel.name in self._docked:
             flags |= imgui.WindowFlags_.no_background
-        over = panel.place == "over"
-        if bare:
+        if panel.bare:
             imgui.push_style_var(imgui.StyleVar_.window_padding, w.vec(0, 0))
         imgui.set_next_window_class(self._untitled if panel.place == "centre" else self._titled)
         if over:
@@ -325,11 +314,8 @@ class Layout:
             imgui.push_style_color(which, imgui.ImVec4(0, 0, 0, 0))
         visible, stays = imgui.begin(_window_name(panel), True, flags)
         imgui.pop_style_color(2)
-        if bare or over:
-            imgui.pop_style_var(bare + over)
-        self._docked.discard(panel.name)
-        if imgui.is_window_docked():
-            self._docked.add(panel.name)
+        imgui.pop_style_var(panel.bare + over)
+        (self._docked.add if imgui.is_window_docked() else self._docked.discard)(panel.name)
         hovered = False
         (console.help.behind.discard if visible else console.help.behind.add)(panel.name)
         if visible:
@@ -352,11 +338,10 @@ class Layout:
         if console.window.front == panel.name:
             console.window.front = ""
             self._opened, self._opened_s, self._raises = panel.name, imgui.get_time(), RAISE_FRAMES
-        if panel.name != self._opened or not self._raises:
-            return
-        self._raises -= 1
-        imgui.set_next_window_focus()
-        self._show_tab(_window_name(panel))
+        if panel.name == self._opened and self._raises:
+            self._raises -= 1
+            imgui.set_next_window_focus()
+            self._show_tab(_window_name(panel))
 
     def _show_tab(self, window_name: str) -> None:
         """Bring the tab of a window to the front of its dock, without the focus."""
@@ -385,11 +370,10 @@ class Layout:
         """Return the dock of an open panel of the same place; the centre by default."""
         internal = self._window.imgui.internal
         for other in self.panels:
-            if other is panel or other.place != panel.place or not self._was_shown.get(other.name):
-                continue
-            native = internal.find_window_by_name(_window_name(other))
-            if native is not None and native.dock_id:
-                return int(native.dock_id)
+            if other is not panel and other.place == panel.place and self._was_shown.get(other.name):
+                native = internal.find_window_by_name(_window_name(other))
+                if native is not None and native.dock_id:
+                    return int(native.dock_id)
         return self._dockspace
 
     def _build_docks(self) -> None:
