@@ -50,10 +50,8 @@ class Keyboard(Keys):
         The module of glfw.
     native : object
         Glfw's window.
-    on_key : callable
-        Passes a key to Dear ImGui, with glfw's arguments.
-    on_letter : callable
-        Passes a letter to Dear ImGui, with glfw's arguments.
+    backend : object
+        Renderer of Dear ImGui, whose callbacks take keys and letters with glfw's arguments.
     """
 
     def __init__(
@@ -61,15 +59,13 @@ class Keyboard(Keys):
         imgui: Any,  # noqa: ANN401 - a foreign module
         glfw: Any,  # noqa: ANN401 - a foreign module
         native: object,
-        *,
-        on_key: Callable[..., None],
-        on_letter: Callable[..., None],
+        backend: Any,  # noqa: ANN401 - of a foreign module
     ) -> None:
         self._imgui, self._glfw, self._native = imgui, glfw, native
         self._urgent: frozenset[int] = frozenset()
         self.queue = KeyQueue(
-            on_key,
-            on_letter,
+            backend.keyboard_callback,
+            backend.char_callback,
             pressed=glfw.PRESS,
             released=glfw.RELEASE,
             ctrl=glfw.MOD_CONTROL,

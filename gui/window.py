@@ -74,13 +74,7 @@ class Window(Surface):
         scale = max(self._glfw.get_window_content_scale(self._native)[0], 1.0)
         super().__init__(context, context.screen, scale)
         self._windowed: tuple[int, int, int, int] | None = None
-        self.keys: Keyboard = Keyboard(
-            self.imgui,
-            self._glfw,
-            self._native,
-            on_key=self._backend.keyboard_callback,
-            on_letter=self._backend.char_callback,
-        )
+        self.keys: Keyboard = Keyboard(self.imgui, self._glfw, self._native, self._backend)
         self._glfw.set_key_callback(self._native, self.keys.queue.key)
         self._glfw.set_char_callback(self._native, self.keys.queue.letter)
         self._glfw.set_mouse_button_callback(self._native, self._queue_click)

@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from types import SimpleNamespace
 from typing import Any
 
 from flyaround.gui.keyboard import Keyboard
@@ -53,7 +54,8 @@ class SimulatedWindow(HeadlessWindow):
         self.plain.get_io().config_flags |= self.plain.ConfigFlags_.docking_enable
         _, glfw = import_parts()
         self._glfw = _GlfwState(glfw)
-        self.keys = Keyboard(self.imgui, self._glfw, None, on_key=self._give_key, on_letter=lambda *_: None)
+        backend = SimpleNamespace(keyboard_callback=self._give_key, char_callback=lambda *_: None)
+        self.keys = Keyboard(self.imgui, self._glfw, None, backend)
         self.seconds, self.asked_s = 0.0, math.inf
         self._events: list[_Event] = []
         self._clicks: list[tuple[float, str, bool | None]] = []
