@@ -10,10 +10,10 @@ from flyaround.gui import hover_text, style
 from flyaround.gui.texts import texts
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Sequence
+    from collections.abc import Iterable, Sequence
 
-    from flyaround.gui.surface import Surface
-    from flyaround.simulator.runtime.arrays import ByteArray, FloatArray
+    from flyaround.gui.surface import ImageSource, Surface
+    from flyaround.simulator.runtime.arrays import FloatArray
 
 Point = tuple[float, float]
 Place = tuple[float, float, float, float]
@@ -167,16 +167,14 @@ class Canvas:
         for run in finite_runs(thinned(np.asarray(points, float).reshape(-1, 2))):
             ring = closed and len(run) == len(points)
             parts = dashes(np.vstack([run, run[:1]]) if ring else run) if dashed else [run]
+            lines = [[self._imgui.ImVec2(x, y) for x, y in part.tolist()] for part in parts]
+            forms = self._imgui.ImDrawFlags_
+            flags = forms.closed if ring and not dashed else forms.none
             for outline in (True, False) if halo else (False,):
                 shade = (*style.HALO[:3], 0.55 * rgba[3]) if outline else rgba
                 weight = width + 2.0 if outline else width
-                for part in parts:
-                    self._polyline(part, shade, weight, closed=ring and not dashed)
-
-    def _polyline(self, points: FloatArray, rgba: style.Rgba, width: float, *, closed: bool) -> None:
-        flags = self._imgui.ImDrawFlags_.closed if closed else self._imgui.ImDrawFlags_.none
-        vectors = [self._imgui.ImVec2(x, y) for x, y in points.tolist()]
-        self._draw.add_polyline(vectors, self.color(rgba), width, flags)
+                for line in lines:
+                    self._draw.add_polyline(line, self.color(shade), weight, flags)
 
     def circle(self, centre: Point, radius: float, rgba: style.Rgba, width: float = 1.5) -> None:
         """Draw a ring with an outline."""
@@ -185,11 +183,13 @@ class Canvas:
         self._draw.add_circle(self.vec(centre), radius, halo, sides, width + 2.0)
         self._draw.add_circle(self.vec(centre), radius, self.color(rgba), sides, width)
 
-    def reticle(self, centre: Point, gap: float, arm: float, rgba: style.Rgba, width: float) -> None:
-        """Draw a cross of four lines, each from ``gap`` to ``arm`` away from the centre."""
-        x, y = centre
-        for dx, dy in ((1, 0), (-1, 0), (0, 1), (0, -1)):
-            self.stroke([(x + r * dx, y + r * dy) for r in (gap, arm)], rgba, width)
+    def rays(
+        self, centre: Point, start: float, end: float, rgba: style.Rgba, width: float, count: int = 4
+    ) -> None:
+        """Draw lines that lead away from a point, from one distance to another: a reticle, if they are four."""
+        for turn in np.arange(count) * 2 * np.pi / count:
+            outward = np.array([np.cos(turn), np.sin(turn)])
+            self.stroke(centre + np.outer([start, end], outward), rgba, width)
 
     def arrow(self, tail: Point, tip: Point, rgba: style.Rgba, width: float = 1.5) -> None:
         """Draw a line with a head at its tip."""
@@ -239,13 +239,7 @@ class Canvas:
         else:
             self.dot(at, 4.0, rgba)
 
-    def picture(
-        self,
-        view: str,
-        key: object,
-        image: ByteArray | Callable[[], ByteArray],
-        place: Place,
-    ) -> None:
+    def picture(self, view: str, key: object, image: ImageSource, place: Place) -> None:
         """Draw an image over a rectangle of whole units.
 
         Parameters

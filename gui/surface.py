@@ -23,6 +23,8 @@ if TYPE_CHECKING:
     from flyaround.gui.keyboard import Keys
     from flyaround.simulator.runtime.arrays import ByteArray
 
+    ImageSource = ByteArray | Callable[[], ByteArray]
+
 FONT_PX = 16.0
 SOFTWARE = ("llvmpipe", "softpipe", "swrast")
 """Drivers that draw on the CPU."""
@@ -200,12 +202,7 @@ class Surface(ABC):
     # --- pixels
 
     def show_picture(
-        self,
-        view: str,
-        key: object,
-        image: ByteArray | Callable[[], ByteArray],
-        *,
-        size: tuple[float, float] | None = None,
+        self, view: str, key: object, image: ImageSource, *, size: tuple[float, float] | None = None
     ) -> Any:  # noqa: ANN401 - an imgui handle
         """Return a picture as a texture for ``imgui.image``, uploaded if ``key`` is new.
 

@@ -142,7 +142,7 @@ class DockingHud:
         """Draw the boresight's reticle and, unless the radius is 0, the ring with its figures."""
         canvas, rows = sight.canvas, sight.rows
         cx, cy = centre
-        canvas.reticle(centre, 6.0, 22.0, style.INK, 1.4)
+        canvas.rays(centre, 6.0, 22.0, style.INK, 1.4)
         if radius == 0.0:
             return
         canvas.circle((cx, cy), radius, (*style.INK[:3], 0.8), 1.4)

@@ -162,13 +162,9 @@ class EarthMap(Panel):
         sun = self._subsolar(world)
         latitude, longitude = ground_track.terminator_deg(*sun)
         canvas.stroke(map_places(box, latitude, longitude), style.ORANGE, 1.2)
-        x, y = map_place(box, *sun)
-        radius = 5.0 * self._window.scale
-        canvas.dot((x, y), radius, style.YELLOW)
-        for turn in np.arange(0, 2 * np.pi, np.pi / 4):
-            d = np.array([math.cos(turn), math.sin(turn)])
-            ray = np.array([x, y]) + np.outer([1.4 * radius, 2.0 * radius], d)
-            canvas.stroke(ray, style.YELLOW, 1.4)
+        at, radius = map_place(box, *sun), 5.0 * self._window.scale
+        canvas.dot(at, radius, style.YELLOW)
+        canvas.rays(at, 1.4 * radius, 2.0 * radius, style.YELLOW, 1.4, count=8)
         at = map_place(box, *self._below(world))
         canvas.dot(at, 4.5 * self._window.scale, style.INK if world.sun_visible_fraction > 0 else SHADOWED)
         canvas.circle(at, 8.0 * self._window.scale, style.ACCENT, 1.6)

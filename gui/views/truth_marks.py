@@ -105,7 +105,7 @@ class TruthMarks:
         """Draw the principal point, and a ring every five degrees of field angle."""
         canvas = Canvas(self._window)
         (cx, cy), circles = rings(box, picture)
-        canvas.reticle((cx, cy), 9.0, 26.0, (*style.ACCENT[:3], 0.9), 1.2)
+        canvas.rays((cx, cy), 9.0, 26.0, (*style.ACCENT[:3], 0.9), 1.2)
         for degrees, radius in circles:
             canvas.circle((cx, cy), radius, (*style.ACCENT[:3], 0.45), 1.0)
             at, text = (cx + radius + 5, cy + 2), f"{degrees}°"
