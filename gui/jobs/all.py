@@ -79,13 +79,25 @@ class Jobs:
         if (outcome := self.capture.update()) is not None:
             expected = outcome.startswith(("captured", "the capture was stopped"))
             self.say(outcome, "note" if expected else "caution", "capture.start")
-        if self.film is not None and picture is not None:
-            self._update_film(self.film, picture, t_ms)
+        if (film := self.film) is not None and picture is not None:
+            if film.trouble is not None:
+                self.film = None
+                film.close()
+                self.say(film.trouble, "caution", "film.start")
+            elif picture is not self._filmed:
+                self._filmed = picture
+                film.add(t_ms, screen_picture(picture.frame))
         if self.flight_film is not None and (why := self.flight_film.update()) is not None:
             path, stopped, self.flight_film = self.flight_film.path, self.flight_film.stopped, None
             text = f"the film {path} is not kept: {why}" if why else f"filmed {path}"
             self.say(text, "caution" if why and not stopped else "note", "film.flight")
-        self._update_mesh()
+        if self.mesh is not None and (mistake := self.mesh.update()) is not None:
+            # fly the present scenario with the imported mesh
+            target, self.mesh = self.mesh.name, None
+            if mistake:
+                self.say(f"{target} was not imported: {mistake}", "caution", "file.open")
+            else:
+                self.do("scenario.target", target)
         # one after the other, so that each has its line of progress
         if self.keeping and not (keep := self.keeping[0])():
             self.keeping.remove(keep)
@@ -106,25 +118,6 @@ class Jobs:
             self._cause = kind
         for trouble in estimates.take_troubles():
             self.say(trouble, "caution", "estimator.run")
-
-    def _update_film(self, film: Film, picture: Picture, t_ms: int) -> None:
-        if film.trouble is not None:
-            self.film = None
-            film.close()
-            self.say(film.trouble, "caution", "film.start")
-        elif picture is not self._filmed:
-            self._filmed = picture
-            film.add(t_ms, screen_picture(picture.frame))
-
-    def _update_mesh(self) -> None:
-        """Fly the present scenario with a mesh that has been imported."""
-        if self.mesh is None or (mistake := self.mesh.update()) is None:
-            return
-        target, self.mesh = self.mesh.name, None
-        if mistake:
-            self.say(f"{target} was not imported: {mistake}", "caution", "file.open")
-        else:
-            self.do("scenario.target", target)
 
     def close(self) -> None:
         """End all jobs at the same time; of a flight that is being written nothing is left."""

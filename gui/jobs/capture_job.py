@@ -114,11 +114,6 @@ class CaptureJob:
         return self._program is not None and self._program.stopped
 
     @property
-    def pid(self) -> int | None:
-        """Process identifier."""
-        return None if self._program is None else self._program.pid
-
-    @property
     def elapsed_s(self) -> float:
         """Elapsed time [s]."""
         if self.request is None:
@@ -136,7 +131,16 @@ class CaptureJob:
         """Raise `UserError` if a capture is running, or the folder cannot be written or has files of others."""
         if self.running:
             raise UserError("a capture is under way: stop it, or wait for its end")
-        check_folder(request)
+        folder = request.folder
+        try:
+            if (flaw := probe_writing(folder)) is not None:
+                raise flaw
+            full = folder.exists() and any(p.name != lock_name("capture") for p in folder.iterdir())
+        except OSError as error:
+            raise write_error(folder, error, "name another folder") from error
+        # a data set must not be mixed with other files
+        if full and not request.resume:
+            raise UserError(f"folder {folder} is not empty; name another folder")
 
     def start(self, request: CaptureRequest) -> None:
         """Start a capture.
@@ -189,19 +193,6 @@ class CaptureJob:
             self._program.close()
             self._program = None
         self._thumbs.shutdown(cancel_futures=True)
-
-
-def check_folder(request: CaptureRequest) -> None:
-    """Raise `UserError` if a capture cannot write its folder, or would mix its files with others."""
-    folder = request.folder
-    try:
-        if (flaw := probe_writing(folder)) is not None:
-            raise flaw
-        full = folder.exists() and any(p.name != lock_name("capture") for p in folder.iterdir())
-    except OSError as error:
-        raise write_error(folder, error, "name another folder") from error
-    if full and not request.resume:
-        raise UserError(f"folder {folder} is not empty; name another folder")
 
 
 def pictures_in(folder: Path) -> list[str]:

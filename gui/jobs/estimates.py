@@ -239,7 +239,7 @@ class Estimates:
             )
         if self._under_way is not None:
             if self._worker.ready():
-                self._take(self._worker.result())
+                self._take(self._under_way, self._worker.result())
         elif picture is not None and picture.frame is not self._last:
             self._submit(self._worker, picture)
 
@@ -262,12 +262,9 @@ class Estimates:
         )
         self._under_way, self._last, self._since_s = (picture, self.method), picture.frame, self._clock()
 
-    def _take(self, answer: Answer) -> None:
-        if self._under_way is None:
-            raise RuntimeError("the estimator process sent an unexpected answer")
-        under_way, self._under_way = self._under_way, None
+    def _take(self, under_way: tuple[Picture, str], answer: Answer) -> None:
+        self._under_way, self._answered = None, True
         picture, method = under_way
-        self._answered = True
         self.progress.write("")
         if under_way is self._discarded:
             return

@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import os
 from dataclasses import dataclass, field
+from functools import lru_cache
 from typing import TYPE_CHECKING, Any, Self
 
 import cv2
@@ -109,7 +110,7 @@ class EstimatorCache:
     info = "ready"
 
     def __init__(self, progress: ProgressLine) -> None:
-        self._estimators: dict[tuple[str, Camera, TargetRef], Any] = {}
+        self._made = lru_cache(KEPT_ESTIMATORS)(self._make)
         self._progress = progress
 
     def __enter__(self) -> Self:
@@ -118,7 +119,7 @@ class EstimatorCache:
         return self
 
     def __exit__(self, *_: object) -> None:
-        self._estimators.clear()
+        self._made.cache_clear()
 
     def estimator(self, request: EstimateRequest) -> Any:  # noqa: ANN401 - any of them
         """Return the estimator of a request.
@@ -128,29 +129,26 @@ class EstimatorCache:
         UserError
             If there is no such method.
         """
-        key = (request.method, request.camera, request.target)
-        if key in self._estimators:
-            return self._estimators[key]
+        return self._made(request.method, request.camera, request.target)
+
+    def _make(self, method: str, camera: Camera, target_ref: TargetRef) -> Any:  # noqa: ANN401 - any of them
         self._progress.write(STEPS[1])
         from flyaround.hil.board.estimation import CameraIntrinsics  # noqa: PLC0415 - what only this process needs
         from flyaround.hil.evaluate.added_estimators import any_estimator, check_any_method  # noqa: PLC0415
         from flyaround.hil.evaluate.method_choice import MethodChoice, board_model  # noqa: PLC0415
 
         try:
-            check_any_method(request.method)
+            check_any_method(method)
             self._progress.write(STEPS[2])
-            target = request.target.drawn()
+            target = target_ref.drawn()
             self._progress.write(STEPS[3])
             model = board_model(target)
             self._progress.write(STEPS[4])
-            lens = CameraIntrinsics.from_dict(msgspec.to_builtins(request.camera))
-            estimator = any_estimator(model, lens, MethodChoice(request.method))
+            lens = CameraIntrinsics.from_dict(msgspec.to_builtins(camera))
+            estimator = any_estimator(model, lens, MethodChoice(method))
         except BoardModelError as error:
             raise UserError(f"the estimator cannot be made: {error}") from error
         self._progress.write(STEPS[5])
-        while len(self._estimators) >= KEPT_ESTIMATORS:
-            self._estimators.pop(next(iter(self._estimators)))
-        self._estimators[key] = estimator
         return estimator
 
 

@@ -143,7 +143,7 @@ class HilSession:
         """True while a board runs on this machine."""
         return self._board is not None or self._next_board is not None
 
-    def start_board(self, target: str, method: str, url: str | None = None) -> None:
+    def start_board(self, target: str, method: str) -> None:
         """Start a board's process on this machine, once the session's host listens.
 
         Parameters
@@ -152,8 +152,6 @@ class HilSession:
             Name of the craft.
         method : str
             Name of the method.
-        url : str, optional
-            URL of the host; by default this session's.
 
         Raises
         ------
@@ -162,13 +160,12 @@ class HilSession:
         """
         if self.board_running:
             raise UserError("a board runs on this machine already: stop it first")
-        where = url or self.url
-        if not where and self.on:
+        if not self.url:
+            if not self.on:
+                raise UserError("no host listens yet: start a session, then its board")
             self._next_board = (target, method)
             return
-        if not where:
-            raise UserError("no host listens yet: start a session, then its board")
-        arguments = "hil", "board", where, "--target", target, "--method", method
+        arguments = "hil", "board", self.url, "--target", target, "--method", method
         self._board = ChildProgram(arguments, self._clock)
 
     def stop_board(self) -> None:
@@ -201,15 +198,13 @@ class HilSession:
         self._hasten()
         if not self._process.is_alive():
             self._take(notes)
-            notes.append(self._over())
+            notes.append(self._over(self._process.exitcode))
         return notes
 
     def _take(self, notes: list[SessionNote]) -> None:
-        try:
+        with contextlib.suppress(EOFError, OSError):
             while self._pipe is not None and self._pipe.poll():
                 self._handle(self._pipe.recv(), notes)
-        except (EOFError, OSError):
-            return
 
     def _handle(self, event: Event, notes: list[SessionNote]) -> None:
         match event:
@@ -261,8 +256,7 @@ class HilSession:
         if waited_s > KILL_PATIENCE_S:
             self._process.kill()
 
-    def _over(self) -> SessionNote:
-        exit_code = None if self._process is None else self._process.exitcode
+    def _over(self, exit_code: int | None) -> SessionNote:
         was_asked, listened = self._stop_s is not None, bool(self.url)
         self._forget_process()
         if self._failed is not None:
@@ -294,9 +288,8 @@ class HilSession:
                 self._pipe.send(message)
 
     def _forget_process(self) -> None:
-        if self._process is not None:
+        if self._process is not None and self._pipe is not None:
             self._process.join()
-        if self._pipe is not None:
             self._pipe.close()
         self._process = self._pipe = self._session = self._stop_s = self._next_board = None
         self.url = self.board_name = ""

@@ -104,6 +104,7 @@ class _NewestScene:
         """Yield a frame for each scene that arrives, numbered from 0, until told to stop."""
         with open_frames(Frame.image_and_truth, processes=1, device_index=device_index, ahead=1) as producer:
             ready: deque[Frame] = deque()
+            drained = iter(ready.popleft, None)
             faulty: Iterator[Frame] | None = None
             number = 0
             while (scene := self._next()) is not None:
@@ -112,7 +113,7 @@ class _NewestScene:
                 number += 1
                 if faulty is None or self._changed:
                     self._changed = False
-                    faulty = with_camera_faults(_drained(ready), Faults(camera=tuple(self._camera_faults)))
+                    faulty = with_camera_faults(drained, Faults(camera=tuple(self._camera_faults)))
                 frame = next(faulty)
                 # of the picture that is sent, with its faults
                 if cause := decline_cause(frame, scene.target.drawn(), IN_SCENARIO):
@@ -136,12 +137,6 @@ class _NewestScene:
                     self._line_faults.append(message)
             return message if isinstance(message, SceneState) else None
         return None
-
-
-def _drained(ready: deque[Frame]) -> Iterator[Frame]:
-    """Yield frames as they arrive; called only when there is one."""
-    while True:
-        yield ready.popleft()
 
 
 class _ToConsole(logging.Handler):
