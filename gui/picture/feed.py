@@ -278,9 +278,8 @@ class Feed:
         return False
 
     def _ask(self, session: FlightSession, settings: ViewSettings, *, timed: bool) -> None:
-        if len(self._waiting) >= 2 or (self._waiting and self._clock() < self._due_s):
-            return
-        if self._clock() < self._rests_until_s:
+        enough = len(self._waiting) >= 2 or (self._waiting and self._clock() < self._due_s)
+        if enough or self._clock() < self._rests_until_s:
             return
         if self._save_due:
             scene = _checked(lambda: apply_view_settings(session.scene(), settings))

@@ -158,10 +158,8 @@ def chaser_marks(
     R_free_from_chaser = R_free_from_eci @ matrix_from_quat(world.q_camera_from_eci_wxyz).T
     distance = float(np.linalg.norm(at))
     size = max(0.08 * distance, 0.15)
-    corners_px = [(-0.5, -0.5), (chaser.width_px - 0.5, -0.5)]
-    corners_px += [(chaser.width_px - 0.5, chaser.height_px - 0.5), (-0.5, chaser.height_px - 0.5)]
-    rays = np.hstack([chaser.unproject(corners_px), np.ones((4, 1))])
-    rays = 2.2 * size * rays / np.linalg.norm(rays, axis=1, keepdims=True)
+    right, low = chaser.width_px - 0.5, chaser.height_px - 0.5
+    rays = 2.2 * size * chaser.rays([(-0.5, -0.5), (right, -0.5), (right, low), (-0.5, low)])
     lines = [(np.zeros(3), r) for r in rays] + [(rays[k], rays[(k + 1) % 4]) for k in range(4)]
     axes = np.stack([np.stack([np.zeros(3), size * e]) for e in np.eye(3)])
     trail = (R_free_from_eci @ (frame.R_eci_from_lvlh @ trail_lvlh_m[:, :].T - eye[:, None])).T

@@ -103,9 +103,8 @@ class SettingsHistory:
         source = self._steps[command]
         (other,) = (steps for name, steps in self._steps.items() if name != command)
         if not source:
-            raise UserError(
-                f"there is {'no change to undo' if command == 'settings.undo' else 'nothing to redo'}"
-            )
+            missing = "no change to undo" if command == "settings.undo" else "nothing to redo"
+            raise UserError(f"there is {missing}")
         change, leaves, reaches = step = source.pop()
         if changes := _of_flight(step):
             try:
