@@ -334,8 +334,9 @@ class Console:
                 self.steer(command.name)
 
     def steer(self, name: str, *arguments: Value) -> None:
-        """Run the command of a key or gamepad; flight commands run only while hand control is armed."""
-        if self.table[name].flies and not self.hand.armed:
+        """Run the command of a key or gamepad; unarmed, none that flies but Go at a hold point."""
+        goes = name == "docking.go" and self.session.waits_for_go
+        if self.table[name].flies and not (self.hand.armed or goes):
             self.say(f"{self.table[name].title}: {UNARMED}")
         else:
             self.do(name, *arguments)

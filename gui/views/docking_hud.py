@@ -230,7 +230,8 @@ def status(console: Console) -> tuple[str, style.Rgba]:
         return f"{console.flown_by}   next: {goal}", flown_colour(console.session, style.INK)
     if point is None:
         return "AUTOPILOT to the port", style.ACCENT
-    waits = not docking.not_ready(session.craft.chaser, session.flight)
     if point.decision == "no-go":
         return f"NO-GO at {goal}", style.NEAR
-    return (f"{goal}: GO? (Enter)", style.NEAR) if waits else (f"AUTOPILOT to {goal}", style.ACCENT)
+    if session.waits_for_go:
+        return f"{goal}: GO? (Enter)", style.NEAR
+    return f"AUTOPILOT to {goal}", style.ACCENT

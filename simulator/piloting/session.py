@@ -410,6 +410,12 @@ class FlightSession:
         )
 
     @property
+    def waits_for_go(self) -> bool:
+        """True while the autopilot waits at a hold point for the operator's decision."""
+        craft = self.craft
+        return bool(craft.steering.autopilot and craft.docking.hold_points.next and self.at_hold_point)
+
+    @property
     def jump_text(self) -> str:
         """Destination of a jump and what it waits for, in words; empty without a jump."""
         if self.clock.jump != "hold-point":
