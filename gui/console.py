@@ -47,6 +47,7 @@ log = logging.getLogger(__name__)
 Level = Literal["note", "caution", "warning"]
 CLOCK = "%H:%M:%S"
 KEPT_MESSAGES, KEPT_RECENT = 500, 6  # numbers of messages and of recent scenarios that are kept
+NEWEST = 9  # number of messages whose notes may still be shown, and end
 UNARMED = "keys, mouse and gamepad do not fly: arm hand control first (Ctrl+H or Insert)"
 STEERING = frozenset(f"steer.{switch}" for switch in SWITCHES)
 """Names of the commands whose keys thrust or rotate."""
@@ -76,7 +77,7 @@ class Message:
     blocked: Path | None = None
     """File or folder that cannot be written."""
     over: Callable[[], bool] | None = None
-    """Function that returns True once the cause of a caution has ended."""
+    """Function that returns True once the cause of a caution has ended, or a note is no longer true."""
 
 
 @dataclass(eq=False)
@@ -426,7 +427,8 @@ class Console:
             for level, text in state.news:
                 self.say(text, level)
         self.flights.note_flown_on(self.session, before.t_s)
-        over = [m for m in self.waiting if (m.over or partial(self.session.is_over, m.text))()]
+        notes = [m for m in self.messages[-NEWEST:] if m.level == "note" and not m.acknowledged]
+        over = [m for m in self.waiting + notes if (m.over or partial(self.session.is_over, m.text))()]
         if t_ms // 1000 != self.clock_ms // 1000:
             over += [m for m in self.waiting if m.blocked and not probe_writing(m.blocked)]
         self.clock_ms = t_ms
@@ -504,7 +506,8 @@ class Console:
         of : str, optional
             Command that was refused or failed, whose caution ends when it is carried out; or that gave a result.
         over : callable, optional
-            Function that returns True once the cause of a caution has ended; by default `FlightSession.is_over`.
+            Function that returns True once the cause of a caution has ended, or a note is no longer true; by default
+            `FlightSession.is_over`.
         """
         newest = self.messages[-1] if self.messages else None
         self.said += bool(text)

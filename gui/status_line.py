@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from flyaround.gui import style
+from flyaround.gui.transport import abort_text
 from flyaround.gui.widgets import Widgets
 
 if TYPE_CHECKING:
@@ -74,8 +75,8 @@ class StatusLine:
         if flaw != self._flaw[0]:
             self._flaw = flaw, console.said
         # a later message outranks it; the field is framed and says it, too
-        if flaw and console.said == self._flaw[1]:
-            texts = [*texts[: bool(console.waiting)], (flaw, style.BAD)]
+        if text := abort_text(console) or (flaw if console.said == self._flaw[1] else ""):
+            texts = [*texts[: bool(console.waiting)], (text, style.BAD)]
         if len(texts) == 1:
             text, colour = texts[0]
             n = len(text)
@@ -112,13 +113,13 @@ def message_texts(console: Console) -> list[tuple[str, style.Rgba]]:
 
     If the caution is newer, a result of a job stays beside it, such as a finished film, otherwise the caution before.
     """
-    current = [m for m in console.messages if not m.acknowledged]
-    if not current:
+    # an older note does not come back when the newest one ends
+    newest = [m for m in console.messages if m.level == "note"][-1:]
+    waiting, note = console.waiting, [m for m in newest if not m.acknowledged]
+    if not waiting + note:
         return [("F1: commands and keys", style.QUIET)]
-    waiting, newest = console.waiting, current[-1]
-    result = [m for m in current if m.level == "note"][-1:]
-    result = result if result and result[0].of else waiting[-2:-1]
-    shown = [*waiting[-1:], *(result if newest in waiting else [newest])]
+    last = next(m for m in reversed(console.messages) if m in waiting + note)
+    shown = [*waiting[-1:], *([m for m in note if m.of or m is last] or waiting[-2:-1])]
     more = len(waiting) - sum(m in waiting for m in shown)
     colours = {"caution": style.WARN, "warning": style.BAD}
     # a refusal is no news of the flight, which is dim
