@@ -74,6 +74,10 @@ class Message:
     of: str = ""
     """Command that was refused or failed, or that gave a result. A refusal is no caution unless it concerns the flight
     or a file."""
+    news: bool = False
+    """True for news of the flight, which an answer to the operator outlasts for a while."""
+    said_ms: int = 0
+    """Real time of the message since the first picture."""
     blocked: Path | None = None
     """File or folder that cannot be written."""
     over: Callable[[], bool] | None = None
@@ -426,6 +430,7 @@ class Console:
             self.hand.flown |= pushed and state.t_s > before.t_s
             for level, text in state.news:
                 self.say(text, level)
+                self.messages[-1].news = True
         self.flights.note_flown_on(self.session, before.t_s)
         notes = [m for m in self.messages[-NEWEST:] if m.level == "note" and not m.acknowledged]
         over = [m for m in self.waiting + notes if (m.over or partial(self.session.is_over, m.text))()]
@@ -478,8 +483,10 @@ class Console:
         settings.sensor_changes, settings.lights, settings.exposure_stops = {}, None, 0.0
         self.history = SettingsHistory()
         name = session.plan.scenario.title or session.plan.scenario.name
-        replay = "REPLAY, paused: Space plays it, the slider seeks" if session.look_back.active else ""
-        self.say(replay or f"now: {name}; File > Previous flight returns to the last one")
+        replay = session.look_back.active
+        text = f"now: {name}; File > Previous flight returns to the last one"
+        text = "REPLAY, paused: Space plays it, the slider seeks" if replay else text
+        self.say(text, over=lambda: replay and not session.clock.paused)
 
     # --- messages
 
@@ -513,7 +520,7 @@ class Console:
         self.said += bool(text)
         if not text or (newest is not None and newest.text == text and not newest.acknowledged):
             return
-        message = Message(self.session.t_s, level, text, of=of, over=over)
+        message = Message(self.session.t_s, level, text, of=of, over=over, said_ms=self.clock_ms)
         if level == "caution" and (found := UNWRITABLE.search(text)):
             path = Path(found[1] or found[2])
             message.blocked = path if probe_writing(path) else None

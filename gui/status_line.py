@@ -12,6 +12,9 @@ if TYPE_CHECKING:
     from flyaround.gui.console import Console
     from flyaround.gui.surface import Surface
 
+ANSWER_MS = 4000
+"""Least time for which an answer to the operator stays before news of the flight replace it."""
+
 
 class StatusLine:
     """The two lines at the bottom of one window.
@@ -112,10 +115,13 @@ def message_texts(console: Console) -> list[tuple[str, style.Rgba]]:
     """Return the newest caution that waits and the newest other message, with their colours.
 
     If the caution is newer, a result of a job stays beside it, such as a finished film, otherwise the caution before.
+    An answer to the operator outlasts news of the flight for `ANSWER_MS`.
     """
+    waiting, notes = console.waiting, [m for m in console.messages if m.level == "note"]
+    answer = [m for m in notes if not m.news][-1:]
+    fresh = [m for m in answer if not m.acknowledged and console.clock_ms < m.said_ms + ANSWER_MS]
     # an older note does not come back when the newest one ends
-    newest = [m for m in console.messages if m.level == "note"][-1:]
-    waiting, note = console.waiting, [m for m in newest if not m.acknowledged]
+    note = [m for m in fresh or notes[-1:] if not m.acknowledged]
     if not waiting + note:
         return [("F1: commands and keys", style.QUIET)]
     last = next(m for m in reversed(console.messages) if m in waiting + note)

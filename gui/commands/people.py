@@ -80,7 +80,8 @@ def _open(console: Console, path: str) -> None:
         if console.jobs.mesh is not None:
             raise UserError(f"{console.jobs.mesh.name} is still being imported")
         console.jobs.mesh = MeshImport(where)
-        console.say(f"importing {where.name} as target {console.jobs.mesh.name} ...")
+        text = f"importing {where.name} as target {console.jobs.mesh.name} ..."
+        console.say(text, over=lambda: console.jobs.mesh is None)
     else:
         raise UserError(f"{where.name} is neither a scenario (.toml) nor a mesh ({', '.join(MESHES)})")
 

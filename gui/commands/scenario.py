@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 def _open(console: Console, scenario: str) -> None:
     console.opener.open(scenario)
-    console.say(f"opening {scenario} ...")
+    console.say(f"opening {scenario} ...", over=lambda: not console.opener.is_busy())
 
 
 def _edit(console: Console, scenario: str | None = None) -> None:

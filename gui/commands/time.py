@@ -27,12 +27,17 @@ def _restart(console: Console) -> None:
 
 def _jump(event: Event, console: Console) -> None:
     when = console.session.jump_to_event(event)
-    console.say(f"on the way to {mission_time(when)}, when {EVENTS[event]}")
+    _say_way(console, f"{mission_time(when)}, when {EVENTS[event]}")
 
 
 def _jump_to_hold_point(console: Console) -> None:
     console.session.jump_to_hold_point()
-    console.say(f"on the way to {console.session.jump_text}")
+    _say_way(console, console.session.jump_text)
+
+
+def _say_way(console: Console, goal: str) -> None:
+    clock = console.session.clock
+    console.say(f"on the way to {goal}", over=lambda: not clock.jump)
 
 
 COMMANDS = (

@@ -191,15 +191,15 @@ class FlightSession:
             plume=steering.plume,
         )
 
-    def is_over(self, caution: str) -> bool:
-        """Return True if the cause of a caution or warning of the flight has ended.
+    def is_over(self, message: str) -> bool:
+        """Return True if the cause of a caution or warning of the flight has ended, or a note is no longer true.
 
         Returns
         -------
         bool
             True if it may go; False also for a text that is none of the flight's.
         """
-        return cause_ended(self, caution)
+        return cause_ended(self, message)
 
     def scene(self) -> SceneState:
         """Return the present scene, for the scenario's own camera.
