@@ -483,10 +483,8 @@ class Console:
         settings.sensor_changes, settings.lights, settings.exposure_stops = {}, None, 0.0
         self.history = SettingsHistory()
         name = session.plan.scenario.title or session.plan.scenario.name
-        replay = session.look_back.active
-        text = f"now: {name}; File > Previous flight returns to the last one"
-        text = "REPLAY, paused: Space plays it, the slider seeks" if replay else text
-        self.say(text, over=lambda: replay and not session.clock.paused)
+        replay = "REPLAY, paused: Space plays it, the slider seeks" if session.look_back.active else ""
+        self.say(replay or f"now: {name}; File > Previous flight returns to the last one")
 
     # --- messages
 

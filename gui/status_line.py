@@ -127,12 +127,10 @@ def message_texts(console: Console) -> list[tuple[str, style.Rgba]]:
     last = next(m for m in reversed(console.messages) if m in waiting + note)
     shown = [*waiting[-1:], *([m for m in note if m.of or m is last] or waiting[-2:-1])]
     more = len(waiting) - sum(m in waiting for m in shown)
-    colours = {"caution": style.WARN, "warning": style.BAD}
     # a refusal is no news of the flight, which is dim
-    plain = [style.INK if waiting or m.of else style.QUIET for m in shown]
-    texts = [
-        (" ".join(m.text.split()), colours.get(m.level, ink)) for m, ink in zip(shown, plain, strict=True)
-    ]
+    ink = style.INK if waiting or shown[-1].of else style.QUIET
+    colours = {"note": ink, "caution": style.WARN, "warning": style.BAD}
+    texts = [(" ".join(m.text.split()), colours[m.level]) for m in shown]
     if waiting:
         texts[0] = f"{texts[0][0]} ({f'{more} more; ' * bool(more)}F9: seen)", texts[0][1]
     return texts

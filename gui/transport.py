@@ -177,9 +177,10 @@ class TransportStrip:
             if opened:
                 console.do("docking.abort")
             hand.abort_by_ms = 0 if opened else console.clock_ms + GUARD_MS
-        tip = f"retreats to {steering.retreat_to_m:.3g} m from the target; farther away, guidance ends"
-        tip = f"{console.table['docking.abort'].hover_text()}\n{tip}"
-        w.tip(f"{tip}\ntwo clicks within five seconds; the key needs one press")
+        tip = f"retreats to {steering.retreat_to_m:.3g} m from the target; farther away, guidance ends\ntwo clicks"
+        w.tip(
+            f"{console.table['docking.abort'].hover_text()}\n{tip} within five seconds; the key needs one press"
+        )
 
 
 def abort_text(console: Console) -> str:

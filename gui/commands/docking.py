@@ -35,11 +35,7 @@ def _abort(console: Console) -> None:
 
 COMMANDS = (
     switch(
-        "docking.approach",
-        _approach,
-        lambda console: bool(console.session.craft.steering.autopilot),
-        "b",
-        flies=True,
+        "docking.approach", _approach, lambda c: bool(c.session.craft.steering.autopilot), "b", flies=True
     ),
     command("docking.go", order(Go), "enter", flies=True),
     command("docking.no-go", order(NoGo)),

@@ -34,8 +34,7 @@ def _edit(console: Console, scenario: str | None = None) -> None:
 
 
 def _check(console: Console) -> None:
-    scenario = console.draft.check()
-    console.say(f"{scenario.name} is right")
+    console.say(f"{console.draft.check().name} is right")
 
 
 def _save(console: Console, path: str) -> None:

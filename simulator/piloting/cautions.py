@@ -190,6 +190,8 @@ NOTE_ENDS: dict[str, Callable[[PilotedFlight, str], bool]] = {
     "a burn of ": lambda session, note: (
         not any(planned_text(b) in note for b in session.craft.steering.burns.burns)
     ),
+    "on the way to ": lambda session, _: not session.clock.jump,
+    "REPLAY, paused": lambda session, _: not session.clock.paused,
     "the target is in sunlight": lambda session, _: session.craft.world.sun_visible_fraction == 0.0,
 }
 """Beginning of each note that states a present condition, and the function that returns True once it is untrue."""
