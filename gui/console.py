@@ -514,9 +514,8 @@ class Console:
             Function that returns True once the cause of a caution has ended, or a note is no longer true; by default
             `FlightSession.is_over`.
         """
-        newest = self.messages[-1] if self.messages else None
         self.said += bool(text)
-        if not text or (newest is not None and newest.text == text and not newest.acknowledged):
+        if not text or any(m.text == text and not m.acknowledged for m in self.messages[-1:]):
             return
         message = Message(self.session.t_s, level, text, of=of, over=over, said_ms=self.clock_ms)
         if level == "caution" and (found := UNWRITABLE.search(text)):

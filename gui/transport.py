@@ -52,8 +52,7 @@ class TransportStrip:
     def draw(self, console: Console) -> None:
         """Draw into the current side bar."""
         w, imgui = self._w, self._w.imgui
-        em, session = imgui.get_font_size(), console.session
-        paused = session.clock.paused
+        em, session, paused = imgui.get_font_size(), console.session, console.session.clock.paused
         look = ("Play", "play") if paused else ("Pause", "time.pause")
         w.button(console, "time.pause", label=look[0], icon=look[1], width=5.2 * em, on=paused)
         imgui.same_line()
