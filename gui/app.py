@@ -377,7 +377,7 @@ class ConsoleLoop:
         with window.frame():
             if window.keys.typing and console.hand.armed:
                 console.do("steer.arm", False)
-                console.say("hand control is off, because letters go into a text field; Ctrl+H arms it again")
+                console.say("hand control is off, because letters go into a text field; HAND: OFF arms it")
             hit = console.table.pressed(window.keys.hit(self._keys), ctrl=window.keys.ctrl)
             # ignore flight commands before the first picture: the operator would fly blind
             console.press([c for c in hit if console.feed.newest is not None or c.group not in FLIGHT_GROUPS])

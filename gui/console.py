@@ -47,6 +47,7 @@ log = logging.getLogger(__name__)
 Level = Literal["note", "caution", "warning"]
 CLOCK = "%H:%M:%S"
 KEPT_MESSAGES, KEPT_RECENT = 500, 6  # numbers of messages and of recent scenarios that are kept
+NEWEST = 9  # number of messages whose notes may still be shown, and end
 UNARMED = "keys, mouse and gamepad do not fly: arm hand control first (Ctrl+H or Insert)"
 STEERING = frozenset(f"steer.{switch}" for switch in SWITCHES)
 """Names of the commands whose keys thrust or rotate."""
@@ -73,10 +74,14 @@ class Message:
     of: str = ""
     """Command that was refused or failed, or that gave a result. A refusal is no caution unless it concerns the flight
     or a file."""
+    news: bool = False
+    """True for news of the flight, which an answer to the operator outlasts for a while."""
+    said_ms: int = 0
+    """Real time of the message since the first picture."""
     blocked: Path | None = None
     """File or folder that cannot be written."""
     over: Callable[[], bool] | None = None
-    """Function that returns True once the cause of a caution has ended."""
+    """Function that returns True once the cause of a caution has ended, or a note is no longer true."""
 
 
 @dataclass(eq=False)
@@ -334,8 +339,9 @@ class Console:
                 self.steer(command.name)
 
     def steer(self, name: str, *arguments: Value) -> None:
-        """Run the command of a key or gamepad; flight commands run only while hand control is armed."""
-        if self.table[name].flies and not self.hand.armed:
+        """Run the command of a key or gamepad; unarmed, none that flies but Go at a hold point."""
+        goes = name == "docking.go" and self.session.waits_for_go
+        if self.table[name].flies and not (self.hand.armed or goes):
             self.say(f"{self.table[name].title}: {UNARMED}")
         else:
             self.do(name, *arguments)
@@ -424,8 +430,10 @@ class Console:
             self.hand.flown |= pushed and state.t_s > before.t_s
             for level, text in state.news:
                 self.say(text, level)
+                self.messages[-1].news = True
         self.flights.note_flown_on(self.session, before.t_s)
-        over = [m for m in self.waiting if (m.over or partial(self.session.is_over, m.text))()]
+        notes = [m for m in self.messages[-NEWEST:] if m.level == "note" and not m.acknowledged]
+        over = [m for m in self.waiting + notes if (m.over or partial(self.session.is_over, m.text))()]
         if t_ms // 1000 != self.clock_ms // 1000:
             over += [m for m in self.waiting if m.blocked and not probe_writing(m.blocked)]
         self.clock_ms = t_ms
@@ -503,13 +511,13 @@ class Console:
         of : str, optional
             Command that was refused or failed, whose caution ends when it is carried out; or that gave a result.
         over : callable, optional
-            Function that returns True once the cause of a caution has ended; by default `FlightSession.is_over`.
+            Function that returns True once the cause of a caution has ended, or a note is no longer true; by default
+            `FlightSession.is_over`.
         """
-        newest = self.messages[-1] if self.messages else None
         self.said += bool(text)
-        if not text or (newest is not None and newest.text == text and not newest.acknowledged):
+        if not text or any(m.text == text and not m.acknowledged for m in self.messages[-1:]):
             return
-        message = Message(self.session.t_s, level, text, of=of, over=over)
+        message = Message(self.session.t_s, level, text, of=of, over=over, said_ms=self.clock_ms)
         if level == "caution" and (found := UNWRITABLE.search(text)):
             path = Path(found[1] or found[2])
             message.blocked = path if probe_writing(path) else None

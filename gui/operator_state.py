@@ -24,12 +24,15 @@ class HandControl:
         True while keys, mouse and gamepad act on the chaser. Commands, buttons, scripts and the abort key always do.
     flown : bool
         True once a command of the hand has moved the chaser.
+    abort_by_ms : int
+        Real time until which a second click on ABORT aborts; 0 while its guard is closed.
     thrust, turn : tuple of float
         Translation and rotation demanded by stick or mouse, each axis from -1 to 1.
     """
 
     def __init__(self) -> None:
         self.armed = self.flown = False
+        self.abort_by_ms = 0
         self._held: set[str] = set()
         self._spent: set[str] = set()
         self.centre_sticks()

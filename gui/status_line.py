@@ -5,11 +5,15 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from flyaround.gui import style
+from flyaround.gui.transport import abort_text
 from flyaround.gui.widgets import Widgets
 
 if TYPE_CHECKING:
     from flyaround.gui.console import Console
     from flyaround.gui.surface import Surface
+
+ANSWER_MS = 4000
+"""Least time for which an answer to the operator stays before news of the flight replace it."""
 
 
 class StatusLine:
@@ -74,8 +78,8 @@ class StatusLine:
         if flaw != self._flaw[0]:
             self._flaw = flaw, console.said
         # a later message outranks it; the field is framed and says it, too
-        if flaw and console.said == self._flaw[1]:
-            texts = [*texts[: bool(console.waiting)], (flaw, style.BAD)]
+        if text := abort_text(console) or (flaw if console.said == self._flaw[1] else ""):
+            texts = [*texts[: bool(console.waiting)], (text, style.BAD)]
         if len(texts) == 1:
             text, colour = texts[0]
             n = len(text)
@@ -111,21 +115,22 @@ def message_texts(console: Console) -> list[tuple[str, style.Rgba]]:
     """Return the newest caution that waits and the newest other message, with their colours.
 
     If the caution is newer, a result of a job stays beside it, such as a finished film, otherwise the caution before.
+    An answer to the operator outlasts news of the flight for `ANSWER_MS`.
     """
-    current = [m for m in console.messages if not m.acknowledged]
-    if not current:
+    waiting, notes = console.waiting, [m for m in console.messages if m.level == "note"]
+    answer = [m for m in notes if not m.news][-1:]
+    fresh = [m for m in answer if not m.acknowledged and console.clock_ms < m.said_ms + ANSWER_MS]
+    # an older note does not come back when the newest one ends
+    note = [m for m in fresh or notes[-1:] if not m.acknowledged]
+    if not waiting + note:
         return [("F1: commands and keys", style.QUIET)]
-    waiting, newest = console.waiting, current[-1]
-    result = [m for m in current if m.level == "note"][-1:]
-    result = result if result and result[0].of else waiting[-2:-1]
-    shown = [*waiting[-1:], *(result if newest in waiting else [newest])]
+    last = next(m for m in reversed(console.messages) if m in waiting + note)
+    shown = [*waiting[-1:], *([m for m in note if m.of or m is last] or waiting[-2:-1])]
     more = len(waiting) - sum(m in waiting for m in shown)
-    colours = {"caution": style.WARN, "warning": style.BAD}
     # a refusal is no news of the flight, which is dim
-    plain = [style.INK if waiting or m.of else style.QUIET for m in shown]
-    texts = [
-        (" ".join(m.text.split()), colours.get(m.level, ink)) for m, ink in zip(shown, plain, strict=True)
-    ]
+    ink = style.INK if waiting or shown[-1].of else style.QUIET
+    colours = {"note": ink, "caution": style.WARN, "warning": style.BAD}
+    texts = [(" ".join(m.text.split()), colours[m.level]) for m in shown]
     if waiting:
         texts[0] = f"{texts[0][0]} ({f'{more} more; ' * bool(more)}F9: seen)", texts[0][1]
     return texts

@@ -48,13 +48,11 @@ class TransportStrip:
 
     def __init__(self, window: Surface) -> None:
         self._w = Widgets(window)
-        self._opened_ms = -GUARD_MS
 
     def draw(self, console: Console) -> None:
         """Draw into the current side bar."""
         w, imgui = self._w, self._w.imgui
-        em, session = imgui.get_font_size(), console.session
-        paused = session.clock.paused
+        em, session, paused = imgui.get_font_size(), console.session, console.session.clock.paused
         look = ("Play", "play") if paused else ("Pause", "time.pause")
         w.button(console, "time.pause", label=look[0], icon=look[1], width=5.2 * em, on=paused)
         imgui.same_line()
@@ -166,21 +164,30 @@ class TransportStrip:
 
     def _abort(self, console: Console, width: float) -> None:
         """Abort by two clicks, of which the first opens the guard for five seconds; the key needs one press."""
-        w = self._w
-        opened = console.clock_ms - self._opened_ms < GUARD_MS
-        if not opened and self._opened_ms > -GUARD_MS:
-            self._opened_ms = -GUARD_MS
-            console.say("not aborted: no second click came within five seconds", of="docking.abort")
-        steering = console.session.craft.steering
+        w, hand, steering = self._w, console.hand, console.session.craft.steering
+        opened = console.clock_ms < hand.abort_by_ms
+        if not opened and hand.abort_by_ms:
+            hand.abort_by_ms = 0
+            text = "not aborted: no second click came within five seconds"
+            console.say(text, of="docking.abort", over=lambda: bool(hand.abort_by_ms or steering.aborting))
         fill = style.BAD if opened or steering.aborting else style.GUARDED
         label = "ABORT? again" if opened else labelled("docking.abort", "ABORT")
         if w.filled_button(f"{label}###abort", width, fill):
             if opened:
                 console.do("docking.abort")
-            self._opened_ms = -GUARD_MS if opened else console.clock_ms
-        tip = f"retreats to {steering.retreat_to_m:.3g} m from the target; farther away, guidance ends"
-        tip = f"{console.table['docking.abort'].hover_text()}\n{tip}"
-        w.tip(f"{tip}\ntwo clicks within five seconds; the key needs one press")
+            hand.abort_by_ms = 0 if opened else console.clock_ms + GUARD_MS
+        tip = f"retreats to {steering.retreat_to_m:.3g} m from the target; farther away, guidance ends\ntwo clicks"
+        w.tip(
+            f"{console.table['docking.abort'].hover_text()}\n{tip} within five seconds; the key needs one press"
+        )
+
+
+def abort_text(console: Console) -> str:
+    """Return the effect of a second click on ABORT and the time left for it; empty while its guard is closed."""
+    left_ms, to_m = console.hand.abort_by_ms - console.clock_ms, console.session.craft.steering.retreat_to_m
+    near = console.telemetry.range_m <= to_m
+    effect = f"retreats to {to_m:.3g} m from the target" if near else "ends guidance: the chaser drifts"
+    return f"ABORT: a second click within {math.ceil(left_ms / 1000)} s {effect}" if left_ms > 0 else ""
 
 
 class JobStrip:

@@ -75,11 +75,7 @@ COMMANDS = (
         for name, title in OVERLAYS.items()
     ),
     command("picture.save", lambda console: console.feed.ask_to_save(), "p", "f12"),
-    command(
-        "picture.exposure",
-        lambda console, stops: setattr(console.options.settings, "exposure_stops", stops),
-        STOPS,
-    ),
+    command("picture.exposure", lambda c, stops: setattr(c.options.settings, "exposure_stops", stops), STOPS),
     command("picture.meter", _meter),
     command("picture.detail", _detail, word("detail", "how fine", DETAILS)),
     switch("picture.colour", _colour, lambda console: bool(console.options.settings.bands == "rgb")),

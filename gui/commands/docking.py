@@ -23,7 +23,7 @@ def _approach(console: Console, on: bool) -> None:  # noqa: FBT001 - a switch
 
 def _abort(console: Console) -> None:
     """Abort at once: the present flight, also while an earlier time of it is shown, or a question stands."""
-    session, console.asked = console.session, None
+    session, console.asked, console.hand.abort_by_ms = console.session, None, 0
     console.open_panel("quit", shown=False)
     if drops_future(session):
         session.look_back.seek(session.look_back.timeline.end_s)
@@ -35,11 +35,7 @@ def _abort(console: Console) -> None:
 
 COMMANDS = (
     switch(
-        "docking.approach",
-        _approach,
-        lambda console: bool(console.session.craft.steering.autopilot),
-        "b",
-        flies=True,
+        "docking.approach", _approach, lambda c: bool(c.session.craft.steering.autopilot), "b", flies=True
     ),
     command("docking.go", order(Go), "enter", flies=True),
     command("docking.no-go", order(NoGo)),

@@ -56,7 +56,8 @@ def _fault(console: Console, kind: str, seconds: float | None = None) -> None:
     start = console.session.t_s
     length = FAULT_S if seconds is None else seconds
     console.jobs.hil.add_fault(msgspec.structs.replace(fault, start_s=start, end_s=start + length))
-    console.say(f"fault {kind} for {length:g} s of the flight: {text}")
+    session, text = console.session, f"fault {kind} for {length:g} s of the flight: {text}"
+    console.say(text, over=lambda: session.t_s >= start + length)
 
 
 URL = word("url", "tcp://HOST:PORT or serial:///DEVICE?baud=N to listen on", optional=True)

@@ -65,10 +65,8 @@ def _film_end(console: Console) -> None:
         raise UserError("no film is being made: Film the view begins one")
     film.close()
     skipped = f", {film.left_out} left out" if film.left_out else ""
-    if film.trouble is None:
-        console.say(f"filmed {film.path}: {film.pictures} pictures{skipped}", of="film.start")
-    else:
-        console.say(film.trouble, "caution", "film.start")
+    text = film.trouble or f"filmed {film.path}: {film.pictures} pictures{skipped}"
+    console.say(text, "caution" if film.trouble else "note", "film.start")
 
 
 def _open(console: Console, path: str) -> None:
@@ -80,7 +78,8 @@ def _open(console: Console, path: str) -> None:
         if console.jobs.mesh is not None:
             raise UserError(f"{console.jobs.mesh.name} is still being imported")
         console.jobs.mesh = MeshImport(where)
-        console.say(f"importing {where.name} as target {console.jobs.mesh.name} ...")
+        text = f"importing {where.name} as target {console.jobs.mesh.name} ..."
+        console.say(text, over=lambda: console.jobs.mesh is None)
     else:
         raise UserError(f"{where.name} is neither a scenario (.toml) nor a mesh ({', '.join(MESHES)})")
 

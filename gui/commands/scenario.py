@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 def _open(console: Console, scenario: str) -> None:
     console.opener.open(scenario)
-    console.say(f"opening {scenario} ...")
+    console.say(f"opening {scenario} ...", over=lambda: not console.opener.is_busy())
 
 
 def _edit(console: Console, scenario: str | None = None) -> None:
@@ -34,8 +34,7 @@ def _edit(console: Console, scenario: str | None = None) -> None:
 
 
 def _check(console: Console) -> None:
-    scenario = console.draft.check()
-    console.say(f"{scenario.name} is right")
+    console.say(f"{console.draft.check().name} is right")
 
 
 def _save(console: Console, path: str) -> None:

@@ -42,10 +42,10 @@ def _arm(console: Console, state: bool) -> None:  # noqa: FBT001 - a switch
     console.hand.armed = state
     if not state:
         console.hand.centre_sticks()
-    text = "keys, mouse and gamepad fly the chaser"
-    if console.flown_by != "by hand":
-        text = f"hand control is armed: {console.flown_by} flies until a key, the mouse or the gamepad does"
-    console.say(text if state else "hand control is off")
+    text, by = "keys, mouse and gamepad fly the chaser", console.flown_by
+    if by != "by hand":
+        text = f"hand control is armed: {by} flies until a key, the mouse or the gamepad does"
+    console.say(text if state else "hand control is off", over=lambda: state and console.flown_by != by)
 
 
 def _toggle(console: Console) -> None:

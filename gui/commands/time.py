@@ -15,10 +15,6 @@ if TYPE_CHECKING:
     from flyaround.simulator.piloting.jumps import Event
 
 
-def _shift_rate(steps: int, console: Console) -> None:
-    console.session.clock.shift_rate(steps)
-
-
 def _restart(console: Console) -> None:
     console.session.restart()
     console.hand.centre_sticks()
@@ -35,21 +31,20 @@ def _jump_to_hold_point(console: Console) -> None:
     console.say(f"on the way to {console.session.jump_text}")
 
 
+RATE = word("rate", "one of the rates", tuple(f"{r:g}" for r in RATES))
 COMMANDS = (
     command(
         "time.pause",
-        lambda console: console.session.clock.toggle_pause(),
+        lambda c: c.session.clock.toggle_pause(),
         "space",
-        state=lambda console: console.session.clock.paused,
+        state=lambda c: c.session.clock.paused,
     ),
     command("time.step", lambda console: console.session.step_frame(), "period"),
-    command("time.faster", partial(_shift_rate, 1), "equal", "keypad_add", "right_bracket"),
-    command("time.slower", partial(_shift_rate, -1), "minus", "keypad_subtract", "left_bracket"),
+    command("time.faster", lambda c: c.session.clock.shift_rate(1), "equal", "keypad_add", "right_bracket"),
     command(
-        "time.rate",
-        lambda console, rate: console.session.clock.set_rate(float(rate)),
-        word("rate", "one of the rates", tuple(f"{r:g}" for r in RATES)),
+        "time.slower", lambda c: c.session.clock.shift_rate(-1), "minus", "keypad_subtract", "left_bracket"
     ),
+    command("time.rate", lambda c, rate: c.session.clock.set_rate(float(rate)), RATE),
     command("time.restart", _restart, "backspace", flies=True),
     *(
         Command(

@@ -114,7 +114,8 @@ class Jobs:
             # once for each kind of cause, which stands before the colon
             kind = e.cause.partition(":")[0]
             if kind not in {"", self._cause}:
-                self.say(f"{method_title(e.method)} declines its pictures: {e.cause}")
+                text = f"{method_title(e.method)} declines its pictures: {e.cause}"
+                self.say(text, over=lambda: self._cause != kind)
             self._cause = kind
         for trouble in estimates.take_troubles():
             self.say(trouble, "caution", "estimator.run")

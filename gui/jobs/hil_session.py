@@ -220,11 +220,11 @@ class HilSession:
                     notes.append(SessionNote(f"the board declines: {event.reason}{cause and '; '}{cause}"))
                 self._add(event)
             case Listening(url):
-                self.url = url
-                notes.append(SessionNote(f"a board may connect: flyaround hil board {url}"))
+                self.url, text = url, "a board may connect: flyaround hil board"
                 if self._next_board is not None:
-                    board, self._next_board = self._next_board, None
+                    board, self._next_board, text = self._next_board, None, "the board here connects to"
                     self.start_board(*board)
+                notes.append(SessionNote(f"{text} {url}"))
             case SessionNote(text, warning):
                 if text.startswith("board connected"):
                     self.board_name = text.partition(": ")[2]
@@ -269,7 +269,7 @@ class HilSession:
         if s.ended == "board_lost":
             text += f"; the board left ({s.board_gone})"
         if self.log_dir is not None:
-            text += f"; flyaround hil report {self.log_dir}"
+            text += f"; for a report run in a terminal: flyaround hil report {self.log_dir}"
         return SessionNote(text, warning=not was_asked)
 
     def _look_at_board(self) -> list[SessionNote]:

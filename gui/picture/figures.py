@@ -24,7 +24,8 @@ def age_text(session: FlightSession, t_s: float, told_s: float = OLD_S) -> tuple
     """Return the age of a picture of this time, empty below ``told_s``, with its colour at the present rate."""
     age_s = abs(session.t_s - t_s)
     colour = style.WARN if age_s > OLD_S * max(session.clock.rate, 1.0) else style.INK
-    return f"{age_s:.1f} s old" if age_s >= told_s else "", colour
+    old = "s old" if session.clock.rate == 1.0 else "s old (sim)"
+    return f"{age_s:.1f} {old}" if age_s >= told_s else "", colour
 
 
 def flown_colour(session: FlightSession, by_hand: style.Rgba) -> style.Rgba:

@@ -218,12 +218,11 @@ def status(console: Console) -> tuple[str, style.Rgba]:
     if contact is not None and not contact.docked and session.t_s - contact.t_s < 20.0:
         return f"CONTACT, NO DOCKING: {contact.misses[0]}", style.OUTSIDE
     point = docking.hold_points.next
-    goal = "port" if point is None else f"{point.name} {point.axial_m:g} m"
+    goal = "the port" if point is None else f"{point.name} {point.axial_m:g} m"
     if not steering.autopilot:
         return f"{console.flown_by}   next: {goal}", flown_colour(console.session, style.INK)
-    if point is None:
-        return "AUTOPILOT to the port", style.ACCENT
-    waits = not docking.not_ready(session.craft.chaser, session.flight)
-    if point.decision == "no-go":
+    if point is not None and point.decision == "no-go":
         return f"NO-GO at {goal}", style.NEAR
-    return (f"{goal}: GO? (Enter)", style.NEAR) if waits else (f"AUTOPILOT to {goal}", style.ACCENT)
+    if session.waits_for_go:
+        return f"{goal}: GO? (Enter)", style.NEAR
+    return f"AUTOPILOT to {goal}", style.ACCENT

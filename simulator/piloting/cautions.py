@@ -1,4 +1,4 @@
-"""Cautions of a flight: reported once when they begin, and over when their cause has ended."""
+"""Cautions of a flight, reported once when they begin; and ends of cautions and of notes on a present condition."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ FUEL_SHARE = 0.04
 """Propellant as a share of the chaser's initial mass; the tanks of small craft hold some 5 %."""
 
 AWAY, OVERRULED, ECLIPSE, FUEL = "drifts away", "the steering is overruled", "eclipse:", "fuel is low"
-NOT_REACHED, DRIFT = "is not reached", "the free drift"
+NOT_REACHED, DRIFT, FLIES_TO = "is not reached", "the free drift", "the autopilot flies to"
 
 
 class PilotedFlight(Protocol):
@@ -50,6 +50,10 @@ class PilotedFlight(Protocol):
     @property
     def at_hold_point(self) -> bool:
         """True if the chaser may leave the next hold point."""
+
+    @property
+    def waits_for_go(self) -> bool:
+        """True while the autopilot waits at a hold point."""
 
 
 def is_low(propellant: Propellant) -> bool:
@@ -161,6 +165,40 @@ ENDS: dict[str, Callable[[PilotedFlight, str], bool]] = {
 """Phrase in each caution and warning of a flight, and the function that returns True once its cause has ended."""
 
 
-def cause_ended(session: PilotedFlight, caution: str) -> bool:
-    """Return True if the cause of a caution has ended; False for a text that is none of a flight's."""
-    return any(phrase in caution and ended(session, caution) for phrase, ended in ENDS.items())
+def _flies_otherwise(session: PilotedFlight, note: str) -> bool:
+    return not note.startswith(f"guidance: {session.craft.steering.doing or 'none'}")
+
+
+def _has_left_rest(session: PilotedFlight, _: str) -> bool:
+    speed_m_s = float(np.linalg.norm(session.craft.world.velocity_lvlh_m_s))
+    return not session.craft.drifts or speed_m_s > AT_REST_M_S
+
+
+def _flies_elsewhere(session: PilotedFlight, note: str) -> bool:
+    point = session.craft.docking.hold_points.next
+    goal = "the port" if point is None else f"{point.name},"
+    return not session.craft.steering.autopilot or not note.startswith(f"{FLIES_TO} {goal}")
+
+
+NOTE_ENDS: dict[str, Callable[[PilotedFlight, str], bool]] = {
+    "guidance: ": _flies_otherwise,
+    "at rest; ": _has_left_rest,
+    "the autopilot is off": lambda session, _: not session.craft.drifts,
+    FLIES_TO: _flies_elsewhere,
+    "the jump has ended": lambda session, note: "waits at" in note and not session.waits_for_go,
+    "no-go: ": lambda session, _: getattr(session.craft.docking.hold_points.next, "decision", "") != "no-go",
+    "a burn of ": lambda session, note: (
+        not any(planned_text(b) in note for b in session.craft.steering.burns.burns)
+    ),
+    "on the way to ": lambda session, _: not session.clock.jump,
+    "REPLAY, paused": lambda session, _: not session.clock.paused,
+    "the target is in sunlight": lambda session, _: session.craft.world.sun_visible_fraction == 0.0,
+}
+"""Beginning of each note that states a present condition, and the function that returns True once it is untrue."""
+
+
+def cause_ended(session: PilotedFlight, message: str) -> bool:
+    """Return True if a message is no longer true of the flight; False for a text that is none of a flight's."""
+    cautions = any(phrase in message and ended(session, message) for phrase, ended in ENDS.items())
+    notes = any(message.startswith(start) and ended(session, message) for start, ended in NOTE_ENDS.items())
+    return cautions or notes

@@ -30,6 +30,7 @@ JOIN_SPEED_M_S = 0.2
 
 # Shortest duration of a joining path [s].
 MIN_JOIN_S = 10.0
+STARTS_HERE_M = 0.1  # distance to the start of a path below which its joining path only changes the speed
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -79,7 +80,10 @@ class ActiveGuidance:
     def phase(self, t_s: float) -> str:
         """Return the phase at a time."""
         elapsed = t_s - self.start_s
-        return "on the way to its start" if elapsed < self.join_s else self.mode.phase(elapsed - self.join_s)
+        if elapsed >= self.join_s:
+            return self.mode.phase(elapsed - self.join_s)
+        away_m = float(np.linalg.norm(self.join[1][0] - self.join[0][0]))
+        return "matching speed" if away_m < STARTS_HERE_M else f"flying to its start, {away_m:.1f} m away"
 
     def acceleration_lvlh(self, t_s: float, state: LvlhState) -> FloatArray:
         """Return the (3,) thrust per mass for the next period of control [m s-2].

@@ -191,15 +191,15 @@ class FlightSession:
             plume=steering.plume,
         )
 
-    def is_over(self, caution: str) -> bool:
-        """Return True if the cause of a caution or warning of the flight has ended.
+    def is_over(self, message: str) -> bool:
+        """Return True if the cause of a caution or warning of the flight has ended, or a note is no longer true.
 
         Returns
         -------
         bool
             True if it may go; False also for a text that is none of the flight's.
         """
-        return cause_ended(self, caution)
+        return cause_ended(self, message)
 
     def scene(self) -> SceneState:
         """Return the present scene, for the scenario's own camera.
@@ -408,6 +408,12 @@ class FlightSession:
         return craft.docking.hold_points.next is None or not craft.docking.not_ready(
             craft.chaser, craft.flight
         )
+
+    @property
+    def waits_for_go(self) -> bool:
+        """True while the autopilot waits at a hold point for the operator's decision."""
+        craft = self.craft
+        return bool(craft.steering.autopilot and craft.docking.hold_points.next and self.at_hold_point)
 
     @property
     def jump_text(self) -> str:

@@ -101,7 +101,7 @@ def test_the_position_over_the_view_stands_below_its_frame(
 def test_an_old_picture_tells_its_age(
     name: str, console: Console, window: HeadlessWindow, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    assert f"{console.session.t_s:.1f} s old" in texts(name, console, window, monkeypatch)
+    assert f"{console.session.t_s:.1f} s old (sim)" in texts(name, console, window, monkeypatch)
 
 
 def test_the_drift_on_the_map_begins_at_the_chaser(console: Console, window: HeadlessWindow) -> None:

@@ -223,4 +223,4 @@ def test_a_flight_that_costs_more_than_it_lasts_leaves_the_window_quick(fly: Fly
 def test_a_field_that_ends_hand_control_says_so(fly: Fly) -> None:
     console, _ = fly(10.0, lambda window: window.hold("f1", PUSH_S, 0.1), duration_s=4.0)
     assert not console.hand.armed
-    assert any("text field; Ctrl+H arms it again" in message.text for message in console.messages)
+    assert any("text field; HAND: OFF arms it" in message.text for message in console.messages)

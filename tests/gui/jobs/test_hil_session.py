@@ -17,7 +17,7 @@ import pytest
 from flyaround.gui.jobs.hil_session import BIN_EDGES_MS, HilSession
 from flyaround.gui.jobs.hil_stream import DeclineCause, SessionNote
 from flyaround.hil.host.frame_record import FrameRecord
-from flyaround.hil.host.link_process.ipc import LinkConfig
+from flyaround.hil.host.link_process.ipc import LinkConfig, Listening
 from flyaround.hil.host.run import RunConfig
 from flyaround.simulator.errors import UserError
 from flyaround.simulator.piloting.orders import PilotCommand
@@ -135,6 +135,22 @@ def test_the_board_of_a_dark_flight_says_that_its_pictures_are_dark(tmp_path: Pa
         hil.stop()
 
 
+@pytest.mark.parametrize("here", [True, False])
+def test_a_session_says_who_may_connect(*, here: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+    with contextlib.closing(HilSession()) as hil:
+        started: list[tuple[str, str]] = []
+        monkeypatch.setattr(hil, "start_board", lambda *board: started.append(board))
+        monkeypatch.setattr(HilSession, "on", True)
+        if here:
+            HilSession.start_board(hil, "tango", "hybrid")
+        notes: list[SessionNote] = []
+        hil._handle(Listening("tcp://127.0.0.1:5600", None), notes)
+        (note,) = notes
+        assert ("may connect" in note.text) == (not here)
+        assert note.text.endswith("tcp://127.0.0.1:5600")
+        assert bool(started) == here
+
+
 def test_what_needs_a_session_says_so(session: FlightSession) -> None:
     hil = HilSession()
     assert hil.state == "off"
@@ -174,7 +190,7 @@ def test_a_board_answers_the_flight_and_faults_strike(session: FlightSession, tm
         turns.until(lambda: not hil.on)
         turns.until(lambda: not hil.board_running)
     assert (tmp_path / "hil" / "summary.json").is_file()
-    assert any("hil report" in n.text for n in turns.notes)
+    assert any("run in a terminal: flyaround hil report" in n.text for n in turns.notes)
     assert any("the host ended the session" in n.text and not n.warning for n in turns.notes), turns.notes
 
 

@@ -25,7 +25,8 @@ pytest.importorskip("imgui_bundle", reason="the gui extra is not installed")
 
 
 @pytest.mark.parametrize(
-    ("age_s", "rate", "said"), [(0.0, 1, None), (40.0, 1, "40.0 s old"), (40.0, 100, "40.0 s old")]
+    ("age_s", "rate", "said"),
+    [(0.0, 1, None), (40.0, 1, "40.0 s old"), (40.0, 100, "40.0 s old (sim)")],
 )
 def test_an_old_picture_of_labels_says_so(
     monkeypatch: pytest.MonkeyPatch, age_s: float, rate: float, said: str | None

@@ -254,3 +254,13 @@ def test_a_hold_point_is_jumped_to_by_the_autopilot_alone():
     session = session_at((0.0, 30.0, 0.0))
     with pytest.raises(UserError, match="engage the autopilot"):
         session.jump_to_hold_point()
+
+
+def test_the_phase_before_a_path_names_its_start_only_if_that_is_away():
+    session = session_at((0.0, -10.0, 0.0))
+    begin(session, FlyTo((0.0, -10.59, 0.0)))
+    guided = session.craft.steering.guided
+    assert guided.phase(session.t_s) == "matching speed"
+    assert guided.phase(session.t_s + guided.join_s + 1.0) != "matching speed"
+    begin(session, FlyAround(circle_m=16.0))
+    assert session.craft.steering.guided.phase(session.t_s) == "flying to its start, 6.0 m away"
