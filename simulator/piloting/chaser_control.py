@@ -12,6 +12,7 @@ from flyaround.simulator.piloting import control_laws as laws
 from flyaround.simulator.piloting.autopilot import Autopilot
 from flyaround.simulator.piloting.control_laws import NO_DEMAND, THRUST, TURN, Demand
 from flyaround.simulator.piloting.guidance_modes import CONTROL_PERIOD_S
+from flyaround.simulator.piloting.hold_points import not_ready
 from flyaround.simulator.piloting.planned_burns import BurnPlan
 from flyaround.simulator.piloting.propellant import Propellant, plume_strikes
 from flyaround.simulator.piloting.readouts import mission_time, speed_text
@@ -107,6 +108,7 @@ class Steering:
         self.guided: ActiveGuidance | None = None
         self.aborting = False
         self.autopilot = False
+        self.waits_at = ""
         self._demand = replace(self._demand, thrust=NO_DEMAND, turn=NO_DEMAND)
         self._pulse_m_s = np.zeros(3)
         self._pulse_rad = np.zeros(3)
@@ -209,6 +211,7 @@ class Steering:
 
     def _end_modes(self) -> None:
         self.guided, self.autopilot, self.aborting = None, False, False
+        self.waits_at = ""
         self._guided_until_s = self._pilot_until_s = -np.inf
         self._pilot_demand = Demand()
 
@@ -365,6 +368,9 @@ class Steering:
             point = docking.hold_points.next
             figures = docking.figures(chaser, flight)
             goal = None if point is None else point.axial_m
+            if point is None or point.name != self.waits_at:
+                is_there = point and not not_ready(point, figures, docking.limits, docking.corridor_deg)
+                self.waits_at = point.name if point and is_there else ""
             self._pilot_demand = pilot.demand(figures, goal, AUTOPILOT_PERIOD_S)
             self._pilot_until_s = chaser.t_s + AUTOPILOT_PERIOD_S
         return self._pilot_demand.switched_thrust_m_s2()

@@ -330,9 +330,6 @@ class Approach(Order):
 NO_POINT = "no hold point lies ahead, so Autopilot flies straight into the port"
 
 
-NO_POINT = "no hold point lies ahead, so Autopilot flies straight into the port"
-
-
 @dataclass(frozen=True)
 class Go(Order):
     """Let the chaser pass its hold point. Refused while a figure exceeds its limit."""
