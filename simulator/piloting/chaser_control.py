@@ -201,13 +201,17 @@ class Steering:
         self.attitude = "dock"
 
     def abort(self) -> None:
-        """Retreat from the target in the next step, radially outward, which stays inside an approach corridor."""
+        """Retreat from the target in the next step, and point the boresight at it.
+
+        The retreat is radially outward, which stays inside an approach corridor.
+        """
         self._end_modes()
         self.braking = False
         self.burns = BurnPlan()
         self._clear_demand()
         self.docking.docked = False
         self.aborting = True
+        self.attitude, self.aim = "target", BORESIGHT
 
     def _end_modes(self) -> None:
         self.guided, self.autopilot, self.aborting = None, False, False

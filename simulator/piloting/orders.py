@@ -175,7 +175,7 @@ CLOSES_M_S = 0.001  # least closing speed that an abort beyond its distance name
 
 @dataclass(frozen=True)
 class Abort(Order):
-    """Retreat from the target in the next step, at no more than real time."""
+    """Retreat from the target in the next step, at no more than real time; the camera tracks it."""
 
     def carry_out(self, craft: PilotedCraft) -> News:
         """Take over, and retreat; beyond the distance of a retreat, let the chaser drift.
@@ -190,7 +190,7 @@ class Abort(Order):
         steering.abort()
         range_m, to_m = float(np.linalg.norm(p)), steering.retreat_to_m
         if range_m <= to_m:
-            return "warning", f"{ABORTS} to {to_m:.3g} m"
+            return "warning", f"{ABORTS} to {to_m:.3g} m; the camera tracks it"
         steering.aborting = False
         closing_m_s = -float(v @ p) / range_m
         where = f"it is {range_m:.1f} m away, and an abort retreats to {to_m:.3g} m"
