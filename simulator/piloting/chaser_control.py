@@ -42,6 +42,8 @@ GUARDS: tuple[Guard, ...] = get_args(Guard)
 # Boresight of the camera in its own frame.
 BORESIGHT: Vec3 = (0.0, 0.0, 1.0)
 
+OFF_DEG = 0.05  # least offset of a tracked target that is named
+
 ACTIVE_STEP_S = 0.2
 """Longest step while manual control, brake or autopilot thrust, or while contact is possible [s]."""
 
@@ -229,6 +231,14 @@ class Steering:
         if self.autopilot:
             return "autopilot"
         return "" if self.guided is None else self.guided.title
+
+    @property
+    def attitude_text(self) -> str:
+        """The attitude mode in words, with the angle by which turn keys put a tracked target off the boresight."""
+        if self.attitude != "target":
+            return self.attitude
+        off_deg = float(np.degrees(np.arccos(np.clip(np.dot(self.aim, BORESIGHT), -1.0, 1.0))))
+        return f"track target, {off_deg:.1f}° off" if off_deg >= OFF_DEG else "track target"
 
     def pop_news(self) -> list[News]:
         """Return the news since the last call."""

@@ -122,9 +122,10 @@ class Control(Order):
     attitude: AttitudeMode | None = None
 
     def carry_out(self, craft: PilotedCraft) -> None:
-        """Apply the settings; an attitude mode takes over."""
+        """Apply the settings; an attitude mode takes over, and ``target`` begins along the boresight."""
         if self.attitude is not None:
             craft.set_attitude(self.attitude)
+            craft.steering.aim = BORESIGHT
         craft.steering.axes = self.axes or craft.steering.axes
         craft.steering.thrust = self.thrust or craft.steering.thrust
 
