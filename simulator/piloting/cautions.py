@@ -8,7 +8,14 @@ import numpy as np
 
 from flyaround.simulator.piloting.chaser_control import PLUME_CAUTION, UNGUIDED
 from flyaround.simulator.piloting.docking_watch import CONTACT, STOPS
-from flyaround.simulator.piloting.orders import ABORTS, LIFTED, WITH_IT, WOULD_TAKE_BACK, planned_text
+from flyaround.simulator.piloting.orders import (
+    ABORTS,
+    LIFTED,
+    SCENARIOS,
+    WITH_IT,
+    WOULD_TAKE_BACK,
+    planned_text,
+)
 from flyaround.simulator.piloting.readouts import mission_time
 
 if TYPE_CHECKING:
@@ -117,7 +124,8 @@ class CautionWatch:
 def _nothing_takes_back(session: PilotedFlight, caution: str) -> bool:
     steering = session.craft.steering
     named = [b for b in steering.burns.burns if planned_text(b) in caution]
-    return not (named and steering.doing)
+    flies = SCENARIOS if session.craft.mode == "guidance" else steering.doing
+    return not (named and flies and f"{flies} {WOULD_TAKE_BACK}" in caution)
 
 
 def _burn_is_safe(session: PilotedFlight, caution: str) -> bool:
