@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
-from flyaround.simulator.piloting.chaser_control import PLUME_CAUTION, UNGUIDED
+from flyaround.simulator.piloting.chaser_control import HOLD_COSTS, PLUME_CAUTION, UNGUIDED
 from flyaround.simulator.piloting.docking_watch import CONTACT, STOPS
 from flyaround.simulator.piloting.orders import (
     ABORTS,
@@ -143,6 +143,10 @@ def _corridor_is_open(session: PilotedFlight, _: str) -> bool:
     return not session.craft.steering.autopilot or session.craft.steering.guard != "scenario"
 
 
+def _hold_has_ended(session: PilotedFlight, caution: str) -> bool:
+    return not (point := session.craft.steering.waits_at) or f"{point} {HOLD_COSTS}" not in caution
+
+
 def _jump_may_go_on(session: PilotedFlight, _: str) -> bool:
     steering = session.craft.steering
     return bool(session.clock.jump) or not steering.autopilot or session.at_hold_point
@@ -163,6 +167,7 @@ ENDS: dict[str, Callable[[PilotedFlight, str], bool]] = {
     ABORTS: lambda session, _: not session.craft.steering.aborting,
     LIFTED: lambda session, _: session.craft.steering.guard != "lifted",
     STOPS: _corridor_is_open,
+    HOLD_COSTS: _hold_has_ended,
     CONTACT: _was_no_contact,
     NOT_REACHED: _jump_may_go_on,
 }

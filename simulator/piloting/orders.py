@@ -247,18 +247,19 @@ def flown_news(craft: PilotedCraft, text: str, doing: str) -> News:
         Note of the guidance; a caution if a burn is planned, which the guidance would undo.
     """
     burns = craft.steering.burns.burns
-    return ("caution", f"{text}; {_undone_text(burns[0], doing)}") if burns else ("note", text)
+    return _undone(burns[0], doing, f"{text}; ") if burns else ("note", text)
 
 
-def _undone_text(burn: PlannedBurn, doing: str) -> str:
-    return f"{planned_text(burn)}, but {doing} {WOULD_TAKE_BACK}: choose Free drift first"
+def _undone(burn: PlannedBurn, doing: str, begin: str = "") -> News:
+    """Return the caution that a guidance would undo a burn."""
+    return "caution", f"{begin}{planned_text(burn)}, but {doing} {WOULD_TAKE_BACK}: choose Free drift first"
 
 
 def _planned_news(craft: PilotedCraft, burn: PlannedBurn) -> News:
     """Return the answer to a planned burn: a caution if guidance would undo it, or its path is dangerous."""
     text, doing = planned_text(burn), craft.steering.doing
     if doing:
-        return "caution", _undone_text(burn, doing)
+        return _undone(burn, doing)
     risk = craft.burns_forecast()[1]
     return ("caution", f"{text}; {WITH_IT} {risk}") if risk else ("note", text)
 

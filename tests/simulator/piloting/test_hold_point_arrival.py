@@ -2,7 +2,7 @@
 
 import pytest
 
-from flyaround.simulator.piloting.orders import Approach, Go, PilotCommand
+from flyaround.simulator.piloting.orders import Approach, Drift, Go, PilotCommand
 from flyaround.simulator.piloting.session import FlightSession
 from flyaround.simulator.scenario.load import load_scenario
 
@@ -47,3 +47,20 @@ def test_a_jump_to_a_hold_point_says_once_that_it_is_reached(session: FlightSess
     session.step(PilotCommand(), 2.0)
     said += [text for _, text in session.step(PilotCommand(), 2.0).news]
     assert sum("waits at" in text for text in said) == 1
+
+
+def test_a_hold_that_costs_more_than_the_way_is_one_caution_until_it_ends(session: FlightSession) -> None:
+    fly_until(session, "waits at", 900.0)
+    arrived_m_s = session.craft.steering.propellant.delta_v_m_s
+    session.clock.set_rate(200.0)
+    said = fly_until(session, "has cost", 20000.0)
+    text = said[-1]
+    held_m_s = session.craft.steering.propellant.delta_v_m_s - arrived_m_s
+    assert held_m_s > max(arrived_m_s, 0.5)
+    assert text.startswith("holding at H1 has cost ")
+    assert text.endswith(": Go or Free drift ends it")
+    assert not session.is_over(text)
+    later = [news for _ in range(20) for _, news in session.step(PilotCommand(), 0.1).news]
+    assert not any("has cost" in news for news in later)
+    session.order(Drift())
+    assert session.is_over(text)
