@@ -247,7 +247,7 @@ class Steering:
         if self.attitude != "target":
             return self.attitude
         off_deg = float(np.degrees(np.arccos(np.clip(np.dot(self.aim, BORESIGHT), -1.0, 1.0))))
-        return f"track target, {off_deg:.1f}° off" if off_deg >= OFF_DEG else "track target"
+        return f"track, {off_deg:.1f}° off" if off_deg >= OFF_DEG else "track target"
 
     def pop_news(self) -> list[News]:
         """Return the news since the last call."""

@@ -97,4 +97,4 @@ def test_tracking_has_one_name_and_centres_the_target(at: Pointer) -> None:
         console.do("steer.pulse", "yaw-right")
     for _ in range(40):
         console.pass_time(200)
-    assert mode_badge(console.session)[0].endswith("TRACK TARGET, 1.0° OFF")
+    assert mode_badge(console.session)[0].endswith("TRACK, 1.0° OFF")

@@ -219,7 +219,7 @@ def test_tracking_centres_the_target_and_turn_keys_put_it_beside_the_middle():
     fly(session, 5.0)
     off_deg = off_boresight_deg(session)
     assert off_deg > 1.0
-    assert session.craft.steering.attitude_text == f"track target, {off_deg:.1f}° off"
+    assert session.craft.steering.attitude_text == f"track, {off_deg:.1f}° off"
 
 
 # --- abort
