@@ -52,12 +52,11 @@ def _toggle(console: Console) -> None:
     if console.session.craft.mode == "guidance":
         console.order(TakeOver())
     else:
-        console.order(FollowGuidance())
-        console.hand.centre_sticks()
+        _reset(console, steered=False)
 
 
-def _reset(console: Console) -> None:
-    console.order(FollowGuidance(steered=True))
+def _reset(console: Console, *, steered: bool = True) -> None:
+    console.order(FollowGuidance(steered))
     console.hand.centre_sticks()
 
 

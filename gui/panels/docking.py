@@ -11,7 +11,7 @@ from flyaround.gui.views.docking_hud import DISTANCE, FIGURE_TIPS, status
 from flyaround.gui.widgets import Panel
 from flyaround.simulator.piloting.chaser_control import GUARDS
 from flyaround.simulator.piloting.docking_figures import PRESETS, judge
-from flyaround.simulator.piloting.readouts import mission_time
+from flyaround.simulator.piloting.readouts import mission_time, speed_text
 
 if TYPE_CHECKING:
     from flyaround.gui.console import Console
@@ -38,22 +38,22 @@ class DockingPanel(Panel):
     def draw(self, console: Console) -> None:
         """Draw into the current panel."""
         w, session = self._w, console.session
-        docking = session.craft.docking
+        docking, steering = session.craft.docking, session.craft.steering
         text, colour = status(console)
         # one line, because buttons stand below it
         w.cut_line(text, w.width, colour, "active guidance, and what it waits for")
         primary = "" if docking.docked or docking.hold_points.next is None else "docking.go"
-        primary = primary if session.craft.steering.autopilot else "docking.approach"
+        primary = primary if steering.autopilot else "docking.approach"
         w.buttons(console, ("docking.approach",), 1, primary)
         w.buttons(console, ("docking.go", "docking.no-go"), 2, primary)
         w.button(console, "time.next-hold-point", width=w.width)
-        if session.craft.steering.keep_out is not None:
-            guard = session.craft.steering.guard
-            w.choice(console, "docking.keep-out", guard, list(GUARDS), shown=NAMED)
+        if steering.keep_out is not None:
+            w.choice(console, "docking.keep-out", steering.guard, list(GUARDS), shown=NAMED)
         w.switch(console, "overlay.docking", "Display over the view")
         figures = docking.figures(session.craft.chaser, session.flight)
         w.section(docking.port.name.capitalize())
         w.row("Distance", (figures.axial_m,), "{:z.2f} m", DISTANCE)
+        w.row("Delta-v spent", (speed_text(steering.propellant.delta_v_m_s),), "{}", NOTES["delta-v"])
         self._table(judge(figures, docking.limits, docking.corridor_deg))
         self._limits(console)
         self._points(console)

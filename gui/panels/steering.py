@@ -64,8 +64,9 @@ class SteeringPanel(Panel):
         w.switches(console, ("steer.lvlh", "steer.pulses"))
         w.section("Attitude")
         for k, mode in enumerate(ATTITUDE_MODES):
-            w.flow(w.button_width(mode.capitalize()), first=k == 0)
-            w.button(console, "steer.attitude", mode, label=mode.capitalize(), on=steering.attitude == mode)
+            label = "Track target" if mode == "target" else mode.capitalize()
+            w.flow(w.button_width(label), first=k == 0)
+            w.button(console, "steer.attitude", mode, label=label, on=steering.attitude == mode)
         w.section("Guidance")
         colour = flown_colour(console.session, style.QUIET)
         phase = "" if steering.guided is None else f": {steering.guided.phase(console.session.t_s)}"

@@ -285,7 +285,7 @@ def mode_badge(session: FlightSession) -> tuple[str, style.Rgba]:
     if session.craft.mode == "guidance":
         badge, color = "GUIDANCE", style.ACCENT
     else:
-        attitude = "TRACK" if session.craft.tracking else steering.attitude.upper()
+        attitude = steering.attitude_text.upper()
         axes = " LVLH" if steering.axes == "lvlh" else ""
         badge = f"{(steering.doing or 'steer').upper()}{axes} / {attitude}{' / BRAKE' if steering.braking else ''}"
         color = flown_colour(session, style.WARN)

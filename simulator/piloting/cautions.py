@@ -6,9 +6,16 @@ from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
-from flyaround.simulator.piloting.chaser_control import PLUME_CAUTION, UNGUIDED
+from flyaround.simulator.piloting.chaser_control import HOLD_COSTS, PLUME_CAUTION, UNGUIDED
 from flyaround.simulator.piloting.docking_watch import CONTACT, STOPS
-from flyaround.simulator.piloting.orders import ABORTS, LIFTED, WITH_IT, WOULD_TAKE_BACK, planned_text
+from flyaround.simulator.piloting.orders import (
+    ABORTS,
+    LIFTED,
+    SCENARIOS,
+    WITH_IT,
+    WOULD_TAKE_BACK,
+    planned_text,
+)
 from flyaround.simulator.piloting.readouts import mission_time
 
 if TYPE_CHECKING:
@@ -121,7 +128,8 @@ class CautionWatch:
 def _nothing_takes_back(session: PilotedFlight, caution: str) -> bool:
     steering = session.craft.steering
     named = [b for b in steering.burns.burns if planned_text(b) in caution]
-    return not (named and steering.doing)
+    flies = SCENARIOS if session.craft.mode == "guidance" else steering.doing
+    return not (named and flies and f"{flies} {WOULD_TAKE_BACK}" in caution)
 
 
 def _burn_is_safe(session: PilotedFlight, caution: str) -> bool:
@@ -137,6 +145,10 @@ def _was_no_contact(session: PilotedFlight, caution: str) -> bool:
 
 def _corridor_is_open(session: PilotedFlight, _: str) -> bool:
     return not session.craft.steering.autopilot or session.craft.steering.guard != "scenario"
+
+
+def _hold_has_ended(session: PilotedFlight, caution: str) -> bool:
+    return not (point := session.craft.steering.waits_at) or f"{point} {HOLD_COSTS}" not in caution
 
 
 def _jump_may_go_on(session: PilotedFlight, _: str) -> bool:
@@ -159,6 +171,7 @@ ENDS: dict[str, Callable[[PilotedFlight, str], bool]] = {
     ABORTS: lambda session, _: not session.craft.steering.aborting,
     LIFTED: lambda session, _: session.craft.steering.guard != "lifted",
     STOPS: _corridor_is_open,
+    HOLD_COSTS: _hold_has_ended,
     CONTACT: _was_no_contact,
     NOT_REACHED: _jump_may_go_on,
 }

@@ -12,6 +12,7 @@ from flyaround.simulator.piloting import control_laws as laws
 from flyaround.simulator.piloting.autopilot import Autopilot
 from flyaround.simulator.piloting.control_laws import NO_DEMAND, THRUST, TURN, Demand
 from flyaround.simulator.piloting.guidance_modes import CONTROL_PERIOD_S
+from flyaround.simulator.piloting.hold_points import not_ready
 from flyaround.simulator.piloting.planned_burns import BurnPlan
 from flyaround.simulator.piloting.propellant import Propellant, plume_strikes
 from flyaround.simulator.piloting.readouts import mission_time, speed_text
@@ -26,6 +27,7 @@ if TYPE_CHECKING:
     from flyaround.simulator.piloting.control_laws import Switch
     from flyaround.simulator.piloting.docking_watch import Docking, News
     from flyaround.simulator.piloting.guidance_modes import ActiveGuidance
+    from flyaround.simulator.piloting.hold_points import HoldPoint
     from flyaround.simulator.runtime.arrays import FloatArray
     from flyaround.simulator.world.flight.flight import Flight
     from flyaround.simulator.world.guidance.manual_control import ChaserState, SteeringCommand
@@ -41,6 +43,8 @@ GUARDS: tuple[Guard, ...] = get_args(Guard)
 # Boresight of the camera in its own frame.
 BORESIGHT: Vec3 = (0.0, 0.0, 1.0)
 
+OFF_DEG = 0.05  # least offset of a tracked target that is named
+
 ACTIVE_STEP_S = 0.2
 """Longest step while manual control, brake or autopilot thrust, or while contact is possible [s]."""
 
@@ -53,6 +57,10 @@ COAST_STEP_S = 20.0
 ABORT_M_S2 = 0.25
 """Acceleration of an abort [m s-2]."""
 
+MIN_HOLD_COST_M_S = 0.5
+"""Delta-v of a hold below which it is no caution, however short the way was [m s-1]; chosen by eye."""
+
+HOLD_COSTS = "has cost"  # part of the caution of a hold that costs more than the way to it
 UNGUIDED = "the chaser drifts unguided"  # part of the cautions after an abort
 PLUME_CAUTION = "the plume strikes the target: push sideways, or from farther away"
 PLUME_CAUTION_INTERVAL_S = 300.0
@@ -107,6 +115,10 @@ class Steering:
         self.guided: ActiveGuidance | None = None
         self.aborting = False
         self.autopilot = False
+        self.waits_at = ""
+        """Hold point at which the autopilot has arrived; empty on the way."""
+        self._leg_from_m_s = self._hold_from_m_s = 0.0
+        self._hold_reported = False
         self._demand = replace(self._demand, thrust=NO_DEMAND, turn=NO_DEMAND)
         self._pulse_m_s = np.zeros(3)
         self._pulse_rad = np.zeros(3)
@@ -195,20 +207,26 @@ class Steering:
         """Fly to the next hold point and, after the last, into the port, with the docking attitude."""
         self._end_modes()
         self.braking = False
+        self._leg_from_m_s = self.propellant.delta_v_m_s
         self.autopilot = True
         self.attitude = "dock"
 
     def abort(self) -> None:
-        """Retreat from the target in the next step, radially outward, which stays inside an approach corridor."""
+        """Retreat from the target in the next step, and point the boresight at it.
+
+        The retreat is radially outward, which stays inside an approach corridor.
+        """
         self._end_modes()
         self.braking = False
         self.burns = BurnPlan()
         self._clear_demand()
         self.docking.docked = False
         self.aborting = True
+        self.attitude, self.aim = "target", BORESIGHT
 
     def _end_modes(self) -> None:
         self.guided, self.autopilot, self.aborting = None, False, False
+        self.waits_at = ""
         self._guided_until_s = self._pilot_until_s = -np.inf
         self._pilot_demand = Demand()
 
@@ -222,6 +240,14 @@ class Steering:
         if self.autopilot:
             return "autopilot"
         return "" if self.guided is None else self.guided.title
+
+    @property
+    def attitude_text(self) -> str:
+        """The attitude mode in words, with the angle by which turn keys put a tracked target off the boresight."""
+        if self.attitude != "target":
+            return self.attitude
+        off_deg = float(np.degrees(np.arccos(np.clip(np.dot(self.aim, BORESIGHT), -1.0, 1.0))))
+        return f"track, {off_deg:.1f}° off" if off_deg >= OFF_DEG else "track target"
 
     def pop_news(self) -> list[News]:
         """Return the news since the last call."""
@@ -365,9 +391,28 @@ class Steering:
             point = docking.hold_points.next
             figures = docking.figures(chaser, flight)
             goal = None if point is None else point.axial_m
+            reasons = not_ready(point, figures, docking.limits, docking.corridor_deg) if point else ()
+            self._watch_hold(point, is_ready=not reasons)
             self._pilot_demand = pilot.demand(figures, goal, AUTOPILOT_PERIOD_S)
             self._pilot_until_s = chaser.t_s + AUTOPILOT_PERIOD_S
         return self._pilot_demand.switched_thrust_m_s2()
+
+    def _watch_hold(self, point: HoldPoint | None, *, is_ready: bool) -> None:
+        """Note the arrival at the next hold point, and report once that holding there costs more than the way to it."""
+        spent_m_s = self.propellant.delta_v_m_s
+        if point is None or point.name != self.waits_at:
+            if self.waits_at:
+                self._leg_from_m_s = spent_m_s
+            self.waits_at = point.name if point and is_ready else ""
+            self._hold_from_m_s, self._hold_reported = spent_m_s, False
+            return
+        held_m_s, way_m_s = spent_m_s - self._hold_from_m_s, self._hold_from_m_s - self._leg_from_m_s
+        if held_m_s > max(way_m_s, MIN_HOLD_COST_M_S) and not self._hold_reported:
+            self._hold_reported = True
+            costs = f"{speed_text(held_m_s)}, the way there {speed_text(way_m_s)}"
+            self.news.append(
+                ("caution", f"holding at {point.name} {HOLD_COSTS} {costs}: Go or Free drift ends it")
+            )
 
     # --- turns
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from flyaround.simulator.errors import UserError
 from flyaround.simulator.piloting.guidance_modes import begin_mode
-from flyaround.simulator.piloting.orders import Order
+from flyaround.simulator.piloting.orders import Order, flown_news
 from flyaround.simulator.runtime.arrays import Vec3, vec3
 from flyaround.simulator.runtime.untrusted_files import refuse_not_finite
 from flyaround.simulator.runtime.validation_errors import convert_document
@@ -64,6 +64,11 @@ class GuidanceOrder(Order):
     def carry_out(self, craft: PilotedCraft) -> News:
         """Take over, and start the mode.
 
+        Returns
+        -------
+        News
+            Note of the mode; a caution if a burn is planned, which it would undo.
+
         Raises
         ------
         UserError
@@ -77,7 +82,7 @@ class GuidanceOrder(Order):
         refuse_not_finite(document, source)
         convert_document(document, type(mode), source)
         craft.steering.guide(begin_mode(self.title, mode, state, flight.n_rad_s, craft.t_s, flight.orbit))
-        return "note", f"guidance: {self.title}"
+        return flown_news(craft, f"guidance: {self.title}", self.title)
 
     @abstractmethod
     def mode(self, state: LvlhState, radius_m: float) -> Chaser:

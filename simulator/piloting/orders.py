@@ -85,7 +85,7 @@ class FollowGuidance(Order):
         Returns
         -------
         News or None
-            Note of the distance by which the chaser is moved; None under guidance.
+            Note of the distance by which the chaser is moved, a caution if a burn is planned; None under guidance.
         """
         if craft.steered is None:
             return None
@@ -94,10 +94,8 @@ class FollowGuidance(Order):
         moved_m = float(np.linalg.norm(craft.chaser.position_eci_m - before))
         if self.steered:
             craft.take_over()
-        return (
-            "note",
-            f"the chaser is put back onto the scenario's trajectory, {moved_m:.1f} m from where it was",
-        )
+        text = f"the chaser is put back onto the scenario's trajectory, {moved_m:.1f} m from where it was"
+        return ("note", text) if self.steered else flown_news(craft, text, SCENARIOS)
 
 
 # --- manual control
@@ -122,9 +120,10 @@ class Control(Order):
     attitude: AttitudeMode | None = None
 
     def carry_out(self, craft: PilotedCraft) -> None:
-        """Apply the settings; an attitude mode takes over."""
+        """Apply the settings; an attitude mode takes over, and ``target`` begins along the boresight."""
         if self.attitude is not None:
             craft.set_attitude(self.attitude)
+            craft.steering.aim = BORESIGHT
         craft.steering.axes = self.axes or craft.steering.axes
         craft.steering.thrust = self.thrust or craft.steering.thrust
 
@@ -175,7 +174,7 @@ CLOSES_M_S = 0.001  # least closing speed that an abort beyond its distance name
 
 @dataclass(frozen=True)
 class Abort(Order):
-    """Retreat from the target in the next step, at no more than real time."""
+    """Retreat from the target in the next step, at no more than real time; the camera tracks it."""
 
     def carry_out(self, craft: PilotedCraft) -> News:
         """Take over, and retreat; beyond the distance of a retreat, let the chaser drift.
@@ -190,7 +189,7 @@ class Abort(Order):
         steering.abort()
         range_m, to_m = float(np.linalg.norm(p)), steering.retreat_to_m
         if range_m <= to_m:
-            return "warning", f"{ABORTS} to {to_m:.3g} m"
+            return "warning", f"{ABORTS} to {to_m:.3g} m; the camera tracks it"
         steering.aborting = False
         closing_m_s = -float(v @ p) / range_m
         where = f"it is {range_m:.1f} m away, and an abort retreats to {to_m:.3g} m"
@@ -219,6 +218,7 @@ class Drift(Order):
         return "note", "guidance: none, the chaser drifts"
 
 
+SCENARIOS = "the scenario's guidance"
 WOULD_TAKE_BACK = "would undo it"  # part of the caution that a guidance undoes a planned burn
 
 WITH_IT = "the path with it"  # part of the caution that a planned burn leads into danger
@@ -229,11 +229,37 @@ def planned_text(burn: PlannedBurn) -> str:
     return f"a burn of {speed_text(burn.size_m_s)} is planned at {mission_time(burn.t_s)}"
 
 
+def flown_news(craft: PilotedCraft, text: str, doing: str) -> News:
+    """Return the answer to an order to fly a guidance.
+
+    Parameters
+    ----------
+    craft : PilotedCraft
+        The chaser, under that guidance.
+    text : str
+        Answer without a planned burn.
+    doing : str
+        Name of the guidance.
+
+    Returns
+    -------
+    News
+        Note of the guidance; a caution if a burn is planned, which the guidance would undo.
+    """
+    burns = craft.steering.burns.burns
+    return _undone(burns[0], doing, f"{text}; ") if burns else ("note", text)
+
+
+def _undone(burn: PlannedBurn, doing: str, begin: str = "") -> News:
+    """Return the caution that a guidance would undo a burn."""
+    return "caution", f"{begin}{planned_text(burn)}, but {doing} {WOULD_TAKE_BACK}: choose Free drift first"
+
+
 def _planned_news(craft: PilotedCraft, burn: PlannedBurn) -> News:
     """Return the answer to a planned burn: a caution if guidance would undo it, or its path is dangerous."""
     text, doing = planned_text(burn), craft.steering.doing
     if doing:
-        return "caution", f"{text}, but {doing} {WOULD_TAKE_BACK}: choose Free drift first"
+        return _undone(burn, doing)
     risk = craft.burns_forecast()[1]
     return ("caution", f"{text}; {WITH_IT} {risk}") if risk else ("note", text)
 
@@ -310,7 +336,8 @@ class Approach(Order):
         Returns
         -------
         News
-            Note of the next destination, or that the autopilot is off; a caution if the keep-out sphere will stop it.
+            Note of the next destination, or that the autopilot is off; a caution if the keep-out sphere will stop it,
+            or if a burn is planned.
         """
         if not self.on:
             craft.steering.guide(None)
@@ -322,12 +349,13 @@ class Approach(Order):
         point = docking.hold_points.next
         where = "the port" if point is None else f"{point.name}, {point.axial_m:g} m before the port"
         closed = craft.steering.guard == "scenario" and docking.closed_by(craft.flight, craft.t_s)
-        if closed:
-            return "caution", f"{closed}; the autopilot flies to {where}"
-        return "note", f"the autopilot flies to {where}"
-
-
-NO_POINT = "no hold point lies ahead, so Autopilot flies straight into the port"
+        news = flown_news(craft, f"the autopilot flies to {where}", craft.steering.doing)
+        if not closed:
+            return news
+        if news[0] == "caution":
+            # separate cautions, because each ends by itself
+            craft.steering.news.append(news)
+        return "caution", f"{closed}; the autopilot flies to {where}"
 
 
 NO_POINT = "no hold point lies ahead, so Autopilot flies straight into the port"

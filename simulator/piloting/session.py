@@ -354,16 +354,23 @@ class FlightSession:
     def _fly(self, h: float) -> None:
         self.craft.reach(self.t_s + 2 * h)
         self.look_back.record()
-        n_contacts = len(self.craft.docking.contacts)
+        steering, n_contacts = self.craft.steering, len(self.craft.docking.contacts)
+        waited_at = steering.waits_at
         self.craft.step(h)
+        if steering.waits_at not in ("", waited_at) and self.clock.jump != "hold-point":
+            slowed = bool(self.clock.jump) or self.clock.rate > 1.0
+            text = f"the autopilot waits at {steering.waits_at}: Go or No-go"
+            steering.news.append(("note", f"{text}; time runs at 1x again" if slowed else text))
+            if slowed:
+                self.clock.set_rate(1.0)
         if len(self.craft.docking.contacts) > n_contacts and (self.clock.jump or self.clock.rate > 1.0):
             # also ends a jump
             self.clock.set_rate(1.0)
-            level, text = self.craft.steering.news[-1]
-            self.craft.steering.news[-1] = level, f"{text}; time runs at 1x again"
+            level, text = steering.news[-1]
+            steering.news[-1] = level, f"{text}; time runs at 1x again"
         if self.clock.jump and (end := self._jump_end()):
             self.clock.end_jump()
-            self.craft.steering.news.append(end)
+            steering.news.append(end)
 
     # --- jumps
 
@@ -454,6 +461,7 @@ class FlightSession:
             return "note", at
         point = craft.docking.hold_points.next
         if point is not None and self.at_hold_point:
+            craft.steering.waits_at = point.name
             return "note", f"{at}: the chaser waits at {point.name}"
         away_m = self._hold_point_away_m()
         if away_m < NEARER * self._nearest[0]:

@@ -41,7 +41,10 @@ def test_an_abort_names_the_distance_that_it_retreats_to(at: Pointer) -> None:
     console = at.console
     carried_to(console, 11.0)
     console.do("docking.abort")
-    assert console.messages[-1].text == "abort: the chaser retreats from the target to 24 m"
+    assert (
+        console.messages[-1].text
+        == "abort: the chaser retreats from the target to 24 m; the camera tracks it"
+    )
     assert console.session.craft.steering.aborting
     at.turn()
     assert "ABORT: RETREAT to 24 m" in at.texts()

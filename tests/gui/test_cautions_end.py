@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from flyaround.gui.console import Console
+from flyaround.gui.panels.steering import GUIDANCE
 from flyaround.simulator.runtime.files import write_atomic
 from tests.harness.flown_console import console_flying
 
@@ -39,6 +40,27 @@ def test_the_caution_of_a_burn_goes_with_it(console: Console) -> None:
     assert "T+00:11:40.0" in waiting(console)[0]
     console.do("guidance.drift")
     assert waiting(console) == []
+
+
+@pytest.mark.parametrize(
+    "guidance",
+    [*(name for name in GUIDANCE if name != "guidance.drift"), "docking.approach", "steer.toggle"],
+)
+def test_any_guidance_chosen_after_a_burn_was_planned_is_a_caution(guidance: str) -> None:
+    console = console_flying("tango-vbar-approach")
+    console.do("time.pause")
+    plan(console)
+    assert waiting(console) == []
+    console.do("docking.keep-out", "port")
+    for name in ("guidance.hold", guidance):
+        console.do(name, *[True] * (name == "docking.approach"))
+        (text,) = waiting(console)
+        assert "0.0100 m/s is planned at T+00:08:20.0, but " in text
+        assert text.endswith(" would undo it: choose Free drift first")
+    assert ("station keeping would" in text) == (guidance == "guidance.hold")
+    console.do("guidance.drift")
+    assert waiting(console) == []
+    console.close()
 
 
 def test_the_caution_of_a_plume_goes_once_it_is_clear(console: Console) -> None:

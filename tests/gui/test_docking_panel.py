@@ -7,6 +7,7 @@ import pytest
 from flyaround.gui.panels.docking import DockingPanel
 from flyaround.simulator.piloting.docking_figures import PRESETS
 from flyaround.simulator.piloting.docking_watch import Docking
+from flyaround.simulator.piloting.readouts import speed_text
 from tests.harness.flown_console import console_flying
 from tests.harness.headless_imgui import HeadlessWindow
 
@@ -56,3 +57,20 @@ def test_figures_and_limits_are_read_without_hovering() -> None:
         window.close()
         console.close()
     assert all(unit in PRESETS["two-tenths"].title for unit in ("m", "m/s", "°", "°/s"))
+
+
+def test_the_panel_shows_the_delta_v_spent() -> None:
+    window, console = HeadlessWindow(), console_flying("tango-vbar-approach")
+    panel = DockingPanel(window)
+    try:
+        console.do("docking.approach", True)
+        console.pass_time(2000)
+        with window.panel("docking", 420.0, 1400.0):
+            panel.draw(console)
+        spent = console.session.craft.steering.propellant.delta_v_m_s
+        labels = [n.label for n in window.noted]
+        assert spent > 0.0
+        assert labels[labels.index("Delta-v spent") + 1] == speed_text(spent)
+    finally:
+        window.close()
+        console.close()

@@ -35,6 +35,7 @@ def dock(console: Console, longest_s: float = 400.0) -> Console:
         ready = not docking.not_ready(session.craft.chaser, session.flight)
         if docking.hold_points.next is not None and ready:
             console.do("docking.go")
+            console.do("time.rate", "50")
         console.pass_time(100)
     return console
 

@@ -74,3 +74,27 @@ def test_an_abort_has_one_colour(at: Pointer) -> None:
     }
     at.turn()
     assert at.framed(style.BAD), "the button of the abort is lit"
+
+
+def test_tracking_has_one_name_and_centres_the_target(at: Pointer) -> None:
+    console = at.console
+    console.do("steer.attitude", "hold")
+    at.turn()
+    names = {n.label.split("##")[0] for n in at.window.noted if n.what == "control"}
+    assert [name for name in names if "Track" in name or name == "Target"] == ["Track target"]
+    for _ in range(5):
+        console.do("steer.pulse", "yaw-right")
+    for _ in range(40):
+        console.pass_time(200)
+    assert console.telemetry.off_boresight_deg > 0.5
+    at.press("Track target")
+    for _ in range(50):
+        console.pass_time(200)
+    assert console.telemetry.off_boresight_deg < 0.1
+    assert "TRACK TARGET" in mode_badge(console.session)[0]
+    assert "OFF" not in mode_badge(console.session)[0]
+    for _ in range(5):
+        console.do("steer.pulse", "yaw-right")
+    for _ in range(40):
+        console.pass_time(200)
+    assert mode_badge(console.session)[0].endswith("TRACK, 1.0° OFF")

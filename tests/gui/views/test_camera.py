@@ -47,8 +47,8 @@ def test_figures_stand_where_the_picture_leaves_room(
 @pytest.mark.parametrize(
     "badge",
     [
-        "PAUSED  LOOKING BACK  STATION KEEPING / TRACK",
-        "STATION KEEPING LVLH / TARGET / BRAKE / KEEP OUT",
+        "PAUSED  LOOKING BACK  STATION KEEPING / TRACK, 12.3° OFF",
+        "STATION KEEPING LVLH / TRACK TARGET / BRAKE / KEEP OUT",
         "GUIDANCE",
     ],
 )

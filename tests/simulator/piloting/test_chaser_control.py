@@ -8,7 +8,7 @@ import pytest
 
 from flyaround.simulator.piloting.control_laws import ACCELERATION_M_S2, PULSE_M_S, PULSE_RAD
 from flyaround.simulator.piloting.docking_figures import docked_state
-from flyaround.simulator.piloting.orders import Abort, Centre, PilotCommand
+from flyaround.simulator.piloting.orders import Abort, Centre, Control, PilotCommand
 from flyaround.simulator.piloting.propellant import Propellant, plume_strikes
 from flyaround.simulator.piloting.session import FlightSession
 from flyaround.simulator.runtime.arrays import quat, vec3
@@ -36,6 +36,12 @@ def session_at(
         chaser=FreeDrift(position_lvlh_m=position, velocity_lvlh_m_s=velocity, keep_out=keep_out),
     )
     return FlightSession.of(scenario)
+
+
+def off_boresight_deg(session):
+    chaser = session.craft.chaser
+    x, y, z = -matrix_from_quat(chaser.q_camera_from_eci_wxyz) @ np.array(chaser.position_eci_m)
+    return float(np.degrees(np.arctan2(np.hypot(x, y), z)))
 
 
 def velocity_lvlh(session):
@@ -200,6 +206,22 @@ def test_the_plume_is_told_once():
     assert not session.craft.steering.plume
 
 
+def test_tracking_centres_the_target_and_turn_keys_put_it_beside_the_middle():
+    session = session_at()
+    session.order(Control(attitude="hold"))
+    fly(session, 4.0, "yaw-right")
+    assert off_boresight_deg(session) > 3.0
+    session.order(Control(attitude="target"))
+    fly(session, 10.0)
+    assert off_boresight_deg(session) < 0.1
+    assert session.craft.steering.attitude_text == "track target"
+    fly(session, 2.0, "yaw-right")
+    fly(session, 5.0)
+    off_deg = off_boresight_deg(session)
+    assert off_deg > 1.0
+    assert session.craft.steering.attitude_text == f"track, {off_deg:.1f}° off"
+
+
 # --- abort
 
 
@@ -234,6 +256,19 @@ def test_an_abort_stops_a_hurried_clock():
     session.clock.toggle_pause()
     session.order(Abort())
     assert (session.clock.rate, session.clock.paused, session.craft.mode) == (1.0, False, "steer")
+
+
+@pytest.mark.parametrize("attitude", ["rate", "hold", "dock"])
+def test_an_abort_points_the_camera_at_the_target(attitude):
+    session = session_at((0.0, 10.0, 0.0), (0.0, -0.2, 0.0))
+    session.order(Control(attitude=attitude))
+    fly(session, 4.0, "yaw-right")
+    assert off_boresight_deg(session) > 1.0
+    level, text = session.order(Abort())
+    assert (level, text.endswith("the camera tracks it")) == ("warning", True)
+    fly(session, 20.0)
+    assert off_boresight_deg(session) < 0.5
+    assert session.craft.tracking
 
 
 # --- high rates
