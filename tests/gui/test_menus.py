@@ -125,8 +125,8 @@ def test_seven_menus_hold_every_command_once(screen: Pointer) -> None:
         for name in commands_of(screen.console.table, entry)
     ]
     assert len(MENUS) == 7
-    # questions before something is lost, an answer, and what About this panel opens
-    left_out = {"panel.question", "panel.quit", "window.close", "panel.help"}
+    # questions before something is lost, an answer, and what About this panel and Start the tour open
+    left_out = {"panel.question", "panel.quit", "window.close", "panel.help", "panel.tour"}
     assert sorted(name for name in held if screen.console.table[name].at_once) == sorted(
         {*offered} - left_out
     )
@@ -170,6 +170,30 @@ def test_entries_with_nothing_to_act_on_are_grey(screen: Pointer, tmp_path: Path
     console.do("film.stop")
     console.do("burn.cancel")
     assert {"film.stop", "burn.cancel"} <= grey()
+
+
+def test_the_tour_has_one_entry_until_it_runs(screen: Pointer) -> None:
+    console, steps = screen.console, {"help.tour-next", "help.tour-back", "help.tour-end"}
+    (entries,) = (dict(entries)["Tour"] for menu, entries in MENUS if menu == "Help")
+    offered = [name for entry in entries for name in commands_of(console.table, entry)]
+
+    def usable() -> set[str]:
+        return {name for name in offered if is_usable(console, name)}
+
+    assert usable() == {"help.tour"}
+    console.do("help.tour")
+    assert usable() == {"help.tour", *steps} - {"help.tour-back"}
+    console.do("help.tour-next")
+    assert usable() == {"help.tour", *steps}
+    console.do("help.tour-end")
+    assert usable() == {"help.tour"}
+    console.do("help.tour")
+    assert console.help.tour_step == 1, "it goes on where it was closed"
+    for _ in range(9):
+        console.do("help.tour-next")
+    assert usable() == {"help.tour", *steps} - {"help.tour-next"}
+    console.do("help.tour")
+    assert console.help.tour_step == 0
 
 
 def test_abort_takes_two_clicks_and_its_guard_closes_by_itself(screen: Pointer) -> None:
