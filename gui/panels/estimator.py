@@ -165,7 +165,6 @@ class EstimatorPanel(Panel):
 
     def _stages(self, console: Console, answer: Answer) -> None:
         w, imgui, pictures = self._w, self._w.imgui, stage_pictures(answer)
-        w.text("A click shows one large, in the place of the view.", style.QUIET)
         for (name, picture), width in zip(pictures.items(), w.grid(len(pictures), THUMB, 2), strict=True):
             imgui.begin_group()
             texture = w.window.show_picture(f"stage/{name}", picture, picture)
@@ -179,3 +178,4 @@ class EstimatorPanel(Panel):
             w.one_line(title, style.ACCENT if large else style.QUIET)
             imgui.pop_text_wrap_pos()
             imgui.end_group()
+        w.text("A click shows one large, in the place of the view.", style.QUIET)
