@@ -87,7 +87,7 @@ class CameraView(Panel):
         taken, self._plates = tuple(self._plates), []
         self._truth.draw(box, picture, options, paused=session.clock.paused, obstacles=taken)
         if options.overlays.estimate:
-            self._plates += self._estimate.draw(canvas, box, picture, console.jobs.estimates)
+            self._plates += self._estimate.draw(canvas, box, picture, console.jobs)
         # the docking display has its own cross and figures
         if options.overlays.crosshair and not options.overlays.docking:
             self._truth.crosshair(box, picture)
