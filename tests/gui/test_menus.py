@@ -229,3 +229,33 @@ def test_the_bar_names_the_scenario_that_is_flown() -> None:
     narrow = Pointer("tango-vbar-approach", (800, 600), panels=False)
     assert narrow.has("Fly###layout.fly"), "it leaves the layouts their room"
     narrow.close()
+
+
+def test_the_finder_is_as_tall_as_its_list() -> None:
+    screen = Pointer("tango-space-10m", opened=("keys",))
+    io = screen.window.plain.get_io()
+    whole = screen.rect("keys")
+    assert whole[3] > 600.0
+    io.add_input_characters_utf8("docking.abort")
+    for _ in range(4):
+        screen.turn()
+    x, y, wide, tall = screen.rect("keys")
+    assert (x, y, wide) == whole[:3], "the typed line stays in its place"
+    assert tall < 160.0
+    left, top = screen.place("Abort")
+    assert x < left < x + wide
+    assert y < top < y + tall
+    io.add_input_characters_utf8("xyz")
+    for _ in range(4):
+        screen.turn()
+    x, y, wide, tall = screen.rect("keys")
+    assert tall < 160.0
+    assert "no command has 'docking.abortxyz'" in screen.texts()
+    for _ in range(16):
+        for down in (True, False):
+            io.add_key_event(screen.window.plain.Key.backspace, down)
+            screen.turn()
+    for _ in range(3):
+        screen.turn()
+    assert screen.rect("keys") == whole
+    screen.close()
