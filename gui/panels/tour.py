@@ -8,6 +8,7 @@ import numpy as np
 
 from flyaround.gui import style
 from flyaround.gui.texts import texts
+from flyaround.gui.usable import is_usable
 from flyaround.gui.widgets import Panel
 from flyaround.simulator.piloting.cautions import AT_REST_M_S
 
@@ -53,10 +54,8 @@ class TourStep(NamedTuple):
 
 
 STEPS = tuple(
-    TourStep(title, text, frozenset(commands.split()), place, tuple(controls))
-    for title, text, (place, *controls), commands in (
-        (*step[:2], step[2].split(), step[3]) for step in texts("tour").values()
-    )
+    TourStep(title, text, frozenset(commands.split()), place, tuple(controls.split()))
+    for title, text, place, controls, commands in texts("tour").values()
 )
 FLY, REST = (STEPS[list(texts("tour")).index(name)] for name in ("fly", "rest"))
 
@@ -88,10 +87,11 @@ class TourPanel(Panel):
             w.text(f"{STEPS[step].text} The blue frame shows where.")
         else:
             w.text("F1 lists every command and key; ? tells about the panel clicked last.")
-        if 0 < step < len(STEPS):
-            w.button(console, "help.tour-back", label="Back")
-            imgui.same_line()
-        if step < len(STEPS):
-            w.button(console, "help.tour-next", label="Skip this")
-            imgui.same_line()
-        w.button(console, "help.tour-end")
+        for name, label in (
+            ("help.tour-back", "Back"),
+            ("help.tour-next", "Skip this"),
+            ("help.tour-end", None),
+        ):
+            if is_usable(console, name):
+                w.button(console, name, label=label)
+                imgui.same_line()

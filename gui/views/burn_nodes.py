@@ -63,6 +63,8 @@ class BurnNodes:
         """Node or handle under the pointer, or held by it."""
         self._plan = BurnPlan()
         self._path: PredictedPath | None = None
+        self.path_lvlh_m = self.nodes_lvlh_m = np.zeros((0, 3))
+        """(n, 3) predicted path through the burns, and their positions; empty without any."""
         self._risk = ""
         self._key: tuple[object, ...] = ()
 
@@ -150,16 +152,6 @@ class BurnNodes:
                 hint = "" if self._quiet else HINTS[what]
                 canvas.tip((place[0] - GRIP, place[1] - GRIP), (2 * GRIP, 2 * GRIP), hint)
 
-    @property
-    def path_lvlh_m(self) -> FloatArray:
-        """(n, 3) predicted path through the burns; empty without any."""
-        return np.zeros((0, 3)) if self._path is None else self._path.points_lvlh_m
-
-    @property
-    def nodes_lvlh_m(self) -> FloatArray:
-        """(n, 3) positions of the burns; empty without any."""
-        return np.zeros((0, 3)) if self._path is None else np.reshape(self._path.nodes_lvlh_m, (-1, 3))
-
     def hold_map(self, ports: tuple[MapPort, ...], mouse: Point, *, down: bool) -> bool:
         """Return True while the scale must stay: the pointer holds or could pick a grip, or has a button down."""
         return self.under is not None or (down and any(p.inside(*mouse) for p in ports))
@@ -187,6 +179,8 @@ class BurnNodes:
         ahead = BurnPlan(tuple(b for b in plan.burns if b.t_s >= session.t_s))
         self._plan = ahead
         self._path = session.craft.predicted_burns(ahead, samples=SAMPLES) if ahead.burns else None
+        found = (self._path.points_lvlh_m, self._path.nodes_lvlh_m) if self._path else ((), ())
+        self.path_lvlh_m, self.nodes_lvlh_m = (np.reshape(points, (-1, 3)) for points in found)
         self._risk = session.craft.risk_of(self.path_lvlh_m)
 
     def _found(self, port: MapPort, mouse: Point) -> Grip | None:
