@@ -18,6 +18,7 @@ from flyaround.gui import style
 from flyaround.gui.command_table import command, switch
 from flyaround.gui.menus import MenuBar
 from flyaround.gui.panels.all import PANELS
+from flyaround.gui.panels.tour import STEPS
 from flyaround.gui.status_line import StatusLine
 from flyaround.gui.texts import texts
 from flyaround.gui.transport import JobStrip, TransportStrip
@@ -27,6 +28,7 @@ from flyaround.simulator.runtime.files import write_atomic
 if TYPE_CHECKING:
     from flyaround.gui.command_table import Command
     from flyaround.gui.console import Console
+    from flyaround.gui.panels.tour import TourStep
     from flyaround.gui.surface import Surface
     from flyaround.gui.widgets import Panel
 
@@ -159,6 +161,7 @@ class Layout:
         """Panel that a command opened last, the time at which it did, and the frames in which it is still raised."""
         self._was_shown: dict[str, bool] = {}
         self._dockspace = 0
+        self._step: TourStep | None = None
         self._titled, self._untitled = window.imgui.WindowClass(), window.imgui.WindowClass()
         # a tab has a button that closes it
         no_second = window.imgui.internal.DockNodeFlagsPrivate_.no_close_button
@@ -201,6 +204,16 @@ class Layout:
         self._aspect = camera.width_px / camera.height_px
         opened = {p.place for p in self.panels if console.shown.get(p.name)}
         self._left_open, self._bottom_open = "left" in opened, "bottom" in opened
+        self._guide(console)
+
+    def _guide(self, console: Console) -> None:
+        """Choose the control that the tour frames; bring its panel to the front at the beginning of a step."""
+        runs = console.shown.get("tour") and "tour" not in console.help.behind
+        step = STEPS[k] if runs and (k := console.help.tour_step) < len(STEPS) else None
+        # a narrow window has one dock, where the panel would hide the tour
+        if step and step.at_once and step != self._step and self._form == "wide":
+            console.open_panel(step.place, shown=True)
+        self._step, console.help.framed = step, step.control(console) if step else ""
 
     def keep(self, console: Console, path: Path) -> None:
         """Write the layout; a full disk is ignored."""

@@ -114,6 +114,8 @@ class Help:
         Panels whose window is behind another in its dock or collapsed.
     tour_step : int, optional
         Number of the tour's steps that are done or skipped.
+    framed : str, optional
+        Command whose control the tour frames.
     """
 
     descriptions: dict[str, tuple[str, str]] = field(default_factory=dict)
@@ -122,3 +124,4 @@ class Help:
     clicked: str = ""
     behind: set[str] = field(default_factory=set)
     tour_step: int = 0
+    framed: str = ""

@@ -8,9 +8,16 @@ from typing import TYPE_CHECKING
 from flyaround.gui.texts import texts
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from flyaround.gui.console import Console
 
-NEEDS = {name: attrgetter(path) for name, path in texts("needs").items()}
+NEEDS: dict[str, Callable[[Console], object]] = {
+    "help.tour-next": lambda c: c.shown.get("tour") and c.help.tour_step < len(texts("tour")),
+    "help.tour-back": lambda c: c.shown.get("tour") and c.help.tour_step,
+    "help.tour-end": lambda c: c.shown.get("tour"),
+    **{name: attrgetter(path) for name, path in texts("needs").items()},
+}
 """Function by command that returns what it acts on from the console, or a function that tells if there is anything."""
 
 

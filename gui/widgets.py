@@ -93,6 +93,11 @@ class Widgets(Fields):
         if self.filled_button(f"{text}###{name} {words}", width, fill):
             console.do(name, *arguments)
         self.imgui.end_disabled()
+        if name == console.help.framed:
+            low, high = self.imgui.get_item_rect_min(), self.imgui.get_item_rect_max()
+            if high.y > self.imgui.get_window_pos().y + self.imgui.get_window_height():
+                self.imgui.set_scroll_here_y(1.0)
+            self.frame(style.ACCENT, (low.x - 1, low.y + 1, high.x + 1, high.y - 1))
         self.command_tip(console, name, *arguments)
 
     def filled_button(self, label: str, width: float, fill: style.Rgba | None) -> bool:

@@ -36,7 +36,8 @@ def _help(console: Console, panel: str | None = None) -> None:
 
 
 def _tour(console: Console) -> None:
-    console.help.tour_step = 0
+    if console.shown.get("tour") or console.help.tour_step == TOUR_STEPS:
+        console.help.tour_step = 0
     console.open_panel("tour", shown=True)
 
 

@@ -1,4 +1,4 @@
-"""Panel of the estimator: choice of method, its answer for the newest picture, errors over time, and its stages."""
+"""Panel of the estimator: choice of method, its answer for the newest picture, its stages, and errors over time."""
 
 from __future__ import annotations
 
@@ -41,8 +41,6 @@ class EstimatorPanel(Panel):
 
     _methods: tuple[str, ...] = ()
     _network = ""
-    _staged = False
-    """True if the pictures of stages were there in the last frame."""
 
     def draw(self, console: Console) -> None:
         """Draw into the current panel."""
@@ -64,17 +62,14 @@ class EstimatorPanel(Panel):
             w.text(texts("view-tips")["estimator"], style.QUIET)
         else:
             self._figures(newest, console.session.t_s)
-        w.section("Over the flight")
-        self._plots(estimates)
+        # before the plots, so that they are in sight below the pose
         if newest is not None and newest.answer.stages:
             w.section("Stages")
-            if not self._staged:
-                # below the fold of the panel
-                w.imgui.set_scroll_here_y(0.0)
             self._stages(console, newest.answer)
         elif estimates.with_stages:
             w.text("stages: with the next estimate", style.QUIET)
-        self._staged = newest is not None and bool(newest.answer.stages)
+        w.section("Over the flight")
+        self._plots(estimates)
 
     def _choose(self, console: Console) -> None:
         w, imgui, estimates = self._w, self._w.imgui, console.jobs.estimates
@@ -170,7 +165,6 @@ class EstimatorPanel(Panel):
 
     def _stages(self, console: Console, answer: Answer) -> None:
         w, imgui, pictures = self._w, self._w.imgui, stage_pictures(answer)
-        w.text("A click shows one large, in the place of the view.", style.QUIET)
         for (name, picture), width in zip(pictures.items(), w.grid(len(pictures), THUMB, 2), strict=True):
             imgui.begin_group()
             texture = w.window.show_picture(f"stage/{name}", picture, picture)
@@ -184,3 +178,4 @@ class EstimatorPanel(Panel):
             w.one_line(title, style.ACCENT if large else style.QUIET)
             imgui.pop_text_wrap_pos()
             imgui.end_group()
+        w.text("A click shows one large, in the place of the view.", style.QUIET)

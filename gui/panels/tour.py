@@ -8,6 +8,7 @@ import numpy as np
 
 from flyaround.gui import style
 from flyaround.gui.texts import texts
+from flyaround.gui.usable import is_usable
 from flyaround.gui.widgets import Panel
 from flyaround.simulator.piloting.cautions import AT_REST_M_S
 
@@ -30,24 +31,37 @@ class TourStep(NamedTuple):
     commands : frozenset of str
         Commands of which one completes the step.
     place : str
-        Framed panel or bar.
+        Panel or bar that holds the last of the controls.
+    controls : tuple of str
+        Commands of the controls that are framed in turn; the first of two opens the panel.
     """
 
     title: str
     text: str
     commands: frozenset[str]
     place: str
+    controls: tuple[str, ...]
+
+    @property
+    def at_once(self) -> bool:
+        """True if its panel opens with the step."""
+        return len(self.controls) == 1 and self.place != "transport"
+
+    def control(self, console: Console) -> str:
+        """Return the command of the control to frame: the last, unless another one must open its panel first."""
+        in_sight = console.shown.get(self.place) and self.place not in console.help.behind
+        return self.controls[-1 if in_sight else 0]
 
 
 STEPS = tuple(
-    TourStep(title, text, frozenset(commands.split()), place)
-    for title, text, place, commands in texts("tour").values()
+    TourStep(title, text, frozenset(commands.split()), place, tuple(controls.split()))
+    for title, text, place, controls, commands in texts("tour").values()
 )
 FLY, REST = (STEPS[list(texts("tour")).index(name)] for name in ("fly", "rest"))
 
 
 class TourPanel(Panel):
-    """List of tasks; the next one is described, and its panel or bar is framed."""
+    """List of tasks; the next one is described, and its control is framed."""
 
     name, title, place, shown = "tour", "Tour", "bottom", False
 
@@ -71,20 +85,13 @@ class TourPanel(Panel):
             w.one_line(title, style.GOOD if k < step else style.ACCENT if k == step else style.QUIET)
         if step < len(STEPS):
             w.text(f"{STEPS[step].text} The blue frame shows where.")
-            self._frame(STEPS[step].place)
         else:
             w.text("F1 lists every command and key; ? tells about the panel clicked last.")
-        if 0 < step < len(STEPS):
-            w.button(console, "help.tour-back", label="Back")
-            imgui.same_line()
-        if step < len(STEPS):
-            w.button(console, "help.tour-next", label="Skip this")
-            imgui.same_line()
-        w.button(console, "help.tour-end")
-
-    def _frame(self, place: str) -> None:
-        """Draw a frame around the panel or bar of a step, unless it is hidden."""
-        find = self._w.imgui.internal.find_window_by_name
-        native = find(place) or find(f"###{place}")
-        if native is not None and native.active:
-            self._w.frame(style.ACCENT, window=native)
+        for name, label in (
+            ("help.tour-back", "Back"),
+            ("help.tour-next", "Skip this"),
+            ("help.tour-end", None),
+        ):
+            if is_usable(console, name):
+                w.button(console, name, label=label)
+                imgui.same_line()

@@ -32,6 +32,8 @@ FIELD_DEG = 40.0
 TRAIL_POINTS = 300  # points of the drawn trail
 _METER = AutoExposure(level=0.45, share=0.9, longest_s=0.25)  # exposure of the view from outside
 _NEAR_M = 0.02
+_LEAST_PX = (304, 128)
+"""Size below which craft and trail blur; a busy machine draws fewer pictures instead."""
 
 
 def orbit_scene(
@@ -50,10 +52,11 @@ def orbit_scene(
     look : OrbitCamera
         The free camera.
     divisor : int
-        View pixels per drawn pixel.
+        View pixels per drawn pixel, less in a small view.
     quality : Quality or None
         Replaces the default.
     """
+    divisor = min(divisor, *(max(s // least, 1) for s, least in zip(look.size_px, _LEAST_PX, strict=True)))
     own = lit(session.scene(), settings.lights)
     world = seen_from(session.craft.world, session.flight.lvlh(session.t_s), look)
     scene = build_scene(

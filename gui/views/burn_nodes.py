@@ -57,10 +57,14 @@ class BurnNodes:
 
     def __init__(self) -> None:
         self._grip: Grip | None = None
+        self._quiet = False
+        """True from a drag until the pointer leaves the grips; hover texts would cover the path that it changed."""
         self.under: Grip | None = None
         """Node or handle under the pointer, or held by it."""
         self._plan = BurnPlan()
         self._path: PredictedPath | None = None
+        self.path_lvlh_m = self.nodes_lvlh_m = np.zeros((0, 3))
+        """(n, 3) predicted path through the burns, and their positions; empty without any."""
         self._risk = ""
         self._key: tuple[object, ...] = ()
 
@@ -85,6 +89,7 @@ class BurnNodes:
         clicked, down, other = pressed
         port = next((p for p in ports if p.inside(*mouse)), None)
         self.under = self._grip or (None if port is None else self._found(port, mouse))
+        self._quiet &= self.under is not None
         if self._grip is not None:
             if down:
                 self._drag(session, mouse)
@@ -95,7 +100,7 @@ class BurnNodes:
             return False
         grip = self.under
         if clicked and grip is not None:
-            self._grip, self._plan = grip, session.craft.steering.burns
+            self._grip, self._plan, self._quiet = grip, session.craft.steering.burns, True
             return True
         if other and grip is not None:
             console.do("burn.cancel", grip.burn.t_s)
@@ -124,7 +129,7 @@ class BurnNodes:
             canvas.arrow(node, tip, COLOUR, 1.8)
         texts = [speed_text(burn.size_m_s) for burn, *_ in arrows]
         sizes, tips = [canvas.size(text) for text in texts], [tip for *_, tip in arrows]
-        about = "size of the burn; drag its handle for that, its node for the time"
+        about = "" if self._quiet else "size of the burn; drag its handle for that, its node for the time"
         labels = place_labels(tips, sizes, port.rect, obstacles=obstacles)
         for (burn, _, tip), text, size, label in zip(arrows, texts, sizes, labels, strict=True):
             if label is not None:
@@ -144,12 +149,8 @@ class BurnNodes:
                 # the handle is a ring, as of a slider's grab; the chaser is a dot
                 (canvas.diamond if what == "node" else canvas.dot)(place, size, MARKS[what])
                 canvas.dot(place, 2.0, COLOUR)
-                canvas.tip((place[0] - GRIP, place[1] - GRIP), (2 * GRIP, 2 * GRIP), HINTS[what])
-
-    @property
-    def path_lvlh_m(self) -> FloatArray:
-        """(n, 3) predicted path through the burns; empty without any."""
-        return np.zeros((0, 3)) if self._path is None else self._path.points_lvlh_m
+                hint = "" if self._quiet else HINTS[what]
+                canvas.tip((place[0] - GRIP, place[1] - GRIP), (2 * GRIP, 2 * GRIP), hint)
 
     def hold_map(self, ports: tuple[MapPort, ...], mouse: Point, *, down: bool) -> bool:
         """Return True while the scale must stay: the pointer holds or could pick a grip, or has a button down."""
@@ -178,6 +179,8 @@ class BurnNodes:
         ahead = BurnPlan(tuple(b for b in plan.burns if b.t_s >= session.t_s))
         self._plan = ahead
         self._path = session.craft.predicted_burns(ahead, samples=SAMPLES) if ahead.burns else None
+        found = (self._path.points_lvlh_m, self._path.nodes_lvlh_m) if self._path else ((), ())
+        self.path_lvlh_m, self.nodes_lvlh_m = (np.reshape(points, (-1, 3)) for points in found)
         self._risk = session.craft.risk_of(self.path_lvlh_m)
 
     def _found(self, port: MapPort, mouse: Point) -> Grip | None:

@@ -14,7 +14,7 @@ from flyaround.gui.picture.figures import AGE_TIP, FIGURES, age_text, flown_colo
 from flyaround.gui.picture.screen import exposure_fault, screen_picture
 from flyaround.gui.texts import texts
 from flyaround.gui.views.docking_hud import DockingHud
-from flyaround.gui.views.estimate_overlay import EstimateOverlay
+from flyaround.gui.views.estimate_overlay import draw_estimates
 from flyaround.gui.views.letterbox import Letterbox
 from flyaround.gui.views.mouse_steering import MouseSteering
 from flyaround.gui.views.truth_marks import TruthMarks
@@ -61,7 +61,6 @@ class CameraView(Panel):
         self._mouse = MouseSteering(window)
         self._truth = TruthMarks(window)
         self._plates: list[Place] = []
-        self._estimate = EstimateOverlay()
         self._metered: Picture | None = None
         self._fault = ""
 
@@ -87,7 +86,7 @@ class CameraView(Panel):
         taken, self._plates = tuple(self._plates), []
         self._truth.draw(box, picture, options, paused=session.clock.paused, obstacles=taken)
         if options.overlays.estimate:
-            self._plates += self._estimate.draw(canvas, box, picture, console.jobs.estimates)
+            self._plates += draw_estimates(canvas, box, picture, console.jobs)
         # the docking display has its own cross and figures
         if options.overlays.crosshair and not options.overlays.docking:
             self._truth.crosshair(box, picture)

@@ -37,6 +37,8 @@ WHEEL_FACTOR = 1.2  # change of the width per step of the wheel
 FLOWN, PLANNED, DRIFT = style.ACCENT, style.QUIET, style.ORANGE  # colours of the trajectories
 LINES = texts("view-tips")["map"]
 SUN_REACH = 18.0  # length of the arrow to the Sun, in screen units
+BURN_REACH = 2.0
+"""Ratio to the rest of the map up to which it shows the path through burns."""
 LAST_RADII = 8.0
 """Range in radii of the target below which the map of a docking shows chaser and target alone."""
 LEGEND_EM = 16
@@ -123,7 +125,7 @@ class LvlhMap(Panel):
             self._drift_t_s = session.t_s
 
     def _extent(self, session: FlightSession, trail: FloatArray) -> FloatArray:
-        """Return the points that a fitted map must hold, the drift only as far as the rest extends."""
+        """Return the points that a fitted map must hold, predicted paths only near the rest."""
         craft = session.craft
         if (
             craft.steering.autopilot or craft.docking.docked
@@ -131,14 +133,15 @@ class LvlhMap(Panel):
             # the last metres: the chaser before the port
             edges = craft.docking.radius_m * np.vstack([np.eye(3), -np.eye(3)])
             return np.vstack([edges, craft.world.position_lvlh_m])
-        points = [self._planned, trail, self._burns, self._nodes.path_lvlh_m, np.zeros((1, 3))]
+        points = [self._planned, trail, self._burns, self._nodes.nodes_lvlh_m, np.zeros((1, 3))]
         keep_out = session.plan.scenario.chaser.keep_out
         if keep_out is not None:
             points.append(keep_out.radius_m * np.vstack([np.eye(3), -np.eye(3)]))
         rest = np.vstack(points)
         reach = max(float(np.abs(rest).max()), 5.0)
-        near = self._drift[np.abs(self._drift).max(axis=1) < reach]
-        return np.vstack([rest, near, np.eye(3), -np.eye(3)])
+        paths = (self._drift, reach), (self._nodes.path_lvlh_m, BURN_REACH * reach)
+        near = [path[np.abs(path).max(axis=1) < most] for path, most in paths]
+        return np.vstack([rest, *near, np.eye(3), -np.eye(3)])
 
     # --- the mouse
 

@@ -186,28 +186,26 @@ def test_the_picture_of_a_stage_names_its_detector(stream: str, words: str) -> N
     assert caption(stream) == words
 
 
-def test_the_panel_scrolls_to_the_stages_once_they_come() -> None:
+def test_stages_are_in_sight_without_scrolling_the_pose_away() -> None:
     screen = Pointer("tango-flyaround")
     console = screen.console
     console.do("layout.estimate")
     console.open_panel("estimator", shown=True)
-    console.jobs.estimates.newest = declined()
-    for _ in range(6):
-        screen.turn()
-    top, tall = screen.rect("estimator")[1::2]
     picture = cv2.imencode(".jpg", np.zeros((300, 480, 3), np.uint8))[1].reshape(-1)
-    console.jobs.estimates.newest = declined(edges=picture, lines=picture, corners=picture, groups=picture)
-    for _ in range(3):
-        screen.turn()
-    assert top < screen.place("image")[1] < top + tall
-
-    def scroll() -> float:
-        return float(screen.window.plain.internal.find_window_by_name("###estimator").scroll.y)
-
-    # it does so once
-    screen.move((screen.rect("estimator")[0] + 20.0, top + 60.0))
-    screen.window.plain.get_io().add_mouse_wheel_event(0.0, 100.0)
-    for _ in range(4):
-        screen.turn()
-    assert scroll() == 0.0
+    without = replace(declined(), E_R_deg=0.25, E_T_m=0.013)
+    pose = {"q_camera_from_target_wxyz": (0.5, -0.5, 0.5, -0.5), "t_camera_from_target_m": (-0.1, 2.0, 110.0)}
+    stages = dict.fromkeys(("edges", "lines", "corners", "groups"), picture)
+    answer = replace(without.answer, accepted=True, reason="", network="shipped", **pose, stages=stages)
+    for estimate in (without, replace(without, answer=answer)):
+        console.jobs.estimates.newest = estimate
+        for _ in range(6):
+            screen.turn()
+    assert screen.window.plain.internal.find_window_by_name("###estimator").scroll.y == 0.0
+    top, tall = screen.rect("estimator")[1::2]
+    heights = [
+        n.middle[1] for n in screen.window.noted if n.label in {"0.250°", "13.0 mm"} or n.label == "image"
+    ]
+    assert len(heights) == 6
+    # the first row of two is whole
+    assert all(top < y < top + tall - 40.0 for y in heights[:4])
     screen.close()

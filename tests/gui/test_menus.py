@@ -125,8 +125,8 @@ def test_seven_menus_hold_every_command_once(screen: Pointer) -> None:
         for name in commands_of(screen.console.table, entry)
     ]
     assert len(MENUS) == 7
-    # questions before something is lost, an answer, and what About this panel opens
-    left_out = {"panel.question", "panel.quit", "window.close", "panel.help"}
+    # questions before something is lost, an answer, and what About this panel and Start the tour open
+    left_out = {"panel.question", "panel.quit", "window.close", "panel.help", "panel.tour"}
     assert sorted(name for name in held if screen.console.table[name].at_once) == sorted(
         {*offered} - left_out
     )
@@ -172,6 +172,30 @@ def test_entries_with_nothing_to_act_on_are_grey(screen: Pointer, tmp_path: Path
     assert {"film.stop", "burn.cancel"} <= grey()
 
 
+def test_the_tour_has_one_entry_until_it_runs(screen: Pointer) -> None:
+    console, steps = screen.console, {"help.tour-next", "help.tour-back", "help.tour-end"}
+    (entries,) = (dict(entries)["Tour"] for menu, entries in MENUS if menu == "Help")
+    offered = [name for entry in entries for name in commands_of(console.table, entry)]
+
+    def usable() -> set[str]:
+        return {name for name in offered if is_usable(console, name)}
+
+    assert usable() == {"help.tour"}
+    console.do("help.tour")
+    assert usable() == {"help.tour", *steps} - {"help.tour-back"}
+    console.do("help.tour-next")
+    assert usable() == {"help.tour", *steps}
+    console.do("help.tour-end")
+    assert usable() == {"help.tour"}
+    console.do("help.tour")
+    assert console.help.tour_step == 1, "it goes on where it was closed"
+    for _ in range(9):
+        console.do("help.tour-next")
+    assert usable() == {"help.tour", *steps} - {"help.tour-next"}
+    console.do("help.tour")
+    assert console.help.tour_step == 0
+
+
 def test_abort_takes_two_clicks_and_its_guard_closes_by_itself(screen: Pointer) -> None:
     done: list[str] = []
     screen.console.do = lambda name, *_: done.append(name)  # type: ignore[method-assign]
@@ -205,3 +229,33 @@ def test_the_bar_names_the_scenario_that_is_flown() -> None:
     narrow = Pointer("tango-vbar-approach", (800, 600), panels=False)
     assert narrow.has("Fly###layout.fly"), "it leaves the layouts their room"
     narrow.close()
+
+
+def test_the_finder_is_as_tall_as_its_list() -> None:
+    screen = Pointer("tango-space-10m", opened=("keys",))
+    io = screen.window.plain.get_io()
+    whole = screen.rect("keys")
+    assert whole[3] > 600.0
+    io.add_input_characters_utf8("docking.abort")
+    for _ in range(4):
+        screen.turn()
+    x, y, wide, tall = screen.rect("keys")
+    assert (x, y, wide) == whole[:3], "the typed line stays in its place"
+    assert tall < 160.0
+    left, top = screen.place("Abort")
+    assert x < left < x + wide
+    assert y < top < y + tall
+    io.add_input_characters_utf8("xyz")
+    for _ in range(4):
+        screen.turn()
+    x, y, wide, tall = screen.rect("keys")
+    assert tall < 160.0
+    assert "no command has 'docking.abortxyz'" in screen.texts()
+    for _ in range(16):
+        for down in (True, False):
+            io.add_key_event(screen.window.plain.Key.backspace, down)
+            screen.turn()
+    for _ in range(3):
+        screen.turn()
+    assert screen.rect("keys") == whole
+    screen.close()

@@ -5,10 +5,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from flyaround.gui import style
 from flyaround.gui.jobs.estimates import ComparedEstimate
-from flyaround.gui.panels.tour import STEPS, TourPanel
+from flyaround.gui.panels.tour import STEPS, TourPanel, TourStep
+from flyaround.gui.style import Rgba
+from flyaround.gui.text_widgets import TextWidgets
 from tests.harness.flown_console import console_flying
 from tests.harness.headless_imgui import HeadlessWindow
+from tests.harness.pointer import Pointer
 
 
 @pytest.fixture
@@ -87,3 +91,70 @@ def test_every_step_names_commands_that_there_are(tour):
     for doing in STEPS:
         for name in doing.commands:
             assert name in console.table, name
+
+
+def framed_at(screen: Pointer, monkeypatch: pytest.MonkeyPatch) -> list[tuple[float, ...]]:
+    """Return left, top, right and bottom of what the tour frames in the next frame."""
+    found: list[tuple[float, ...]] = []
+    real = TextWidgets.frame
+
+    def frame(w: TextWidgets, rgba: Rgba, rect: tuple[float, ...] = (), *more: object) -> None:
+        found.extend([tuple(rect)] * (rgba == style.ACCENT and bool(rect)))
+        real(w, rgba, rect, *more)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(TextWidgets, "frame", frame)
+        screen.turn()
+    return found
+
+
+NAMED = {
+    "Stop the clock": ("Pause", ""),
+    "Fly by hand": ("HAND: OFF", ""),
+    "Come to rest": ("Stop###steer.stop", ""),
+    "Estimate the pose": ("Estimate###layout", "Estimate###estimator.run"),
+    "Let the autopilot dock": ("Dock###layout", "Autopilot###docking"),
+    "Keep a picture": ("Save picture", ""),
+}
+"""Controls that each step names: the one to begin with, and the one in the panel that it opens."""
+
+
+@pytest.mark.parametrize("step", STEPS, ids=lambda s: s.title)
+@pytest.mark.parametrize("hidden", ["behind a tab", "closed"])
+def test_the_frame_holds_the_control_that_the_step_names(
+    step: TourStep, hidden: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    screen = Pointer(opened=("tour",))
+    console = screen.console
+    for name in ("steering", "sensor"):
+        console.open_panel(name, shown=True)
+        for _ in range(6):
+            screen.turn()
+    if hidden == "closed":
+        for name in ("chaser", "picture", "docking", "estimator"):
+            console.open_panel(name, shown=False)
+    for _ in range(3):
+        screen.turn()
+    console.help.tour_step = STEPS.index(step)
+    for _ in range(12):
+        screen.turn()
+    first, then = NAMED[step.title]
+    for control in filter(None, (first, then)):
+        if control == then:
+            screen.press(first)
+            for _ in range(20):
+                screen.turn()
+        ((left, top, right, bottom),) = framed_at(screen, monkeypatch)
+        x, y = screen.place(control)
+        assert left < x < right, control
+        assert top < y < bottom, control
+        assert bottom - top < 60.0, control
+        panel = screen.rect(step.place if control == (then or first) else "##MainMenuBar")
+        assert bottom <= panel[1] + panel[3], control
+        assert all(
+            a <= b for a, b in zip((0, 0, right, bottom), (left, top, *screen.window.size), strict=True)
+        )
+        # nothing lies in front of it
+        assert "tour" not in console.help.behind
+        assert step.place not in console.help.behind or control != (then or first)
+    screen.close()

@@ -52,6 +52,52 @@ def test_the_scale_stays_while_a_handle_is_dragged_and_fits_again_after(screen: 
     assert port().scale < before.scale
 
 
+def test_no_hover_text_covers_the_path_from_a_press_until_the_pointer_leaves_the_handle(
+    screen: Pointer,
+) -> None:
+    view = next(panel for panel in screen.layout.panels if isinstance(panel, LvlhMap))
+    craft, io = screen.console.session.craft, screen.window.plain.get_io()
+
+    def handle_at() -> tuple[float, float]:
+        (burn,), port = craft.steering.burns.burns, view.ports[0]
+        return handle(point(port.at(craft.predicted_burns().nodes_lvlh_m[0])), burn, port)
+
+    def tip() -> bool:
+        for _ in range(4):
+            screen.turn()
+        return any("Tooltip" in part._owner_name for part in screen.window.plain.get_draw_data().cmd_lists)
+
+    x, y = handle_at()
+    screen.move((x, y))
+    assert tip()
+    for down in (True, False):
+        io.add_mouse_button_event(0, down)
+        assert not tip()
+        screen.move((x + 4.0, y - 4.0))
+        assert not tip()
+    screen.move(FAR)
+    screen.turn()
+    screen.move(handle_at())
+    assert tip()
+
+
+@pytest.mark.parametrize("delta_v", [(0.0, 0.02, 0.0), (0.1, 0.3, 0.0)])
+def test_a_burn_leaves_the_target_and_its_surroundings_readable(delta_v: tuple[float, float, float]) -> None:
+    screen = Pointer("tango-flyaround")
+    console = screen.console
+    console.do("steer.toggle")
+    screen.turn()
+    before_m = console.options.map.width_m
+    console.do("burn.plan", 60.0, *delta_v)
+    for _ in range(4):
+        screen.turn()
+    assert console.options.map.width_m < 3.5 * before_m
+    (view,) = (panel for panel in screen.layout.panels if isinstance(panel, LvlhMap))
+    node = console.session.craft.predicted_burns().nodes_lvlh_m[0]
+    assert all(port.inside(*port.at(node)) for port in view.ports)
+    screen.close()
+
+
 @pytest.mark.parametrize("delta_v", [(0.0, 3.0, 0.0), (-2.0, 0.5, 1.0), (0.0, 0.02, 0.0)])
 def test_every_handle_is_inside_the_map_and_shows_that_it_can_be_dragged(
     screen: Pointer, delta_v: tuple[float, float, float]

@@ -57,3 +57,24 @@ def test_the_target_is_marked_by_its_projected_diameter(
         window.close()
         console.close()
     assert [text for text in written if text == "target"] == marks
+
+
+@pytest.mark.parametrize(
+    ("view", "divisor", "least"),
+    [
+        ((608, 256), 4, (304, 128)),
+        ((960, 640), 4, (304, 128)),
+        ((608, 256), 2, (304, 128)),
+        ((320, 96), 4, (320, 96)),
+    ],
+)
+def test_a_busy_machine_draws_no_blurred_picture(
+    view: tuple[int, int], divisor: int, least: tuple[int, int]
+) -> None:
+    console = console_flying("tango-space-10m")
+    look = console.options.orbit
+    look.fill(*view)
+    camera = orbit_scene(console.session, console.options.settings, look, divisor, "draft").camera
+    assert camera.width_px >= least[0]
+    assert camera.height_px >= least[1]
+    console.close()
