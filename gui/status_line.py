@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING
 
 from flyaround.gui import style
-from flyaround.gui.transport import abort_text
 from flyaround.gui.widgets import Widgets
 
 if TYPE_CHECKING:
@@ -78,7 +78,7 @@ class StatusLine:
         if flaw != self._flaw[0]:
             self._flaw = flaw, console.said
         # a later message outranks it; the field is framed and says it, too
-        if text := abort_text(console) or (flaw if console.said == self._flaw[1] else ""):
+        if text := _abort_text(console) or (flaw if console.said == self._flaw[1] else ""):
             texts = [*texts[: bool(console.waiting)], (text, style.BAD)]
         if len(texts) == 1:
             text, colour = texts[0]
@@ -141,3 +141,11 @@ def rates_text(console: Console) -> str:
     views = [f"{name.replace('-', ' ')} {f.frames_s:.0f}" for name, f in console.feeds.items() if f.looked_at]
     pictures = f"pictures {console.feed.frames_s:.0f}/s"
     return f"window {console.window_hz:.0f}/s   {', '.join([pictures, *(f'{v}/s' for v in views)])}"
+
+
+def _abort_text(console: Console) -> str:
+    """Return the effect of a second click on ABORT and the time left for it; empty while its guard is closed."""
+    left_ms, to_m = console.hand.abort_by_ms - console.clock_ms, console.session.craft.steering.retreat_to_m
+    near = console.telemetry.range_m <= to_m
+    effect = f"retreats to {to_m:.3g} m from the target" if near else "ends guidance: the chaser drifts"
+    return f"ABORT: a second click within {math.ceil(left_ms / 1000)} s {effect}" if left_ms > 0 else ""

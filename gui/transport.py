@@ -182,14 +182,6 @@ class TransportStrip:
         )
 
 
-def abort_text(console: Console) -> str:
-    """Return the effect of a second click on ABORT and the time left for it; empty while its guard is closed."""
-    left_ms, to_m = console.hand.abort_by_ms - console.clock_ms, console.session.craft.steering.retreat_to_m
-    near = console.telemetry.range_m <= to_m
-    effect = f"retreats to {to_m:.3g} m from the target" if near else "ends guidance: the chaser drifts"
-    return f"ABORT: a second click within {math.ceil(left_ms / 1000)} s {effect}" if left_ms > 0 else ""
-
-
 class JobStrip:
     """A line for background jobs, which is always there, so that nothing moves when a job begins or ends.
 

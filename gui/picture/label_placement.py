@@ -7,14 +7,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from flyaround.gui.canvas import point
-
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from flyaround.gui.canvas import Point
     from flyaround.simulator.runtime.arrays import FloatArray
 
+Point = tuple[float, float]
 NEAR_PX = 8.0  # distance of a name without a leader line from its point
 FAR_PX = (26.0, 46.0, 70.0)  # distances of names with a leader line
 MARK_PX = 5.0  # half the size of a point's mark, which names must not cover
@@ -89,8 +87,8 @@ def place_labels(
         box = boxes[choice]
         lead = None
         if choice >= len(_DIRECTIONS):
-            lead = point(np.clip(anchors[k], box[:2], box[2:]))
-        labels[k] = PlacedLabel(point(box), lead, choice)
+            lead = pixel_of(np.clip(anchors[k], box[:2], box[2:]))
+        labels[k] = PlacedLabel(pixel_of(box), lead, choice)
         blocked.append(box + np.hstack([-GAP_PX, GAP_PX]))
     return labels
 
@@ -116,3 +114,14 @@ def _overlap(a: FloatArray, b: FloatArray) -> FloatArray:
     low = np.maximum(a[:, None, :2], b[None, :, :2])
     high = np.minimum(a[:, None, 2:], b[None, :, 2:])
     return np.asarray((high > low).all(axis=2))
+
+
+def pixel_of(p: FloatArray) -> Point:
+    """Return the first two numbers of an array.
+
+    Returns
+    -------
+    Point
+        X and y.
+    """
+    return (float(p[0]), float(p[1]))

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from flyaround.gui.canvas import point
+from flyaround.gui.picture.label_placement import pixel_of
 from flyaround.simulator.labels.boxes import amodal_box
 from flyaround.simulator.labels.overlay import edge_points
 from flyaround.simulator.labels.visibility import hidden_from_direction, occluded_from_camera
@@ -101,7 +101,7 @@ class Marker:
         if self._asked is None or (scene != self._asked if exact else _view_changed(scene, self._asked)):
             self._asked, self._seen = scene, self._ask(scene, in_camera[:, 2] > NEAR_M)
         names, there = [k.name for k in self._target.keypoints], np.flatnonzero(in_picture)
-        return tuple((point(pixels[k]), self._seen[k], names[k]) for k in there)
+        return tuple((pixel_of(pixels[k]), self._seen[k], names[k]) for k in there)
 
     def _ask(self, scene: SceneState, front: BoolArray) -> tuple[Seen, ...]:
         """Return the geometric visibility of keypoints; radiometric states would need a noise-free image."""
@@ -132,7 +132,7 @@ def _axes(scene: SceneState) -> tuple[Segment, ...]:
     if ends[:, 2].min() < NEAR_M:
         return ()
     pixels = scene.camera.project(ends)
-    return tuple((point(pixels[0]), point(pixels[k])) for k in (1, 2, 3))
+    return tuple((pixel_of(pixels[0]), pixel_of(pixels[k])) for k in (1, 2, 3))
 
 
 def wireframe_at(camera: Camera, pose: Pose, target: Target) -> tuple[Segment, ...]:
@@ -149,5 +149,5 @@ def wireframe_at(camera: Camera, pose: Pose, target: Target) -> tuple[Segment, .
         towards = np.asarray(eye) - ends[k].mean(axis=0)
         if edge.normals and max(float(np.dot(n, towards)) for n in edge.normals) <= 0:
             continue
-        segments += itertools.pairwise(map(point, pixels[k]))
+        segments += itertools.pairwise(map(pixel_of, pixels[k]))
     return tuple(segments)
