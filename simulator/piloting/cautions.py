@@ -199,6 +199,7 @@ NOTE_ENDS: dict[str, Callable[[PilotedFlight, str], bool]] = {
     "the autopilot is off": lambda session, _: not session.craft.drifts,
     FLIES_TO: _flies_elsewhere,
     "the jump has ended": lambda session, note: "waits at" in note and not session.waits_for_go,
+    "the autopilot waits at ": lambda session, _: not session.waits_for_go,
     "no-go: ": lambda session, _: getattr(session.craft.docking.hold_points.next, "decision", "") != "no-go",
     "a burn of ": lambda session, note: (
         not any(planned_text(b) in note for b in session.craft.steering.burns.burns)

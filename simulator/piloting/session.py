@@ -359,8 +359,8 @@ class FlightSession:
         self.craft.step(h)
         if steering.waits_at not in ("", waited_at) and self.clock.jump != "hold-point":
             slowed = bool(self.clock.jump) or self.clock.rate > 1.0
-            text = f"the autopilot waits at {steering.waits_at}: Go or No-go"
-            steering.news.append(("note", f"{text}; time runs at 1x again" if slowed else text))
+            at_1x = "; time runs at 1x again" * slowed
+            steering.news.append(("note", f"the autopilot waits at {steering.waits_at}: Go or No-go{at_1x}"))
             if slowed:
                 self.clock.set_rate(1.0)
         if len(self.craft.docking.contacts) > n_contacts and (self.clock.jump or self.clock.rate > 1.0):

@@ -86,7 +86,7 @@ def test_panel_and_message_say_that_the_target_is_not_in_view(session: FlightSes
 
     said: list[str] = []
     jobs = console.jobs
-    jobs.say = lambda text, *_: said.append(text)
+    jobs.say = lambda text, *_, **__: said.append(text)
     try:
         assert any("the target has to be in it" in text for text in texts())
         console.feed.newest = away = picture_of(session, (20.0, 0.0, 10.0), GREY)
