@@ -48,7 +48,7 @@ ACCENT = SKY_BLUE
 GOOD, WARN, BAD = GREEN, YELLOW, VERMILLION
 WITHIN, NEAR, OUTSIDE = SKY_BLUE, YELLOW, VERMILLION  # colours by distance from a limit
 LIMIT_COLORS: dict[str, Rgba] = {"within": WITHIN, "near": NEAR, "outside": OUTSIDE}
-LIMIT_MARKS: dict[str, str] = {"within": "", "near": " near", "outside": " out"}
+LIMIT_MARKS: dict[str, str] = {"within": "", "near": " over", "outside": " out"}
 """The same without colour."""
 ESTIMATE: Rgba = (0.95, 0.6, 0.8, 1.0)
 """Colour of an estimator's output, beside the truth in `ACCENT`: `PURPLE`, lightened."""

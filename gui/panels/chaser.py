@@ -11,7 +11,7 @@ from flyaround.gui.widgets import Panel
 if TYPE_CHECKING:
     from flyaround.gui.console import Console
 
-SHOWN = ("Position [m]", "Velocity [m/s]", "Target [°/s]", "Camera [°/s]", "Off axis")
+SHOWN = ("Position [m]", "Velocity [m/s]", "Target [°/s]", "Camera [°/s]", "Off boresight")
 """Figures of this panel; the others are drawn over the view."""
 BUTTONS = ("steer.toggle", "steer.reset", "steer.stop", "guidance.hold", "steer.track", "steer.centre")
 HEADS = {

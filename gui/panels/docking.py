@@ -74,7 +74,11 @@ class DockingPanel(Panel):
 
     def _limits(self, console: Console) -> None:
         w, now = self._w, console.session.craft.docking.limits
-        w.field("Limits", f"{now.source}; near: up to twice a limit, out: beyond", 0.7)
+        w.field(
+            "Limits",
+            f"{now.source}; those of closing and offsets grow with the distance; over: up to twice a limit, out: beyond",
+            0.7,
+        )
         w.choice(console, "docking.limits", now.name, list(PRESETS), shown=LIMITS)
         w.button(console, "docking.axis-here", width=w.width)
 

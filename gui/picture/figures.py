@@ -64,7 +64,7 @@ VALUES: dict[str, tuple[str, Callable[[Telemetry], tuple[float, ...]]]] = {
     "Velocity [m/s]": (f"{{:+z8.{SPEED_DECIMALS}f}}", lambda r: r.velocity_lvlh_m_s),
     "Target [°/s]": ("{:+z8.3f}", lambda r: r.relative_rate_deg_s),
     "Camera [°/s]": ("{:+z8.3f}", lambda r: r.camera_rate_deg_s),
-    "Off axis": ("{:.2f}°", lambda r: (r.off_boresight_deg,)),
+    "Off boresight": ("{:.2f}°", lambda r: (r.off_boresight_deg,)),
     "Altitude": ("{:.1f} km", lambda r: (r.altitude_km,)),
     "Phase": ("{:9.1f} °", lambda r: (r.phase_deg,)),
     "Sun": ("{:9.0f} %", lambda r: (100.0 * r.sun_visible_fraction,)),

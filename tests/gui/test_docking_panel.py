@@ -49,7 +49,7 @@ def test_figures_and_limits_are_read_without_hovering() -> None:
             window.noted.clear()
             with window.panel("docking", 256.0, 1400.0):
                 panel.draw(console)
-        lines = [n.middle[1] for n in window.noted if n.label.endswith((" near", " out"))]
+        lines = [n.middle[1] for n in window.noted if n.label.endswith((" over", " out"))]
         heads = [n.middle[1] for n in window.noted if n.label.endswith(("[m/s]", "[°]", "[°/s]", "[m]"))]
         assert len(lines) > 3
         assert set(lines) <= set(heads), "a wrapped figure is lower than its name"

@@ -52,7 +52,7 @@ def test_a_row_of_figures_is_dragged_into_a_plot(scene):
     for _ in range(2):
         turn()
     assert not any(text.startswith("off the boresight") for text in texts(window))
-    name = next(k for k, n in enumerate(window.noted) if n.label == "Off axis")
+    name = next(k for k, n in enumerate(window.noted) if n.label == "Off boresight")
     row = window.noted[name + 1].middle
     io = window.plain.get_io()
     io.add_mouse_pos_event(*row)
