@@ -76,7 +76,7 @@ class DockingPanel(Panel):
         w, now = self._w, console.session.craft.docking.limits
         w.field(
             "Limits",
-            f"{now.source}; those of closing and offsets grow with the distance; over: up to twice a limit, out: beyond",
+            f"{now.source}; closing and offsets grow with distance; over: up to twice a limit, out: beyond",
             0.7,
         )
         w.choice(console, "docking.limits", now.name, list(PRESETS), shown=LIMITS)
