@@ -205,10 +205,10 @@ class CameraView(Panel):
         flying = Row("", badge, colour, TIPS["badge"]), Row("", rate + speed, style.QUIET, TIPS["speed"])
         times = Row("UTC", utc, style.INK, TIPS["utc"]), Row("T+", t, running, TIPS["time"])
         turn = Row("RATE", turning, style.INK, TIPS["rate"])
-        motion = row("RANGE", style.ACCENT), row("CLOSING"), row("ACROSS"), turn
+        motion = row("RANGE", style.ACCENT), row("CLOSING"), row("ACROSS"), turn, row("PHASE")
         place = map(lvlh, ("RADIAL", "ALONG", "CROSS"), r.position_lvlh_m)
         frame = Row("", "IN TARGET'S LVLH", style.QUIET, TIPS["frame"])
-        where = frame, *place, row("PHASE"), row("SUN", sun)
+        where = frame, *place, row("SUN", sun)
         return flying, (*times, Row("PICTURE", *age, AGE_TIP)), motion, where
 
     def _write(
