@@ -57,6 +57,7 @@ class Film:
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
             self._file: Any = av.open(str(self._part), "w", format="mp4")
+            self._part.touch()  # libav opens the file with its first packet, too late to refuse
         except (OSError, ValueError, av.error.FFmpegError) as error:
             raise UserError(f"cannot write the film {path}: {error}") from error
         self._av: Any = av

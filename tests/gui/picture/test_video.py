@@ -51,6 +51,8 @@ def test_what_cannot_be_filmed_is_one_sentence(tmp_path: Path, monkeypatch: pyte
     (tmp_path / "file").touch()
     with pytest.raises(UserError, match="cannot write the film"):
         Film(tmp_path / "file" / "view.mp4")
+    with pytest.raises(UserError, match="cannot write the film"):
+        Film(tmp_path / ("a" * 300 + ".mp4"))
     monkeypatch.setitem(sys.modules, "av", None)
     with pytest.raises(UserError, match=r"pip install 'flyaround\[gui\]'"):
         Film(tmp_path / "view.mp4")
