@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 from flyaround.gui.command_table import command, number, word
 from flyaround.gui.jobs.mesh_import import MESHES, MeshImport
 from flyaround.gui.jobs.program import output_file
+from flyaround.gui.picture.decline_cause import exposure_note
 from flyaround.gui.picture.video import Film
 from flyaround.simulator.errors import UserError
 from flyaround.simulator.piloting.orders import Rechoose
@@ -57,7 +58,7 @@ def _film(console: Console, path: str | None = None) -> None:
         raise UserError(f"a film is being made already: {console.jobs.film.path}")
     name = f"{console.session.plan.scenario.name}-{console.clock_ms:09d}ms"
     console.jobs.film = Film(output_file(path, FOLDER, name, ".mp4"))
-    console.say(f"filming the view into {console.jobs.film.path}")
+    console.say(f"filming the view into {console.jobs.film.path}{exposure_note(console.feed.newest)}")
 
 
 def _film_end(console: Console) -> None:
