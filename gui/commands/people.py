@@ -32,7 +32,7 @@ def _step_font_scale(step: float, console: Console) -> None:
 
 
 def _help(console: Console, panel: str | None = None) -> None:
-    console.help.panel = panel or console.help.clicked or "camera"
+    console.help.panel = panel or console.help.hovered or console.help.clicked or "camera"
     console.open_panel("help", shown=True)
 
 
@@ -118,7 +118,9 @@ COMMANDS = (
     command("window.larger-text", partial(_step_font_scale, SCALE_STEP), "ctrl+equal"),
     command("window.smaller-text", partial(_step_font_scale, -SCALE_STEP), "ctrl+minus"),
     command("window.enlarge", _enlarge, "ctrl+m", PANEL),
-    command("help.panel", _help, "slash", word("panel", "its name; left out: clicked last", optional=True)),
+    command(
+        "help.panel", _help, "slash", word("panel", "its name; left out: under the mouse", optional=True)
+    ),
     command("help.tour", _tour),
     command("help.tour-next", lambda console: _tour_step(console, 1)),
     command("help.tour-back", lambda console: _tour_step(console, -1)),
