@@ -27,6 +27,7 @@ from flyaround.simulator.errors import UserError
 from flyaround.simulator.piloting.control_laws import SWITCHES
 from flyaround.simulator.piloting.flight_list import FlightList
 from flyaround.simulator.piloting.planned_burns import change_text as burns_text
+from flyaround.simulator.piloting.readouts import duration_text
 from flyaround.simulator.piloting.telemetry import telemetry_of
 from flyaround.simulator.runtime.files import probe_writing
 
@@ -196,6 +197,10 @@ class Console:
         jobs = [f"{job.text}: ends" for job in running_jobs(self.jobs) if job.end != "estimator.run"]
         flights = [
             f"{flight_text(flight)} {self.flights.lost_text(flight)}" for flight in self.flights.unsaved
+        ]
+        flights += [
+            f"{flight_text(flight)} has a dropped future of {duration_text(s)}, in no file: Swap future brings it back"
+            for flight, s in self.flights.dropped_s().items()
         ]
         return jobs + flights + [f"the text of {self.draft.name} is not saved"] * self.draft.changed
 
@@ -460,7 +465,7 @@ class Console:
             If there are not so many.
         """
         session, source = self.flights.left(which)
-        session.clock.paused = True
+        session.clock.rest()
         self._begin(session, source)
 
     def _begin(self, session: FlightSession, source: str) -> None:

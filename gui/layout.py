@@ -43,6 +43,7 @@ NARROW = 900.0
 """Window width in screen units, at scale 1, below which panels go under the view."""
 VERSION = 1  # version of the saved layout's file
 LARGEST_BYTES = 400_000
+SHADE = 0.4  # opacity of what covers everything beside a question
 ALWAYS = {"centre", "over"}  # places that stay while the side panels are hidden
 RIGHT, LEFT, BOTTOM = 0.295, 0.31, 0.26  # shares of the window that the docks take
 LOWEST, HIGHEST = 0.22, 0.5
@@ -305,6 +306,8 @@ class Layout:
         """Draw a panel; return True if the mouse is over it."""
         imgui, w, over = self._window.imgui, self._w, panel.place == "over"
         flags = imgui.WindowFlags_.no_collapse
+        if panel.modal:
+            self._shade(panel)
         if over:
             screen, scale = imgui.get_main_viewport(), self._window.scale
             (wide, tall), room = panel.size, screen.work_size
@@ -344,6 +347,19 @@ class Layout:
         if not stays or escaped:
             console.do(f"panel.{panel.name}", False)
         return hovered
+
+    def _shade(self, panel: Panel) -> None:
+        """Cover everything but a question, so that it alone takes clicks."""
+        imgui, screen = self._window.imgui, self._window.imgui.get_main_viewport()
+        imgui.set_next_window_pos(screen.pos)
+        imgui.set_next_window_size(screen.size)
+        imgui.set_next_window_bg_alpha(SHADE)
+        flags = imgui.WindowFlags_
+        imgui.begin("shade", None, flags.no_decoration | flags.no_docking | flags.no_saved_settings)
+        imgui.end()
+        for name in ("shade", _window_name(panel)):
+            if (native := imgui.internal.find_window_by_name(name)) is not None:
+                imgui.internal.bring_window_to_display_front(native)
 
     def _raise(self, console: Console, panel: Panel) -> None:
         """Give the next window the focus if a command opened it, and scroll its tab into sight."""

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 from flyaround.gui import style
 from flyaround.gui.widgets import Widgets
+from flyaround.simulator.piloting.docking_watch import REMEDY
 
 if TYPE_CHECKING:
     from flyaround.gui.console import Console
@@ -44,9 +45,13 @@ class StatusLine:
         ):
             self._master_caution(console)
             imgui.same_line()
-            if console.session.craft.steering.guard == "lifted":
-                w.button(console, "docking.keep-out", "scenario", label="KEEP-OUT LIFTED", fill=style.WARN)
-                imgui.same_line()
+            for shown, guard, label in (
+                (console.session.craft.steering.guard == "lifted", "scenario", "KEEP-OUT LIFTED"),
+                (any(REMEDY in m.text for m in console.waiting), "port", "CORRIDOR AT PORT"),
+            ):
+                if shown:
+                    w.button(console, "docking.keep-out", guard, label=label, fill=style.WARN)
+                    imgui.same_line()
             imgui.begin_group()
             rates = rates_text(console)
             right = imgui.get_cursor_pos_x() + w.width - imgui.calc_text_size(rates).x

@@ -270,7 +270,8 @@ class Panel(ABC):
 
     ``name`` is that of its command (``panel.NAME``), with its ``keys``. ``place`` is the initial dock (``over``: a
     floating window in the centre, of ``size`` at scale 1), ``shown`` is True if it is open initially, ``bare`` if it
-    draws up to its edges. Further attributes of a class are the initial state of its panels.
+    draws up to its edges, ``modal`` if nothing else takes clicks. Further attributes of a class are the
+    initial state of its panels.
     """
 
     name: str
@@ -278,7 +279,7 @@ class Panel(ABC):
     place: str
     shown: bool
     keys: tuple[str, ...] = ()
-    bare = False
+    bare = modal = False
     size = (760.0, 620.0)
 
     def __init__(self, window: Surface) -> None:

@@ -13,9 +13,11 @@ from flyaround.gui.commands.timeline import keep_flight
 from flyaround.gui.jobs.capture_job import MOST_FRAMES, MOST_WORKERS, CaptureRequest
 from flyaround.gui.jobs.flight_film import FlightFilm
 from flyaround.gui.jobs.program import output_file
+from flyaround.gui.picture.decline_cause import exposure_note
 from flyaround.gui.picture.view_settings import scenario_as_seen
 from flyaround.simulator.errors import UserError
 from flyaround.simulator.piloting.readouts import mission_time
+from flyaround.simulator.piloting.recorder import REPLAY_NAME
 from flyaround.simulator.runtime.files import new_path, write_atomic
 from flyaround.simulator.runtime.toml_text import to_toml
 from flyaround.simulator.scenario.load import built_in_name
@@ -64,7 +66,9 @@ def _start(
         )
         return
     console.jobs.capture.start(replace(request, what=_what(console, what)))
-    console.say(f"capturing {frames} frames of {what} into {place}")
+    # a replay is that of this flight, written as it is seen
+    note = exposure_note(console.feed.newest) if what == THIS or what.endswith(REPLAY_NAME) else ""
+    console.say(f"capturing {frames} frames of {what} into {place}{note}")
 
 
 def _resume(console: Console) -> None:
@@ -99,7 +103,8 @@ def _film(
     def begin(console: Console, replay: str) -> None:
         where.parent.mkdir(parents=True, exist_ok=True)
         console.jobs.flight_film = FlightFilm(where, (replay, *words))
-        console.say(f"rendering {where}, {width} pixels wide; Capture chooses size, speed and part")
+        note = exposure_note(console.feed.newest) or "; Capture chooses size, speed and part"
+        console.say(f"rendering {where}, {width} pixels wide{note}")
 
     keep_flight(console, None, begin, as_seen=True)
 

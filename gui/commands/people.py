@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 from flyaround.gui.command_table import command, number, word
 from flyaround.gui.jobs.mesh_import import MESHES, MeshImport
 from flyaround.gui.jobs.program import output_file
+from flyaround.gui.picture.decline_cause import exposure_note
 from flyaround.gui.picture.video import Film
 from flyaround.simulator.errors import UserError
 from flyaround.simulator.piloting.orders import Rechoose
@@ -31,7 +32,7 @@ def _step_font_scale(step: float, console: Console) -> None:
 
 
 def _help(console: Console, panel: str | None = None) -> None:
-    console.help.panel = panel or console.help.clicked or "camera"
+    console.help.panel = panel or console.help.hovered or console.help.clicked or "camera"
     console.open_panel("help", shown=True)
 
 
@@ -57,7 +58,7 @@ def _film(console: Console, path: str | None = None) -> None:
         raise UserError(f"a film is being made already: {console.jobs.film.path}")
     name = f"{console.session.plan.scenario.name}-{console.clock_ms:09d}ms"
     console.jobs.film = Film(output_file(path, FOLDER, name, ".mp4"))
-    console.say(f"filming the view into {console.jobs.film.path}")
+    console.say(f"filming the view into {console.jobs.film.path}{exposure_note(console.feed.newest)}")
 
 
 def _film_end(console: Console) -> None:
@@ -117,7 +118,9 @@ COMMANDS = (
     command("window.larger-text", partial(_step_font_scale, SCALE_STEP), "ctrl+equal"),
     command("window.smaller-text", partial(_step_font_scale, -SCALE_STEP), "ctrl+minus"),
     command("window.enlarge", _enlarge, "ctrl+m", PANEL),
-    command("help.panel", _help, "slash", word("panel", "its name; left out: clicked last", optional=True)),
+    command(
+        "help.panel", _help, "slash", word("panel", "its name; left out: under the mouse", optional=True)
+    ),
     command("help.tour", _tour),
     command("help.tour-next", lambda console: _tour_step(console, 1)),
     command("help.tour-back", lambda console: _tour_step(console, -1)),

@@ -7,10 +7,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from flyaround.gui import style
-from flyaround.gui.commands.hil import FAULT_S, FAULTS, LISTEN
+from flyaround.gui.commands.hil import FAULT_S, FAULTS, LISTEN, link_to
 from flyaround.gui.jobs.estimator_process import known_methods
 from flyaround.gui.jobs.hil_session import BIN_EDGES_MS
 from flyaround.gui.widgets import Panel
+from flyaround.simulator.errors import UserError
 
 if TYPE_CHECKING:
     from flyaround.gui.console import Console
@@ -39,6 +40,10 @@ class BoardLinkPanel(Panel):
         imgui.set_next_item_width(-1)
         _, self._url = imgui.input_text("##url", hil.url or self._url)
         imgui.end_disabled()
+        try:
+            link_to(self._url or LISTEN)
+        except UserError as error:
+            w.flaw(str(error))
         w.command_tip(console, "hil.start", argument="url")
         start = ("hil.stop",) if hil.on else ("hil.start", self._url)
         w.button(console, *start, width=w.width)

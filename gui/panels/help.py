@@ -16,7 +16,7 @@ GROUPS = texts("help")
 
 
 class HelpPanel(Panel):
-    """Description of the panel clicked last, opened with ?."""
+    """Description of the panel under the mouse, opened with ?."""
 
     name, title, place, shown = "help", "About this panel", "over", False
 

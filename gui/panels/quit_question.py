@@ -15,7 +15,7 @@ class QuitQuestion(Panel):
     """Question before quitting, with the jobs that it ends and the flights and texts that it discards."""
 
     name, title, place, shown = "quit", "Quit?", "over", False
-    size = (470.0, 230.0)
+    size, modal = (470.0, 230.0), True
 
     _keeps = False
     """True while flights are written before the console closes."""
@@ -56,7 +56,7 @@ class Question(Panel):
     """Question before a command drops a flight, or leaves one that is not kept."""
 
     name, title, place, shown = "question", "Before you go on", "over", False
-    size = (470.0, 170.0)
+    size, modal = (470.0, 170.0), True
 
     def draw(self, console: Console) -> None:
         """Draw into the current window."""

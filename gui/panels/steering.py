@@ -114,7 +114,9 @@ class SteeringPanel(Panel):
         shown = [text or here for text, here in zip(self._point, follows, strict=True)]
         flawed = any(a.flaw(text, "") for a, text in zip(arguments, shown, strict=True))
         place = here if flawed else np.round(start + np.array(shown, float), 3)
-        warning, colour = ("", style.QUIET) if flawed else fly_to_warning(craft, place)
+        warning, colour = ("" if flawed else HERE), style.QUIET
+        if any(self._point) and not flawed:
+            warning, colour = fly_to_warning(craft, place)
         w.lines(warning, colour, "about the straight way to the point")
         on = craft.steering.doing == FlyTo.title
         quiet = style.LIT if on else None if warning == HERE else style.PRIMARY

@@ -86,7 +86,7 @@ class TourPanel(Panel):
         if step < len(STEPS):
             w.text(f"{STEPS[step].text} The blue frame shows where.")
         else:
-            w.text("F1 lists every command and key; ? tells about the panel clicked last.")
+            w.text("F1 lists every command and key; ? tells about the panel under the mouse.")
         for name, label in (
             ("help.tour-back", "Back"),
             ("help.tour-next", "Skip this"),

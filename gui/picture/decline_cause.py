@@ -15,6 +15,7 @@ from flyaround.simulator.imaging.image_formation import noise_sigma
 from flyaround.simulator.piloting.docking_port import radius_m
 
 if TYPE_CHECKING:
+    from flyaround.gui.picture.feed import Picture
     from flyaround.simulator.frame import Frame
     from flyaround.simulator.targets.model import Target
 
@@ -27,6 +28,12 @@ LIT = 0.95
 CAUSES = texts("causes")
 BY_METER = "Expose by the meter"
 IN_SCENARIO = "change exposure_s in Scenario text, which a board's pictures follow"
+
+
+def exposure_note(picture: Picture | None) -> str:
+    """Return that the target is dark or burnt out in a picture, as the end of a sentence; empty if it is neither."""
+    cause = decline_cause(picture.frame, picture.target) if picture else ""
+    return f"; {cause}" if "exposure" in cause else ""
 
 
 def decline_cause(frame: Frame, target: Target, remedy: str = BY_METER) -> str:

@@ -8,11 +8,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterable, Sequence
 
     from flyaround.simulator.runtime.arrays import FloatArray
 
 Point = tuple[float, float]
+Rect = tuple[float, float, float, float]
 NEAR_PX = 8.0  # distance of a name without a leader line from its point
 FAR_PX = (26.0, 46.0, 70.0)  # distances of names with a leader line
 MARK_PX = 5.0  # half the size of a point's mark, which names must not cover
@@ -43,10 +44,10 @@ class PlacedLabel:
 def place_labels(
     points: Sequence[Point],
     sizes: Sequence[Point],
-    place: tuple[float, float, float, float],
+    place: Rect,
     *,
     last_choices: Sequence[int | None] = (),
-    obstacles: Sequence[tuple[float, float, float, float]] = (),
+    obstacles: Sequence[Rect] = (),
 ) -> list[PlacedLabel | None]:
     """Return a position for each name, or None if there is none left.
 
@@ -91,6 +92,12 @@ def place_labels(
         labels[k] = PlacedLabel(pixel_of(box), lead, choice)
         blocked.append(box + np.hstack([-GAP_PX, GAP_PX]))
     return labels
+
+
+def is_free(place: Rect, obstacles: Iterable[Rect]) -> bool:
+    """Return True if a rectangle touches none of others, each x, y, width, height."""
+    x, y, width, height = place
+    return all(x + width < a or a + w < x or y + height < b or b + h < y for a, b, w, h in obstacles)
 
 
 def candidates(anchor: FloatArray, size: Point) -> FloatArray:

@@ -11,6 +11,7 @@ import numpy as np
 from flyaround.gui import style
 from flyaround.gui.canvas import Canvas
 from flyaround.gui.picture.figures import AGE_TIP, FIGURES, age_text, flown_colour
+from flyaround.gui.picture.label_placement import is_free
 from flyaround.gui.picture.screen import exposure_fault, screen_picture
 from flyaround.gui.texts import texts
 from flyaround.gui.views.docking_hud import DockingHud
@@ -112,11 +113,12 @@ class CameraView(Panel):
             text = f"no new picture for {duration_text(feed.late_s)}"
             canvas.centred(within, text, console.preparing)
         elif self._fault:
-            x = box.x + (box.width - canvas.size(self._fault)[0]) / 2
-            # there are figures at the upper edge, and in the lower corners
-            rows = max((len(group) for group in groups), default=0) if beside is None else 0
-            low = box.y + box.height - (1.5 + rows) * self._line - (MARGIN if rows else 0.0)
-            self._write(canvas, (x, low), (Row("", self._fault, style.WARN, ""),))
+            width = canvas.size(self._fault)[0]
+            x, y = box.x + (box.width - width) / 2, box.y + box.height - 1.5 * self._line
+            # the lowest place at which it covers no figure
+            while y > box.y and not is_free((x - 8, y - 6, width + 16, self._line + 9), self._plates):
+                y -= self._line / 4
+            self._write(canvas, (x, y), (Row("", self._fault, style.WARN, ""),))
 
     # --- arrangement
 

@@ -12,6 +12,7 @@ from flyaround.gui import style
 from flyaround.gui.canvas import Canvas, point
 from flyaround.gui.picture.figures import AGE_TIP, age_text
 from flyaround.gui.picture.further import ORBIT_CAMERA
+from flyaround.gui.picture.label_placement import place_labels
 from flyaround.gui.picture.orbit_camera import ABOUT, FARTHEST_M, NEAREST_M, OrbitCamera
 from flyaround.gui.picture.orbit_picture import TRAIL_POINTS, ChaserMarks, chaser_marks
 from flyaround.gui.picture.screen import screen_picture
@@ -21,6 +22,7 @@ from flyaround.gui.widgets import Panel
 from flyaround.simulator.piloting.docking_port import radius_m
 
 if TYPE_CHECKING:
+    from flyaround.gui.canvas import Place
     from flyaround.gui.console import Console
     from flyaround.gui.picture.feed import Picture
 
@@ -65,8 +67,8 @@ class OrbitCameraView(Panel):
         canvas.clip(place[:2], place[2:])
         screen = partial(screen_picture, picture.frame)
         canvas.picture(self.name, picture, screen, (box.x, box.y, box.width, box.height))
-        self._target(canvas, box, picture)
-        self._chaser(canvas, box, self._marks_for(console, picture))
+        named = self._target(canvas, box, picture)
+        self._chaser(canvas, box, self._marks_for(console, picture), named)
         where = f"azimuth {look.azimuth_deg:.0f}°, elevation {look.elevation_deg:.0f}°, {look.distance_m:.1f} m away"
         text = f"about {look.about}: {where}"
         canvas.text((place[0] + 8, place[1] + 6), text, tip=texts("view-tips")["orbit"])
@@ -90,20 +92,31 @@ class OrbitCameraView(Panel):
             self._marks_of = picture
         return self._marks
 
-    def _target(self, canvas: Canvas, box: Letterbox, picture: Picture) -> None:
-        """Name the target, and mark it if its bounding sphere is smaller on the screen than a letter."""
+    def _target(self, canvas: Canvas, box: Letterbox, picture: Picture) -> list[Place]:
+        """Name the target, and mark it if its bounding sphere is smaller on the screen than a letter.
+
+        Returns
+        -------
+        list of Place
+            What the chaser's name must leave free: the named target, and its name.
+        """
         scene, target = picture.frame.scene, picture.target
         x, y, z = scene.camera_from_target.apply(np.array(target.mass.com_m))
         if z <= 0:
-            return
+            return []
         place, half = box.at(point(scene.camera.project([x, y, z]))), radius_m(target) / z
         half *= box.scale * scene.camera.fx_px
         if 2 * half < MARKED_BELOW_UNITS:
             canvas.diamond(place, 4.0, style.WARN)
-        if 2 * half < NAMED_BELOW_UNITS:
-            canvas.text((place[0] + max(half, 4.0) + 4, place[1] + 4), "target", style.WARN)
+        if 2 * half >= NAMED_BELOW_UNITS:
+            return []
+        half, (wide, high) = max(half, 4.0), canvas.size("target")
+        at = (place[0] + half + 4, place[1] + 4)
+        canvas.text(at, "target", style.WARN)
+        disc = (place[0] - half, place[1] - half, 2 * half, 2 * half)
+        return [disc, (at[0] - 6, at[1] - 2, wide + 12, high + 4)]
 
-    def _chaser(self, canvas: Canvas, box: Letterbox, marks: ChaserMarks) -> None:
+    def _chaser(self, canvas: Canvas, box: Letterbox, marks: ChaserMarks, named: list[Place]) -> None:
         canvas.stroke(box.all_at(marks.trail), (*style.ACCENT[:3], 0.9), 1.5)
         for line in box.all_at(marks.frustum):
             canvas.stroke(line, style.INK, 1.2)
@@ -112,7 +125,10 @@ class OrbitCameraView(Panel):
         x, y = point(box.all_at(marks.place))
         if box.x < x < box.x + box.width and box.y < y < box.y + box.height:
             canvas.dot((x, y), 3.0, style.ACCENT)
-            canvas.text((x + 8, y + 4), "chaser", style.ACCENT)
+            within, size = (box.x, box.y, box.width, box.height), canvas.size("chaser")
+            for label in filter(None, place_labels([(x, y)], [size], within, obstacles=named)):
+                canvas.stroke([(x, y), label.lead or (x, y)], style.ACCENT, 1.0)
+                canvas.text(label.corner, "chaser", style.ACCENT)
         else:
             away = f"the chaser is out of view, {marks.range_m:.0f} m away: Reset view"
             at = (box.x + 8, box.y + box.height / 2)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from flyaround.gui import style
 from flyaround.gui.canvas import Canvas
-from flyaround.gui.picture.label_placement import PlacedLabel, place_labels
+from flyaround.gui.picture.label_placement import PlacedLabel, is_free, place_labels
 from flyaround.gui.picture.truth_overlay import Marker, Marks, Seen
 
 if TYPE_CHECKING:
@@ -77,10 +77,7 @@ class TruthMarks:
             name, (left, top), low = picture.target.name, corners[0], corners[2][1]
             width, height = canvas.size(name)
             for y in (max(top - height, box.y), low, top):
-                if all(
-                    left + width < a or a + w < left or y + height < b or b + h < y
-                    for a, b, w, h in obstacles
-                ):
+                if is_free((left, y, width, height), obstacles):
                     canvas.text((left, y), name, style.WARN)
                     obstacles = (*obstacles, (left, y, width, height))
                     break

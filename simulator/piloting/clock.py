@@ -79,6 +79,11 @@ class FlightClock:
         """Resume, at no more than 1x."""
         self.jump, self.rate, self.paused = "", min(self.rate, 1.0), False
 
+    def rest(self) -> None:
+        """Pause, at no more than 1x."""
+        self.slow_down()
+        self.paused = True
+
     # --- steps
 
     @property

@@ -26,6 +26,8 @@ class FlightList:
         Flights that the operator flew and that are in no file, or flew on since.
     kept_s : dict of FlightSession to float, optional
         Time until which the file of a kept flight is the flight [s].
+    beside : dict of FlightSession to tuple, optional
+        Start and end of the dropped future of a kept flight, None without one, when it was kept [s].
     former : list of tuple, optional
         Flights that were left, each with its source, the last one at the end: it, and those that are in no file.
     """
@@ -33,6 +35,7 @@ class FlightList:
     files: list[str] = field(default_factory=list)
     unsaved: list[FlightSession] = field(default_factory=list)
     kept_s: dict[FlightSession, float] = field(default_factory=dict)
+    beside: dict[FlightSession, tuple[float, float] | None] = field(default_factory=dict)
     former: list[tuple[FlightSession, str]] = field(default_factory=list)
 
     def lost_text(self, flight: FlightSession) -> str:
@@ -52,6 +55,16 @@ class FlightList:
             return "has another future than its file"
         return f"has {duration_text(since_s)} flown since its file was written"
 
+    def dropped_s(self) -> dict[FlightSession, float]:
+        """Return the operator's flights with a dropped future that is in no file, and its length [s]."""
+        dropped = {}
+        for flight in dict.fromkeys([*self.unsaved, *self.kept_s]):
+            left_s = flight.look_back.timeline.left_s
+            # what was dropped after the flight was kept is in its file
+            if left_s and self.beside.get(flight, left_s) == left_s and left_s[1] - left_s[0] > LEAST_LOST_S:
+                dropped[flight] = left_s[1] - left_s[0]
+        return dropped
+
     def note_flown_on(self, flight: FlightSession, from_s: float) -> None:
         """Count a kept flight as unsaved again once it has flown on, from a time on."""
         if flight not in self.kept_s or flight.look_back.active or flight.craft.steered is None:
@@ -68,12 +81,14 @@ class FlightList:
 
     def keep(self, flight: FlightSession) -> None:
         """Count a flight as kept to its present end."""
-        self.kept_s[flight] = flight.look_back.timeline.end_s
+        timeline = flight.look_back.timeline
+        self.kept_s[flight], self.beside[flight] = timeline.end_s, timeline.left_s
         self.unsaved = [other for other in self.unsaved if other is not flight]
 
     def give_up(self, flight: FlightSession) -> None:
         """Count a flight that was not written as unsaved again."""
         self.kept_s.pop(flight, None)
+        self.beside.pop(flight, None)
         self.note_own(flight)
 
     def leave(self, flight: FlightSession, source: str, following: FlightSession) -> None:

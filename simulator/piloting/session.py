@@ -246,7 +246,9 @@ class FlightSession:
         if self.look_back.active and not (steering.takes_over or self.look_back.changed):
             self._left = self._hold_points_left()
             if not self.clock.paused and self.look_back.play(dt_s * self.clock.rate):
-                self.clock.paused = True
+                if self.clock.rate > 1.0:
+                    steering.news.append(("note", "the replay has ended; time runs at 1x again"))
+                self.clock.rest()
             return replace(self.state, news=(*news, *steering.pop_news()))
         self.look_back.fly_on()
         if steering.takes_over:

@@ -129,3 +129,31 @@ def test_an_opened_flight_waits_for_play_and_stays_whole_under_every_panel(
     assert session.look_back.replays
     assert session.look_back.timeline.end_s == pytest.approx(3.0, abs=0.11)
     screen.close()
+
+
+@pytest.mark.parametrize("rate", ["10", "0.5"])
+def test_time_runs_at_1x_after_a_replay_and_in_a_flight_that_is_opened_again(
+    console: Console, rate: str
+) -> None:
+    console.do("steer.toggle")
+    for _ in range(40):
+        console.pass_time(200)
+    console.do("timeline.seek", 1.0)
+    console.do("time.rate", rate)
+    console.do("time.pause")
+    for _ in range(200):
+        console.pass_time(200)
+        if console.session.clock.paused:
+            break
+    clock = console.session.clock
+    assert not console.session.look_back.active
+    assert clock.paused
+    assert clock.rate == min(float(rate), 1.0)
+    assert any("time runs at 1x again" in m.text for m in console.messages) == (float(rate) > 1.0)
+    # left at a rate for another flight
+    console.do("time.rate", rate)
+    console._begin(type(console.session).of(console.session.plan.scenario), "")
+    console.do("scenario.back")
+    assert console.session.clock is clock
+    assert clock.paused
+    assert clock.rate == min(float(rate), 1.0)

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from pathlib import Path
+from types import SimpleNamespace
 
 import msgspec
+import numpy as np
 import pytest
 
 from flyaround.gui.app import command_table
@@ -13,7 +15,9 @@ from flyaround.gui.commands.hil import FAULTS
 from flyaround.gui.console import Console
 from flyaround.gui.jobs.all import running_jobs
 from flyaround.gui.jobs.capture_job import CaptureRequest
+from flyaround.gui.picture.feed import Picture
 from flyaround.gui.transport import JobStrip
+from flyaround.simulator.frame import NO_RADIANCE, Frame
 from flyaround.simulator.piloting.session import FlightSession
 from flyaround.simulator.scenario.load import load_scenario
 from tests.harness.flown_console import console_flying
@@ -56,6 +60,37 @@ def test_a_capture_of_the_flight_is_of_its_scenario(console: Console, asked: lis
     console.do("capture.start", 0)
     assert "from 1 to" in console.messages[-1].text
     assert len(asked) == 2
+
+
+@pytest.mark.parametrize(("level", "word"), [(0, "dark"), (255, "burnt out"), (90, "")])
+@pytest.mark.parametrize(
+    ("line", "follows"),
+    [
+        ("film.start", True),
+        ("film.flight", True),
+        ("capture.start 5", True),
+        ("capture.start 5 what-i-flew", True),
+        ("capture.start 5 eval-black", False),
+    ],
+)
+@pytest.mark.usefixtures("asked")
+def test_a_film_and_a_capture_say_that_they_will_be_dark_or_burnt_out(
+    console: Console, monkeypatch: pytest.MonkeyPatch, line: str, *, follows: bool, level: int, word: str
+) -> None:
+    film = SimpleNamespace(path=Path("film.mp4"), share=0.0, update=lambda: None, close=lambda: None)
+    monkeypatch.setattr("flyaround.gui.commands.capture.FlightFilm", lambda *_: film)
+    session, scene = console.session, console.session.scene()
+    image = np.full((scene.camera.height_px, scene.camera.width_px), level, np.uint8)
+    console.feed.newest = Picture(Frame(scene, image, NO_RADIANCE), session.state, session.plan.target, 1)
+    console.pass_time(200)
+    console.do_line(line)
+    for _ in range(100):
+        console.pass_time(20)
+    said = next(m.text for m in console.messages if m.text.startswith(("filming", "rendering", "capturing")))
+    assert ("Expose by the meter" in said) == (follows and bool(word))
+    assert not follows or word in said
+    if console.jobs.film is not None:
+        console.do("film.stop")
 
 
 def test_an_edited_flight_is_captured_as_it_was_edited(console: Console, asked: list[CaptureRequest]) -> None:

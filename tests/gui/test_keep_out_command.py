@@ -65,6 +65,19 @@ def test_the_autopilot_reaches_a_tumbling_port_unless_the_corridor_is_fixed(guar
     assert again.session.craft.chaser == console.session.craft.chaser
 
 
+def test_a_button_beside_the_caution_is_its_remedy(screen: Pointer) -> None:
+    console = screen.console
+    assert not screen.has("CORRIDOR AT PORT")
+    console.do("docking.approach", True)
+    screen.turn()
+    screen.press("CORRIDOR AT PORT")
+    console.pass_time(20)
+    screen.turn()
+    assert console.session.craft.steering.guard == "port"
+    assert console.waiting == []
+    assert not screen.has("CORRIDOR AT PORT")
+
+
 def test_the_caution_names_the_remedy_and_ends_with_it() -> None:
     console = console_flying(TUMBLING)
     console.do("docking.approach", True)

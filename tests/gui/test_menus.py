@@ -78,7 +78,20 @@ def test_the_result_of_a_job_stays_beside_a_caution_until_it_is_seen(screen: Poi
     assert "filmed out/view.mp4" not in screen.texts()
 
 
-def test_help_is_about_the_panel_clicked_last() -> None:
+def test_help_is_about_the_panel_under_the_pointer() -> None:
+    screen = Pointer("tango-space-10m", opened=("steering",))
+    console = screen.console
+    x, y, width, _ = screen.rect("steering")
+    screen.click((x + width - 40.0, y + 8.0))
+    x, y, width, height = screen.rect("lvlh-map")
+    screen.move((x + width / 2, y + height - 20.0))
+    screen.turn()
+    console.do("help.panel")
+    assert console.help.panel == "lvlh-map"
+    screen.close()
+
+
+def test_help_is_about_the_panel_clicked_last_if_the_pointer_is_over_none() -> None:
     screen = Pointer("tango-space-10m", opened=("steering",))
     console = screen.console
     x, y, width, _ = screen.rect("steering")

@@ -274,3 +274,49 @@ def test_keeping_all_does_not_quit_over_a_text_that_is_not_saved(screen: Pointer
         screen.turn()
     assert not console.window.close
     assert any("the text of" in text for text in screen.texts())
+
+
+@pytest.mark.parametrize("label", ["Dock", "Pause", "Camera"])
+@pytest.mark.parametrize("question", ["quit", "question"])
+def test_only_the_question_takes_clicks(question: str, label: str) -> None:
+    screen = Pointer("tango-flyaround")
+    console = screen.console
+    console.do("docking.approach")
+    console.pass_time(200)
+    console.do(*(["window.quit"] if question == "quit" else ["scenario.open", "tango-close-3m"]))
+    for _ in range(3):
+        screen.turn()
+    place = screen.menus.get(label) or screen.place(label)
+    before = dict(console.shown), console.window.layout, console.session.clock.paused
+    screen.click(place)
+    assert (dict(console.shown), console.window.layout, console.session.clock.paused) == before
+    assert not screen.opened
+    # the question is still in front, and takes them
+    screen.press("Stay")
+    for _ in range(3):
+        screen.turn()
+    assert not console.shown[question]
+    screen.click(place)
+    now = dict(console.shown), console.window.layout, console.session.clock.paused
+    assert screen.opened or now != (before[0] | {question: False}, *before[1:])
+    screen.close()
+
+
+@pytest.mark.parametrize("kept", [False, True])
+def test_the_other_future_is_named(screen: Pointer, tmp_path: Path, *, kept: bool) -> None:
+    console = screen.console
+    console.do("steer.toggle")
+    for _ in range(40):
+        console.pass_time(200)
+    assert not any("dropped future" in text for text in console.losses)
+    console.do("timeline.seek", 2.0)
+    console.do("timeline.fly-on", asks=False)
+    console.pass_time(200)
+    if kept:
+        console.do("timeline.keep", str(tmp_path / "mine"))
+        while console.jobs.keeping:
+            console.pass_time(0)
+    screen.menu("File", "Quit")
+    (named,) = [text for text in screen.texts() if "dropped future" in text]
+    assert "tango-flyaround" in named
+    assert "6 s" in named

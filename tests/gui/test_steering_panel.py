@@ -50,6 +50,23 @@ def test_fly_there_stays_here_unless_a_point_was_typed(window: HeadlessWindow, c
     assert place == pytest.approx(here, abs=0.006)
 
 
+@pytest.mark.parametrize("from_here", [False, True])
+def test_nothing_warns_of_a_point_that_nobody_typed(
+    window: HeadlessWindow, console: Console, monkeypatch: pytest.MonkeyPatch, *, from_here: bool
+) -> None:
+    panel = SteeringPanel(window)
+    craft = type(console.session.craft)
+    monkeypatch.setattr(craft, "risk_of", lambda *_: "leads through the keep-out sphere of 12 m")
+    if from_here:
+        window.press("Counted from here", lambda: panel.draw(console), height=1400.0)
+    window.noted.clear()
+    with window.panel("pressed", 420.0, 1400.0):
+        panel.draw(console)
+    labels = [n.label for n in window.noted]
+    assert any(label.startswith("Fly there###") for label in labels)
+    assert not any("Fly there anyway" in label or "keep-out sphere of" in label for label in labels)
+
+
 def test_a_way_from_here_begins_with_none(window: HeadlessWindow, console: Console) -> None:
     panel = SteeringPanel(window)
     here = console.session.craft.state_lvlh()[0]

@@ -19,6 +19,7 @@ from flyaround.gui.widgets import Panel
 from flyaround.simulator.piloting.readouts import mission_time
 from tests.harness.flown_console import console_flying
 from tests.harness.headless_imgui import HeadlessWindow
+from tests.harness.pointer import Pointer
 
 
 @pytest.fixture
@@ -352,3 +353,19 @@ def test_a_hover_text_shows_no_digits_that_nobody_typed(console: Console) -> Non
     place = (-0.123456789012345, 29.770000000000003, 1 / 3)
     (line,) = console.table["guidance.waypoint"].hover_text(*place).splitlines()[-1:]
     assert line == "guidance.waypoint -0.123457 29.77 0.333333"
+
+
+@pytest.mark.parametrize("address", ["tcp://0.0.0.0:5600", "nonsense", "tcp://127.0.0.1:port"])
+def test_the_address_of_a_board_is_framed_while_it_is_refused(address: str) -> None:
+    screen = Pointer("tango-space-10m", opened=("board-link",))
+    assert not screen.framed(style.BAD)
+    screen.type(screen.sight("##url"), address)
+    screen.turn()
+    assert screen.framed(style.BAD)
+    refusal = screen.console.attempt("hil.start", address)
+    assert refusal
+    assert any(refusal.startswith(text) for text in screen.texts() if len(text) > 20)
+    screen.type(screen.sight("##url"), "tcp://127.0.0.1:5601")
+    screen.turn()
+    assert not screen.framed(style.BAD)
+    screen.close()

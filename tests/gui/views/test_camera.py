@@ -2,12 +2,18 @@
 
 from __future__ import annotations
 
+from typing import Any
+
+import numpy as np
 import pytest
 
 from flyaround.gui import style
 from flyaround.gui.canvas import Canvas
+from flyaround.gui.picture.feed import Picture
 from flyaround.gui.views.camera import CameraView, Row
+from flyaround.simulator.frame import NO_RADIANCE, Frame
 from tests.harness.headless_imgui import HeadlessWindow
+from tests.harness.pointer import Pointer
 
 GROUPS = tuple(
     tuple(Row("RANGE", "    10.000 m", style.INK, "") for _ in range(count)) for count in (2, 3, 4, 5)
@@ -64,3 +70,40 @@ def test_the_mode_leaves_the_time_legible(window: HeadlessWindow, width: float, 
         assert x + wide <= width
         for u, v, broad, high in plates[:k]:
             assert x >= u + broad or u >= x + wide or y >= v + high or v >= y + tall, "two plates overlap"
+
+
+@pytest.mark.parametrize("size", [(1280, 800), (1920, 1080)])
+@pytest.mark.parametrize("layout", ["first", "dock", "fly"])
+@pytest.mark.parametrize("docking", [False, True])
+def test_the_warning_of_the_exposure_covers_nothing(
+    monkeypatch: pytest.MonkeyPatch, size: tuple[int, int], layout: str, *, docking: bool
+) -> None:
+    boxes: dict[str, tuple[float, ...]] = {}
+    real = Canvas.plain_text
+
+    def noting(canvas: Canvas, at: tuple[float, float], text: str, *rest: Any, **options: Any) -> None:
+        width, height = canvas.size(text)
+        boxes[text] = (*at, at[0] + width, at[1] + height)
+        real(canvas, at, text, *rest, **options)
+
+    screen = Pointer("tango-flyaround", size)
+    console = screen.console
+    session, scene = console.session, console.session.scene()
+    image = np.zeros((scene.camera.height_px, scene.camera.width_px), np.uint8)
+    console.feed.newest = Picture(Frame(scene, image, NO_RADIANCE), session.state, session.plan.target, 1)
+    console.do_line(f"layout.{layout}")
+    console.do("overlay.docking", docking)
+    for _ in range(6):
+        screen.turn()
+    monkeypatch.setattr(Canvas, "plain_text", noting)
+    screen.turn()
+    screen.close()
+    warning = next(text for text in boxes if text.startswith("dark at"))
+    covered = [
+        text for text, box in boxes.items() if text and text != warning and overlap(box, boxes[warning])
+    ]
+    assert not covered
+
+
+def overlap(a: tuple[float, ...], b: tuple[float, ...]) -> bool:
+    return a[0] < b[2] and b[0] < a[2] and a[1] < b[3] and b[1] < a[3]

@@ -27,13 +27,20 @@ pytest.importorskip("imgui_bundle", reason="the gui extra is not installed")
 VIEW = (600.0, 400.0)
 
 
-@pytest.mark.parametrize(("diameter_units", "marks"), [(60.0, []), (30.0, ["target"]), (12.0, ["target"])])
-@pytest.mark.parametrize("target", ["envisat", "tango", "cubesat-1u"])
-def test_the_target_is_marked_by_its_projected_diameter(
-    monkeypatch: pytest.MonkeyPatch, target: str, diameter_units: float, marks: list[str]
-) -> None:
-    written: list[str] = []
-    monkeypatch.setattr(Canvas, "text", lambda _canvas, _at, text, *_rest, **_options: written.append(text))
+def texts_of(
+    monkeypatch: pytest.MonkeyPatch,
+    target: str,
+    diameter_units: float,
+    turn_deg: tuple[float, float] = (0.0, 0.0),
+) -> dict[str, tuple[float, ...]]:
+    """Draw the target with this diameter; return each text's left, top, right and bottom."""
+    written: dict[str, tuple[float, ...]] = {}
+
+    def text(canvas: Canvas, at: tuple[float, float], text: str, *_rest: Any, **_options: Any) -> None:
+        width, height = canvas.size(text)
+        written[text] = (*at, at[0] + width, at[1] + height)
+
+    monkeypatch.setattr(Canvas, "text", text)
     scenario = msgspec.structs.replace(load_scenario("tango-space-10m"), target=target)
     console = console_flying(scenario)
     session, look = console.session, console.options.orbit
@@ -42,7 +49,7 @@ def test_the_target_is_marked_by_its_projected_diameter(
     camera = orbit_scene(session, settings, look, 1, "draft").camera
     box = Letterbox.fit((camera.width_px, camera.height_px), (0.0, 0.0, *VIEW))
     distance_m = camera.fx_px * box.scale * 2 * radius_m(session.plan.target) / diameter_units
-    look.place(look.azimuth_deg, look.elevation_deg, distance_m)
+    look.place(look.azimuth_deg + turn_deg[0], look.elevation_deg + turn_deg[1], distance_m)
     scene = orbit_scene(session, settings, look, 1, "draft")
     truth: Any = None
     image = np.zeros((camera.height_px, camera.width_px), np.uint8)
@@ -56,7 +63,28 @@ def test_the_target_is_marked_by_its_projected_diameter(
     finally:
         window.close()
         console.close()
-    assert [text for text in written if text == "target"] == marks
+    return written
+
+
+@pytest.mark.parametrize(("diameter_units", "named"), [(60.0, False), (30.0, True), (12.0, True)])
+@pytest.mark.parametrize("target", ["envisat", "tango", "cubesat-1u"])
+def test_the_target_is_marked_by_its_projected_diameter(
+    monkeypatch: pytest.MonkeyPatch, target: str, diameter_units: float, *, named: bool
+) -> None:
+    assert ("target" in texts_of(monkeypatch, target, diameter_units)) == named
+
+
+@pytest.mark.parametrize("diameter_units", [40.0, 12.0, 4.0, 1.0])
+@pytest.mark.parametrize("turn_deg", [(a, e) for a in range(0, 360, 45) for e in (-60.0, 0.0)])
+def test_the_names_of_both_craft_do_not_touch(
+    monkeypatch: pytest.MonkeyPatch, diameter_units: float, turn_deg: tuple[float, float]
+) -> None:
+    written = texts_of(monkeypatch, "tango", diameter_units, turn_deg)
+    if "chaser" in written:
+        a, b = written["target"], written["chaser"]
+        gap = 2.0
+        assert a[0] >= b[2] + gap or b[0] >= a[2] + gap or a[1] >= b[3] + gap or b[1] >= a[3] + gap
+    assert "chaser" in written or any("out of view" in text for text in written)
 
 
 @pytest.mark.parametrize(
