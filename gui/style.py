@@ -69,12 +69,6 @@ def over(front: Rgba, back: Rgba) -> Rgba:
     return (r, g, b, 1.0)
 
 
-def contrast(front: Rgba, back: Rgba) -> float:
-    """Return the contrast ratio of a colour over an opaque one, from 1 to 21 (WCAG 2.1: 4.5 for text, 3 for lines)."""
-    bright, dark = sorted((luminance(over(front, back)), luminance(back)), reverse=True)
-    return (bright + 0.05) / (dark + 0.05)
-
-
 def letters_on(fill: Rgba) -> Rgba:
     """Return the text colour on a fill: dark on a bright one."""
     return GROUND if luminance(over(fill, GROUND)) > BRIGHT else INK

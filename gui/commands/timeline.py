@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from flyaround.gui.command_table import Argument, command, moment, word
 from flyaround.gui.jobs.flight_keeping import FlightKeeping
+from flyaround.gui.jobs.program import FOLDER
 from flyaround.gui.picture.view_settings import scenario_as_seen
 from flyaround.simulator.errors import UserError
 from flyaround.simulator.piloting.flown_files import FlownFiles, free_folder
@@ -19,7 +20,7 @@ if TYPE_CHECKING:
     from flyaround.gui.console import Console
     from flyaround.simulator.piloting.session import FlightSession
 
-FOLDER = Path("out") / "console" / "flights"
+FLIGHTS = FOLDER / "flights"
 SKIP_S = 10.0
 FRAMES = 50
 """Default number of frames of a data set."""
@@ -90,7 +91,7 @@ def keep_flight(
     """Begin to write a flown flight; ``as_seen`` gives its replay the operator's camera, exposure and lights."""
     session = session or console.session
     scenario = session.plan.scenario
-    where = free_folder(FOLDER, scenario.name) if folder is None else Path(folder)
+    where = free_folder(FLIGHTS, scenario.name) if folder is None else Path(folder)
     seen = scenario_as_seen(scenario, console.options.settings) if as_seen else None
     files = FlownFiles(session, where, seen)
     fail = partial(console.say, level="caution", of="timeline.keep")

@@ -22,6 +22,8 @@ PATIENCE_S = 8.0
 """Grace period before a program is killed."""
 MOST_BYTES = 200_000
 """Largest number of output bytes that are read."""
+FOLDER = Path("out") / "console"
+"""Folder of files that the operator does not name."""
 
 
 class ChildProgram:
@@ -109,8 +111,8 @@ def _read(fd: int) -> str:
     return os.pread(fd, MOST_BYTES, 0).decode("utf-8", errors="replace")
 
 
-def output_file(named: str | None, base: Path, name: str, suffix: str) -> Path:
-    """Return the file that an operator named, or a new one in ``base``.
+def output_file(named: str | None, name: str, suffix: str) -> Path:
+    """Return the file that an operator named, or a new one in `FOLDER`.
 
     Raises
     ------
@@ -118,7 +120,7 @@ def output_file(named: str | None, base: Path, name: str, suffix: str) -> Path:
         If the named file exists.
     """
     if named is None:
-        return new_path(base, name, suffix)
+        return new_path(FOLDER, name, suffix)
     if Path(named).exists():
         raise UserError(f"{named} exists already; name another file")
     return Path(named)
