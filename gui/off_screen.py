@@ -57,11 +57,6 @@ class OffScreen(Surface):
         """Width and height in pixels."""
         return float(self._size[0]), float(self._size[1])
 
-    @property
-    def framebuffer_size(self) -> tuple[int, int]:
-        """Width and height in pixels."""
-        return self._size
-
     def wait(self, longest_s: float) -> bool:
         """Let time pass; no input comes."""
         time.sleep(longest_s)

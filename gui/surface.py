@@ -144,9 +144,9 @@ class Surface(ABC):
         """Width and height in screen units."""
 
     @property
-    @abstractmethod
     def framebuffer_size(self) -> tuple[int, int]:
         """Width and height in pixels."""
+        return int(self.size[0]), int(self.size[1])
 
     def stay_open(self) -> None:  # noqa: B027 - only a window has a close button
         """Take back the operator's request to close it."""

@@ -70,25 +70,16 @@ def _fly_lights(console: Console) -> None:
 
 
 LIGHT = Argument("light", "whole", "its number in the panel, from 0", least=0, most=MAX_LIGHTS)
+FIELD = word("field", "as [lamp] or [[lights]] of a scenario")
+TERM = word("value", "a number, in the unit that the panel shows")
 KIND = word("kind", "on the chaser, or a luminous area", tuple(light_settings.NEW_LIGHTS))
 
 COMMANDS = (
     command("camera.use", _use, word("camera", "name of the camera", (SCENARIO, *list_cameras()))),
-    command(
-        "sensor.set",
-        _set,
-        word("name", "of the number"),
-        word("value", "a number, in the unit that the panel shows"),
-    ),
+    command("sensor.set", _set, word("name", "of the number"), TERM),
     command("sensor.reset", _reset),
     command("light.switch", _switch, LIGHT, STATE),
-    command(
-        "light.set",
-        _change,
-        LIGHT,
-        word("field", "as [lamp] or [[lights]] of a scenario"),
-        word("value", "a, or a,b,c"),
-    ),
+    command("light.set", _change, LIGHT, FIELD, word("value", "a, or a,b,c")),
     command("light.add", _add, KIND),
     command("light.remove", lambda console, light: _replace(console, light, lambda _: ()), LIGHT),
     command("light.reset", lambda console: setattr(console.options.settings, "lights", None)),

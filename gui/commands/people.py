@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 
 LEAST_SCALE, MOST_SCALE, SCALE_STEP = 0.6, 2.5, 0.1  # limits and step of the font scale
 TOUR_STEPS = 6
+SCALE = number("scale", "as large as at first", LEAST_SCALE, MOST_SCALE, "times")
 PANEL = word("panel", "its name; left out: under the mouse", optional=True)
 
 
@@ -123,11 +124,7 @@ COMMANDS = (
         "settings.undo", partial(_step_settings, "settings.undo", "undone: {} (Ctrl+Y redoes it)"), "ctrl+z"
     ),
     command("settings.redo", partial(_step_settings, "settings.redo", "redone: {}"), "ctrl+y"),
-    command(
-        "window.text-size",
-        _font_scale,
-        number("scale", "as large as at first", LEAST_SCALE, MOST_SCALE, "times"),
-    ),
+    command("window.text-size", _font_scale, SCALE),
     command("window.larger-text", partial(_step_font_scale, SCALE_STEP), "ctrl+equal"),
     command("window.smaller-text", partial(_step_font_scale, -SCALE_STEP), "ctrl+minus"),
     command("window.enlarge", _enlarge, "ctrl+m", PANEL),

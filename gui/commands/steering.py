@@ -87,6 +87,8 @@ def _stick_lost(console: Console) -> None:
     console.say(f"the gamepad was disconnected{stopped}", level, "steer.stick-thrust")
 
 
+ATTITUDE = word("mode", "what is kept", ATTITUDE_MODES, optional=True)
+
 COMMANDS = (
     switch("steer.arm", _arm, lambda console: bool(console.hand.armed), "ctrl+h", "insert"),
     *(
@@ -108,13 +110,7 @@ COMMANDS = (
     command("steer.reset", _reset, "ctrl+g", flies=True),
     _control("steer.lvlh", "n", "axes", "lvlh", "camera"),
     _control("steer.pulses", "m", "thrust", "pulse", "continuous"),
-    command(
-        "steer.attitude",
-        _attitude,
-        "y",
-        word("mode", "what is kept", ATTITUDE_MODES, optional=True),
-        flies=True,
-    ),
+    command("steer.attitude", _attitude, "y", ATTITUDE, flies=True),
     command("steer.pulse", order(Pulse), word("direction", "as keys", SWITCHES), flies=True),
     command(
         "steer.stick-thrust", partial(_stick, "thrust"), *_shares("right", "down", "forward"), flies=True

@@ -70,6 +70,10 @@ def _bookmark(console: Console, note: str = "") -> None:
     console.say(f"bookmark at {mission_time(mark.t_s)}{': ' if mark.note else ''}{mark.note}")
 
 
+def _unbookmark(console: Console, t_s: float | None = None) -> None:
+    console.session.look_back.timeline.unbookmark(console.session.t_s if t_s is None else t_s)
+
+
 def _stop_keeping(console: Console) -> None:
     if console.jobs.keeping:
         console.jobs.keeping.pop(0).cancel()
@@ -118,6 +122,9 @@ def _hil(console: Console) -> None:
     console.open_panel("board-link", shown=True)
 
 
+COUNT = Argument("frames", "whole", "how many; 50 unless given", least=1, most=10_000, optional=True)
+NEAR = moment("time", "near this time; left out: near now", optional=True)
+
 COMMANDS = (
     command("timeline.seek", _seek, moment("time", "since the scenario's start")),
     command("timeline.step-back", _step_back, "comma"),
@@ -128,18 +135,10 @@ COMMANDS = (
     command("timeline.fly-on", _fly_on, "ctrl+enter"),
     command("timeline.other-future", _other_future),
     command("timeline.bookmark", _bookmark, "ctrl+b", word("note", "a line", optional=True)),
-    command(
-        "timeline.unbookmark",
-        lambda c, t_s=None: c.session.look_back.timeline.unbookmark(c.session.t_s if t_s is None else t_s),
-        moment("time", "near this time; left out: near now", optional=True),
-    ),
+    command("timeline.unbookmark", _unbookmark, NEAR),
     command("timeline.keep", keep_flight, word("folder", "empty or to be made", optional=True)),
     command("timeline.keep-all", _keep_all),
     command("timeline.keep-stop", _stop_keeping),
-    command(
-        "timeline.dataset",
-        _dataset,
-        Argument("frames", "whole", "how many; 50 unless given", least=1, most=10_000, optional=True),
-    ),
+    command("timeline.dataset", _dataset, COUNT),
     command("timeline.hil", _hil),
 )
