@@ -7,15 +7,13 @@ from __future__ import annotations
 
 import math
 import shlex
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Literal
 
 from flyaround.gui.texts import texts
 from flyaround.simulator.errors import UserError
 from flyaround.simulator.piloting.readouts import mission_seconds
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Iterator, Sequence
 
 Kind = Literal["number", "time", "whole", "word", "switch"]
 Value = float | int | str | bool

@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 from collections import deque
-from typing import TYPE_CHECKING, Any, NamedTuple
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
+from collections.abc import Callable
+from typing import Any, NamedTuple
 
 REST_FRAMES = 3
 """Frames without keys after a click, or a key with Ctrl, Escape or Enter, in which the window draws its effect."""

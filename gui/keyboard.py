@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable, Iterable
+from typing import Any
 
 from flyaround.gui.key_queue import KeyQueue
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable
 
 
 class Keys:

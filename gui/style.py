@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import Any
 
 from flyaround.gui.texts import texts
-
-if TYPE_CHECKING:
-    from typing import Any
 
 Rgba = tuple[float, float, float, float]
 

@@ -9,7 +9,6 @@ import time
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import cv2
 import msgspec
@@ -19,11 +18,9 @@ from flyaround.gui.jobs.program import ChildProgram
 from flyaround.simulator.camera.encoding import Encoding, decode
 from flyaround.simulator.errors import UserError, write_error
 from flyaround.simulator.imaging.display import screen_values
+from flyaround.simulator.runtime.arrays import ByteArray
 from flyaround.simulator.runtime.files import probe_writing
 from flyaround.simulator.runtime.folder_lock import lock_name
-
-if TYPE_CHECKING:
-    from flyaround.simulator.runtime.arrays import ByteArray
 
 LOOK_EVERY_S = 0.5
 THUMBNAILS, THUMBNAIL_PX = 6, 200

@@ -3,13 +3,10 @@
 from __future__ import annotations
 
 import re
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 from flyaround.gui.jobs.program import ChildProgram
 from flyaround.simulator.targets.importing.read.mesh_file import ENDINGS
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 MESHES = tuple(f".{ending}" for ending in ENDINGS)
 LONGEST_NAME, LONGEST_MISTAKE = 40, 400

@@ -9,14 +9,11 @@ import subprocess
 import sys
 import tempfile
 import time
+from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from flyaround.simulator.errors import UserError
 from flyaround.simulator.runtime.files import new_path
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
 
 PATIENCE_S = 8.0
 """Grace period before a program is killed."""

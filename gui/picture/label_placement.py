@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from flyaround.simulator.runtime.arrays import FloatArray
+from flyaround.simulator.runtime.arrays import FloatArray
 
 Point = tuple[float, float]
 NEAR_PX = 8.0  # distance of a name without a leader line from its point
