@@ -14,10 +14,11 @@ from typing import TYPE_CHECKING, Any
 from flyaround.gui import style
 from flyaround.gui.command_table import CommandTable
 from flyaround.gui.commands.all import COMMANDS
-from flyaround.gui.commands.log import script_header
+from flyaround.gui.commands.people import script_header
 from flyaround.gui.console import LONGEST_TICK_MS, Console
 from flyaround.gui.gamepad import Gamepad
 from flyaround.gui.jobs.all import running_jobs
+from flyaround.gui.jobs.program import FOLDER
 from flyaround.gui.layout import Layout, layout_file, panel_commands, read_layout
 from flyaround.gui.picture.feed import Feed, Picture
 from flyaround.gui.picture.further import CAMERA_SHARE, LaterFrames, further_feeds
@@ -46,7 +47,6 @@ if TYPE_CHECKING:
 
 log = logging.getLogger(__name__)
 
-SAVE_FOLDER = Path("out") / "console"
 WINDOW_HZ, SOFTWARE_HZ = 60.0, 33.0
 """Refresh rate of the window; lower with a software driver, where the same cores render the pictures."""
 STILL_HZ = 10.0
@@ -413,7 +413,7 @@ class ConsoleLoop:
         while console.feed.saved:
             frame = console.feed.saved.pop(0).frame
             name = console.session.plan.scenario.name
-            path = new_path(SAVE_FOLDER, f"{name}-{round(frame.scene.t_s * 1000):09d}ms", ".png")
+            path = new_path(FOLDER, f"{name}-{round(frame.scene.t_s * 1000):09d}ms", ".png")
             console.save(path, partial(save_picture, frame), "picture.save")
 
     def _report_failures(self) -> None:

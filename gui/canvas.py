@@ -147,9 +147,8 @@ class Canvas:
 
     def tip(self, corner: Point, size: Point, text: str) -> None:
         """Give a rectangle a hover text."""
-        self._imgui.push_font(self._window.text_font, 0.0)
-        hover_text.area_tip(self._imgui, corner, size, text)
-        self._imgui.pop_font()
+        with self._window.ctx.push_font(self._window.text_font, 0.0):
+            hover_text.area_tip(self._imgui, corner, size, text)
 
     # --- lines
 

@@ -7,15 +7,13 @@ from __future__ import annotations
 
 import math
 import shlex
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Literal
 
 from flyaround.gui.texts import texts
 from flyaround.simulator.errors import UserError
 from flyaround.simulator.piloting.readouts import mission_seconds
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Iterator, Sequence
 
 Kind = Literal["number", "time", "whole", "word", "switch"]
 Value = float | int | str | bool
@@ -113,16 +111,8 @@ class Argument:
         return value, f"{noun}{bounds}"
 
 
-def number(
-    name: str,
-    text: str,
-    least: float = -math.inf,
-    most: float = math.inf,
-    unit: str = "",
-    *,
-    optional: bool = False,
-) -> Argument:
-    """Return an argument that is a finite number."""
+def number(name: str, text: str, least: float, most: float, unit: str, *, optional: bool = False) -> Argument:
+    """Return an argument that is a number within bounds."""
     return Argument(name, "number", text, least=least, most=most, unit=unit, optional=optional)
 
 
@@ -250,11 +240,12 @@ class Command:
             raise UserError(f"{by} takes {len(self.arguments) or 'no'} values, and {len(words)} were given")
         return tuple(a.read(w, by) for a, w in zip(self.arguments, words, strict=False))
 
-    def call(self, console: object, values: Sequence[Value]) -> None:
-        """Run the command with the console and its arguments."""
+    def call(self, console: object, values: tuple[Value, ...]) -> tuple[Value, ...]:
+        """Run the command with the console and its arguments; return them, with the new state of a switch."""
         if self.arguments == (STATE,) and not values and self.state is not None:
             values = (not self.state(console),)
         self.run(console, *values)
+        return values
 
     def checked(self, values: Sequence[Value]) -> tuple[Value, ...]:
         """Return the arguments of a button or a test, checked like a script's.
@@ -343,13 +334,6 @@ class CommandTable:
 
     def __iter__(self) -> Iterator[Command]:
         return iter(self._by_name.values())
-
-    def groups(self) -> list[tuple[str, list[Command]]]:
-        """Return commands by group, in the order given."""
-        by_group: dict[str, list[Command]] = {}
-        for command in self:
-            by_group.setdefault(command.group, []).append(command)
-        return list(by_group.items())
 
     def held(self, keys_down: Iterable[str]) -> frozenset[str]:
         """Return the names of held commands whose keys are down."""

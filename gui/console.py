@@ -2,37 +2,29 @@
 
 from __future__ import annotations
 
-import logging
-import re
 import shlex
-import time
 from copy import deepcopy
 from dataclasses import dataclass, field
-from functools import partial
-from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING
 
-from flyaround.gui.command_table import STATE, word_of
 from flyaround.gui.jobs.all import Jobs, running_jobs
 from flyaround.gui.jobs.scenario_opening import ScenarioOpener
+from flyaround.gui.messages import UNWRITABLE, Level, Message, Messages
 from flyaround.gui.operator_state import HandControl, Help, WindowRequests
 from flyaround.gui.picture.change_text import change_text
 from flyaround.gui.picture.settings_history import SettingsHistory
-from flyaround.gui.picture.view_settings import exposure_text
 from flyaround.gui.questions import FLOWN, acts_on_chaser, flight_text, question_before
 from flyaround.gui.scenario_draft import ScenarioDraft
 from flyaround.gui.script import CommandLog, Line, Player, Script
-from flyaround.gui.texts import titles
 from flyaround.simulator.errors import UserError
 from flyaround.simulator.piloting.control_laws import SWITCHES
 from flyaround.simulator.piloting.flight_list import FlightList
-from flyaround.simulator.piloting.planned_burns import change_text as burns_text
 from flyaround.simulator.piloting.readouts import duration_text
 from flyaround.simulator.piloting.telemetry import telemetry_of
-from flyaround.simulator.runtime.files import probe_writing
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
+    from pathlib import Path
 
     from flyaround.gui.command_table import Command, CommandTable, Value
     from flyaround.gui.picture.feed import Feed
@@ -43,46 +35,12 @@ if TYPE_CHECKING:
     from flyaround.simulator.piloting.telemetry import Telemetry
     from flyaround.simulator.world.flight.world_state import WorldState
 
-log = logging.getLogger(__name__)
-
-Level = Literal["note", "caution", "warning"]
-CLOCK = "%H:%M:%S"
-KEPT_MESSAGES, KEPT_RECENT = 500, 6  # numbers of messages and of recent scenarios that are kept
-NEWEST = 9  # number of messages whose notes may still be shown, and end
+KEPT_RECENT = 6  # number of recent scenarios that are kept
 UNARMED = "keys, mouse and gamepad do not fly: arm hand control first (Ctrl+H or Insert)"
 STEERING = frozenset(f"steer.{switch}" for switch in SWITCHES)
 """Names of the commands whose keys thrust or rotate."""
 LONGEST_TICK_MS = 250
 """Longest step of real time; a stalled window does not catch up."""
-
-
-UNWRITABLE = re.compile(r"cannot write (?:the film )?(.+?): |\[Errno \d+\] .+?: '(.+?)'")
-"""The path that cannot be written, in the text of a message."""
-
-
-@dataclass
-class Message:
-    """A message; cautions and warnings stay until they are acknowledged, or until their cause ends."""
-
-    t_s: float
-    """Simulated time of the flight."""
-    level: Level
-    text: str
-    acknowledged: bool = False
-    at: str = field(default_factory=partial(time.strftime, CLOCK))
-    until: str = ""
-    """Times of day of the message, and of its acknowledgement or of the end of its cause."""
-    of: str = ""
-    """Command that was refused or failed, or that gave a result. A refusal is no caution unless it concerns the flight
-    or a file."""
-    news: bool = False
-    """True for news of the flight, which an answer to the operator outlasts for a while."""
-    said_ms: int = 0
-    """Real time of the message since the first picture."""
-    blocked: Path | None = None
-    """File or folder that cannot be written."""
-    over: Callable[[], bool] | None = None
-    """Function that returns True once the cause of a caution has ended, or a note is no longer true."""
 
 
 @dataclass(eq=False)
@@ -105,7 +63,7 @@ class Console:
         Panels and views by name, True if open.
     log : CommandLog, optional
         Commands that were run, with their times.
-    messages : list of Message, optional
+    messages : Messages, optional
         Messages to the operator.
     opener : ScenarioOpener, optional
         Loads scenarios while the window keeps drawing.
@@ -144,8 +102,6 @@ class Console:
     ----------
     jobs : Jobs
         Long tasks beside the flight.
-    said : int
-        Number of messages so far, with immediate repetitions.
     """
 
     session: FlightSession
@@ -155,7 +111,7 @@ class Console:
     feeds: dict[str, Feed] = field(default_factory=dict)
     shown: dict[str, bool] = field(default_factory=dict)
     log: CommandLog = field(default_factory=CommandLog)
-    messages: list[Message] = field(default_factory=list)
+    messages: Messages = field(default_factory=Messages)
     opener: ScenarioOpener = field(default_factory=ScenarioOpener)
     draft: ScenarioDraft = field(default_factory=ScenarioDraft)
     jobs: Jobs = field(init=False)
@@ -173,7 +129,6 @@ class Console:
     held: frozenset[str] = frozenset()
     hand: HandControl = field(default_factory=HandControl)
     asked: Question | None = None
-    said: int = field(default=0, init=False)
     _player: Player | None = None
     _figures: tuple[WorldState, Telemetry] | None = None
 
@@ -262,12 +217,12 @@ class Console:
             self._note(Line(self.clock_ms, "do", name, values))
             self.options.flight = self.session.craft.choices
             before = deepcopy(self.options)
-            command.call(self, values)
-            self.acknowledge([m for m in self.waiting if self._settles(command, m)])
+            values = command.call(self, values)
+            self.messages.acknowledge([m for m in self.messages.waiting if self._settles(command, m)])
             if acts_on_chaser(name):
                 self.flights.note_own(self.session)
             self.options.flight = self.session.craft.choices
-            change = self._change(command, values, before)
+            change = change_text(command, values, self.session, before, self.options)
             self.history.note(name, before, self.options, self.clock_ms, change)
         except (UserError, OSError) as error:
             # the flight continues, whatever happens in a command
@@ -278,21 +233,6 @@ class Console:
         """Return True if a command that was carried out ends a caution: its own, or one of flying."""
         flown = command.group in FLOWN and message.of.partition(".")[0] in FLOWN
         return message.of == command.name or flown
-
-    def _change(self, command: Command, values: Sequence[Value], before: Options) -> str:
-        """Return a change of the settings or burns in words, with the exposure as a time."""
-        if command.group == "burn" and before.flight is not None:
-            return burns_text(before.flight.burns, self.session.craft.steering.burns)
-        changed = before.settings, self.options.settings
-        if text := change_text(command.name, values, self.session.scene(), *changed):
-            return text
-        if command.name in {"picture.exposure", "picture.meter"}:
-            stops = self.options.settings.exposure_stops
-            return f"exposure {exposure_text(self.session.plan.scenario.sensor.exposure_s * 2.0**stops)}"
-        if command.arguments == (STATE,) and command.state is not None:
-            values = (command.state(self),)
-        words = (titles().get(word, word) for word in map(word_of, values))
-        return " ".join([command.title[:1].lower() + command.title[1:], *words])
 
     def _note(self, line: Line) -> None:
         """Add a line to the log; a full disk must not prevent an abort."""
@@ -437,12 +377,8 @@ class Console:
                 self.say(text, level)
                 self.messages[-1].news = True
         self.flights.note_flown_on(self.session, before.t_s)
-        notes = [m for m in self.messages[-NEWEST:] if m.level == "note" and not m.acknowledged]
-        over = [m for m in self.waiting + notes if (m.over or partial(self.session.is_over, m.text))()]
-        if t_ms // 1000 != self.clock_ms // 1000:
-            over += [m for m in self.waiting if m.blocked and not probe_writing(m.blocked)]
+        self.messages.end(self.session, probes=t_ms // 1000 != self.clock_ms // 1000)
         self.clock_ms = t_ms
-        self.acknowledge(over)
 
     def _take_opened(self) -> None:
         """Start the flight of a scenario that was opened, if any."""
@@ -481,7 +417,7 @@ class Console:
         self.hand.centre_sticks()
         # data of the previous flight must not appear as this one's
         self.jobs.estimates.forget()
-        self.acknowledge(self.waiting)
+        self.messages.acknowledge(self.messages.waiting)
         settings = self.options.settings
         settings.bands, settings.environment = session.plan.bands, session.scene().environment
         # the operator's changes applied to the sensor and lights of the previous scenario
@@ -519,26 +455,8 @@ class Console:
             Function that returns True once the cause of a caution has ended, or a note is no longer true; by default
             `FlightSession.is_over`.
         """
-        self.said += bool(text)
-        if not text or any(m.text == text and not m.acknowledged for m in self.messages[-1:]):
-            return
         message = Message(self.session.t_s, level, text, of=of, over=over, said_ms=self.clock_ms)
-        if level == "caution" and (found := UNWRITABLE.search(text)):
-            path = Path(found[1] or found[2])
-            message.blocked = path if probe_writing(path) else None
-        self.messages = [*self.messages[-KEPT_MESSAGES:], message]
-        log.log(logging.INFO if level == "note" else logging.WARNING, "%s", text)
-
-    @property
-    def waiting(self) -> list[Message]:
-        """Unacknowledged cautions and warnings, the newest last."""
-        return [m for m in self.messages if m.level != "note" and not m.acknowledged]
-
-    def acknowledge(self, messages: Sequence[Message] | None = None) -> None:
-        """Acknowledge cautions and warnings whose cause has ended, or by default all of them and results of jobs."""
-        results = [m for m in self.messages if m.of and not m.acknowledged]
-        for message in [*self.waiting, *results] if messages is None else messages:
-            message.acknowledged, message.until = True, time.strftime(CLOCK)
+        self.messages.add(message)
 
     @property
     def preparing(self) -> str:

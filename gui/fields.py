@@ -71,9 +71,8 @@ class Fields(TextWidgets):
             The text; empty if the field follows a value.
         """
         shown = text or self._good.get(key, "") or follows if follows else text
-        self.coloured(style.QUIET if follows and not text else style.INK)
-        new = self._number(key, shown)
-        self.imgui.pop_style_color()
+        with self.coloured(style.QUIET if follows and not text else style.INK):
+            new = self._number(key, shown)
         text = new if text or new != shown else ""
         given_up, escaped = self._given_up(key), self.imgui.is_item_deactivated()
         if given_up and ((escaped and follows) or argument.flaw(text or follows, title)):

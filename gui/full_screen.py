@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, Self
+from typing import Any, Self
 
 import moderngl
 
 from flyaround.gui.surface import import_parts
 from flyaround.gui.window import no_display, open_glfw
 from flyaround.simulator.errors import UserError
-
-if TYPE_CHECKING:
-    from flyaround.simulator.runtime.arrays import ByteArray
+from flyaround.simulator.runtime.arrays import ByteArray
 
 VERTEX = """#version 330
 void main() {

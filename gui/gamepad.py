@@ -14,6 +14,7 @@ if TYPE_CHECKING:
 
     from flyaround.gui.command_table import Value
 
+    Stick = tuple[float, float, float]
     Do = tuple[str, *tuple[Value, ...]]
     Pad = tuple[str, tuple[float, ...], tuple[bool, ...]]
 
@@ -67,9 +68,7 @@ class Gamepad:
         return commands
 
 
-def sticks(
-    axes: Sequence[float], buttons: Sequence[bool]
-) -> tuple[tuple[float, float, float], tuple[float, float, float]]:
+def sticks(axes: Sequence[float], buttons: Sequence[bool]) -> tuple[Stick, Stick]:
     """Return thrust right, down, forward, and rotation up, right, clockwise, as shares."""
     forward = (axes[RIGHT_TRIGGER] - axes[LEFT_TRIGGER]) / 2
     roll = float(buttons[RIGHT_BUMPER]) - float(buttons[LEFT_BUMPER])

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from collections.abc import Sequence
+from typing import Any
 
 from flyaround.gui import style
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
 
 CLICKED: set[int] = set()
 """Items that were clicked and that the pointer has not left; their texts would cover what the click has changed."""

@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 from collections import deque
-from typing import TYPE_CHECKING, NamedTuple
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable
+from collections.abc import Callable
+from typing import Any, NamedTuple
 
 REST_FRAMES = 3
 """Frames without keys after a click, or a key with Ctrl, Escape or Enter, in which the window draws its effect."""
@@ -46,41 +44,32 @@ class KeyQueue:
 
     Parameters
     ----------
+    glfw : object
+        The module of glfw, for its constants.
     on_key : callable
         Function of window, key, scancode, action and modifiers, as in glfw.
     on_letter : callable
         Callback of a window and a code point.
-    pressed : int
-        Glfw's action of a press.
-    released : int
-        Glfw's action of a release.
-    ctrl : int
-        Glfw's bit for Ctrl.
-    turns : iterable of int
-        Keys that begin or end text input by themselves.
-    urgent : callable, optional
+    urgent : callable
         Predicate for keys whose press overtakes the queue. It discards earlier presses, but never overtakes a key
         that may begin or end text input.
-    typing : callable, optional
+    typing : callable
         Predicate for a field that takes text. Its characters arrive as letters, so presses of printable keys are
         dropped, and a line of text needs one frame instead of one per character.
     """
 
     def __init__(
         self,
+        glfw: Any,  # noqa: ANN401 - a foreign module
         on_key: Callable[..., None],
         on_letter: Callable[..., None],
-        *,
-        pressed: int,
-        released: int,
-        ctrl: int,
-        turns: Iterable[int],
-        urgent: Callable[[int], bool] = lambda _key: False,
-        typing: Callable[[], bool] = lambda: False,
+        urgent: Callable[[int], bool],
+        typing: Callable[[], bool],
     ) -> None:
-        self._on_key, self._on_letter = on_key, on_letter
-        self._pressed, self._released, self._ctrl = pressed, released, ctrl
-        self._turns, self._urgent, self._typing = frozenset(turns), urgent, typing
+        self._glfw, self._on_key, self._on_letter = glfw, on_key, on_letter
+        self._turns = {glfw.KEY_ESCAPE, glfw.KEY_ENTER, glfw.KEY_KP_ENTER}
+        """Keys that begin or end text input by themselves."""
+        self._urgent, self._typing = urgent, typing
         self._events: deque[Event] = deque()
         self._rest = 0
 
@@ -90,10 +79,10 @@ class KeyQueue:
 
     def key(self, window: object, key: int, scancode: int, action: int, modifiers: int) -> None:
         """Queue a key press or release; repeats are dropped, because holding is a state."""
-        if action not in (self._pressed, self._released):
+        if action == self._glfw.REPEAT:
             return
-        pressed = action == self._pressed
-        turns = pressed and (key in self._turns or bool(modifiers & self._ctrl))
+        pressed = action == self._glfw.PRESS
+        turns = pressed and (key in self._turns or bool(modifiers & self._glfw.MOD_CONTROL))
         event = Event(lambda: self._on_key(window, key, scancode, action, modifiers), key, turns, pressed)
         urgent = pressed and not turns and self._urgent(key)
         if urgent and not self._rest and not any(e.turns for e in self._events):

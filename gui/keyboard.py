@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable, Iterable
+from typing import Any
 
 from flyaround.gui.key_queue import KeyQueue
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable
 
 
 class Keys:
@@ -64,12 +62,9 @@ class Keyboard(Keys):
         self._imgui, self._glfw, self._native = imgui, glfw, native
         self._urgent: frozenset[int] = frozenset()
         self.queue = KeyQueue(
+            glfw,
             backend.keyboard_callback,
             backend.char_callback,
-            pressed=glfw.PRESS,
-            released=glfw.RELEASE,
-            ctrl=glfw.MOD_CONTROL,
-            turns=(glfw.KEY_ESCAPE, glfw.KEY_ENTER, glfw.KEY_KP_ENTER),
             urgent=lambda key: key in self._urgent and not self.typing,
             typing=lambda: self.typing,
         )

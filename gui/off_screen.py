@@ -24,7 +24,7 @@ class OffScreen(Surface):
     def __init__(self, size: tuple[int, int]) -> None:
         import_parts(off_screen=True)
         self._size = size
-        self._began_s, self._drawn_s = time.monotonic(), 0.0
+        self._drawn_s = 0.0
         context = create_context()
         texture = context.texture(size, 4)
         super().__init__(context, context.framebuffer([texture]), 1.0)
@@ -53,19 +53,9 @@ class OffScreen(Surface):
         return True
 
     @property
-    def seconds(self) -> float:
-        """Monotonic time [s]."""
-        return time.monotonic() - self._began_s
-
-    @property
     def size(self) -> tuple[float, float]:
         """Width and height in pixels."""
         return float(self._size[0]), float(self._size[1])
-
-    @property
-    def framebuffer_size(self) -> tuple[int, int]:
-        """Width and height in pixels."""
-        return self._size
 
     def wait(self, longest_s: float) -> bool:
         """Let time pass; no input comes."""

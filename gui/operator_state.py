@@ -4,13 +4,10 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 from flyaround.simulator.piloting.control_laws import COARSE_GAIN, FINE_GAIN, NO_DEMAND, SWITCHES
 from flyaround.simulator.piloting.orders import PilotCommand
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 MODIFIERS = {"coarse": COARSE_GAIN, "fine": FINE_GAIN}
 

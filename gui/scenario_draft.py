@@ -156,8 +156,5 @@ def _line_of_key(text: str, path: str) -> int | None:
 
 
 def _line_of_section(text: str, section: str) -> int | None:
-    for number, line in enumerate(text.splitlines(), 1):
-        header = _HEADER.match(line)
-        if header and header[1] == section:
-            return number
-    return None
+    headers = ((number, _HEADER.match(line)) for number, line in enumerate(text.splitlines(), 1))
+    return next((number for number, header in headers if header and header[1] == section), None)

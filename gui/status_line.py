@@ -52,11 +52,10 @@ class StatusLine:
                 if shown:
                     w.button(console, "docking.keep-out", guard, label=label, fill=style.WARN)
                     imgui.same_line()
-            imgui.begin_group()
-            rates = rates_text(console)
-            right = imgui.get_cursor_pos_x() + w.width - imgui.calc_text_size(rates).x
-            self._messages(console, w.width, right - imgui.get_cursor_pos_x() - w.line)
-            imgui.end_group()
+            with w.ctx.begin_group():
+                rates = rates_text(console)
+                right = imgui.get_cursor_pos_x() + w.width - imgui.calc_text_size(rates).x
+                self._messages(console, w.width, right - imgui.get_cursor_pos_x() - w.line)
             imgui.set_cursor_pos(w.vec(right, low.y + w.line))
             w.one_line(rates, style.QUIET)
             w.tip(f"how often the window and the pictures are drawn a second; window by {console.window_gl}")
@@ -81,10 +80,10 @@ class StatusLine:
         # panels are drawn later, and say it again for the next frame
         flaw, w.window.flaw = w.window.flaw, ""
         if flaw != self._flaw[0]:
-            self._flaw = flaw, console.said
+            self._flaw = flaw, console.messages.said
         # a later message outranks it; the field is framed and says it, too
-        if text := _abort_text(console) or (flaw if console.said == self._flaw[1] else ""):
-            texts = [*texts[: bool(console.waiting)], (text, style.BAD)]
+        if text := _abort_text(console) or (flaw if console.messages.said == self._flaw[1] else ""):
+            texts = [*texts[: bool(console.messages.waiting)], (text, style.BAD)]
         if len(texts) == 1:
             text, colour = texts[0]
             n = len(text)
@@ -100,18 +99,16 @@ class StatusLine:
     def _master_caution(self, console: Console) -> None:
         """Draw the light of unacknowledged cautions, which blinks until a click or F9."""
         imgui, w = self._w.window.imgui, self._w
-        waiting = console.waiting
+        waiting = console.messages.waiting
         warning = any(m.level == "warning" for m in waiting)
         colour = style.BAD if warning else style.WARN
         bright = bool(waiting) and console.clock_ms % 1000 < 650
         face = (*colour[:3], 0.95) if bright else style.EDGE
         ink = style.GROUND if bright else colour if waiting else style.QUIET
         label = f"{'WARNING' if warning else 'CAUTION'} {len(waiting)}" if waiting else "no cautions"
-        imgui.push_style_color(imgui.Col_.button, imgui.ImVec4(*face))
-        w.coloured(ink)
-        if imgui.small_button(f"{label}##master") and waiting:
-            console.do("window.acknowledge")
-        imgui.pop_style_color(2)
+        with w.ctx.push_style_color(imgui.Col_.button, imgui.ImVec4(*face)), w.coloured(ink):
+            if imgui.small_button(f"{label}##master") and waiting:
+                console.do("window.acknowledge")
         newest = "\n".join(m.text for m in reversed(waiting[-8:]))
         w.tip(f"{newest}\nclick, or F9: mark as seen" if waiting else "master caution: no unseen messages")
 
@@ -122,7 +119,7 @@ def message_texts(console: Console) -> list[tuple[str, style.Rgba]]:
     If the caution is newer, a result of a job stays beside it, such as a finished film, otherwise the caution before.
     An answer to the operator outlasts news of the flight for `ANSWER_MS`.
     """
-    waiting, notes = console.waiting, [m for m in console.messages if m.level == "note"]
+    waiting, notes = console.messages.waiting, [m for m in console.messages if m.level == "note"]
     answer = [m for m in notes if not m.news][-1:]
     fresh = [m for m in answer if not m.acknowledged and console.clock_ms < m.said_ms + ANSWER_MS]
     # an older note does not come back when the newest one ends

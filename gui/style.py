@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import Any
 
 from flyaround.gui.texts import texts
-
-if TYPE_CHECKING:
-    from typing import Any
 
 Rgba = tuple[float, float, float, float]
 
@@ -67,12 +64,6 @@ def over(front: Rgba, back: Rgba) -> Rgba:
     a = front[3]
     r, g, b = (a * f + (1 - a) * k for f, k in zip(front[:3], back[:3], strict=True))
     return (r, g, b, 1.0)
-
-
-def contrast(front: Rgba, back: Rgba) -> float:
-    """Return the contrast ratio of a colour over an opaque one, from 1 to 21 (WCAG 2.1: 4.5 for text, 3 for lines)."""
-    bright, dark = sorted((luminance(over(front, back)), luminance(back)), reverse=True)
-    return (bright + 0.05) / (dark + 0.05)
 
 
 def letters_on(fill: Rgba) -> Rgba:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import os
+import time
 from abc import ABC, abstractmethod
 from contextlib import contextmanager, suppress
 from importlib.resources import files
@@ -79,7 +80,8 @@ class Surface(ABC):
 
     def __init__(self, context: moderngl.Context, target: moderngl.Framebuffer, monitor_scale: float) -> None:
         bundle, _ = import_parts()
-        self.imgui, self.implot = bundle.imgui, bundle.implot
+        self._opened_s = time.monotonic()
+        self.imgui, self.implot, self.ctx = bundle.imgui, bundle.implot, bundle.imgui_ctx
         self.context, self._target, self._monitor_scale = context, target, monitor_scale
         self.gl_renderer = str(context.info["GL_RENDERER"])
         self.software = any(name in self.gl_renderer.lower() for name in SOFTWARE)
@@ -132,9 +134,9 @@ class Surface(ABC):
         """True until the operator closes it."""
 
     @property
-    @abstractmethod
     def seconds(self) -> float:
-        """Monotonic time [s]."""
+        """Monotonic time since it was opened [s]."""
+        return time.monotonic() - self._opened_s
 
     @property
     @abstractmethod
@@ -142,9 +144,9 @@ class Surface(ABC):
         """Width and height in screen units."""
 
     @property
-    @abstractmethod
     def framebuffer_size(self) -> tuple[int, int]:
         """Width and height in pixels."""
+        return int(self.size[0]), int(self.size[1])
 
     def stay_open(self) -> None:  # noqa: B027 - only a window has a close button
         """Take back the operator's request to close it."""

@@ -8,6 +8,7 @@ from flyaround.gui import hover_text, style
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
+    from contextlib import AbstractContextManager
 
     from flyaround.gui.surface import Surface
 
@@ -25,7 +26,7 @@ class TextWidgets:
     """
 
     def __init__(self, window: Surface) -> None:
-        self.window, self.imgui, self.implot = window, window.imgui, window.implot
+        self.window, self.imgui, self.implot, self.ctx = window, window.imgui, window.implot, window.ctx
 
     # --- sizes
 
@@ -89,25 +90,22 @@ class TextWidgets:
     def section(self, title: str) -> None:
         """Draw a heading."""
         self.imgui.dummy(self.imgui.ImVec2(0, 1))
-        self.coloured(style.ACCENT)
-        self.imgui.separator_text(self.elided(title, self.width - 30 * self.window.scale))
-        self.imgui.pop_style_color()
+        with self.coloured(style.ACCENT):
+            self.imgui.separator_text(self.elided(title, self.width - 30 * self.window.scale))
 
-    def coloured(self, rgba: style.Rgba) -> None:
-        """Colour text until ``imgui.pop_style_color``."""
-        self.imgui.push_style_color(self.imgui.Col_.text, self.imgui.ImVec4(*rgba))
+    def coloured(self, rgba: style.Rgba) -> AbstractContextManager[object]:
+        """Colour the text of a ``with`` block."""
+        return self.ctx.push_style_color(self.imgui.Col_.text, self.imgui.ImVec4(*rgba))
 
     def one_line(self, text: str, rgba: style.Rgba) -> None:
         """Draw coloured text without wrapping."""
-        self.coloured(rgba)
-        self.imgui.text_unformatted(text)
-        self.imgui.pop_style_color()
+        with self.coloured(rgba):
+            self.imgui.text_unformatted(text)
 
     def text(self, text: str, rgba: style.Rgba = style.INK, tip: str = "") -> None:
         """Draw text that wraps at the panel's edge; ``tip`` is its hover text."""
-        self.imgui.push_text_wrap_pos(0.0)
-        self.one_line(text, rgba)
-        self.imgui.pop_text_wrap_pos()
+        with self.ctx.push_text_wrap_pos(0.0):
+            self.one_line(text, rgba)
         if tip:
             self.tip(tip)
 

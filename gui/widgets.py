@@ -104,10 +104,10 @@ class Widgets(Fields):
         """Draw a button of a colour, also when hovered; return True if it was clicked."""
         imgui = self.imgui
         if fill is not None:
-            self.coloured(style.letters_on(fill))
             lighter = style.over((*style.INK[:3], 0.08), style.over(fill, style.GROUND))
-            for which, colour in ((imgui.Col_.button, fill), (imgui.Col_.button_hovered, lighter)):
-                imgui.push_style_color(which, imgui.ImVec4(*colour))
+            colours = {"text": style.letters_on(fill), "button": fill, "button_hovered": lighter}
+            for which, colour in colours.items():
+                imgui.push_style_color(getattr(imgui.Col_, which), imgui.ImVec4(*colour))
         clicked = bool(imgui.button(label, imgui.ImVec2(width, 0)))
         if fill is not None:
             imgui.pop_style_color(3)
@@ -148,7 +148,6 @@ class Widgets(Fields):
         *,
         shown: Mapping[str, str] | None = None,
         argument: str = "",
-        width: float = -1.0,
     ) -> str:
         """Draw a list of choices for a command's argument; return the selected one.
 
@@ -168,14 +167,10 @@ class Widgets(Fields):
             Texts of choices that are not their names.
         argument : str, optional
             Name of the argument, if the command has others.
-        width : float, optional
-            Width on the screen; -1 for the rest of the line.
         """
-        imgui = self.imgui
-        imgui.set_next_item_width(width)
-        changed, k = imgui.combo(
-            f"##{name}{argument}", names.index(now), [(shown or {}).get(n, n) for n in names]
-        )
+        self.imgui.set_next_item_width(-1)
+        titles = [(shown or {}).get(n, n) for n in names]
+        changed, k = self.imgui.combo(f"##{name}{argument}", names.index(now), titles)
         self.command_tip(console, name, argument=argument)
         if changed and not argument:
             console.do(name, names[k])

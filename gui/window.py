@@ -154,11 +154,6 @@ class Window(Surface):
         return not self._glfw.window_should_close(self._native)
 
     @property
-    def seconds(self) -> float:
-        """Monotonic time [s]."""
-        return float(self._glfw.get_time())
-
-    @property
     def size(self) -> tuple[float, float]:
         """Width and height in screen units."""
         width, height = self._glfw.get_window_size(self._native)

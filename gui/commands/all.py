@@ -8,9 +8,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from flyaround.gui.command_table import Command
 
-MODULES = (
-    "scenario time timeline steering guidance docking display camera views estimator hil capture people log"
-)
+MODULES = "scenario time timeline steering guidance docking display camera views estimator hil capture people"
 COMMANDS: tuple[Command, ...] = tuple(
     command
     for name in MODULES.split()

@@ -12,7 +12,7 @@ from flyaround.gui.command_table import Argument, command, moment, number, word
 from flyaround.gui.commands.timeline import keep_flight
 from flyaround.gui.jobs.capture_job import MOST_FRAMES, MOST_WORKERS, CaptureRequest
 from flyaround.gui.jobs.flight_film import FlightFilm
-from flyaround.gui.jobs.program import output_file
+from flyaround.gui.jobs.program import FOLDER, output_file
 from flyaround.gui.picture.decline_cause import exposure_note
 from flyaround.gui.picture.view_settings import scenario_as_seen
 from flyaround.simulator.errors import UserError
@@ -25,7 +25,6 @@ from flyaround.simulator.scenario.load import built_in_name
 if TYPE_CHECKING:
     from flyaround.gui.console import Console
 
-FOLDER = Path("out") / "console"
 THIS, NEW = "this-flight", "new"  # what to capture, and into which folder, by default
 WIDTH_PX, FPS = 1280, 25.0  # of films
 FLOWN = "what-i-flew"
@@ -95,7 +94,7 @@ def _film(
         start, last = mission_time(start_s), mission_time(last_s)
         raise UserError(f"Film the whole flight: start is {start}, allowed: below its end, {last}")
     name = console.session.plan.scenario.name
-    where = output_file(path, FOLDER, f"{name}-flight", ".mp4")
+    where = output_file(path, f"{name}-flight", ".mp4")
     options = {"--width": width, "--fps": fps, "--speed": speed, "--from": start_s, "--to": end_s}
     options |= {"--gpu": console.device_index}
     words = [str(word) for option in options.items() if option[1] is not None for word in option]

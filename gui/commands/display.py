@@ -92,7 +92,7 @@ COMMANDS = (
     ),
     setting("window.panels", lambda console: console.options, "panel", "tab"),
     command("window.full-screen", partial(_request, "full_screen"), "f11"),
-    command("window.acknowledge", lambda console: console.acknowledge(), "f9"),
+    command("window.acknowledge", lambda console: console.messages.acknowledge(), "f9"),
     command("window.quit", _quit, "ctrl+q"),
     command("window.close", partial(_request, "close")),
 )

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import msgspec
 
 from flyaround.gui.command_table import command, number, word
+from flyaround.gui.jobs.program import FOLDER
 from flyaround.gui.texts import texts
 from flyaround.hil.board.method_names import HYBRID
 from flyaround.hil.host.ledger.run_terms import Provenance
@@ -21,7 +21,6 @@ if TYPE_CHECKING:
     from flyaround.gui.console import Console
 
 LISTEN = "tcp://127.0.0.1:5600"
-FOLDER = Path("out") / "console"
 POSE_S, CONNECT_S = 10.0, 600.0  # longest wait for a pose, and for a board
 FAULT_S = 10.0  # duration of a fault unless given
 FAULTS: dict[str, tuple[CameraFault | LineFault, str]] = {

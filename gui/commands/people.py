@@ -1,4 +1,4 @@
-"""Commands of the user interface: undo, text size, help, tour, screenshots, films, dropped files."""
+"""Commands of the user interface: undo, text size, help, tour, screenshots, films, dropped files, log."""
 
 from __future__ import annotations
 
@@ -13,13 +13,14 @@ from flyaround.gui.picture.decline_cause import exposure_note
 from flyaround.gui.picture.video import Film
 from flyaround.simulator.errors import UserError
 from flyaround.simulator.piloting.orders import Rechoose
+from flyaround.simulator.runtime.files import write_atomic
 
 if TYPE_CHECKING:
     from flyaround.gui.console import Console
 
-FOLDER = Path("out") / "console"
 LEAST_SCALE, MOST_SCALE, SCALE_STEP = 0.6, 2.5, 0.1  # limits and step of the font scale
 TOUR_STEPS = 6
+SCALE = number("scale", "as large as at first", LEAST_SCALE, MOST_SCALE, "times")
 PANEL = word("panel", "its name; left out: under the mouse", optional=True)
 
 
@@ -47,7 +48,7 @@ def _tour_step(console: Console, step: int) -> None:
 
 
 def _screenshot(console: Console, path: str | None = None) -> None:
-    where = output_file(path, FOLDER, f"window-{console.clock_ms:09d}ms", ".png")
+    where = output_file(path, f"window-{console.clock_ms:09d}ms", ".png")
     if where.suffix != ".png":
         raise UserError(f"cannot write '{where.suffix}' pictures ({where}); end its name in .png")
     console.window.screenshot = where
@@ -57,7 +58,7 @@ def _film(console: Console, path: str | None = None) -> None:
     if console.jobs.film is not None:
         raise UserError(f"a film is being made already: {console.jobs.film.path}")
     name = f"{console.session.plan.scenario.name}-{console.clock_ms:09d}ms"
-    console.jobs.film = Film(output_file(path, FOLDER, name, ".mp4"))
+    console.jobs.film = Film(output_file(path, name, ".mp4"))
     console.say(f"filming the view into {console.jobs.film.path}{exposure_note(console.feed.newest)}")
 
 
@@ -105,16 +106,26 @@ def _enlarge(console: Console, panel: str | None = None) -> None:
     window.enlarged = "" if window.enlarged else panel_name
 
 
+def script_header(console: Console) -> tuple[str]:
+    """Return the comment that opens a log: the command that plays it."""
+    return (f"flyaround sim {console.session.plan.scenario.name} --script FILE",)
+
+
+def _save_log(console: Console, path: str | None = None) -> None:
+    where = output_file(path, "commands", ".script")
+    where.parent.mkdir(parents=True, exist_ok=True)
+    write_atomic(where, console.log.text(script_header(console)).encode())
+    console.say(
+        f"saved {where}; flyaround sim {console.session.plan.scenario.name} --script {where} does it again"
+    )
+
+
 COMMANDS = (
     command(
         "settings.undo", partial(_step_settings, "settings.undo", "undone: {} (Ctrl+Y redoes it)"), "ctrl+z"
     ),
     command("settings.redo", partial(_step_settings, "settings.redo", "redone: {}"), "ctrl+y"),
-    command(
-        "window.text-size",
-        _font_scale,
-        number("scale", "as large as at first", LEAST_SCALE, MOST_SCALE, "times"),
-    ),
+    command("window.text-size", _font_scale, SCALE),
     command("window.larger-text", partial(_step_font_scale, SCALE_STEP), "ctrl+equal"),
     command("window.smaller-text", partial(_step_font_scale, -SCALE_STEP), "ctrl+minus"),
     command("window.enlarge", _enlarge, "ctrl+m", PANEL),
@@ -130,4 +141,5 @@ COMMANDS = (
     command("film.stop", _film_end),
     command("file.open", _open, word("path", "a .toml, or a mesh")),
     command("file.open-stop", _stop_import),
+    command("log.save", _save_log, word("path", "of the file", optional=True)),
 )

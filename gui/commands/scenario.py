@@ -52,15 +52,13 @@ def _target(console: Console, target: str) -> None:
     console.opener.open(msgspec.structs.replace(scenario, target=target))
 
 
+WHICH = Argument("which", "whole", "1, the default, for the one left last", least=1, most=99, optional=True)
+
 COMMANDS = (
     command("scenario.open", _open, word("scenario", "built-in name or TOML file")),
     command("scenario.open-stop", lambda console: console.opener.abandon()),
     command("scenario.edit", _edit, word("scenario", "built-in name or file", optional=True)),
-    command(
-        "scenario.back",
-        lambda console, which=1: console.go_back(which),
-        Argument("which", "whole", "1, the default, for the one left last", least=1, most=99, optional=True),
-    ),
+    command("scenario.back", lambda console, which=1: console.go_back(which), WHICH),
     command("scenario.check", _check),
     command("scenario.save", _save, word("path", "file that ends in .toml")),
     command("scenario.fly", _fly),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import partial
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from flyaround.gui.command_table import Argument, Command, command, number, switch, word
 from flyaround.gui.texts import texts
@@ -13,7 +13,8 @@ from flyaround.simulator.piloting.control_laws import NO_DEMAND, SWITCHES
 from flyaround.simulator.piloting.orders import Centre, Control, FollowGuidance, Order, Pulse, Stop, TakeOver
 
 if TYPE_CHECKING:
-    from flyaround.gui.console import Console, Level
+    from flyaround.gui.console import Console
+    from flyaround.gui.messages import Level
 
 
 def order(make: Callable[..., Order]) -> Callable[..., None]:
@@ -23,6 +24,13 @@ def order(make: Callable[..., Order]) -> Callable[..., None]:
 
 def _shares(*names: str) -> tuple[Argument, ...]:
     return tuple(number(name, "of what a key gives", -1.0, 1.0, "share") for name in names)
+
+
+def _control(name: str, key: str, field: str, on: str, off: str) -> Command:
+    """Return the switch of a field of the control between two values."""
+    controls: dict[bool, dict[str, Any]] = {True: {field: on}, False: {field: off}}
+    give = order(lambda state: Control(**controls[state]))
+    return switch(name, give, lambda c: bool(getattr(c.session.craft.steering, field) == on), key, flies=True)
 
 
 def _hold(name: str, console: Console, begins: bool) -> None:  # noqa: FBT001 - the form of a held command
@@ -79,6 +87,8 @@ def _stick_lost(console: Console) -> None:
     console.say(f"the gamepad was disconnected{stopped}", level, "steer.stick-thrust")
 
 
+ATTITUDE = word("mode", "what is kept", ATTITUDE_MODES, optional=True)
+
 COMMANDS = (
     switch("steer.arm", _arm, lambda console: bool(console.hand.armed), "ctrl+h", "insert"),
     *(
@@ -98,27 +108,9 @@ COMMANDS = (
     command("steer.centre", order(Centre), "c", flies=True),
     command("steer.toggle", _toggle, "g", flies=True, state=lambda c: c.session.craft.mode == "guidance"),
     command("steer.reset", _reset, "ctrl+g", flies=True),
-    switch(
-        "steer.lvlh",
-        order(lambda on: Control(axes="lvlh" if on else "camera")),
-        lambda console: bool(console.session.craft.steering.axes == "lvlh"),
-        "n",
-        flies=True,
-    ),
-    switch(
-        "steer.pulses",
-        order(lambda on: Control(thrust="pulse" if on else "continuous")),
-        lambda console: bool(console.session.craft.steering.thrust == "pulse"),
-        "m",
-        flies=True,
-    ),
-    command(
-        "steer.attitude",
-        _attitude,
-        "y",
-        word("mode", "what is kept", ATTITUDE_MODES, optional=True),
-        flies=True,
-    ),
+    _control("steer.lvlh", "n", "axes", "lvlh", "camera"),
+    _control("steer.pulses", "m", "thrust", "pulse", "continuous"),
+    command("steer.attitude", _attitude, "y", ATTITUDE, flies=True),
     command("steer.pulse", order(Pulse), word("direction", "as keys", SWITCHES), flies=True),
     command(
         "steer.stick-thrust", partial(_stick, "thrust"), *_shares("right", "down", "forward"), flies=True

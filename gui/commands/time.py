@@ -15,6 +15,10 @@ if TYPE_CHECKING:
     from flyaround.simulator.piloting.jumps import Event
 
 
+def _pause(console: Console) -> None:
+    console.session.clock.toggle_pause()
+
+
 def _restart(console: Console) -> None:
     console.session.restart()
     console.hand.centre_sticks()
@@ -33,12 +37,7 @@ def _jump_to_hold_point(console: Console) -> None:
 
 RATE = word("rate", "one of the rates", tuple(f"{r:g}" for r in RATES))
 COMMANDS = (
-    command(
-        "time.pause",
-        lambda c: c.session.clock.toggle_pause(),
-        "space",
-        state=lambda c: c.session.clock.paused,
-    ),
+    command("time.pause", _pause, "space", state=lambda console: console.session.clock.paused),
     command("time.step", lambda console: console.session.step_frame(), "period"),
     command("time.faster", lambda c: c.session.clock.shift_rate(1), "equal", "keypad_add", "right_bracket"),
     command(

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from flyaround.gui.command_table import Argument, command, moment, word
 from flyaround.gui.jobs.flight_keeping import FlightKeeping
+from flyaround.gui.jobs.program import FOLDER
 from flyaround.gui.picture.view_settings import scenario_as_seen
 from flyaround.simulator.errors import UserError
 from flyaround.simulator.piloting.flown_files import FlownFiles, free_folder
@@ -19,7 +20,7 @@ if TYPE_CHECKING:
     from flyaround.gui.console import Console
     from flyaround.simulator.piloting.session import FlightSession
 
-FOLDER = Path("out") / "console" / "flights"
+FLIGHTS = FOLDER / "flights"
 SKIP_S = 10.0
 FRAMES = 50
 """Default number of frames of a data set."""
@@ -69,6 +70,10 @@ def _bookmark(console: Console, note: str = "") -> None:
     console.say(f"bookmark at {mission_time(mark.t_s)}{': ' if mark.note else ''}{mark.note}")
 
 
+def _unbookmark(console: Console, t_s: float | None = None) -> None:
+    console.session.look_back.timeline.unbookmark(console.session.t_s if t_s is None else t_s)
+
+
 def _stop_keeping(console: Console) -> None:
     if console.jobs.keeping:
         console.jobs.keeping.pop(0).cancel()
@@ -90,7 +95,7 @@ def keep_flight(
     """Begin to write a flown flight; ``as_seen`` gives its replay the operator's camera, exposure and lights."""
     session = session or console.session
     scenario = session.plan.scenario
-    where = free_folder(FOLDER, scenario.name) if folder is None else Path(folder)
+    where = free_folder(FLIGHTS, scenario.name) if folder is None else Path(folder)
     seen = scenario_as_seen(scenario, console.options.settings) if as_seen else None
     files = FlownFiles(session, where, seen)
     fail = partial(console.say, level="caution", of="timeline.keep")
@@ -117,6 +122,9 @@ def _hil(console: Console) -> None:
     console.open_panel("board-link", shown=True)
 
 
+COUNT = Argument("frames", "whole", "how many; 50 unless given", least=1, most=10_000, optional=True)
+NEAR = moment("time", "near this time; left out: near now", optional=True)
+
 COMMANDS = (
     command("timeline.seek", _seek, moment("time", "since the scenario's start")),
     command("timeline.step-back", _step_back, "comma"),
@@ -127,18 +135,10 @@ COMMANDS = (
     command("timeline.fly-on", _fly_on, "ctrl+enter"),
     command("timeline.other-future", _other_future),
     command("timeline.bookmark", _bookmark, "ctrl+b", word("note", "a line", optional=True)),
-    command(
-        "timeline.unbookmark",
-        lambda c, t_s=None: c.session.look_back.timeline.unbookmark(c.session.t_s if t_s is None else t_s),
-        moment("time", "near this time; left out: near now", optional=True),
-    ),
+    command("timeline.unbookmark", _unbookmark, NEAR),
     command("timeline.keep", keep_flight, word("folder", "empty or to be made", optional=True)),
     command("timeline.keep-all", _keep_all),
     command("timeline.keep-stop", _stop_keeping),
-    command(
-        "timeline.dataset",
-        _dataset,
-        Argument("frames", "whole", "how many; 50 unless given", least=1, most=10_000, optional=True),
-    ),
+    command("timeline.dataset", _dataset, COUNT),
     command("timeline.hil", _hil),
 )

@@ -9,7 +9,6 @@ import time
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import cv2
 import msgspec
@@ -19,13 +18,9 @@ from flyaround.gui.jobs.program import ChildProgram
 from flyaround.simulator.camera.encoding import Encoding, decode
 from flyaround.simulator.errors import UserError, write_error
 from flyaround.simulator.imaging.display import screen_values
+from flyaround.simulator.runtime.arrays import ByteArray
 from flyaround.simulator.runtime.files import probe_writing
 from flyaround.simulator.runtime.folder_lock import lock_name
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from flyaround.simulator.runtime.arrays import ByteArray
 
 LOOK_EVERY_S = 0.5
 THUMBNAILS, THUMBNAIL_PX = 6, 200
@@ -81,16 +76,9 @@ class Thumbnail:
 
 
 class CaptureJob:
-    """One capture; a finished or failed one stays visible.
+    """One capture; a finished or failed one stays visible."""
 
-    Parameters
-    ----------
-    clock : callable, optional
-        Monotonic time [s].
-    """
-
-    def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
-        self._clock = clock
+    def __init__(self) -> None:
         self._program: ChildProgram | None = None
         self._thumbs = ThreadPoolExecutor(1, thread_name_prefix="flyaround-thumbnails")
         self._decoding: Future[list[Thumbnail]] | None = None
@@ -118,7 +106,7 @@ class CaptureJob:
         """Elapsed time [s]."""
         if self.request is None:
             return 0.0
-        return (self._clock() if self.running else self.ended_s) - self.began_s
+        return (time.monotonic() if self.running else self.ended_s) - self.began_s
 
     @property
     def left_s(self) -> float | None:
@@ -153,9 +141,9 @@ class CaptureJob:
             If the program cannot be started.
         """
         self.check(request)
-        self._program = ChildProgram((*request.arguments, "--json"), self._clock)
+        self._program = ChildProgram((*request.arguments, "--json"))
         self.request, self.outcome, self.done, self.thumbnails = request, "", 0, []
-        self.began_s = self._clock()
+        self.began_s = time.monotonic()
         self._looked_s = 0.0
 
     def stop(self) -> None:
@@ -171,7 +159,7 @@ class CaptureJob:
         if program is None or request is None:
             return None
         running = program.running
-        now = self._clock()
+        now = time.monotonic()
         if running and now - self._looked_s < LOOK_EVERY_S:
             return None
         self._looked_s = now

@@ -91,8 +91,6 @@ class Estimates:
         Opens the resource of the process, by default the cache of estimators.
     work : callable, optional
         Function of the process.
-    limit_s : float, optional
-        Time without processor use after which a process is restarted.
     clock : callable, optional
         Monotonic time [s].
     """
@@ -102,14 +100,12 @@ class Estimates:
         *,
         open_resource: Callable[[], AbstractContextManager[Any]] | None = None,
         work: Callable[..., Answer] = estimator_process.estimate_picture,
-        limit_s: float = LIMIT_S,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
         self.progress = ProgressLine()
         """Step until the first estimate of a method; empty after it."""
         self._open_resource = open_resource or partial(estimator_process.EstimatorCache, self.progress)
         self._work, self._clock = work, clock
-        self._limit_s = limit_s
         self.on = False
         self.method = HYBRID
         self.with_stages = False
@@ -234,7 +230,7 @@ class Estimates:
                 capacity=1,
                 name="estimator's process",
                 restarts=True,
-                answer_within_s=self._limit_s,
+                answer_within_s=LIMIT_S,
                 clock=self._clock,
             )
         if self._under_way is not None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import os
 from dataclasses import dataclass, field
-from functools import lru_cache
+from functools import cache, lru_cache
 from typing import TYPE_CHECKING, Any, Self
 
 import cv2
@@ -205,6 +205,7 @@ def method_title(method: str) -> str:
     return f"network {method.removeprefix(NETWORK)}" if method.startswith(NETWORK) else method
 
 
+@cache
 def known_methods() -> tuple[str, ...]:
     """Return the methods that need no file: built-in ones, and those of other packages."""
     from flyaround.hil.board.method_names import METHODS  # noqa: PLC0415 - loads OpenCV, and most flights have no estimator

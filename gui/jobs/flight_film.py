@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
+from pathlib import Path
 
 from flyaround.gui.jobs.program import ChildProgram
 
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-    from pathlib import Path
 
-
-class FlightFilm:
+class FlightFilm(ChildProgram):
     """One film that is being rendered.
 
     Parameters
@@ -23,30 +20,24 @@ class FlightFilm:
     """
 
     def __init__(self, path: Path, words: Sequence[str]) -> None:
-        self.path, self.stopped = path, False
-        self._program = ChildProgram(("film", *words, "-o", str(path), "--json"))
+        self.path = path
+        super().__init__(("film", *words, "-o", str(path), "--json"))
 
     @property
     def share(self) -> float:
         """Completed share."""
-        done, _, count = self._program.last_error_line().partition(" of ")
+        done, _, count = self.last_error_line().partition(" of ")
         return int(done) / int(count) if done.isdecimal() and count.isdecimal() else 0.0
-
-    def stop(self) -> None:
-        """Ask it to end; a second time ends it at once."""
-        self.stopped = True
-        self._program.stop()
 
     def update(self) -> str | None:
         """Return once it has ended why there is no film, empty if there is one; None before."""
-        program = self._program
-        if program.running:
+        if self.running:
             return None
-        code, why = program.exit_code, program.last_error_line() or f"exit code {program.exit_code}"
+        code, why = self.exit_code, self.last_error_line() or f"exit code {self.exit_code}"
         self.close()
         return "" if not code else "it was stopped" if self.stopped else why
 
-    def close(self) -> None:
+    def close(self, patience_s: float = 2.0) -> None:
         """End it; of an incomplete film nothing is left."""
-        self._program.close()
-        self.path.with_name(f".{self.path.name}.{self._program.pid}.part").unlink(missing_ok=True)
+        super().close(patience_s)
+        self.path.with_name(f".{self.path.name}.{self.pid}.part").unlink(missing_ok=True)

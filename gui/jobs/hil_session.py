@@ -20,7 +20,6 @@ from flyaround.hil.host.link_process.ipc import Close, Listening
 from flyaround.simulator.errors import UserError
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
     from multiprocessing.connection import Connection
     from pathlib import Path
 
@@ -40,16 +39,9 @@ BIN_EDGES_MS = tuple(float(e) for e in np.round(np.geomspace(1.0, 10_000.0, 41),
 
 
 class HilSession:
-    """A session with a board: its process, the scenes that it requests and the rows of its ledger. Only `close` waits.
+    """A session with a board: its process, the scenes that it requests, the rows of its ledger; only `close` waits."""
 
-    Parameters
-    ----------
-    clock : callable, optional
-        Monotonic time [s].
-    """
-
-    def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
-        self._clock = clock
+    def __init__(self) -> None:
         self._process: multiprocessing.context.SpawnProcess | None = None
         self._pipe: Connection | None = None
         self._board: ChildProgram | None = None
@@ -123,7 +115,7 @@ class HilSession:
         """End the session: say goodbye to the board and close the ledger."""
         if self._process is None or self._stop_s is not None:
             return
-        self._stop_s = self._clock()
+        self._stop_s = time.monotonic()
         self._send(Close("the session was stopped in the console"))
 
     def add_fault(self, fault: CameraFault | LineFault) -> None:
@@ -166,7 +158,7 @@ class HilSession:
             self._next_board = (target, method)
             return
         arguments = "hil", "board", self.url, "--target", target, "--method", method
-        self._board = ChildProgram(arguments, self._clock)
+        self._board = ChildProgram(arguments)
 
     def stop_board(self) -> None:
         """End the board's process."""
@@ -238,7 +230,7 @@ class HilSession:
 
     def _add(self, row: FrameRecord) -> None:
         self.rows.append(row)
-        self._arrived_s.append(self._clock())
+        self._arrived_s.append(time.monotonic())
         self.outcomes[row.outcome] += 1
         self.declined.update([row.reason] if row.outcome == DECLINED else [])
         self.struck.update(row.faults)
@@ -248,7 +240,7 @@ class HilSession:
         """Interrupt a process that should have ended; then kill it."""
         if self._stop_s is None or self._process is None or self._process.pid is None:
             return
-        waited_s = self._clock() - self._stop_s
+        waited_s = time.monotonic() - self._stop_s
         if waited_s > END_PATIENCE_S and not self._interrupted:
             self._interrupted = True
             with contextlib.suppress(OSError):
@@ -303,7 +295,7 @@ class HilSession:
         if self._process is None:
             return
         # nobody waits for its last pictures
-        self._stop_s = self._clock() - END_PATIENCE_S + QUIT_PATIENCE_S
+        self._stop_s = time.monotonic() - END_PATIENCE_S + QUIT_PATIENCE_S
         while self._process.is_alive():
             # unread rows must not block its last messages
             self._take([])
@@ -316,14 +308,9 @@ class HilSession:
     @property
     def per_s(self) -> float:
         """Answers per second over the last seconds."""
-        now = self._clock()
+        now = time.monotonic()
         recent = [t for t in self._arrived_s if now - t < RATE_OVER_S]
         return (len(recent) - 1) / (recent[-1] - recent[0]) if len(recent) > 1 else 0.0
-
-    @property
-    def accepted(self) -> int:
-        """Number of accepted poses."""
-        return self.outcomes["accepted"]
 
     @property
     def drops(self) -> dict[str, int]:

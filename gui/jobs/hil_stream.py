@@ -14,9 +14,11 @@ import os
 import signal
 import threading
 from collections import deque
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from multiprocessing import connection, parent_process
-from typing import TYPE_CHECKING, Any, get_args
+from multiprocessing.connection import Connection
+from typing import Any, get_args
 
 from flyaround.gui.picture.decline_cause import IN_SCENARIO, decline_cause
 from flyaround.hil.host.faults.camera_faults import with_camera_faults
@@ -29,10 +31,6 @@ from flyaround.simulator.frame import Frame
 from flyaround.simulator.loop import FrameRequest, open_frames
 from flyaround.simulator.scenario.faults import CameraFault, Faults, LineFault
 from flyaround.simulator.scene.state import SceneState
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-    from multiprocessing.connection import Connection
 
 CAMERA_FAULTS: tuple[type, ...] = get_args(CameraFault)
 

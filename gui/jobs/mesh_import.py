@@ -3,19 +3,16 @@
 from __future__ import annotations
 
 import re
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 from flyaround.gui.jobs.program import ChildProgram
 from flyaround.simulator.targets.importing.read.mesh_file import ENDINGS
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 MESHES = tuple(f".{ending}" for ending in ENDINGS)
 LONGEST_NAME, LONGEST_MISTAKE = 40, 400
 
 
-class MeshImport:
+class MeshImport(ChildProgram):
     """The import of one mesh.
 
     Parameters
@@ -31,21 +28,15 @@ class MeshImport:
 
     def __init__(self, path: Path) -> None:
         self.name = target_name(path.stem)
-        self._program = ChildProgram(
-            ("targets", "add", str(path), "--name", self.name, "--no-sheet", "--replace")
-        )
+        super().__init__(("targets", "add", str(path), "--name", self.name, "--no-sheet", "--replace"))
 
     def update(self) -> str | None:
         """Return the error once the import has ended, empty if there is none; None before."""
-        if self._program.running:
+        if self.running:
             return None
-        code, words = self._program.exit_code, self._program.last_error_line()
-        self._program.close()
+        code, words = self.exit_code, self.last_error_line()
+        self.close()
         return (words or f"it ended with code {code}")[:LONGEST_MISTAKE] if code else ""
-
-    def close(self) -> None:
-        """Abandon it."""
-        self._program.close()
 
 
 def target_name(stem: str) -> str:

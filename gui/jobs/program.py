@@ -9,19 +9,18 @@ import subprocess
 import sys
 import tempfile
 import time
+from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from flyaround.simulator.errors import UserError
 from flyaround.simulator.runtime.files import new_path
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
 
 PATIENCE_S = 8.0
 """Grace period before a program is killed."""
 MOST_BYTES = 200_000
 """Largest number of output bytes that are read."""
+FOLDER = Path("out") / "console"
+"""Folder of files that the operator does not name."""
 
 
 class ChildProgram:
@@ -109,8 +108,8 @@ def _read(fd: int) -> str:
     return os.pread(fd, MOST_BYTES, 0).decode("utf-8", errors="replace")
 
 
-def output_file(named: str | None, base: Path, name: str, suffix: str) -> Path:
-    """Return the file that an operator named, or a new one in ``base``.
+def output_file(named: str | None, name: str, suffix: str) -> Path:
+    """Return the file that an operator named, or a new one in `FOLDER`.
 
     Raises
     ------
@@ -118,7 +117,7 @@ def output_file(named: str | None, base: Path, name: str, suffix: str) -> Path:
         If the named file exists.
     """
     if named is None:
-        return new_path(base, name, suffix)
+        return new_path(FOLDER, name, suffix)
     if Path(named).exists():
         raise UserError(f"{named} exists already; name another file")
     return Path(named)

@@ -27,7 +27,6 @@ class BoardLinkPanel(Panel):
     name, title, place, shown = "board-link", "Board link", "left", False
 
     _url = LISTEN
-    _methods: tuple[str, ...] = ()
     _method, _fault = "", next(iter(FAULTS))
     _seconds = f"{FAULT_S:g}"
 
@@ -49,9 +48,8 @@ class BoardLinkPanel(Panel):
         w.button(console, *start, width=w.width)
         w.text("After each answer the board is sent a picture of the newest moment.", style.QUIET)
         w.section("Board of this machine")
-        self._methods = self._methods or known_methods()
-        now = self._method or self._methods[0]
-        self._method = w.choice(console, "hil.board", now, self._methods, argument="method")
+        methods = known_methods()
+        self._method = w.choice(console, "hil.board", self._method or methods[0], methods, argument="method")
         board = ("hil.board-stop",) if hil.board_running else ("hil.board", self._method, self._url)
         w.button(console, *board, width=w.width)
         # above the answers, whose growth must not move it
@@ -64,7 +62,7 @@ class BoardLinkPanel(Panel):
         w = self._w
         w.text(f"board: {hil.board_name or 'none'}", style.INK, "what the connected board reports of itself")
         w.row("Pictures", (hil.sent,), "{:d}", "sent since the session began")
-        w.row("Accepted", (hil.accepted,), "{:d}", "poses that the board accepts")
+        w.row("Accepted", (hil.outcomes["accepted"],), "{:d}", "poses that the board accepts")
         w.row("Declined", (hil.outcomes["declined"],), "{:d}", "answers without a usable pose")
         newest = next((r.reason for r in reversed(hil.rows) if r.reason in hil.declined), "")
         for reason in sorted(hil.declined, key=lambda r: (r != newest, -hil.declined[r]))[:SHOWN_REASONS]:
@@ -74,9 +72,8 @@ class BoardLinkPanel(Panel):
             w.text(hil.cause, style.WARN, "why the last picture was declined, and what to do")
         w.row("Rate", (hil.per_s,), "{:.2f}/s", "answers a second, over five seconds")
         for cause, n in hil.drops.items():
-            w.coloured(style.BAD)
-            w.row(f"Lost: {cause}", (n,), "{:d}", "pictures without an answer")
-            w.imgui.pop_style_color()
+            with w.coloured(style.BAD):
+                w.row(f"Lost: {cause}", (n,), "{:d}", "pictures without an answer")
         latencies = hil.latencies_ms()
         if len(latencies):
             middle, most = np.percentile(latencies, [50, 99])

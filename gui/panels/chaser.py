@@ -32,8 +32,7 @@ class ChaserPanel(Panel):
         w.buttons(console, BUTTONS, 3)
         for k, (name, figure) in enumerate(FIGURES.items()):
             if name in HEADS:
-                w.coloured(style.QUIET)
-                w.row(*HEADS[name], "{:>8}", figure.tip)
-                w.imgui.pop_style_color()
+                with w.coloured(style.QUIET):
+                    w.row(*HEADS[name], "{:>8}", figure.tip)
             if name in SHOWN:
                 w.row(name, figure.values(console.telemetry), figure.form, figure.tip, figure=k)

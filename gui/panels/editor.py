@@ -48,14 +48,13 @@ class EditorPanel(Panel):
         w.button(console, "scenario.save", self._path, label="Save as")
         right = "no mistake was found" if draft.text == draft.right_text else "not checked yet"
         w.text(draft.problem or right, style.BAD if draft.problem else style.QUIET)
-        imgui.push_font(w.window.figure_font, 0.0)
-        if draft.problem_line is not None:
-            wrong = draft.text.splitlines()[draft.problem_line - 1 : draft.problem_line]
-            w.text("".join(f"{draft.problem_line} | {text.strip()}" for text in wrong), style.WARN)
-        flags = imgui.InputTextFlags_.allow_tab_input
-        changed, text = imgui.input_text_multiline("##text", draft.text, w.vec(-1, -1), flags)
-        self._mark(draft)
-        imgui.pop_font()
+        with w.ctx.push_font(w.window.figure_font, 0.0):
+            if draft.problem_line is not None:
+                wrong = draft.text.splitlines()[draft.problem_line - 1 : draft.problem_line]
+                w.text("".join(f"{draft.problem_line} | {text.strip()}" for text in wrong), style.WARN)
+            flags = imgui.InputTextFlags_.allow_tab_input
+            changed, text = imgui.input_text_multiline("##text", draft.text, w.vec(-1, -1), flags)
+            self._mark(draft)
         w.tip("the scenario's file; every key with its unit in its name. Leaving the field checks it")
         # Dear ImGui's Escape takes back what was typed
         if changed and not imgui.is_key_pressed(imgui.Key.escape, False):

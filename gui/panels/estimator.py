@@ -39,7 +39,6 @@ class EstimatorPanel(Panel):
 
     name, title, place, shown = "estimator", "Estimator", "left", False
 
-    _methods: tuple[str, ...] = ()
     _network = ""
 
     def draw(self, console: Console) -> None:
@@ -73,8 +72,7 @@ class EstimatorPanel(Panel):
 
     def _choose(self, console: Console) -> None:
         w, imgui, estimates = self._w, self._w.imgui, console.jobs.estimates
-        self._methods = self._methods or known_methods()
-        for k, method in enumerate(self._methods):
+        for k, method in enumerate(known_methods()):
             w.flow(w.button_width(method), first=k == 0)
             w.button(console, "estimator.method", method, label=method, on=method == estimates.method)
         imgui.set_next_item_width(max(w.width - w.button_width("Network") - 8, 60))
@@ -166,16 +164,14 @@ class EstimatorPanel(Panel):
     def _stages(self, console: Console, answer: Answer) -> None:
         w, imgui, pictures = self._w, self._w.imgui, stage_pictures(answer)
         for (name, picture), width in zip(pictures.items(), w.grid(len(pictures), THUMB, 2), strict=True):
-            imgui.begin_group()
-            texture = w.window.show_picture(f"stage/{name}", picture, picture)
-            imgui.image(texture, w.vec(width, width * picture.shape[0] / picture.shape[1]))
-            if imgui.is_item_clicked():
-                console.do("estimator.stage", name)
-            title, tip = stage_text(name)
-            w.tip(f"{title}: {tip}")
-            large = name == console.jobs.estimates.stage and console.shown.get("stage", False)
-            imgui.push_text_wrap_pos(imgui.get_cursor_pos_x() + width)
-            w.one_line(title, style.ACCENT if large else style.QUIET)
-            imgui.pop_text_wrap_pos()
-            imgui.end_group()
+            with w.ctx.begin_group():
+                texture = w.window.show_picture(f"stage/{name}", picture, picture)
+                imgui.image(texture, w.vec(width, width * picture.shape[0] / picture.shape[1]))
+                if imgui.is_item_clicked():
+                    console.do("estimator.stage", name)
+                title, tip = stage_text(name)
+                w.tip(f"{title}: {tip}")
+                large = name == console.jobs.estimates.stage and console.shown.get("stage", False)
+                with w.ctx.push_text_wrap_pos(imgui.get_cursor_pos_x() + width):
+                    w.one_line(title, style.ACCENT if large else style.QUIET)
         w.text("A click shows one large, in the place of the view.", style.QUIET)

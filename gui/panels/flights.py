@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from flyaround.gui import style
-from flyaround.gui.commands.timeline import FOLDER
+from flyaround.gui.commands.timeline import FLIGHTS
 from flyaround.gui.widgets import Panel
 from flyaround.simulator.errors import UserError
 from flyaround.simulator.piloting.readouts import duration_text
@@ -62,7 +62,7 @@ class FlightsPanel(Panel):
 
 def kept_flights(known: Iterable[str]) -> list[str]:
     """Return the replays in the folder of kept flights, and the known ones elsewhere that exist, newest first."""
-    found = {str(path.absolute()) for path in FOLDER.glob(f"*/{REPLAY_NAME}")}
+    found = {str(path.absolute()) for path in FLIGHTS.glob(f"*/{REPLAY_NAME}")}
     paths = [path for path in {*found, *known} if Path(path).is_file()]
     return sorted(paths, key=lambda path: -Path(path).stat().st_mtime)[:MOST]
 

@@ -50,12 +50,11 @@ class KeyList(Panel):
         pad, room = imgui.get_style().window_padding.y, 0.9 * imgui.get_main_viewport().work_size.y
         most = min(self.size[1] * self._window.scale, room) - imgui.get_cursor_pos_y() - pad
         imgui.set_next_window_size_constraints(w.vec(0, 0), w.vec(w.width, most))
-        imgui.begin_child("commands", w.vec(w.width, 0), imgui.ChildFlags_.auto_resize_y)
-        for group in dict.fromkeys(c.group for c in matching):
-            w.section(group.capitalize())
-            if command_rows(w, console, [c for c in matching if c.group == group]):
-                console.open_panel(self.name, shown=False)
-        imgui.end_child()
+        with w.ctx.begin_child("commands", w.vec(w.width, 0), imgui.ChildFlags_.auto_resize_y):
+            for group in dict.fromkeys(c.group for c in matching):
+                w.section(group.capitalize())
+                if command_rows(w, console, [c for c in matching if c.group == group]):
+                    console.open_panel(self.name, shown=False)
         if not matching:
             w.text(f"no command has {first!r}", style.QUIET)
         imgui.set_window_size(w.vec(imgui.get_window_width(), imgui.get_cursor_pos_y() + pad))

@@ -45,19 +45,18 @@ class LightsPanel(Panel):
 
     def _light(self, console: Console, k: int, switched: SwitchedLight) -> None:
         w, imgui = self._w, self._w.imgui
-        imgui.push_id(k)
-        w.section(switched.title)
-        changed, on = imgui.checkbox("On", switched.on)
-        w.command_tip(console, "light.switch", k)
-        imgui.same_line(imgui.get_cursor_pos_x() + w.width - w.button_width("Remove"))
-        removed = imgui.button("Remove")
-        w.command_tip(console, "light.remove", k)
-        imgui.begin_disabled(not switched.on)
-        frame = getattr(switched.light, "frame", "camera")
-        for name in switched.light.__struct_fields__:
-            self._field(console, k, name, getattr(switched.light, name), frame)
-        imgui.end_disabled()
-        imgui.pop_id()
+        with w.ctx.push_id(k):
+            w.section(switched.title)
+            changed, on = imgui.checkbox("On", switched.on)
+            w.command_tip(console, "light.switch", k)
+            imgui.same_line(imgui.get_cursor_pos_x() + w.width - w.button_width("Remove"))
+            removed = imgui.button("Remove")
+            w.command_tip(console, "light.remove", k)
+            imgui.begin_disabled(not switched.on)
+            frame = getattr(switched.light, "frame", "camera")
+            for name in switched.light.__struct_fields__:
+                self._field(console, k, name, getattr(switched.light, name), frame)
+            imgui.end_disabled()
         if changed:
             console.do("light.switch", k, on)
         if removed:

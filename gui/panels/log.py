@@ -9,7 +9,8 @@ from flyaround.gui.widgets import Panel
 from flyaround.simulator.piloting.readouts import mission_time
 
 if TYPE_CHECKING:
-    from flyaround.gui.console import Console, Message
+    from flyaround.gui.console import Console
+    from flyaround.gui.messages import Message
 
 SHOWN_LINES = 200  # newest messages and commands in the panel
 COLOURS = {"note": style.QUIET, "caution": style.WARN, "warning": style.BAD}

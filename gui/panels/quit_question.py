@@ -25,11 +25,10 @@ class QuitQuestion(Panel):
         w, imgui = self._w, self._w.imgui
         lost = console.losses
         # the rows of buttons stay where they are when a job ends
-        imgui.begin_child("lost", w.vec(0, -2 * imgui.get_frame_height_with_spacing()))
-        w.text("Time stands still. If you quit now:" if lost else "Nothing is lost.")
-        for line in lost:
-            w.text(f"- {line}", style.WARN, "lost for good if you quit")
-        imgui.end_child()
+        with w.ctx.begin_child("lost", w.vec(0, -2 * imgui.get_frame_height_with_spacing())):
+            w.text("Time stands still. If you quit now:" if lost else "Nothing is lost.")
+            for line in lost:
+                w.text(f"- {line}", style.WARN, "lost for good if you quit")
         low = imgui.get_cursor_pos_y() + imgui.get_frame_height_with_spacing()
         if self._keeps and not console.jobs.keeping:
             # a flight that could not be written, and a changed text, need an answer

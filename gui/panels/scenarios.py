@@ -52,23 +52,21 @@ class ScenarioChooser(Panel):
         if not cards:
             w.text(f"no scenario has {query!r} in its name or title", style.QUIET)
         # the search field stays visible while the list scrolls
-        imgui.begin_child("scenarios")
-        for card, width in zip(cards, w.grid(len(cards), CARD), strict=True):
-            self._draw_card(console, *card, width)
-        imgui.end_child()
+        with w.ctx.begin_child("scenarios"):
+            for card, width in zip(cards, w.grid(len(cards), CARD), strict=True):
+                self._draw_card(console, *card, width)
 
     def _draw_card(self, console: Console, name: str, title: str, picture: ByteArray, width: float) -> None:
         w, imgui = self._w, self._w.imgui
-        imgui.begin_group()
-        texture = w.window.show_picture(f"scenario/{name}", name, picture)
-        height = width * picture.shape[0] / picture.shape[1]
-        size = w.vec(width - 2 * imgui.get_style().frame_padding.x, height)
-        if imgui.image_button(f"##{name}", texture, size):
-            console.do("scenario.open", name)
-        w.tip(f"{title}\nflyaround sim {name}")
-        here = name == console.session.plan.scenario.name
-        w.cut_line(name, width, style.ACCENT if here else style.INK)
-        imgui.end_group()
+        with w.ctx.begin_group():
+            texture = w.window.show_picture(f"scenario/{name}", name, picture)
+            height = width * picture.shape[0] / picture.shape[1]
+            size = w.vec(width - 2 * imgui.get_style().frame_padding.x, height)
+            if imgui.image_button(f"##{name}", texture, size):
+                console.do("scenario.open", name)
+            w.tip(f"{title}\nflyaround sim {name}")
+            here = name == console.session.plan.scenario.name
+            w.cut_line(name, width, style.ACCENT if here else style.INK)
 
 
 def _card(name: str) -> tuple[str, ByteArray]:

@@ -169,7 +169,6 @@ class SteeringPanel(Panel):
         w.row("Delta-v", (speed_text(total),), "{}", "of all planned burns together")
         nearest_m, risk = craft.burns_forecast()
         if np.isfinite(nearest_m):
-            w.coloured(style.BAD if risk else style.INK)
-            w.row("Closest", (nearest_m,), "{:.2f} m", NOTES["closest"])
-            w.imgui.pop_style_color()
+            with w.coloured(style.BAD if risk else style.INK):
+                w.row("Closest", (nearest_m,), "{:.2f} m", NOTES["closest"])
         w.lines(risk and f"the path {risk}", style.BAD, "as red on the LVLH map")

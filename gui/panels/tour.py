@@ -15,6 +15,8 @@ from flyaround.simulator.piloting.cautions import AT_REST_M_S
 if TYPE_CHECKING:
     from flyaround.gui.console import Console
 
+LABELS = {"help.tour-back": "Back", "help.tour-next": "Skip this", "help.tour-end": None}
+"""Labels of the tour's buttons, where they are shorter than their commands' titles."""
 MOST_LINES = 200
 """Number of recent log entries in which a step's command is searched."""
 
@@ -87,11 +89,7 @@ class TourPanel(Panel):
             w.text(f"{STEPS[step].text} The blue frame shows where.")
         else:
             w.text("F1 lists every command and key; ? tells about the panel under the mouse.")
-        for name, label in (
-            ("help.tour-back", "Back"),
-            ("help.tour-next", "Skip this"),
-            ("help.tour-end", None),
-        ):
+        for name, label in LABELS.items():
             if is_usable(console, name):
                 w.button(console, name, label=label)
                 imgui.same_line()

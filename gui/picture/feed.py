@@ -166,9 +166,10 @@ class Feed:
         """True while a picture to be saved is in flight."""
         return self._save_due or any(r.saved for r in self._waiting)
 
-    def look(self) -> None:
-        """Mark the view as visible now; `looked_at` stays true for `SEEN_S`."""
+    def look(self) -> Picture | None:
+        """Mark the view as visible now, and return its newest picture; `looked_at` stays true for `SEEN_S`."""
         self._seen_s = self._clock()
+        return self.newest
 
     @property
     def waiting(self) -> bool:
@@ -217,14 +218,11 @@ class Feed:
             self._ask(session, settings, timed=timed)
         except JobsLostError as error:
             self._ask_again(error)
-        except PictureFailedError as error:
-            if self._kind.needed and not self.finished:
-                raise UserError(FAILED.format(error)) from error
+        except (PictureFailedError, RuntimeError) as error:
+            lost = not self.finished or isinstance(error, RuntimeError)
+            if self._kind.needed and lost:
+                raise UserError(FAILED.format(last_line(error))) from error
             self._rest(error)
-        except RuntimeError as error:
-            if not self._kind.needed:
-                return self._rest(error)
-            raise UserError(FAILED.format(last_line(error))) from error
         return self.finished > before
 
     def _begin(self, session: FlightSession) -> None:
@@ -268,14 +266,13 @@ class Feed:
         self._save_due = self.saving
         self._waiting, self._last = [], None
 
-    def _rest(self, error: Exception, then: str = "the console tries again") -> bool:
-        """Report a failure, unless it repeats the previous one, and pause requests for `REST_S`; return False."""
+    def _rest(self, error: Exception, then: str = "the console tries again") -> None:
+        """Report a failure, unless it repeats the previous one, and pause requests for `REST_S`."""
         self._rests_until_s = self._clock() + REST_S
         self._last = None
         message = f"no picture of the {self._kind.title}: {last_line(error)}; {then}"
         if message != self._reported_failure:
             self._reported_failure = self._trouble = message
-        return False
 
     def _ask(self, session: FlightSession, settings: ViewSettings, *, timed: bool) -> None:
         enough = len(self._waiting) >= 2 or (self._waiting and self._clock() < self._due_s)

@@ -13,11 +13,10 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterable
 
     from flyaround.gui.picture.feed import FramesOnRequest
-    from flyaround.gui.picture.view_settings import Options, ViewSettings
+    from flyaround.gui.picture.view_settings import Options
     from flyaround.simulator.frame import Frame
     from flyaround.simulator.loop import FrameRequest
-    from flyaround.simulator.piloting.session import FlightSession
-    from flyaround.simulator.scene.state import Quality, SceneState
+    from flyaround.simulator.scene.state import SceneState
 
 ORBIT_CAMERA, LABEL_VIEWS = "orbit-camera", "labels"
 CAMERA_SHARE = 2.0
@@ -60,13 +59,11 @@ def further_feeds(turns: Turns, orbit_frames: FramesOnRequest, options: Options)
     options : Options
         The operator's settings, read for every picture.
     """
-
-    def orbit(
-        session: FlightSession, settings: ViewSettings, divisor: int, quality: Quality | None
-    ) -> SceneState:
-        return orbit_scene(session, settings, options.orbit, divisor, quality)
-
-    outside = PictureKind(scene=orbit, title="orbit camera", needed=False)
+    outside = PictureKind(
+        scene=lambda session, settings, *rest: orbit_scene(session, settings, options.orbit, *rest),
+        title="orbit camera",
+        needed=False,
+    )
     labels = PictureKind(labels=LABELS, every_s=LABELS_EVERY_S, title="labels", needed=False)
     return {
         ORBIT_CAMERA: Feed(Turns(orbit_frames).channel(), kind=outside),

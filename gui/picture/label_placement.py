@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
-
-    from flyaround.simulator.runtime.arrays import FloatArray
+from flyaround.simulator.runtime.arrays import FloatArray
 
 Point = tuple[float, float]
 Rect = tuple[float, float, float, float]

@@ -147,10 +147,8 @@ def ports(rect: Rect, look: MapLook, gap: float = 6.0) -> tuple[MapPort, MapPort
         half = max((h - gap) / 2, 1.0)
         rects = (x, y, w, half), (x, y + half + gap, w, half)
     scale = max(rects[0][2], 1.0) / look.width_m
-    first, second = (
-        MapPort(p, r, look.centre_lvlh_m, scale) for p, r in zip((IN_PLANE, OUT_OF_PLANE), rects, strict=True)
-    )
-    return first, second
+    centre = look.centre_lvlh_m
+    return MapPort(IN_PLANE, rects[0], centre, scale), MapPort(OUT_OF_PLANE, rects[1], centre, scale)
 
 
 def fit(look: MapLook, points_lvlh_m: FloatArray, aspect: float) -> None:
@@ -206,8 +204,7 @@ def corridor_outline(keep_out: KeepOut, plane: Plane) -> FloatArray:
     rim = keep_out.radius_m * (math.cos(half) * axis + math.sin(half) * around)
     # the cap of the sphere, which bulges beyond the rim
     tip = keep_out.radius_m * axis
-    arcs = [rim + (tip - rim) * s for s in (0.25, 0.5, 0.75)]
-    cap = np.vstack([rim, *arcs, tip[None]])
+    cap = np.vstack([rim + (tip - rim) * s for s in (0.0, 0.25, 0.5, 0.75, 1.0)])
     cap *= keep_out.radius_m / np.linalg.norm(cap, axis=1, keepdims=True)
     return hull(np.vstack([np.zeros((1, 3)), cap]), plane)
 

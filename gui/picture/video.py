@@ -10,17 +10,14 @@ import os
 import queue
 import threading
 from fractions import Fraction
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
 
 from flyaround.simulator.errors import UserError, missing_extra, write_error
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from flyaround.simulator.runtime.arrays import ByteArray
+from flyaround.simulator.runtime.arrays import ByteArray
 
 WAITING = 8
 """Number of pictures queued for the encoder; further ones are dropped and counted."""

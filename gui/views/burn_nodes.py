@@ -174,10 +174,9 @@ class BurnNodes:
         key = session, plan, session.craft.steering.guard, turn
         if key == self._key:
             return
-        self._key, self._plan = key, plan
+        self._key = key
         # a burn in progress has no node
-        ahead = BurnPlan(tuple(b for b in plan.burns if b.t_s >= session.t_s))
-        self._plan = ahead
+        self._plan = ahead = BurnPlan(tuple(b for b in plan.burns if b.t_s >= session.t_s))
         self._path = session.craft.predicted_burns(ahead, samples=SAMPLES) if ahead.burns else None
         found = (self._path.points_lvlh_m, self._path.nodes_lvlh_m) if self._path else ((), ())
         self.path_lvlh_m, self.nodes_lvlh_m = (np.reshape(points, (-1, 3)) for points in found)

@@ -89,14 +89,13 @@ class DockingHud:
         sight = Sight(canvas, box, camera, seen, now, rows)
         self._corridor(sight, docking)
         self._port(sight)
-        self._window.imgui.push_font(self._window.figure_font, 0.0)
-        centre = box.at((camera.cx_px, camera.cy_px))
-        radius = RING_SHARE * min(box.width, box.height)
-        if radius < LEAST_RING * self._window.scale:
-            radius = 0.0
-        self._ring(sight, centre, radius)
-        self._status(canvas, box, centre, radius, console)
-        self._window.imgui.pop_font()
+        with self._window.ctx.push_font(self._window.figure_font, 0.0):
+            centre = box.at((camera.cx_px, camera.cy_px))
+            radius = RING_SHARE * min(box.width, box.height)
+            if radius < LEAST_RING * self._window.scale:
+                radius = 0.0
+            self._ring(sight, centre, radius)
+            self._status(canvas, box, centre, radius, console)
 
     # --- in the picture
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from flyaround.gui import style
-from flyaround.gui.canvas import Canvas, legend_keys
+from flyaround.gui.canvas import Canvas, legend_keys, point
 from flyaround.gui.picture.ground_map import GroundMap, load_ground_map
 from flyaround.gui.views.letterbox import Letterbox
 from flyaround.gui.widgets import Panel
@@ -197,8 +197,7 @@ def map_places(box: Letterbox, latitude_deg: FloatArray, longitude_deg: FloatArr
 
 def map_place(box: Letterbox, latitude_deg: float, longitude_deg: float) -> Point:
     """Return the screen position of geodetic coordinates."""
-    x, y = map_places(box, np.array(latitude_deg), np.array(longitude_deg))
-    return (float(x), float(y))
+    return point(map_places(box, np.array(latitude_deg), np.array(longitude_deg)))
 
 
 def place_text(latitude_deg: float, longitude_deg: float) -> str:

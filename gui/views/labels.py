@@ -47,10 +47,7 @@ class _LabelView(Panel):
         canvas = Canvas(self._window)
         canvas.clip(place[:2], place[2:])
         feed = console.feeds.get(LABEL_VIEWS)
-        picture = None
-        if feed is not None:
-            feed.look()
-            picture = feed.newest
+        picture = None if feed is None else feed.look()
         if picture is None or picture.frame.truth is None:
             canvas.centred(place, console.preparing)
         else:

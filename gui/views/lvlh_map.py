@@ -127,9 +127,8 @@ class LvlhMap(Panel):
     def _extent(self, session: FlightSession, trail: FloatArray) -> FloatArray:
         """Return the points that a fitted map must hold, predicted paths only near the rest."""
         craft = session.craft
-        if (
-            craft.steering.autopilot or craft.docking.docked
-        ) and craft.world.range_m < LAST_RADII * craft.docking.radius_m:
+        docks = craft.steering.autopilot or craft.docking.docked
+        if docks and craft.world.range_m < LAST_RADII * craft.docking.radius_m:
             # the last metres: the chaser before the port
             edges = craft.docking.radius_m * np.vstack([np.eye(3), -np.eye(3)])
             return np.vstack([edges, craft.world.position_lvlh_m])
@@ -290,11 +289,9 @@ class LvlhMap(Panel):
         (x, y, w, h), line, keep_out = port.rect, canvas.line, session.plan.scenario.chaser.keep_out
         if keep_out is None or w < 240 * self._window.scale:
             return None
-        middle, here = (
-            port.at(np.array(p))[1] for p in ((0.0, 0.0, 0.0), session.craft.world.position_lvlh_m)
-        )
-        side = 1.0 if here < middle else -1.0
-        edge = port.at(np.zeros(3)) + np.array([0.0, side * keep_out.radius_m * port.scale])
+        middle, here = port.at(np.zeros(3)), port.at(session.craft.world.position_lvlh_m)
+        side = 1.0 if here[1] < middle[1] else -1.0
+        edge = middle + np.array([0.0, side * keep_out.radius_m * port.scale])
         if not y + 3 * line < edge[1] < y + h - 3 * line:
             return None
         text = f"keep out {relative_map.metres_text(keep_out.radius_m)}{', lifted' * (session.craft.sphere is None)}"
@@ -308,9 +305,10 @@ class LvlhMap(Panel):
         burns = bool(len(self._burns) or session.craft.steering.burns.burns)
         corridor = sphere is not None and sphere.corridor_axis_lvlh is not None
         there = {"burns": burns, "keep-out": keep_out is not None, "corridor": corridor}
-        self._imgui.push_font(self._window.text_font, 0.85 * self._imgui.get_style().font_size_base)
-        height = canvas.legend(corner, width, [key for key in KEYS if there.get(key.name, True)])
-        self._imgui.pop_font()
+        with self._window.ctx.push_font(
+            self._window.text_font, 0.85 * self._imgui.get_style().font_size_base
+        ):
+            height = canvas.legend(corner, width, [key for key in KEYS if there.get(key.name, True)])
         return height + 4.0
 
     def _buttons(self, console: Console) -> None:

@@ -36,14 +36,13 @@ class StageView(Panel):
         if titles:
             # a list at the left: rows of buttons would take the height that the picture needs
             wide = min(max(map(w.button_width, titles.values())), LIST_SHARE * w.width)
-            imgui.begin_child("stages", w.vec(wide, 0))
-            for name, title in titles.items():
-                w.coloured(style.ACCENT if name == estimates.stage else style.INK)
-                if imgui.selectable(f"{w.elided(title, w.width)}###{name}", name == estimates.stage)[0]:
-                    console.do("estimator.stage", name)
-                imgui.pop_style_color()
-                w.tip(f"{title}: {stage_text(name)[1]}")
-            imgui.end_child()
+            with w.ctx.begin_child("stages", w.vec(wide, 0)):
+                for name, title in titles.items():
+                    on = name == estimates.stage
+                    with w.coloured(style.ACCENT if on else style.INK):
+                        if imgui.selectable(f"{w.elided(title, w.width)}###{name}", on)[0]:
+                            console.do("estimator.stage", name)
+                    w.tip(f"{title}: {stage_text(name)[1]}")
             imgui.same_line()
         place = self._free(32.0)
         if (picture := pictures.get(estimates.stage)) is None:

@@ -93,8 +93,7 @@ class TruthMarks:
                 obstacles = (*obstacles, (*letter.corner, *sizes[k]))
         # by shape as well as colour: a dot is lit, a diamond shadowed, a ring hidden
         for pixel, state, _ in marks.keypoints:
-            at = box.at(pixel)
-            canvas.keypoint(at, SEEN_COLORS[state], state)
+            canvas.keypoint(box.at(pixel), SEEN_COLORS[state], state)
         if options.overlays.names:
             self._names(canvas, box, picture if options.overlays.crosshair else None, obstacles)
 

@@ -66,11 +66,11 @@ def test_an_abort_outside_that_distance_says_what_it_does_instead(at: Pointer) -
     for _ in range(5):
         console.pass_time(200)
     assert [m.text for m in console.messages[: len(said)]] == said
-    assert text in [m.text for m in console.waiting]
+    assert text in [m.text for m in console.messages.waiting]
     # the caution of an unguided drift ends with the drift
     console.do("guidance.hold")
     console.pass_time(20)
-    assert console.waiting == []
+    assert console.messages.waiting == []
 
 
 def test_a_retreat_that_is_done_is_a_caution_while_the_chaser_drifts(at: Pointer) -> None:
@@ -82,10 +82,10 @@ def test_a_retreat_that_is_done_is_a_caution_while_the_chaser_drifts(at: Pointer
         if not console.session.craft.steering.aborting:
             break
     console.pass_time(250)
-    assert "the abort is done: the chaser drifts unguided" in [m.text for m in console.waiting]
+    assert "the abort is done: the chaser drifts unguided" in [m.text for m in console.messages.waiting]
     console.do("guidance.hold")
     console.pass_time(20)
-    assert console.waiting == []
+    assert console.messages.waiting == []
 
 
 def test_a_far_drift_towards_the_target_is_a_caution(at: Pointer) -> None:
@@ -93,7 +93,7 @@ def test_a_far_drift_towards_the_target_is_a_caution(at: Pointer) -> None:
     carried_to(console, -2000.0)
     console.do("guidance.drift")
     console.pass_time(20)
-    assert console.waiting == []
+    assert console.messages.waiting == []
     # on the way that is at the target after 2000 s
     craft, place = console.session.craft, np.array([0.0, -2000.0, 0.0])
     orbit = craft.flight.orbit
@@ -107,7 +107,9 @@ def test_a_far_drift_towards_the_target_is_a_caution(at: Pointer) -> None:
     craft.steered = replace(craft.steered, velocity_eci_m_s=moving)
     for _ in range(6):
         console.pass_time(200)
-    assert [m.text for m in console.waiting] == ["the free drift leads through the keep-out sphere of 12 m"]
+    assert [m.text for m in console.messages.waiting] == [
+        "the free drift leads through the keep-out sphere of 12 m"
+    ]
 
 
 def test_a_chaser_at_rest_outside_it_is_not_said_to_close(at: Pointer) -> None:

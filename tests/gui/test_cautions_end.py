@@ -23,7 +23,7 @@ def console() -> Iterator[Console]:
 
 def waiting(console: Console) -> list[str]:
     console.pass_time(20)
-    return [m.text for m in console.waiting]
+    return [m.text for m in console.messages.waiting]
 
 
 def plan(console: Console, t_s: float = 500.0) -> None:
@@ -70,7 +70,7 @@ def test_the_caution_of_a_plume_goes_once_it_is_clear(console: Console) -> None:
     for _ in range(2):
         for _ in range(100):
             console.pass_time(100, frozenset({"steer.back"}))
-            if console.waiting:
+            if console.messages.waiting:
                 break
         assert waiting(console) == [strikes]
         console.do("time.rate", "10")

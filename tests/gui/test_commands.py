@@ -166,7 +166,7 @@ def test_a_command_that_fails_is_a_message_and_the_flight_goes_on(
     assert len(console.messages) == 3
     console.pass_time(100)
     console.do("window.acknowledge")
-    assert console.waiting == []
+    assert console.messages.waiting == []
 
 
 def test_numbers_are_written_so_that_they_are_read_again() -> None:
@@ -358,7 +358,7 @@ def test_a_caution_stays_in_the_last_line_beside_an_ordinary_message(table: Comm
     assert message_texts(console) == [caution, ("guidance: V-bar", style.INK)]
     console.say("too near", "warning")
     assert message_texts(console) == [("too near (F9: seen)", style.BAD), ("the plume strikes", style.WARN)]
-    console.acknowledge()
+    console.messages.acknowledge()
     # what is over must not read as if it were not
     assert message_texts(console) == [("guidance: V-bar", style.QUIET)]
     console.say("guidance: R-bar")

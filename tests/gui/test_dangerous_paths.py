@@ -25,14 +25,14 @@ def console() -> Iterator[Console]:
     made.do("steer.stop")
     for _ in range(20):
         made.pass_time(200)
-    made.acknowledge()
+    made.messages.acknowledge()
     yield made
     made.close()
 
 
 def waiting(console: Console) -> list[str]:
     console.pass_time(100)
-    return [m.text for m in console.waiting if not m.text.startswith("the plume")]
+    return [m.text for m in console.messages.waiting if not m.text.startswith("the plume")]
 
 
 def test_a_burn_into_the_sphere_is_a_caution_until_it_is_cancelled(console: Console) -> None:

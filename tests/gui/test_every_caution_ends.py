@@ -84,7 +84,7 @@ def console() -> Iterator[Console]:
 def waiting(console: Console) -> list[str]:
     console.pass_time(100)
     # thrusts of guidance strike the target, too
-    return [m.text for m in console.waiting if not m.text.startswith("the plume")]
+    return [m.text for m in console.messages.waiting if not m.text.startswith("the plume")]
 
 
 def test_station_keeping_ends_the_drift(console: Console) -> None:
@@ -113,9 +113,9 @@ def test_sunlight_and_a_released_guard_end_theirs() -> None:
     while console.session.clock.jump:
         console.pass_time(100)
     console.do("time.rate", "10")
-    while not console.waiting:
+    while not console.messages.waiting:
         console.pass_time(100)
-    assert "eclipse" in console.waiting[0].text
+    assert "eclipse" in console.messages.waiting[0].text
     console.do("time.next-sunrise")
     while console.session.clock.jump:
         console.pass_time(100)

@@ -32,7 +32,7 @@ def test_a_hold_point_that_is_not_reached_ends_the_jump_with_the_reason() -> Non
             console.pass_time(250)
         assert shares == sorted(shares)
         assert min(shares) >= 0
-        console.acknowledge()
+        console.messages.acknowledge()
         if goal != "H3":
             assert f"the chaser waits at {goal}" in console.messages[-1].text
             console.do("docking.go")
@@ -55,10 +55,10 @@ def test_a_caution_of_a_jump_ends_when_it_goes_on() -> None:
     console.do("docking.approach", True)
     console.say("the jump has ended: H1 is not reached", "caution")
     console.pass_time(20)
-    assert any("not reached" in m.text for m in console.waiting)
+    assert any("not reached" in m.text for m in console.messages.waiting)
     console.do("time.next-hold-point")
     console.pass_time(20)
-    assert not any("not reached" in m.text for m in console.waiting)
+    assert not any("not reached" in m.text for m in console.messages.waiting)
     console.close()
 
 

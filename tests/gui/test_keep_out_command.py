@@ -81,14 +81,14 @@ def test_a_button_beside_the_caution_is_its_remedy(screen: Pointer) -> None:
 def test_the_caution_names_the_remedy_and_ends_with_it() -> None:
     console = console_flying(TUMBLING)
     console.do("docking.approach", True)
-    (caution,) = console.waiting
+    (caution,) = console.messages.waiting
     assert "corridor at the port" in caution.text
     console.do("docking.keep-out", "port")
     console.pass_time(20)
-    assert console.waiting == []
+    assert console.messages.waiting == []
     console.do("docking.approach", False)
     console.do("docking.approach", True)
-    assert console.waiting == []
+    assert console.messages.waiting == []
 
 
 def test_lifting_asks_and_is_seen_until_it_is_taken_back(screen: Pointer) -> None:

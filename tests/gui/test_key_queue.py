@@ -1,6 +1,7 @@
 """Keys typed ahead of a slow window."""
 
 from flyaround.gui.key_queue import REST_FRAMES, KeyQueue
+from flyaround.gui.surface import import_parts
 
 CTRL, PRESS, RELEASE, REPEAT, ESCAPE, ENTER, DELETE = 2, 1, 0, 2, 256, 257, 261
 
@@ -8,12 +9,9 @@ CTRL, PRESS, RELEASE, REPEAT, ESCAPE, ENTER, DELETE = 2, 1, 0, 2, 256, 257, 261
 def queue_of(taken, *, typing=False):
     """A queue that notes keys with what was done to them, and letters."""
     return KeyQueue(
+        import_parts()[1],
         lambda _, key, __, action, ___: taken.append((key, action)),
         lambda _, c: taken.append(chr(c)),
-        pressed=PRESS,
-        released=RELEASE,
-        ctrl=CTRL,
-        turns=(ESCAPE, ENTER),
         urgent=lambda key: key == DELETE,
         typing=lambda: typing,
     )

@@ -54,7 +54,7 @@ def test_the_status_line_shows_the_newest_caution_and_message(screen: Pointer) -
     # the caution stays, the newest message follows it
     assert any("bad.toml is no scenario (1 more" in text for text in screen.texts())
     assert "saved a picture" in screen.texts()
-    screen.console.acknowledge()
+    screen.console.messages.acknowledge()
     screen.turn()
     assert "saved a picture" in screen.texts()
     # long ones share the line, and both can be read

@@ -7,8 +7,9 @@ from collections.abc import Iterator
 import pytest
 
 from flyaround.gui import style
-from flyaround.gui.console import Console, Level
+from flyaround.gui.console import Console
 from flyaround.gui.jobs.hil_session import HilSession
+from flyaround.gui.messages import Level
 from flyaround.gui.status_line import message_texts
 from flyaround.hil.host.run import RunConfig
 from tests.harness.flown_console import console_flying
@@ -39,7 +40,7 @@ def console() -> Iterator[Console]:
 )
 def test_a_slip_of_the_keyboard_is_no_caution(console: Console, line: str) -> None:
     console.do_line(line)
-    assert console.waiting == []
+    assert console.messages.waiting == []
     ((text, colour),) = message_texts(console)
     assert text
     assert colour == style.INK
@@ -48,7 +49,7 @@ def test_a_slip_of_the_keyboard_is_no_caution(console: Console, line: str) -> No
 @pytest.mark.parametrize("line", ["docking.go", "guidance.waypoint 0 0 0", "log.save /dev/null/x"])
 def test_what_the_vehicle_refuses_is_one(console: Console, line: str) -> None:
     console.do_line(line)
-    assert len(console.waiting) == 1
+    assert len(console.messages.waiting) == 1
 
 
 def test_a_late_second_click_is_no_caution() -> None:
@@ -57,7 +58,7 @@ def test_a_late_second_click_is_no_caution() -> None:
     at.console.clock_ms += 6000
     at.turn()
     assert at.console.messages[-1].text.startswith("not aborted")
-    assert at.console.waiting == []
+    assert at.console.messages.waiting == []
     at.close()
 
 
@@ -101,6 +102,6 @@ def test_a_board_here_begins_the_session(console: Console, monkeypatch: pytest.M
     console.do("hil.board", "hybrid", "tcp://127.0.0.1:5700")
     assert started == ["tcp://127.0.0.1:5700"]
     assert hil.board_running
-    assert console.waiting == []
+    assert console.messages.waiting == []
     hil._process = None
     hil.stop_board()

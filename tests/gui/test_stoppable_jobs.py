@@ -49,7 +49,7 @@ def test_an_import_can_be_stopped(tmp_path: Path) -> None:
     console.do(job.end)
     assert running_jobs(console.jobs) == []
     console.do("file.open-stop")
-    assert console.waiting == []
+    assert console.messages.waiting == []
     console.close()
 
 
@@ -60,7 +60,7 @@ def test_flying_on_at_the_end_lets_time_run() -> None:
     console.do("timeline.fly-on")
     assert not console.session.clock.paused
     console.do("timeline.fly-on")
-    assert (console.waiting, console.session.clock.rate) == ([], 1.0)
+    assert (console.messages.waiting, console.session.clock.rate) == ([], 1.0)
     console.close()
 
 

@@ -41,6 +41,12 @@ def lab(rgba: style.Rgba, eye: np.ndarray) -> np.ndarray:
     return np.array([116 * f[1] - 16, 500 * (f[0] - f[1]), 200 * (f[1] - f[2])])
 
 
+def contrast(front: style.Rgba, back: style.Rgba) -> float:
+    """Contrast of a colour over an opaque one, from 1 to 21 (WCAG 2.1: 4.5 for text, 3 for lines)."""
+    bright, dark = sorted((style.luminance(style.over(front, back)), style.luminance(back)), reverse=True)
+    return (bright + 0.05) / (dark + 0.05)
+
+
 @pytest.mark.parametrize("eye", SEEN_BY)
 @pytest.mark.parametrize("colours", [(style.GOOD, style.WARN, style.BAD), style.AXIS_COLORS])
 def test_colours_that_mean_something_are_told_apart(eye: str, colours: tuple[style.Rgba, ...]) -> None:
@@ -52,25 +58,25 @@ def test_colours_that_mean_something_are_told_apart(eye: str, colours: tuple[sty
     "colour", [style.INK, style.ACCENT, style.GOOD, style.WARN, style.BAD, style.ORANGE, *style.AXIS_COLORS]
 )
 def test_text_reads_on_the_console_and_on_any_picture(colour: style.Rgba) -> None:
-    assert style.contrast(colour, style.GROUND) >= 4.5
+    assert contrast(colour, style.GROUND) >= 4.5
     # over a picture there is a dark outline between the letters and what is behind them
     for behind in (BLACK, CLOUD):
         outline = style.over(style.HALO, behind)
-        assert style.contrast(colour, outline) >= 3.0
+        assert contrast(colour, outline) >= 3.0
 
 
 @pytest.mark.parametrize("colour", [style.INK, style.QUIET, style.ACCENT, style.GOOD, style.WARN, style.BAD])
 def test_figures_read_on_their_plate(colour: style.Rgba) -> None:
     for behind in (BLACK, CLOUD):
-        assert style.contrast(colour, style.over(style.PLATE, behind)) >= 3.0
+        assert contrast(colour, style.over(style.PLATE, behind)) >= 3.0
 
 
 def test_without_an_outline_pale_letters_would_not_read_on_cloud() -> None:
-    assert style.contrast(style.ACCENT, CLOUD) < 3.0
-    assert style.contrast(style.INK, CLOUD) < 1.5
+    assert contrast(style.ACCENT, CLOUD) < 3.0
+    assert contrast(style.INK, CLOUD) < 1.5
 
 
 @pytest.mark.parametrize("name", ["PRIMARY", "GUARDED", "LIT", "WARN", "BAD", "EDGE", "RAISED"])
 def test_letters_read_on_every_button(name: str) -> None:
     fill = getattr(style, name)
-    assert style.contrast(style.letters_on(fill), fill) >= 4.5
+    assert contrast(style.letters_on(fill), fill) >= 4.5

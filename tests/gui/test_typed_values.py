@@ -94,7 +94,7 @@ def test_a_refused_text_stays_until_it_is_mended(
     assert typist.shown["##t0"] == wrong
     assert any("allowed: h:min:s, or seconds from 0" in reason for reason in typist.reasons)
     assert burn_s(console) == 500.0
-    assert not console.waiting, "a slip of the fingers is no caution of the flight"
+    assert not console.messages.waiting, "a slip of the fingers is no caution of the flight"
     typist.type("##t0", "700")
     assert burn_s(console) == 700.0
     assert typist.reasons == []
@@ -259,7 +259,7 @@ def test_a_refused_value_of_a_light_stays_until_it_is_mended(
     typist.type(field, wrong)
     assert typist.shown[field] == wrong
     assert [r[: len(reason)] for r in typist.reasons] == [reason]
-    assert not console.waiting
+    assert not console.messages.waiting
     typist.key("escape")
     typist.turn()
     assert typist.shown[field] == before

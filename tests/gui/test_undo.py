@@ -74,7 +74,7 @@ def test_the_menu_says_what_it_would_undo(at: Pointer) -> None:
 def test_nothing_to_undo_is_no_caution(at: Pointer, command: str) -> None:
     at.console.do(command)
     assert at.console.messages[-1].text.startswith("there is no")
-    assert at.console.waiting == []
+    assert at.console.messages.waiting == []
 
 
 def test_undo_changes_only_what_it_names(at: Pointer) -> None:

@@ -93,7 +93,7 @@ class HeadlessWindow:
 
     def __post_init__(self) -> None:
         bundle, _ = import_parts()
-        self.plain = bundle.imgui
+        self.plain, self.ctx = bundle.imgui, bundle.imgui_ctx
         self.imgui, self.implot = (NotedModule(m, self.noted) for m in (bundle.imgui, bundle.implot))
         imgui = bundle.imgui
         self._contexts = imgui.create_context(), bundle.implot.create_context()

@@ -71,7 +71,7 @@ def test_a_stopped_film_leaves_nothing(console: Console, tmp_path: Path) -> None
     while row(console) is not None:
         pass
     assert "is not kept: it was stopped" in console.messages[-1].text
-    assert console.waiting == []
+    assert console.messages.waiting == []
     assert [p for p in (tmp_path / "out" / "console").iterdir() if "mp4" in p.name] == []
 
 
@@ -81,7 +81,7 @@ def test_a_film_that_cannot_be_made_says_why(console: Console) -> None:
         console.pass_time(20)
     while row(console) is not None:
         pass
-    (caution,) = console.waiting
+    (caution,) = console.messages.waiting
     assert "choose --to within it" in caution.text
 
 

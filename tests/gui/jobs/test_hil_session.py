@@ -82,7 +82,7 @@ def test_rows_become_figures(session: FlightSession) -> None:
         row(4, "accepted", 1e6),
     ):
         hil._handle(r, [])
-    assert (hil.sent, hil.accepted, hil.drops) == (5, 2, {"timeout": 2})
+    assert (hil.sent, hil.outcomes["accepted"], hil.drops) == (5, 2, {"timeout": 2})
     assert hil.struck == {"drop": 2, "delay": 1}
     counts = hil.latency_counts()
     assert len(counts) == len(BIN_EDGES_MS) - 1
@@ -173,7 +173,7 @@ def test_a_board_answers_the_flight_and_faults_strike(session: FlightSession, tm
         assert hil.board_running
         with pytest.raises(UserError, match="runs on this machine already"):
             hil.start_board("tango", "hybrid")
-        turns.until(lambda: hil.accepted >= 2)
+        turns.until(lambda: hil.outcomes["accepted"] >= 2)
         assert hil.state == "streaming"
         assert "method hybrid" in hil.board_name
         times = [r.t_s for r in hil.rows]
@@ -236,7 +236,7 @@ def test_a_ledger_whose_folder_is_gone_is_told(session: FlightSession, tmp_path:
         turns = Turns(hil, session)
         hil.start(session, config(session, tmp_path / "hil"))
         hil.start_board("tango", "hybrid")
-        turns.until(lambda: hil.accepted + hil.outcomes["declined"] >= 1)
+        turns.until(lambda: hil.outcomes["accepted"] + hil.outcomes["declined"] >= 1)
         (tmp_path / "hil").rename(tmp_path / "elsewhere")
         hil.stop()
         turns.until(lambda: not hil.on)
