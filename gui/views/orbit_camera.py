@@ -67,8 +67,7 @@ class OrbitCameraView(Panel):
         canvas.clip(place[:2], place[2:])
         screen = partial(screen_picture, picture.frame)
         canvas.picture(self.name, picture, screen, (box.x, box.y, box.width, box.height))
-        named = self._target(canvas, box, picture)
-        self._chaser(canvas, box, self._marks_for(console, picture), named)
+        self._chaser(canvas, box, self._marks_for(console, picture), self._target(canvas, box, picture))
         where = f"azimuth {look.azimuth_deg:.0f}°, elevation {look.elevation_deg:.0f}°, {look.distance_m:.1f} m away"
         text = f"about {look.about}: {where}"
         canvas.text((place[0] + 8, place[1] + 6), text, tip=texts("view-tips")["orbit"])
@@ -98,7 +97,7 @@ class OrbitCameraView(Panel):
         Returns
         -------
         list of Place
-            What the chaser's name must leave free: the named target, and its name.
+            What the chaser's name must leave free: the target with its name, if it has one.
         """
         scene, target = picture.frame.scene, picture.target
         x, y, z = scene.camera_from_target.apply(np.array(target.mass.com_m))
@@ -113,8 +112,7 @@ class OrbitCameraView(Panel):
         half, (wide, high) = max(half, 4.0), canvas.size("target")
         at = (place[0] + half + 4, place[1] + 4)
         canvas.text(at, "target", style.WARN)
-        disc = (place[0] - half, place[1] - half, 2 * half, 2 * half)
-        return [disc, (at[0] - 6, at[1] - 2, wide + 12, high + 4)]
+        return [(place[0] - half, place[1] - half, 2 * half + wide + 10, 2 * half + high + 6)]
 
     def _chaser(self, canvas: Canvas, box: Letterbox, marks: ChaserMarks, named: list[Place]) -> None:
         canvas.stroke(box.all_at(marks.trail), (*style.ACCENT[:3], 0.9), 1.5)
