@@ -123,7 +123,9 @@ class OrbitCameraView(Panel):
         x, y = point(box.all_at(marks.place))
         if box.x < x < box.x + box.width and box.y < y < box.y + box.height:
             canvas.dot((x, y), 3.0, style.ACCENT)
-            within, size = (box.x, box.y, box.width, box.height), canvas.size("chaser")
+            # below the two lines at the top
+            top, size = 6 + 2 * canvas.line, canvas.size("chaser")
+            within = (box.x, box.y + top, box.width, box.height - top)
             for label in filter(None, place_labels([(x, y)], [size], within, obstacles=named)):
                 canvas.stroke([(x, y), label.lead or (x, y)], style.ACCENT, 1.0)
                 canvas.text(label.corner, "chaser", style.ACCENT)
