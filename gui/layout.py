@@ -354,8 +354,7 @@ class Layout:
         imgui.set_next_window_pos(screen.pos)
         imgui.set_next_window_size(screen.size)
         imgui.set_next_window_bg_alpha(SHADE)
-        flags = imgui.WindowFlags_
-        imgui.begin("shade", None, flags.no_decoration | flags.no_docking | flags.no_saved_settings)
+        imgui.begin("shade", None, imgui.WindowFlags_.no_decoration | imgui.WindowFlags_.no_saved_settings)
         imgui.end()
         for name in ("shade", _window_name(panel)):
             if (native := imgui.internal.find_window_by_name(name)) is not None:

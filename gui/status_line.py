@@ -45,13 +45,11 @@ class StatusLine:
         ):
             self._master_caution(console)
             imgui.same_line()
-            for shown, guard, label in (
-                (console.session.craft.steering.guard == "lifted", "scenario", "KEEP-OUT LIFTED"),
-                (any(REMEDY in m.text for m in console.waiting), "port", "CORRIDOR AT PORT"),
-            ):
-                if shown:
-                    w.button(console, "docking.keep-out", guard, label=label, fill=style.WARN)
-                    imgui.same_line()
+            lifted = console.session.craft.steering.guard == "lifted"
+            if lifted or any(REMEDY in m.text for m in console.waiting):
+                guard, label = ("scenario", "KEEP-OUT LIFTED") if lifted else ("port", "CORRIDOR AT PORT")
+                w.button(console, "docking.keep-out", guard, label=label, fill=style.WARN)
+                imgui.same_line()
             with w.ctx.begin_group():
                 rates = rates_text(console)
                 right = imgui.get_cursor_pos_x() + w.width - imgui.calc_text_size(rates).x

@@ -29,21 +29,9 @@ FAULTS: dict[str, tuple[CameraFault | LineFault, str]] = {
 }
 
 
-def link_to(url: str) -> LinkConfig:
-    """Return the link of a session that listens on an address.
-
-    Raises
-    ------
-    UserError
-        If the address is wrong, or other machines can reach it.
-    """
-    link = LinkConfig(url=url, mode="lockstep", truth="off", timeout_s=POSE_S, adds_faults=True)
-    check_access(link)
-    return link
-
-
 def _start(console: Console, url: str | None = None) -> None:
-    link = link_to(url or LISTEN)
+    link = LinkConfig(url=url or LISTEN, mode="lockstep", truth="off", timeout_s=POSE_S, adds_faults=True)
+    check_access(link)
     target = console.session.plan.target
     config = RunConfig(
         link=link,

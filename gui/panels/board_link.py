@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from flyaround.gui import style
-from flyaround.gui.commands.hil import FAULT_S, FAULTS, LISTEN, link_to
+from flyaround.gui.commands.hil import FAULT_S, FAULTS, LISTEN
 from flyaround.gui.jobs.estimator_process import known_methods
 from flyaround.gui.jobs.hil_session import BIN_EDGES_MS
 from flyaround.gui.widgets import Panel
-from flyaround.simulator.errors import UserError
+from flyaround.hil.host.truth_policy import access_flaw
 
 if TYPE_CHECKING:
     from flyaround.gui.console import Console
@@ -26,7 +26,7 @@ class BoardLinkPanel(Panel):
 
     name, title, place, shown = "board-link", "Board link", "left", False
 
-    _url = LISTEN
+    _url, _flaw = LISTEN, ""
     _method, _fault = "", next(iter(FAULTS))
     _seconds = f"{FAULT_S:g}"
 
@@ -38,11 +38,11 @@ class BoardLinkPanel(Panel):
         imgui.begin_disabled(hil.on)
         imgui.set_next_item_width(-1)
         _, self._url = imgui.input_text("##url", hil.url or self._url)
+        if imgui.is_item_deactivated_after_edit():
+            # not in every frame, because a host's name is looked up
+            self._flaw = access_flaw(self._url or LISTEN)
         imgui.end_disabled()
-        try:
-            link_to(self._url or LISTEN)
-        except UserError as error:
-            w.flaw(str(error))
+        w.flaw("" if hil.on else self._flaw)
         w.command_tip(console, "hil.start", argument="url")
         start = ("hil.stop",) if hil.on else ("hil.start", self._url)
         w.button(console, *start, width=w.width)

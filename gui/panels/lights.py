@@ -7,9 +7,13 @@ from typing import TYPE_CHECKING, Any, get_args
 
 import numpy as np
 
+from flyaround.gui import style
 from flyaround.gui.picture.light_settings import NEW_LIGHTS, SwitchedLight, lights_of
+from flyaround.gui.picture.screen import DARK
+from flyaround.gui.picture.view_settings import apply_view_settings
 from flyaround.gui.texts import NOTES, texts
 from flyaround.gui.widgets import Panel
+from flyaround.simulator.imaging.metering import light_signal
 from flyaround.simulator.scene.illumination.lamp import Profile
 
 if TYPE_CHECKING:
@@ -30,11 +34,14 @@ class LightsPanel(Panel):
 
     def draw(self, console: Console) -> None:
         """Draw into the current panel."""
-        w, scene = self._w, console.session.scene()
-        lights = console.options.settings.lights
+        w, settings = self._w, console.options.settings
+        scene, lights = apply_view_settings(console.session.scene(), settings), settings.lights
         w.text(f"Sun: {100 * scene.sun_visible_fraction:.0f} % of its disc", tip=NOTES["sun"])
         for k, switched in enumerate(lights_of(scene) if lights is None else lights):
             self._light(console, k, switched)
+            faint = (share := light_signal(scene, switched.light)) < DARK
+            text = f"white at the target: {100 * share:.1f} % of full scale{', too faint to see' * faint}"
+            w.lines(text, style.WARN if faint and switched.on else style.QUIET, NOTES["light"])
         w.imgui.separator()
         for kind, width in zip(NEW_LIGHTS, w.grid(2, 100), strict=True):
             w.button(console, "light.add", kind, label=f"Add a {kind}", width=width)

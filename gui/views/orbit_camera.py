@@ -67,8 +67,7 @@ class OrbitCameraView(Panel):
         canvas.clip(place[:2], place[2:])
         screen = partial(screen_picture, picture.frame)
         canvas.picture(self.name, picture, screen, (box.x, box.y, box.width, box.height))
-        named = self._target(canvas, box, picture)
-        self._chaser(canvas, box, self._marks_for(console, picture), named)
+        self._chaser(canvas, box, self._marks_for(console, picture), self._target(canvas, box, picture))
         where = f"azimuth {look.azimuth_deg:.0f}°, elevation {look.elevation_deg:.0f}°, {look.distance_m:.1f} m away"
         text = f"about {look.about}: {where}"
         canvas.text((place[0] + 8, place[1] + 6), text, tip=texts("view-tips")["orbit"])
@@ -98,7 +97,7 @@ class OrbitCameraView(Panel):
         Returns
         -------
         list of Place
-            What the chaser's name must leave free: the named target, and its name.
+            What the chaser's name must leave free: the target with its name, if it has one.
         """
         scene, target = picture.frame.scene, picture.target
         x, y, z = scene.camera_from_target.apply(np.array(target.mass.com_m))
@@ -113,8 +112,7 @@ class OrbitCameraView(Panel):
         half, (wide, high) = max(half, 4.0), canvas.size("target")
         at = (place[0] + half + 4, place[1] + 4)
         canvas.text(at, "target", style.WARN)
-        disc = (place[0] - half, place[1] - half, 2 * half, 2 * half)
-        return [disc, (at[0] - 6, at[1] - 2, wide + 12, high + 4)]
+        return [(place[0] - half, place[1] - half, 2 * half + wide + 10, 2 * half + high + 6)]
 
     def _chaser(self, canvas: Canvas, box: Letterbox, marks: ChaserMarks, named: list[Place]) -> None:
         canvas.stroke(box.all_at(marks.trail), (*style.ACCENT[:3], 0.9), 1.5)
@@ -125,7 +123,9 @@ class OrbitCameraView(Panel):
         x, y = point(box.all_at(marks.place))
         if box.x < x < box.x + box.width and box.y < y < box.y + box.height:
             canvas.dot((x, y), 3.0, style.ACCENT)
-            within, size = (box.x, box.y, box.width, box.height), canvas.size("chaser")
+            # below the two lines at the top
+            top, size = 6 + 2 * canvas.line, canvas.size("chaser")
+            within = (box.x, box.y + top, box.width, box.height - top)
             for label in filter(None, place_labels([(x, y)], [size], within, obstacles=named)):
                 canvas.stroke([(x, y), label.lead or (x, y)], style.ACCENT, 1.0)
                 canvas.text(label.corner, "chaser", style.ACCENT)

@@ -53,13 +53,29 @@ def check_access(link: LinkConfig) -> None:
         If an address is not the loopback and there is no key.
     """
     for url in (link.url, link.truth_url):
-        if url is not None and link.key is None and not is_private(url):
-            raise UserError(
-                f"{url} can be reached from other machines without authentication: give both sides a key"
-                " (flyaround hil key FILE, then --key FILE), or listen on tcp://127.0.0.1:PORT"
-            )
+        if url is not None and link.key is None and (flaw := access_flaw(url)):
+            raise UserError(flaw)
     if link.key is not None and any(isinstance(fault, ClockDrift) for fault in link.faults.line):
         raise UserError("a fault clock_drift changes signed packets: leave out the fault or the key")
+
+
+def access_flaw(url: str) -> str:
+    """Return why a host without a key may not listen on ``url``; empty if it may.
+
+    Returns
+    -------
+    str
+        That the URL is invalid, or reachable from other machines, and what to do.
+    """
+    try:
+        if is_private(url):
+            return ""
+    except UserError as error:
+        return str(error)
+    return (
+        f"{url} can be reached from other machines without authentication: give both sides a key"
+        " (flyaround hil key FILE, then --key FILE), or listen on tcp://127.0.0.1:PORT"
+    )
 
 
 def is_private(url: str) -> bool:

@@ -15,11 +15,13 @@ import numpy as np
 from flyaround.simulator.geometry.triangles import face_vectors
 from flyaround.simulator.imaging.image_formation import expose
 from flyaround.simulator.scene.illumination.bands import reflectance, sun_irradiance_w_m2
+from flyaround.simulator.scene.illumination.lamp import Lamp
 from flyaround.simulator.world.frames.rotation import matrix_from_quat
 
 if TYPE_CHECKING:
     from flyaround.simulator.imaging.auto_exposure import AutoExposure
     from flyaround.simulator.runtime.arrays import FloatArray
+    from flyaround.simulator.scene.illumination.area_light import AreaLight
     from flyaround.simulator.scene.state import SceneState
     from flyaround.simulator.targets.model import Target
 
@@ -128,6 +130,34 @@ def _ground(scene: SceneState) -> tuple[FloatArray, FloatArray]:
     return np.where(hit, body.albedo / np.pi * sunlight * cosine, 0.0), area
 
 
+def light_signal(scene: SceneState, light: Lamp | AreaLight) -> float:
+    """Return the signal of a white surface at the target's origin that faces a light, without any other light.
+
+    Returns
+    -------
+    float
+        Share of full scale; the light is a point in the middle of an area light.
+    """
+    at = np.asarray(scene.t_camera_from_target_m, float)
+    if isinstance(light, Lamp):
+        to_light = np.asarray(light.offset_m) - at
+        facing = to_light / np.linalg.norm(to_light)
+        irradiance = float(light.irradiance_w_m2(at[None], facing[None], "mono")[0, 0])
+    else:
+        seen = light.in_camera_frame(scene.camera_from_target)
+        away = at - seen.middle_m
+        distance_m = max(float(np.linalg.norm(away)), 1e-3)
+        cosine = max(float(seen.axis @ away) / distance_m, 0.0)
+        area_m2 = light.width_m * light.height_m
+        irradiance = light.radiance_w_m2_sr * area_m2 * cosine ** (seen.exponent + 1) / distance_m**2
+    return irradiance / np.pi * _unit_signal(scene, scene.exposure_s)
+
+
+def _unit_signal(scene: SceneState, exposure_s: float) -> float:
+    """Return the signal of a uniform image of unit radiance."""
+    return float(expose(np.ones((9, 9), np.float32), scene.sensor, exposure_s, optics=scene.optics)[4, 4])
+
+
 def metered_exposure_s(auto: AutoExposure, scene: SceneState, target: Target) -> float:
     """Return the meter's exposure for a scene.
 
@@ -136,6 +166,5 @@ def metered_exposure_s(auto: AutoExposure, scene: SceneState, target: Target) ->
     float
         Exposure within the bounds of ``auto`` [s]; the longest if nothing is lit.
     """
-    # a uniform grey image, exposed for a second, gives the sensor's response to unit radiance
-    signal = float(expose(np.ones((9, 9), np.float32), scene.sensor, 1.0, optics=scene.optics)[4, 4])
-    return auto.exposure_for_radiance_s(metered_radiance_w_m2_sr(scene, target, auto.share), 1 / signal)
+    radiance = metered_radiance_w_m2_sr(scene, target, auto.share)
+    return auto.exposure_for_radiance_s(radiance, 1 / _unit_signal(scene, 1.0))

@@ -147,3 +147,42 @@ def test_a_typed_change_of_a_light_is_confirmed_and_the_picture_panel_leads_to_l
     screen.type(screen.sight("##power_w"), "4000")
     assert "Lamp on the chaser: Power [W] is now 4000" in screen.texts()
     screen.close()
+
+
+@pytest.mark.parametrize("kind", ["lamp", "box"])
+def test_a_light_that_is_too_faint_at_the_target_says_so(kind: str) -> None:
+    screen = Pointer("tango-space-10m", opened=("lights",))
+    console = screen.console
+    console.do("light.add", kind)
+    field, power = ("power_w", 40.0) if kind == "lamp" else ("radiance_w_m2_sr", 500.0)
+
+    def said() -> str:
+        for _ in range(3):
+            screen.turn()
+        (text,) = [text for text in screen.texts() if "full scale" in text]
+        return text
+
+    faint = said()
+    assert "too faint" in faint
+    share = float(faint.partition("%")[0].split()[-1])
+    console.do("light.set", 0, field, 10.0 * power)
+    assert float(said().partition("%")[0].split()[-1]) == pytest.approx(10.0 * share, rel=0.1)
+    # four stops are sixteen times the light
+    console.do("light.set", 0, field, power)
+    console.do("picture.exposure", 4.0)
+    assert float(said().partition("%")[0].split()[-1]) == pytest.approx(16.0 * share, rel=0.1)
+    assert "too faint" not in said()
+    screen.close()
+
+
+def test_a_lamp_that_lights_an_eclipse_is_not_called_faint() -> None:
+    screen = Pointer("tango-eclipse-lamp", opened=("lights",))
+    assert not any("too faint" in text for text in screen.texts())
+    # a lamp lights what is in its beam
+    screen.console.do("light.set", 0, "profile", "flat")
+    screen.console.do("light.set", 0, "half_angle_deg", 0.5)
+    screen.console.do("light.set", 0, "offset_m", "3,0,0")
+    for _ in range(3):
+        screen.turn()
+    assert any("too faint" in text for text in screen.texts())
+    screen.close()

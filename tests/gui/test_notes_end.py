@@ -28,6 +28,7 @@ EVENTS = (
     "keep-out sphere of ",
     "the docking axis now leads",
     "the jump has ended",
+    "the replay has ended",
 )
 """Parts of notes of what happened or was chosen, which stay true."""
 
