@@ -46,7 +46,7 @@ class StatusLine:
             self._master_caution(console)
             imgui.same_line()
             lifted = console.session.craft.steering.guard == "lifted"
-            if lifted or any(REMEDY in m.text for m in console.waiting):
+            if lifted or any(REMEDY in m.text for m in console.messages.waiting):
                 guard, label = ("scenario", "KEEP-OUT LIFTED") if lifted else ("port", "CORRIDOR AT PORT")
                 w.button(console, "docking.keep-out", guard, label=label, fill=style.WARN)
                 imgui.same_line()
