@@ -241,7 +241,13 @@ class Command:
         return tuple(a.read(w, by) for a, w in zip(self.arguments, words, strict=False))
 
     def call(self, console: object, values: tuple[Value, ...]) -> tuple[Value, ...]:
-        """Run the command with the console and its arguments; return them, with the new state of a switch."""
+        """Run the command with the console and its arguments.
+
+        Returns
+        -------
+        tuple of Value
+            The arguments, with the new state of a switch that was given none.
+        """
         if self.arguments == (STATE,) and not values and self.state is not None:
             values = (not self.state(console),)
         self.run(console, *values)

@@ -167,7 +167,13 @@ class Feed:
         return self._save_due or any(r.saved for r in self._waiting)
 
     def look(self) -> Picture | None:
-        """Mark the view as visible now, and return its newest picture; `looked_at` stays true for `SEEN_S`."""
+        """Mark the view as visible now; `looked_at` stays true for `SEEN_S`.
+
+        Returns
+        -------
+        Picture or None
+            The newest picture.
+        """
         self._seen_s = self._clock()
         return self.newest
 

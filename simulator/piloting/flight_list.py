@@ -56,7 +56,13 @@ class FlightList:
         return f"has {duration_text(since_s)} flown since its file was written"
 
     def dropped_s(self) -> dict[FlightSession, float]:
-        """Return the operator's flights with a dropped future that is in no file, and its length [s]."""
+        """Return the operator's flights with a dropped future that is in no file.
+
+        Returns
+        -------
+        dict of FlightSession to float
+            Length of each flight's dropped future [s].
+        """
         dropped = {}
         for flight in dict.fromkeys([*self.unsaved, *self.kept_s]):
             left_s = flight.look_back.timeline.left_s

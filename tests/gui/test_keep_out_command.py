@@ -74,7 +74,7 @@ def test_a_button_beside_the_caution_is_its_remedy(screen: Pointer) -> None:
     console.pass_time(20)
     screen.turn()
     assert console.session.craft.steering.guard == "port"
-    assert console.waiting == []
+    assert console.messages.waiting == []
     assert not screen.has("CORRIDOR AT PORT")
 
 
