@@ -129,9 +129,7 @@ COMMANDS = (
     command("window.larger-text", partial(_step_font_scale, SCALE_STEP), "ctrl+equal"),
     command("window.smaller-text", partial(_step_font_scale, -SCALE_STEP), "ctrl+minus"),
     command("window.enlarge", _enlarge, "ctrl+m", PANEL),
-    command(
-        "help.panel", _help, "slash", word("panel", "its name; left out: under the mouse", optional=True)
-    ),
+    command("help.panel", _help, "slash", PANEL),
     command("help.tour", _tour),
     command("help.tour-next", lambda console: _tour_step(console, 1)),
     command("help.tour-back", lambda console: _tour_step(console, -1)),

@@ -37,10 +37,10 @@ class QuitQuestion(Panel):
                 console.do("window.close")
         asks = bool(console.flights.unsaved)
         if asks:
-            if w.filled_button("Keep all and quit", w.width / 2 - 4, style.PRIMARY):
+            if w.filled_button("Keep flights and quit", w.width / 2 - 4, style.PRIMARY):
                 console.do("timeline.keep-all")
                 self._keeps = True
-            w.tip("write each flight, then quit")
+            w.tip("write each flight, without a dropped future, then quit")
             imgui.same_line()
             w.button(console, "timeline.keep-all", width=-1)
         imgui.set_cursor_pos_y(low)

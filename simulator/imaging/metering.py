@@ -28,6 +28,7 @@ if TYPE_CHECKING:
 SPECULAR_SHARE = 0.7  # of a metal's light, which mostly does not reach the camera: chosen by eye
 N_POINTS = 600  # surface points that are metered
 BACKGROUND_GRID = (16, 12)  # columns and rows of metered background
+NEAREST_M = 1e-3  # least distance of a light from the surface that it shines on
 
 DARK_RADIANCE_W_M2_SR = 1e-4
 """Radiance below which a point counts as dark [W m-2 sr-1]; sunlit surfaces are five orders of magnitude brighter."""
@@ -140,13 +141,15 @@ def light_signal(scene: SceneState, light: Lamp | AreaLight) -> float:
     """
     at = np.asarray(scene.t_camera_from_target_m, float)
     if isinstance(light, Lamp):
-        to_light = np.asarray(light.offset_m) - at
-        facing = to_light / np.linalg.norm(to_light)
-        irradiance = float(light.irradiance_w_m2(at[None], facing[None], "mono")[0, 0])
+        away = at - light.offset_m
+        if (distance_m := float(np.linalg.norm(away))) < NEAREST_M:
+            away, distance_m = np.array([0.0, 0.0, NEAREST_M]), NEAREST_M
+        place, facing = light.offset_m + away, -away / distance_m
+        irradiance = float(light.irradiance_w_m2(place[None], facing[None], "mono")[0, 0])
     else:
         seen = light.in_camera_frame(scene.camera_from_target)
         away = at - seen.middle_m
-        distance_m = max(float(np.linalg.norm(away)), 1e-3)
+        distance_m = max(float(np.linalg.norm(away)), NEAREST_M)
         cosine = max(float(seen.axis @ away) / distance_m, 0.0)
         area_m2 = light.width_m * light.height_m
         irradiance = light.radiance_w_m2_sr * area_m2 * cosine ** (seen.exponent + 1) / distance_m**2

@@ -4,7 +4,6 @@ import json
 import os
 import subprocess
 import sys
-from pathlib import Path
 
 import cv2
 import numpy as np
@@ -12,6 +11,7 @@ import pytest
 from programs import completed
 
 from flyaround.__main__ import run
+from tests.harness.full_device import FULL, needs_full_device
 
 GOOD = """
 epoch_utc = "2026-03-21T10:00:00Z"
@@ -274,8 +274,9 @@ def test_what_the_machine_refuses_is_a_sentence(capsys, monkeypatch, error, says
     _fails(capsys, "targets", says=says)
 
 
+@needs_full_device
 def test_standard_output_on_a_full_disk(tmp_path):
-    with Path("/dev/full").open("w") as full:
+    with FULL.open("w") as full:
         done = subprocess.run(
             [sys.executable, "-m", "flyaround", "cameras", "--json"],
             stdout=full,

@@ -22,6 +22,7 @@ from flyaround.gui.texts import texts
 from flyaround.simulator.camera.lens.files import list_cameras
 from flyaround.simulator.errors import UserError
 from tests.harness.flown_console import console_flying
+from tests.harness.full_device import FULL, needs_full_device
 
 
 @pytest.fixture(scope="module")
@@ -201,12 +202,12 @@ def test_a_log_that_cannot_be_written_is_refused_in_one_sentence(table: CommandT
         console_flying(table=table).log.write_to(tmp_path / "taken" / "x.script")
 
 
-@pytest.mark.skipif(not Path("/dev/full").exists(), reason="the system has no /dev/full")
+@needs_full_device
 def test_a_full_disk_ends_the_logs_file_and_not_the_abort(table: CommandTable) -> None:
     console = console_flying(table=table)
     with pytest.raises(UserError, match="cannot write the log"):
-        console.log.write_to(Path("/dev/full"), ("header",))
-    console.log.write_to(Path("/dev/full"))
+        console.log.write_to(FULL, ("header",))
+    console.log.write_to(FULL)
     console.do("docking.abort")
     assert console.session.craft.steering.doing == "abort"
     assert any("can no longer be written" in m.text for m in console.messages)

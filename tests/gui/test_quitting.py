@@ -251,7 +251,7 @@ def test_one_button_keeps_every_flight_and_quits(screen: Pointer) -> None:
     console.do("docking.approach")
     console.pass_time(200)
     screen.menu("File", "Quit")
-    screen.press("Keep all and quit")
+    screen.press("Keep flights and quit")
     for _ in range(200):
         console.pass_time(20)
         screen.turn()
@@ -268,7 +268,7 @@ def test_keeping_all_does_not_quit_over_a_text_that_is_not_saved(screen: Pointer
     console.draft.edit("tango-flyaround")
     console.draft.changed = True
     screen.menu("File", "Quit")
-    screen.press("Keep all and quit")
+    screen.press("Keep flights and quit")
     while console.jobs.keeping:
         console.pass_time(20)
         screen.turn()

@@ -17,6 +17,7 @@ from flyaround.hil.host.ledger.frames_csv import read_ledger
 from flyaround.hil.host.link_process.ipc import LinkConfig
 from flyaround.hil.host.run import RunConfig, deferred_signals, run_host
 from flyaround.simulator.errors import UserError
+from tests.harness.full_device import FULL, needs_full_device
 
 
 def answered(row):
@@ -57,12 +58,12 @@ def test_a_full_disk_is_one_sentence_and_the_rows_so_far_are_whole(tmp_path):
     assert not list(log.glob(".*"))  # nothing half-written
 
 
-@pytest.mark.skipif(not Path("/dev/full").exists(), reason="no /dev/full here")
+@needs_full_device
 def test_a_disk_that_is_full_from_the_start_leaves_no_ledger(tmp_path, monkeypatch):
     from flyaround.hil.host.ledger.frames_csv import LedgerWriter
 
     plain = Path.open
-    monkeypatch.setattr(Path, "open", lambda _, __, **more: plain(Path("/dev/full"), "wb", **more))
+    monkeypatch.setattr(Path, "open", lambda _, __, **more: plain(FULL, "wb", **more))
     with pytest.raises(UserError, match=r"\(No space left on device\): its 0 rows so far are complete"):
         LedgerWriter(tmp_path)
     assert not list(tmp_path.iterdir())

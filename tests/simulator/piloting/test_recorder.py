@@ -1,7 +1,6 @@
 """Recordings of an operator's flight: on disk while it is flown, whole after a full disk, replayed to the bit."""
 
 import shutil
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,6 +11,7 @@ from flyaround.simulator.piloting.session import FlightSession
 from flyaround.simulator.scenario.load import load_scenario
 from flyaround.simulator.scenario.plan import plan_flight
 from flyaround.simulator.world.flight.recording import Recording, csv_header
+from tests.harness.full_device import FULL, needs_full_device
 from tests.harness.pilot import fly
 from tests.harness.small_disk import small_disk
 from tests.harness.turned_clock import TurnedClock
@@ -63,15 +63,13 @@ def test_a_recording_is_not_written_over(tmp_path):
         FlightRecorder().keep_in(tmp_path, load_scenario("tango-flyaround"))
 
 
+@needs_full_device
 def test_a_full_disk_ends_the_recording_and_not_the_flight(tmp_path):
-    full = Path("/dev/full")
-    if not full.exists():
-        pytest.skip("no /dev/full")
     recorder = FlightRecorder()
     session = FlightSession.of(load_scenario("tango-flyaround"), recorder=recorder)
     recorder.keep_in(tmp_path, session.plan.scenario)
     (tmp_path / "flight.csv").unlink()
-    (tmp_path / "flight.csv").symlink_to(full)
+    (tmp_path / "flight.csv").symlink_to(FULL)
     session.restart()
     fly(session, 1.0)
     assert "No space left on device" in str(recorder.take_trouble())

@@ -4,6 +4,7 @@ import pytest
 
 from flyaround.simulator.errors import UserError
 from flyaround.simulator.runtime.files import write_atomic, write_json
+from tests.harness.full_device import FULL, needs_full_device
 
 
 def test_nothing_is_left_when_the_parent_is_a_file(tmp_path):
@@ -24,14 +25,14 @@ def test_json_keeps_every_bit_of_a_float(tmp_path):
     assert not (tmp_path / "b.json").exists()
 
 
+@needs_full_device
 def test_a_full_disk_is_said_as_one(tmp_path):
-    """`/dev/full` refuses every write as a full disk does."""
     import os
     from pathlib import Path
 
     from flyaround.simulator.errors import machine_sentence, write_error
 
-    handle = os.open("/dev/full", os.O_WRONLY)
+    handle = os.open(FULL, os.O_WRONLY)
     with pytest.raises(OSError, match="No space left") as full:
         os.write(handle, b"x")
     os.close(handle)
